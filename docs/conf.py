@@ -28,6 +28,7 @@ extensions = [
 exclude_patterns = ["_build", "pictures", "site"]
 templates_path = ["site/templates"]
 default_role = "code"
+highlight_language = "none"  # of literal blocks, which hold formulas; examples and fences name their language
 needs_sphinx = "9.0"
 
 # Pages

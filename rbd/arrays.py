@@ -195,6 +195,17 @@ def block_diagonal(blocks: Sequence[Array]) -> Array:
     return out
 
 
+def rows_from(parts: Sequence[tuple[Array, Array]], size: int) -> Array:
+    """A view of blocks of memory at equal distances, one a row, shape (n, size): each has the first part, then the second."""
+    if not parts:
+        return np.zeros((0, size))
+    at = np.array([[x.__array_interface__["data"][0] for x in pair] for pair in parts])
+    first, steps = parts[0][0], np.diff(at[:, 0])
+    step = int(steps[0]) if len(steps) else 8 * size
+    assert (steps == step).all() and (at[:, 1] - at[:, 0] == 8 * first.size).all(), "Pinocchio's data are laid out otherwise"
+    return np.lib.stride_tricks.as_strided(first, (len(parts), size), (step, 8))
+
+
 def inertia_factor(M: Array, *, strict: bool = False) -> Array:
     """Lower Cholesky factor L of M = L L^T (the upper triangle is undefined), shape (nv, nv).
 

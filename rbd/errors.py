@@ -47,15 +47,32 @@ import numpy as np
 
 
 class RbdError(Exception):
-    """The root of all errors that `rbd` raises on purpose."""
+    """The root of all errors that `rbd` raises on purpose.
+
+    Example:
+        >>> for name in ("solo12", "solo13"):
+        ...     try:
+        ...         print(rbd.load_robot(name))
+        ...     except rbd.RbdError as error:
+        ...         print(type(error).__name__, error)
+        Robot('solo12', nq=19, nv=18, nu=12, mass=2.500 kg)
+        UnknownRobot no robot 'solo13'; nearest: 'solo12', 'solo', 'solo8', 'so101'. rbd.robots.catalogue.names() has them all.
+    """
 
 
 class InputError(RbdError, ValueError):
-    """An argument is wrong: the message gives the value, what was expected, what to try."""
+    """An argument is wrong: the message gives the value, what was expected, what to try.
+
+    Example:
+        >>> rbd.load_robot("solo12").standing().frame("FL_FOTT")
+        Traceback (most recent call last):
+            ...
+        rbd.errors.FrameNotFound: no frame 'FL_FOTT' in solo12; nearest: 'FL_FOOT', ...
+    """
 
 
 class UnknownName(InputError):
-    """An unknown name."""
+    """A name is not in the model; the message has the nearest names."""
 
 
 class UnknownRobot(UnknownName):
@@ -99,12 +116,22 @@ class SingularInertia(RbdError):
 
 
 class NoSolution(RbdError):
-    """No answer within tolerance.
+    """There is no answer within tolerance, or none was found; the message names the worst row or the contradiction.
 
     Attributes:
         problem: The `GaussProblem` that was to be solved, or None where no contact problem was posed.
         result: The best `Solution` that was found, residuals and all, or None.
         contradiction: The `Contradiction`: constraints that contradict each other, with the proof; or None.
+
+    Example:
+        >>> box = rbd.testing.box()
+        >>> floor = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2))
+        >>> lift = rbd.SurfaceContact("lift", "box", half_lengths=(0.2, 0.2), on=rbd.Ground(acceleration=(0, 0, 1.0)))
+        >>> try:
+        ...     rbd.solve(rbd.State(box, [0, 0, 0.1, 0, 0, 0, 1]), [], [floor, lift])
+        ... except rbd.NoSolution as error:
+        ...     print(f"the nearest motion: {error.nearest().a[2]:.2f} m/s2 up")
+        the nearest motion: 0.50 m/s2 up
     """
 
     def __init__(
@@ -176,6 +203,16 @@ class CannotMove(NoSolution):
             balance the motion, torque limits aside; or None.
         excess: How far each torque is beyond its limit, over the limit, least in sum, where forces balance, shape (nu,); else
             None.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet(friction=0.7)
+        >>> a = rbd.mechanism.project_acceleration(state, 36.0 * np.eye(solo.nv)[0], feet).a  # far too fast forward
+        >>> try:
+        ...     rbd.inverse_dynamics(state, a, feet)
+        ... except rbd.CannotMove as error:
+        ...     print(sorted({limit.kind for limit in error.limits}), error.missing.force.round(2))
+        ['base', 'push'] [ 46.25  0.   -30.75]
     """
 
     def __init__(
@@ -214,7 +251,17 @@ class CannotMove(NoSolution):
 
 
 class CannotHold(CannotMove):
-    """No motor torques within the limits, with forces within the cones, keep this pose still."""
+    """No motor torques within the limits, with forces within the cones, keep this pose still.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> slope = rbd.Ground(normal=(0.6, 0.0, 0.8))  # 37 degrees, which needs a coefficient of 0.75
+        >>> corner = rbd.PointContact("corner", "box", friction=0.5, on=slope)
+        >>> rbd.hold(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [corner])
+        Traceback (most recent call last):
+            ...
+        rbd.errors.CannotHold: box cannot be held on 'corner': friction prevents it; a coefficient of 0.75 ...
+    """
 
 
 class CannotAssemble(NoSolution):
@@ -320,7 +367,12 @@ class ModelWarning(RbdWarning):
 
 
 def nearest(name: object, names: Iterable[str], *, count: int = 4) -> str:
-    """The names most like `name`, quoted, for the end of an error message."""
+    """The names most like `name`, quoted, for the end of an error message.
+
+    Example:
+        >>> rbd.errors.nearest("left_sol", ["left_sole", "right_sole", "head"])
+        "nearest: 'left_sole', 'right_sole'"
+    """
     known, name = list(names), str(name)[:100]
     if not known:
         return "there are none"

@@ -12,16 +12,15 @@ import numpy as np
 from rbd.analysis.sensitivity import StateOrigin
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, is_open, listed, rows_of
+from rbd.constraints.distance_warnings import warn_of_distant, warn_of_opening
 from rbd.errors import (
     ContactMoves,
-    DistantContactWarning,
     EffortLimitWarning,
     InaccurateWarning,
     InputError,
     LoopNotClosedWarning,
     NonUniqueMotionWarning,
     NoSolution,
-    OpeningContactWarning,
     Unsupported,
 )
 from rbd.model.checked_model import CheckedModel
@@ -29,8 +28,7 @@ from rbd.model.dynamics import External, free_force, generalised as generalised_
 from rbd.model.state import State
 from rbd.prepared.contact_dynamics import prepared
 from rbd.problem.answer import Status
-from rbd.problem.contact_motion import REST_SPEED, Opening, opening_words
-from rbd.problem.force_set import at_rest
+from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.ground import TOUCHES
 from rbd.problem.problem import BILATERAL, COULOMB, GaussProblem, Law, MomentumBalance, checked
 from rbd.problem.residuals import SOLVED
@@ -53,7 +51,7 @@ def solve(
 ) -> Solution:
     """Acceleration and constraint forces of a robot: M a + h = S^T tau + tau_ext + J^T f, forces f under a contact law.
 
-    Under Coulomb's law, the default, Gauss's problem of least constraint is solved first, a QP with a unique answer:
+    Under Coulomb's law, the default, Gauss's problem of least constraint is solved first, a QP with a unique answer::
 
         a = argmin 1/2 |a - a_free|_M^2 subject to J a + J_dot v in K*, forces in K as multipliers
 
@@ -73,7 +71,7 @@ def solve(
         constraints: Contacts and other constraints, each with a different name.
         law: "coulomb", which is the default, or "convex" (Gauss's principle with circular cones): the law of contacts that can
             slip.
-        external: Other forces of the world: generalised (nv,), or `ExternalForce`s in world axes.
+        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects in world axes.
         solver: In place of the above: `ProxQP()`, only pyramids; `KKT()`, for bilateral constraints;
             `ConeSolver(law=...)`, circular cones alone; or your own. It has its law; if `law` is given too, it must be
             the same.
@@ -95,6 +93,15 @@ def solve(
         Unsupported: the solver cannot take the problem.
         NoSolution: no answer within tolerance; names the constraints that contradict each other, or the worst row, carries
             problem, result and proof, and gives the nearest motion: `error.contradiction`, `error.nearest()`.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet(friction=0.7)
+        >>> solution = rbd.solve(state, np.zeros(solo.nu), feet)  # no torques: the legs give way
+        >>> print(solution.status, solution.law, f"{solution.a[2]:.3f} m/s2")
+        solved coulomb -10.050 m/s2
+        >>> solution.forces["front_left"].round(3)
+        array([-0.342, -0.03 ,  0.575])
     """
     _check_is_bool(check)
     if solver is None:
@@ -165,6 +172,13 @@ def solve_problem(
         ContactMoves: as `solve`.
         Unsupported: as `solve`.
         NoSolution: as `solve`.
+
+    Example:
+        >>> wall = rbd.Rows("wall", J=np.array([[-1.0, 0.0]]), bias=np.zeros(1), cone=rbd.problem.NonNegative(1))
+        >>> problem = rbd.GaussProblem(M=np.diag([2.0, 1.0]), rhs=np.array([6.0, 1.0]), rows=[wall])
+        >>> solution = rbd.solve_problem(problem)
+        >>> solution.a, solution.forces["wall"]
+        (array([0., 1.]), array([6.]))
     """
     return answered(checked(problem), solver_of(law, solver), check=check)
 
@@ -206,7 +220,24 @@ def gauss_problem(
     external: External = None,
     rest_speed: float = REST_SPEED,
 ) -> GaussProblem:
-    """The arrays of the least-constraint problem; arguments, errors and warnings as `solve`."""
+    """The arrays of the least-constraint problem that `solve` poses: M, rhs and the rows of all constraints.
+
+    Args:
+        state: The robot at (q, v).
+        tau: Motor torques, shape (nu,) [N, N m].
+        constraints: Contacts and other constraints, each with a different name.
+        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects in world axes.
+        rest_speed: As in `solve`.
+
+    Raises:
+        InputError: as `solve`.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> problem = rbd.gauss_problem(solo.standing(), np.zeros(solo.nu), solo.feet())
+        >>> problem.M.shape, problem.J.shape, [rows.name for rows in problem.rows]
+        ((18, 18), (12, 18), ['front_left', 'front_right', 'hind_left', 'hind_right'])
+    """
     return assembled(state, tau, constraints, external, rest_speed)
 
 
@@ -262,52 +293,6 @@ def momentum_balance(state: State, wrench: Array, *, with_base: bool = True) -> 
         X_WB = state.base_pose()
         base = X_WB.translation, X_WB.rotation
     return MomentumBalance(A_g, rate_bias, total, state.com, base)
-
-
-def warn_of_opening(robot: CheckedModel, openings: Sequence[Opening], rest_speed: float, *, stacklevel: int) -> None:
-    """Name the contacts that move away from what they touch; nothing where none does."""
-    if openings:
-        warnings.warn(
-            f"contacts of {robot.name} separate, and carry no force: {opening_words(openings)} "
-            f"(at rest is up to rest_speed = {rest_speed:g} m/s). Of contacts that stay, put the velocity onto them, "
-            "state = rbd.mechanism.project_velocity(state, contacts), or give a larger rest_speed=.",
-            OpeningContactWarning,
-            stacklevel=stacklevel + 1,
-        )
-
-
-def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bool = False, stacklevel: int) -> None:
-    """Warn of contacts that are off their planes, by name.
-
-    Args:
-        robot: Whose.
-        rows: Of contacts; those whose feedback pulls them back are left out.
-        below_only: Of unilateral contacts, name only those below their planes: others fall onto them.
-        stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
-    """
-    told = []
-    for r in rows:
-        gaps = r.gaps_off_plane
-        if gaps is None:
-            continue
-        assert r.patch is not None
-        within = r.patch.within
-        far = np.abs(gaps) > within
-        if below_only and not at_rest(r.cone).bilateral:
-            far = gaps < -within
-        if far.any():
-            worst = float(gaps[np.argmax(np.abs(gaps) * far)])
-            which = "" if len(gaps) == 1 or far.all() else f" ({int(far.sum())} of {len(gaps)} points)"
-            told.append(f"{r.name!r:.80}{which} {1e3 * abs(worst):.4g} mm {'above' if worst > 0.0 else 'below'}")
-    if told:
-        more = f" and {len(told) - 6} more" if len(told) > 6 else ""
-        warnings.warn(
-            f"contacts of {robot.name} are off the ground that they stand on: {', '.join(told[:6])}{more}. Move the robot "
-            "(robot.standing() puts its feet on z = 0), leave out what does not touch, or give the plane: robot.feet(on=0.75), "
-            "robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where it is not known.",
-            DistantContactWarning,
-            stacklevel=stacklevel,
-        )
 
 
 def _warn_of_open(constraints: tuple[Constraint, ...], rows: Sequence[Rows]) -> None:

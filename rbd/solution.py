@@ -32,7 +32,7 @@ from rbd.solvers.proxqp import ProxQP, eased, pyramidal_law, too_steep
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Solution(Answer):
-    """Acceleration and constraint forces of one `GaussProblem`, with their residuals: an `Answer`, and its analysis.
+    """The answer of `rbd.solve`: acceleration and constraint forces, with residuals, ranges of forces and derivatives.
 
     `Solution.of(answer)` makes one of what a solver returned. It has the attributes of `Answer` (`problem`, `a`,
     `multipliers`, `weights`, `law`, `solver`, `method`, `iterations`, `seconds`, `infeasible`, `reason`, `redundant`), and:
@@ -42,6 +42,15 @@ class Solution(Answer):
             points).
         chosen_corners: Corner forces chosen together with the multipliers; None: chosen on first use.
         choice: What they are, `force_choice`, where they were chosen.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet(friction=0.7)
+        >>> solution = rbd.solve(state, rbd.hold(state, feet).tau, feet)
+        >>> print(solution.status, solution.method, np.abs(solution.a).max() < 1e-9)
+        solved closed form True
+        >>> print(f"{solution.contacts['front_left'].friction_used:.1%} of the friction is used")
+        14.0% of the friction is used
     """
 
     others: tuple[Solution, ...] = ()
@@ -169,7 +178,7 @@ class Solution(Answer):
         return admissible(self.problem, self.a, self.multipliers, self.weights, self.law, tolerance=tolerance)
 
     def with_forces(self, weight: Mapping[str, object] | None = None) -> Solution:
-        """The same motion with the forces that minimise sum_i weight_i |corner force_i|^2, inside their cones.
+        """The same motion with the forces that minimise `sum_i weight_i |corner force_i|^2`, inside their cones.
 
         Args:
             weight: {contact: positive number, one number a corner (k,), or a positive definite matrix (3k, 3k) on its stacked

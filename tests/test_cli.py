@@ -13,9 +13,9 @@ from rich.console import Console
 from typer.testing import CliRunner
 
 import rbd
+from rbd import compiled
 from rbd.cli.app import app
 from rbd.cli.robot_reports import StandReport
-from rbd.solvers import compiled
 
 runner = CliRunner()
 

@@ -14,6 +14,8 @@ import pytest
 from test_corrupted_path import KINDS, ROBOTS, case_of, judged
 
 import rbd
+from rbd import compiled
+from rbd.solvers.contact_newton import ContactNewton
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.RbdWarning")
 COUNT = 10
@@ -101,3 +103,27 @@ def test_the_faults_have_an_effect(name, kind, monkeypatch):
             patch.setattr(pin, "constraintDynamics", fault(pin.constraintDynamics))
             after = answered(case).method
         assert kind == "held" or not (np.asarray(before) == np.asarray(after)).any(), fault.__name__
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("wrong", ["wrench", "weights", "change"])
+def test_a_fault_of_compiled_forces_is_noticed(name, wrong, monkeypatch):
+    """Forces on the bodies, at their points, or the accelerations that they give are a ten-thousandth too large."""
+    pytest.importorskip("numba", reason="the extra `fast` is not installed: nothing is let go in one call")
+    case = case_of(name, *KINDS["slipping, convex"], count=COUNT)
+    right, release, codes = answered(case), ContactNewton.release, []
+
+    def faulty(self, D, f, w, change, least_norm):
+        codes.append(release(self, D, f, w, change, least_norm))
+        if codes[-1] == 2:
+            {"wrench": f, "weights": w, "change": change}[wrong][:] *= 1.0001
+        return codes[-1]
+
+    with compiled.use(True), monkeypatch.context() as patch:
+        patch.setattr(ContactNewton, "release", faulty)
+        found = answered(case)
+    assert codes.count(2) > COUNT // 2
+    assert not (np.asarray(found.method) == np.asarray(right.method))[np.array(codes) == 2].any()
+    for i in range(COUNT):
+        assert found[i].status == "solved" and judged(found[i]) <= 1e-9
+        assert np.abs(found.a[i] - right.a[i]).max() <= 1e-9 * max(1.0, np.abs(right.a[i]).max())

@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 from test_readme import TOP, blocks, broken_links, run_page
 
-PAGES = sorted(p for p in (TOP / "docs").rglob("*.md") if "_build" not in p.parts) + [TOP / "examples" / "README.md", TOP / "CHANGELOG.md"]
+PAGES = sorted(page for page in (TOP / "docs").rglob("*.md") if "_build" not in page.parts)
+PAGES += [TOP / "examples" / "README.md", TOP / "CHANGELOG.md"]
 COURSES = ("least_constraint",)
 DERIVED = [TOP / "docs" / "reference" / "theory.md"]
 """Pages whose equations name what computes and what tests them: the theory, and all pages of the courses."""
@@ -67,7 +68,7 @@ def unnamed(text: str) -> list[str]:
     for part in re.split(r"^```math\n.*?^```", text, flags=re.DOTALL | re.MULTILINE)[1:]:
         paragraph = part.strip().split("\n\n")[0].replace("\n", " ")
         named = re.match(r"In code: `rbd\.[\w.]+`", paragraph) and re.search(r"Tests: `tests/[\w/]+\.py::test_\w+`", paragraph)
-        if not named and not re.match(r"It follows \w+ \w+", paragraph):
+        if not named and not re.match(r"It follows (from|by|that) \S", paragraph):
             missing.append(paragraph)
     return missing
 

@@ -19,7 +19,7 @@ PACKAGE = Path(__file__).parent.parent / "rbd"
 
 ORDER = """
 errors
-arrays installation modules
+arrays compiled installation kernels modules
 model problem
 constraints solvers
 robots analysis prepared

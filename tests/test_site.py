@@ -48,9 +48,10 @@ def anchors(html: str) -> set[str]:
     return {anchor for tag in TAG.finditer(html) for anchor in re.findall(r'\bid="([^"]+)"', tag[2])}
 
 
-def needs_network(text: str) -> list[str]:
-    """What of a page or a style sheet a browser would fetch from elsewhere."""
-    return [a for a in addresses(text) if re.match(r"(https?:)?//", a)] + OUTSIDE.findall(text)
+def styles(file: Path) -> str:
+    """The text of a style sheet, or of the styles within a page."""
+    text = file.read_text(encoding="utf-8")
+    return text if file.suffix == ".css" else "".join(re.findall(r"<style[^>]*>(.*?)</style>", text, flags=re.DOTALL))
 
 
 def faults(site: Path) -> Iterator[str]:
@@ -71,8 +72,8 @@ def faults(site: Path) -> Iterator[str]:
                 yield f"{page}: dead anchor {target}"
             if file in leads_to:
                 leads_to[page].add(file)
-    for style in [*site.rglob("*.css"), *texts]:
-        yield from (f"{style}: outside, {a}" for a in needs_network(style.read_text(encoding="utf-8")))
+    for file in [*site.rglob("*.css"), *texts]:
+        yield from (f"{file}: outside, {address}" for address in OUTSIDE.findall(styles(file)))
     reached, coming = {site / "index.html"}, [site / "index.html"]
     while coming:
         coming = [page for page in set().union(*(leads_to[page] for page in coming)) - reached]
@@ -225,10 +226,9 @@ def test_a_source_page_has_an_anchor_at_each_function():
     """Links to a test lead to the line where it begins."""
     file = Path(__file__)
     html = sources.html_of(file)
-    address = sources.address(file, function="test_mathjax_is_installed")
-    line = int(address.rpartition("#L")[2])
-    assert file.read_text(encoding="utf-8").splitlines()[line - 1] == "def test_mathjax_is_installed():"
-    assert f'<span id="L{line}"' in html and address.startswith("source/tests/test_site.py.html")
+    assert sources.address(file, "test_mathjax_is_installed") == "source/tests/test_site.py.html#test_mathjax_is_installed"
+    assert sources.address(file, "log_message") == "source/tests/test_site.py.html#Quiet.log_message"
+    assert re.search(r'<span id="test_mathjax_is_installed" class="target"></span><span class="k">def</span> <span', html)
     shown = re.sub(r"<[^>]+>", "", html[html.index("<pre>") :]).replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&")
     assert shown.strip() == file.read_text(encoding="utf-8").strip()
 

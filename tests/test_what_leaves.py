@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.contact import PointContact
+from rbd.constraints.contact_kinds import PointContact
 from rbd.errors import OpeningContactWarning
 from rbd.mechanism import project_velocity
 from rbd.testing import box

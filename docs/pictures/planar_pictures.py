@@ -1,4 +1,4 @@
-"""The pictures of the course on planar chains, as PNG files beside this script; `make.py` calls `pictures()`."""
+"""Motions, ellipses and the leg of the course on planar chains, as PNG files beside this script."""
 
 import tempfile
 import warnings
@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 from PIL import Image
-from planar_sketches import sketches
 from planar_strokes import save
 
 import rbd
@@ -20,7 +19,6 @@ from rbd.visual.planar_plots import plot_panels, plot_paths, plot_split
 
 def pictures() -> Iterator[Path]:
     """All of them."""
-    yield from sketches()
     yield one_link_panels()
     yield ellipses()
     yield from motions()
@@ -31,7 +29,7 @@ def one_link_panels() -> Path:
     """The text's one-link motion: 0 to 90 degrees in 1 s with the least jerk, a link of 1 m."""
     turn = rbd.planar.minimum_jerk([0.0], [0.5 * np.pi], 1.0)
     motion = rbd.planar.joint_motion(rbd.planar.Chain(1, lengths=[1.0]), turn)
-    figure = Figure(figsize=(12.0, 5.4), layout="constrained")
+    figure = Figure(figsize=(9.8, 5.0), layout="constrained")
     plot_panels(figure.subplots(2, 4, sharex=True), motion)
     return save(figure, "planar_one_link_panels")
 
@@ -65,13 +63,13 @@ def motions() -> Iterator[Path]:
 
     text = rbd.planar.minimum_jerk([1.0, 0.0], [0.5, 0.5], 1.0)
     motion = rbd.planar.endpoint_motion(arm, text, times=np.linspace(0.01, 1.0, 100))
-    figure = Figure(figsize=(12.0, 5.4), layout="constrained")
+    figure = Figure(figsize=(9.8, 5.0), layout="constrained")
     plot_panels(figure.subplots(2, 4, sharex=True), motion)
     yield save(figure, "planar_panels")
     figure = Figure(figsize=(9.0, 3.4), layout="constrained")
     plot_paths(figure.subplots(1, 2), motion)
     yield save(figure, "planar_text_paths")
-    figure = Figure(figsize=(10.5, 3.6), layout="constrained")
+    figure = Figure(figsize=(8.8, 3.4), layout="constrained")
     plot_split(figure.subplots(1, 3, sharex=True, sharey=True), motion)
     yield save(figure, "planar_parts")
     figure = Figure(figsize=(6.0, 4.2), layout="constrained")

@@ -16,7 +16,7 @@ VELOCITY, TANGENTIAL, CENTRIPETAL, CORIOLIS = "#0072b2", "#009e73", "#d55e00", "
 TRIANGLE, BRANCH = "#c0392b", "#e69f00"
 
 
-def sketches() -> Iterator[Path]:
+def pictures() -> Iterator[Path]:
     """All of them."""
     yield from (freedom(), kinds(), one_link(), two_links(), triangle(), relative_velocity())
     yield from (problem_2(), problem_3(), problem_4(), problem_5())
@@ -24,7 +24,7 @@ def sketches() -> Iterator[Path]:
 
 def freedom() -> Path:
     """Degrees of freedom of a particle, a body, one link and two links."""
-    figure = Figure(figsize=(11.0, 3.3), layout="constrained")
+    figure = Figure(figsize=(8.4, 2.6), layout="constrained")
     particle, body, one, two = figure.subplots(1, 4)
     for ax in (particle, body):
         for axis, name in zip(_SPACE, ("x", "y", "z"), strict=True):
@@ -46,7 +46,7 @@ def freedom() -> Path:
         ax.set(xlim=(-0.2, 1.25), ylim=(-0.35, 1.15))
     for ax in (particle, body):
         ax.set(xlim=(-0.75, 1.45), ylim=(-0.6, 1.6))
-    titles = ("particle in space: 3", "rigid body in space: 3 + 3 = 6", "one link on a hinge: 1", "two links: 2")
+    titles = ("particle: 3", "rigid body: 6", "one link: 1", "two links: 2")
     for ax, title in zip((particle, body, one, two), titles, strict=True):
         plane(ax, title, ground=ax in (one, two))
     return save(figure, "planar_freedom")
@@ -54,12 +54,12 @@ def freedom() -> Path:
 
 def kinds() -> Path:
     """An open serial chain, a branched one, and a closed one."""
-    figure = Figure(figsize=(11.0, 3.5), layout="constrained")
+    figure = Figure(figsize=(8.4, 2.9), layout="constrained")
     serial, branched, closed = figure.subplots(1, 3)
     points = rbd.planar.Chain(3, lengths=(0.5, 0.4, 0.3)).numeric.positions([1.1, -0.8, -0.6])
     link(serial, points, LINK)
     serial.text(0.07, -0.03, "base", color=GREY, va="top")
-    serial.text(*(points[-1] + (0.05, 0.0)), "end point", color=GREY, va="center")
+    serial.text(*(points[-1] + (0.08, 0.0)), "end point", color=GREY, va="center")
     arm = rbd.planar.Chain(2, lengths=(0.5, 0.35)).numeric.positions([1.0, -0.6])
     for bend in (0.75, 0.1, -0.5):
         finger = arm[-1] + np.cumsum([(0.0, 0.0), *(0.17 * np.array([along(0.4 + bend), along(0.4 + 1.4 * bend)]))], axis=0)
@@ -75,7 +75,7 @@ def kinds() -> Path:
         hinge(closed, at)
     closed.text(0.45, -0.09, "the ground closes the loop", color=GREY, ha="center", va="top")
     limits = ((-0.2, 1.5), (-0.2, 1.5), (-0.4, 1.3))
-    titles = ("open: one way from base to end", "open, branched: several ends", "closed: a loop of links")
+    titles = ("open, serial", "open, branched", "closed")
     for ax, title, x in zip((serial, branched, closed), titles, limits, strict=True):
         ax.set(xlim=x, ylim=(-0.2, 1.1))
         plane(ax, title)
@@ -84,7 +84,7 @@ def kinds() -> Path:
 
 def one_link() -> Path:
     """One link: its coordinates, its velocity with the angular velocity, and the two parts of its acceleration."""
-    figure = Figure(figsize=(11.5, 4.1), layout="constrained")
+    figure = Figure(figsize=(8.8, 3.5), layout="constrained")
     where, fast, faster = figure.subplots(1, 3)
     angle, rate, acceleration = np.radians(40.0), 0.75, 0.9
     e, n = along(angle), across(angle)
@@ -178,7 +178,7 @@ def triangle() -> Path:
 
 def relative_velocity() -> Path:
     """Velocities that add from joint 2 to the end point; and the three parts of its acceleration."""
-    figure = Figure(figsize=(11.0, 4.6), layout="constrained")
+    figure = Figure(figsize=(8.4, 4.0), layout="constrained")
     fast, faster = figure.subplots(1, 2)
     arm, q, rates, second = rbd.planar.Chain(2, lengths=(0.6, 0.5)), np.radians([25.0, 50.0]), [0.5, 0.45], [0.6, -0.1]
     points = arm.numeric.positions(q)
@@ -195,7 +195,7 @@ def relative_velocity() -> Path:
     at = points[2]
     for part, color, name, shift in (
         (parts.tangential, TANGENTIAL, "tangential $J\\,\\ddot\\theta$", (0.02, 0.03)),
-        (parts.centripetal, CENTRIPETAL, "centripetal", (-0.06, -0.02)),
+        (parts.centripetal, CENTRIPETAL, "centripetal", (0.1, -0.09)),
         (parts.coriolis, CORIOLIS, "Coriolis", (-0.01, -0.08)),
     ):
         arrow(faster, at, scale * part, color)
@@ -211,11 +211,11 @@ def relative_velocity() -> Path:
 
 def problem_2() -> Path:
     """The first joint held at zero, and the second one."""
-    figure = Figure(figsize=(11.0, 4.3), layout="constrained")
+    figure = Figure(figsize=(8.4, 3.7), layout="constrained")
     arm = rbd.planar.Chain(2, lengths=(0.6, 0.45))
     titles = (
-        "a) first joint at 0: a circle of radius $\\ell_2$ about joint 2",
-        "b) second joint at 0: a circle of radius $\\ell_1 + \\ell_2$ about the base",
+        "a) first joint at 0: a circle\nof radius $\\ell_2$ about joint 2",
+        "b) second joint at 0: a circle\nof radius $\\ell_1 + \\ell_2$ about the base",
     )
     for ax, held, title in zip(figure.subplots(1, 2), (0, 1), titles, strict=True):
         moving = 1 - held
@@ -237,7 +237,7 @@ def problem_2() -> Path:
 
 def problem_3() -> Path:
     """The polar manipulator in five poses; its acceleration, and the parts that the free arm's formulas give there."""
-    figure = Figure(figsize=(10.0, 5.4), layout="constrained")
+    figure = Figure(figsize=(8.4, 4.6), layout="constrained")
     poses, parts = figure.subplots(1, 2)
     arm = rbd.planar.Chain(2, lengths=(0.5, 0.5))
     for angle in np.radians([15.0, 30.0, 45.0, 60.0, 75.0]):
@@ -268,7 +268,7 @@ def problem_3() -> Path:
 
 def problem_4() -> Path:
     """The pendulum's angles from the vertical, and its swing after release."""
-    figure = Figure(figsize=(10.0, 4.8), layout="constrained")
+    figure = Figure(figsize=(8.4, 4.2), layout="constrained")
     sketch, swing = figure.subplots(1, 2)
     pendulum = rbd.planar.Chain(2, lengths=(1.0, 1.0), angles="vertical")
     q = np.radians([28.0, 55.0])
@@ -285,17 +285,17 @@ def problem_4() -> Path:
     coordinates = rbd.planar.robot_coordinates(pendulum)
     way = rbd.simulate(rbd.planar.to_robot(rods).at(coordinates.to_robot(np.radians([60.0, 60.0]))), duration=0.9, step=1e-3)
     plot_sticks(swing, pendulum, coordinates.from_robot(way.q), count=10)
-    swing.set_title("two rods of 1 m, released at 60°, 0.1 s apart", loc="left")
+    swing.set_title("released at 60°, 0.1 s apart", loc="left")
     return save(figure, "planar_problem_4")
 
 
 def problem_5() -> Path:
     """One pose, measured by joint angles and by segment angles."""
-    figure = Figure(figsize=(11.0, 4.2), layout="constrained")
+    figure = Figure(figsize=(8.4, 3.4), layout="constrained")
     for ax, segments in zip(figure.subplots(1, 2), (False, True), strict=True):
         _two_links(ax, np.radians([25.0, 50.0]), joints=not segments, segments=segments)
         ax.set(xlim=(-0.15, 1.15), ylim=(-0.12, 0.85))
-        plane(ax, "segment angles, each from x" if segments else "joint angles, each from the link before")
+        plane(ax, "segment angles, from x" if segments else "joint angles, from the link before")
     return save(figure, "planar_problem_5")
 
 
@@ -353,5 +353,5 @@ def _angles(ax: Axes, points: np.ndarray, q: Sequence[float]) -> None:
 
 
 if __name__ == "__main__":
-    for made in sketches():
+    for made in pictures():
         print(made.name)

@@ -1,12 +1,12 @@
 """Infeasible constraints: an irreducible conflicting set of rows, with its Farkas certificate.
 
-The rows require c = J a + offset in K*. By Farkas' lemma [Farkas1902] no acceleration does so if (and, for pyramids and
+The rows require y = J a + offset in K*. By Farkas' lemma [Farkas1902] no acceleration does so if (and, for pyramids and
 bilateral rows, only if) there are forces f in K with
 
     J^T f = 0     and     f . offset = -1 :
 
-forces in equilibrium on every body that still do work on the required motion. Then f . c = -1 for every a, while f . c >= 0
-for all c in K*: whatever the motion, some row is violated by at least 1 / sum |f_i|. Minimal such forces are the vertices of a
+forces in equilibrium on every body that still do work on the required motion. Then f . y = -1 for every a, while f . y >= 0
+for all y in K*: whatever the motion, some row is violated by at least 1 / sum |f_i|. Minimal such forces are the vertices of a
 polyhedron, and their supports are the irreducible contradictions [GleesonRyan1990]; linear programs (HiGHS) find them.
 """
 
@@ -46,11 +46,18 @@ class Contradiction:
             distance to the dual cone.
         smallest: No set of fewer constraints, nor fewer rows of these, contradicts itself: all were tried. False: another
             set might be smaller, as the search ended at a limit (`rbd.problem.programs`).
-        unbalanced: Largest entry of |J^T f|. The proof is valid for motions with sum |a_i| < 1 / unbalanced.
+        unbalanced: Largest entry of `|J^T f|`. The proof is valid for motions with `sum |a_i| < 1 / unbalanced`.
         law: The law whose rows they are.
         met: {bilateral constraint: the feasible part of its required -offset, shape (m,)}, by least
             squares over all bilateral rows, in their units [m/s2, rad/s2].
         unmet: {bilateral constraint: the infeasible part}; zero where they agree. met + unmet = -offset.
+
+    Example:
+        >>> up = rbd.Rows("up", J=np.eye(1), bias=np.array([-1.0]), cone=rbd.problem.Free(1))  # a = 1
+        >>> down = rbd.Rows("down", J=np.eye(1), bias=np.array([1.0]), cone=rbd.problem.Free(1))  # a = -1
+        >>> found = rbd.analysis.contradiction(rbd.GaussProblem(M=np.eye(1), rhs=np.zeros(1), rows=[up, down]))
+        >>> print(found.who, found.violation, found.certificate["up"])
+        'up' and 'down' 1.0 [0.5]
     """
 
     rows: Mapping[str, tuple[str, ...]]
@@ -107,7 +114,7 @@ def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradicti
     """A smallest set of rows that contradict each other under a law, with its proof; None if none was found.
 
     Contradictions within rounding (`CONTRADICTS`) do not count. Every certificate is verified before it is returned. None
-    concerns only c in K*: a point that already slides can have no answer for another reason (Painleve), which
+    concerns only y in K*: a point that already slides can have no answer for another reason (Painleve), which
     `Solution.reason` gives; and circular cones that are disjoint only at infinity have no certificate.
 
     Args:
@@ -117,6 +124,12 @@ def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradicti
 
     Raises:
         InputError: if the problem or the law is not one.
+
+    Example:
+        >>> up = rbd.Rows("up", J=np.eye(1), bias=np.array([-1.0]), cone=rbd.problem.Free(1))  # a = 1
+        >>> down = rbd.Rows("down", J=np.eye(1), bias=np.array([1.0]), cone=rbd.problem.Free(1))  # a = -1
+        >>> print(rbd.analysis.contradiction(rbd.GaussProblem(M=np.eye(1), rhs=np.zeros(1), rows=[up, down])).claim)
+        'up' and 'down' contradict each other; every motion misses some of these rows by 1 m/s2 (rad/s2) or more
     """
     law = Law.of(law)
     search = _Search(conditions_of(checked(problem), law))

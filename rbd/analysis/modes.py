@@ -6,7 +6,7 @@ what must stay zero are the accelerations along columns Psi, the same but where 
     holds     a bilateral row, a force inside an interval     a unit column each
     presses   a ray, whose acceleration is zero               a unit column
     sticks    a point, whose acceleration is zero             its three columns; of a pyramid, all its rays
-    slips     starts to slip along e = y_t / |y_t|            Phi = (-mu e, 1); Psi = n (coulomb), (-mu e, 1) (convex)
+    slips     starts to slip along t = y_t / |y_t|            Phi = (-mu t, 1); Psi = n (coulomb), (-mu t, 1) (convex)
     slides    slid already, along t                           Phi = (-mu t, 1), Psi = n
     opens     separates: no force                          none
     yields    a force at its bound                            none
@@ -33,7 +33,7 @@ class Slip:
 
     Attributes:
         columns: Its two tangential columns.
-        direction: e, the unit vector of its tangential acceleration, shape (2,).
+        direction: t, the unit vector of its tangential acceleration, shape (2,).
         rate: mu / |y_t|: friction force per normal force that a sideways acceleration turns away.
         active: Its number among the active columns; its weight is the normal force.
     """
@@ -45,7 +45,7 @@ class Slip:
 
     @property
     def turning(self) -> Array:
-        """-rate (1 - e e^T): change of the friction of a unit normal force with y_t, shape (2, 2)."""
+        """-rate (1 - t t^T): change of the friction of a unit normal force with y_t, shape (2, 2)."""
         return -self.rate * (np.eye(2) - np.outer(self.direction, self.direction))
 
 

@@ -49,7 +49,7 @@ class ForceDerivatives:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Derivatives:
-    """Derivatives of an answer with its contact modes fixed; None for values that are not unique.
+    """Derivatives of an answer by q, v, torques and external forces, contact modes fixed; None for what is not unique.
 
     A change dq is in the tangent space: q becomes pin.integrate(q, dq), dq of a floating base linear then angular in the
     base's axes, as v. All else is constant: tau, the numbers of v, and external forces in the axes in which they were given.
@@ -70,6 +70,13 @@ class Derivatives:
         active: {constraint: mode of each part of its set}: "holds", "sticks", "presses" (without friction), "slips" (begins
             to), "slides" (already), "opens", or "yields" (a force at its bound).
         not_unique: Names of the constraints whose forces are not unique.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet()
+        >>> derivatives = rbd.solve(state, rbd.hold(state, feet).tau, feet).derivatives()
+        >>> derivatives.da_dtau.shape, derivatives.active["front_left"], derivatives.not_unique
+        ((18, 12), ('sticks',), ())
     """
 
     da_dq: Array

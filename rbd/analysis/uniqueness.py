@@ -112,7 +112,7 @@ class ContactUniqueness:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Uniqueness:
-    """Uniqueness of the forces of one motion, with their ranges.
+    """Which forces of one motion are unique, and the ranges of the others; from `solution.uniqueness()`.
 
     Attributes:
         law: The law that the forces obey.
@@ -130,6 +130,13 @@ class Uniqueness:
             widened by 1e-10.
         found: Whether all limits and dimensions were found within `rbd.problem.programs.ENDS_WORK`. Others are NaN,
             printed as "?"; if the dimension of the set was not found, `row_freedom` and `corner_freedom` are upper bounds.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
+        >>> unique = rbd.solve(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], [face]).uniqueness()
+        >>> unique.row_freedom, unique.corner_freedom  # one wrench, many ways to share it between four corners
+        (0, 6)
     """
 
     law: Law

@@ -31,7 +31,7 @@ from rbd.mechanism import (
     singularities_along,
     trace,
 )
-from rbd.mechanism.assembly import MOST_TRIES, SAME
+from rbd.mechanism.assembly_modes import MOST_TRIES, SAME
 from rbd.model.state import State
 from rbd.robots.robot import Robot
 

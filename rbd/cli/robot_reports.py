@@ -13,6 +13,7 @@ import pinocchio as pin
 from rich.console import Group
 from rich.text import Text
 
+from rbd import compiled
 from rbd.arrays import Array
 from rbd.cli.terminal import Table, facts, in_commands, in_options, rounded
 from rbd.constraints.constraint import Constraint
@@ -23,7 +24,6 @@ from rbd.problem.answer import ContactForce
 from rbd.robots.catalogue import licence
 from rbd.robots.robot import Robot, doctor, load_robot
 from rbd.solution import Solution
-from rbd.solvers import compiled
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold
 

@@ -1,10 +1,12 @@
 """Constraints: each returns named rows with a force set, and does not depend on a solver."""
 
 from rbd.constraints.collision import CollisionContacts
-from rbd.constraints.contact import Contact, LineContact, PointContact, SurfaceContact
+from rbd.constraints.contact import Contact
+from rbd.constraints.contact_kinds import LineContact, PointContact, SurfaceContact
 from rbd.constraints.contact_points import ContactPoints
 from rbd.constraints.function import FunctionConstraint
-from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
+from rbd.constraints.joint import JointCoupling, JointFriction, JointLock
+from rbd.constraints.joint_limit import JointLimit
 from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
 from rbd.constraints.loop import LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge, VelocityConstraint

@@ -65,7 +65,13 @@ class CollisionContacts:
         InputError: unknown names, with the nearest; a robot without shapes; a mesh that cannot be loaded; a friction
             that is negative or None; a plane without direction.
 
-    >>> solution = rbd.solve(state, tau, [rbd.CollisionContacts("ground", robot, friction=0.7)])
+    Example:
+        >>> g1 = rbd.load_robot("g1")
+        >>> ankles = ["left_ankle_roll_link", "right_ankle_roll_link"]
+        >>> ground = rbd.CollisionContacts("ground", g1, friction=0.7, ground=ankles)
+        >>> state = g1.standing()
+        >>> ground.points(state).names[:2], ground.rows(state).J.shape  # eight balls touch, with three rows each
+        (('left_ankle_roll_link_0:0', 'left_ankle_roll_link_1:0'), (24, 35))
     """
 
     name: str

@@ -14,7 +14,7 @@ from typing import Self
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_float, as_vector3, is_finite
+from rbd.arrays import Array
 from rbd.constraints.contact_points import ContactPoints
 from rbd.constraints.ground_points import OnGround
 from rbd.constraints.surface import (
@@ -43,7 +43,9 @@ Seen = tuple[pin.SE3, Array, Array, Array, Array, Array | None]
 
 @dataclass(frozen=True, eq=False, init=False)
 class Contact:
-    """A contact of the robot at one corner point, at two (an edge), or at k >= 3 (a patch).
+    """A contact of the robot at one corner point, at two (an edge), or at k >= 3 (a patch): what the three kinds share.
+
+    Its rows, by the number of corners::
 
         corners   rows, friction=None or mu                                         frictionless
         1         velocity of the point (3)                                         its normal one
@@ -77,6 +79,15 @@ class Contact:
 
     Raises:
         InputError: negative friction, corners of zero length or area, numbers that are not finite.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> triangle = [(0.2, 0.0, 0.0), (-0.1, 0.15, 0.0), (-0.1, -0.15, 0.0)]
+        >>> face = rbd.constraints.Contact("face", "box", corners=triangle, friction=0.6)
+        >>> rbd.solve(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], [face]).corner_forces["face"].round(3)
+        array([[ 0. ,  0. , 32.7],
+               [0. ,  0. , 32.7],
+               [ 0. , 0. , 32.7]])
     """
 
     name: str
@@ -278,118 +289,3 @@ class Contact:
             turned = pin.log3(touched.anchored_axes(motion).T @ R)
             error = np.concatenate([touched.shift(motion, R), turned])
         return motion.X_WP, R, *motion.in_axes(R), error
-
-
-@dataclass(frozen=True, eq=False, init=False)
-class PointContact(Contact):
-    """A contact at a point of the robot: `Contact` at one corner point.
-
-    Attributes:
-        offset: The point, from the frame's origin in the frame's axes, shape (3,) [m].
-
-    Other attributes as of `Contact`; `anchor` is where the point first touched, shape (3,) [m].
-    """
-
-    corners: Array = field(init=False, repr=False)
-    placement: pin.SE3 = field(init=False, repr=False)
-    offset: Array
-
-    def __init__(
-        self,
-        name: str,
-        frame: str,
-        *,
-        offset: Sequence[float] | Array = (0.0, 0.0, 0.0),
-        friction: float | None = None,
-        facets: int = 4,
-        on: On = None,
-        anchor: Sequence[float] | Array | None = None,
-    ) -> None:
-        at = as_vector3(f"offset of contact {name!r}", offset)
-        super().__init__(name, frame, corners=at[None], friction=friction, facets=facets, on=on, anchor=anchor)
-        object.__setattr__(self, "offset", at)
-
-
-@dataclass(frozen=True, eq=False, init=False)
-class LineContact(Contact):
-    """A contact along a straight edge of the robot: `Contact` at its two ends. Rotation about the edge is free.
-
-    Give the surface's normal for a body that rolls over its edge: the default is the placement's z, which
-    tilts with the body. Its part along the edge is left out.
-
-    Attributes:
-        half_length: Half of the edge's length [m].
-        placement: X_FP, from the frame to the edge's middle; the edge is along x.
-
-    Other attributes as of `Contact`; `anchor` is the pose where the edge first touched, rotation about it excluded.
-
-    Raises:
-        InputError: a length that is not positive, and as `Contact`.
-    """
-
-    corners: Array = field(init=False, repr=False)
-    half_length: float
-
-    def __init__(
-        self,
-        name: str,
-        frame: str,
-        *,
-        half_length: float,
-        placement: pin.SE3 | Array | None = None,
-        friction: float | None = None,
-        facets: int = 4,
-        on: On = None,
-        anchor: pin.SE3 | Array | None = None,
-    ) -> None:
-        if not 0.0 < as_float(half_length) < 1e100:
-            raise InputError(f"half_length of contact {name!r} is {half_length!r:.80}; expected a length > 0 [m].")
-        L = float(half_length)
-        ends = [[L, 0.0, 0.0], [-L, 0.0, 0.0]]
-        super().__init__(name, frame, corners=ends, placement=placement, friction=friction, facets=facets, on=on, anchor=anchor)
-        object.__setattr__(self, "half_length", L)
-
-
-@dataclass(frozen=True, eq=False, init=False)
-class SurfaceContact(Contact):
-    """A contact of a flat patch of the robot, e.g. a sole or a palm: `Contact` at three corner points or more.
-
-    Attributes as of `Contact`; the corners are in patch axes from the patch's centre, given by either of
-
-        half_lengths = (X, Y)    half sizes of a rectangle along the patch's x and y [m]
-        corners                  shape (k, 2) in the patch's plane or (k, 3), at least three and not on one line
-
-    Raises:
-        InputError: both or neither of `half_lengths` and `corners`, and as `Contact`.
-    """
-
-    def __init__(
-        self,
-        name: str,
-        frame: str,
-        *,
-        half_lengths: Sequence[float] | Array | None = None,
-        corners: Sequence[Sequence[float]] | Array | None = None,
-        placement: pin.SE3 | Array | None = None,
-        friction: float | None = None,
-        facets: int = 4,
-        on: On = None,
-        anchor: pin.SE3 | Array | None = None,
-    ) -> None:
-        if (half_lengths is None) == (corners is None):
-            raise InputError(f"contact {name!r} wants half_lengths=(X, Y) or corners=, one of the two.")
-        if corners is None:
-            half = as_array(f"half_lengths of contact {name!r}", half_lengths)
-            if half.shape != (2,) or not (half > 0.0).all() or not is_finite(half):
-                raise InputError(f"half_lengths of contact {name!r} are {half_lengths!r:.80}; expected two lengths > 0 [m].")
-            X, Y = half
-            corners = np.array([[X, Y, 0.0], [X, -Y, 0.0], [-X, -Y, 0.0], [-X, Y, 0.0]])
-        corners = as_array(f"corners of contact {name!r}", corners)
-        if corners.ndim != 2 or corners.shape[1] not in (2, 3) or len(corners) < 3:
-            raise InputError(
-                f"corners of contact {name!r} have shape {corners.shape}; expected (k, 2) or (k, 3) with k >= 3. "
-                "For one point use PointContact, for two LineContact."
-            )
-        super().__init__(
-            name, frame, corners=corners, placement=placement, friction=friction, facets=facets, on=on, anchor=anchor
-        )

@@ -34,7 +34,7 @@ MARGIN = 0.05
 
 @dataclass(frozen=True, eq=False)
 class ContactPoints:
-    """Contact points of a constraint, touching or near: k points with p rows in all, and their motion.
+    """The contact points of a constraint at one state, for simulation: k points, touching or near, with p rows in all.
 
     Attributes:
         names: Label of each point, constant over time: "left_sole_link_0:3" is corner 3 of that shape.
@@ -47,6 +47,12 @@ class ContactPoints:
         cones: Set of each point's forces, whose dimensions are the numbers of its rows.
         resultant: Maps the p row forces to the force (r = 3) or wrench (r = 6) on the robot in world axes, shape (r, p); None:
             the sum of the points' forces.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> points = solo.feet()[0].points(solo.standing())
+        >>> points.names, points.positions.round(3), points.gaps.round(6), points.J.shape
+        (('front_left:0',), array([[0.195, 0.169, 0.   ]]), array([0.]), (3, 18))
     """
 
     names: tuple[str, ...]

@@ -34,6 +34,8 @@ _FIRST = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0
 class FunctionConstraint:
     """Constraint phi(q) = 0, or >= 0, for any function of the configuration: loops, distances, couplings, a wire on a path.
 
+    Its rows::
+
         error = phi(q)        J v = d phi / dt        J_dot v = d2 phi / dt2 along q (+) t v, where v_dot = 0
 
     Without `jacobian` J is taken by differences of sixth order on the manifold, along each coordinate of v, exact to 1e-10 of
@@ -57,7 +59,12 @@ class FunctionConstraint:
     Raises:
         InputError: if one of them is not a function.
 
-    >>> rod = rbd.FunctionConstraint("rod", lambda q: np.hypot(q[0], q[1]) - 1.0)
+    Example:
+        >>> bead = rbd.testing.box(mass=2.0)
+        >>> rod = rbd.FunctionConstraint("rod", lambda q: np.linalg.norm(q[:3]) - 1.0)  # 1 m from the origin
+        >>> solution = rbd.solve(rbd.State(bead, [0.6, 0, -0.8, 0, 0, 0, 1]), [], [rod])
+        >>> solution.a[:3].round(3), solution.forces["rod"].round(3)
+        (array([-4.709,  0.   , -3.532]), array([-15.696]))
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Constraints on joints: limits, locks, couplings, dry friction.
+"""Constraints on joints: locks, couplings, dry friction; limits are in `rbd.constraints.joint_limit`.
 
 A joint's coordinate is its angle [rad] or its displacement [m]; the row force is a torque [N m] or a force [N] along that
 coordinate, as a motor's would be. Damping is not a constraint: give it as an external force -d v.
@@ -12,173 +12,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_finite
+from rbd.arrays import Array, as_array, check_finite
 from rbd.constraints.constraint import PerRobot
-from rbd.constraints.contact_points import Group, Measured, Structure
-from rbd.constraints.surface import check_state, check_words
+from rbd.constraints.surface import check_number, check_state, check_words
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joints import UNLIMITED, Joint
+from rbd.model.joints import Joint
 from rbd.model.state import State
-from rbd.problem.cones import Box, Free, NonNegative
+from rbd.problem.cones import Box, Free
 from rbd.problem.rows import Rows
-
-_SIDES = {(True, False): "lower", (False, True): "upper", (True, True): "both", (False, False): ""}
-
-
-@dataclass(frozen=True, eq=False)
-class JointLimit:
-    """A joint limit: at a bound it pushes the joint back, and never pulls.
-
-    One row where the joint is at a bound or beyond it, none elsewhere (two where its range is as narrow as `margin`):
-
-        lower bound   c = +q'',  error = q - lower      the limit's torque on the joint is +f
-        upper bound   c = -q'',  error = upper - q      the limit's torque on the joint is -f
-
-    with f >= 0 in both: `solution.forces[name]` is its torque or force, `J^T f` the generalised force, which at an upper
-    bound is negative. J_dot v is zero. The limit is rigid: a joint that moves into it needs an impact, and is refused.
-
-    Attributes:
-        name: The constraint's role, e.g. "left_knee_stop".
-        joint: A joint with one degree of freedom that is not continuous.
-        lower: Lower bound [rad] or [m]; by default that of the robot's file, -inf for none.
-        upper: Upper bound [rad] or [m]; by default that of the robot's file, inf for none.
-        margin: Distance within which the joint is at its bound [rad] or [m].
-
-    Raises:
-        InputError: bounds that are not numbers or are swapped, a negative margin.
-    """
-
-    name: str
-    joint: str
-    lower: float | None = field(default=None, kw_only=True)
-    upper: float | None = field(default=None, kw_only=True)
-    margin: float = field(default=1e-6, kw_only=True)
-    _stop: PerRobot[_Stop] = field(default_factory=lambda: PerRobot(_stop), init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        check_words("a constraint on a joint", name=self.name, joint=self.joint)
-        for side in ("lower", "upper"):
-            value = getattr(self, side)
-            if value is not None and math.isnan(as_float(value)):
-                raise InputError(f"{side} of {self.name!r:.80} is {value!r:.80}; expected a number, or None for the file's.")
-        _check_finite(self.name, "margin", self.margin, least=0.0)
-        if self.lower is not None and self.upper is not None and self.lower > self.upper:
-            raise InputError(f"{self.name!r:.80} has its bounds swapped: lower is {self.lower:g}, upper is {self.upper:g}.")
-
-    def bounds(self, robot: CheckedModel) -> tuple[float, float]:
-        """(lower, upper) on this robot [rad] or [m]; infinite where there is none.
-
-        Raises:
-            JointNotFound: with the nearest names.
-            InputError: the joint has several degrees of freedom, is continuous, or has no bound.
-        """
-        if not isinstance(robot, CheckedModel):
-            raise InputError(f"bounds of {self.name!r:.80} want a robot, got {type(robot).__name__}.")
-        stop = self._stop.of(self, robot)
-        return stop.lower, stop.upper
-
-    def side(self, state: State) -> str:
-        """The bound at which the joint is: "lower", "upper", "both", or "" for none."""
-        check_state(state, self.name)
-        stop = self._stop.of(self, state.robot)
-        q = state.q[stop.q]
-        return _SIDES[bool(q - stop.lower <= self.margin), bool(stop.upper - q <= self.margin)]
-
-    def rows(self, state: State) -> Rows:
-        """One row at a bound, else none; see the class.
-
-        Raises:
-            JointNotFound: with the nearest names.
-            InputError: as `bounds`.
-        """
-        check_state(state, self.name)
-        stop = self._stop.of(self, state.robot)
-        q = float(state.q[stop.q])
-        distances = q - stop.lower, stop.upper - q
-        if min(distances) > self.margin:
-            return stop.nothing
-        signs = [s for s, distance in zip((1.0, -1.0), distances, strict=True) if distance <= self.margin]
-        m, at = len(signs), stop.v
-        J = np.zeros((m, state.robot.nv))
-        J[:, at] = signs
-        error = np.array([d for d in distances if d <= self.margin])
-        return Rows(self.name, J, np.zeros(m), NonNegative(m), J[:, at] * state.v[at], error)
-
-    def source(self, start: State) -> Stops:
-        """Its bounds as points of a motion, at any distance."""
-        return Stops([self], start)
-
-
-@dataclass(frozen=True, eq=False)
-class _Stop:
-    """A limit on a robot: the joint's indices in q and v, its bounds, and its rows away from them."""
-
-    q: int
-    v: int
-    lower: float
-    upper: float
-    nothing: Rows
-
-
-def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
-    name, joint = limit.name, limit.joint
-    found = robot.joints.with_one_freedom(joint, name)
-    if found.is_continuous:
-        raise InputError(
-            f"{name!r:.80}: joint {joint!r:.80} is continuous, so it has no bound. "
-            "Lock it with rbd.JointLock, or state its limits in the robot's file."
-        )
-    low = found.lower if limit.lower is None else float(limit.lower)
-    high = found.upper if limit.upper is None else float(limit.upper)
-    low, high = (-math.inf if low < -UNLIMITED else low), (math.inf if high > UNLIMITED else high)
-    if low == -math.inf and high == math.inf:
-        raise InputError(
-            f"{name!r:.80}: joint {joint!r:.80} of {robot.name} has no bound, neither in its file nor given. "
-            "Give lower= or upper=."
-        )
-    if low > high:
-        raise InputError(f"{name!r:.80}: joint {joint!r:.80} has lower bound {low:g} above its upper one, {high:g}.")
-    nothing = Rows(name, np.zeros((0, robot.nv)), np.zeros(0), NonNegative(0))
-    nothing.J.flags.writeable = False
-    return _Stop(found.q.start, found.v.start, low, high, nothing)
-
-
-class Stops:
-    """Joint limits as points of a motion: one row a bound, computed together."""
-
-    def __init__(self, limits: Sequence[JointLimit], start: State) -> None:
-        self.limits, robot = tuple(limits), start.robot
-        sides = [(limit, i) for limit in limits for i in (0, 1) if math.isfinite(limit.bounds(robot)[i])]
-        places = [limit._stop.of(limit, robot) for limit, _ in sides]
-        k = len(sides)
-        self.q, self.v = np.array([p.q for p in places], int), np.array([p.v for p in places], int)
-        self.sign = np.array([-1.0 if i else 1.0 for _, i in sides])
-        self.bound = np.array([p.upper if i else p.lower for p, (_, i) in zip(places, sides, strict=True)])
-        self.J = np.zeros((k, robot.nv))
-        self.J[np.arange(k), self.v] = self.sign
-        owners, which = tuple(limit.name for limit, _ in sides), tuple(i for _, i in sides)
-        self.structure = Structure(owners, which, (NonNegative(1),) * k)
-        self.nothing = np.zeros(k)
-
-    @classmethod
-    def joined(cls, sources: Sequence[Stops], start: State) -> Stops:
-        """Several sources as one."""
-        return cls([limit for source in sources for limit in source.limits], start)
-
-    @property
-    def group(self) -> Group:
-        """All joint limits are computed together."""
-        return Stops.joined, ()
-
-    def at(self, state: State, t: float) -> Measured:
-        """The points, whose gaps are the distances to all bounds."""
-        gap = self.gaps(state, t)
-        return Measured(self.structure, self.J, self.sign * state.v[self.v], self.nothing, gap, self.nothing)
-
-    def gaps(self, state: State, t: float) -> Array:
-        """Distances to all bounds."""
-        return self.sign * (state.q[self.q] - self.bound)
 
 
 @dataclass(frozen=True, eq=False)
@@ -186,7 +28,7 @@ class JointLock:
     """A locked joint: a brake, a pin, a joint that does not take part in the motion.
 
     Bilateral rows, one a degree of freedom of the joint (a floating base has six). Without `position` it is locked in place:
-    c is its acceleration, and there is no error. With it the error is the joint's displacement from there, and c = error'':
+    y is its acceleration, and there is no error. With it the error is the joint's displacement from there, and y = error''::
 
         one DOF             error = q - position                                   (an angle of a continuous joint: wrapped)
         position in space   error = R_l^T (p - p_l),        J = R_l^T R            (l: the lock's)
@@ -203,6 +45,13 @@ class JointLock:
 
     Raises:
         InputError: a position with numbers that are not finite.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> brake = rbd.JointLock("brake", "FL_KFE")
+        >>> solution = rbd.solve(solo.standing(), np.zeros(solo.nu), [*solo.feet(), brake])
+        >>> print(abs(solution.accelerations["brake"][0]) < 1e-9, solution.forces["brake"].round(3))
+        True [0.585]
     """
 
     name: str
@@ -252,8 +101,8 @@ class JointLock:
 class JointCoupling:
     """Linear coupling of two joints, e.g. by a gear: q_joint = ratio q_to + offset.
 
-    One bilateral row: c = q_joint'' - ratio q_to'', J_dot v = 0, error = q_joint - ratio q_to - offset. Its force f is the
-    torque on `joint`; -ratio f acts on `to`. The angle of a continuous joint is known up to turns, and so is the
+    One bilateral row: `y = q_joint'' - ratio q_to''`, J_dot v = 0, error = q_joint - ratio q_to - offset. Its force f is
+    the torque on `joint`; -ratio f acts on `to`. The angle of a continuous joint is known up to turns, and so is the
     error: the nearest value is used; where both joints are continuous and neither ratio nor 1 / ratio is whole, there is none.
 
     Attributes:
@@ -265,6 +114,12 @@ class JointCoupling:
 
     Raises:
         InputError: a ratio or offset that is not finite; a joint coupled to itself.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> gear = rbd.JointCoupling("gear", "rocker_joint", "crank_joint", ratio=-2.0)
+        >>> gear.rows(robot.at("assembled")).J  # of the crank, the coupler, the rocker
+        array([[2., 0., 1.]])
     """
 
     name: str
@@ -278,8 +133,8 @@ class JointCoupling:
         check_words("a constraint on a joint", name=self.name, joint=self.joint, to=self.to)
         if self.joint == self.to:
             raise InputError(f"{self.name!r:.80} couples joint {self.joint!r:.80} to itself. Lock it with rbd.JointLock.")
-        _check_finite(self.name, "ratio", self.ratio)
-        _check_finite(self.name, "offset", self.offset)
+        check_number(self.name, "ratio", self.ratio)
+        check_number(self.name, "offset", self.offset)
 
     def rows(self, state: State) -> Rows:
         """One bilateral row; see the class.
@@ -322,10 +177,12 @@ class JointCoupling:
 class JointFriction:
     """Dry friction in a joint: at most `torque` at rest, `torque` against the motion when it moves.
 
+    Its force f::
+
         at rest (|v| <= 1e-6)   |f| <= torque; f = -torque where the joint starts in the positive direction, and so on
         moving                  f = -torque sign(v)
 
-    One row c = q''; its force f is in the interval [-torque, torque]. No viscous damping, no dependence on load.
+    One row `y = q''`; its force f is in the interval [-torque, torque]. No viscous damping, no dependence on load.
 
     Attributes:
         name: The constraint's role, e.g. "knee_friction".
@@ -334,6 +191,13 @@ class JointFriction:
 
     Raises:
         InputError: a torque that is negative or not finite.
+
+    Example:
+        >>> pendulum = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> dry = rbd.JointFriction("dry", "joint_1", torque=2.0)
+        >>> solution = rbd.solve(pendulum.at([0.0]), [0.0], [dry])  # horizontal: gravity's torque is m g / 2
+        >>> solution.a.round(3), solution.forces["dry"].round(3)
+        (array([-8.715]), array([2.]))
     """
 
     name: str
@@ -344,7 +208,7 @@ class JointFriction:
 
     def __post_init__(self) -> None:
         check_words("a constraint on a joint", name=self.name, joint=self.joint)
-        _check_finite(self.name, "torque", self.torque, least=0.0)
+        check_number(self.name, "torque", self.torque, least=0.0)
         bound = np.array([float(self.torque)])
         object.__setattr__(self, "_cone", Box(-bound, bound))
 
@@ -372,12 +236,6 @@ def _one_joint(friction: JointFriction, robot: CheckedModel) -> Joint:
 
 def _both_joints(gear: JointCoupling, robot: CheckedModel) -> tuple[Joint, Joint]:
     return robot.joints.with_one_freedom(gear.joint, gear.name), robot.joints.with_one_freedom(gear.to, gear.name)
-
-
-def _check_finite(name: str, what: str, value: float, *, least: float = -math.inf) -> None:
-    if not (least <= as_float(value) and abs(as_float(value)) < 1e100):
-        expected = "a finite number" + (f" >= {least:g}" if least == 0.0 else "")
-        raise InputError(f"{what} of {name!r:.80} is {value!r:.80}; expected {expected}.")
 
 
 def _vector(name: str, what: str, value: float | Sequence[float] | Array) -> Array:

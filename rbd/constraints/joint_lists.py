@@ -7,7 +7,8 @@ import xml.etree.ElementTree as ElementTree
 from pathlib import Path
 from typing import Any
 
-from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit
+from rbd.constraints.joint import JointCoupling, JointFriction
+from rbd.constraints.joint_limit import JointLimit
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import read_xml
@@ -25,6 +26,12 @@ def joint_limits(robot: CheckedModel, *, margin: float = 1e-6) -> list[JointLimi
 
     Raises:
         InputError: not a robot, or a negative margin.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> limits = rbd.constraints.joint_limits(solo)
+        >>> len(limits), limits[0].name, limits[0].bounds(solo)
+        (12, 'FL_HAA_limit', (-10.0, 10.0))
     """
     limited = [j for j in _checked(robot).joints.values() if min(-j.lower, j.upper) < math.inf]
     return [JointLimit(f"{joint.name}_limit", joint.name, margin=margin) for joint in limited]
@@ -35,8 +42,17 @@ def joint_frictions(robot: CheckedModel) -> list[JointFriction]:
 
     `friction` of a URDF's <dynamics>, `frictionloss` of an MJCF's joint. Damping is not included.
 
+    Args:
+        robot: The robot.
+
     Raises:
         InputError: not a robot.
+
+    Example:
+        >>> talos = rbd.load_robot("talos")
+        >>> frictions = rbd.constraints.joint_frictions(talos)
+        >>> print(len(frictions), frictions[0])
+        20 JointFriction(name='torso_1_joint_friction', joint='torso_1_joint', torque=1.0)
     """
     rough = [joint for joint in _checked(robot).joints.values() if joint.friction > 0.0]
     return [JointFriction(f"{joint.name}_friction", joint.name, joint.friction) for joint in rough]
@@ -54,6 +70,11 @@ def mimics(robot: Any) -> list[JointCoupling]:
     Raises:
         InputError: a robot without a URDF file.
         ModelError: a file that has changed since.
+
+    Example:
+        >>> panda = rbd.load_robot("panda", root="fixed")
+        >>> [(each.joint, each.to, each.ratio) for each in rbd.constraints.mimics(panda)]
+        [('panda_finger_joint2', 'panda_finger_joint1', 1.0)]
     """
     path = getattr(_checked(robot), "urdf", None)
     if not isinstance(path, Path):

@@ -34,6 +34,8 @@ _OPPOSITE = 1e-8
 class LoopClosure:
     """A joint between two frames of a robot: a ball joint, a hinge, a weld, or a pin of a planar mechanism.
 
+    The kinds, each with its rows::
+
         kind         rows                                              error is zero where
         "point"      x (3)                                             the origins coincide
         "revolute"   x (3), turn of the axis about t1 and t2 (2)       and `axis` of frame_b is along `axis` of frame_a
@@ -63,6 +65,13 @@ class LoopClosure:
 
     Raises:
         InputError: an unknown kind, an axis of zero length, one frame twice.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> joined = rbd.LoopClosure("joined", "coupler_tip", "rocker_tip", kind="planar", axis=(0, -1, 0))
+        >>> solution = rbd.solve(robot.at("assembled"), [0.0], [joined])
+        >>> solution.forces["joined"].round(3)
+        array([10.221,  0.   , -9.118])
     """
 
     name: str

@@ -30,11 +30,13 @@ for _array in (_ONE_CORNER, _NO_ERROR, _VELOCITY_ONLY):
 class VelocityConstraint:
     """Velocity constraint A(q) v = 0: m Pfaffian rows, integrable or not.
 
+    Its rows::
+
         J = A(q)        J_dot v = A_dot v, along the motion        no error: positions are not constrained
 
     A has one column an entry of v, and v is not always the derivative of q. For a joint with one degree of freedom it is. For
     a planar joint (x, y, cos, sin) v = (vx, vy, w) is in the body's axes, so that a row in x', y' and the angle's th'
-    is converted by x' = cos(th) vx - sin(th) vy, y' = sin(th) vx + cos(th) vy, th' = w:
+    is converted by x' = cos(th) vx - sin(th) vy, y' = sin(th) vx + cos(th) vy, th' = w::
 
         no side slip:   -sin(th) x' + cos(th) y' = 0        is the constant row     A = (0, 1, 0)
         x' + x th' = 0                                      is the row              A = (cos(th), -sin(th), x)
@@ -51,7 +53,12 @@ class VelocityConstraint:
     Raises:
         InputError: A is neither a function nor a matrix.
 
-    >>> blade = rbd.VelocityConstraint("blade", [0.0, 1.0, 0.0])  # on a planar joint
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> belt = rbd.VelocityConstraint("belt", [1.0, 1.0])  # q1' + q2' = 0: the second link keeps its direction
+        >>> solution = rbd.solve(arm.at([0.0, 0.5]), [1.0, 0.0], [belt])
+        >>> solution.a.round(3), solution.forces["belt"].round(3)
+        (array([-10.286,  10.286]), array([-0.209]))
     """
 
     name: str
@@ -118,6 +125,8 @@ class VelocityConstraint:
 class KnifeEdge:
     """A knife edge (skate constraint): its point moves along it and turns, and does not slip sideways.
 
+    Its row::
+
         J v = l . p'        l = n x d / |n x d|        J_dot v = l . p'' + l' . p'
 
     p the point, d the edge's direction, which turns with its frame, n the normal of its plane. The second
@@ -135,6 +144,13 @@ class KnifeEdge:
 
     Raises:
         InputError: a direction of zero length, a normal that is not of unit length.
+
+    Example:
+        >>> sleigh = rbd.testing.box(mass=4.0)
+        >>> blade = rbd.KnifeEdge("blade", "box", direction=(1, 0, 0))
+        >>> moving = rbd.State(sleigh, [0, 0, 0, 0, 0, 0, 1], [2.0, 0, 0, 0, 0, 1.5])  # at 2 m/s, turning at 1.5 rad/s
+        >>> rbd.solve(moving, [], [blade]).forces["blade"].round(3)  # m u w, towards the centre of the turn
+        array([ 0., 12.,  0.])
     """
 
     name: str

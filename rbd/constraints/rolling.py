@@ -86,15 +86,33 @@ class Rolling:
 
 @dataclass(frozen=True, eq=False)
 class RollingBall(Rolling):
-    """A ball on a plane.
+    """A ball that rolls on a plane, or slips on it with friction.
 
     Three rows (tangent, tangent, normal) of the plane's axes. `friction=None` rolls: it neither slips nor separates, and may
     spin about the normal. `friction=mu` is unilateral with Coulomb friction: it can slip, and `rbd.ConeSolver` takes
     one that slips already. `friction=0.0` is unilateral without friction: the normal row alone. Rolling and spinning
     resistance are neglected.
 
-    `solution.forces[name]` is the force on the ball at its lowest point, shape (3,), in world axes. Attributes as of
-    `Rolling`.
+    `solution.forces[name]` is the force on the ball at its lowest point, shape (3,), in world axes.
+
+    Attributes:
+        name: The contact's role, e.g. "ball".
+        frame: Frame of the robot at the centre of the rolling body.
+        radius: Of the rolling body [m].
+        friction: Coulomb's coefficient, or None: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP.
+        on: The plane: `rbd.Ground(point=..., normal=...)`, the height of a level one [m], or `rbd.Body(frame)`.
+
+    Raises:
+        InputError: a radius that is not positive, negative friction, a ground without a point.
+
+    Example:
+        >>> ball = rbd.testing.box(mass=1.0, size=(0.1, 0.1, 0.1))
+        >>> slope = rbd.Ground(point=(0, 0, 0), normal=(0.6, 0, 0.8))
+        >>> rolling = rbd.RollingBall("rolling", "box", radius=0.05, on=slope)
+        >>> solution = rbd.solve(rbd.State(ball, [0.03, 0, 0.04, 0, 0, 0, 1]), [], [rolling])
+        >>> solution.a[[0, 2, 4]].round(3)  # down the slope, turning about y
+        array([ 2.825, -2.119, 70.632])
     """
 
     def rows(self, state: State) -> Rows:
@@ -110,17 +128,30 @@ class RollingBall(Rolling):
 
 @dataclass(frozen=True, eq=False)
 class RollingDisk(Rolling):
-    """A thin disk on a plane, upright or leaning: a coin, a hoop, a wheel of a bicycle.
+    """A thin disk that rolls on a plane, upright or leaning: a coin, a hoop, a wheel of a bicycle.
 
     Three rows (heading, side, normal): the heading is that of rolling by positive spin about `axis`, axis x normal, the side
-    is towards the axis. The contact is the lowest point of the rim, which moves on the rim. Friction as of `RollingBall`, and
-    the other attributes as of `Rolling`. A flat disk touches along its rim and is refused.
+    is towards the axis. The contact is the lowest point of the rim, which moves on the rim. Friction as of `RollingBall`. A
+    flat disk touches along its rim and is refused.
 
     Attributes:
+        name: The contact's role, e.g. "coin".
+        frame: Frame of the robot at the centre of the rolling body.
+        radius: Of the rolling body [m].
         axis: Spin axis, in the frame's axes, of any length, shape (3,).
+        friction: Coulomb's coefficient, or None: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP.
+        on: The plane: `rbd.Ground(point=..., normal=...)`, the height of a level one [m], or `rbd.Body(frame)`.
 
     Raises:
-        InputError: an axis of zero length.
+        InputError: a radius that is not positive, negative friction, a ground without a point, an axis of zero length.
+
+    Example:
+        >>> disk = rbd.testing.box(mass=1.0, size=(0.5, 0.01, 0.5))
+        >>> coin = rbd.RollingDisk("coin", "box", radius=0.25)
+        >>> rolls = rbd.State(disk, [0, 0, 0.25, 0, 0, 0, 1], [0.5, 0, 0, 0, 2.0, 0])  # 0.5 m/s, 2 rad/s
+        >>> coin.rows(rolls).velocity, rbd.solve(rolls, [], [coin]).forces["coin"].round(3)
+        (array([0., 0., 0.]), array([0.  , 0.  , 9.81]))
     """
 
     axis: Sequence[float] | Array = field(default=(0.0, 1.0, 0.0), kw_only=True)
@@ -168,7 +199,26 @@ class RollingWheel(RollingDisk):
     Two rows (heading, side), those of `RollingDisk` without the normal one, which is zero for a vehicle on a planar joint:
     its joints carry the weight. A vehicle free in space needs `RollingDisk`, or `friction=mu`: then the rows are those of
     the disk, with the normal, and the wheel may slip; that is refused if the vehicle has no motion along the normal. Its frame
-    is on the wheel, which spins; attributes as of `RollingDisk`.
+    is on the wheel, which spins.
+
+    Attributes:
+        name: The contact's role, e.g. "left_wheel".
+        frame: Frame of the robot at the centre of the rolling body.
+        radius: Of the rolling body [m].
+        axis: Spin axis, in the frame's axes, of any length, shape (3,).
+        friction: Coulomb's coefficient, or None: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP.
+        on: The plane: `rbd.Ground(point=..., normal=...)`, the height of a level one [m], or `rbd.Body(frame)`.
+
+    Raises:
+        InputError: a radius that is not positive, negative friction, a ground without a point, an axis of zero length.
+
+    Example:
+        >>> wheel = rbd.testing.box(mass=1.0, size=(0.2, 0.02, 0.2))
+        >>> rolling = rbd.RollingWheel("rolling", "box", radius=0.1)
+        >>> moves = rbd.State(wheel, [0, 0, 0.1, 0, 0, 0, 1], [0.3, 0.05, 0, 0, 3.0, 0])
+        >>> rolling.rows(moves).velocity.round(6)  # it rolls along x, and slides sideways at 0.05 m/s
+        array([0.  ,  0.05])
     """
 
     def rows(self, state: State) -> Rows:

@@ -24,6 +24,8 @@ CARRIES = 1e-9
 class Baumgarte:
     """Feedback that makes the error of a constraint decay like a damped oscillator [Baumgarte1972].
 
+    It is added to y = J a + J_dot v::
+
         feedback = 2 zeta w velocity + w^2 error,      so that      error'' + 2 zeta w error' + w^2 error = 0
 
     on bilateral rows. It is no physics: `solution.accelerations` leave it out, and `solution.feedback_acceleration` is
@@ -44,7 +46,14 @@ class Baumgarte:
     Raises:
         InputError: a frequency that is not positive, a damping ratio that is negative, numbers that are not finite.
 
-    >>> held = rbd.constraints.Baumgarte(20.0).of(rbd.JointLock("brake", "arm_left_4_joint", position=-1.5))
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> brake = rbd.JointLock("brake", "joint_1", position=0.0)
+        >>> pulled = rbd.constraints.Baumgarte(20.0).of(brake)
+        >>> for lock in (brake, pulled):  # 0.01 rad off: left there, or brought back with 20^2 * 0.01 rad/s2
+        ...     print(f"{rbd.solve(arm.at([0.01, 0.5]), [0.0, 0.0], [lock]).a[0]:.3f}")
+        0.000
+        -4.000
     """
 
     frequency: float

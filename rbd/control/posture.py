@@ -126,7 +126,7 @@ def _tipping(state: State, rows_at: Callable[[State], Array], C: Array, Z: Array
 
 @dataclass(frozen=True, eq=False)
 class HoldPosture:
-    """Torques that hold a posture: gravity compensation through the contacts, and PD on the joints, within the effort limits.
+    """Controller that holds a posture: gravity compensation through the contacts, PD on the joints, within effort limits.
 
     It looks at which points touch, as a robot with switches in its soles would, and changes its gains with them: a leg in the
     air feels little inertia, and gains of a standing leg would shake it. It has no memory, so runs are repeatable.
@@ -143,7 +143,14 @@ class HoldPosture:
         CannotHold: a posture that the motors cannot hold on its contacts, if all touch; names the limit that prevents it.
         NotAtRest: the ground moves.
 
-    >>> stand = rbd.control.HoldPosture(state, robot.feet(0.7))
+    Example:
+        >>> solo = rbd.load_robot("solo12", root="fixed")
+        >>> stand = rbd.control.HoldPosture(solo.at("standing"))
+        >>> bent = solo.at("standing").with_joints({"FL_KFE": -1.2})
+        >>> for state in (solo.at("standing"), bent):  # gravity compensation, and against the bend of the third joint
+        ...     print(stand(state, 0.0)[:3].round(3))
+        [ 0.099  0.097 -0.027]
+        [ 0.101  0.092 -0.032]
     """
 
     state: State

@@ -37,7 +37,7 @@ def asked(what: str, given: Callable[[State, float], Any], state: State, t: floa
 
 @dataclass(frozen=True, eq=False)
 class TorqueSchedule:
-    """Torques from a table over time, independent of the state.
+    """Controller that gives torques from a table over time, independent of the state.
 
     Attributes:
         times: Shape (n,) [s], increasing.
@@ -48,7 +48,11 @@ class TorqueSchedule:
     Raises:
         InputError: times that do not increase, sizes that do not fit, numbers that are not finite.
 
-    >>> script = rbd.control.TorqueSchedule([0.0, 0.5, 1.0], [[0.0], [2.0], [0.0]])
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> table = rbd.control.TorqueSchedule([0.0, 0.5, 1.0], [[0.0], [2.0], [0.0]])
+        >>> [float(table(arm.at([0.0]), t)[0]) for t in (0.25, 0.5, 0.75, 2.0)]
+        [1.0, 2.0, 1.0, 0.0]
     """
 
     times: Sequence[float] | Array
@@ -92,7 +96,7 @@ class TorqueSchedule:
 
 @dataclass(frozen=True, eq=False)
 class ZeroOrderHold:
-    """A controller evaluated once a period, its torques constant in between: a zero-order hold, as in a real robot.
+    """Controller evaluated once a period, its torques constant in between: a zero-order hold, as in a real robot.
 
     It uses the torques of the first state in a period; so the period should be a whole number of steps of
     an integrator with steps of one length. If time goes back, as at the start of another run, it evaluates again, so runs
@@ -105,7 +109,11 @@ class ZeroOrderHold:
     Raises:
         InputError: a controller that cannot be called, a period that is not above zero.
 
-    >>> slow = rbd.control.ZeroOrderHold(rbd.control.HoldPosture(state, robot.feet(0.7)), period=5e-3)
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> ramp = rbd.control.ZeroOrderHold(lambda state, t: np.array([10.0 * t]), period=0.2)
+        >>> [round(float(ramp(arm.at([0.0]), t)[0]), 3) for t in (0.0, 0.1, 0.2, 0.3, 0.4)]
+        [0.0, 0.0, 2.0, 2.0, 4.0]
     """
 
     controller: Controller
@@ -151,7 +159,12 @@ class Push:
     Raises:
         InputError: vectors that are not three finite numbers, a time that is not finite, a duration that is not above zero.
 
-    >>> push = rbd.control.Push("torso_2_link", (0.0, 20.0, 0.0), start=1.0, duration=0.1)
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> push = rbd.control.Push("box", (0.0, 20.0, 0.0), start=0.1, duration=0.2)
+        >>> motion = rbd.simulate(rbd.State(box, [0, 0, 1, 0, 0, 0, 1]), duration=0.4, step=0.1, external=push)
+        >>> push.impulse, motion.momentum[:, 1].round(6)
+        (array([0., 4., 0.]), array([0.      , 0.333333, 2.333333, 4.      , 4.      ]))
     """
 
     frame: str
@@ -198,13 +211,21 @@ class Push:
 
 @dataclass(frozen=True, eq=False)
 class Pushes:
-    """Several pushes, and loads that always act: those that act at a time add up.
+    """Several pushes, and loads that always act, as `external` of `rbd.simulate`: those that act at a time add up.
 
     Attributes:
-        pushes: `Push`es and `ExternalForce`s.
+        pushes: Objects `Push` and `ExternalForce`.
 
     Raises:
         InputError: an entry that is neither.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> lift = rbd.ExternalForce("box", (0.0, 0.0, 98.1))  # always
+        >>> both = rbd.control.Pushes([lift, rbd.control.Push("box", (20.0, 0.0, 0.0), start=0.1, duration=0.2)])
+        >>> motion = rbd.simulate(rbd.State(box, [0, 0, 1, 0, 0, 0, 1]), duration=0.4, step=0.1, external=both)
+        >>> motion.momentum[-1, :3].round(6)  # 20 N for 0.2 s
+        array([ 4.,  0., 0.])
     """
 
     pushes: Sequence[Push | ExternalForce]

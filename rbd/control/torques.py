@@ -31,15 +31,15 @@ def inverse_dynamics(
     """Motor torques and contact forces with which a robot accelerates as wanted: M a + h = S^T tau + tau_ext + J^T f.
 
     Torques are within their limits, nothing drives bases and passive joints, and forces are those that the wanted motion
-    allows under Coulomb's law, point by point, with c = J a + J_dot v: a point that keeps still (c = 0) any force in its cone;
-    one that opens (c_n > 0) none; one that slips (c_n = 0, c_t != 0, or it slides already) friction mu f_n against the slip; a
+    allows under Coulomb's law, point by point, with y = J a + J_dot v: a point that keeps still (y = 0) any force in its cone;
+    one that opens (y_n > 0) none; one that slips (y_n = 0, y_t != 0, or it slides already) friction mu f_n against the slip; a
     bilateral row any. Of all these it takes the ones of least effort, sum (tau / limit)^2 and a small weight on the forces.
 
     Args:
         state: The robot at (q, v).
         a: The wanted acceleration, shape (nv,) [m/s2, rad/s2]; of a floating base in the base's axes, as `Solution.a`.
         contacts: Contacts, loops and other constraints, each with its own name.
-        external: Other forces of the world: generalised (nv,), or `ExternalForce`s.
+        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects.
         friction: "cone": circular cones. "inscribed": the pyramids inside them, of each contact's facets; for points that keep
             still.
         objective: What is made least, and bounds on normal forces and centres of pressure; see `rbd.statics.Effort`.
@@ -58,6 +58,14 @@ def inverse_dynamics(
         CannotMove: a point would sink, a held row would move; or there are no such torques and forces. Then it names an
             irreducible set of limits in the way, with a proof, and what is missing; `error.nearest()` is the nearest
             acceleration that is possible.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet(friction=0.7)
+        >>> a = rbd.mechanism.project_acceleration(state, np.eye(solo.nv)[2], feet).a  # the trunk up, the feet still
+        >>> wanted = rbd.inverse_dynamics(state, a, feet)
+        >>> print(wanted.tau[:3].round(3), np.abs(rbd.solve(state, wanted.tau, feet).a - a).max() < 1e-9)
+        [-0.341 -0.019  0.68 ] True
     """
     robot = checked(state).robot
     a = robot.check_v(a, "a")
@@ -90,7 +98,7 @@ def inverse_dynamics_many(
         v: Velocities, shape (n, nv), or (nv,) [m/s, rad/s]; None: at rest.
         a: The wanted accelerations, shape (n, nv), or (nv,) [m/s2, rad/s2].
         contacts: As of `inverse_dynamics`.
-        external: Generalised forces (n, nv) or (nv,), or `ExternalForce`s that act at every state.
+        external: Generalised forces (n, nv) or (nv,), or `ExternalForce` objects that act at every state.
         coefficients: Of friction, in place of the contacts' own: a number or (n,), of all contacts that have one, or
             {contact: a number or (n,)}.
         friction: As of `inverse_dynamics`.
@@ -102,6 +110,14 @@ def inverse_dynamics_many(
         InputError: what concerns all states: wrong sizes, numbers of states that differ, an objective that is none.
         UnknownName: unknown frames, or coefficients of a contact that is not there.
         DuplicateName: two constraints of one name.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet(friction=0.7)
+        >>> up = rbd.mechanism.project_acceleration(state, np.eye(solo.nv)[2], feet).a  # the trunk up, the feet still
+        >>> wanted = rbd.control.inverse_dynamics_many(solo, state.q, None, np.outer([1.0, 0.0, -20.0], up), feet)
+        >>> wanted.forces["front_left"][:, 2].round(3), list(wanted.reasons)  # the last would need feet that pull
+        (array([6.698, 6.131,   nan]), [2])
     """
     asked = Asked.of(objective, friction, margin, rest_speed, holds=False)
     states = ManyStates.of(robot, q, v, contacts, external=external, friction=coefficients, a=a)

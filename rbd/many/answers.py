@@ -33,7 +33,7 @@ class ManyAnswers:
         forces: {constraint: (n, 3) of a point, (n, 6) of a surface}, on the robot, world axes [N, N m]; row forces (n, m) of
             others. Zero where it is inactive.
         corner_forces: {contact: forces at its corners (n, k, 3)}, world axes [N].
-        friction_used: {contact: |f_t| / (mu f_n) of its net force, shape (n,)}; NaN without load or coefficient.
+        friction_used: {contact: `|f_t| / (mu f_n)` of its net force, shape (n,)}; NaN without load or coefficient.
         centre_of_pressure: {contact: point of the patch's plane, in W, shape (n, 3) [m]}; NaN without load.
         residuals: {equation: scaled residual, shape (n,)}, recomputed from each answer; as `Residuals.scaled`.
         status: A `StateStatus` of each state, shape (n,), integers.

@@ -49,7 +49,7 @@ def solve_many(
         tau: Motor torques, shape (n, nu), or (nu,) [N, N m].
         constraints: As of `rbd.solve`.
         law: "coulomb", which is the default, or "convex".
-        external: Generalised forces (n, nv) or (nv,), or `ExternalForce`s that act at every state.
+        external: Generalised forces (n, nv) or (nv,), or `ExternalForce` objects that act at every state.
         friction: Coefficients that replace the contacts' own: a number or (n,), of all contacts that have one, or
             {contact: a number or (n,)}.
         rest_speed: As of `rbd.solve`.
@@ -63,8 +63,14 @@ def solve_many(
         UnknownName: unknown frames, or friction of a contact that is not there.
         DuplicateName: two constraints of one name.
 
-    >>> solutions = rbd.solve_many(talos, q, None, tau, talos.soles(friction=0.7))
-    >>> solutions.forces["left_sole"][:, 2].max()
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> q = np.tile(solo.standing().q, (3, 1))
+        >>> solutions = rbd.solve_many(solo, q, None, np.zeros(solo.nu), solo.feet(), friction=[0.0, 0.02, 0.7])
+        >>> solutions.forces["front_left"].round(3)
+        array([[ 0.   ,  0.   ,  0.331],
+               [-0.007,  0.   ,  0.336],
+               [-0.342, -0.03 ,  0.575]])
     """
     asked = COULOMB if law is None else slip_law(law)
     if not 0.0 <= as_float(rest_speed) < 1e100:

@@ -19,7 +19,7 @@ from rbd.model.state import State
 Friction: TypeAlias = float | Sequence[float] | Array | Mapping[str, Any] | None
 """Coefficients in place of the contacts' own: a number, one a state (n,), or {contact: either}."""
 ManyExternal: TypeAlias = Array | Sequence[Any] | ExternalForce | None
-"""Generalised forces (nv,) or (n, nv), or `ExternalForce`s that act at every state."""
+"""Generalised forces (nv,) or (n, nv), or `ExternalForce` objects that act at every state."""
 
 
 _KEPT = 64
@@ -38,7 +38,7 @@ class ManyStates:
         v: Velocities, shape (n, nv).
         vectors: {"tau": (n, nu)} or {"a": (n, nv)}: what else was given, a row a state.
         constraints: As given.
-        external: None, `ExternalForce`s, or generalised forces (n, nv).
+        external: None, `ExternalForce` objects, or generalised forces (n, nv).
         friction: {contact: coefficients (n,)} where they replace those of the contacts.
         refused: {state: message} of states that are no input: not finite, or a quaternion off the unit sphere.
     """

@@ -9,7 +9,16 @@ from rbd.problem.answer import Status
 
 
 class StateStatus(IntEnum):
-    """What became of one state; `solutions.reasons` has the message where it is not `SOLVED`."""
+    """What became of one of many states; the message where it is not `SOLVED` is in `solutions.reasons`.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> v = np.zeros((2, solo.nv))
+        >>> v[1, 2] = -0.1  # the second falls onto its feet
+        >>> solutions = rbd.solve_many(solo, solo.standing().q, v, np.zeros(solo.nu), solo.feet())
+        >>> [rbd.many.StateStatus(status).words for status in solutions.status]
+        ['solved', 'contact moves']
+    """
 
     SOLVED = 0
     """Every scaled residual is at most 1e-9."""

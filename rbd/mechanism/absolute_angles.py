@@ -38,10 +38,11 @@ def link_rates(state: State, rates: Sequence[float] | Array | None = None) -> di
     Raises:
         InputError: a link that is turned out of the plane, another shape, numbers that are not finite.
 
-    >>> state = rbd.mechanism.four_bar(40, 120, 80, 100, crank_angle=math.radians(40)).at("assembled")
-    >>> v = rbd.mechanism.velocity_partition(state, known={"crank_joint": 25.0}).v
-    >>> round(rbd.mechanism.link_rates(state, v)["coupler"], 4)
-    -4.1209
+    Example:
+        >>> state = rbd.mechanism.four_bar(40, 120, 80, 100, crank_angle=np.radians(40)).at("assembled")
+        >>> v = rbd.mechanism.velocity_partition(state, known={"crank_joint": 25.0}).v
+        >>> round(rbd.mechanism.link_rates(state, v)["coupler"], 4)
+        -4.1209
     """
     angles = link_angles(state)
     given = state.v if rates is None else as_array("rates", rates)
@@ -58,7 +59,7 @@ def link_jacobians(state: State, constraints: Sequence[Constraint] | None = None
 
     Two rows a loop, the world's x and z of e = p_a - p_b, frame_a's point less frame_b's: J1 theta1' + J2 theta2' = e', zero
     while the loop is closed. A bar of length L from its own hinge to the next has the column L (-sin theta, cos theta),
-    with a minus on the way of frame_b. For `four_bar` with the crank known
+    with a minus on the way of frame_b. For `four_bar` with the crank known::
 
         J1 = a (-sin th2, cos th2),  J2 = [b (-sin th3, cos th3), -c (-sin th4, cos th4)],  det J2 = b c sin(th3 - th4) [m2]
 
@@ -76,12 +77,12 @@ def link_jacobians(state: State, constraints: Sequence[Constraint] | None = None
         InputError: joints other than hinges across the plane and slides in it, constraints that are no loops, an unknown or
             repeated name.
 
-    >>> state = rbd.mechanism.four_bar(40, 120, 80, 100, crank_angle=math.radians(40)).at("assembled")
-    >>> found = rbd.mechanism.link_jacobians(state, known=["crank"])
-    >>> round(found.determinant, 1)
-    -5781.0
-    >>> (-np.linalg.solve(found.J_unknown, found.J_known @ [25.0])).round(4)  # rates of coupler and rocker
-    array([-4.1209,  6.998 ])
+    Example:
+        >>> state = rbd.mechanism.four_bar(40, 120, 80, 100, crank_angle=np.radians(40)).at("assembled")
+        >>> found = rbd.mechanism.link_jacobians(state, known=["crank"])
+        >>> rates = -np.linalg.solve(found.J_unknown, found.J_known) @ [25.0]  # from the ground [rad/s]
+        >>> found.unknown, rates.round(3), round(found.determinant)
+        (('coupler', 'rocker'), array([-4.121,  6.998]), -5781)
     """
     robot, turning = check_state(state).robot, _turning(state)
     joints = list(robot.joints.values())

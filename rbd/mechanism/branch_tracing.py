@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -14,109 +14,12 @@ from rbd.mechanism.assembly import TOLERANCE, assemble, check_descent
 from rbd.mechanism.closure import Closure, descend
 from rbd.mechanism.continuation import Curve, Drive, Point, Step
 from rbd.mechanism.poses import LimitViolation, beyond_limits, distance
+from rbd.mechanism.traced_poses import Bifurcation, Limit, Trace
 from rbd.model.checked_model import FARTHEST
 from rbd.model.state import State, check_state
 
-_SHOWN = 6
 ARRIVED = 1e-9
 """Distance within which the driven joint counts as at a value, or at a limit [rad, m]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Limit:
-    """A limit of the driven joint's motion: J2 is singular, and the mechanism turns back there.
-
-    Attributes:
-        value: Value of the driven joint [rad, m].
-        greatest: Whether it is a maximum of the joint's value; else a minimum.
-        q: The pose, shape (nq,).
-    """
-
-    value: float
-    greatest: bool
-    q: Array
-
-
-@dataclass(frozen=True, eq=False)
-class Bifurcation:
-    """A singular pose that the motion passes, where another branch crosses, to 1e-5.
-
-    Attributes:
-        value: Value of the driven joint [rad, m].
-        q: The pose, shape (nq,).
-        sigma: Least singular value of J there, of those that are not zero along the motion.
-    """
-
-    value: float
-    q: Array
-    sigma: float
-
-
-@dataclass(frozen=True, eq=False)
-class Trace:
-    """Poses of a driven mechanism, in order.
-
-    Attributes:
-        joint: The driven joint.
-        input: Its values, shape (n,) [rad, m]; a continuous joint's are not wrapped.
-        q: Poses, shape (n, nq).
-        residual: Largest entry of the errors, shape (n,) [m, rad].
-        sigma_min: Least singular value of J2, the columns of all other free joints, shape (n,).
-        condition: Condition number of J2, shape (n,); inf where it is singular.
-        limits: Limits at which the driven joint turned back, or would have.
-        crossings: Singular poses that were passed.
-        unreached: Requested values that were not reached, shape (k,).
-        stopped_by: Name of the joint limit that ended the motion, or "".
-        closed: Whether the motion returned to its first pose.
-        beyond_limits: Joints outside the limits of the robot's file somewhere along the motion, at the first such pose.
-        moved: Distance of the first pose from the start, as in `Assembly`.
-        steps: Steps tried.
-    """
-
-    joint: str
-    input: Array
-    q: Array
-    residual: Array
-    sigma_min: Array
-    condition: Array
-    limits: tuple[Limit, ...]
-    crossings: tuple[Bifurcation, ...]
-    unreached: Array
-    stopped_by: str
-    closed: bool
-    beyond_limits: tuple[LimitViolation, ...]
-    moved: float
-    steps: int
-
-    def __len__(self) -> int:
-        return len(self.input)
-
-    @property
-    def complete(self) -> bool:
-        """Whether every requested value was reached."""
-        return not len(self.unreached)
-
-    def __str__(self) -> str:
-        worst = int(np.argmin(self.sigma_min))
-        start = f"; it began {self.moved:.3g} from the start given" if self.moved > 0.1 else ""
-        lines = [
-            f"{self.joint} from {self.input[0]:.6g} to {self.input[-1]:.6g}: {len(self)} poses, off {self.residual.max():.0e}"
-            + start,
-            f"  nearest to singular at {self.input[worst]:.6g}: least singular value of J2 {self.sigma_min[worst]:.3g}",
-        ]
-        for limit in self.limits[:_SHOWN]:
-            lines.append(f"  limit: {'at most' if limit.greatest else 'at least'} {limit.value:.9g}")
-        lines += [f"  passes a singular pose at {crossing.value:.6g}: branches meet" for crossing in self.crossings[:_SHOWN]]
-        more = max(0, len(self.limits) - _SHOWN) + max(0, len(self.crossings) - _SHOWN)
-        lines += [f"  and {more} more of these"] * bool(more)
-        if self.stopped_by:
-            lines.append(f"  stopped by {self.stopped_by!r} at {self.input[-1]:.6g}")
-        if len(self.unreached):
-            first, last = self.unreached[0], self.unreached[-1]
-            lines.append(f"  not reached: {first:.6g}" + f" to {last:.6g}" * (len(self.unreached) > 1))
-        lines += ["  back where it began"] * self.closed
-        lines += [f"  beyond its limits: {joint}" for joint in self.beyond_limits]
-        return "\n".join(lines)
 
 
 def trace(
@@ -161,7 +64,12 @@ def trace(
         CannotAssemble: the start does not close.
         NoSolution: the branch is lost; with the pose.
 
-    >>> motion = rbd.mechanism.trace(robot.at(q0), joint="crank", values=(0.0, 6.28), steps=360)
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> path = rbd.mechanism.trace(robot.at("assembled"), joint="crank_joint", values=(0.0, 2 * np.pi), steps=36)
+        >>> rocker = [rbd.mechanism.link_angles(robot.at(q))["rocker"] for q in path.q]
+        >>> path.complete, round(min(rocker), 3), round(max(rocker), 3)
+        (True, 1.956, 2.636)
     """
     wanted = _wanted(values, check_whole("steps", steps))
     check_descent(tolerance, max_steps, "max_steps")

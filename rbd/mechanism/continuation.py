@@ -19,8 +19,8 @@ from scipy.optimize import brentq
 
 from rbd.arrays import Array
 from rbd.errors import InputError, NoSolution
+from rbd.mechanism.bilateral_velocities import independent_columns
 from rbd.mechanism.closure import Closure, ConstraintResidual, branches_meet, descend
-from rbd.mechanism.partition import independent_columns
 from rbd.problem.cones import NonNegative
 
 _LEAST_STEP = 1e-6

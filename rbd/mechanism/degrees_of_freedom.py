@@ -70,7 +70,7 @@ class RedundantRow:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Mobility:
-    """How many degrees of freedom a mechanism has at a configuration, three ways.
+    """How many degrees of freedom a mechanism has at a configuration: counted, instantaneous, and of finite motions.
 
     Attributes:
         count: Gruebler's and Kutzbach's count.
@@ -88,6 +88,14 @@ class Mobility:
         velocity_only: Whether some rows constrain only velocity; `finite` then refers to velocities, and
             `rbd.mechanism.integrability` gives the dimension of the reachable configurations.
         seed: Of the directions that were tried.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> found = rbd.mechanism.mobility(robot.at("assembled"))
+        >>> found.count.planar, found.instantaneous, found.finite, found.over_constrained
+        (True, 1, 1, False)
+        >>> print(found.verdict)
+        it moves with 1 degree of freedom: every velocity that J allows extends to a finite motion
     """
 
     count: Count
@@ -186,6 +194,8 @@ def mobility(
 ) -> Mobility:
     """How many degrees of freedom a robot has under bilateral constraints: counted, instantaneous, and of finite motions.
 
+    The three numbers::
+
         counted         k (N - 1 - j) + sum of f        Gruebler, Kutzbach: bodies and joints, k = 3 or 6
         instantaneous   n - rank J(q)
         finite          dimension of the configurations that satisfy the constraints, near q
@@ -208,7 +218,14 @@ def mobility(
     Raises:
         InputError: the state is off the constraints, or one of them can break or slip.
 
-    >>> print(rbd.mechanism.mobility(robot.at(q), loops))  # doctest: +SKIP
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 1.0, 1.0, 1.0, crank_angle=1.0)
+        >>> flat = rbd.mechanism.assemble(robot.at("assembled"), fixed={"crank_joint": 0.0}).q  # the square lies flat
+        >>> for q in (robot.posture("assembled"), flat):
+        ...     found = rbd.mechanism.mobility(robot.at(q))
+        ...     print(found.instantaneous, found.finite, found.singular)
+        1 1 False
+        2 1 True
     """
     tolerance, seed = check_positive("tolerance", tolerance, 1e-2), check_seed(seed)
     held = ConstraintManifold(state, constraints, tolerance=tolerance)

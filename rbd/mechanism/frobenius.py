@@ -67,7 +67,7 @@ class PointReport:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Integrability:
-    """Whether velocity constraints are holonomic, with the dimensions of velocities and configurations.
+    """Whether velocity constraints are holonomic, with the numbers of degrees of freedom of velocity and configuration.
 
     Attributes:
         names: Constraints.
@@ -75,6 +75,12 @@ class Integrability:
         reports: Point by point.
         tolerance: Singular values of brackets above it count as new directions.
         seed: Of the points, if they were drawn.
+
+    Example:
+        >>> sleigh = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> found = rbd.mechanism.integrability(sleigh.at(), [rbd.VelocityConstraint("belt", [1.0, 1.0])])
+        >>> found.holonomic, found.velocity_dof, found.configuration_dof
+        (True, 1, 1)
     """
 
     names: tuple[str, ...]
@@ -181,7 +187,13 @@ def integrability(
     Raises:
         InputError: points that are invalid, or off the constraints; none found on the constraints.
 
-    >>> print(rbd.mechanism.integrability(skate.at(), [blade]))  # doctest: +SKIP
+    Example:
+        >>> skate = rbd.testing.box()
+        >>> blade = rbd.KnifeEdge("blade", "box")
+        >>> flat = rbd.VelocityConstraint("flat", np.eye(6)[[2, 3, 4]])  # it neither rises nor tilts
+        >>> found = rbd.mechanism.integrability(rbd.State(skate, [0, 0, 0, 0, 0, 0, 1]), [blade, flat])
+        >>> found.holonomic, found.velocity_dof, found.configuration_dof
+        (False, 2, 3)
     """
     tolerance, seed = check_positive("tolerance", tolerance, 0.1), check_seed(seed)
     robot = check_state(state).robot

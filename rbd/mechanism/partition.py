@@ -17,16 +17,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, check_finite, max_abs
-from rbd.constraints.constraint import Constraint, rows_of
-from rbd.constraints.manifold import CLOSED, StackedRows, own_or
+from rbd.arrays import Array, max_abs
+from rbd.constraints.constraint import Constraint
 from rbd.errors import InputError, SingularPose
-from rbd.mechanism.closure import SINGULAR, Closure, branches_meet, position_residual, rank_of
+from rbd.mechanism.bilateral_velocities import BilateralVelocities, Rates, independent_columns
+from rbd.mechanism.closure import Closure, branches_meet, rank_of
 from rbd.mechanism.columns import Columns
-from rbd.model.state import State, check_state
-from rbd.problem.cones import Box, Free, NonNegative
-
-Rates = Mapping[str, "float | Sequence[float] | Array"]
+from rbd.model.state import State
 
 _CONSISTENT = 1e-9
 """Tolerance of the rows, over the largest sum of terms in a row."""
@@ -34,13 +31,19 @@ _CONSISTENT = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class VelocityPartition:
-    """All velocities of a mechanism, from some of them.
+    """All velocities of a mechanism from some of them, as `velocity_partition` finds them.
 
     Attributes:
         v: Velocity, shape (nv,): for `state.with_velocity(v)`.
         rates: {unknown velocity: its value} [rad/s, m/s].
         columns: J1 and J2, their rank and condition.
-        residual: Largest |J v - u| [m/s, rad/s].
+        residual: Largest `|J v - u|` [m/s, rad/s].
+
+    Example:
+        >>> state = rbd.mechanism.four_bar(40, 120, 80, 100).at("assembled")
+        >>> found = rbd.mechanism.velocity_partition(state, known={"crank_joint": 25.0})
+        >>> print(found.v.round(3), f"condition {found.condition:.3f}")
+        [ 25.    -24.234  13.11 ] condition 2.157
     """
 
     v: Array
@@ -64,13 +67,20 @@ class VelocityPartition:
 
 @dataclass(frozen=True, eq=False)
 class AccelerationPartition:
-    """All accelerations of a mechanism, from some of them.
+    """All accelerations of a mechanism from some of them, as `acceleration_partition` finds them.
 
     Attributes:
         a: Acceleration, shape (nv,).
         accelerations: {unknown acceleration: its value} [rad/s2, m/s2].
         columns: J1 and J2, their rank and condition.
-        residual: Largest |J a + J_dot v| [m/s2, rad/s2].
+        residual: Largest `|J a + J_dot v|` [m/s2, rad/s2].
+
+    Example:
+        >>> state = rbd.mechanism.four_bar(40, 120, 80, 100).at("assembled")
+        >>> moving = state.with_velocity(rbd.mechanism.velocity_partition(state, known={"crank_joint": 25.0}).v)
+        >>> found = rbd.mechanism.acceleration_partition(moving, known={"crank_joint": 15.0})
+        >>> print(found.a.round(3), found.residual < 1e-9)
+        [15.    98.525 80.256] True
     """
 
     a: Array
@@ -116,7 +126,11 @@ def velocity_partition(
             contact that can slip.
         JointNotFound: with the nearest names.
 
-    >>> rbd.mechanism.velocity_partition(state, known={"crank": 25.0}).rates["rocker"]
+    Example:
+        >>> state = rbd.mechanism.four_bar(40, 120, 80, 100).at("assembled")
+        >>> found = rbd.mechanism.velocity_partition(state, known={"crank_joint": 25.0})
+        >>> {name: round(rate, 3) for name, rate in found.rates.items()}
+        {'coupler_joint': -24.234, 'rocker_joint': 13.11}
     """
     held = BilateralVelocities(state, constraints)
     v, columns, residual = _solved(held, {} if known is None else known, held.u, "rate")
@@ -137,6 +151,13 @@ def acceleration_partition(
         SingularPose: As `velocity_partition`.
         InputError: As `velocity_partition`, and if the state's velocity violates a constraint.
         JointNotFound: with the nearest names.
+
+    Example:
+        >>> state = rbd.mechanism.four_bar(40, 120, 80, 100).at("assembled")
+        >>> moving = state.with_velocity(rbd.mechanism.velocity_partition(state, known={"crank_joint": 25.0}).v)
+        >>> found = rbd.mechanism.acceleration_partition(moving, known={"crank_joint": 15.0})
+        >>> {name: round(value, 3) for name, value in found.accelerations.items()}
+        {'coupler_joint': 98.525, 'rocker_joint': 80.256}
     """
     held = BilateralVelocities(state, constraints)
     off = held.J @ state.v - held.u
@@ -261,6 +282,11 @@ def independent_velocities(
     Raises:
         InputError: As `velocity_partition`.
         JointNotFound: with the nearest names.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> rbd.mechanism.independent_velocities(robot.at("assembled"), prefer=["crank_joint"])
+        ('crank_joint',)
     """
     held = BilateralVelocities(state, constraints)
     if isinstance(prefer, str) or not isinstance(prefer, list | tuple):
@@ -270,74 +296,3 @@ def independent_velocities(
         last[state.robot.joints.velocity(joint)] = True
     free = independent_columns(held.J * state.robot.joints.scale, last)
     return tuple(state.robot.joints.velocities[i].name for i in free)
-
-
-def independent_columns(J: Array, last: Array | None = None) -> list[int]:
-    """Columns left after selecting the best conditioned basis one by one; those marked `last` are selected last."""
-    n = J.shape[1]
-    last = np.zeros(n, bool) if last is None else last
-    left, R = list(range(n)), J.copy()
-    size = float(np.linalg.norm(J, 2)) if J.size else 0.0
-    for group in (~last, last):
-        while True:
-            norms = np.linalg.norm(R, axis=0)
-            candidates = [i for i in left if group[i] and norms[i] > SINGULAR * size]
-            if not candidates or size == 0.0:
-                break
-            # The first of those within a thousandth of the longest, so that rounding does not choose.
-            most = max(norms[i] for i in candidates)
-            pivot = next(i for i in candidates if norms[i] >= 0.999 * most)
-            unit = R[:, pivot] / norms[pivot]
-            R = R - np.outer(unit, unit @ R)
-            left.remove(pivot)
-    return left
-
-
-class BilateralVelocities:
-    """Rows of bilateral constraints at a state, as conditions on its velocity: J v = u."""
-
-    def __init__(self, state: State, constraints: Sequence[Constraint] | None) -> None:
-        self.state, self.joints = check_state(state), state.robot.joints
-        self.given = own_or(state.robot, constraints)
-        found = self.rows(state if not state.v.any() else state.with_velocity(state.robot.zero_v))
-        self.J, self.u, self.row_names = found.J, -found.velocity, [name for name, _ in found.names]
-
-    def rows(self, state: State) -> StackedRows:
-        """The bilateral rows.
-
-        Raises:
-            InputError: a constraint can slip or break, or is not assembled.
-        """
-        out = []
-        for r in rows_of(state, self.given):
-            if not len(r) or isinstance(r.cone, Box | NonNegative):
-                continue  # joint limits and friction depend on forces
-            if not isinstance(r.cone, Free):
-                raise InputError(
-                    f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}): forces decide whether it sticks (rbd.solve). "
-                    "Give it friction=None to make it bilateral."
-                )
-            error, _ = position_residual(r)
-            if max_abs(error) > CLOSED * max(1.0, self.joints.reach):
-                raise InputError(
-                    f"{state.robot.name} is not assembled: {r.name!r:.80} is off by {max_abs(error):.3g} m (or rad). "
-                    "Close it first, with rbd.mechanism.assemble."
-                )
-            out.append(r)
-        return StackedRows(state, out)
-
-    def values(self, known: Rates, what: str) -> tuple[Array, Array]:
-        """(which velocities are known, their values), both (nv,)."""
-        if not isinstance(known, Mapping):
-            raise InputError(f"known is {known!r:.80}; expected a mapping {{joint: {what}}}, e.g. {{'crank': 1.0}}.")
-        mask, out = np.zeros(self.state.robot.nv, bool), np.zeros(self.state.robot.nv)
-        for name, value in known.items():
-            at = self.joints.velocity(name)
-            given = np.atleast_1d(as_array(f"known {what} of {name!r:.80}", value))
-            if given.shape != (at.stop - at.start,):
-                raise InputError(f"known {what} of {name!r:.80} has shape {given.shape}; expected ({at.stop - at.start},).")
-            check_finite(f"known {what} of {name!r:.80}", given)
-            if mask[at].any():
-                raise InputError(f"known {what} of {name!r:.80} is given twice: once for the joint, once for a part of it.")
-            mask[at], out[at] = True, given
-        return mask, out

@@ -63,7 +63,7 @@ _BASE = 0.03
 
 @dataclass(frozen=True, eq=False)
 class FoundPose:
-    """A pose that satisfies its targets.
+    """A pose that satisfies its targets, as `find_pose` finds it.
 
     Attributes:
         state: The robot there, at rest.
@@ -72,6 +72,13 @@ class FoundPose:
         moved: Distance of the joints from the posture: Euclidean norm [rad; translations over the robot's length].
         at_limits: Joints at a limit, except those that are at one in the posture.
         starts: Number of starts: one if the search from the posture succeeded.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> targets = {"FL_FOOT": (0.2, 0.2, 0.05), "front_right": None, "hind_left": None, "hind_right": None}
+        >>> found = rbd.find_pose(solo, targets)
+        >>> print(found.worst < 1e-12, f"moved {found.moved:.2f} rad", found.at_limits, found.starts)
+        True moved 0.12 rad () 1
     """
 
     state: State
@@ -109,6 +116,8 @@ def find_pose(
 ) -> FoundPose:
     """A pose with contacts, frames and the centre of mass at given places, near a posture, within joint limits.
 
+    A place is written so::
+
         feet and contacts    (x, y, z): position of the centre; a sole (or an edge) is flat on the ground, its heading free
                              ((x, y, z), n): the same, with z along the unit vector n
                              rbd.Ground(point=..., normal=...), or a height [m]: on that plane, a sole flat, anywhere
@@ -141,8 +150,12 @@ def find_pose(
         FrameNotFound: no foot and no frame of a given name.
         DuplicateName: two targets with the same name.
 
-    >>> wide = rbd.find_pose(talos, {"left_sole": (0, 0.135, 0), "right_sole": (0, -0.135, 0)}, com=(0, 0))
-    >>> rbd.hold(wide.state, talos.soles())
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> places = {"front_left": (0.2, 0.2, 0.05), "front_right": None, "hind_left": None, "hind_right": None}
+        >>> found = rbd.find_pose(solo, places)  # one foot lifted, three on the ground
+        >>> print(found.worst < 1e-12, f"{found.moved:.2f} rad")
+        True 0.18 rad
     """
     if not isinstance(robot, CheckedModel):
         raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")

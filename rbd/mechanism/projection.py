@@ -57,6 +57,14 @@ class Projection:
 
     Raises:
         InputError: a tolerance that is not in (0, 1e-3], iterations that are not a whole number from 1.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> for kept in (rbd.simulation.Projection(), None):
+        ...     swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.5, step=2e-2, stabilisation=kept)
+        ...     print(f"{swing.residuals['drift'].max():.0e} m")
+        1e-15 m
+        8e-09 m
     """
 
     tolerance: float = 1e-12
@@ -132,6 +140,8 @@ def shortened(step: Array) -> Array:
 def project_velocity(state: State, constraints: Sequence[Constraint] | None = None) -> State:
     """The same configuration with the nearest velocity, in the metric of inertia, that satisfies the constraints.
 
+    The problem, and its solution::
+
         minimise 1/2 |v+ - v|_M^2     subject to     J v+ = u ,       v+ = v - M^-1 J^T (J M^-1 J^T)^+ (J v - u)
 
     u is the surfaces' velocity, zero for ground at rest. Contacts count as bilateral, whatever their
@@ -155,7 +165,13 @@ def project_velocity(state: State, constraints: Sequence[Constraint] | None = No
         InputError: an object is not a constraint, or no velocity satisfies all, e.g. on two belts that diverge.
         SingularInertia: M is not positive definite.
 
-    >>> rbd.solve(rbd.mechanism.project_velocity(state, robot.soles()), tau, robot.soles())
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet(friction=0.7)
+        >>> noisy = state.with_velocity(np.random.default_rng(0).normal(scale=0.1, size=solo.nv))
+        >>> clean = rbd.mechanism.project_velocity(noisy, feet)
+        >>> print(max(np.abs(foot.rows(clean).velocity).max() for foot in feet) < 1e-12)
+        True
     """
     stack = _stacked(check_state(state), constraints)
     if not stack.rows:
@@ -165,13 +181,19 @@ def project_velocity(state: State, constraints: Sequence[Constraint] | None = No
 
 @dataclass(frozen=True, eq=False)
 class ProjectedAcceleration:
-    """The nearest acceleration that satisfies constraints.
+    """The nearest acceleration that satisfies constraints, as `project_acceleration` finds it.
 
     Attributes:
         a: The acceleration, shape (nv,) [m/s2, rad/s2].
         forces: {constraint: forces of its rows}, the multipliers, of least norm for redundant rows [N, N m].
         residual: Largest entry of M (a - given) - J^T forces [N, N m].
         missed: Largest entry of J a + J_dot v [m/s2, rad/s2].
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> found = rbd.mechanism.project_acceleration(solo.standing(), np.eye(solo.nv)[2], solo.feet())
+        >>> print(found.a[:3].round(3), found.missed < 1e-9, found.residual < 1e-9)
+        [0.    0.    1.024] True True
     """
 
     a: Array
@@ -184,6 +206,8 @@ def project_acceleration(
     state: State, a: Sequence[float] | Array, constraints: Sequence[Constraint] | None = None
 ) -> ProjectedAcceleration:
     """The nearest acceleration, in the metric of inertia, that satisfies the constraints.
+
+    The problem, and the condition of its solution::
 
         minimise 1/2 |a+ - a|_M^2     subject to     J a+ + J_dot v = 0 ,       M (a+ - a) = J^T f
 
@@ -207,7 +231,12 @@ def project_acceleration(
             constraints, e.g. four bilateral corners of a foot that turns; names the one with the largest violation.
         SingularInertia: M is not positive definite.
 
-    >>> rbd.mechanism.project_acceleration(state, a, robot.soles()).a
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet(friction=0.7)
+        >>> a = rbd.mechanism.project_acceleration(state, np.eye(solo.nv)[2], feet).a  # the trunk up, the feet still
+        >>> print(a[:3].round(3), rbd.inverse_dynamics(state, a, feet).status)
+        [0.    0.    1.024] solved
     """
     given = check_state(state).robot.check_v(a, "a")  # type: ignore[arg-type]
     stack = _stacked(state, constraints)

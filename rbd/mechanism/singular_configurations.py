@@ -68,11 +68,17 @@ class Singularity:
 
 @dataclass(frozen=True, eq=False)
 class Singularities:
-    """The kinds of singularity at one configuration.
+    """The kinds of singularity at one configuration, each with its distance and the velocities that show it.
 
     Attributes:
         kinds: {kind: its singularity}; "output" only with inputs named, "input" only with outputs named.
         points: Number of configurations examined for the ranks nearby.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> found = rbd.mechanism.singularities(robot.at("assembled"), inputs=["crank_joint"])
+        >>> found.singular, sorted(found.kinds)
+        ((), ['configuration', 'output'])
     """
 
     kinds: dict[str, Singularity]
@@ -89,11 +95,18 @@ class Singularities:
 
 @dataclass(frozen=True, eq=False)
 class SingularitiesAlong:
-    """The singularities along a motion.
+    """The singularities that a motion passes, and the distance from each kind along it.
 
     Attributes:
         found: The singularities, in the order of the motion.
         distances: {kind: distance at each configuration given, shape (k,)}.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> path = rbd.mechanism.trace(robot.at("assembled"), joint="crank_joint", values=(-1.0, 1.0), steps=20)
+        >>> passed = rbd.mechanism.singularities_along(robot.at("assembled"), path=path, outputs=["rocker_joint"])
+        >>> [each.kind for each in passed.found], passed.distances["input"].shape
+        (['input'], (21,))
     """
 
     found: tuple[Singularity, ...]
@@ -130,6 +143,12 @@ def singularities(
     Raises:
         JointNotFound, FrameNotFound: with the nearest names.
         InputError: the state is off the constraints, or all joints are inputs or outputs.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 1.0, 1.0, 1.0, crank_angle=1.0)
+        >>> flat = rbd.mechanism.assemble(robot.at("assembled"), fixed={"crank_joint": 0.0}).q
+        >>> rbd.mechanism.singularities(robot.at(flat), inputs=["crank_joint"]).singular
+        ('configuration', 'output')
     """
     tolerance, seed = check_positive("tolerance", tolerance, 0.1), check_seed(seed)
     held = ConstraintManifold(state, constraints)
@@ -166,6 +185,14 @@ def singularities_along(
         inputs: As for `singularities`.
         outputs: As for `singularities`.
         tolerance: As for `singularities`.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> path = rbd.mechanism.trace(robot.at("assembled"), joint="crank_joint", values=(-1.0, 1.0), steps=20)
+        >>> passed = rbd.mechanism.singularities_along(robot.at("assembled"), path=path, outputs=["rocker_joint"])
+        >>> angles = rbd.mechanism.link_angles(robot.at(passed.found[0].q))
+        >>> print(passed.found[0].kind, f"{angles['crank']:.4f} {angles['coupler']:.4f}")  # crank and coupler in line
+        input -0.7688 -0.7688
     """
     tolerance = check_positive("tolerance", tolerance, 0.1)
     robot = check_state(state).robot

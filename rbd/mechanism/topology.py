@@ -64,7 +64,7 @@ class EndPoint:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MechanismClass:
-    """Classification of a mechanism, in standard terms.
+    """Classification of a mechanism: serial, branched, parallel or hybrid, with its mobility, as `classify` finds it.
 
     Attributes:
         name: The robot's name.
@@ -81,6 +81,12 @@ class MechanismClass:
         floating: Whether the file's robot floats.
         end_points: The end points requested.
         q: The configuration that was examined, or None.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> found = rbd.mechanism.classify(robot.at("assembled"))
+        >>> found.kind, found.loops, found.bodies, found.mobility
+        ('parallel', 1, 3, 1)
     """
 
     name: str
@@ -149,6 +155,12 @@ def classify(
     Raises:
         FrameNotFound: with the nearest names.
         InputError: not a state.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> found = rbd.mechanism.classify(solo.standing(), solo.feet(friction=None), end="base_link")
+        >>> found.kind, found.loops, found.mobility
+        ('parallel', 3, 6)
     """
     seed = check_seed(seed)
     robot = check_state(state).robot

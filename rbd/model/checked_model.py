@@ -50,7 +50,7 @@ class CheckedModel:
         idle: Those of `unactuated`, likewise.
         unactuated: The other indices in v, of bases and passive joints, ascending.
         actuated_names: Their joints' names, in the order of tau.
-        effort_limit: Largest |tau| that the robot's file states, shape (nu,) [N, N m]; inf where it states none.
+        effort_limit: Largest `|tau|` that the robot's file states, shape (nu,) [N, N m]; inf where it states none.
         bases: Indices of the free-flyers at the roots of all bodies, one a robot; empty if any body is fixed to the world.
         floating: Whether all bodies hang from one free-flyer joint.
         sound: False where the doctor found errors and the robot was loaded all the same: its M is then checked each time.

@@ -1,7 +1,7 @@
 """Terms of the equations of motion: M(q) a + v^T C(q) v = S^T tau + tau_g(q) + tau_ext + J^T f.
 
 tau_ext is the force of the surroundings except constraints: a push, a load, wind. Source:
-`docs/reference/theory.md`, which names the equation for each function here.
+`docs/courses/least_constraint/free_motion.md`, which names the equation for each function here.
 """
 
 from __future__ import annotations
@@ -18,10 +18,26 @@ from rbd.arrays import Array, add_wrench, as_array, as_vector3, inertia_factor, 
 from rbd.errors import InputError
 from rbd.model.state import State
 
+__all__ = [
+    "ExternalForce",
+    "bias_force",
+    "constraint_hessian",
+    "coriolis_matrix",
+    "coriolis_tensor",
+    "free_acceleration",
+    "gravity_torque",
+    "inverse_dynamics",
+    "kinetic_energy",
+    "mass_matrix",
+    "momentum",
+    "potential_energy",
+]
+"""What users call; the rest serves the package."""
+
 
 @dataclass(frozen=True, eq=False)
 class ExternalForce:
-    """A force and a moment on the robot at a named frame, in world axes.
+    """A force and a moment on the robot at a named frame, in world axes: a push, a load, wind.
 
     Attributes:
         frame: Frame of the robot.
@@ -31,6 +47,12 @@ class ExternalForce:
 
     Raises:
         InputError: if a vector is not three finite numbers.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> lift = rbd.ExternalForce("box", (0.0, 0.0, 120.0), offset=(0.1, 0.0, 0.0))
+        >>> rbd.solve(rbd.State(box, [0, 0, 1, 0, 0, 0, 1]), [], external=[lift]).a[:3].round(3)  # (120 - 98.1) N over 10 kg
+        array([0.  , 0.  , 2.19])
     """
 
     frame: str
@@ -51,7 +73,7 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
 
     Args:
         state: Where the robot is.
-        external: Generalised force (nv,), or `ExternalForce`s, or None.
+        external: Generalised force (nv,), or `ExternalForce` objects, or None.
 
     Returns:
         tau_ext, shape (nv,), the sum of J_P^T (force, moment); and the same forces as one wrench about the centre of mass,
@@ -121,17 +143,36 @@ def checked(state: State) -> State:
 
 
 def mass_matrix(state: State) -> Array:
-    """Joint-space inertia M(q), shape (nv, nv) [kg, kg m, kg m2]: symmetric, positive definite, rotor inertia included."""
+    """Joint-space inertia M(q), shape (nv, nv) [kg, kg m, kg m2]: symmetric, positive definite, rotor inertia included.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> M = rbd.dynamics.mass_matrix(solo.standing())
+        >>> M.shape, M.diagonal()[:3].round(3)  # the robot's mass, for translations of its base
+        ((18, 18), array([2.5, 2.5, 2.5]))
+    """
     return checked(state).M.copy()
 
 
 def bias_force(state: State) -> Array:
-    """h(q, v) = C(q, v) v - tau_g(q), shape (nv,) [N, N m]; neither damping nor friction of the file is in it."""
+    """h(q, v) = C(q, v) v - tau_g(q), shape (nv,) [N, N m]; neither damping nor friction of the file is in it.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> rbd.dynamics.bias_force(rbd.State(box, [0, 0, 1, 0, 0, 0, 1])).round(3)  # the weight, to be carried
+        array([ 0. ,  0. , 98.1,  0. ,  0. ,  0. ])
+    """
     return checked(state).h.copy()
 
 
 def gravity_torque(state: State) -> Array:
-    """tau_g(q), shape (nv,) [N, N m]: what gravity does, on the right-hand side; a robot at rest has h = -tau_g."""
+    """tau_g(q), shape (nv,) [N, N m]: what gravity does, on the right-hand side; a robot at rest has h = -tau_g.
+
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> rbd.dynamics.gravity_torque(arm.at([0.0])).round(3)  # m g / 2, towards smaller angles
+        array([-4.905])
+    """
     robot = checked(state).robot
     with robot.pool.lock:
         slot, ticket = robot.pool.take(lambda data: pin.computeGeneralizedGravity(robot.model, data, state.q))
@@ -141,7 +182,14 @@ def gravity_torque(state: State) -> Array:
 
 
 def coriolis_matrix(state: State) -> Array:
-    """C(q, v) with C(q, v) v = h + tau_g, shape (nv, nv): the one for which Mdot - 2 C is skew (Mdot = C + C^T)."""
+    """C(q, v) with C(q, v) v = h + tau_g, shape (nv, nv): the one for which Mdot - 2 C is skew (Mdot = C + C^T).
+
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> rbd.dynamics.coriolis_matrix(arm.at([0.0, np.pi / 2], [1.0, 2.0])).round(3)
+        array([[-1. , -1.5],
+               [ 0.5,  0. ]])
+    """
     return _coriolis_matrices(checked(state), state.v[:, None])[0]
 
 
@@ -152,7 +200,14 @@ def coriolis_tensor(state: State) -> Array:
     Christoffel symbols of the first kind. On a floating base v is not the derivative of coordinates and Pinocchio's C(v) w
     differs from C(w) v; the symmetric part, C_ijk = 1/2 (C(e_j) e_k + C(e_k) e_j)_i, is the one that `v @ C @ v` defines.
 
-    Source: Wieber's form of the equations of motion, `docs/reference/theory.md`.
+    Source: Wieber's form of the equations of motion, `docs/courses/least_constraint/free_motion.md`.
+
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> v = np.array([1.0, 2.0])
+        >>> C = rbd.dynamics.coriolis_tensor(arm.at([0.0, np.pi / 2]))
+        >>> C.shape, (v @ C @ v).round(3)
+        ((2, 2, 2), array([-4. ,  0.5]))
     """
     by_velocity = _coriolis_matrices(checked(state), np.eye(state.robot.nv))  # [j, i, k]: column k of C(e_j)
     tensor = by_velocity.transpose(1, 0, 2)
@@ -178,6 +233,15 @@ def constraint_hessian(state: State, constraint: HasRows) -> Array:
 
     Raises:
         InputError: of a contact with a ground that moves, whose bias is not quadratic in v.
+
+    Example:
+        >>> bead = rbd.testing.box(mass=2.0)
+        >>> rod = rbd.FunctionConstraint("rod", lambda q: np.linalg.norm(q[:3]) - 1.0)
+        >>> H = rbd.dynamics.constraint_hessian(rbd.State(bead, [1, 0, 0, 0, 0, 0, 1]), rod)
+        >>> H.shape, H[0, :3, :3].round(6)  # v^2 / r across the rod
+        ((1, 6, 6), array([[0., 0., 0.],
+               [0., 1., 0.],
+               [0., 0., 1.]]))
     """
     nv = checked(state).robot.nv
     if not callable(getattr(constraint, "rows", None)) or isinstance(constraint, type):
@@ -223,7 +287,12 @@ def free_acceleration(state: State, tau: Array, external: External = None) -> Ar
     Args:
         state: Where the robot is and how it moves.
         tau: Motor torques, shape (nu,) [N, N m].
-        external: Generalised force (nv,), or `ExternalForce`s.
+        external: Generalised force (nv,), or `ExternalForce` objects.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> rbd.dynamics.free_acceleration(solo.standing(), np.zeros(solo.nu))[:3].round(3)
+        array([0.  ,  0.  , -9.81])
     """
     rhs, _ = free_force(state, tau, external)
     return np.asarray(lapack.dpotrs(inertia_factor(state.M, strict=True), rhs, lower=1)[0])
@@ -242,22 +311,46 @@ def free_force(state: State, tau: Array, external: External = None) -> tuple[Arr
 
 
 def inverse_dynamics(state: State, a: Array) -> Array:
-    """Generalised force M a + h that gives acceleration a, shape (nv,); its base part is what the world must supply."""
+    """Generalised force M a + h that gives acceleration a, shape (nv,); its base part is what the world must supply.
+
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> rbd.dynamics.inverse_dynamics(arm.at([0.0, 0.0]), [1.0, 0.0]).round(3)
+        array([22.287,  5.738])
+    """
     return checked(state).M @ state.robot.check_v(a, "a") + state.h
 
 
 def kinetic_energy(state: State) -> float:
-    """1/2 v^T M v [J]."""
+    """1/2 v^T M v [J].
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> rbd.dynamics.kinetic_energy(rbd.State(box, [0, 0, 1, 0, 0, 0, 1], [2.0, 0, 0, 0, 0, 0]))
+        20.0
+    """
     return 0.5 * float(checked(state).v @ state.M @ state.v)
 
 
 def potential_energy(state: State) -> float:
-    """Minus mass times gravity times centre of mass [J]; zero at the world's origin."""
+    """Minus mass times gravity times centre of mass [J]; zero at the world's origin.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> round(rbd.dynamics.potential_energy(rbd.State(box, [0, 0, 1, 0, 0, 0, 1])), 3)  # m g h
+        98.1
+    """
     return -checked(state).robot.mass * float(state.robot.gravity @ state.com)
 
 
 def momentum(state: State) -> Array:
-    """Linear, then angular momentum about the centre of mass, in world axes, shape (6,) [kg m/s, kg m2/s]."""
+    """Linear, then angular momentum about the centre of mass, in world axes, shape (6,) [kg m/s, kg m2/s].
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> rbd.dynamics.momentum(rbd.State(box, [0, 0, 1, 0, 0, 0, 1], [2.0, 0, 0, 0, 0, 3.0])).round(3)
+        array([20. ,  0. ,  0. ,  0. ,  0. ,  0.8])
+    """
     robot = checked(state).robot
     with robot.pool.lock:
         slot, ticket = robot.pool.take(lambda d: pin.computeCentroidalMomentum(robot.model, d, state.q, state.v))

@@ -47,6 +47,13 @@ class FileLimits:
         max_dof: Degrees of freedom; one `pin.Data` takes about 32 nv^3 bytes, so 400 of them want 2 GB.
         max_attributes: An element of so many attributes is refused.
         max_depth: Elements inside elements.
+
+    Example:
+        >>> small = rbd.model.FileLimits(max_dof=10)
+        >>> rbd.load_robot("solo12", limits=small)
+        Traceback (most recent call last):
+            ...
+        rbd.errors.ModelError: ...
     """
 
     max_bytes: int = 64_000_000

@@ -32,7 +32,7 @@ class FrameKinematics:
 
 
 class State:
-    """A robot at configuration q with velocity v.
+    """A robot at configuration q with velocity v: what all terms, constraints and answers are computed from.
 
     q and v are checked and copied at once; its terms are computed when one is first asked for, and never change. It creates no
     pin.Data: it borrows one of the robot's, and any number of states of one robot may live side by side.
@@ -44,6 +44,12 @@ class State:
 
     Raises:
         InputError: wrong sizes, NaN or infinity, a quaternion off the unit sphere by more than 1e-6.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state = solo.standing().with_joints({"FL_KFE": -1.2})
+        >>> state.M.shape, state.com.round(3), state.frame("FL_FOOT").X_WF.translation.round(3)
+        ((18, 18), array([-0.001,  0.   ,  0.209]), array([ 0.142,  0.172, -0.02 ]))
     """
 
     def __init__(self, robot: CheckedModel, q: Array, v: Array | None = None) -> None:

@@ -70,8 +70,13 @@ def check_motion(
         InputError: of what is no motion, no coefficient, no share; a robot without a floating base, with passive joints or
             loops; contacts of another motion.
 
-    >>> report = rbd.check_motion(rbd.Motion.read("dance.csv", robot="g1", rate=60))
-    >>> print(report)
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
+        >>> hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=50.0)
+        >>> report = rbd.check_motion(hop)
+        >>> print(f"{report.share_possible:.0%}", [c for c in rbd.motion.CAUSES if report.of_cause(c).any()])
+        23% ['floats']
     """
     if not isinstance(motion, Motion):
         raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")

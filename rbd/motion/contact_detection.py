@@ -46,6 +46,13 @@ def find_contacts(
 
     Raises:
         InputError: no motion, a ground or a speed that is none, a robot without anything that could touch.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
+        >>> hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=50.0)
+        >>> rbd.motion.find_contacts(hop).intervals("front_left")
+        [(0.0, 0.06), (0.56, 0.6)]
     """
     if not isinstance(motion, Motion):
         raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")

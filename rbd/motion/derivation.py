@@ -34,7 +34,7 @@ LOWEST = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Derivation:
-    """How v and a came from q, and the noise in them.
+    """How v and a of a motion came from q, and the noise in them.
 
     Attributes:
         method: "local polynomial", a least-squares fit in a window around each frame (Savitzky-Golay), or "low-pass", q
@@ -45,6 +45,13 @@ class Derivation:
         noise_q: Standard deviation of q along each velocity, shape (nv,) [m, rad]: of rounded decimals, or as given.
         noise_v: What it leaves in v, shape (nv,) [m/s, rad/s], half a window from the ends and more.
         noise_a: What it leaves in a, shape (nv,) [m/s2, rad/s2], likewise.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> t = np.linspace(0.0, 1.0, 61)
+        >>> how = rbd.motion.derivatives(solo, t, np.tile(solo.standing().q, (61, 1)), noise=1e-4)[2]
+        >>> print(how.method, f"{how.noise_v[6]:.1e} rad/s, {how.noise_a[6]:.1e} rad/s2")
+        local polynomial 1.1e-03 rad/s, 5.9e-02 rad/s2
     """
 
     method: Method
@@ -92,6 +99,13 @@ def derivatives(
 
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite, or settings out of range.
+
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> t = np.linspace(0.0, 1.0, 101)
+        >>> v, a, how = rbd.motion.derivatives(arm, t, np.sin(3.0 * t)[:, None])
+        >>> print(f"{v[50, 0]:.3f} {3.0 * np.cos(1.5):.3f}, {a[50, 0]:.3f} {-9.0 * np.sin(1.5):.3f}")  # found and exact
+        0.212 0.212, -8.977 -8.977
     """
     if not isinstance(robot, CheckedModel):
         raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")

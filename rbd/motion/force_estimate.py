@@ -27,6 +27,12 @@ class OpenComponents:
     Attributes:
         names: The constraints. Of several, forces of one are balanced by those of the others.
         count: How many independent components.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> estimate = rbd.estimate_forces(solo.standing(), np.zeros(solo.nv), solo.feet())  # without torques
+        >>> [(open.names, open.count) for open in estimate.open]  # twelve forces, six equations
+        [(('front_left', 'front_right', 'hind_left', 'hind_right'), 6)]
     """
 
     names: tuple[str, ...]
@@ -39,7 +45,9 @@ class OpenComponents:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ForceEstimate:
-    """Contact forces from measurements: M a + h - tau_ext - S^T tau = J^T f by least squares, f in the contacts' sets.
+    """Contact forces estimated from measurements, with what they leave unexplained and what is not known of them.
+
+    M a + h - tau_ext - S^T tau = J^T f by least squares, f in the contacts' sets.
 
     Attributes:
         state: The measured state.
@@ -51,6 +59,12 @@ class ForceEstimate:
         fit: The weights of the forces, and what the data say of them.
         row_covariance: Covariance of the row forces, shape (m, m), or None without noise. See `covariance`.
         torques: The torques that were measured, shape (nu,), or None.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> estimate = rbd.estimate_forces(solo.standing(), np.zeros(solo.nv), solo.feet())  # without torques
+        >>> print(estimate.forces["front_left"].round(3), f"{estimate.open[0].count} components are not known")
+        [0.    0.    6.131] 6 components are not known
     """
 
     state: State

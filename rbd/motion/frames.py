@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -143,3 +143,15 @@ def normalise(robot: CheckedModel, q: Array) -> list[str]:
         if off[worst] > EXACT:
             said.append(f"unit vectors in q[:, {block.start}:{block.stop}] were normalised: off by up to {off[worst]:.1g}.")
     return said
+
+
+def value_at(f: Callable[[float], Array], t: float) -> Array:
+    """What a user's function of time gives.
+
+    Raises:
+        InputError: with its error and the time [s].
+    """
+    try:
+        return f(t)
+    except Exception as error:
+        raise InputError(f"f raised {type(error).__name__} at t = {t:.9g} s: {str(error)[:200]}") from error

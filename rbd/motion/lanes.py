@@ -15,7 +15,7 @@ from rbd.motion.floor_points import FloorPoints
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Lanes:
-    """Contacts over time: a lane for each of k points, in n frames.
+    """Which contact points touch and slide, when: a lane for each of k points, in n frames.
 
     Attributes:
         t: Times, shape (n,) [s].
@@ -28,6 +28,14 @@ class Lanes:
         ground: Height of the floor [m].
         noise: What the decimals of the data leave in a speed, standard deviation, shape (n, k) [m/s].
         notes: What was assumed, in words.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
+        >>> hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=50.0)
+        >>> lanes = rbd.motion.find_contacts(hop)
+        >>> lanes.names, lanes.intervals("front_left")
+        (('front_left 1', 'front_right 1', 'hind_left 1', 'hind_right 1'), [(0.0, 0.06), (0.56, 0.6)])
     """
 
     t: Array

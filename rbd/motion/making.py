@@ -33,7 +33,11 @@ def minimum_jerk(
     Raises:
         InputError: as many times as poses are expected, times that increase, configurations of this robot.
 
-    >>> motion = rbd.motion.minimum_jerk(g1, [standing, crouching, standing], [0.0, 1.0, 2.0])
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> motion = rbd.motion.minimum_jerk(arm, [np.array([0.0]), np.array([1.0])], [0.0, 1.0], rate=4.0)
+        >>> motion.q[:, 0].round(4), motion.v[:, 0].round(4)
+        (array([0.    , 0.1035, 0.5   , 0.8965, 1.    ]), array([0.    , 1.0547, 1.875 , 1.0547, 0.    ]))
     """
     if not isinstance(robot, CheckedModel):
         raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")

@@ -49,14 +49,19 @@ def estimate_forces(
         contacts: What touches, loops and other constraints, each with its own name. None: what is left unexplained is told.
         tau: Measured motor torques, shape (nu,) [N, N m].
         noise: Standard deviations of the sensors.
-        external: Other forces of the world that are known: generalised (nv,), or `ExternalForce`s.
+        external: Other forces of the world that are known: generalised (nv,), or `ExternalForce` objects.
 
     Raises:
         InputError: wrong sizes, NaN, unknown frames; noise that does not fit; no equation: a fixed base without torques.
         DuplicateName: two constraints of one name.
         NoSolution: the least squares over the friction cones was not solved.
 
-    >>> estimate = rbd.estimate_forces(state, a, robot.soles(), tau)
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet()
+        >>> estimate = rbd.estimate_forces(state, np.zeros(solo.nv), feet, rbd.hold(state, feet).tau)
+        >>> estimate.forces["front_left"].round(3)
+        array([-0.457, -0.389,  6.131])
     """
     robot = checked(state).robot
     a = robot.check_v(a, "a")
@@ -173,13 +178,23 @@ class Measured(Protocol):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class ForceHistory:
-    """Estimates of contact forces over time.
+    """Contact forces estimated at each time of a motion, as arrays over time.
 
     Attributes:
         t: Times, shape (n,) [s].
         estimates: One a time.
         names: The contacts.
         touches: Which of them were taken to touch, shape (n, k), of truth values.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.5, on=0.0)
+        >>> rest = rbd.simulate(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [face], duration=0.02, step=1e-2)
+        >>> history = rbd.motion.estimate_forces_along(rest, [face])
+        >>> history.forces["face"].round(3)
+        array([[0. ,  0. , 98.1,  0. ,  0. ,  0. ],
+               [ 0. ,  0. , 98.1,  0. ,  0. ,  0. ],
+               [ 0. ,  0. , 98.1,  0. ,  0. ,  0. ]])
     """
 
     t: Array
@@ -259,6 +274,16 @@ def estimate_forces_along(
 
     Raises:
         InputError: sizes that do not fit, and as `estimate_forces`, with the number of the frame.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.5, on=0.0)
+        >>> slides = rbd.State(box, [0, 0, 0, 0, 0, 0, 1], [1.0, 0, 0, 0, 0, 0])
+        >>> motion = rbd.simulate(slides, [face], duration=0.02, step=1e-2)
+        >>> rbd.motion.estimate_forces_along(motion, [face]).net[:, :3].round(3)
+        array([[-49.05,  0.  ,  98.1 ],
+               [-49.05,  0.  ,  98.1 ],
+               [-49.05,  0.  ,  98.1 ]])
     """
     given, frames = listed(contacts), len(motion.t)
     accelerations = frame_rows("a", getattr(motion, "a", None) if a is None else a, frames, motion.robot.nv)

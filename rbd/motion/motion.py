@@ -26,7 +26,7 @@ from rbd.motion.derivation import (
     method_of,
     stencil_derivatives,
 )
-from rbd.motion.frames import check_rate, check_shape, normalise, times_of
+from rbd.motion.frames import check_rate, check_shape, normalise, times_of, value_at
 from rbd.motion.interpolation import cubic, interpolated_q
 from rbd.motion.lanes import Lanes
 from rbd.motion.reading import read_frames
@@ -40,7 +40,7 @@ STENCIL = 1e-3
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Motion:
-    """A motion of a robot: n frames, read-only arrays, SI units.
+    """A motion to check, edit and follow: q, v and a of a robot at n frames, read or made, in read-only arrays; SI units.
 
     Made by `Motion.of_arrays` and its kin, which check what they are given; the constructor takes its fields as they are.
 
@@ -55,6 +55,14 @@ class Motion:
         derivation: How v and a came from q; None where they were given.
         contacts: Which points touch and slide, when; None: `find_contacts` finds them.
         ground: Height of the floor [m].
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> q, up = solo.standing().q, np.eye(solo.nq)[2]
+        >>> times = np.linspace(0.0, 1.0, 61)
+        >>> motion = rbd.Motion.from_function(solo, lambda t: q + 0.05 * np.sin(2 * np.pi * t) * up, times)
+        >>> motion.n, motion.duration, round(float(motion.a[:, 2].max()), 3)
+        (61, 1.0, 1.974)
     """
 
     robot: CheckedModel
@@ -219,7 +227,7 @@ class Motion:
         if len(t) > 1 and np.diff(t).min() < 5.0 * STENCIL:
             raise InputError(f"times are {np.diff(t).min():.3g} s apart; expected {5.0 * STENCIL:g} s or more.")
         times = (t[:, None] + STENCIL * np.arange(-2, 3)).ravel()
-        q = np.array([robot.check_q(_value(f, float(each))) for each in times])
+        q = np.array([robot.check_q(value_at(f, float(each))) for each in times])
         v, a = stencil_derivatives(robot, times, q)
         return cls.of_arrays(robot, t, q[2::5], v, a, source="function", ground=ground)
 
@@ -390,10 +398,3 @@ class Motion:
     def __repr__(self) -> str:
         times = f"{self.t[0]:g} to {self.t[-1]:g} s at {self.rate:.4g} Hz"
         return f"Motion({self.robot.name!r}, {self.n} frames, {times}, from {self.source})"
-
-
-def _value(f: Callable[[float], Array], t: float) -> Array:
-    try:
-        return f(t)
-    except Exception as error:
-        raise InputError(f"f raised {type(error).__name__} at t = {t:.9g} s: {str(error)[:200]}") from error

@@ -57,8 +57,14 @@ class MomentumObserver:
     Raises:
         InputError: a bandwidth that is none, noise of q or a, a fixed base without torques; unknown frames.
 
-    >>> observer = rbd.motion.MomentumObserver(robot, robot.soles(), bandwidth=20.0)
-    >>> estimate = observer.update(t, state, tau)
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet()
+        >>> observer = rbd.motion.MomentumObserver(solo, feet, bandwidth=20.0)
+        >>> tau = rbd.hold(state, feet).tau
+        >>> estimates = [observer.update(t, state, tau) for t in np.arange(0.0, 0.05, 5e-3)]
+        >>> estimates[-1].forces["front_left"].round(3)
+        array([-0.457, -0.389,  6.131])
     """
 
     def __init__(

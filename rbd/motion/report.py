@@ -45,7 +45,7 @@ class CheckSettings:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class MotionReport:
-    """What is possible of a motion: n frames, k points, c contacts.
+    """The report of `check_motion`: which of n frames are possible, and why the others are not; k points, c contacts.
 
     Attributes:
         motion: The motion.
@@ -61,13 +61,21 @@ class MotionReport:
         forces: At the points, world axes, shape (n, k, 3) [N]: of least effort with what is not missing.
         tau: Motor torques with these forces, shape (n, nu) [N m].
         excess: By how many times its limit each torque exceeds it at least, shape (n, nu).
-        used_friction: |f_t| / (mu f_n) of each contact, shape (n, c); NaN where it carries nothing.
+        used_friction: `|f_t| / (mu f_n)` of each contact, shape (n, c); NaN where it carries nothing.
         edge_margin: Distance of each sole's centre of pressure from its edge, shape (n, c) [m]; NaN where it carries nothing.
         nearest_a: The nearest possible acceleration in the inertia metric, torque limits aside, shape (n, nv); that of the
             motion where this is balanced.
         check: `check_motion` with these settings.
         collisions: Which bodies overlap, when; None where that was not asked.
         before: The report with which this one is compared; see `lifted` and `filtered`.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
+        >>> hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=50.0)
+        >>> report = rbd.check_motion(hop)
+        >>> report.n, int(report.possible.sum()), int(report.of_cause("floats").sum()), round(report.score)
+        (31, 7, 24, 38)
     """
 
     motion: Motion
@@ -110,7 +118,7 @@ class MotionReport:
 
     @property
     def used_torque(self) -> Array:
-        """|tau| over the limits, shape (n, nu); zero where there is none."""
+        """`|tau|` over the limits, shape (n, nu); zero where there is none."""
         return np.abs(self.tau) / self.limit
 
     @property

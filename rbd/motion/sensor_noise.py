@@ -41,6 +41,14 @@ class SensorNoise:
 
     Raises:
         InputError: negative numbers, or all zero.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet()
+        >>> noise = rbd.motion.SensorNoise(a=0.1, tau=0.02)
+        >>> estimate = rbd.estimate_forces(state, np.zeros(solo.nv), feet, rbd.hold(state, feet).tau, noise=noise)
+        >>> estimate.deviations["front_left"].round(3)
+        array([0.077, 0.084, 0.126])
     """
 
     q: float | Sequence[float] | Array = 0.0

@@ -19,10 +19,11 @@ from rbd.planar.chain import Chain
 from rbd.planar.constrained_chain import ConstrainedChain, constrained
 from rbd.planar.equations_of_motion import Dynamics, dynamics
 from rbd.planar.inverse_kinematics import Inverse, inverse, inverse_formulas
+from rbd.planar.joint_derivatives import joint_rates
 from rbd.planar.kinematics import Split, jacobian
 from rbd.planar.motion import PlanarMotion, endpoint_motion, joint_motion
 from rbd.planar.numeric import Ellipse
-from rbd.planar.path_following import InversePath, inverse_path, joint_rates
+from rbd.planar.path_following import InversePath, inverse_path
 from rbd.planar.quintic import MinimumJerk, Peaks, minimum_jerk
 from rbd.planar.small_motion import Linearised, Modes
 from rbd.planar.topology import ChainClass, classify

@@ -56,13 +56,23 @@ def _from_segments(n: int, angles: str) -> Symbols:
 
 @dataclass(frozen=True)
 class AngleMap:
-    """q_to = matrix q_from + offset. Angles are not wrapped, so that motions stay continuous.
+    """The map between two ways to measure a chain's angles: q_to = matrix q_from + offset, without wrapping.
 
     Attributes:
         source: The convention of the input.
         to: The convention of the output.
         matrix: Shape (n, n), whole numbers.
         offset: Shape (n, 1) [rad], multiples of pi/2.
+
+    Example:
+        >>> chain = rbd.planar.Chain(2)  # angles from the previous link
+        >>> to_x = chain.angle_map("segment")
+        >>> to_x.matrix, to_x.rates([1.0, -1.0])
+        (Matrix([
+        [1, 0],
+        [1, 1]]), array([1., 0.]))
+        >>> to_x([0.5, -0.5])
+        array([0.5, 0. ])
     """
 
     source: str

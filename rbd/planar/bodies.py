@@ -29,6 +29,13 @@ class Bodies:
         masses: m_i, above zero [kg].
         centres: d_i, from joint i to the centre of mass, along the link [m]; beyond its ends too, as a counterweight is.
         inertias: I_i about the centre of mass, across the plane, zero or more [kg m2].
+
+    Example:
+        >>> bodies = rbd.planar.dynamics(rbd.planar.Chain(2), bodies="rods").bodies
+        >>> bodies.centres, bodies.inertias
+        ((ell_1/2, ell_2/2), (ell_1**2*m_1/12, ell_2**2*m_2/12))
+        >>> bodies.first_moments
+        (ell_1*m_1/2 + ell_1*m_2, ell_2*m_2/2)
     """
 
     lengths: tuple[sp.Expr, ...]

@@ -32,7 +32,7 @@ SHORTEST, LONGEST = 1e-30, 1e30
 
 @dataclass(frozen=True, init=False)
 class Chain:
-    """n links in a plane, hinged end to end, the base at the origin.
+    """A planar chain of n links, hinged end to end, the base at the origin: its kinematics in symbols and numbers.
 
     Joint 0 is the base, joint i the far end of link i, joint n the end point P. In all methods with `i`, None is the
     end point, and values outside 0..n raise InputError. Two chains are equal if they have the same links and the same
@@ -49,8 +49,13 @@ class Chain:
         InputError: on a number of links that is not whole and positive, on lengths that are not n positive finite ones, or
             on another convention for the angles.
 
-    >>> Chain(2).determinant()
-    ell_1*ell_2*sin(theta_2(t))
+    Example:
+        >>> chain = rbd.planar.Chain(2)
+        >>> chain.determinant()
+        ell_1*ell_2*sin(theta_2(t))
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 0.5])
+        >>> arm.function(arm.position())([0.0, np.pi / 2]).round(3)
+        array([1. , 0.5])
     """
 
     n: int
@@ -230,7 +235,7 @@ class Chain:
 
         Args:
             q: Angles, shape (n,) [rad], measured as this chain does.
-            kind: "velocity" (what |qd| <= 1 rad/s reaches [m/s]) or "force" (what |tau| <= 1 N m balances [N]).
+            kind: "velocity" (what `|qd| <= 1 rad/s` reaches [m/s]) or "force" (what `|tau| <= 1 N m` balances [N]).
             i: The joint, 1..n; None is the end point.
 
         Raises:

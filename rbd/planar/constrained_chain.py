@@ -42,12 +42,21 @@ class ConstrainedSplit(Split[Symbols]):
 
 @dataclass(frozen=True, eq=False)
 class ConstrainedChain:
-    """A chain under relations; see the module.
+    """A planar chain under relations of its angles: its kinematics in the angles that remain free.
 
     Attributes:
         chain: The chain without them.
         relations: As they were given, each an expression that is zero.
         reduced: The angles under them, `rbd.planar.relations.Reduced`.
+
+    Example:
+        >>> chain = rbd.planar.Chain(2)
+        >>> th1, th2 = chain.q
+        >>> folding = rbd.planar.constrained(chain, 2 * th1 + th2)
+        >>> folding.mobility, folding.free, folding.q
+        (1, Matrix([[theta_1(t)]]), Matrix([
+        [   theta_1(t)],
+        [-2*theta_1(t)]]))
     """
 
     chain: Chain
@@ -156,16 +165,16 @@ class ConstrainedChain:
         return sympy.ImmutableMatrix(self.jacobian(i) * self.free.diff(self.chain.t))
 
     def acceleration(self, i: int | None = None) -> Symbols:
-        """J_c s_free'' + J_c' s_free' [m/s^2], shape (2, 1)."""
+        """`J_c s_free'' + J_c' s_free'` [m/s^2], shape (2, 1)."""
         t = self.chain.t
         return sympy.ImmutableMatrix(self.jacobian(i) * self.free.diff(t, 2) + self.jacobian_rate(i) * self.free.diff(t))
 
     def jerk(self, i: int | None = None) -> Symbols:
-        """J_c s_free''' + 2 J_c' s_free'' + J_c'' s_free' [m/s^3], shape (2, 1)."""
+        """`J_c s_free''' + 2 J_c' s_free'' + J_c'' s_free'` [m/s^3], shape (2, 1)."""
         return sympy.ImmutableMatrix(self.rate(self.acceleration(i)))
 
     def split(self, i: int | None = None) -> ConstrainedSplit:
-        """The acceleration in three parts of the free angles [m/s^2]: terms in s'', in s_i'^2, in s_i' s_j'."""
+        """The acceleration in three parts of the free angles [m/s^2]: terms in `s''`, in `s_i'^2`, in `s_i' s_j'`."""
         J, t = self.jacobian(i), self.chain.t
         qd = list(self.free.diff(t))
 
@@ -290,18 +299,20 @@ def constrained(
             quantities in a relation; on objects that are not relations; on free angles that are too few or too many, or
             that do not determine the others.
 
-    >>> arm = Chain(2, lengths=sympy.symbols("ell ell", positive=True))
-    >>> th1, th2 = arm.q
-    >>> constrained(arm, sympy.Eq(2 * th1 + th2, sympy.pi)).jacobian()
-    Matrix([
-    [                    0],
-    [2*ell*cos(theta_1(t))]])
+    Example:
+        >>> from sympy import Eq, pi, symbols
+        >>> arm = rbd.planar.Chain(2, lengths=symbols("ell ell", positive=True))
+        >>> th1, th2 = arm.q
+        >>> rbd.planar.constrained(arm, Eq(2 * th1 + th2, pi)).jacobian()  # the end point moves along y
+        Matrix([
+        [                    0],
+        [2*ell*cos(theta_1(t))]])
 
-    A four-bar, its links' angles measured from x: the end returns to the start.
+        A four-bar, its links' angles measured from x: the end returns to the start.
 
-    >>> loop = Chain(4, angles="segment")
-    >>> constrained(loop, loop.position(), free=(1, 4)).det_J2
-    -ell_2*ell_3*sin(theta_2(t) - theta_3(t))
+        >>> loop = rbd.planar.Chain(4, angles="segment")
+        >>> rbd.planar.constrained(loop, loop.position(), free=(1, 4)).det_J2
+        -ell_2*ell_3*sin(theta_2(t) - theta_3(t))
     """
     check_chain(chain)
     if branch is not None and (isinstance(branch, bool) or not isinstance(branch, int | np.integer) or branch < 0):

@@ -10,7 +10,7 @@ Other angles are psi = S q + s with constant S: M, the Christoffel symbols and t
 without differentiation or simplification. Two links share one cosine whose angle is the sum of the joint angles between them.
 A test derives the same by differentiation.
 
-Sources: [Duarte2021], problem 4; docs/reference/theory.md for the form M a + C v + g = tau.
+Sources: [Duarte2021], problem 4; docs/courses/least_constraint/free_motion.md for the form M a + C v + g = tau.
 """
 
 from __future__ import annotations
@@ -46,6 +46,13 @@ class Dynamics:
         chain: Whose angles q they are in.
         bodies: Masses, centres of mass, inertias.
         gravity: Along -y [m/s2].
+
+    Example:
+        >>> pendulum = rbd.planar.dynamics(rbd.planar.Chain(1, lengths=[1], angles="vertical"), bodies="points", masses=[2])
+        >>> pendulum.M, pendulum.g
+        (Matrix([[2]]), Matrix([[2*g*sin(theta_1(t))]]))
+        >>> pendulum.subs({"g": 9.81}).forward([0.1], [0.0]).round(4)
+        array([-0.9794])
     """
 
     chain: Chain
@@ -174,7 +181,7 @@ class Dynamics:
         return Dynamics(self.chain.with_lengths(bodies.lengths), bodies, _gravity(self.gravity.subs(known), self.chain.t))
 
     def linearised(self, at: Iterable[Any] | None = None) -> Linearised:
-        """Small motion about a posture at rest: M x'' + K x = 0; see `rbd.planar.small_motion`.
+        """Small motion about a posture at rest: `M x'' + K x = 0`; see `rbd.planar.small_motion`.
 
         Args:
             at: q, n angles [rad], numbers or expressions; by default the chain hanging down.
@@ -307,7 +314,7 @@ def dynamics(
     inertias: Iterable[Any] | None = None,
     gravity: Any = None,
 ) -> Dynamics:
-    """Lagrange's equations of a chain.
+    """Lagrange's equations of a planar chain, in symbols: M(q) qdd + C(q, qd) qd + g(q) = tau.
 
     Values not given are positive symbols: m_i, d_i, I_i, g.
 
@@ -322,9 +329,10 @@ def dynamics(
     Raises:
         InputError: wrong counts, numbers that no body has, gravity below zero.
 
-    >>> dyn = dynamics(Chain(2), gravity=0)
-    >>> dyn.christoffel[1, 0, 0]
-    d_2*ell_1*m_2*sin(theta_2(t))
+    Example:
+        >>> dyn = rbd.planar.dynamics(rbd.planar.Chain(2), gravity=0)
+        >>> dyn.christoffel[1, 0, 0]
+        d_2*ell_1*m_2*sin(theta_2(t))
     """
     known = bodies_of(chain, bodies=bodies, masses=masses, centres=centres, inertias=inertias)
     return Dynamics(chain, known, GRAVITY if gravity is None else _gravity(gravity, chain.t))

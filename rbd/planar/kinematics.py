@@ -60,13 +60,18 @@ def check_joint(n: int, i: object, *, first: int = 0) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Split(Generic[Value]):
-    """An acceleration in three parts [m/s^2]; in symbols (2, 1), in numbers (2,) or (samples, 2).
+    """An acceleration in three parts: tangential, centripetal, Coriolis [m/s^2]; shape (2, 1), (2,) or (samples, 2).
 
     Attributes:
         tangential: Terms in the angular accelerations.
         centripetal: Terms in the square of one angular velocity.
         coriolis: Terms in the product of two; zero in segment angles and from the vertical, and of a single link.
         angles: The convention that the parts belong to.
+
+    Example:
+        >>> parts = rbd.planar.Chain(2, lengths=[1, 1]).split()
+        >>> parts.coriolis[0]
+        -2*cos(theta_1(t) + theta_2(t))*Derivative(theta_1(t), t)*Derivative(theta_2(t), t)
     """
 
     tangential: Value
@@ -250,11 +255,13 @@ def jacobian(f: Any, x: Any) -> Symbols:
 
     Source: [Duarte2021], "Jacobian matrix" and problem 6.
 
-    >>> from sympy.abc import x, y
-    >>> jacobian([x**2 * y, 5 * x + sympy.sin(y)], [x, y])
-    Matrix([
-    [2*x*y,   x**2],
-    [    5, cos(y)]])
+    Example:
+        >>> from sympy import sin
+        >>> from sympy.abc import x, y
+        >>> rbd.planar.jacobian([x**2 * y, 5 * x + sin(y)], [x, y])
+        Matrix([
+        [2*x*y,   x**2],
+        [    5, cos(y)]])
     """
     variables = _variables(x)
     if isinstance(f, sympy.Lambda) or (callable(f) and not isinstance(f, sympy.Expr)):

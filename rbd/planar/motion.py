@@ -18,9 +18,10 @@ from rbd.arrays import Array, as_array, check_finite, lazy
 from rbd.errors import InputError, NoSolution, SingularPose
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.inverse_kinematics import TOLERANCE, inverse
+from rbd.planar.joint_derivatives import joint_rates
 from rbd.planar.kinematics import Split
 from rbd.planar.numeric import ChainNumbers
-from rbd.planar.path_following import check_branch, inverse_path, joint_rates
+from rbd.planar.path_following import check_branch, inverse_path
 from rbd.planar.quintic import MinimumJerk
 
 ENDPOINT, JOINT = "endpoint", "joint"
@@ -37,7 +38,7 @@ MOST_RATES = 10_000
 
 @dataclass(frozen=True, eq=False)
 class PlanarMotion:
-    """A motion of a planar chain in both spaces, over time.
+    """A motion of a planar chain over time, of its end point and of its angles.
 
     Attributes:
         chain: The chain; angles are measured as it does.
@@ -55,6 +56,17 @@ class PlanarMotion:
         split: The tangential, centripetal and Coriolis parts of a, shape (samples, 2) each [m/s^2].
         unbounded: Times towards which joint accelerations grow without bound [s]: a singular beginning or end; else empty.
         note: Remark on special cases; else empty.
+
+    Example:
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
+        >>> path = rbd.planar.minimum_jerk([1.0, 0.5], [0.5, 1.0], 1.0)
+        >>> reach = rbd.planar.endpoint_motion(arm, path, times=[0.0, 0.5, 1.0])
+        >>> reach.x, reach.qd.round(3)
+        (array([[1.  , 0.5 ],
+               [0.75, 0.75],
+               [0.5 , 1.  ]]), array([[ 0.  , 0.  ],
+               [ 1.25, 0.  ],
+               [ 0.  , 0.  ]]))
     """
 
     chain: Chain
@@ -82,7 +94,7 @@ class PlanarMotion:
 
     @lazy
     def speed(self) -> Array:
-        """Of the end point, |v|, shape (samples,) [m/s]."""
+        """Of the end point, `|v|`, shape (samples,) [m/s]."""
         return np.hypot(self.v[:, 0], self.v[:, 1])
 
     @lazy
@@ -123,6 +135,15 @@ def endpoint_motion(
         NoSolution: the straight path leaves the reach of the chain, with place and distance.
         SingularPose: all samples are singular, or a chain of more than two links comes into line along the path.
         InputError: no such path, times that do not increase, lengths that are symbols.
+
+    Example:
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
+        >>> path = rbd.planar.minimum_jerk([1.0, 0.5], [0.5, 1.0], 1.0)
+        >>> reach = rbd.planar.endpoint_motion(arm, path, times=[0.0, 0.5, 1.0])
+        >>> reach.q.round(3), reach.split.coriolis[1].round(3)
+        (array([[-0.514,  1.955],
+               [-0.226,  2.024],
+               [ 0.13 ,  1.955]]), array([0., 0.]))
     """
     arm = check_chain(chain).numeric
     _check_path(path, (2,), "two coordinates of the end point, e.g. minimum_jerk([1.0, 0.0], [0.5, 0.5], 1.0)")
@@ -157,6 +178,15 @@ def joint_motion(chain: Chain, path: MinimumJerk, *, times: Sequence[float] | Ar
 
     Raises:
         InputError: no such path, times that do not increase, lengths that are symbols.
+
+    Example:
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
+        >>> path = rbd.planar.minimum_jerk([0.0, 0.5], [1.0, 1.5], 1.0)
+        >>> swing = rbd.planar.joint_motion(arm, path, times=[0.0, 0.5, 1.0])
+        >>> swing.x.round(3), swing.v[1].round(3)
+        (array([[ 1.878,  0.479],
+               [ 0.948,  1.477],
+               [-0.261,  1.44 ]]), array([-4.64 ,  1.911]))
     """
     arm = check_chain(chain).numeric
     if arm.n == 1 and isinstance(path, MinimumJerk) and path.start.shape == ():

@@ -36,7 +36,7 @@ Block = Callable[..., Array]
 
 @dataclass(frozen=True, eq=False)
 class Ellipse:
-    """An ellipse about a point of a chain.
+    """The ellipse of velocities, or of forces, that a point of a chain can have.
 
     Attributes:
         kind: "velocity" or "force".
@@ -45,6 +45,12 @@ class Ellipse:
             velocity ellipse has a zero, the force ellipse an infinite one.
         directions: Unit vectors along them as columns, shape (2, 2); x not negative.
         manipulability: sqrt(det J J^T) [m^2], zero where singular; the same of both kinds.
+
+    Example:
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 0.5])
+        >>> ellipse = arm.ellipse([0.0, np.pi / 2])
+        >>> ellipse.semi_axes.round(4), round(ellipse.manipulability, 4), ellipse.is_singular
+        (array([1.1441, 0.437 ]), 0.5, False)
     """
 
     kind: str

@@ -1,23 +1,10 @@
-"""Joint angles, rates, accelerations and jerks along a path of the end point.
+"""Joint angles along a path of the end point.
 
 One branch of the inverse kinematics is followed continuously, with angles without jumps by a turn. One and two links are
 computed for all samples at once. Two links stay on their branch, except where the path runs through a singular pose: there both
 branches meet, and the chain continues in the one without a kink in its motion, as a path through the base or along
 a tangent of the outer circle demands. More links follow the path of least motion: each step is perpendicular to the null
 space of J half-way, so that q' = J^+ r' as samples become dense.
-
-Joint rates, accelerations and jerks follow from those of the end point:
-
-    J q' = v,   J q'' = a - J' q',   J q''' = j - 2 J' q'' - J'' q'.
-
-Two links solve these. More links have many solutions for q'; taken is the least one, q' = J^T l with J J^T l = v (the
-pseudo-inverse), and its time derivatives,
-
-    q'' = J^T l' + J'^T l,   q''' = J^T l'' + 2 J'^T l' + J''^T l,
-
-so that q'' is the derivative of q' along the motion: J^+ (a - J' q') alone is not, it leaves out how the null space turns.
-One link has one angle for two components: a velocity that is not along its circle contradicts it.
-At a singular pose the rates are undetermined, or without bound as the pose is approached, and are reported as NaN.
 """
 
 from __future__ import annotations
@@ -27,24 +14,23 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, check_finite
-from rbd.errors import InputError, SingularPose
-from rbd.planar.angles import nearest_turn, plain, samples, wrapped
+from rbd.arrays import Array
+from rbd.errors import InputError
+from rbd.planar.angles import nearest_turn, plain, wrapped
 from rbd.planar.chain import Chain, check_chain
-from rbd.planar.inverse_kinematics import SINGULAR, TOLERANCE, check_start, check_tolerance, nearest_pose, triangle
+from rbd.planar.inverse_kinematics import SINGULAR, TOLERANCE, check_start, check_tolerance, triangle
+from rbd.planar.nearest_poses import nearest_pose
 from rbd.planar.numeric import ROUND_OFF, ChainNumbers
 
 KINK = 0.1
 """A branch is changed at a singular pose only if that reduces the kink below this fraction of the one without change."""
 WIDE = 0.5 * np.pi
 """A step of an angle between samples beyond which the path counts as sampled too coarsely [rad]."""
-CONTRADICTS = 1e-6
-"""Part of a single link's end-point motion that may be off its circle: round-off of its computation, and no more."""
 
 
 @dataclass(frozen=True, eq=False)
 class InversePath:
-    """Angles along a path of the end point.
+    """Angles of a chain along a path of its end point, as `inverse_path` finds them.
 
     Attributes:
         points: The given path, shape (samples, 2) [m].
@@ -55,6 +41,16 @@ class InversePath:
         singular: Whether the chain is in line there, shape (samples,): joint rates are then undetermined or without bound.
         switches: Samples at which two links go over to the other branch, through a singular pose.
         note: Remark on special cases; else empty.
+
+    Example:
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
+        >>> path = rbd.planar.inverse_path(arm, np.linspace([1.0, 0.5], [0.5, 1.0], 5))
+        >>> path.q.round(3), path.switches
+        (array([[-0.514,  1.955],
+               [-0.383,  2.006],
+               [-0.226,  2.024],
+               [-0.053,  2.006],
+               [ 0.13 ,  1.955]]), ())
     """
 
     points: Array
@@ -92,6 +88,14 @@ def inverse_path(
     Raises:
         InputError: on a path that leaves the reach, with the first such sample and its distance; on wrong shapes, numbers
             that are not finite, or another branch.
+
+    Example:
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
+        >>> square = [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]
+        >>> rbd.planar.inverse_path(arm, square).q.round(3)
+        array([[-1.047,  2.094],
+               [ 0.   ,  1.571],
+               [ 0.524,  2.094]])
     """
     arm = check_chain(chain).numeric
     path = plain("points", points)
@@ -250,147 +254,3 @@ def check_branch(branch: object) -> None:
     """
     if isinstance(branch, bool) or not isinstance(branch, int | np.integer) or branch not in (0, 1):
         raise InputError(f"branch is {branch!r:.80}; expected 0 (bends counterclockwise) or 1 (clockwise).")
-
-
-@dataclass(frozen=True, eq=False)
-class JointRates:
-    """Motion of the joints; parts not requested are empty, shape (0, n), or (0,) for one sample.
-
-    Attributes:
-        qd: Angular velocities, as the chain measures its angles, shape (samples, n) or (n,) [rad/s].
-        qdd: Angular accelerations [rad/s^2].
-        qddd: Angular jerks [rad/s^3].
-        singular: Whether the pose is singular, shape (samples,) or (): rates are NaN there, if requested.
-    """
-
-    qd: Array
-    qdd: Array
-    qddd: Array
-    singular: Array
-
-
-def joint_rates(
-    chain: Chain,
-    q: Sequence[float] | Array,
-    velocity: Sequence[float] | Array,
-    acceleration: Sequence[float] | Array | None = None,
-    jerk: Sequence[float] | Array | None = None,
-    *,
-    at_singular: str = "raise",
-) -> JointRates:
-    """Rates of the joints that give the end point a velocity, an acceleration and a jerk.
-
-    Args:
-        chain: The chain, its lengths numbers.
-        q: Angles, as the chain measures them, shape (n,) or (samples, n) [rad].
-        velocity: Of the end point, shape (2,) or (samples, 2) [m/s].
-        acceleration: Acceleration, of the same shape [m/s^2]; None if not known.
-        jerk: Jerk, of the same shape [m/s^3]; needs the acceleration.
-        at_singular: "raise", or "nan" for NaN in the samples that are singular.
-
-    Returns:
-        The rates; more than two links: the least ones, in the sum of squares of the chain's own angles.
-
-    Raises:
-        SingularPose: where the chain is in line (smallest over largest singular value of J below 1e-7), naming the sample.
-        InputError: on wrong shapes, numbers that are not finite, or motion off the circle of a single link.
-    """
-    arm = check_chain(chain).numeric
-    pose = samples("q", q, arm.n)
-    if not isinstance(at_singular, str) or at_singular not in ("raise", "nan"):
-        raise InputError(f"at_singular is {at_singular!r:.80}; expected 'raise' or 'nan'.")
-    if jerk is not None and acceleration is None:
-        raise InputError("a jerk came without an acceleration; expected both: the joints' jerk depends on it.")
-    single = pose.ndim == 1
-    given = [("velocity", velocity), ("acceleration", acceleration), ("jerk", jerk)]
-    motion = [_vectors(what, value, pose).reshape(-1, 2) for what, value in given if value is not None]
-    pose = pose.reshape(-1, arm.n)
-    J = arm.jacobian(pose)
-    s = np.linalg.svd(J, compute_uv=False)
-    singular = s[:, 1] <= SINGULAR * s[:, 0] if arm.n > 1 else np.zeros(len(pose), dtype=bool)
-    if singular.any() and at_singular == "raise":
-        raise SingularPose(_singular_message(arm, pose, singular))
-    good = ~singular
-    motion = [m[good] for m in motion]
-    solve = _along_the_circle if arm.n == 1 else _two_links if arm.n == 2 else _least
-    out = []
-    for rates in solve(arm, pose[good], J[good], motion):
-        full = np.full(pose.shape, np.nan)
-        full[good] = rates
-        out.append(full[0] if single else full)
-    out += [out[0][:0]] * (3 - len(out))
-    return JointRates(out[0], out[1], out[2], singular[0] if single else singular)
-
-
-def _vectors(what: str, value: Sequence[float] | Array, pose: Array) -> Array:
-    given = as_array(what, value)
-    expected = (*pose.shape[:-1], 2)
-    if given.shape != expected:
-        raise InputError(f"{what} has shape {given.shape}; expected x and y for every row of q, {expected}.")
-    check_finite(what, given.ravel())
-    return given
-
-
-def _singular_message(arm: ChainNumbers, pose: Array, singular: Array) -> str:
-    k = int(np.argmax(singular))
-    x, y = arm.position(pose[k])
-    more = f" ({int(singular.sum())} samples of {len(pose)} are singular)" if singular.sum() > 1 else ""
-    where = f"at sample {k} of {len(pose)}" if len(pose) > 1 else "here"
-    return (
-        f"{where} the chain is in line, with its end point at ({x:g}, {y:g}) m{more}: joint rates are undetermined there, and "
-        "may be without bound nearby. Begin near it, or ask for NaN there: at_singular='nan'."
-    )
-
-
-def _along_the_circle(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
-    out: list[Array] = []
-    for order, given in enumerate(motion):
-        wanted = given - _lower(arm, q, out, out, order)
-        rate = np.sum(J[:, :, 0] * wanted, axis=1) / arm.outer**2
-        off = np.abs(wanted - J[:, :, 0] * rate[:, None]).max(axis=1, initial=0.0)
-        size = np.abs(given).max(axis=1, initial=0.0) + np.abs(wanted).max(axis=1, initial=0.0)
-        if (off > CONTRADICTS * size).any():
-            k = int(np.argmax(off - CONTRADICTS * size))
-            what = ("velocity", "acceleration", "jerk")[order]
-            raise InputError(
-                f"the {what} at sample {k}, ({given[k, 0]:g}, {given[k, 1]:g}), is off by {off[k]:g} from what a single link "
-                "can do on its circle; expected one of a motion along it."
-            )
-        out.append(rate[:, None])
-    return out
-
-
-def _lower(
-    arm: ChainNumbers, q: Array, rates: list[Array], terms: list[Array], order: int, *, transposed: bool = False
-) -> Array:
-    """Terms of the lower rates: zero, J' x, or 2 J' x' + J'' x of x = q' (transposed: J^T, of x = l)."""
-    if order == 0:
-        return np.zeros((len(q), arm.n if transposed else 2))
-    Js = [arm.jacobian_rate(q, rates[0])] + ([arm.jacobian_second_rate(q, rates[0], rates[1])] if order > 1 else [])
-    Js = [np.swapaxes(J, 1, 2) for J in Js] if transposed else Js
-    return _times(Js[0], terms[0]) if order == 1 else 2.0 * _times(Js[0], terms[1]) + _times(Js[1], terms[0])
-
-
-def _two_links(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
-    out: list[Array] = []
-    for order, given in enumerate(motion):
-        out.append(np.linalg.solve(J, (given - _lower(arm, q, out, out, order))[..., None])[..., 0])
-    return out
-
-
-def _least(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
-    JT = np.swapaxes(J, 1, 2)
-    G = J @ JT
-    out: list[Array] = []
-    multipliers: list[Array] = []
-    for order, given in enumerate(motion):
-        # The part of the rate that the multipliers known so far give, of q' = J^T l differentiated.
-        rest = _lower(arm, q, out, multipliers, order, transposed=True)
-        wanted = given - _lower(arm, q, out, out, order) - _times(J, rest)
-        multipliers.append(np.linalg.solve(G, wanted[..., None])[..., 0])
-        out.append(_times(JT, multipliers[-1]) + rest)
-    return out
-
-
-def _times(matrix: Array, vector: Array) -> Array:
-    return (matrix @ vector[..., None])[..., 0]

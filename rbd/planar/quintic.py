@@ -29,6 +29,11 @@ class Peaks:
         acceleration_at: Both times [s].
         jerk: 60 D/d^3, forwards, at both ends.
         jerk_at: Both times [s].
+
+    Example:
+        >>> peaks = rbd.planar.minimum_jerk(0.0, 1.0, 1.0).peaks
+        >>> peaks.speed, peaks.speed_at, round(peaks.acceleration, 4), peaks.jerk
+        (1.875, 0.5, 5.7735, 60.0)
     """
 
     speed: float
@@ -51,6 +56,11 @@ class MinimumJerk:
         start: Where it begins, any shape: a number, a point of the plane [m], joint angles [rad].
         stop: Where it ends, the same shape.
         duration: d [s], above zero.
+
+    Example:
+        >>> reach = rbd.planar.MinimumJerk(0.0, 1.0, 2.0)
+        >>> reach.displacement([0.0, 0.5, 1.0]).round(4), reach.velocity([0.0, 0.5, 1.0]).round(4)
+        (array([0.    , 0.1035, 0.5   ]), array([0.    , 0.5273, 0.9375]))
     """
 
     start: Array
@@ -80,7 +90,7 @@ class MinimumJerk:
         object.__setattr__(self, "_step", step)
 
     def displacement(self, t: float | Sequence[float] | Array) -> Array:
-        """Position at times t, shape (*t.shape, *start.shape); exactly `start` before it and `stop` after."""
+        """Position at times t, shape `(*t.shape, *start.shape)`; exactly `start` before it and `stop` after."""
         share = self._shape(t, 0)
         return (1.0 - share) * self.start + share * self.stop
 
@@ -98,7 +108,7 @@ class MinimumJerk:
 
     @property
     def distance(self) -> float:
-        """Length of the step D = |x1 - x0|, Euclidean."""
+        """Length of the step `D = |x1 - x0|`, Euclidean."""
         return _size(self._step)
 
     @property
@@ -174,9 +184,10 @@ def minimum_jerk(start: float | Sequence[float] | Array, stop: float | Sequence[
     Raises:
         InputError: shapes that differ, numbers that are not finite, a duration that is not above zero.
 
-    >>> reach = minimum_jerk([1.0, 0.0], [0.5, 0.5], 2.0)
-    >>> reach.displacement(1.0).tolist(), round(reach.peaks.speed, 6)
-    ([0.75, 0.25], 0.662913)
+    Example:
+        >>> reach = rbd.planar.minimum_jerk([1.0, 0.0], [0.5, 0.5], 2.0)
+        >>> reach.displacement(1.0).tolist(), round(reach.peaks.speed, 6)
+        ([0.75, 0.25], 0.662913)
     """
     return MinimumJerk(start, stop, duration)  # type: ignore[arg-type]
 

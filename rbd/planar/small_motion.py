@@ -20,12 +20,19 @@ _SINGULAR = "M is singular at this posture: a link turns without moving any mass
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Motions x(t) = shape cos(w t + phase) of all angles together.
+    """Modes of small motion: x(t) = shape cos(w t + phase), all angles together.
 
     Attributes:
         squared: w^2 of each mode [rad2/s2], ascending where they are numbers. Below zero the posture is unstable: the mode
             grows as exp(sqrt(-w^2) t).
         shapes: One a column, shape (n, n) [rad], its largest entry 1 (in symbols the first); x^T M y = 0 between two of them.
+
+    Example:
+        >>> double = rbd.planar.dynamics(rbd.planar.Chain(2, lengths=[1, 1], angles="vertical"), bodies="points", masses=[1, 1])
+        >>> modes = double.subs({"g": 9.81}).linearised().modes()
+        >>> modes.frequencies.round(4), modes.shapes.round(4)
+        (array([0.3815, 0.9211]), array([[ 0.7071, -0.7071],
+               [ 1.    ,  1.    ]]))
     """
 
     squared: tuple[sp.Expr, ...] | Array
@@ -45,13 +52,23 @@ class Modes:
 
 @dataclass(frozen=True, eq=False)
 class Linearised:
-    """M x'' + K x = 0 for small x = q - at, with constant forces that keep the posture.
+    """Small motion about a posture, `M x'' + K x = 0` for x = q - at, with constant forces that keep the posture.
 
     Attributes:
         at: The posture q, shape (n, 1) [rad].
         M: Inertia there, shape (n, n) [kg m2].
         K: Stiffness d2V/dq2 there, shape (n, n) [N m/rad].
         holding: g(at), the static forces, shape (n, 1) [N m]; zero at an equilibrium.
+
+    Example:
+        >>> double = rbd.planar.dynamics(rbd.planar.Chain(2, lengths=[1, 1], angles="vertical"), bodies="points", masses=[1, 1])
+        >>> small = double.linearised()
+        >>> small.M, small.K
+        (Matrix([
+        [2, 1],
+        [1, 1]]), Matrix([
+        [2*g, 0],
+        [  0, g]]))
     """
 
     at: sp.MatrixBase

@@ -51,7 +51,7 @@ class Word:
 
 @dataclass(frozen=True)
 class ChainClass:
-    """Classification of a planar chain. Ranks are generic: singular poses do not count.
+    """Classification of a planar chain, with its mobility; ranks are generic: singular poses do not count.
 
     Attributes:
         base: Its base.
@@ -62,6 +62,11 @@ class ChainClass:
         mobility: What relations and pins leave of them.
         end_dof: Those of the end point.
         note: Remark on special cases; else empty.
+
+    Example:
+        >>> kind = rbd.planar.classify(rbd.planar.Chain(3, lengths=[1.0, 3.0, 3.0]), pinned=[4.0, 0.0])
+        >>> kind.kind, kind.closed, kind.degrees_of_freedom, kind.mobility, kind.redundancy
+        ('parallel', True, 3, 1, 1)
     """
 
     base: str
@@ -111,6 +116,11 @@ def classify(chain: Chain | ConstrainedChain, *, pinned: Sequence[Any] | Array |
 
     Raises:
         InputError: not a chain, a pin out of reach, or a pin of a chain under relations.
+
+    Example:
+        >>> kind = rbd.planar.classify(rbd.planar.Chain(3))
+        >>> kind.kind, kind.closed, kind.mobility, kind.end_dof, kind.redundancy
+        ('serial', False, 3, 2, 1)
     """
     if not isinstance(chain, ConstrainedChain):
         check_chain(chain)

@@ -54,6 +54,12 @@ class RobotCoordinates:
 
     Attributes:
         map: A and b.
+
+    Example:
+        >>> chain = rbd.planar.Chain(2, lengths=[1.0, 1.0], angles="vertical")
+        >>> maps = rbd.planar.robot_coordinates(chain)
+        >>> maps.to_robot([0.3, 0.5]).round(4), maps.rates_to_robot([1.0, 1.0]), maps.torques_to_robot([1.0, 1.0])
+        (array([-1.2708,  0.2   ]), array([1., 0.]), array([2., 1.]))
     """
 
     map: AngleMap
@@ -102,8 +108,10 @@ def robot_coordinates(chain: Chain) -> RobotCoordinates:
     Raises:
         InputError: not a chain.
 
-    >>> robot_coordinates(Chain(2, angles="vertical")).to_robot([0.0, 0.0])  # hangs down
-    array([-1.57079633,  0.        ])
+    Example:
+        >>> maps = rbd.planar.robot_coordinates(rbd.planar.Chain(2, angles="vertical"))
+        >>> maps.to_robot([0.0, 0.0]).round(4)  # it hangs down
+        array([-1.5708,  0.    ])
     """
     return RobotCoordinates(check_chain(chain).angle_map(JOINT))
 
@@ -141,6 +149,11 @@ def to_urdf(
     Raises:
         InputError: symbols left, by their names; numbers that no body has; an unknown plane.
         ModelError: a file that cannot be written.
+
+    Example:
+        >>> text = rbd.planar.to_urdf(rbd.planar.Chain(2, lengths=[1.0, 1.0]), "arm.urdf", masses=[1.0, 1.0])
+        >>> text.count("<joint"), rbd.load_robot("arm.urdf", root="fixed").nv
+        (3, 2)
     """
     if not isinstance(plane, str) or plane not in _AXES:
         raise InputError(f"plane is {plane!r:.80}; expected 'xz' (upright) or 'xy' (flat on the ground).")
@@ -187,9 +200,10 @@ def to_robot(
         InputError: as `to_urdf`; masses given with dynamics, or dynamics of a gravity other than 0 and 9.81.
         ModelError: a chain without inertia, whose M is singular.
 
-    >>> robot = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
-    >>> robot.nq, robot.nv, robot.nu
-    (2, 2, 2)
+    Example:
+        >>> robot = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> print(robot, rbd.solve(robot.at([0.0, 0.0]), [0.0, 0.0]).a.round(3))
+        Robot('chain', nq=2, nv=2, nu=2, mass=2.000 kg) [-12.613  16.817]
     """
     if isinstance(chain, Dynamics):
         given = (("masses", masses), ("lengths", lengths), ("centres", centres), ("inertias", inertias), ("bodies", bodies))

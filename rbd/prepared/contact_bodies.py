@@ -147,11 +147,19 @@ class ContactBodies:
         """L^-1 = J M^-1 J^T, shape (m, m)."""
         return np.asarray(self._factors.getInverseOperationalSpaceInertiaMatrix())
 
+    @property
+    def target(self) -> Array:
+        """Where `moved_to_target` takes row accelerations from, shape (m or more,): its first m entries are to be written."""
+        return self._target
+
+    def moved_to_target(self) -> Array:
+        """`moved`, by the row accelerations in `target`."""
+        return np.asarray(self._factors.solve(self._target)[self.m :])
+
     def moved(self, s: Array) -> Array:
         """M^-1 J^T L s: the change of the acceleration by row accelerations s, shape (nv,)."""
-        target, m = self._target, self.m
-        target[:m] = s
-        return np.asarray(self._factors.solve(target)[m:])
+        self._target[: self.m] = s
+        return self.moved_to_target()
 
     def stationarity(self, q: Array, v: Array, a: Array, forces: Array, generalised: Array) -> float:
         """Residual of the equations of motion, scaled; leaves the bodies' accelerations for `row_accelerations`.

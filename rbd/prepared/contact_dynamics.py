@@ -70,7 +70,7 @@ class ContactDynamics:
         self._frictional = [i for i, contact in enumerate(contacts) if contact.friction is not None]
         self.G = self._turn_back(T.G) if self._turned else T.G
         self._pull = np.ascontiguousarray(self.G.T)
-        self._least_norm = _pseudo_inverse(T) if not self._turned else np.linalg.pinv(self.G)
+        self._least_norm = np.ascontiguousarray(_pseudo_inverse(T) if not self._turned else np.linalg.pinv(self.G))
         self._room = _room_of(T) if len(T.mu) <= _FEW else None
         self._weights_and_squares = np.empty(2 * T.size)
         self._newton = ContactNewton(self.G, T.mu) if T.only_cones else None
@@ -117,7 +117,7 @@ class ContactDynamics:
         """Whether weights are in their cones, shape (p,)."""
         T = self.force_set
         if self._room is None:
-            return in_cones(w, T.cone_at, T.mu)
+            return in_cones(w, T.cone_at, T.mu) if self._newton is None else _inside(w.reshape(-1, 3).T, T.mu)
         both = self._weights_and_squares
         both[: T.size] = w
         np.multiply(w, w, both[T.size :])
@@ -181,7 +181,13 @@ class ContactDynamics:
 
 def in_cones(w: Array, at: Array, mu: Array) -> bool:
     """Whether the weights of each cone (tangent, tangent, normal from column `at` on) are in it."""
-    x, y, n = w[at], w[at + 1], mu * w[at + 2]
+    return _inside((w[at], w[at + 1], w[at + 2]), mu)
+
+
+def _inside(w: Array | tuple[Array, Array, Array], mu: Array) -> bool:
+    """`in_cones`, of all tangential and normal weights."""
+    x, y, n = w
+    n = mu * n
     room = n * n - x * x - y * y
     return bool(n[n.argmin()] >= 0.0 and room[room.argmin()] >= 0.0)
 

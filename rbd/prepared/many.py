@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.compiled import in_use
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.block_bodies import BlockBodies, Places
@@ -104,7 +105,8 @@ class ContactBlocks(ContactDynamics):
         a, f, w = np.empty(v.shape), np.empty((n, self.bodies.m)), np.zeros((n, T.size))
         method = np.full(n, 0 if self.bilateral else 1, np.int8)
 
-        speed, own, possibly = self.bodies.speed, self._newton, self._possibly.dot
+        speed, own, possibly, least_norm = self.bodies.speed, self._newton, self._possibly.dot, self._least_norm.dot
+        target, compiled = self.bodies.target, not coulomb and in_use()
 
         def judge(i: int, rests: bool) -> None:
             """Row i, where the bodies were held: by which method its forces obey the law, -1 where none does."""
@@ -114,13 +116,21 @@ class ContactBlocks(ContactDynamics):
             if not rests and max(map(speed, self._frictional)) > rest_speed:
                 method[i] = -1
                 return
-            least = self._least_norm.dot(held)
+            newton = own if mu is None else self._newton_of(mu[i])
+            if compiled and newton is not None:
+                known = newton.release(self.bodies.mobility(), held, w[i], target, self._least_norm)
+                if known:
+                    if known == 2:
+                        a[i] += self.bodies.moved_to_target()
+                        method[i] = 2
+                    return
             if mu is None:
                 room = possibly(held)
-                if not room[room.argmin()] >= 0.0 or not self.inside(least):
-                    method[i] = 2 if self._slips(own, a[i], held, w[i], least, coulomb) else -1
-            elif not in_cones(least, T.cone_at, mu[i]):
-                method[i] = 2 if self._slips(self._newton_of(mu[i]), a[i], held, w[i], least, coulomb) else -1
+                sticks = room[room.argmin()] >= 0.0 and self.inside(least_norm(held))
+            else:
+                sticks = in_cones(least_norm(held), T.cone_at, mu[i])
+            if not sticks:
+                method[i] = 2 if self._slips(newton, a[i], held, w[i], coulomb) else -1
 
         with self.bodies.lock:
             places = self.bodies.motions(
@@ -171,13 +181,13 @@ class ContactBlocks(ContactDynamics):
             keep(self._newtons, key, found, _COEFFICIENTS)
         return found
 
-    def _slips(self, newton: ContactNewton | None, a: Array, f: Array, w: Array, start: Array, coulomb: bool) -> bool:
+    def _slips(self, newton: ContactNewton | None, a: Array, f: Array, w: Array, coulomb: bool) -> bool:
         """One row by Newton's method on the rows of the contact bodies, in place; whether it found an answer."""
         if newton is None:
             return False
         mobility = self.bodies.mobility()
         free = -mobility.dot(f)
-        found = newton.found(mobility, free, start, coulomb=coulomb)
+        found = newton.found(mobility, free, self._least_norm.dot(f), coulomb=coulomb)
         if not found.merit <= FOUND:
             return False
         a += self.bodies.moved(mobility.dot(found.wrench - f))

@@ -89,7 +89,14 @@ def corner_map(rows: Rows) -> Array:
 
 
 class Status(StrEnum):
-    """Status of an answer, from its residuals."""
+    """Status of an answer, by its residuals: solved, inaccurate, failed or infeasible.
+
+    Example:
+        >>> box = rbd.testing.box()
+        >>> solution = rbd.solve(rbd.State(box, [0, 0, 1, 0, 0, 0, 1]), [])
+        >>> print(solution.status is rbd.problem.Status.SOLVED, [str(status) for status in rbd.problem.Status])
+        True ['solved', 'inaccurate', 'failed', 'infeasible']
+    """
 
     SOLVED = "solved"
     """Every scaled residual is at most 1e-9."""
@@ -122,7 +129,7 @@ class Gauss(float):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Answer:
-    """Acceleration and constraint forces of one `GaussProblem`, as a solver found them.
+    """What a solver gives: acceleration and constraint forces of one `GaussProblem`.
 
     Attributes:
         problem: What was solved.
@@ -140,6 +147,13 @@ class Answer:
         reason: The solver's message: why there is no answer, or which several motions there are; else empty.
         redundant: Whether rows depend on each other, so that f is not unique; a `Solution` takes the one of minimum norm.
         method: Which of its methods found it, e.g. "closed form", "QP" or "cones: Newton"; empty if it has only one.
+
+    Example:
+        >>> wall = rbd.Rows("wall", J=np.array([[-1.0, 0.0]]), bias=np.zeros(1), cone=rbd.problem.NonNegative(1))
+        >>> problem = rbd.GaussProblem(M=np.diag([2.0, 1.0]), rhs=np.array([6.0, 1.0]), rows=[wall])
+        >>> answer = rbd.ProxQP().solve(problem)
+        >>> print(answer.status, answer.a.round(9), answer.multipliers.round(9))
+        solved [0. 1.] [6.]
     """
 
     problem: GaussProblem

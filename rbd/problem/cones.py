@@ -72,7 +72,13 @@ class Cone(Protocol):
 
 @dataclass(frozen=True)
 class Free:
-    """All of R^dim: a bilateral constraint."""
+    """Force set of a bilateral constraint of `dim` rows: all of R^dim.
+
+    Example:
+        >>> hinge = rbd.problem.Free(2)
+        >>> hinge.project(np.array([3.5, -1.0]))
+        array([ 3.5, -1. ])
+    """
 
     dim: int
 
@@ -90,7 +96,12 @@ class Free:
 
 @dataclass(frozen=True)
 class NonNegative:
-    """Forces that only push: every component >= 0."""
+    """Force set of `dim` rows that only push, e.g. of a joint limit: every component >= 0.
+
+    Example:
+        >>> rbd.problem.NonNegative(2).project(np.array([3.0, -1.0]))
+        array([3., 0.])
+    """
 
     dim: int = 1
 
@@ -108,9 +119,14 @@ class NonNegative:
 
 @dataclass(frozen=True)
 class FrictionCone:
-    """Coulomb's cone |f_t| <= mu f_n on (tangent, tangent, normal).
+    """Force set of a contact with Coulomb friction: `|f_t| <= mu f_n` on (tangent, tangent, normal).
 
     Solvers with true cones use it as it is; the QP uses its circumscribed pyramid of `facets` facets.
+
+    Example:
+        >>> cone = rbd.problem.FrictionCone(0.5)
+        >>> cone.project(np.array([1.0, 0.0, 1.0])), cone.project(np.array([0.0, 0.0, -1.0]))
+        (array([0.6, 0. , 1.2]), array([0., 0., 0.]))
     """
 
     mu: float
@@ -135,7 +151,13 @@ class FrictionCone:
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """Forces between two bounds, component by component, e.g. dry friction in a joint."""
+    """Force set between bounds `lo` and `hi`, shape (dim,) [N, N m], e.g. of dry friction in a joint.
+
+    Example:
+        >>> dry = rbd.problem.Box([-2.0], [2.0])
+        >>> dry.project(np.array([3.5]))
+        array([2.])
+    """
 
     lo: Array
     hi: Array
@@ -164,7 +186,7 @@ class Box:
 
 @dataclass(frozen=True, eq=False)
 class WrenchCone:
-    """Wrenches (force, moment about the patch's centre) that forces in friction cones at the patch's corners can make.
+    """Force set of a patch: wrenches about its centre that forces in friction cones at its corners can make.
 
     Corner force p_i at corner c_i gives force p_i and moment c_i x p_i; all in contact axes.
 
@@ -172,6 +194,12 @@ class WrenchCone:
         corners: Corner points from the patch's centre, shape (k, 3) [m].
         mu: Friction coefficient; 0 leaves the normal components only.
         facets: Facets of each corner's pyramid in the QP.
+
+    Example:
+        >>> sole = rbd.problem.WrenchCone([(0.1, 0.05, 0.0), (0.1, -0.05, 0.0), (-0.1, -0.05, 0.0), (-0.1, 0.05, 0.0)], 0.5)
+        >>> balanced, tipping = np.array([0, 0, 10.0, 0, 0.5, 0]), np.array([0, 0, 10.0, 0, 2.0, 0])
+        >>> [np.allclose(sole.project(wrench), wrench) for wrench in (balanced, tipping)]  # 10 N at 5 cm, or at 20 cm
+        [True, False]
     """
 
     corners: Array
@@ -210,7 +238,7 @@ class WrenchCone:
 
 @dataclass(frozen=True)
 class LineCone:
-    """Wrenches that forces in friction cones at the two ends of a line can make: an edge of a foot on the ground.
+    """Force set of an edge: the wrenches that forces in friction cones at the two ends of a line can make.
 
     The line is along the contact's x axis. Components (fx, fy, fz, moment about y, moment about z), about its middle:
     a line transmits no moment about its own axis.
@@ -219,6 +247,12 @@ class LineCone:
         half_length: Half of the line's length [m].
         mu: Friction coefficient; 0 leaves the normal components only.
         facets: Facets of each end's pyramid in the QP.
+
+    Example:
+        >>> edge = rbd.problem.LineCone(0.1, 0.5)
+        >>> balanced, tipping = np.array([0, 0, 10.0, 0.5, 0]), np.array([0, 0, 10.0, 2.0, 0])
+        >>> [np.allclose(edge.project(wrench), wrench) for wrench in (balanced, tipping)]  # 10 N at 5 cm, or at 20 cm
+        [True, False]
     """
 
     half_length: float
@@ -271,7 +305,13 @@ def _nearest_of_corners(cone: WrenchCone | LineCone, force: Array) -> Array:
 
 @dataclass(frozen=True)
 class Product:
-    """Cartesian product of several sets, their components stacked."""
+    """Cartesian product of several force sets `cones`, their components stacked.
+
+    Example:
+        >>> both = rbd.problem.Product([rbd.problem.FrictionCone(0.5), rbd.problem.NonNegative(1)])
+        >>> both.dim, both.project(np.array([1.0, 0.0, 1.0, -2.0]))
+        (4, array([0.6, 0. , 1.2, 0. ]))
+    """
 
     cones: tuple[Cone, ...]
 

@@ -30,7 +30,7 @@ def unit_normal(what: str, normal: Sequence[float] | Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The ground that a contact touches: a floor, a step, a ramp, a belt, a lift, a turntable, a cart.
+    """The ground that a contact touches, for `on=`: a floor, a step, a ramp, a belt, a lift, a turntable, a cart.
 
     Attributes:
         normal: Out of the ground, a unit vector in W, shape (3,). Not given: z where `point` is, else the contact's
@@ -47,8 +47,11 @@ class Ground:
     Raises:
         InputError: numbers that are not finite, a normal that is not of unit length, `about` without a motion.
 
-    >>> step = rbd.Ground(point=(0, 0, 0.17))            # 17 cm up
-    >>> turntable = rbd.Ground(velocity=(0, 0, 0, 0, 0, 1.7), about=(0, 0, 0))
+    Example:
+        >>> step = rbd.Ground(point=(0, 0, 0.17))            # 17 cm up
+        >>> turntable = rbd.Ground(velocity=(0, 0, 0, 0, 0, 1.7), about=(0, 0, 0))
+        >>> step.distances(np.array([[0.3, 0.1, 0.2]])).round(3), step.moves, turntable.moves
+        (array([0.03]), False, True)
     """
 
     normal: Sequence[float] | Array | None = field(default=None, kw_only=True)
@@ -104,7 +107,7 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """Another body of the same model that a contact touches, in place of the ground.
+    """Another body of the same model that a contact touches, for `on=` in place of the ground.
 
     The contact's force is the one on the contact's body; the other body receives the opposite.
 
@@ -116,7 +119,13 @@ class Body:
     Raises:
         InputError: a frame that is not a string, a normal that is not of unit length.
 
-    >>> palm = rbd.PointContact("palm", "left_hand", on=rbd.Body("table"), friction=0.5)
+    Example:
+        >>> boxes = rbd.robots.merge_robots(rbd.testing.box(mass=10.0), rbd.testing.box(mass=2.0))
+        >>> floor = rbd.SurfaceContact("floor", "a_box", half_lengths=(0.2, 0.2), friction=0.6)
+        >>> stacked = rbd.SurfaceContact("stacked", "b_box", half_lengths=(0.2, 0.2), on=rbd.Body("a_box"), friction=0.6)
+        >>> solution = rbd.solve(boxes.at([0, 0, 0.1, 0, 0, 0, 1, 0, 0, 0.3, 0, 0, 0, 1]), [], [floor, stacked])
+        >>> print(solution.forces["floor"][:3].round(2), solution.forces["stacked"][:3].round(2))  # both weights, and one
+        [  0.     0.   117.72] [ 0.    0.   19.62]
     """
 
     frame: str

@@ -1,14 +1,14 @@
 """The forces that a motion allows, point by point: Coulomb's law, solved for the force.
 
-With y the acceleration that a weight of the force set answers to (c = J a + J_dot v, of a point in contact axes):
+With y the acceleration that a weight of the force set answers to (J a + J_dot v, of a point in contact axes):
 
-    keeps still     c = 0                     any force of its cone
-    opens           c_n > 0                   f = 0
-    starts to slip  c_n = 0, c_t != 0         f = N (-mu c_t / |c_t|, 1), N >= 0
-    slides already  c_n = 0, u_t != 0         f = N (-mu u_t / |u_t|, 1), N >= 0
-    sinks           c_n < 0                   none: nothing moves so
-    holds           c = 0 of a bilateral row  any force; c != 0: nothing moves so
-    yields          an interval               its bound: low where c > 0, high where c < 0
+    keeps still     y = 0                     any force of its cone
+    opens           y_n > 0                   f = 0
+    starts to slip  y_n = 0, y_t != 0         f = N (-mu y_t / |y_t|, 1), N >= 0
+    slides already  y_n = 0, u_t != 0         f = N (-mu u_t / |u_t|, 1), N >= 0
+    sinks           y_n < 0                   none: nothing moves so
+    holds           y = 0 of a bilateral row  any force; y != 0: nothing moves so
+    yields          an interval               its bound: low where y > 0, high where y < 0
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class Refused:
         number: Its number among the elements of its constraint.
         of: How many its constraint has.
         holds: Whether it is a bilateral row; else a point that sinks.
-        acceleration: c, or c_n [m/s2, rad/s2].
+        acceleration: y, or y_n [m/s2, rad/s2].
     """
 
     rows: int

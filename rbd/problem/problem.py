@@ -99,7 +99,7 @@ class Origin(Protocol):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class GaussProblem:
-    """Find a = argmin 1/2 |a - a_free|_M^2 subject to c = J a + offset in K* (convex law), with forces f in K.
+    """The least-constraint problem in arrays: `argmin 1/2 |a - a_free|_M^2` for y = J a + offset in K*, forces f in K.
 
     M a = rhs + J^T f are the equations of motion; rhs = S^T tau + tau_ext - h. It can be built by hand, without a robot.
 
@@ -126,6 +126,12 @@ class GaussProblem:
         InputError: on sizes that do not fit, entries that are not finite, or an M that is not symmetric.
         DuplicateName: if two rows share a name.
         SingularInertia: if M is not positive definite; of an M from a `State`, when it is first factorised.
+
+    Example:
+        >>> slope = rbd.Rows("slope", J=np.array([[0.6, 0.8]]), bias=np.zeros(1), cone=rbd.problem.NonNegative(1))
+        >>> problem = rbd.GaussProblem(M=2.0 * np.eye(2), rhs=np.array([0.0, -19.62]), rows=[slope])
+        >>> problem.a_free, rbd.solve_problem(problem).a
+        (array([ 0.  , -9.81]), array([ 4.7088, -3.5316]))
     """
 
     M: Array
@@ -217,7 +223,7 @@ class GaussProblem:
 
     @lazy
     def offset_size(self) -> Array:
-        """|bias| + |feedback|, shape (m,): the sizes of the offset's terms."""
+        """`|bias| + |feedback|`, shape (m,): the sizes of the offset's terms."""
         if not any(r.stabilised for r in self.rows):
             return np.abs(self.bias)
         return np.abs(self.bias) + np.abs(np.concatenate([r.feedback for r in self.rows]))

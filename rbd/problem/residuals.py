@@ -69,7 +69,7 @@ class Residuals:
 
     @property
     def feasibility(self) -> Residual:
-        """Distance of c = J a + offset to the set that the law admits [m/s2, rad/s2].
+        """Distance of y = J a + offset to the set that the law admits [m/s2, rad/s2].
 
         Convex law: to K*. Of pyramids, along their rays as given; of true cones, point by point. Coulomb's law: how fast
         points sink. Scaled by |J||a| + |bias| + |feedback|, at least 1: how fast a point sinks by the terms of its normal
@@ -86,7 +86,7 @@ class Residuals:
     def complementarity(self) -> Residual:
         """|weight x acceleration|, the worst of the rays or points [N m/s2]; scaled, a point's distance to its law.
 
-        Under Coulomb's law: normal force x normal acceleration, and f_t . c_t + mu f_n |c_t|, which vanishes where friction
+        Under Coulomb's law: normal force x normal acceleration, and f_t . y_t + mu f_n |y_t|, which vanishes where friction
         opposes the slip. The distance is what force or acceleration must change by, over its own scale, so that they are
         complementary (`rbd.problem.law_distance`): no product of two middling numbers passes as a small one.
         """

@@ -69,7 +69,7 @@ class Patch:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rows:
-    """m scalar constraint rows with one name: c = J a + bias + feedback, with forces in a cone.
+    """A constraint at one state, in arrays: m rows y = J a + bias + feedback, with forces in a cone.
 
     Attributes:
         name: The constraint's name.
@@ -89,6 +89,12 @@ class Rows:
 
     Raises:
         InputError: on sizes that do not fit.
+
+    Example:
+        >>> slope = rbd.Rows("slope", J=np.array([[0.6, 0.8]]), bias=np.zeros(1), cone=rbd.problem.NonNegative(1))
+        >>> problem = rbd.GaussProblem(M=2.0 * np.eye(2), rhs=np.array([0.0, -19.62]), rows=[slope])  # a bead of 2 kg
+        >>> rbd.solve_problem(problem).forces["slope"]
+        array([15.696])
     """
 
     name: str
@@ -194,7 +200,7 @@ class Rows:
 
     @property
     def speed(self) -> float:
-        """Largest entry of |velocity|."""
+        """Largest entry of `|velocity|`."""
         return float(np.abs(self.velocity).max(initial=0.0))
 
 

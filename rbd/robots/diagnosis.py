@@ -58,12 +58,17 @@ SUMMARY = {
 
 @dataclass(frozen=True)
 class ModelIssue:
-    """One issue that model validation found.
+    """One issue that `rbd.doctor` found in a model, with the joint, link or file that has it.
 
     Attributes:
         kind: Kind of issue: "singular", "mass", "inertia", "posture", "mesh", "effort", "friction", ...
         where: Name of the link, the joint, the posture or the mesh.
         text: Message.
+
+    Example:
+        >>> report = rbd.doctor(rbd.load_robot("talos"))
+        >>> print(report.warnings[0].kind, report.warnings[0].where)
+        inertia rgbd_optical_frame
     """
 
     kind: str
@@ -73,13 +78,18 @@ class ModelIssue:
 
 @dataclass(frozen=True)
 class ModelReport:
-    """What model validation found.
+    """What `rbd.doctor` found in a model: errors, warnings and notes, each with the name of its joint, link or file.
 
     Attributes:
         robot: Its name.
         errors: Issues that make answers wrong; `load_robot` refuses such a robot.
         warnings: What a user should know.
         notes: Loop closures and wheels, for information.
+
+    Example:
+        >>> report = rbd.doctor(rbd.load_robot("talos"))
+        >>> report.ok, len(report.warnings), sorted({issue.kind for issue in report.warnings})
+        (True, 25, ['friction', 'inertia'])
     """
 
     robot: str

@@ -7,7 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pinocchio as pin
 
-from rbd.constraints.contact import Contact, PointContact, SurfaceContact
+from rbd.constraints.contact import Contact
+from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.errors import DuplicateName, InputError, ModelError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.meshes import Geometry

@@ -213,11 +213,16 @@ def link_angles(state: State) -> dict[str, float]:
     Counter-clockwise as seen from -y, with x to the right and z up: the angles of the texts. Joint angles are relative: that of
     a coupler is its link's angle less the crank's.
 
+    Args:
+        state: The mechanism, in the x-z plane.
+
     Raises:
         InputError: a link whose y axis is not the world's: the mechanism moves in another plane.
 
-    >>> state = rbd.mechanism.four_bar(40, 120, 80, 100).at("assembled")
-    >>> round(link_angles(state)["crank"], 6) == round(state.q[0], 6)
+    Example:
+        >>> robot = rbd.mechanism.four_bar(40, 120, 80, 100, crank_angle=np.radians(40))
+        >>> {link: round(angle, 4) for link, angle in rbd.mechanism.link_angles(robot.at("assembled")).items()}
+        {'ground': 0.0, 'crank': 0.6981, 'coupler': 0.3543, 'coupler_tip': 0.3543, 'rocker': 1.0005, 'rocker_tip': 1.0005}
     """
     if not isinstance(state, State):
         raise InputError(f"link_angles wants a State, got {type(state).__name__}. Make one: robot.at(q).")

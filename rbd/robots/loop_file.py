@@ -136,7 +136,14 @@ def register_constraint(word: str, kind: Callable[..., Constraint]) -> None:
     Raises:
         InputError: a name in use, or a kind without a parameter `name`.
 
-    >>> rbd.register_constraint("rod", Rod)  # doctest: +SKIP
+    Example:
+        >>> def parked(name, joint, angle):
+        ...     return rbd.JointLock(name, joint, position=angle)
+        >>> rbd.register_constraint("parked", parked)
+        >>> with open("arm.yaml", "w") as file:
+        ...     _ = file.write("{loops: [{name: park, kind: parked, joint: crank_joint, angle: 0.5}]}")
+        >>> print(rbd.load_robot(rbd.mechanism.four_bar(1, 3, 3, 4).urdf, root="fixed", loops="arm.yaml").loops())
+        (JointLock(name='park', joint='crank_joint', position=array([0.5])),)
     """
     if not isinstance(word, str) or not word.strip() or len(word) > LONGEST_NAME:
         raise InputError(f"the word for a constraint is {word!r:.80}; expected a short one, e.g. 'rod'.")

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import renamed
-from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.constraints.surface import rigid_placement
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model.checked_model import CheckedModel
@@ -30,6 +30,11 @@ class RobotPair(CheckedModel):
         members: The two robots, as they were given.
         prefixes: Prefixes of the names of each.
         placement: Pose of the second's world in W, pin.SE3.
+
+    Example:
+        >>> pair = rbd.robots.merge_robots(rbd.load_robot("solo12"), rbd.testing.box(mass=2.0), names=("", "crate_"))
+        >>> pair.nv, pair.nu, "crate_box" in pair.frames(), [part.shape for part in pair.split(np.zeros(pair.nv))]
+        (24, 12, True, [(18,), (6,)])
     """
 
     def __init__(self, first: CheckedModel, second: CheckedModel, placement: pin.SE3, prefixes: tuple[str, str]) -> None:
@@ -176,9 +181,14 @@ def merge_robots(
     Raises:
         InputError: not a robot, names that remain equal, or two different gravities.
 
-    >>> pair = combine(load_robot("solo12"), load_robot("urdf/box.urdf"), names=("", "box_"))
-    >>> pair.nv, pair.nu, "box_box" in pair.frames()
-    (24, 12, True)
+    Example:
+        >>> solo, crate = rbd.load_robot("solo12"), rbd.testing.box(mass=1.0)
+        >>> pair = rbd.robots.merge_robots(solo, crate, names=("", "crate_"))
+        >>> back = rbd.Body("base_link")
+        >>> carried = rbd.SurfaceContact("carried", "crate_box", half_lengths=(0.05, 0.05), on=back, friction=0.6)
+        >>> state = pair.together(solo.standing(), rbd.State(crate, [0, 0, 0.4, 0, 0, 0, 1]))
+        >>> rbd.hold(state, [*pair.feet(), carried]).forces["carried"][:3].round(3)
+        array([ 0.  , 0.  ,  9.81])
     """
     for robot in (first, second):
         if not isinstance(robot, CheckedModel):

@@ -100,7 +100,12 @@ def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
     Raises:
         InputError: no contacts, one with a body, or a robot without a single floating base.
 
-    >>> on_stairs = rbd.robots.place_on_ground(state, talos.soles(on={"left_sole": 0.17}))
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> feet = solo.feet(on={"front_left": 0.03, "front_right": 0.03})  # the front feet on a step
+        >>> tilted = rbd.robots.place_on_ground(solo.standing(), feet)
+        >>> [round(float(foot.points(tilted).gaps[0]), 6) for foot in feet]
+        [0.0, 0.0, 0.0, 0.0]
     """
     robot, feet = check_state(state).robot, listed(contacts)
     if not robot.floating:

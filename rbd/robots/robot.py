@@ -13,8 +13,9 @@ import pinocchio as pin
 
 from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.contact import PointContact, SurfaceContact
-from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit
+from rbd.constraints.contact_kinds import PointContact, SurfaceContact
+from rbd.constraints.joint import JointCoupling, JointFriction
+from rbd.constraints.joint_limit import JointLimit
 from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
 from rbd.errors import InputError, ModelError, ModelWarning, nearest
 from rbd.model import mjcf
@@ -34,7 +35,7 @@ from rbd.robots.posture import configuration, semantic_postures, stand
 
 
 class Robot(CheckedModel):
-    """A robot: its checked Pinocchio model, its postures and its feet.
+    """A robot, as `load_robot` gives it: its checked Pinocchio model, its postures, feet, limits and loops.
 
     Made by `load_robot`. In addition to `CheckedModel`:
 
@@ -44,6 +45,15 @@ class Robot(CheckedModel):
         postures: {name: q, shape (nq,)}, from the SRDF, the catalogue and the loop file.
         leave_out: Parts of an MJCF file that were left out, as requested from `load_robot`.
         report: What the doctor found when it was loaded; None where it was not loaded from a file.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> print(solo)
+        Robot('solo12', nq=19, nv=18, nu=12, mass=2.500 kg)
+        >>> print(sorted(solo.postures), [foot.name for foot in solo.feet()])
+        ['standing', 'straight_standing'] ['front_left', 'front_right', 'hind_left', 'hind_right']
+        >>> solo.standing().com.round(3)
+        array([0.   , 0.   , 0.209])
     """
 
     def __init__(
@@ -306,14 +316,20 @@ def load_robot(
         ModelError: a missing or broken file, of the robot or of its loops.
         InputError: arguments of the wrong kind.
 
-    >>> biped = rbd.load_robot("my/biped.urdf", feet=["left_ankle", "right_ankle"])
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> solo.nq, solo.nv, solo.nu, [foot.name for foot in solo.feet()]
+        (19, 18, 12, ['front_left', 'front_right', 'hind_left', 'hind_right'])
+        >>> arm = rbd.load_robot("panda", root="fixed", passive=["panda_joint7"])
+        >>> arm.nv, arm.nu
+        (9, 8)
     """
     if root is not None and (not isinstance(root, str) or root not in ROOTS):
         raise InputError(f"root is {root!r:.80}; expected 'free_flyer', 'planar' or 'fixed'.")
     if limits is not None and not isinstance(limits, FileLimits):
         raise InputError(f"limits is {limits!r:.80}; expected rbd.model.FileLimits(max_dof=...).")
     limits = FileLimits() if limits is None else limits
-    _check_leave_out(leave_out)
+    mjcf.check_leave_out(leave_out)
     source = catalogue.find(name_or_path, package_dirs)
     closing = _loop_file(source.urdf, loops)
     root = root or (closing.root if closing else None) or "free_flyer"
@@ -352,6 +368,10 @@ def doctor(robot: Robot) -> ModelReport:
     Raises:
         InputError: not a robot.
         ModelError: its file is broken since.
+
+    Example:
+        >>> print(rbd.doctor(rbd.load_robot("solo12")))
+        solo12: 0 errors, 0 warnings. Nothing is wrong with it.
     """
     if not isinstance(robot, CheckedModel) or not hasattr(robot, "source"):
         raise InputError(f"doctor wants a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
@@ -369,15 +389,6 @@ def _loop_file(path: Path, loops: str | os.PathLike[str] | bool | None) -> LoopF
     else:
         found = catalogue.file_path(loops, "loops")
     return None if found is None else read_loop_file(found)
-
-
-def _check_leave_out(leave_out: Collection[str]) -> None:
-    try:
-        wrong = [each for each in leave_out if each not in mjcf.LEAVABLE] if not isinstance(leave_out, str) else [leave_out]
-    except TypeError:
-        wrong = [leave_out]  # type: ignore[list-item]
-    if wrong:
-        raise InputError(f"leave_out has {wrong[0]!r:.80}; expected a list of some of {', '.join(map(repr, mjcf.LEAVABLE))}.")
 
 
 def _joined(passive: Iterable[str], more: tuple[str, ...]) -> Iterable[str]:

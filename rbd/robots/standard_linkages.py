@@ -28,7 +28,7 @@ def four_bar(
 ) -> Robot:
     """A planar four-bar linkage of these lengths: crank a, coupler b, rocker c, ground d [m], in Norton's order.
 
-    In the vertical x-z plane, seen from -y, angles counter-clockwise from the ground link, which is along x:
+    In the vertical x-z plane, seen from -y, angles counter-clockwise from the ground link, which is along x::
 
         crank     from O2 = (0, 0), driven        angle th2 = q of `crank_joint`
         coupler   from the crank's tip            angle th3 = q of `crank_joint` + q of `coupler_joint`
@@ -56,10 +56,11 @@ def four_bar(
             message states what is missing.
         ModelError: files that cannot be written.
 
-    >>> robot = four_bar(40, 120, 80, 100, crank_angle=math.radians(40))
-    >>> angles = link_angles(robot.at("assembled"))
-    >>> [round(math.degrees(angles[link]), 3) for link in ("coupler", "rocker")]
-    [20.298, 57.325]
+    Example:
+        >>> robot = rbd.mechanism.four_bar(40, 120, 80, 100, crank_angle=np.radians(40))
+        >>> angles = rbd.mechanism.link_angles(robot.at("assembled"))
+        >>> [round(float(np.degrees(angles[link])), 3) for link in ("coupler", "rocker")]
+        [20.298, 57.325]
     """
     a, b, c, d = lengths("the four-bar", a=a, b=b, c=c, d=d)
     if missing := too_long(a=a, b=b, c=c, d=d):
@@ -87,7 +88,7 @@ def n_four_bar(n: int, *, length: float = 1.0, mass: float = 1.0, path: str | os
     """N square four-bars in a row: N + 1 cranks on the ground, their tips joined by N couplers, all bars uniform and equal.
 
     The benchmark A02 of IFToMM's library [Gonzalez2006] for length 1 m and mass 1 kg. All cranks are at the angle phi of
-    `crank_0`, in the plane and with the signs of `four_bar`, and with one degree of freedom
+    `crank_0`, in the plane and with the signs of `four_bar`, and with one degree of freedom::
 
         m L^2 [(N + 1) / 3 + N] phi'' = -m g L [(N + 1) / 2 + N] cos phi
 
@@ -102,6 +103,13 @@ def n_four_bar(n: int, *, length: float = 1.0, mass: float = 1.0, path: str | os
 
     Raises:
         InputError: n that is no whole number from 1 to 99, a length or mass that is not above zero.
+
+    Example:
+        >>> robot = rbd.mechanism.n_four_bar(3)
+        >>> print(robot, [loop.name for loop in robot.loops()])
+        Robot('n_four_bar_3', nq=14, nv=7, nu=1, mass=7.000 kg) ['pin_1', 'pin_2', 'pin_3']
+        >>> rbd.mechanism.mobility(robot.at("assembled")).finite
+        1
     """
     if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= MOST:
         raise InputError(f"n is {n!r:.80}; expected a whole number from 1 to {MOST}.")
@@ -149,14 +157,14 @@ def slider_crank(
 ) -> Robot:
     """A planar slider-crank: a crank, a connecting rod, and a slider that the rod pushes along x.
 
-    In the vertical x-z plane with the signs of `four_bar`; the crank turns about the origin and is driven:
+    In the vertical x-z plane with the signs of `four_bar`; the crank turns about the origin and is driven::
 
         crank     angle th = q of `crank_joint`
         rod       from the crank's tip; angle = q of `crank_joint` + q of `rod_joint`
         slider    at x = q of `slider_joint`, z = offset
 
     closed by `wrist_pin`, two rows: crank e^(i th) + rod e^(i phi) = x + i offset. The slider's friction is left out. The
-    crank turns round where crank + |offset| <= rod.
+    crank turns round where `crank + |offset| <= rod`.
 
     Postures are `assembled`, the slider to the right of the crank's tip, and `crossed`, to its left.
 
@@ -173,9 +181,10 @@ def slider_crank(
         InputError: lengths that are no numbers above zero, or cannot close, or not at this crank angle.
         ModelError: files that cannot be written.
 
-    >>> robot = slider_crank(1.0, 2.0, crank_angle=math.pi / 2)
-    >>> round(float(robot.posture("assembled")[-1]), 6)  # sqrt(3)
-    1.732051
+    Example:
+        >>> robot = rbd.mechanism.slider_crank(1.0, 2.0, crank_angle=np.pi / 2)
+        >>> round(float(robot.posture("assembled")[-1]), 6)  # sqrt(3)
+        1.732051
     """
     crank, rod = lengths("the slider-crank", crank=crank, rod=rod)
     height = as_float(offset)

@@ -19,8 +19,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.compiled import in_use
 from rbd.model.checked_model import CheckedModel
-from rbd.solvers.compiled import in_use
 
 
 def compiled_steps() -> ModuleType | None:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, cross_matrix, rank_of
+from rbd.arrays import Array, cross_matrix, rank_of, rows_from
 from rbd.constraints.ground_points import OnGround
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.kept import MOST_BODIES, keep
@@ -178,14 +178,3 @@ class TurnedMap:
         """Shape (p,), from the placements of the bodies and x, each one after the other."""
         out: Array = self._matrix.dot(X.take(self._place) * x.take(self._other))
         return out
-
-
-def rows_from(parts: Sequence[tuple[Array, Array]], size: int) -> Array:
-    """A view of blocks of memory at equal distances, one a row, shape (n, size): each has the first part, then the second."""
-    if not parts:
-        return np.zeros((0, size))
-    at = np.array([[x.__array_interface__["data"][0] for x in pair] for pair in parts])
-    first, steps = parts[0][0], np.diff(at[:, 0])
-    step = int(steps[0]) if len(steps) else 8 * size
-    assert (steps == step).all() and (at[:, 1] - at[:, 0] == 8 * first.size).all(), "Pinocchio's data are laid out otherwise"
-    return np.lib.stride_tricks.as_strided(first, (len(parts), size), (step, 8))

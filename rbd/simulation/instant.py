@@ -112,6 +112,11 @@ class HalfStep(NamedTuple):
         """Acceleration in it, of a floating base in the base's axes, shape (nv,)."""
         return (self.answer.v - self.turned) * (2.0 / self.h)
 
+    def active_in(self, layout: Layout) -> Array:
+        """Which points of another layout are active, shape (k,)."""
+        at = self.start.at
+        return self.active if layout is at.layout else PointMatching(at.layout, layout).points(self.active, False)
+
     def points_in(self, layout: Layout) -> PointsAtStart:
         """The same data for the points of another layout."""
         at = self.start.at

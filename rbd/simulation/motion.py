@@ -111,7 +111,7 @@ class ConstraintForce:
 
 @dataclass(frozen=True)
 class Event:
-    """An event: a contact begins, ends, slips or sticks.
+    """An event of a simulated motion: a contact begins, ends, slips or sticks.
 
     Attributes:
         t: Time [s].
@@ -120,6 +120,14 @@ class Event:
         point: Index of its point, from 0.
         speed: For a touch, the approach speed [m/s, rad/s]; else zero.
         impulse: For a touch, normal impulse of the impact [N s, N m s]; else zero.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> corner = rbd.PointContact("corner", "box", friction=0.6, on=0.0)
+        >>> fall = rbd.simulate(rbd.State(box, [0, 0, 0.05, 0, 0, 0, 1]), [corner], duration=0.2, step=1e-2)
+        >>> for event in fall.events:
+        ...     print(event.name, event.kind, f"at {event.t:.3f} s with {event.speed:.2f} m/s, {event.impulse:.2f} N s")
+        corner touches at 0.101 s with 0.99 m/s, 9.90 N s
     """
 
     t: float

@@ -15,6 +15,7 @@ import numpy as np
 
 from rbd.arrays import as_float, is_finite
 from rbd.constraints.constraint import Constraint, listed, rows_of
+from rbd.constraints.distance_warnings import warn_of_distant
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.schedules import Controller, ExternalAt
 from rbd.errors import (
@@ -28,7 +29,6 @@ from rbd.errors import (
     Unsupported,
     nearest,
 )
-from rbd.least_constraint import warn_of_distant
 from rbd.mechanism.projection import Projection
 from rbd.model.dynamics import External
 from rbd.model.state import State
@@ -67,7 +67,7 @@ def simulate(
 
     Bilateral constraints alone (loops, rolling, contacts, locks) give smooth motion: Gauss's acceleration, integrated on
     the robot's configuration space (`RungeKutta4`, order 4, or `DormandPrince8`). Where a contact can break, slip or impact
-    (contacts with friction, limits, dry friction) it is time stepping at the level of velocity (`TimeStepping`, order 2),
+    (contacts with friction, limits, dry friction) it is time stepping at the level of velocity (`TimeStepping`, order 2)::
 
         M v+ = M v + h (S^T tau + tau_ext - h(q, v)) + J^T p,        impulses p and velocities J v+ under the contact law.
 
@@ -99,6 +99,14 @@ def simulate(
         Unsupported: the integrator does not accept a constraint, which is named.
         SimulationStopped: a step has no solution, or a function of yours (controller, external force, constraint) raised an
             error, which is its `__cause__`: with state, time, constraints and the trajectory until then.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.5, on=0.0)
+        >>> slides = rbd.State(box, [0, 0, 0, 0, 0, 0, 1], [1.0, 0, 0, 0, 0, 0])
+        >>> motion = rbd.simulate(slides, [face], duration=0.3, step=1e-2)
+        >>> print(f"{motion.com[-1, 0]:.4f} m, {1.0 / (2 * 0.5 * 9.81):.4f} m")  # v^2 / (2 mu g)
+        0.1019 m, 0.1019 m
     """
     if not isinstance(state, State):
         raise InputError(f"simulate wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.solvers.small_systems import compiled
+from rbd.kernels import compiled
 
 
 @compiled

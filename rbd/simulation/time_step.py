@@ -221,7 +221,7 @@ class StepSystem:
         start = half.start
         if half.active is end.layout.everything:
             return end.layout.nothing
-        deep: Array = ~half.points_in(end.layout).active & (end.gap < -self.sizes.tolerances(end, start.gaps).tight)
+        deep: Array = ~half.active_in(end.layout) & (end.gap < -self.sizes.tolerances(end, start.gaps).tight)
         if end.layout is not start.at.layout and deep.any():
             deep &= PointMatching(start.at.layout, end.layout).known | (end.approach < -_AT_REST)
         return deep
@@ -257,7 +257,7 @@ class StepSystem:
             s = low + first_crossing(gap, rate, at_high.gap[through], at_high.velocity[n], high - low)
             whole = self._finish(half, s)
             found = whole.end
-            apart = (found.gap / self.sizes.tolerances(found, half.start.gaps).tight)[~half.points_in(found.layout).active]
+            apart = (found.gap / self.sizes.tolerances(found, half.start.gaps).tight)[~half.active_in(found.layout)]
             deepest = float(apart.min(initial=np.inf))
             if abs(deepest) <= 1.0 or high - low < 1e-12 * h:
                 break

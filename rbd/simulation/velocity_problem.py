@@ -35,7 +35,7 @@ from rbd.simulation.contact_points import Layout, Snapshot
 from rbd.solution import Solution
 from rbd.solvers.admm import ConeSolver, holding
 from rbd.solvers.kkt import StickingSolver, independent_factor
-from rbd.solvers.newton import Scaled, scaled, steps_from, yielding_steps
+from rbd.solvers.newton import Scaled, compiled_weights, scaled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 
 EXACT = 1e-10
@@ -50,6 +50,8 @@ _NOTHING = 1e-100
 """Velocities below this are zero [m/s, rad/s]: divided by them, others would overflow."""
 _QUICK = 10
 """Iterations of Newton's method before another is tried; started from the step before it usually takes two."""
+_FINE = 1e-10
+"""Proximal term of its second attempt: half of those that stall at a merit of 1e-10 to 1e-7 end here."""
 
 
 class VelocityAnswer(NamedTuple):
@@ -249,18 +251,21 @@ def point_impulses(
     if rows.sets.bilateral:
         return *_bilateral(D, u, max(h, max_abs(u)) or 1.0, problem), False
     if shift is None and rows.sticking is not None:
-        shortest = rows.sticking.impulses(D, u, np.zeros(len(u)), STILL, others=False)
-        if shortest is not None:
-            return *shortest, True
-        near = rows.sticking.impulses(D, u, guess, STILL)
-        if near is not None:
-            return *near, False
+        held = rows.sticking.shortest_or_near(D, u, guess, STILL)
+        if held is not None:
+            return held
     T, coulomb = rows.sets, law == "coulomb"
     if shift is not None:
+        quick = _quick(D, u + shift, T, guess, coulomb)
+        if quick is not None:
+            return *quick, False
         x, merit, S = _newton(D, u + shift, T, guess, coulomb)
         if merit <= _exact(S):
             return T.project(S.weights(x)), merit, False
         # It can happen that no friction opposes the velocity in the middle: then use that at the end.
+    quick = _quick(D, u, T, guess, coulomb)
+    if quick is not None:
+        return *quick, False
     x, merit, S = _newton(D, u, T, guess, coulomb)
     exact = _exact(S)
     if merit > exact:
@@ -272,10 +277,22 @@ def point_impulses(
     return *_portfolio(problem(), law), False
 
 
+def _quick(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tuple[Array, float] | None:
+    """(row impulses, merit) by the first steps of `_newton`, compiled; None where they do not lead to an answer."""
+    found = compiled_weights(D, u, T, guess, coulomb=coulomb, iterations=_QUICK)
+    if found is None or not found[1] <= _least_merit(found[2]):
+        return None
+    return found[:2]
+
+
 def _newton(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tuple[Array, float, Scaled]:
     """(scaled weights, merit, the scaled problem) by Newton's method from a guess."""
     S = scaled(D, u, T)
     x, merit, _ = steps_from(S, S.guess(guess), coulomb=coulomb, iterations=_QUICK)
+    if merit > _exact(S):  # rows that are nearly dependent: the steps' own regularisation stalls them
+        finer, less, _ = steps_from(S, x, coulomb=coulomb, iterations=_QUICK, proximal=_FINE)
+        if less <= _exact(S):
+            return finer, less, S
     if merit > _exact(S):  # dependent rows: ADMM first, then exact
         near, _ = admm(S, x, coulomb=coulomb, iterations=200, tolerance=1e-6)
         x, merit, _ = steps_from(S, near, coulomb=coulomb, iterations=_QUICK)
@@ -286,7 +303,7 @@ def _newton(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tup
 
 def _portfolio(P: GaussProblem, law: str) -> tuple[Array, float]:
     """(row impulses, residual) by the solvers of `rbd.ConeSolver`, one after another."""
-    found = Solution.of(ConeSolver(law=law).solve(P))
+    found = Solution.of(ConeSolver(law=law).solve_from(P, None, others=False))
     if not found.residuals.within(USABLE):
         names = ", ".join(r.name for r in P.rows)
         raise NoSolution(
@@ -337,8 +354,12 @@ def independent_rows(
 
 
 def _exact(S: Scaled) -> float:
+    return _least_merit(S.rate)
+
+
+def _least_merit(rate: float) -> float:
     """Largest merit of an answer: for tiny velocities rounding exceeds `EXACT`."""
-    return max(EXACT, _ROUNDING / S.rate)
+    return max(EXACT, _ROUNDING / rate)
 
 
 def _bilateral(D: Array, u: Array, size: float, problem: Callable[[], GaussProblem]) -> tuple[Array, float]:

@@ -7,9 +7,23 @@ from rbd.modules import submodule as _submodule
 from rbd.problem.answer import Answer
 from rbd.problem.problem import GaussProblem, Law
 
+__all__ = ["Solver"]
+
 
 class Solver(Protocol):
-    """Protocol of the solvers that `rbd.solve` takes."""
+    """Protocol of a solver: what `rbd.solve` takes as `solver=`, and what a solver of your own must have.
+
+    Example:
+        >>> class InFreeFall:
+        ...     law = "bilateral"
+        ...     def reason_unsupported(self, problem):
+        ...         return "it takes no constraints" if problem.m else None
+        ...     def solve(self, problem):
+        ...         return rbd.problem.Answer(problem, problem.a_free, np.zeros(0), None, "bilateral", "InFreeFall", 0, 0.0)
+        >>> box = rbd.testing.box()
+        >>> print(rbd.solve(rbd.State(box, [0, 0, 1, 0, 0, 0, 1]), [], solver=InFreeFall()).a)
+        [ 0.    0.   -9.81  0.   0.    0.  ]
+    """
 
     @property
     def law(self) -> Law | str:

@@ -43,7 +43,7 @@ _FIXED_POINT_STEPS = 12
 
 @dataclass(frozen=True, kw_only=True)
 class ConeSolver:
-    """Contact forces in circular cones, under Coulomb's law or its convex relaxation, on the Delassus form of the problem.
+    """Solver with circular friction cones, for Coulomb's law or its convex relaxation, on the Delassus form of the problem.
 
     Weights w in the product of the sets (`problem.force_set`) with::
 
@@ -80,6 +80,17 @@ class ConeSolver:
 
     Raises:
         InputError: if `law` is neither, or `starts` is not a whole number from 1 to 20.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
+        >>> push = [rbd.ExternalForce("box", (80.0, 0.0, 0.0))]
+        >>> state = rbd.State(box, [0, 0, 0.1, 0, 0, 0, 1])
+        >>> for law in ("coulomb", "convex"):
+        ...     solution = rbd.solve(state, [], [face], external=push, solver=rbd.ConeSolver(law=law))
+        ...     print(solution.law, solution.a[:3].round(3) , solution.forces["face"][:3].round(2))
+        coulomb [ 2.114 0.     0.   ] [-58.86  0.    98.1 ]
+        convex [1.554 0.    0.933] [-64.46   0.   107.43]
     """
 
     law: Law | str = COULOMB
@@ -112,13 +123,16 @@ class ConeSolver:
         """
         return self.solve_from(problem, None)
 
-    def solve_from(self, problem: GaussProblem, weights: Array | None, since: float | None = None) -> Answer:
+    def solve_from(
+        self, problem: GaussProblem, weights: Array | None, since: float | None = None, *, others: bool = True
+    ) -> Answer:
         """The same, its second step started from weights of `problem.force_set`, e.g. those of another law's answer.
 
         Args:
             problem: The problem to solve.
             weights: Shape (p,); None for those of the first step.
             since: Start of the search that this continues, by `time.perf_counter`.
+            others: Whether the convex law's motion is looked for beside Coulomb's; a time step takes the first answer.
         """
         start = time.perf_counter() if since is None else since
         P = checked(problem)
@@ -126,7 +140,7 @@ class ConeSolver:
             return replace(KKT().solve(P), solver="ConeSolver")
         if P.force_set.sliding:
             return _of_sliding(P, start)
-        return _Search(P, Law.of(self.law), start).run(self.starts if self.law == COULOMB else 1, weights)
+        return _Search(P, Law.of(self.law), start).run(self.starts if self.law == COULOMB else 1, weights, others)
 
 
 def _of_sliding(P: GaussProblem, start: float) -> Answer:
@@ -157,8 +171,11 @@ class _Search:
         self.best: Answer | None = None
         self.answers: list[Answer] = []
 
-    def run(self, wanted: int, weights: Array | None = None) -> Answer:
-        """The answer, after `wanted` starts or the first answer, whichever is later; started from weights, if given."""
+    def run(self, wanted: int, weights: Array | None = None, others: bool = True) -> Answer:
+        """The answer, after `wanted` starts or the first answer, whichever is later; started from weights, if given.
+
+        With `others` the convex law's motion is looked for, too.
+        """
         T = self.P.force_set
         w = holding(self.P)
         first = T.project(w)
@@ -181,7 +198,7 @@ class _Search:
                 reason = ""
             if self._judge(T.project(S.weights(w)), reason) and wanted == 1:
                 break
-        if self.coulomb and self.answers and self._might_hold(self.answers[0]):
+        if others and self.coulomb and self.answers and self._might_hold(self.answers[0]):
             self._try_convex(S, S.guess(first))
         return self._result()
 

@@ -3,30 +3,11 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
 
 from rbd.arrays import Array
-from rbd.solvers.small_systems import compiled, independent, inverse
-
-
-class Bodies(NamedTuple):
-    """The scaled problem: each point's block of Q' D Q has a largest diagonal of one, c is of order one.
-
-    Attributes:
-        D: Inverse inertia of the bodies' rows, shape (nw, nw).
-        L: Its inverse.
-        c: Free acceleration, shape (nw,).
-        columns: Columns of Q, P scaled, shape (3 k, d).
-        first: First row of each point, shape (k,).
-        mu: Frictions.
-    """
-
-    D: Array
-    L: Array
-    c: Array
-    columns: Array
-    first: Array
-    mu: Array
+from rbd.kernels import compiled
+from rbd.solvers.contact_scaling import Bodies
+from rbd.solvers.small_systems import independent, inverse
 
 
 @compiled

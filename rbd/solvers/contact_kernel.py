@@ -12,8 +12,10 @@ from typing import NamedTuple
 import numba
 
 from rbd.arrays import Array
-from rbd.solvers.contact_families import Bodies, leaves_motion_open
-from rbd.solvers.small_systems import COUNT, FLAG, NUMBER, array, compiled, eliminate, inverse
+from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled
+from rbd.solvers.contact_families import leaves_motion_open
+from rbd.solvers.contact_scaling import MOBILITY, Bodies, scale
+from rbd.solvers.small_systems import eliminate, inverse
 
 _SMALL = 1e-200
 _MOST_STEPS = 50
@@ -21,8 +23,12 @@ _FOUND = 1e-10
 """Merit of an answer."""
 _EXACT = 1e-14
 """Newton stops at this merit."""
+_ROUGH, _CLOSE = 1e-4, 1e-4
+"""Merits at which further points are looked for, and below which not before this merit is `_EXACT`."""
 _NEARLY = 1e-12
 """Merit at which no further points are taken into account."""
+_GROWS, _EARLY = 4.0, 6
+"""The first steps, in which points change between open, sticking and slipping, may make the sum of squares grow so much."""
 OPEN, STICKS, SLIPS = 0.0, 1.0, 2.0
 
 
@@ -193,7 +199,7 @@ def steps_from(
                 for j in range(3 * i, 3 * i + 3):
                     new[j] = w[j] + t * move[j]
             merit, square = evaluate(bodies, points, new, compliance, coulomb, room)
-            if square <= before * (1.0 - 1e-4 * t):
+            if square <= before * (_GROWS if step < _EARLY else 1.0 - 1e-4 * t):
                 break
             t *= 0.5
         for i in points:
@@ -212,38 +218,6 @@ def steps_from(
     return least, step
 
 
-@compiled
-def scale(bodies: Bodies, P: Array, c: Array, unit: Array) -> float:
-    """Fill columns and c of the scaled problem, and the points' `unit`: the rate by which c was divided."""
-    most, d = 0.0, P.shape[1]
-    for i in range(len(unit)):
-        at, size = bodies.first[i], 0.0
-        for j in range(3 * i, 3 * i + 3):
-            total = 0.0
-            for r in range(d):
-                part = 0.0
-                for s in range(d):
-                    part += bodies.D[at + r, at + s] * P[j, s]
-                total += part * P[j, r]
-            size = max(size, total)
-        unit[i] = size
-        most = max(most, size)
-    rate = 0.0
-    for i in range(len(unit)):
-        at = bodies.first[i]
-        unit[i] = 1.0 / math.sqrt(max(unit[i], 1e-12 * most if most > 0.0 else 1.0))
-        for j in range(3 * i, 3 * i + 3):
-            total = 0.0
-            for r in range(d):
-                bodies.columns[j, r] = P[j, r] * unit[i]
-                total += bodies.columns[j, r] * c[at + r]
-            rate = max(rate, abs(total))
-    rate = rate if rate > 0.0 else 1.0
-    for r in range(len(c)):
-        bodies.c[r] = c[r] / rate
-    return rate
-
-
 def _body_forces(
     D: Array, c: Array, start: Array, coulomb: bool,
     P: Array, first: Array, mu: Array, seeds: Array, memory: Array, points: Array, out: Array,
@@ -253,7 +227,7 @@ def _body_forces(
     Args:
         D: As there.
         c: As there.
-        start: As there.
+        start: Weights of the `seeds`.
         coulomb: As there.
         P: Entries of its columns, shape (3 k, d).
         first: Their first rows, shape (k,).
@@ -290,24 +264,30 @@ def _body_forces(
     for e in range(count):
         i = points[1, e] = seeds[e]
         j, size = 3 * i, 1.0 / (unit[i] * rate)
-        x, y, z = start[j] * size, start[j + 1] * size, start[j + 2] * size
+        x, y, z = start[3 * e] * size, start[3 * e + 1] * size, start[3 * e + 2] * size
         if math.isfinite(x + y + z):
-            normal, factor, _ = project(x, y, z, mu[i], coulomb)
-            w[j], w[j + 1], w[j + 2] = factor * x, factor * y, normal
+            w[j], w[j + 1], w[j + 2] = x, y, z
     merit, steps, opened = math.inf, 0, False
     for attempt in range(2):
         if attempt > 0:  # from all contacts open
             for j in range(n):
                 w[j] = 0.0
+        rough = count < k
         while True:
-            merit, more = steps_from(bodies, points[1, :count], w, firm, coulomb, _EXACT, room)
+            merit, more = steps_from(bodies, points[1, :count], w, firm, coulomb, _ROUGH if rough else _EXACT, room)
             steps += more
-            if not merit <= _FOUND or count == k:
+            if not merit <= (_ROUGH if rough else _FOUND) or count == k:
                 break
             merit, _ = evaluate(bodies, points[0], w, firm, coulomb, room)
             if merit <= _NEARLY:
                 break
-            count = enlarge(points, count, first, room.gap, room.z)
+            if rough and merit <= _CLOSE:  # before further points, the last digits of these
+                rough = False
+                continue
+            used, count = count, enlarge(points, count, first, room.gap, room.z)
+            if count == used:
+                break
+            rough = count < k
         if merit <= _FOUND:
             break
     if not merit <= _FOUND:  # many points close to each other: compliant ones first, whose answer is unique
@@ -365,7 +345,7 @@ def settle(
     reached, compliance, found = math.inf, 1e-2, False
     while compliance > 1e-5:
         for i in range(len(soft)):
-            soft[i] = compliance * max((unit[i] / most) ** 2, 1e-3)
+            soft[i] = MOBILITY * compliance * max((unit[i] / most) ** 2, 1e-3)
         reached, more = steps_from(bodies, points, w, Compliance(soft, firm.about, 0.0), coulomb, 1e-8 * compliance, room)
         steps += more
         # A merit m leaves the shares uncertain by m / compliance.

@@ -16,9 +16,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rbd import compiled as _compiled_code
 from rbd.arrays import Array, is_finite, max_abs, zeros
-from rbd.solvers import compiled as _compiled_code
-from rbd.solvers.newton import FOUND, Order, Scaled, leaves_motion_open, plain_steps_from, settled
+from rbd.solvers.contact_steps import ContactSteps
+from rbd.solvers.newton import FOUND, Order, Scaled
 from rbd.solvers.pinocchio_admm import admm
 from rbd.solvers.point_law import law_residual
 
@@ -27,12 +28,11 @@ _ALL = 12
 
 
 _ITERATIONS = 40
-"""Of Pinocchio's ADMM, which takes as long as three of NumPy's Newton steps, and mostly replaces five."""
+"""Of Pinocchio's ADMM, from whose weights Newton's steps are tried again; they take as long as four of these."""
 _NEAR = 1e-7
 """Its tolerance."""
-_STEP = 0.3
+_STEP = 3.0
 """Its step size, for a scaled D."""
-_SMALL = 1e-200
 _STILL, _NEARLY = 1e-12, 1e-6
 """Accelerations of loaded points that count as zero, over the largest of the bodies without forces; in between: undecided.
 
@@ -72,6 +72,7 @@ class ContactNewton:
     def __init__(self, P: Array, mu: Array) -> None:
         self.P, self.mu = np.array(P, dtype=float), np.array(mu, dtype=float)
         self._pull = np.ascontiguousarray(self.P.T)
+        self._steps = ContactSteps(self.P, self.mu)
         k = len(self.mu)
         self._order = Order(None, 0, zeros(0), zeros(0), self.mu, 1 / (1 + self.mu**2), 3 * np.arange(k), np.full(k, 3))
         self._compiled: _Compiled | None = None
@@ -84,7 +85,7 @@ class ContactNewton:
             c: Acceleration of the rows without the points' forces, shape (nw,); or velocity, and then forces are impulses.
             start: Weights to start from, shape (3 k,), in the cones or not, finite or not.
             coulomb: Coulomb's law; else the convex one.
-            compiled: Whether compiled code is used; None: where it is installed, see `rbd.solvers.compiled`.
+            compiled: Whether compiled code is used; None: where it is installed, see `rbd.compiled`.
         """
         run: Callable[[Array, Array, Array, bool], ContactForces] = self._plain
         if _compiled_code.in_use() if compiled is None else compiled and _compiled_code.installed():
@@ -92,6 +93,26 @@ class ContactNewton:
                 self._compiled = _Compiled(self.P, self.mu)
             run = self._compiled.forces
         return run(D, c, start, coulomb)
+
+    def release(self, D: Array, f: Array, w: Array, change: Array, least_norm: Array) -> int:
+        """Forces of the convex law on bodies that are held, in one compiled call.
+
+        Returns:
+            2 if they are found, 1 if all points stick, and nothing is written; 0 if nothing is known.
+
+        Args:
+            D: As in `forces`.
+            f: Forces on the rows that hold them, shape (nw,); written: those of the points.
+            w: Written: weights, shape (3 k,).
+            change: Its first entries are written: accelerations of the rows, shape (nw or more,).
+            least_norm: Weights of minimum norm for forces on the rows, from which to start, shape (3 k, nw).
+        """
+        if not _compiled_code.in_use():
+            return 0
+        if self._compiled is None:
+            self._compiled = _Compiled(self.P, self.mu)
+        D = D if D.flags.c_contiguous else D.T  # symmetric
+        return int(self._compiled.release(D, f, w, change, least_norm, FOUND, *self._compiled.fixed))
 
     def found(self, D: Array, c: Array, start: Array, *, coulomb: bool) -> ContactForces:
         """Forces that obey the law, searched from the other law's forces too; arguments as of `forces`.
@@ -137,41 +158,29 @@ class ContactNewton:
         return law_residual(self._pull, y, gauss.weights / push, self.mu, coulomb=True)
 
     def _plain(self, D: Array, c: Array, start: Array, coulomb: bool) -> ContactForces:
-        P = self.P
-        size, rate = self._sizes(D, c)
-        if not rate < math.inf:
+        P, newton = self.P, self._steps
+        if not newton.pose(D, c):
             return ContactForces(np.zeros(P.shape[1]), np.zeros(len(P)), math.inf, 0, False)
-        unit = rate / size
-        S = Scaled(P.T @ (D @ P) / size, c @ P / rate, self._order, zeros(0), zeros(0), np.full(P.shape[1], unit), rate)
-        first = start / unit
+        first = start / newton.unit
         if not is_finite(first):
             first = np.zeros(len(start))
-        w, steps = admm(S, first, coulomb=coulomb, iterations=_ITERATIONS, tolerance=_NEAR, step=_STEP)
-        for guess in (w, first, np.zeros(len(w))):  # ADMM leaves a merit that the certificate would not pass
-            w, merit, more = plain_steps_from(S, guess, coulomb=coulomb)
-            steps += more
-            if merit <= FOUND:
-                break
-        opened = coulomb and merit <= FOUND and leaves_motion_open(S, w)
+        found = newton.steps_from(first, coulomb=coulomb)
+        if not found.merit <= FOUND:
+            none, unit = zeros(0), np.full(len(first), newton.unit)
+            S = Scaled(newton.D, newton.q, self._order, none, none, unit, newton.rate)
+            near, taken = admm(S, first, coulomb=coulomb, iterations=_ITERATIONS, tolerance=_NEAR, step=_STEP)
+            steps = found.steps + taken
+            for guess in (near, zeros(len(first))):
+                found = newton.steps_from(guess, coulomb=coulomb)
+                steps += found.steps
+                if found.merit <= FOUND:
+                    break
+            found = found._replace(steps=steps)
+        opened = coulomb and found.merit <= FOUND and newton.leaves_motion_open(found.w)
         if opened:
-            w, more = settled(S, w)
-            steps += more
-        weights = self._inside(unit * w)
-        return ContactForces(weights, P @ weights, merit, steps, opened)
-
-    def _sizes(self, D: Array, c: Array) -> tuple[float, float]:
-        """Mobility of the least mobile point, and the largest acceleration of one: infinite if they are no numbers."""
-        if not (is_finite(D) and is_finite(c)):
-            return 1.0, math.inf
-        size = float((self.P * (D @ self.P)).sum(axis=0).reshape(-1, 3).max(axis=1).min())
-        return (size if size > 0.0 else 1.0), max_abs(c @ self.P) or 1.0
-
-    def _inside(self, w: Array) -> Array:
-        """Weights with tangential ones cut to the friction that the normal ones allow."""
-        x, y, z = w.reshape(-1, 3).T
-        normal = np.maximum(z, 0.0)
-        factor = np.minimum(self.mu * normal / np.maximum(np.hypot(x, y), _SMALL), 1.0)
-        return np.column_stack([factor * x, factor * y, normal]).ravel()
+            found = newton.settled(found, coulomb=coulomb)
+        weights = newton.unit * found.w
+        return ContactForces(weights, P @ weights, found.merit, found.steps, opened)
 
 
 def contact_forces(
@@ -194,12 +203,17 @@ class _Compiled:
         self.n, self.size = n, n + nw
         vectors, squares, rows = 10 * n + 4 * nw + n * d + 4 * k, 4 * nw * nw, 2 * n * nw
         memory = np.zeros(vectors + squares + rows + nw * n)
-        self.fixed = (columns, first, mu, seeds(columns, first), memory, np.zeros((2, k), dtype=np.int64))
+        begin = seeds(columns, first)
+        self.fixed = (columns, first, mu, begin, memory, np.zeros((2, k), dtype=np.int64))
+        self.share = None if len(begin) == k else np.linalg.pinv(P.reshape(nw, k, 3)[:, begin].reshape(nw, -1)) @ P
         self.run = _kernel()
+        self.release = _release()
 
     def forces(self, D: Array, c: Array, start: Array, coulomb: bool) -> ContactForces:
         out = np.empty(self.size)
         D = D if D.flags.c_contiguous else D.T  # symmetric
+        if self.share is not None:  # weights of the first points, of the same wrench
+            start = self.share.dot(start)
         merit, steps, opened = self.run(D, c, start, coulomb, *self.fixed, out)
         return ContactForces(out[: self.n], out[self.n :], merit, steps, opened)
 
@@ -226,3 +240,10 @@ def _kernel() -> Callable[..., tuple[float, int, bool]]:
     from rbd.solvers.contact_kernel import body_forces  # imports Numba
 
     return body_forces
+
+
+@cache
+def _release() -> Callable[..., int]:
+    from rbd.solvers.release_kernel import release  # imports Numba
+
+    return release

@@ -3,7 +3,7 @@
 The convex law and Coulomb's allow the same forces and accelerations to an unloaded point, and to one that
 sticks. An answer of the QP is therefore one of Coulomb's law if at every point with friction
 
-    f = 0     or     c = 0        (c = J a + J_dot v of the point; c_n >= 0 in any case)
+    f = 0     or     y = 0        (y = J a + J_dot v of the point; y_n >= 0 in any case)
 
 and if the forces of the sticking points can be chosen in the circular cones, which the QP's pyramids circumscribe: those of
 least norm are. Frictionless contacts, limits and dry friction do not count: both laws treat them in the same way.

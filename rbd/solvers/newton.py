@@ -12,17 +12,17 @@ Sources: [Alart1991] for the map of Coulomb's law; [Qi1993] for Newton on semism
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
+from types import ModuleType
 from typing import TypeAlias
 
 import numpy as np
 from scipy.linalg import lapack, lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, max_abs, null_space
+from rbd.compiled import in_use
 from rbd.problem.force_set import ForceSet
-from rbd.solvers.compiled import in_use
 
 PROXIMAL = 1e-7
 """Added to the diagonal of the scaled D in Newton's matrix only, so that redundant corners leave it regular."""
@@ -153,13 +153,31 @@ def solve_newton(
     return parts.project(problem.weights(w)), merit, steps
 
 
+def compiled_weights(
+    D: Array, y_free: Array, parts: ForceSet, w0: Array, *, coulomb: bool, iterations: int
+) -> tuple[Array, float, float] | None:
+    """(weights, merit, rate) of `solve_newton` in one compiled call, bit for bit; None where there is none for this problem.
+
+    The merit is scaled; the rate is that of `Scaled`.
+    """
+    order = order_of(parts)
+    if not in_use() or len(w0) > _MOST_COMPILED or order.columns is not None:
+        return None
+    out = np.empty(len(w0))
+    D, y_free, w0 = np.ascontiguousarray(D), np.ascontiguousarray(y_free), np.ascontiguousarray(w0)
+    merit, rate = _kernel().weights(
+        D, y_free, order.lower, order.upper, order.mu, w0, coulomb, iterations, PROXIMAL, EXACT, out
+    )
+    return out, merit, rate
+
+
 def steps_from(
     problem: Scaled, w: Array, *, coulomb: bool, iterations: int = 50, proximal: float = PROXIMAL, exact: float = EXACT
 ) -> tuple[Array, float, int]:
-    """`solve_newton` in the problem's units and order; compiled where Numba is installed, see `rbd.solvers.compiled`."""
+    """`solve_newton` in the problem's units and order; compiled where Numba is installed, see `rbd.compiled`."""
     if in_use() and len(w) <= _MOST_COMPILED:
         order, best = problem.order, np.empty(len(w))
-        merit, step = _compiled_steps()(
+        merit, step = _kernel().newton_steps(
             np.ascontiguousarray(problem.D), np.ascontiguousarray(problem.q), problem.lower, problem.upper, order.mu,
             np.array(w), coulomb, iterations, proximal, exact, best,
         )  # fmt: skip
@@ -198,10 +216,10 @@ def plain_steps_from(
 
 
 @cache
-def _compiled_steps() -> Callable[..., tuple[float, int]]:
-    from rbd.solvers.newton_kernel import newton_steps  # imports Numba
+def _kernel() -> ModuleType:
+    from rbd.solvers import newton_kernel  # imports Numba
 
-    return newton_steps
+    return newton_kernel
 
 
 def yielding_steps(problem: Scaled, w: Array, *, coulomb: bool, outer: int = 8, iterations: int = 15) -> tuple[Array, float]:

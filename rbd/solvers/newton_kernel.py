@@ -11,8 +11,9 @@ import numba
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled
 from rbd.solvers.contact_kernel import project
-from rbd.solvers.small_systems import COUNT, FLAG, NUMBER, array, compiled, eliminate
+from rbd.solvers.small_systems import eliminate
 
 
 @compiled
@@ -160,5 +161,62 @@ newton_steps = compiled(
     numba.types.Tuple((NUMBER, COUNT))(
         array(2), array(1), array(1), array(1), array(1),
         array(1, written=True), FLAG, COUNT, NUMBER, NUMBER, array(1, written=True),
+    ),
+)  # fmt: skip
+
+
+def _solve(
+    D: Array, y: Array, lower: Array, upper: Array, mu: Array, start: Array, coulomb: bool, iterations: int, proximal: float,
+    exact: float, out: Array,
+) -> tuple[float, float]:  # fmt: skip
+    """`newton.scaled`, its steps and their weights in their sets: (merit, rate), with the weights in `out`."""
+    size, n = len(y), len(lower)
+    s, w, q, scaled, least = np.empty(size), np.empty(size), np.empty(size), np.empty((size, size)), 0.0
+    for i in range(size):
+        s[i] = abs(D[i, i])
+        least = max(least, 1e-12 * s[i])
+    for i in range(n, size, 3):
+        s[i] = s[i + 1] = s[i + 2] = max(s[i], s[i + 1], s[i + 2])
+    least = least if least > 0.0 else 1.0
+    rate = 0.0
+    for i in range(size):
+        s[i] = 1.0 / math.sqrt(max(s[i], least))
+        q[i] = s[i] * y[i]
+        rate = max(rate, abs(q[i]))
+    low, high = np.empty(n), np.empty(n)
+    for i in range(n):
+        low[i], high[i] = lower[i] / s[i], upper[i] / s[i]
+        rate = max(rate, low[i], -high[i])
+    rate = rate if rate > 0.0 else 1.0
+    for i in range(n):
+        low[i], high[i] = low[i] / rate, high[i] / rate
+    for i in range(size):
+        q[i] = q[i] / rate
+        w[i] = start[i] / (s[i] * rate)
+        for j in range(size):
+            scaled[i, j] = D[i, j] * s[j] * s[i]
+    merit, _ = newton_steps(scaled, q, low, high, mu, w, coulomb, iterations, proximal, exact, out)
+    for i in range(size):
+        out[i] *= s[i] * rate
+    for i in range(n):
+        out[i] = min(max(out[i], lower[i]), upper[i])
+    for i in range(len(mu)):
+        at, m = n + 3 * i, mu[i]
+        x, z, push = out[at], out[at + 1], out[at + 2]
+        t = math.hypot(x, z)
+        if t <= m * push:
+            continue
+        along = (m * t + push) / (m * m + 1.0)
+        factor = m * along / t if t > 0.0 else 0.0
+        if m * t <= -push:
+            factor = along = 0.0
+        out[at], out[at + 1], out[at + 2] = factor * x, factor * z, along
+    return merit, rate
+
+
+weights = compiled(
+    _solve,
+    numba.types.Tuple((NUMBER, NUMBER))(
+        array(2), array(1), array(1), array(1), array(1), array(1), FLAG, COUNT, NUMBER, NUMBER, array(1, written=True),
     ),
 )  # fmt: skip

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from rbd.arrays import Array
-from rbd.solvers.small_systems import compiled
+from rbd.kernels import compiled
 
 
 @compiled

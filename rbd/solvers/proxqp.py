@@ -32,7 +32,7 @@ _STEEP = 1e4
 
 @dataclass(frozen=True)
 class ProxQP:
-    """Gauss's least-constraint problem, minimise 1/2 |a - a_free|_M^2, as a ProxSuite QP; forces are its multipliers.
+    """Solver of Gauss's least-constraint problem, minimise `1/2 |a - a_free|_M^2`, as a QP; forces are its multipliers.
 
     Bilateral constraints are equalities; for every ray r of a force cone, r . (J a + offset) >= 0 is one inequality, its
     multiplier is that ray's weight, and the force is the sum of weight times ray. Circular cones are replaced by the
@@ -44,6 +44,14 @@ class ProxQP:
 
     Attributes:
         policy: Settings of ProxSuite to try in order; each answer is checked by its residuals.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> state = rbd.State(box, [0, 0, 0.1, 0, 0, 0, 1])
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6, facets=8)
+        >>> solution = rbd.solve(state, [], [face], solver=rbd.ProxQP())
+        >>> print(solution.law, solution.status, solution.forces["face"].round(3))
+        convex, 8 facets solved [0.   0.  98.1  0.  0.   0. ]
     """
 
     policy: tuple[qp.Setting, ...] = qp.POLICY

@@ -33,14 +33,20 @@ _INSIDE = 1e-6  # of a force that is inside its cone, or a torque within its lim
 
 @dataclass(frozen=True, eq=False)
 class Margins:
-    """How far an actuation is from each limit; zero is at the limit.
+    """How far torques and forces of an actuation are from each limit; zero is at the limit.
 
     Attributes:
-        torque: 1 - |tau| / limit of each motor, shape (nu,); 1 where the file states no limit.
-        friction: {contact: 1 - |f_t| / (mu f_n)} of its net force; contacts without a coefficient are left out, and those that
-            carry nothing.
+        torque: `1 - |tau| / limit` of each motor, shape (nu,); 1 where the file states no limit.
+        friction: `{contact: 1 - |f_t| / (mu f_n)}` of its net force; contacts without a coefficient are left out, and those
+            that carry nothing.
         corner_friction: {contact: the same of each corner, shape (k,)}; NaN of a corner that carries nothing.
         centre_of_pressure: {surface: distance of the centre of pressure from the patch's edge [m], positive inside}.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> margins = rbd.hold(solo.standing(), solo.feet(friction=0.7)).margins
+        >>> print(f"{margins.torque.min():.3f} of a torque limit, {margins.friction['front_left']:.3f} of the friction")
+        0.999 of a torque limit, 0.860 of the friction
     """
 
     torque: Array
@@ -51,7 +57,7 @@ class Margins:
 
 @dataclass(frozen=True)
 class ActuationUniqueness:
-    """How many directions of torques and forces make the same motion, with everything inside its limits.
+    """In how many directions torques and forces can change without another motion, everything inside its limits.
 
     Attributes:
         torques: Dimension of the set of torques that bring the motion; 0: they are unique.
@@ -59,6 +65,12 @@ class ActuationUniqueness:
         corner_forces: Of the forces at the corners of the contacts.
         inside: Whether some torques and forces are strictly within all limits, so that these are the dimensions; else they
             are upper bounds: at a limit there may be fewer.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> unique = rbd.hold(solo.standing(), solo.feet(friction=0.7)).uniqueness()
+        >>> unique.torques, unique.forces, unique.inside  # twelve forces, six equations of the base
+        (6, 6, True)
     """
 
     torques: int
@@ -77,7 +89,9 @@ class ActuationUniqueness:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Actuation:
-    """Motor torques and contact forces with which a robot moves as wanted: M a + h = S^T tau + tau_ext + J^T f.
+    """Motor torques and contact forces of a wanted motion, as `hold` and `inverse_dynamics` give them, with their margins.
+
+    They satisfy M a + h = S^T tau + tau_ext + J^T f.
 
     Attributes:
         a: The robot's acceleration, shape (nv,) [m/s2, rad/s2].
@@ -93,6 +107,15 @@ class Actuation:
         iterations: How many steps it took.
         method: "Newton" or "Clarabel".
         least: Whether the effort is the least, to nine digits; else torques and forces are only possible ones.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> held = rbd.hold(solo.standing(), solo.feet(friction=0.7))
+        >>> print(held.status, {foot: f"{force[2]:.2f} N" for foot, force in held.forces.items()})
+        solved {'front_left': '6.13 N', 'front_right': '6.13 N', 'hind_left': '6.13 N', 'hind_right': '6.13 N'}
+        >>> margins = held.margins
+        >>> print(f"{margins.torque.min():.3f} of a limit, {margins.friction['front_left']:.3f} of a cone is left")
+        0.999 of a limit, 0.860 of a cone is left
     """
 
     a: Array

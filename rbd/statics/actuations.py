@@ -57,15 +57,37 @@ class Asked:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Actuations(ManyAnswers):
-    """Torques and contact forces at n states, each with its residuals; see `rbd.many.answers.ManyAnswers` for the arrays.
+    """Torques and contact forces at n states as arrays, each with its residuals: of `hold_many`, `inverse_dynamics_many`.
 
     `actuations[i]` is the whole `Actuation` of state i, or raises why there is none.
 
     Attributes:
+        states: The robot, q, v and what acts at each state.
+        a: Accelerations, shape (n, nv) [m/s2, rad/s2]; NaN where there is no answer, as in the other arrays.
+        forces: {constraint: (n, 3) of a point, (n, 6) of a surface}, on the robot, world axes [N, N m]; row forces (n, m) of
+            others.
+        corner_forces: {contact: (n, k, 3)}, world axes [N].
+        friction_used: {contact: `|f_t| / (mu f_n)` of its net force, shape (n,)}.
+        centre_of_pressure: {contact: point in W, shape (n, 3) [m]}.
+        residuals: {equation: scaled residual, shape (n,)}.
+        status: A `rbd.many.StateStatus` of each state, shape (n,), integers.
+        reasons: {state: message} where it is not solved.
+        methods: Names of the methods that answered; `method_codes`, shape (n,), says which did where.
+        one_by_one: Which states were answered one by one, shape (n,), truth values.
+        warned: {what: states that a single answer would have warned of, shape (n,)}.
         tau: Motor torques, shape (n, nu) [N, N m]; NaN where the motion is not possible.
         margin: How far friction of points that keep still was kept from its limit, shape (n,).
         least: Whether the effort is the least, to nine digits, shape (n,), truth values.
         asked: What they are chosen by.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> held = rbd.statics.hold_many(solo, solo.standing().q, solo.feet(), coefficients=[0.0, 0.7])
+        >>> held.tau[:, :3].round(3)  # without friction, and with it
+        array([[-0.4  ,  0.097,  0.673],
+               [-0.31 , -0.012,  0.619]])
+        >>> print(f"{held[1].margins.torque.min():.3f}")
+        0.999
     """
 
     tau: Array

@@ -30,7 +30,7 @@ _ALIKE = 1.0
 
 @dataclass(frozen=True, eq=False)
 class Effort:
-    """What is made least, and what else the forces must keep to.
+    """What `hold` and `inverse_dynamics` minimise, and bounds on normal forces and centres of pressure.
 
     Attributes:
         torques: Weight of (tau / limit)^2: one number >= 0, one a motor (nu,), or {joint: number}, 1 of the others. A motor
@@ -41,6 +41,13 @@ class Effort:
 
     Raises:
         InputError: on numbers that are none, negative, or bounds that cross.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> light = rbd.statics.Effort(normal_force={"front_left": (0.0, 3.0)})  # at most 3 N there
+        >>> held = rbd.hold(solo.standing(), solo.feet(friction=0.7), objective=light)
+        >>> print({foot: f"{force[2]:.2f} N" for foot, force in held.forces.items()})
+        {'front_left': '3.00 N', 'front_right': '9.26 N', 'hind_left': '9.26 N', 'hind_right': '3.00 N'}
     """
 
     torques: float | Sequence[float] | Array | Mapping[str, float] = _ALIKE

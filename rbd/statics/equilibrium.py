@@ -30,13 +30,13 @@ def hold(
     """Motor torques that keep a robot at rest, and the contact forces that go with them: inverse dynamics with a = 0, v = 0.
 
     Minimises sum (tau / limit)^2, plus a small weight on the forces, subject to S^T tau + tau_ext + J^T f = h(q, 0),
-    |tau| <= limit, and corner forces in their friction cones. A motor without a stated limit is weighed against body weight
+    `|tau| <= limit`, and corner forces in their friction cones. A motor without a stated limit is weighed against body weight
     times one metre.
 
     Args:
         state: The pose; v must be zero.
         contacts: What it stands on; bilateral contacts (friction=None) may pull.
-        external: Other forces to hold against: generalised (nv,), or `ExternalForce`s.
+        external: Other forces to hold against: generalised (nv,), or `ExternalForce` objects.
         friction: "cone": circular cones. "inscribed": the pyramids inside them, of each contact's facets.
         objective: What is made least, and bounds on normal forces and centres of pressure; see `rbd.statics.Effort`.
         margin: Corner forces stay within 1 - margin of their cones. None: 5 % from the limit where that is possible, else up to
@@ -47,8 +47,15 @@ def hold(
         The torques, with a = 0. What cannot be held within 1e-6 of a limit is refused, with a proof; what can, is found.
 
     Raises:
-        NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
+        NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
         CannotHold: naming the limits in the way, with the proof and what is missing.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> wind = rbd.ExternalForce("base_link", (5.0, 0.0, 0.0))
+        >>> held = rbd.hold(solo.standing(), solo.feet(friction=0.7), external=[wind])
+        >>> held.tau[:3].round(3), held.forces["front_left"].round(3)
+        (array([-0.401, -0.311,  0.632]), array([-1.707, -0.516,  7.621]))
     """
     robot = checked(state).robot
     refuse_motion(state)
@@ -80,7 +87,7 @@ def hold_many(
         robot: The robot.
         q: Configurations, shape (n, nq), or (nq,).
         contacts: As of `hold`.
-        external: Generalised forces (n, nv) or (nv,), or `ExternalForce`s that act at every pose.
+        external: Generalised forces (n, nv) or (nv,), or `ExternalForce` objects that act at every pose.
         coefficients: Of friction, in place of the contacts' own: a number or (n,), of all contacts that have one, or
             {contact: a number or (n,)}.
         friction: As of `hold`.
@@ -91,6 +98,14 @@ def hold_many(
         InputError: what concerns all poses: wrong sizes, numbers of states that differ, an objective that is none.
         UnknownName: unknown frames, or coefficients of a contact that is not there.
         DuplicateName: two contacts of one name.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> q = np.array([solo.standing().q, solo.standing("straight_standing").q])
+        >>> held = rbd.statics.hold_many(solo, q, solo.feet(friction=0.7))
+        >>> held.tau[:, :3].round(3)
+        array([[-0.31 , -0.012,  0.619],
+               [-0.201, -0.012,  0.618]])
     """
     asked = Asked.of(objective, friction, margin, REST_SPEED, holds=True)
     states = ManyStates.of(robot, q, None, contacts, external=external, friction=coefficients)

@@ -36,11 +36,20 @@ _ZERO = 1e-9  # of multipliers, the largest being one
 
 @dataclass(frozen=True)
 class Limit:
-    """Something that torques and forces must keep to.
+    """One limit in the way of a motion, of a motor, of friction, of an edge: as `CannotMove.limits` names them.
 
     Attributes:
         kind: "motor", "friction", "edge", "normal force", "push", "opens", "slips", "base" or "passive".
         name: Of the joint, or of the contact.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> corner = rbd.PointContact("corner", "box", friction=0.5, on=rbd.Ground(normal=(0.6, 0.0, 0.8)))
+        >>> try:
+        ...     rbd.hold(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [corner])
+        ... except rbd.CannotHold as error:
+        ...     print([(limit.kind, limit.name) for limit in error.limits])
+        [('friction', 'corner'), ('base', 'root_joint')]
     """
 
     kind: str

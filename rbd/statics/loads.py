@@ -15,8 +15,8 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import Constraint, rows_of
+from rbd.constraints.distance_warnings import warn_of_distant
 from rbd.errors import DuplicateName, NotAtRest
-from rbd.least_constraint import warn_of_distant
 from rbd.model.joints import Joint
 from rbd.model.state import State
 from rbd.problem.force_set import ForceSet
@@ -48,7 +48,7 @@ def refuse_motion(state: State, rows: Sequence[Rows] = ()) -> None:
     """Refuse a robot that moves, and contacts with a ground that does.
 
     Raises:
-        NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
+        NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
     """
     if (speed := float(np.abs(state.v).max(initial=0.0))) > AT_REST:
         raise NotAtRest(f"statics wants a robot at rest, and |v| reaches {speed:.3g}. Use State(robot, q) with v = 0.")

@@ -36,7 +36,7 @@ _CARRIES = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class PushLimits:
-    """The largest pushes that some torques within limits, and contact forces within friction, withstand.
+    """The largest pushes that a robot withstands, torques within limits and contact forces within friction.
 
     Attributes:
         loads: The pose, its contacts, and what their forces do.
@@ -49,6 +49,13 @@ class PushLimits:
         motions: The motion that begins there, shape (k, nv), of any size: the multipliers, read as a virtual velocity.
         at_most: Larger pushes were not looked for [N].
         programs: How many programs that took.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> sideways = [(1, 0, 0), (0, 1, 0), (0, 0, -1)]
+        >>> limits = rbd.statics.push_limits(solo.standing(), solo.feet(friction=0.7), "base_link", sideways, at_most=200.0)
+        >>> limits.forces.round(2), limits.point.round(3)  # down, no limit is met up to 200 N
+        (array([ 17.17,  17.17, 200.  ]), array([0.   , 0.   , 0.232]))
     """
 
     loads: Loads
@@ -141,7 +148,7 @@ def push_limits(
 ) -> PushLimits:
     """The largest push in each direction that the robot can withstand without moving, and what gives way first.
 
-    Maximises s over torques and contact forces with S^T tau + J^T f + s J_P^T d = h(q, 0), |tau| <= limit, f in the friction
+    Maximises s over torques and contact forces with S^T tau + J^T f + s J_P^T d = h(q, 0), `|tau| <= limit`, f in the friction
     cones: motors know of the push and answer as well as they can. What fixed torques do is another question: `rbd.solve`.
 
     Each answer is proven from both sides: by forces and torques, and by multipliers. These are a virtual motion that the push
@@ -158,10 +165,18 @@ def push_limits(
         margin: Share of each coefficient of friction that is left unused.
 
     Raises:
-        NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
+        NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
         CannotHold: it cannot be held even without a push; `rbd.hold` says why.
         FrameNotFound: with the nearest names.
         InputError: no contacts, directions of no length, numbers that are not finite.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> for friction in (0.3, 0.7):
+        ...     limits = rbd.statics.push_limits(solo.standing(), solo.feet(friction), "base_link", (1, 0, 0))
+        ...     print(f"{limits.forces[0]:.2f} N")  # of 24.53 N of weight
+        7.36 N
+        17.17 N
     """
     most = check_positive("at_most", at_most, 1e9)
     at, ways = place("offset", offset), _unit_directions(directions)

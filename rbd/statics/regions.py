@@ -39,7 +39,7 @@ _SHARE = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class SupportRegion(Region):
-    """Where the centre of mass may be, in the horizontal plane, for the robot to be at rest on its contacts.
+    """Where the centre of mass may be, seen from above, for the robot to be at rest on its contacts.
 
     Attributes:
         loads: The pose, its contacts, and what their forces do.
@@ -54,6 +54,17 @@ class SupportRegion(Region):
         contradiction: Of an empty region, the multipliers that prove it; or None.
         programs: How many linear or conic programs that took.
         cut: Whether the region goes on beyond 10 m from its contacts, with an end or without, and `vertices` end there.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> region = rbd.statics.support_region(solo.standing(), solo.feet(friction=0.7))
+        >>> region.vertices.round(3)
+        array([[-0.195, -0.169],
+               [ 0.195, -0.169],
+               [ 0.195,  0.169],
+               [-0.195,  0.169]])
+        >>> print(f"{region.area:.4f} m2, {region.distance():.3f} m from its edge, {region.distance([0.5, 0.0]):.3f} m outside")
+        0.1315 m2, 0.169 m from its edge, -0.305 m outside
     """
 
     loads: Loads
@@ -160,9 +171,10 @@ def support_region(
     The contacts may be any: soles, hands on walls, rails that are held, on whatever planes. The region is all c with forces f
     in their cones and J^T f = h where no motor is, h the weight with its line of action through c.
 
-    With torque limits, |tau| <= limit besides, with the gravity torques and Jacobians of *this pose*: as if the centre of mass
-    moved and the pose stayed. That neglects what a true motion of the centre of mass changes in both, so that it is right where
-    the centre of mass of the pose is, and near it [Orsolino2020]. Joints without a motor are balanced at this pose likewise.
+    With torque limits, `|tau| <= limit` besides, with the gravity torques and Jacobians of *this pose*: as if the centre of
+    mass moved and the pose stayed. That neglects what a true motion of the centre of mass changes in both, so that it is right
+    where the centre of mass of the pose is, and near it [Orsolino2020]. Joints without a motor are balanced at this pose
+    likewise.
 
     Args:
         state: The pose of a robot with one floating base; v must be zero.
@@ -175,9 +187,20 @@ def support_region(
             inside it [m2].
 
     Raises:
-        NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
+        NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
         InputError: a robot that is fixed to the world or has two bases, gravity that is not along -z, no contacts.
         NoSolution: a program was not solved.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> three = solo.feet(friction=0.7)[:3]
+        >>> region = rbd.statics.support_region(solo.standing(), three)
+        >>> region.vertices.round(3)
+        array([[-0.195,  0.169],
+               [ 0.195, -0.169],
+               [ 0.195,  0.169]])
+        >>> print(f"{region.distance([0.1, 0.1]):.3f} m")
+        0.069 m
     """
     check_flag("torque_limits", torque_limits)
     gap = check_area_gap(area_gap)

@@ -25,14 +25,23 @@ _ANY = 1e-9
 class Missing:
     """The least help that would let contact forces balance a motion, torque limits aside.
 
-    It is the least of sqrt(sum over bases of |F|^2 + |m|^2 / L^2 + sum over passive joints of (torque / L)^2); of a joint that
-    slides its force counts as it is.
+    It is the least of `sqrt(sum over bases of |F|^2 + |m|^2 / L^2 + sum over passive joints of (torque / L)^2)`; of a joint
+    that slides its force counts as it is.
 
     Attributes:
         wrenches: {base joint: force and moment about the robot's centre of mass, world axes, shape (6,)} [N, N m].
         torques: {passive joint: its torques} [N, N m].
         length: L [m]: the root mean square distance of the robot's mass from its centre of mass.
         size: What was made least [N].
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> corner = rbd.PointContact("corner", "box", friction=0.5, on=rbd.Ground(normal=(0.6, 0.0, 0.8)))
+        >>> try:
+        ...     rbd.hold(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [corner])
+        ... except rbd.CannotHold as error:
+        ...     print(error.missing.force.round(2), f"{error.missing.size:.2f} N")
+        [-17.27   0.     3.14] 17.55 N
     """
 
     wrenches: dict[str, Array]

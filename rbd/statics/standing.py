@@ -35,7 +35,7 @@ def standing_loads(state: State, contacts: Sequence[Constraint], friction: str, 
         margin: Share of each coefficient of friction that is left unused.
 
     Raises:
-        NotAtRest: if |v| exceeds 1e-9, or what a contact touches moves.
+        NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
         InputError: no contacts, no weight, a friction or a margin that is none.
     """
     robot = checked(state).robot

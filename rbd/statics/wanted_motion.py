@@ -13,8 +13,8 @@ import numpy as np
 
 from rbd.arrays import Array, as_float, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, listed
+from rbd.constraints.distance_warnings import warn_of_opening
 from rbd.errors import CannotMove, ContactMoves, InputError, NoSolution
-from rbd.least_constraint import warn_of_opening
 from rbd.model.dynamics import External, generalised
 from rbd.model.state import State
 from rbd.problem.conic import ConicAnswer

@@ -49,6 +49,12 @@ class ContactWrenchCone:
         lines: Wrenches that can be applied both ways, orthonormal with moments over `length`, shape (l, 6).
         faces: Inequalities without the redundant ones, faces @ wrench >= 0 [N], shape (m, 6).
         equalities: What every wrench keeps to, equalities @ wrench = 0, shape (e, 6); of two or more soles, none.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> cone = rbd.statics.wrench_cone(solo.standing(), solo.feet(friction=0.7))
+        >>> cone.rays.shape, cone.faces.shape, cone.contains([0, 0, 24.5, 0, 0, 0]), cone.contains([0, 0, -24.5, 0, 0, 0])
+        ((16, 6), (16, 6), True, False)
     """
 
     about: Array
@@ -133,6 +139,13 @@ def wrench_cone(
     Raises:
         InputError: no contacts, no pyramids, more than `MOST_RAYS` rays, numbers that are not finite.
         NoSolution: the faces were not found.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> cone = rbd.statics.wrench_cone(solo.standing(), solo.feet(friction=0.7))
+        >>> weight = [0.0, 0.0, 9.81 * solo.mass, 0.0, 0.0, 0.0]
+        >>> cone.contains(weight), round(cone.margin(weight), 3)
+        (True, 8.197)
     """
     if isinstance(friction, str) and friction == "cone":
         raise InputError("friction is 'cone', which has no faces; expected 'inscribed' or 'circumscribed'.")

@@ -47,11 +47,18 @@ def zmp(state: State, a: Array, *, on: On = 0.0, external: External = None) -> A
         state: Where the robot is and how it moves.
         a: Its acceleration, shape (nv,).
         on: The plane: the height of a level one [m], or `rbd.Ground(point=..., normal=...)`.
-        external: Forces of the world beside the contacts: generalised (nv,), or `ExternalForce`s.
+        external: Forces of the world beside the contacts: generalised (nv,), or `ExternalForce` objects.
 
     Raises:
         NoSolution: no force along the normal pushes: in free fall, say, there is no such point.
         InputError: wrong sizes, numbers that are not finite, a plane that is not known.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet()
+        >>> forward = rbd.mechanism.project_acceleration(state, np.eye(solo.nv)[0], feet).a
+        >>> rbd.statics.zmp(state, np.zeros(solo.nv)).round(3), rbd.statics.zmp(state, forward).round(3)
+        (array([0., 0., 0.]), array([-0.02,  0.  ,  0.  ]))
     """
     robot, ground = checked(state).robot, plane_of("the zero-moment point", on)
     acceleration = robot.check_v(a, "a")
@@ -84,6 +91,12 @@ class ZmpRegion(Region):
         directions: Unit vectors that span the directions in which the region has no end, shape (r, 3); none if it ends.
         cut: Whether the region goes on beyond 10 m from below the centre of mass, with an end or without, and `vertices` end
             there.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> region = rbd.statics.zmp_region(solo.standing(), solo.feet(friction=0.7), friction="inscribed")
+        >>> print(f"{region.area:.4f} m2, {region.distance([0.0, 0.0, 0.0]):.3f} m from its edge")
+        0.0430 m2, 0.104 m from its edge
     """
 
     loads: Loads
@@ -160,6 +173,14 @@ def zmp_region(
     Raises:
         InputError: no contacts, a plane that is not known; of a pendulum, one that is not level or at the centre of mass.
         NoSolution: a program was not solved.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> for pendular in (True, False):
+        ...     region = rbd.statics.zmp_region(solo.standing(), solo.feet(friction=0.7), pendular=pendular)
+        ...     print(f"{region.area:.3f} m2")
+        0.067 m2
+        0.131 m2
     """
     check_flag("pendular", pendular)
     gap = check_area_gap(area_gap)

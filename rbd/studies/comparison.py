@@ -58,12 +58,19 @@ class SolverAnswer:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class SolverComparison:
-    """The answers of all solvers, and their differences.
+    """The answers of all solvers to one problem, and their differences.
 
     Attributes:
         answers: In the order of the solvers.
         refused: {solver: why it does not take the problem}.
         differences: (one, other, in a, in the unique part of the forces) for each pair, over max(1, largest entry).
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
+        >>> all_of_them = rbd.studies.compare_solvers(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], [face])
+        >>> all_of_them.agree, [answer.solver for answer in all_of_them.answers]
+        (True, ['ProxQP', 'ConeSolver on pyramids', 'ConeSolver, convex', 'ConeSolver, coulomb'])
     """
 
     answers: tuple[SolverAnswer, ...]
@@ -127,6 +134,13 @@ def compare_solvers(
     Raises:
         NoSolution: if no solver has an answer.
         InputError: as `rbd.solve`.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
+        >>> found = rbd.studies.compare_solvers(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], [face])
+        >>> found.worst < 1e-9, list(found.refused)
+        (True, ['KKT'])
     """
     problem = assembled(state, tau, constraints, external, rest_speed)
     asked: list[tuple[str, Solver, GaussProblem]] = [
@@ -218,8 +232,8 @@ class ContactUnderLaw:
         normal: Normal force [N].
         slip: Largest tangential acceleration of its points [m/s2].
         lift_off: Largest normal acceleration of its loaded points [m/s2]: zero under Coulomb's law.
-        dissipation: What friction takes, -sum f_t . c_t [W/s].
-        lifted: What the normal forces put back by lifting, sum f_n c_n [W/s]: under the convex law all that friction takes.
+        dissipation: What friction takes, -sum f_t . y_t [W/s].
+        lifted: What the normal forces put back by lifting, sum f_n y_n [W/s]: under the convex law all that friction takes.
     """
 
     normal: float
@@ -231,13 +245,21 @@ class ContactUnderLaw:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LawComparison:
-    """Convex and Coulomb's law at one state, both with circular cones, as solved by `rbd.solve` under each.
+    """The answers of the convex and of Coulomb's law at one state, both with circular cones, and how they differ.
 
     Attributes:
         convex: The answer of the associated (convex) law.
         coulomb: The answer of Coulomb's law; if it is one of several motions, the others are in `coulomb.others`.
         under_convex: {contact: what it does under the convex law}.
         under_coulomb: {contact: what it does under Coulomb's law}.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
+        >>> push = [rbd.ExternalForce("box", (80.0, 0.0, 0.0))]
+        >>> both = rbd.studies.compare_laws(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], [face], external=push)
+        >>> print(both.agree, f"{both.normal_ratio['face']:.4f}")
+        False 1.0951
     """
 
     convex: Solution
@@ -296,7 +318,7 @@ def compare_laws(
 
     Where a loaded point starts to slip, the convex law lets it lift at mu times its tangential acceleration, gives it another
     normal force, and puts back by lifting what friction takes. The two differ too where a point without load breaks with
-    c_n < mu |c_t|, and where Coulomb's law has several motions: then a `NonUniqueMotionWarning` warns of it, and
+    `y_n < mu |y_t|`, and where Coulomb's law has several motions: then a `NonUniqueMotionWarning` warns of it, and
     `coulomb.others` has the others. Elsewhere they agree.
 
     Args:
@@ -311,6 +333,16 @@ def compare_laws(
 
     Raises:
         NoSolution, ContactMoves, InputError: as `rbd.solve`; a contact that already slides has no convex law.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
+        >>> for force in (30.0, 80.0):  # less and more than the friction of 58.86 N
+        ...     push = [rbd.ExternalForce("box", (force, 0.0, 0.0))]
+        ...     both = rbd.studies.compare_laws(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], [face], external=push)
+        ...     print(both.agree, both.coulomb.a[[0, 2]].round(3), both.convex.a[[0, 2]].round(3))
+        True [ 0. 0.] [0. 0.]
+        False [2.114 0.   ] [1.554 0.933]
     """
     problem = assembled(state, tau, constraints, external, rest_speed)
     convex, coulomb = (answered(problem, solver_of(law, None)) for law in ("convex", "coulomb"))

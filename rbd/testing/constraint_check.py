@@ -56,6 +56,12 @@ class ConstraintReport:
         jacobian: Deviation of J v from the motion; None if there was no reference for J.
         velocity: Deviation of the rows' `velocity` from J v.
         jdot_v: Deviation of J a + J_dot v from the motion.
+
+    Example:
+        >>> leaning = rbd.State(rbd.testing.box(), [0, 0, 0.3, 0.1, 0.7, 0.1, 0.7])
+        >>> report = rbd.testing.check_constraint(rbd.PointContact("corner", "box", offset=(0.2, 0.2, -0.1)), leaning)
+        >>> report.rows, report.against, report.jacobian < 1e-7, report.jdot_v < 1e-7
+        (3, 'motion of the patch', True, True)
     """
 
     name: str
@@ -74,7 +80,7 @@ def check_constraint(
     Along q(t) = q (+) (v t + a t^2 / 2) the velocity is v + a t up to t^2, on a floating base too (there v and a are in
     the base's axes). The contact's point and axes are differenced in t, to sixth order, without any Jacobian; an error that
     is known up to a `period` is followed past its jumps. Rows that
-    have `patch` and `resultant` must give
+    have `patch` and `resultant` must give::
 
         J v            = resultant^T (p', w)
         J a + J_dot v  = resultant^T (p'', w')      with the patch's axes fixed, as in `bias`,
@@ -82,7 +88,7 @@ def check_constraint(
     p the patch's point and w the angular velocity of its axes (which turn with the body where the resultant is a
     wrench; where that has no moment about x, of the x axis only); for a contact with another body, relative to that
     body's frame. Rays of the force cone must push along the patch's normal. Rows with an `error` and no patch must give
-    J v = error' and J a + J_dot v = error''. A patch with an error must give them too where its error is zero, the second
+    J v = error' and `J a + J_dot v = error''`. A patch with an error must give them too where its error is zero, the second
     where J v = 0. For rows with neither only J_dot v is checked, against the change of J; see the report's `against`.
 
     Of a contact with a surface whose motion is given, what its rows give at v = 0 is the surface's own, and is taken out of
@@ -100,6 +106,14 @@ def check_constraint(
     Raises:
         ConstraintWrong: with the row and the numbers.
         InputError: if the constraint has no rows at this state: no check is possible.
+
+    Example:
+        >>> state = rbd.State(rbd.testing.box(), [0.5, 0, 0, 0, 0, 0, 1])
+        >>> wrong = rbd.FunctionConstraint("wrong", lambda q: q[0] ** 2, jacobian=lambda q: np.eye(6)[0] * q[0])  # 2 is missing
+        >>> rbd.testing.check_constraint(wrong, state)
+        Traceback (most recent call last):
+            ...
+        rbd.testing.solver_check.ConstraintWrong: ...
     """
     rng, nv = np.random.default_rng(seed), state.robot.nv
     rows = constraint.rows(state.with_velocity(np.zeros(nv)))

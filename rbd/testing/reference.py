@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.constraints.loop import LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge
 from rbd.constraints.rolling import RollingBall
@@ -29,7 +29,7 @@ GRAVITY = 9.81
 
 @dataclass(frozen=True, eq=False)
 class ReferenceProblem:
-    """A least-constraint problem with its answer.
+    """A least-constraint problem with its known answer, to test a solver.
 
     Attributes:
         name: What it is.
@@ -38,6 +38,11 @@ class ReferenceProblem:
         forces: {constraint: as `Solution.forces`}, where they are unique and the same under all laws.
         net_force: Sum of all contacts' forces in world axes, shape (3,) [N], where it is the same under all laws.
         source: Source of the answer.
+
+    Example:
+        >>> first = rbd.testing.reference_problems()[0]
+        >>> first.name, {law: a.shape for law, a in first.a.items()}, first.source
+        ('box in free fall', {'any': (6,)}, 'closed form')
     """
 
     name: str
@@ -54,6 +59,11 @@ def box(mass: float = 10.0, size: tuple[float, float, float] = (0.4, 0.4, 0.2)) 
     Args:
         mass: [kg].
         size: Lengths along x, y, z [m].
+
+    Example:
+        >>> box = rbd.testing.box(mass=2.0, size=(0.3, 0.2, 0.1))
+        >>> rbd.State(box, [0, 0, 1, 0, 0, 0, 1]).M.diagonal().round(5)
+        array([2.     , 2.     , 2.     , 0.00833, 0.01667, 0.02167])
     """
     model = pin.Model()
     joint = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "root_joint")
@@ -66,6 +76,11 @@ def reference_problems() -> list[ReferenceProblem]:
     """Problems with known answers: at rest, bilateral, redundant, sticking, slipping, lifting, closed in loops, rolling.
 
     A solver skips, by its `reason_unsupported`, what it does not take.
+
+    Example:
+        >>> first = rbd.testing.reference_problems()[0]
+        >>> print(first.name, rbd.solve_problem(first.problem).a)
+        box in free fall [ 0.    0.   -9.81  0.    0.    0.  ]
     """
     return [*_boxes(), *_slipping(), *_mechanisms(), *_by_hand(), *_made_up()]
 
@@ -134,7 +149,7 @@ def _boxes() -> list[ReferenceProblem]:
 def _slipping() -> list[ReferenceProblem]:
     """The box pushed along x, mu = 0.6: at 30 N it sticks; at 80 N the convex law lifts it, Coulomb's makes it slide.
 
-    Convex: f = N (-mu, 0, 1) with c . f = 0, so N = (m g + mu F) / (1 + mu^2) = 107.43 N and c_z = 0.933 m/s2.
+    Convex: f = N (-mu, 0, 1) with y . f = 0, so N = (m g + mu F) / (1 + mu^2) = 107.43 N and y_z = 0.933 m/s2.
     """
     mu, push = 0.6, 80.0
     N = (_WEIGHT + mu * push) / (1.0 + mu**2)

@@ -28,12 +28,19 @@ class ConstraintWrong(ContractBroken):
 
 @dataclass(frozen=True)
 class SolverReport:
-    """Results of `check_solver`.
+    """What `check_solver` found: the problems that a solver passed, with its residuals, and those that it skipped.
 
     Attributes:
         ran: {problem: largest residual, scaled as `Solution.residuals`}.
         skipped: {problem: why the solver does not take it}.
         failed: {problem: message}.
+
+    Example:
+        >>> report = rbd.testing.check_solver(rbd.KKT())
+        >>> max(report.ran.values()) < 1e-9, report.failed
+        (True, {})
+        >>> print(report.skipped["box at rest on four corners"])
+        KKT takes bilateral constraints, and 'corner0' has forces in a FrictionCone. ...
     """
 
     ran: dict[str, float]
@@ -74,6 +81,11 @@ def check_solver(
 
     Raises:
         SolverWrong: if any fails, or none ran; the message has a line for each, with numbers.
+
+    Example:
+        >>> report = rbd.testing.check_solver(rbd.KKT())
+        >>> "ball rolling down an incline, held" in report.ran, max(report.ran.values()) < 1e-9
+        (True, True)
     """
     report = SolverReport({}, {}, {})
     for reference in reference_problems() if problems is None else problems:
@@ -125,6 +137,13 @@ def law_residuals(problem: GaussProblem, answer: Answer, law: Law | str) -> dict
     Returns:
         stationarity, feasibility, cone and complementarity, each row and each point over its terms as in
         `rbd.problem.scales`; NaN becomes inf.
+
+    Example:
+        >>> wall = rbd.Rows("wall", J=np.array([[-1.0, 0.0]]), bias=np.zeros(1), cone=rbd.problem.NonNegative(1))
+        >>> problem = rbd.GaussProblem(M=np.diag([2.0, 1.0]), rhs=np.array([6.0, 1.0]), rows=[wall])
+        >>> residuals = rbd.testing.law_residuals(problem, rbd.ProxQP().solve(problem), "convex")
+        >>> sorted(residuals), max(residuals.values()) < 1e-9
+        (['complementarity', 'cone', 'feasibility', 'stationarity'], True)
     """
     a, f, M = answer.a, answer.multipliers, problem.M
     worst = {"stationarity": 0.0, "feasibility": 0.0, "cone": 0.0, "complementarity": 0.0}

@@ -80,6 +80,12 @@ def export_motion(
     Raises:
         InputError: not a trajectory, fewer than two samples, invalid settings.
         PictureError: the file cannot be written.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.1, step=1e-2)
+        >>> print(rbd.visual.export_motion(swing, "swing.html", speed=0.5).name)
+        swing.html
     """
     target = a_page(path)
     shown = checked(trajectory)
@@ -127,6 +133,12 @@ def motion_sheet(
     Raises:
         InputError: not a trajectory, times outside it, invalid sizes.
         PictureError: no browser, or it made no picture.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.1, step=1e-2)
+        >>> rbd.visual.motion_sheet(swing, 4, "swing.png")  # doctest: +SKIP
+        PosixPath('swing.png')
     """
     if a_path("the picture", png_path).suffix.lower() != ".png":
         raise PictureError(f"cannot write the picture {str(png_path)!r:.80}: expected a name that ends in .png.")
@@ -164,6 +176,11 @@ def replay(
 
     Raises:
         InputError: no trajectory, or a scene of another robot.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.1, step=1e-2)
+        >>> rbd.visual.replay(swing, speed=0.5)  # doctest: +SKIP
     """
     shown = checked(trajectory)
     if scene is not None and not isinstance(scene, Scene):

@@ -139,6 +139,13 @@ def export_report(
     Raises:
         InputError: no report, one of a single frame, invalid settings.
         PictureError: the file cannot be written.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
+        >>> hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=20.0)
+        >>> print(rbd.visual.export_report("hop.html", rbd.check_motion(hop)).name)
+        hop.html
     """
     target = a_page(path)
     played = checked_report(report)
@@ -165,6 +172,12 @@ def show_report(report: MotionReport, *, speed: float = 1.0) -> None:
 
     Raises:
         InputError: no report, one of a single frame, an invalid speed.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
+        >>> report = rbd.check_motion(rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=20.0))
+        >>> rbd.visual.show_report(report)  # doctest: +SKIP
     """
     page, scene = _staged(report, checked_report(report), 30.0, speed)
     play_live(page, scene, report.motion.source, float(speed))
@@ -219,6 +232,14 @@ def plot_report(axes: Axes | Sequence[Axes] | None, report: MotionReport) -> lis
 
     Raises:
         InputError: no report, or what are no axes; no Matplotlib.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
+        >>> hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=20.0)
+        >>> artists = rbd.visual.plot_report(None, rbd.check_motion(hop))
+        >>> [axes.get_ylabel() for axes in artists[0].figure.axes]
+        ['missing wrench [% of the weight]', 'torque [% of its limit]']
     """
     if not isinstance(report, MotionReport):
         raise InputError(f"report is {report!r:.80}; expected what rbd.check_motion returned.")

@@ -203,7 +203,12 @@ class Recorder:
 
 
 def find_browser() -> str | None:
-    """Path of Chromium or Chrome on this machine, or None."""
+    """Path of Chromium or Chrome on this machine, or None.
+
+    Example:
+        >>> rbd.visual.find_browser()  # doctest: +SKIP
+        '/usr/bin/chromium'
+    """
     return next((found for name in BROWSERS if (found := shutil.which(name))), None)
 
 
@@ -227,6 +232,14 @@ def screenshot(
     Raises:
         InputError: if the size is no number of pixels, or the time is none.
         PictureError: if there is no page, no browser, or it made no picture.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> with rbd.visual.Scene(robot) as scene:
+        ...     scene.show(robot.at("assembled"))
+        ...     page = scene.export("four_bar.html")
+        >>> rbd.visual.screenshot(page, "four_bar.png")  # doctest: +SKIP
+        PosixPath('four_bar.png')
     """
     page, picture = a_path("the page", html_path), a_path("the picture", png_path)
     width, height = a_count("width", width), a_count("height", height)

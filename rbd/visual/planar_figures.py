@@ -59,6 +59,13 @@ def plot_sticks(ax: Axes, chain: Chain, q_samples: Sequence[Sequence[float]] | A
 
     Raises:
         InputError: other axes, shapes or numbers, or lengths that are symbols.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
+        >>> path = rbd.visual.plot_sticks(Figure().subplots(), arm, np.linspace([0.0, 0.5], [1.0, 1.5], 20), count=5)[0]
+        >>> path.get_xydata().shape
+        (20, 2)
     """
     an_axis(ax)
     points = _points(chain, q_samples)
@@ -81,11 +88,11 @@ def plot_ellipses(
 ) -> list[Artist]:
     """The ellipse of the end point at some poses: directions of large velocity, and of large force.
 
-    - "manipulability": all velocities that joint rates of unit length, |qd| <= 1 rad/s, can give [Yoshikawa1985], filled the
+    - "manipulability": all velocities that joint rates of unit length, `|qd| <= 1 rad/s`, can give [Yoshikawa1985], filled the
       darker the larger its area is, with the manipulability sqrt(det(J J^T)) [m^2] next to it;
     - "velocity": the same ellipses as outlines with their axes;
-    - "force": all forces that joint torques of unit length, |tau| <= 1 N m, can balance: long where the other is short, and cut
-      off (its axis dashed) where one direction costs no torque at all.
+    - "force": all forces that joint torques of unit length, `|tau| <= 1 N m`, can balance: long where the other is short, and
+      cut off (its axis dashed) where one direction costs no torque at all.
 
     All ellipses of a picture have one scale; see its title.
 
@@ -101,6 +108,15 @@ def plot_ellipses(
 
     Raises:
         InputError: other axes, shapes or numbers, another kind, or lengths that are symbols.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> figure, arm = Figure(), rbd.planar.Chain(2, lengths=[1.0, 1.0])
+        >>> axes = figure.subplots()
+        >>> artists = rbd.visual.plot_ellipses(axes, arm, [[0.2, 1.0], [0.6, 1.5]], kind="velocity")
+        >>> figure.savefig("ellipses.png")
+        >>> axes.get_xlabel(), axes.get_ylabel()
+        ('x [m]', 'y [m]')
     """
     an_axis(ax)
     if not isinstance(kind, str) or kind not in KINDS:
@@ -281,6 +297,12 @@ def export_planar(
     Raises:
         InputError: not a motion, or invalid settings.
         PictureError: the file cannot be written.
+
+    Example:
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
+        >>> reach = rbd.planar.endpoint_motion(arm, rbd.planar.minimum_jerk([1.0, 0.5], [0.5, 1.0], 1.0))
+        >>> print(rbd.visual.export_planar(reach, "reach.html").name)
+        reach.html
     """
     check_motion(motion)
     title = title if title is not None else f"{motion.chain.n} link{'s' * (motion.chain.n > 1)}, minimum jerk"
@@ -299,6 +321,11 @@ def replay_planar(motion: PlanarMotion, *, speed: float = 0.5) -> None:
 
     Raises:
         InputError: not a motion, or an invalid speed.
+
+    Example:
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
+        >>> reach = rbd.planar.endpoint_motion(arm, rbd.planar.minimum_jerk([1.0, 0.5], [0.5, 1.0], 1.0))
+        >>> rbd.visual.replay_planar(reach, speed=0.5)  # doctest: +SKIP
     """
     check_motion(motion)
     with _played(motion) as played:

@@ -56,6 +56,14 @@ def plot_panels(axes: Sequence[Sequence[Axes]] | Array, motion: PlanarMotion) ->
 
     Raises:
         InputError: other axes, or no motion.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
+        >>> reach = rbd.planar.endpoint_motion(arm, rbd.planar.minimum_jerk([1.0, 0.5], [0.5, 1.0], 1.0))
+        >>> lines = rbd.visual.plot_panels(Figure().subplots(2, 4, sharex=True), reach)
+        >>> len(lines)  # x and y, or two angles, in each of eight panels
+        16
     """
     grid = some_axes(axes, (2, 4))
     check_motion(motion)
@@ -96,6 +104,15 @@ def plot_paths(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artis
 
     Raises:
         InputError: other axes, or no motion.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
+        >>> reach = rbd.planar.endpoint_motion(arm, rbd.planar.minimum_jerk([1.0, 0.5], [0.5, 1.0], 1.0))
+        >>> path = rbd.visual.plot_paths(Figure().subplots(1, 2), reach)[0]
+        >>> path.get_xydata()[[0, -1]].round(3)  # from the start to the stop
+        array([[1. , 0.5],
+               [0.5, 1. ]])
     """
     plane, joints = some_axes(axes, (2,))
     check_motion(motion)
@@ -140,6 +157,13 @@ def plot_split(axes: Sequence[Axes] | Array, motion: PlanarMotion) -> list[Artis
 
     Raises:
         InputError: other axes, or no motion.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
+        >>> reach = rbd.planar.endpoint_motion(arm, rbd.planar.minimum_jerk([1.0, 0.5], [0.5, 1.0], 1.0))
+        >>> len(rbd.visual.plot_split(Figure().subplots(1, 3), reach))  # x and y of the sum and of the part, in three panels
+        12
     """
     panels = some_axes(axes, (3,))
     check_motion(motion)

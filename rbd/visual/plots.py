@@ -34,6 +34,15 @@ def plot_ranges(ax: Axes, uniqueness: Uniqueness) -> list[Artist]:
 
     Raises:
         InputError: if `ax` are not axes, or `uniqueness` is not a `Uniqueness`.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
+        >>> solution = rbd.solve(rbd.State(rbd.testing.box(), [0, 0, 0, 0, 0, 0, 1]), [], [face])
+        >>> axes = Figure().subplots()
+        >>> artists = rbd.visual.plot_ranges(axes, solution.uniqueness())
+        >>> axes.get_xlabel(), len(artists)  # a bar and a mark for the face, and for each of its four corners
+        ('normal force [N]; bar: possible with the same motion, dot: returned', 10)
     """
     an_axis(ax)
     if not isinstance(uniqueness, Uniqueness):

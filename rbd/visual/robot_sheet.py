@@ -71,6 +71,10 @@ def contact_sheet(
         ModelError: one that has no posture or no feet.
         CannotHold: a robot that cannot stand.
         PictureError: no browser, or it made no picture.
+
+    Example:
+        >>> rbd.visual.contact_sheet(["solo12", "talos"], "standing.png")  # doctest: +SKIP
+        PosixPath('standing.png')
     """
     columns, width, height = a_count("columns", columns, 100), a_count("width", width, 4000), a_count("height", height, 4000)
     a_picture(png_path)

@@ -48,10 +48,6 @@ class Scene:
     opposite arrow is the force on the second. Marks shine faintly through the robot. Moments, joint torques and the
     forces of loops and limits are not drawn.
 
-        with Scene(robot) as scene:
-            scene.show(state, solution)
-            scene.export("standing.html")
-
     Args:
         robot: Whose meshes to draw; without visual shapes a skeleton with inertia ellipsoids and collision shapes.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m]. By default 1 m for a human's size,
@@ -60,6 +56,13 @@ class Scene:
         seen_from: Direction from the robot to the camera at first, in W, shape (3,). By default from the front left: the
             front is where the x axes of the soles shown point (iCub looks along -x), or W's x.
         legend: Whether to write names, forces and the scale next to the picture.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> with rbd.visual.Scene(robot) as scene:
+        ...     scene.show(robot.at("assembled"))
+        ...     print(scene.export("four_bar.html").name)
+        four_bar.html
     """
 
     def __init__(
@@ -128,7 +131,7 @@ class Scene:
         return self._server.url
 
     def open(self) -> str:
-        """Open the live scene in the default browser; returns its address. Later `show`s appear there at once."""
+        """Open the live scene in the default browser; returns its address. What `show` draws later appears there at once."""
         address = self.url
         webbrowser.open(address, new=2)
         return address
@@ -141,7 +144,7 @@ class Scene:
         Args:
             state: Where the robot is. Velocities are not drawn.
             solution: Its contact forces, from `solve` or `hold`; None draws the robot and its centre of mass only.
-            external: The `ExternalForce`s that were given to `solve`, drawn from the points they act on.
+            external: The forces (`ExternalForce`) that were given to `solve`, drawn from the points they act on.
 
         Raises:
             InputError: if the state is of a robot with other joints, or `external` is a generalised force: that has no

@@ -43,6 +43,14 @@ def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion, labels: Sequence[
 
     Raises:
         InputError: if `ax` are no axes, or something is no region.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> solo, axes = rbd.load_robot("solo12"), Figure().subplots()
+        >>> region = rbd.statics.support_region(solo.standing(), solo.feet())
+        >>> artists = rbd.visual.plot_region(axes, region, labels=["four feet"])
+        >>> [text.get_text() for text in axes.get_legend().get_texts()]
+        ['four feet', 'front_left', 'front_right', 'hind_left', 'hind_right', 'centre of mass']
     """
     an_axis(ax)
     if not regions or not all(isinstance(r, SupportRegion | ZmpRegion) for r in regions):
@@ -92,6 +100,15 @@ def plot_pushes(ax: Axes, limits: PushLimits) -> list[Artist]:
 
     Raises:
         InputError: if `ax` are no axes, or `limits` something else.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> solo, axes = rbd.load_robot("solo12"), Figure().subplots()
+        >>> around = [(np.cos(angle), np.sin(angle), 0.0) for angle in np.arange(8) * np.pi / 4]
+        >>> limits = rbd.statics.push_limits(solo.standing(), solo.feet(), "base_link", around)
+        >>> curve, *dots = rbd.visual.plot_pushes(axes, limits)
+        >>> axes.get_xlabel()
+        'push at base_link along x [N]'
     """
     an_axis(ax)
     if not isinstance(limits, PushLimits):
@@ -127,6 +144,17 @@ def plot_wrench_cone(ax: Axes, cone: ContactWrenchCone) -> list[Artist]:
 
     Raises:
         InputError: if `ax` are no axes, or `cone` something else.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> solo = rbd.load_robot("solo12")
+        >>> cone = rbd.statics.wrench_cone(solo.standing(), solo.feet(friction=0.7))
+        >>> area = rbd.visual.plot_wrench_cone(Figure().subplots(), cone)[0]
+        >>> cone.leans().round(3)
+        array([[-0.495, -0.495],
+               [ 0.495, -0.495],
+               [ 0.495,  0.495],
+               [-0.495,  0.495]])
     """
     an_axis(ax)
     if not isinstance(cone, ContactWrenchCone):

@@ -40,8 +40,9 @@ def contact_colors(names: Iterable[str]) -> dict[str, str]:
 
     After eight names the colours come again. Give plots and scenes the contacts in the same order, and they agree.
 
-    >>> contact_colors(["left_sole", "right_sole"])
-    {'left_sole': '#0072b2', 'right_sole': '#d55e00'}
+    Example:
+        >>> rbd.visual.contact_colors(["left_sole", "right_sole"])
+        {'left_sole': '#0072b2', 'right_sole': '#d55e00'}
     """
     try:
         unique = list(dict.fromkeys(names))

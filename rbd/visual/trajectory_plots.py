@@ -62,6 +62,14 @@ def plot_forces(ax: Axes, trajectory: Trajectory, *, names: Sequence[str] | None
 
     Raises:
         InputError: if `ax` are no axes, or a name is unknown.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> corner = rbd.PointContact("corner", "box", friction=0.6, on=0.0)
+        >>> fall = rbd.simulate(rbd.State(rbd.testing.box(), [0, 0, 0.02, 0, 0, 0, 1]), [corner], duration=0.1, step=1e-2)
+        >>> vertical, horizontal, *marks = rbd.visual.plot_forces(Figure().subplots(), fall)
+        >>> vertical.get_label(), vertical.get_ydata()[[0, -1]].round(1)  # in the air, and at rest
+        ('corner', array([ 0. , 98.1]))
     """
     _check(ax, trajectory)
     chosen = _chosen(trajectory, names)
@@ -105,6 +113,13 @@ def plot_energy(ax: Axes, trajectory: Trajectory) -> list[Artist]:
 
     Raises:
         InputError: if `ax` are no axes.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> fall = rbd.simulate(rbd.State(rbd.testing.box(), [0, 0, 1, 0, 0, 0, 1]), duration=0.2, step=1e-2)
+        >>> kinetic, potential, total = rbd.visual.plot_energy(Figure().subplots(), fall)
+        >>> print(kinetic.get_label(), kinetic.get_ydata()[[0, -1]].round(3))  # m (g t)^2 / 2
+        kinetic [ 0.    19.247]
     """
     _check(ax, trajectory)
     t, potential = trajectory.t, trajectory.potential - trajectory.potential[0]
@@ -137,6 +152,14 @@ def plot_joint(ax: Axes, trajectory: Trajectory, joint: str | Sequence[str], *, 
 
     Raises:
         InputError: if `ax` are no axes; an unknown joint; joints whose values have different units.
+
+    Example:
+        >>> from matplotlib.figure import Figure
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.1, step=1e-2)
+        >>> lines = rbd.visual.plot_joint(Figure().subplots(), swing, ["crank_joint", "rocker_joint"], what="v")
+        >>> [line.get_label() for line in lines]
+        ['crank_joint (limit ±100 rad/s)', 'rocker_joint (limit ±100 rad/s)']
     """
     _check(ax, trajectory)
     curves = joint_curves(trajectory, joint, what)

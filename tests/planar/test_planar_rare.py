@@ -10,7 +10,7 @@ import sympy
 
 from rbd.errors import InputError, SingularPose
 from rbd.planar import Chain, Linearised, classify, constrained, endpoint_motion, inverse, inverse_path, minimum_jerk, motion
-from rbd.planar.inverse_kinematics import _reach, _settle, evenly_bent
+from rbd.planar.nearest_poses import _reach, _settle, evenly_bent
 from rbd.planar.relations import newton
 from rbd.planar.urdf import _link
 

@@ -13,13 +13,13 @@ from contact_cases import sole
 from flat_bodies import ball, flat_body, flat_state, floor_point, free_body, free_state
 
 import rbd
+from rbd import compiled
 from rbd.simulation import ground_dynamics
 from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.instant import Instant
 from rbd.simulation.integrators import TimeStepping
 from rbd.simulation.motion import Motion
 from rbd.simulation.time_step import StepSystem
-from rbd.solvers import compiled
 
 H = 1e-3
 ROUNDING = 1e-13

@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 import rbd
+from rbd import compiled
 from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product
 from rbd.problem.force_set import at_rest
-from rbd.solvers import compiled
 from rbd.solvers.contact_newton import ContactForces, ContactNewton, contact_forces
-from rbd.solvers.newton import FOUND, scaled, steps_from
+from rbd.solvers.newton import FOUND, compiled_weights, scaled, steps_from
 from rbd.testing import reference_problems
 
 pytest.importorskip("numba", reason="the extra `fast` is not installed: there is nothing to compare")
@@ -105,6 +105,58 @@ def test_one_step_is_the_same_to_rounding(coulomb, rng):
                 plain = steps_from(S, w0, **settings)
             assert found[2] == plain[2] and abs(found[1] - plain[1]) < 1e-11
             assert np.abs(found[0] - plain[0]).max() < 1e-10
+
+
+@pytest.mark.parametrize("coulomb", [False, True])
+def test_weights_in_one_call_are_those_of_its_parts_to_the_last_bit(coulomb, rng):
+    """Scaled, steps taken, brought into their sets: cones, and singles before them; without motion; forces far off."""
+    for cones in (Product([FrictionCone(0.5)] * 4), Product([Free(1), Box([-1.0, 0.3], [2.0, 0.3]), FrictionCone(1.2)])):
+        T = at_rest(cones)
+        for k in range(40):
+            A = rng.normal(size=(T.size, T.size)) * 10.0 ** rng.uniform(-2.0, 2.0, T.size)
+            y_free, w0 = A @ rng.normal(size=T.size) * (k > 0), rng.normal(size=T.size)
+            D = A @ A.T + 0.1 * np.eye(T.size)
+            for iterations in (1, 30):
+                with compiled.use(True):
+                    found = compiled_weights(D, y_free, T, w0, coulomb=coulomb, iterations=iterations)
+                    S = scaled(D, y_free, T)
+                    w, merit, _ = steps_from(S, S.guess(w0), coulomb=coulomb, iterations=iterations)
+                assert found is not None and found[1:] == (merit, S.rate)
+                assert np.array_equal(found[0], T.project(S.weights(w)))
+    turned = at_rest(Product([FrictionCone(0.5), Free(1)]))
+    settings = {"coulomb": coulomb, "iterations": 9}
+    with compiled.use(True):
+        assert compiled_weights(np.eye(4), np.zeros(4), turned, np.zeros(4), **settings) is None  # another order
+    with compiled.use(False):
+        assert compiled_weights(np.eye(3), np.zeros(3), at_rest(FrictionCone(0.5)), np.zeros(3), **settings) is None
+
+
+def test_bodies_that_are_let_go_have_the_forces_of_the_convex_law(rng):
+    """In one call the wrench, weights and accelerations of `forces`; nothing is written where all points stick, or for NaN."""
+    P = soles(CORNERS, ring(5))
+    newton, least_norm, codes = ContactNewton(P, np.full(P.shape[1] // 3, 0.6)), np.linalg.pinv(P), []
+    for k in range(60):
+        D, c, start = drawn(rng, P, push=1.0 if k % 2 else 0.05)
+        held = -np.linalg.solve(D, c)
+        f, w, change = held.copy(), np.full(P.shape[1], 7.0), np.full(len(P) + 3, 7.0)
+        with compiled.use(True):
+            codes.append(newton.release(D, f, w, change, least_norm))
+            found = newton.forces(D, c, start, coulomb=False)
+        assert (change[len(P) :] == 7.0).all()
+        sticks = (np.hypot(*start.reshape(-1, 3)[:, :2].T) <= 0.6 * start.reshape(-1, 3)[:, 2]).all()
+        assert codes[-1] == (1 if sticks else 2)
+        if sticks:
+            assert np.array_equal(f, held) and (w == 7.0).all()
+            continue
+        assert found.merit < FOUND and law_missed(D, c, P, newton.mu, found._replace(weights=w, wrench=f), coulomb=False) < 1e-9
+        assert np.abs(D @ (f - held) - change[: len(P)]).max() < 1e-9 * max(1.0, np.abs(c).max())
+        assert np.abs(D @ (f - found.wrench)).max() < 1e-9 * max(1.0, np.abs(c).max())
+    assert {*codes} == {1, 2}
+    f = held.copy()
+    with compiled.use(True):
+        assert newton.release(np.full_like(D, np.nan), f, w, change, least_norm) == 0 and np.array_equal(f, held)
+    with compiled.use(False):
+        assert newton.release(D, f, w, change, least_norm) == 0 and np.array_equal(f, held)
 
 
 def test_whole_numbers_as_friction_and_bounds():
@@ -319,7 +371,7 @@ print(json.dumps({"before": before, "after": "numba" in sys.modules, "w": w.toli
 
 def test_code_that_cannot_be_kept_on_disk_is_compiled_all_the_same():
     """Where no cache can be written: Numba refuses to cache a function without a file, and it works nevertheless."""
-    from rbd.solvers.small_systems import compiled as compile_
+    from rbd.kernels import compiled as compile_
 
     space: dict = {}
     exec(compile("def twice(x):\n    return 2.0 * x\n", "<nowhere>", "exec"), space)

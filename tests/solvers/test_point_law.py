@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import rbd
+from rbd import compiled
 from rbd.problem.residuals import residuals_of
-from rbd.solvers import compiled
 from rbd.solvers.point_law import law_residual, plain
 
 

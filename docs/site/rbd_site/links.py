@@ -38,10 +38,10 @@ def up(docname: str, address: str) -> str:
     return "../" * docname.count("/") + address
 
 
-def to_source(env: BuildEnvironment, docname: str, file: Path, shown: nodes.Node, **where: object) -> nodes.reference:
+def to_source(env: BuildEnvironment, docname: str, file: Path, shown: nodes.Node, name: str | None = None) -> nodes.reference:
     """A link to a source file's page."""
     sources.asked(env, docname, file)
-    uri = up(docname, sources.address(file, **where))  # type: ignore[arg-type]
+    uri = up(docname, sources.address(file, name))
     return nodes.reference("", "", shown, internal=True, refuri=uri, classes=["to-source"])
 
 
@@ -53,7 +53,7 @@ def linked_literal(env: BuildEnvironment, docname: str, literal: nodes.literal) 
         if file.suffix == ".md":
             name = env.project.path2doc(file)
             return doc_link(docname, name, shown) if name in env.found_docs else None
-        return to_source(env, docname, file, shown, function=found[2]) if file.is_file() else None
+        return to_source(env, docname, file, shown, found[2]) if file.is_file() else None
     dotted = found[1] if (found := NAME.fullmatch(text)) else short_names().get(text)
     if dotted is None:
         return None
@@ -68,7 +68,7 @@ def linked_literal(env: BuildEnvironment, docname: str, literal: nodes.literal) 
         reftarget=documented(dotted) or dotted,
         refdoc=docname,
         refexplicit=True,
-        rbd_source=sources.address(place[0], line=place[1]) if place and place[0].is_relative_to(TOP) else None,
+        rbd_source=sources.address(*place) if place and place[0].is_relative_to(TOP) else None,
     )
 
 

@@ -98,8 +98,8 @@ def short_names() -> dict[str, str]:
 
 
 @cache
-def place_of(dotted: str) -> tuple[Path, int] | None:
-    """(file, line) in which `rbd.some.name` is written, or None if it is a value and not code."""
+def place_of(dotted: str) -> tuple[Path, str | None] | None:
+    """(file, name in it) in which `rbd.some.name` is written, or None if it is a value and not code."""
     try:
         value: object = rbd
         for i, part in enumerate(dotted.split(".")[1:], start=2):
@@ -111,7 +111,6 @@ def place_of(dotted: str) -> tuple[Path, int] | None:
             value = value.fget
         value = inspect.unwrap(getattr(value, "compute", value))  # type: ignore[arg-type]
         file = inspect.getsourcefile(value)  # type: ignore[arg-type]
-        line = 1 if inspect.ismodule(value) else inspect.getsourcelines(value)[1]  # type: ignore[arg-type]
-    except (AttributeError, ImportError, TypeError, OSError):
+    except (AttributeError, ImportError, TypeError):
         return None
-    return (Path(file), line) if file else None
+    return (Path(file), getattr(value, "__qualname__", None)) if file else None

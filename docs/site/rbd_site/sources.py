@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections.abc import Iterator
 from functools import cache
 from html import escape
 from keyword import kwlist
@@ -19,16 +20,17 @@ FOLDER = "source"
 
 
 @cache
-def beginnings(file: Path) -> list[tuple[str, int]]:
-    """(name, line where it begins) of each function, method and class of a Python file."""
-    if file.suffix != ".py":
-        return []
-    nodes = ast.walk(ast.parse(file.read_text(encoding="utf-8")))
-    return [
-        (node.name, min([node.lineno, *(d.lineno for d in node.decorator_list)]))
-        for node in nodes
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-    ]
+def beginnings(file: Path) -> dict[str, int]:
+    """{name: line where it begins} of each class, function and method (`Class.method`) of a Python file."""
+    return dict(_within(ast.parse(file.read_text(encoding="utf-8")), "")) if file.suffix == ".py" else {}
+
+
+def _within(tree: ast.AST, prefix: str) -> Iterator[tuple[str, int]]:
+    for node in ast.iter_child_nodes(tree):
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            yield prefix + node.name, min([node.lineno, *(d.lineno for d in node.decorator_list)])
+        if isinstance(node, ast.ClassDef):
+            yield from _within(node, f"{prefix}{node.name}.")
 
 
 def page_of(file: Path) -> str:
@@ -36,10 +38,11 @@ def page_of(file: Path) -> str:
     return f"{FOLDER}/{file.relative_to(TOP).as_posix()}.html"
 
 
-def address(file: Path, *, function: str | None = None, line: int | None = None) -> str:
-    """The address of a function in a source file's page."""
-    at = dict(reversed(beginnings(file))).get(function) if function else line
-    return page_of(file) + (f"#L{at}" if at and at > 1 else "")
+def address(file: Path, name: str | None = None) -> str:
+    """The address of a function, a class or `Class.method` in a source file's page; names stay when lines move."""
+    names = beginnings(file)
+    at = name if name in names else next((n for n in names if name and n.endswith(f".{name}")), None)
+    return page_of(file) + (f"#{at}" if at else "")
 
 
 def asked(env: BuildEnvironment, docname: str, file: Path) -> None:
@@ -78,8 +81,8 @@ def html_of(file: Path) -> str:
     """The file as a page, in the colours of the other pages, light and dark."""
     text = file.read_text(encoding="utf-8")
     lines = highlighted(text) if file.suffix == ".py" else escape(text, quote=False).split("\n")
-    for line in {line for _, line in beginnings(file)}:
-        lines[line - 1] = f'<span id="L{line}" class="target"></span>{lines[line - 1]}'
+    for anchor, line in beginnings(file).items():
+        lines[line - 1] = f'<span id="{anchor}" class="target"></span>{lines[line - 1]}'
     name = file.relative_to(TOP).as_posix()
     up = "../" * page_of(file).count("/")
     return (
@@ -112,7 +115,7 @@ def linkcode_resolve(domain: str, info: dict[str, str]) -> str | None:
     place = place_of(f"{info['module']}.{info['fullname']}") if domain == "py" and info["module"] else None
     if place is None or not place[0].is_relative_to(TOP):
         return None
-    return "../" + address(place[0], line=place[1])
+    return "../" + address(*place)
 
 
 def setup(app: Sphinx) -> None:

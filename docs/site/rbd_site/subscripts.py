@@ -8,7 +8,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 
 SUBSCRIPT = re.compile(
-    r"((?<![\w.\u0300-\u036f])[^\W\d_][\u0300-\u036f]*['⁺⁻]?|[‖|]²)"  # one letter, perhaps dotted, or the end of a norm
+    r"((?<![A-Za-z0-9_.\u0300-\u036f])[^\W\d_][\u0300-\u036f]*['⁺⁻]?|[‖|]²)"  # one letter, perhaps dotted, or the end of a norm
     r"_([A-Za-zα-ω0-9]{1,7}(?:,[A-Za-z0-9]{1,3})?)(?![A-Za-zα-ω0-9_])"
 )
 """One letter, perhaps with dots or a prime, an underscore and a short index: a_free, τ_g, r̈_k, ‖x‖²_M, but not test_docs."""

@@ -19,7 +19,8 @@ MOST_POINTS = LOWEST + DIRECTIONS
 TIPS = 0.1
 """A point at height h counts as nearer by h over this [rad]: points that touch only after a large tilt."""
 _angles = 2.0 * np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
-_TOWARDS = np.column_stack([np.cos(_angles), np.sin(_angles)])
+TOWARDS = np.column_stack([np.cos(_angles), np.sin(_angles)])
+"""These directions, shape (DIRECTIONS, 2)."""
 
 
 def spread(points: Array, height: Array, up: Array) -> Array:
@@ -123,7 +124,7 @@ def farthest(flat: Array, height: Array) -> Array:
 
 def _away(flat: Array, height: Array) -> Array:
     """How far each point is in each direction, less its height over `TIPS`, shape (DIRECTIONS, n)."""
-    return np.asarray(_TOWARDS @ flat - height / TIPS)
+    return np.asarray(TOWARDS @ flat - height / TIPS)
 
 
 def across(n: Array) -> Array:

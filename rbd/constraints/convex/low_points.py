@@ -8,6 +8,8 @@ body, c the centre of its shape and r the radius of the ball around it, the heig
 As long as this is less than what the points of each shape had above the margin then, only the list is looked at (in
 molecular dynamics: Verlet's list). Points of a shape with many that `spread_each` does not choose, turned by up to `TURN`, are
 not in the list either. The result is the same, to the last bit, as if all points were looked at.
+
+The arithmetic is in `rbd.constraints.convex.low_points_kernel`, or in array operations here: about ten times as long.
 """
 
 from __future__ import annotations
@@ -15,12 +17,16 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from copy import copy
 from dataclasses import dataclass
+from functools import cache
+from types import ModuleType
+from typing import NamedTuple
 
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.compiled import in_use
 from rbd.constraints.convex.few_points import MOST_POINTS, possible, spread_each
-from rbd.constraints.convex.rounds import Rim, Round, stacked
+from rbd.constraints.convex.rounds import Ball, Oval, Rim, Round, stacked
 from rbd.constraints.convex.solids import RIM_CORNERS, ConvexShape
 
 SKIN = 0.03
@@ -32,7 +38,7 @@ _ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class _Listed:
+class Listed:
     """The list: points that can be near.
 
     Attributes:
@@ -54,6 +60,40 @@ class _Listed:
     rounds: Array
     corners: Array
     rims: Array
+
+
+class RoundParts(NamedTuple):
+    """Round parts in arrays, for compiled code.
+
+    Attributes:
+        kind: 0 of a ball, 1 of a rim, 2 of an ellipsoid, shape (n,).
+        centre: Shape (n, 3) [m].
+        radius: Shape (n,) [m].
+        form: The axis of a rim in the first row; Q of an ellipsoid, shape (n, 3, 3).
+        body: Body of each, shape (n,).
+    """
+
+    kind: Array
+    centre: Array
+    radius: Array
+    form: Array
+    body: Array
+
+    @classmethod
+    def of(cls, rounds: Sequence[Round], body: Array) -> RoundParts:
+        """Those of several bodies."""
+        n = len(rounds)
+        kind, centre, radius, form = np.zeros(n, int), np.zeros((n, 3)), np.zeros(n), np.zeros((n, 3, 3))
+        for i, part in enumerate(rounds):
+            assert isinstance(part, Ball | Rim | Oval)
+            kind[i], centre[i] = (Ball, Rim, Oval).index(type(part)), part.centre
+            if isinstance(part, Oval):
+                form[i] = part.Q
+            else:
+                radius[i] = part.radius
+            if isinstance(part, Rim):
+                form[i, 0] = part.axis
+        return cls(kind, centre, radius, form, body)
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,6 +129,8 @@ class LowPoints:
     Attributes:
         body: Body of each point, shape (n,).
         has_rounds: Whether some are of round parts.
+        parts: The round parts in arrays.
+        part_of: The round part of each point, or -1, shape (n,).
     """
 
     def __init__(self, shapes: Sequence[ConvexShape], bodies: Array) -> None:
@@ -115,7 +157,10 @@ class LowPoints:
         self._is_round = np.zeros(len(self.body), bool)
         self._is_round[self._round] = True
         self.has_rounds = bool(rounds)
-        self._list: tuple[_Reference, _Listed] | None = None
+        self.parts = RoundParts.of(rounds, self.body[self._round])
+        self.part_of = np.full(len(self.body), -1)
+        self.part_of[self._round] = np.arange(len(rounds))
+        self._list: tuple[_Reference, Listed] | None = None
 
     def _each(self) -> Iterator[tuple[ConvexShape, int]]:
         yield from zip(self.shapes, self._first.tolist(), strict=True)
@@ -141,7 +186,15 @@ class LowPoints:
             height: Height of each body's origin, shape (bodies,) [m].
             margin: [m].
         """
+        now, near, above = self.near(up, height, margin)
+        return now.index.take(near), now.points.take(near, axis=1), above
+
+    def near(self, up: Array, height: Array, margin: float) -> tuple[Listed, Array, Array]:
+        """(the list, which of its points `at` has, their heights [m]); arguments as of `at`."""
         now = self._current(up, height, margin)
+        if in_use():
+            here = now.points, now.body, now.shape, now.many, now.rounds, now.corners, now.rims
+            return now, *_kernel().near_points(*here, *self.parts, up, height, margin)
         stands = self._place_rounds(now, up)
         above = _heights(now.points, now.body, up, height)
         if stands is not None and len(now.corners):
@@ -157,7 +210,7 @@ class LowPoints:
             few = ~many
             few[many.nonzero()[0].take(chosen)] = True
             near = near[few]
-        return now.index.take(near), now.points.take(near, axis=1), above.take(near)
+        return now, near, above.take(near)
 
     def wander(self, points: Array, up: Array, rate: Array) -> tuple[Array, Array]:
         """(which of some points are of round parts, how fast they move over their bodies (3, that many) [m/s]).
@@ -173,7 +226,7 @@ class LowPoints:
         at = self._is_round.take(points).nonzero()[0]
         return at, moves.take(np.searchsorted(self._round, points.take(at)), axis=1)
 
-    def _place_rounds(self, now: _Listed, up: Array) -> Array | None:
+    def _place_rounds(self, now: Listed, up: Array) -> Array | None:
         """Put the lowest points of round parts into the list; returns which rims stand."""
         stands = None
         for parts, which, bodies in self._kinds:
@@ -183,8 +236,13 @@ class LowPoints:
                 stands = parts.stands(n)
         return stands
 
-    def _current(self, up: Array, height: Array, margin: float) -> _Listed:
+    def _current(self, up: Array, height: Array, margin: float) -> Listed:
         """The list, with points of those shapes listed again of which others may have come near."""
+        if self._list is not None and self._list[0].margin == margin and in_use():
+            then, listed = self._list
+            before = then.up, then.above, then.turn, then.spare
+            if _kernel().lasts(up, height, self._bodies, self._centres, self._reach, *before, _ROUNDING):
+                return listed
         up_shape = up.take(self._bodies, axis=0)
         above = np.vecdot(up_shape, self._centres) + height.take(self._bodies)
         again = np.ones(len(above), bool)
@@ -222,11 +280,11 @@ class LowPoints:
             listed[rows] = possible(self._points.take(points.take(rows), axis=1), above.take(rows), counts[counts > 0], TURN)
         now.listed[points] = listed
 
-    def _listed(self, which: Array) -> _Listed:
+    def _listed(self, which: Array) -> Listed:
         index = which.nonzero()[0]
         corners = index.searchsorted(self._corners)
         here = which.take(self._corners)
-        return _Listed(
+        return Listed(
             index,
             self._points.take(index, axis=1),
             self.body.take(index),
@@ -236,6 +294,13 @@ class LowPoints:
             corners[here],
             self._rims[here],
         )
+
+
+@cache
+def _kernel() -> ModuleType:
+    from rbd.constraints.convex import low_points_kernel  # imports Numba
+
+    return low_points_kernel
 
 
 def _heights(points: Array, body: Array, up: Array, height: Array) -> Array:

@@ -20,7 +20,7 @@ import numpy as np
 
 from rbd.arrays import Array
 
-_LEVEL_M = 1e-7
+LEVEL_M = 1e-7
 """A rim whose lowest point is less than this below its centre is flat: all its points are equally low."""
 STEEP = 0.1
 """A rim inclined by more than this (sine) touches only at its lowest point."""
@@ -96,7 +96,7 @@ class Rim:
         """(the part of `up` in the rim's plane, its length: NaN where the rim is flat)."""
         u = up - np.vecdot(up, self.axis)[..., None] * self.axis
         length = np.sqrt(np.vecdot(u, u))[..., None]
-        return u, np.where(self.radius * length < _LEVEL_M, np.nan, length)
+        return u, np.where(self.radius * length < LEVEL_M, np.nan, length)
 
     def stands(self, up: Array) -> Array:
         """Whether it is inclined so much that only its lowest point can touch."""

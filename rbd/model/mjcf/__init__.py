@@ -3,7 +3,7 @@
 from rbd.model.mjcf.bodies import Shape
 from rbd.model.mjcf.building import build, passive
 from rbd.model.mjcf.meshes import Surface, hull as convex_hull
-from rbd.model.mjcf.reading import LEAVABLE, Mjcf, carry_out_includes, read_mjcf
+from rbd.model.mjcf.reading import LEAVABLE, Mjcf, carry_out_includes, check_leave_out, read_mjcf
 from rbd.modules import submodule as _submodule
 
 __all__ = [
@@ -13,6 +13,7 @@ __all__ = [
     "Surface",
     "build",
     "carry_out_includes",
+    "check_leave_out",
     "convex_hull",
     "passive",
     "read_mjcf",

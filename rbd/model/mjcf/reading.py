@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.errors import InputError
 from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.mjcf.bodies import Body, BodyReader, moving_mass
 from rbd.model.mjcf.elements import Defaults, check_attributes, check_elements
@@ -252,3 +253,17 @@ def check_names(wrong: Complaints, root: ElementTree.Element) -> None:
         if (kind, name) in (("joint", "universe"), ("body", "universe"), ("body", "world")):
             wrong.add(f"{kind} {name!r} has the name of the world. Rename it.")
         seen.add((kind, name))
+
+
+def check_leave_out(leave_out: Collection[str]) -> None:
+    """Refuse parts of an MJCF that cannot be left out.
+
+    Raises:
+        InputError: naming the first of them, with those that can.
+    """
+    try:
+        wrong = [each for each in leave_out if each not in LEAVABLE] if not isinstance(leave_out, str) else [leave_out]
+    except TypeError:
+        wrong = [leave_out]  # type: ignore[list-item]
+    if wrong:
+        raise InputError(f"leave_out has {wrong[0]!r:.80}; expected a list of some of {', '.join(map(repr, LEAVABLE))}.")

@@ -1,0 +1,142 @@
+"""Every public name says in one line what it is or gives, and shows it in an example that prints what stands below it."""
+
+from __future__ import annotations
+
+import doctest
+import importlib
+import inspect
+import re
+import textwrap
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from pkgutil import iter_modules
+
+import numpy as np
+import pytest
+
+import rbd
+from rbd.robots import loop_file
+
+PACKAGES = [
+    "rbd",
+    *(f"rbd.{module.name}" for module in iter_modules(rbd.__path__) if module.ispkg),
+    "rbd.dynamics",
+    "rbd.errors",
+]
+SHOWN = [package for package in PACKAGES if package not in ("rbd.cli", "rbd.prepared")]
+"""Those that list names for users; the last two are modules."""
+BROWSER = {"contact_sheet", "find_browser", "motion_sheet", "replay", "replay_planar", "screenshot", "show_report"}
+"""Of `rbd.visual`: what wants a browser on this machine, whose calls are not run here but in `tests/visual`."""
+FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
+SECTION = re.compile(r"^(Args|Attributes|Example|Raises|Returns|Source|Yields):", re.MULTILINE)
+
+
+@cache
+def documented(package: str) -> dict[str, object]:
+    """{full name: class or function} of a package's `__all__`; what another package lists too is the first one's."""
+    module = rbd.dynamics if package == "rbd.dynamics" else importlib.import_module(package)
+    written_there = [name for name, each in vars(module).items() if getattr(each, "__module__", "") == "rbd.errors"]
+    names = getattr(module, "__all__", written_there if package == "rbd.errors" else ())
+    listed = {f"{package}.{name}": getattr(module, name) for name in names}
+    earlier = [each for other in PACKAGES[: PACKAGES.index(package)] for each in documented(other).values()]
+    return {
+        name: each
+        for name, each in listed.items()
+        if (inspect.isclass(each) or inspect.isfunction(each)) and not any(each is other for other in earlier)
+    }
+
+
+def text(each: object) -> str:
+    """Its own docstring, and not that of a base class or of a dataclass without one."""
+    own = vars(each).get("__doc__") if inspect.isclass(each) else getattr(each, "__doc__", None)
+    return inspect.cleandoc(own or "")
+
+
+def example(each: object) -> str:
+    """The section `Example:` of its docstring, without the heading; empty without one."""
+    _, heading, rest = text(each).partition("\nExample:\n")
+    after = SECTION.search(rest)
+    return textwrap.dedent(rest[: after.start()] if heading and after else rest)
+
+
+def plain(printed: str) -> str:
+    """Without the signs of zeros, and spaces inside brackets that make room for them."""
+    return re.sub(r"(?<=\[)\s+|\s+(?=\])", "", re.sub(r"-(0\.0*)(?![0-9e])", r"\1", printed))
+
+
+class Checker(doctest.OutputChecker):
+    """Compares what is printed with zeros of either sign as equal."""
+
+    def check_output(self, want: str, got: str, optionflags: int) -> bool:
+        """Whether what was printed is what the example shows."""
+        return super().check_output(plain(want), plain(got), optionflags)
+
+
+def faults(name: str, each: object) -> Iterator[str]:
+    """What is wrong with an example: nothing shown, or something else printed."""
+    lines = doctest.DocTestParser().get_doctest(example(each), {"rbd": rbd, "np": np}, name, None, 0)
+    skipped = [line for line in lines.examples if doctest.SKIP in line.options]
+    if bool(skipped) != (name.rpartition(".")[2] in BROWSER):
+        yield f"{name}: lines are skipped where, and only where, they want a browser"
+    if not any(line.want for line in lines.examples if line not in skipped) and not skipped:
+        yield f"{name} has no `Example:` with a result"
+    report: list[str] = []
+    doctest.DocTestRunner(Checker(), optionflags=FLAGS).run(lines, out=report.append)
+    if report:
+        yield "".join(report)
+
+
+@pytest.mark.parametrize("package", SHOWN)
+def test_every_public_name_has_an_example_that_prints_what_it_shows(
+    package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Errors that are not on top of `rbd` are enough said by the line of the next test."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(loop_file, "KINDS", dict(loop_file.KINDS))
+    shown = {name: each for name, each in documented(package).items() if package == "rbd" or not _is_error(each)}
+    wrong = [fault for name, each in shown.items() for fault in faults(name, each)]
+    assert not wrong, "\n".join(wrong)
+
+
+def test_all_that_lists_names_is_looked_at() -> None:
+    """A package without names for users says so by listing none."""
+    assert {package for package in PACKAGES if documented(package)} == set(SHOWN)
+
+
+def test_every_public_name_says_in_a_line_what_it_is_for() -> None:
+    """One line, a sentence of some words: not a dataclass's signature, not the name again."""
+    named = {name: each for package in PACKAGES for name, each in documented(package).items()}
+    wrong = []
+    for name, each in named.items():
+        first, _, rest = text(each).partition("\n")
+        if not first.endswith(".") or len(first.split()) < 5 or rest.partition("\n")[0].strip():
+            wrong.append(f"{name}: {first!r}")
+    assert not wrong, "\n".join(wrong)
+
+
+def test_an_example_that_prints_something_else_is_noticed() -> None:
+    """A wrong digit, a missing result and a missing example are faults; the sign of a zero is none."""
+
+    def halves() -> None:
+        """Half of some numbers, as an array.
+
+        Example:
+            >>> np.array([1.0, -0.0]) / 2
+            array([0.5, 0. ])
+        """
+
+    assert not list(faults("halves", halves))
+    for old, new in (("0.5", "0.6"), ("array([0.5, 0. ])", ""), (">>> np", "np"), ("Example:", "")):
+        halves.__doc__ = text(halves)
+        assert old in halves.__doc__
+        changed = halves.__doc__.replace(old, new)
+
+        def other() -> None: ...
+
+        other.__doc__ = changed
+        assert list(faults("other", other)), changed
+
+
+def _is_error(each: object) -> bool:
+    return inspect.isclass(each) and issubclass(each, BaseException)
