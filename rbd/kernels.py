@@ -1,4 +1,4 @@
-"""Functions compiled by Numba, and the types of their arguments; imported only where Numba is installed and asked for."""
+"""Functions compiled by Numba, and the types of their arguments; imported only if Numba is installed and in use."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Contacts at a point, along an edge, and of a flat patch: `Contact` at one corner point, at two, and at three or more."""
+"""Contacts at a point, along an edge and over a flat patch: `Contact` at one corner point, at two, and at three or more."""
 
 from __future__ import annotations
 

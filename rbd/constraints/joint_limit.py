@@ -1,4 +1,4 @@
-"""Limits of joints: rows where a joint is at a bound, and the bounds as points of a motion.
+"""Joint limits: rows if a joint is at a bound, and the bounds as points of a motion.
 
 A joint's coordinate is its angle [rad] or its displacement [m]; the row force is a torque [N m] or a force [N] along that
 coordinate.

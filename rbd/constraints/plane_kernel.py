@@ -1,4 +1,4 @@
-"""Compiled arithmetic of `rbd.constraints.plane_contact`: imported only where Numba is installed and asked for.
+"""Compiled arithmetic of `rbd.constraints.plane_contact`: imported only if Numba is installed and in use.
 
 `places` are the placements of all joints, R by columns and then p in a row; `carries` tells which coordinates move a body.
 """

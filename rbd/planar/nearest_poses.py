@@ -1,4 +1,4 @@
-"""Of all poses of a planar chain with its end point at a target, the one nearest to a start.
+"""The pose of a planar chain nearest to a start, among all poses with its end point at a target.
 
     minimise |q - q_start|^2 / 2   subject to   r(q) = target.
 

@@ -1,4 +1,4 @@
-"""Compiled: bodies that were held, with forces of the convex law instead; imported only where Numba is installed."""
+"""Compiled: from forces that hold bodies at rest to those of the convex law, if not all points stick; needs Numba."""
 
 from __future__ import annotations
 

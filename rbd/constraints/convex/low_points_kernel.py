@@ -1,4 +1,4 @@
-"""Compiled arithmetic of `rbd.constraints.convex.low_points`: imported only where Numba is installed and asked for.
+"""Compiled arithmetic of `rbd.constraints.convex.low_points`: imported only if Numba is installed and in use.
 
 Round parts are given in the arrays of `rbd.constraints.convex.low_points.RoundParts`.
 """
