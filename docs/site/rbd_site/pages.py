@@ -19,8 +19,6 @@ FILES = {"changelog": "CHANGELOG.md", "contributing": "CONTRIBUTING.md", "refere
 """{page of the site: file of the repository}."""
 INSTEAD = {"README.md": "index", "examples/README.md": "gallery/index"}
 """{file of the repository: page of the site that a link to it opens}."""
-SIDEBARS: dict[tuple[object, ...], str] = {}
-"""{folder and options: the sidebar of pages that stand in no table of contents}, of one build."""
 
 
 class SiteProject(Project):
