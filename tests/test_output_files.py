@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import importlib
 import os
+import pkgutil
 import stat
 import subprocess
 import sys
@@ -244,6 +246,8 @@ def test_the_command_line_refuses_a_place_before_it_works(command: str, option: 
     def never(*args: object, **kwargs: object) -> None:
         raise AssertionError("a robot was loaded")
 
+    for module in pkgutil.iter_modules(rbd.cli.__path__):  # one that is first imported below would keep what is put there
+        importlib.import_module(f"rbd.cli.{module.name}")
     for door in ("rbd.robots.robot.load_robot", "rbd.cli.simulate_setup.load_robot", "rbd.cli.plane_report.plane_task"):
         monkeypatch.setattr(door, never)
     (tmp_path / f"taken.{ending}").mkdir()

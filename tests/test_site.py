@@ -23,7 +23,7 @@ from rbd_site import api, bibliography, gallery, links, mathjax, public, sources
 SCENES = ("four_bar", "task_loop")
 """Scenes that the test builds, of four bars: no motion is computed for them; `make docs` builds all."""
 TAG = re.compile(r"<([a-z][a-z0-9]*)\b([^>]*)>")
-ADDRESS = re.compile(r'\b(?:href|src|action|srcset)="([^"]*)"')
+NAMED = re.compile(r'\b(href|src|action|srcset|id)="([^"]*)"')
 OUTSIDE = re.compile(r"""(?:\burl\(|@import)\s*["']?\s*(?:https?:)?//""")
 PROBED = ("index", "reference/theory", "reference/notation", "api/rbd.Solution", "gallery/index", "courses/planar_chains/index")
 READABLE = 4.5
@@ -38,14 +38,10 @@ def built(folder: Path) -> str:
     return run.stderr + (f"exit code {run.returncode}" if run.returncode else "")
 
 
-def addresses(html: str) -> set[str]:
-    """What a page's tags refer to."""
-    return {address for tag in TAG.finditer(html) for address in ADDRESS.findall(tag[2])}
-
-
-def anchors(html: str) -> set[str]:
-    """The anchors of a page."""
-    return {anchor for tag in TAG.finditer(html) for anchor in re.findall(r'\bid="([^"]+)"', tag[2])}
+def named(html: str) -> tuple[set[str], set[str]]:
+    """(addresses to which a page's tags refer, its anchors)."""
+    found = {attribute for tag in TAG.finditer(html) for attribute in NAMED.findall(tag[2])}
+    return {value for kind, value in found if kind != "id"}, {value for kind, value in found if kind == "id"}
 
 
 def styles(file: Path) -> str:
@@ -57,7 +53,8 @@ def styles(file: Path) -> str:
 def faults(site: Path) -> Iterator[str]:
     """Dead links and anchors, addresses outside, pages that no link reaches."""
     texts = {page: page.read_text(encoding="utf-8") for page in site.rglob("*.html") if "scenes" not in page.parts}
-    found, anchored = {page: addresses(text) for page, text in texts.items()}, {p: anchors(t) for p, t in texts.items()}
+    both = {page: named(text) for page, text in texts.items()}
+    found, anchored = ({page: each[i] for page, each in both.items()} for i in (0, 1))
     leads_to: dict[Path, set[Path]] = {page: set() for page in texts}
     for page, targets in found.items():
         for target in targets:

@@ -10,7 +10,7 @@ import rbd
 
 NINE = ("talos", "g1", "romeo", "icub", "human", "solo12", "anymal_c", "go2", "bolt")
 PUSHED_STATES = 300
-"""Half of them but in `make exhaustive`."""
+"""A fifth of them but in `make exhaustive`."""
 
 
 @pytest.fixture(scope="module", params=NINE)
@@ -35,14 +35,14 @@ def test_a_standing_robot_is_carried_by_its_feet(robot: rbd.Robot):
 
 
 def test_pushed_states_are_solved_or_refused_never_wrong(robot: rbd.Robot, exhaustive: bool):
-    """Of 150 or 300 states with noise on posture and torques (2 to 60 N m), friction .05 to 1, at least 99 % are solved.
+    """Of 60 or 300 states with noise on posture and torques (2 to 60 N m), friction .05 to 1, at least 99 % are solved.
 
     What is called solved is checked here by other code: the equations of motion, each ray of each foot's pyramids.
     """
     rng = np.random.default_rng(2)
     standing = robot.standing()
     tau = rbd.hold(standing, robot.feet()).tau
-    solved, count = 0, PUSHED_STATES if exhaustive else PUSHED_STATES // 2
+    solved, count = 0, PUSHED_STATES if exhaustive else PUSHED_STATES // 5
     for _ in range(count):
         q = pin.integrate(robot.model, standing.q, rng.choice([0.0, 0.02, 0.2]) * rng.normal(size=robot.nv))
         feet = robot.feet(rng.uniform(0.05, 1.0), on=None)

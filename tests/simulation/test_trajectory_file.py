@@ -450,10 +450,10 @@ def harmful(folder: Path) -> dict[str, Path]:
 
     million = 1_000_000
     small = npy_of("<U2", (), "{}".encode("utf-32-le"))
-    put("a long header", {"header": npy_of(f"<U{100 * million}", (), text.encode("utf-32-le") + bytes(400 * million - 256))})
-    put("long times", {"header": small, "t": npy_of("<f8", (50 * million,), bytes(400 * million))})
-    put("long words", {"header": small, "mode_x": npy_of(f"<U{50 * million}", (2,), bytes(400 * million))})
-    put("what is no part of it", {"header": small, "x": npy_of("<f8", (50 * million,), bytes(400 * million))})
+    put("a long header", {"header": npy_of(f"<U{50 * million}", (), text.encode("utf-32-le") + bytes(200 * million - 256))})
+    put("long times", {"header": small, "t": npy_of("<f8", (25 * million,), bytes(200 * million))})
+    put("long words", {"header": small, "mode_x": npy_of(f"<U{25 * million}", (2,), bytes(200 * million))})
+    put("what is no part of it", {"header": small, "x": npy_of("<f8", (25 * million,), bytes(200 * million))})
     lists = "[[]" + ",[]" * 3 * million + "]"
     put("many lists", {"header": npy_of(f"<U{len(lists)}", (), lists.encode("utf-32-le"))})
     put("deep lists", {"header": npy_of(f"<U{2 * million}", (), ("[" * 2 * million).encode("utf-32-le"))})
@@ -478,7 +478,7 @@ def harmful(folder: Path) -> dict[str, Path]:
 
 
 def test_files_that_mean_harm_take_no_memory(tmp_path: Path):
-    """A megabyte that says that it holds gigabytes is refused in words, with 150 MB at most, in a process of its own."""
+    """A megabyte that holds hundreds, or says so, is refused in words, with 150 MB at most, in a process of its own."""
     files = harmful(tmp_path)
     assert max(path.stat().st_size for path in files.values()) < 2_500_000
     code = """

@@ -184,9 +184,9 @@ def drawn(name: str, count: int, seed: int):
 
 @pytest.mark.parametrize("name", ["talos", "g1", "solo12"])
 def test_it_is_the_motion_of_circular_cones_where_that_is_unique(name, exhaustive):
-    """50 or 100 problems a robot: same a to 1e-8, Signorini's and Coulomb's laws at corners, same modes and derivatives."""
+    """25 or 100 problems a robot: same a to 1e-8, Signorini's and Coulomb's laws at corners, same modes and derivatives."""
     of = dict.fromkeys(("QP", "cones"), 0)
-    count = 100 if exhaustive else 50
+    count = 100 if exhaustive else 25
     for i, P in enumerate(drawn(name, count, seed=5)):
         s, other = rbd.solve_problem(P), rbd.solve_problem(P, solver=rbd.ConeSolver())
         of[s.method[:5]] += 1

@@ -34,18 +34,18 @@ def pushed_problems(name: str, count: int, seed: int):
 
 
 @pytest.mark.parametrize("name", ["talos", "talos_full", "g1", "g1_hands"])
-def test_pushed_robots_are_solved(name):
-    """80 states of each robot, 320 in all: every one solved, by an independent certificate too.
+def test_pushed_robots_are_solved(name, exhaustive):
+    """30 states of each robot, or 80: every one solved, by an independent certificate too.
 
     1,000 of each by `python tests/solvers/test_proxqp.py`.
     """
-    solver, slipping = rbd.ProxQP(), 0
-    for _, _, problem in pushed_problems(name, 80, seed=11):
+    solver, slipping, count = rbd.ProxQP(), 0, 80 if exhaustive else 30
+    for _, _, problem in pushed_problems(name, count, seed=11):
         s = rbd.Solution.of(solver.solve(problem))
         assert s.status == "solved", s
         assert max(law_residuals(problem, s, "convex").values()) < 1e-9
         slipping += max(np.abs(c).max() for c in s.accelerations.values()) > 1e-3
-    assert slipping > 20  # not all of them stick
+    assert slipping > count // 4  # not all of them stick
 
 
 def test_eight_frictional_points_are_solved(talos, rng):

@@ -1,12 +1,12 @@
-"""What the site adds to Sphinx: pages from outside docs/, the API, the gallery, links, sources, scenes, MathJax."""
+"""What the site adds to Sphinx: pages from outside docs/, the API, the gallery, links, search, sources, scenes, MathJax."""
 
 from sphinx.application import Sphinx
 
-from rbd_site import api, links, mathjax, pages, scenes, sources, subscripts
+from rbd_site import api, links, mathjax, pages, scenes, searching, sources, subscripts
 
 
 def setup(app: Sphinx) -> dict[str, bool]:
     """Register all parts of the site with Sphinx."""
-    for part in (pages, api, links, sources, scenes, mathjax, subscripts):
+    for part in (pages, api, links, searching, sources, scenes, mathjax, subscripts):
         part.setup(app)
     return {"parallel_read_safe": False, "parallel_write_safe": True}
