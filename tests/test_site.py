@@ -247,6 +247,13 @@ def test_docstrings_are_read_as_written(line, expected):
     assert api.plain(line) == expected
 
 
+def test_examples_and_formulas_of_docstrings_stay_as_they_are():
+    """What an example prints has its stars, as what stands after `::` does; the text after it is escaped again."""
+    lines = ["a formula::", "", "    c * d", "", ">>> det", "l_1*l_2", "", "e * f"]
+    api.read_as_written(None, "function", "name", None, None, lines)
+    assert lines == ["a formula::", "", "    c * d", "", ">>> det", "l_1*l_2", "", r"e \* f"]
+
+
 def test_the_bibliography_has_no_address():
     """Authors with their accents, titles, years; identifiers as text."""
     page = bibliography.page()
