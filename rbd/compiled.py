@@ -1,4 +1,4 @@
-"""Whether compiled arithmetic is in use: Numba's, of the extra `fast`, which nothing needs.
+"""Whether compiled arithmetic is in use: that of Numba, in the optional extra `fast`.
 
 It gives the answers of the NumPy code it replaces, sooner. Numba is imported with the first contact problem, or when shapes
 are first looked for on a plane, not with `rbd`; without it, or with RBD_COMPILED=0 in the environment, NumPy computes it all.

@@ -1,4 +1,4 @@
-"""Is the Pinocchio that Python finds the one from pip? Imported first, so that a wrong one is reported early.
+"""Check that Python imports the Pinocchio that pip installed; imported first, so that a wrong one is reported early.
 
 ROS puts its own on PYTHONPATH, where it hides pip's, and PyPI's `pinocchio` is an unrelated plugin of nose.
 """

@@ -17,6 +17,19 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--exhaustive", action="store_true", help="all draws, and every example from a wheel")
 
 
+def pytest_configure(config: pytest.Config) -> None:
+    """Markers of this suite."""
+    config.addinivalue_line("markers", "long: takes tens of seconds by itself, so it is begun first")
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What is long comes first: begun late, it would run alone while the other workers have nothing left to do.
+
+    On a fresh clone, the second worker meanwhile compiles what the first would compile as well.
+    """
+    items.sort(key=lambda item: item.get_closest_marker("long") is None)
+
+
 def pytest_collection_finish() -> None:
     """What is collected stays to the end, so the garbage collector need not look through it: an eighth of the time."""
     gc.collect()

@@ -13,6 +13,7 @@ Problem i of seed s is always the same. Each runs in a fork of its own with 10 s
 from __future__ import annotations
 
 import argparse
+import importlib
 import json
 import math
 import os
@@ -34,6 +35,7 @@ from forked import child, ended
 from numpy.typing import NDArray
 
 import rbd
+from rbd.solvers import compiled
 
 Array = NDArray[np.float64]
 
@@ -378,8 +380,18 @@ def told(seed: int, i: int) -> tuple[str, str]:
         return kind, str(next(globals()[kind](rng)))
 
 
+def load() -> None:
+    """Import what most problems need: each fork would import it anew, which takes longer than its problem."""
+    if compiled.installed():
+        importlib.import_module("rbd.solvers.contact_kernel")
+        importlib.import_module("rbd.solvers.newton_kernel")
+    for name in ("rbd.simulation", "rbd.mechanism", "rbd.statics", "scipy.optimize", "clarabel"):
+        importlib.import_module(name)
+
+
 def run(seed: int, numbers: Iterable[int], jobs: int = 1) -> Iterator[tuple[int, Verdict]]:
     """(i, verdict) of each problem, as it ends."""
+    load()
 
     def judged(i: int) -> dict[str, object]:
         limit = math.ceil(time.process_time() + TIME_LIMIT)

@@ -12,7 +12,7 @@ from test_readme import TOP, blocks, broken_links, run_page
 
 PAGES = sorted(page for page in (TOP / "docs").rglob("*.md") if "_build" not in page.parts)
 PAGES += [TOP / "examples" / "README.md", TOP / "CHANGELOG.md"]
-COURSES = ("least_constraint",)
+COURSES = ("least_constraint", "planar_chains", "velocity_constraints")
 DERIVED = [TOP / "docs" / "reference" / "theory.md"]
 """Pages whose equations name what computes and what tests them: the theory, and all pages of the courses."""
 for course in COURSES:
@@ -63,12 +63,16 @@ def test_the_links_of_the_page_lead_somewhere(page):
 
 
 def unnamed(text: str) -> list[str]:
-    """Paragraphs after a block of mathematics that name no function and test, and give no derivation either."""
+    """Paragraphs after a block of mathematics that name no function and test, nor say what it follows from or defines."""
     missing = []
-    for part in re.split(r"^```math\n.*?^```", text, flags=re.DOTALL | re.MULTILINE)[1:]:
-        paragraph = part.strip().split("\n\n")[0].replace("\n", " ")
+    parts = re.split(r"^```math\n(.*?)^```", text, flags=re.DOTALL | re.MULTILINE)[1:]
+    for equation, after in zip(parts[::2], parts[1::2], strict=True):
+        paragraph = after.strip().split("\n\n")[0].replace("\n", " ")
         named = re.match(r"In code: `rbd\.[\w.]+`", paragraph) and re.search(r"Tests: `tests/[\w/]+\.py::test_\w+`", paragraph)
-        if not named and not re.match(r"It follows (from|by|that) \S", paragraph):
+        # A definition has the symbol that it defines on the left of the block's first equals sign.
+        symbol = re.match(r"This defines \$([^$]+)\$", paragraph)
+        defined = symbol and equation.split("=")[0].strip() == symbol[1]
+        if not named and not defined and not re.match(r"It follows (from|by|that) \S", paragraph):
             missing.append(paragraph)
     return missing
 
@@ -90,10 +94,10 @@ def test_the_theory_names_more_than_it_derives():
 def test_equations_that_name_nothing_are_noticed():
     """The check of equations can fail: neither a name alone, nor a derivation without a reason, is enough."""
     named = "In code: `rbd.solve`. Tests: `tests/test_docs.py::test_x`."
-    for after in (named, "It follows from the first.", "It follows\nby the chain rule."):
+    for after in (named, "It follows from the first.", "It follows\nby the chain rule.", "This defines\n$a$, a length."):
         assert unnamed(f"```math\na = b\n```\n\n{after}\n") == []
     half = ("In code: `rbd.solve`.", "Tests: `tests/test_docs.py::test_x`.")
-    for after in (*half, "It follows.", "So it is.", "Then. It follows from it."):
+    for after in (*half, "It follows.", "So it is.", "Then. It follows from it.", "This defines it.", "This defines $b$."):
         assert unnamed(f"```math\na = b\n```\n\n{after}\n\n{named}\n") == [after]
 
 

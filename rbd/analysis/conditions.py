@@ -1,4 +1,4 @@
-"""The conditions that rows put on an acceleration, A a + b = 0 or >= 0, and their least violation where they are infeasible.
+"""Conditions that rows impose on an acceleration, A a + b = 0 or >= 0, and their least violation if they are infeasible.
 
 A law with forces f = F z, z in a product of lines, half-lines and friction cones, requires that y = F^T (J a + offset) be zero
 along lines, not negative along half-lines, and in the dual of each cone. Forces between two bounds, and contacts that open,

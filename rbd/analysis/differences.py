@@ -1,4 +1,4 @@
-"""Derivatives of a function of one number, by differences that state where there are none."""
+"""Derivatives of a function of one number by differences, with an error where the function is not differentiable."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Derivatives of an answer in which every row holds or belongs to a point that sticks: the rows are equations.
+"""Derivatives of an answer in which every row is bilateral or belongs to a sticking point, so that all rows are equations.
 
     M da - J^T df = r,        J da = -c
 

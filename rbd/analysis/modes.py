@@ -1,4 +1,4 @@
-"""Contact modes of an answer: each point sticks, slips or opens; each row holds, presses or yields.
+"""Contact modes of an answer: each point sticks, slips or breaks contact; each row is an equality, active or inactive.
 
 While no mode changes, the inequalities of a law are equations. Allowed changes of the weights are columns Phi, and
 what must stay zero are the accelerations along columns Psi, the same but where friction slips:

@@ -1,4 +1,4 @@
-"""`rbd check`: which frames of a motion are possible, and why not the others; of many motions, their ranking."""
+"""`rbd check`: which frames of a motion are possible, and why the others are not; for many motions, a ranking."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The report of `rbd region`: where the centre of mass may be, how near it is to the edge, what holds it there."""
+"""The report of `rbd region`: where the centre of mass may be, its distance to the edge, and what limits it there."""
 
 from __future__ import annotations
 

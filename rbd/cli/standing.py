@@ -1,4 +1,4 @@
-"""`rbd stand` and `rbd region`: a robot on its feet, its motors against a push, and where its centre of mass may be."""
+"""`rbd stand` and `rbd region`: a robot on its feet, torques that withstand a push, and where its centre of mass may be."""
 # Imports are inside commands: --help takes a third of a second.
 
 from __future__ import annotations

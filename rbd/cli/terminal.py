@@ -1,4 +1,4 @@
-"""What all commands share: options read and refused, tables, pictures, errors in terms of the command line.
+"""Common parts of all commands: options, tables, pictures, and errors in terms of the command line.
 
 Text is printed literally, never as markup.
 """

@@ -1,4 +1,4 @@
-"""Constraints: each gives named rows with a force set, and knows no solver."""
+"""Constraints: each returns named rows with a force set, and does not depend on a solver."""
 
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.contact import Contact

@@ -1,4 +1,4 @@
-"""`inverse_dynamics` and `inverse_dynamics_many`: motor torques and contact forces with which a robot moves as wanted."""
+"""`inverse_dynamics` and `inverse_dynamics_many`: motor torques and contact forces that produce a wanted motion."""
 
 from __future__ import annotations
 

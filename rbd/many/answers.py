@@ -1,4 +1,4 @@
-"""`ManyAnswers`: arrays over states that answers of all kinds have: motion, forces, residuals, status, what was warned of."""
+"""`ManyAnswers`: the arrays over states that all kinds of answers have: motion, forces, residuals, status, warnings."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many states by their contacts' prepared form, in blocks: what is certified there needs no answer of its own."""
+"""Answers at many states in blocks, by the prepared form of their contacts; a certified answer needs no separate solve."""
 
 from __future__ import annotations
 

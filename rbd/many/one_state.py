@@ -1,4 +1,4 @@
-"""The answer at one of many states, by `rbd.solve`'s way for all kinds of constraints."""
+"""The answer at one of many states, by the method of `rbd.solve` for all kinds of constraints."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`StateStatus`: what became of each of many states."""
+"""`StateStatus`: the result at each of many states: solved, inaccurate, or the reason why there is no answer."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Of what a single answer would warn, counted over many states: one warning a kind."""
+"""The warnings of single answers, counted over many states: one warning of each kind."""
 
 from __future__ import annotations
 

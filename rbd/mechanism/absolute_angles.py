@@ -1,4 +1,4 @@
-"""Rates and loop Jacobians of flat mechanisms in absolute angles: the angle of each link from the ground, as in textbooks.
+"""Rates and loop Jacobians of planar mechanisms in absolute angles: the angle of each link from the ground, as in textbooks.
 
 A robot file measures the angle of a joint from the body before it. With theta the angles of the links from the ground,
 

@@ -1,4 +1,4 @@
-"""Columns of a constraint Jacobian, parted into those of known velocities (J1) and of unknown ones (J2)."""
+"""Columns of a constraint Jacobian, split into those of known velocities (J1) and of unknown ones (J2)."""
 
 from __future__ import annotations
 

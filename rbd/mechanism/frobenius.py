@@ -77,8 +77,8 @@ class Integrability:
         seed: Of the points, if they were drawn.
 
     Example:
-        >>> sleigh = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
-        >>> found = rbd.mechanism.integrability(sleigh.at(), [rbd.VelocityConstraint("belt", [1.0, 1.0])])
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> found = rbd.mechanism.integrability(arm.at(), [rbd.VelocityConstraint("belt", [1.0, 1.0])])
         >>> found.holonomic, found.velocity_dof, found.configuration_dof
         (True, 1, 1)
     """

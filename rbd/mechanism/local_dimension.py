@@ -1,4 +1,4 @@
-"""Whether an admissible velocity extends to a finite motion: a numerical test nearby, no proof.
+"""Whether an admissible velocity extends to a finite motion: a numerical test at nearby configurations, not a proof.
 
 The configurations that satisfy the constraints form a set V. At a regular point its dimension is n - rank J. Where the rank
 of J drops there are velocities that J allows and no motion follows (a stretched string of bars), and velocities that begin

@@ -1,4 +1,4 @@
-"""Robot files to a checked model; states; terms of the equations of motion. Knows Pinocchio, and no problem or solver.
+"""Robot files to a checked model; states; terms of the equations of motion. Depends on Pinocchio, not on problem or solver.
 
 Names are loaded on first use: the command line checks paths before it loads Pinocchio.
 """

@@ -1,4 +1,4 @@
-"""Local coordinates about a configuration: q is no vector, its neighbourhood is.
+"""Local coordinates about a configuration, because q is not an element of a vector space.
 
     q = q0 (+) xi            xi' = T(xi)^-1 v            T(xi) = d(q0 (+) xi) / d(xi), in the axes that v is given in
 

@@ -1,4 +1,4 @@
-"""Files from anywhere, XML and meshes: found where they may be, and looked at by their bytes before a reader opens them.
+"""Input files, XML and meshes: found only in allowed folders, and checked as bytes before a reader opens them.
 
 What could fill the memory or lead elsewhere is refused. Meshes are taken from the folders of the robot's packages and from
 nowhere else. Assimp reads some forty formats, follows references to other files, and never returns on some headers; coal takes

@@ -1,4 +1,4 @@
-"""The shapes of a robot's file as a Pinocchio geometry, with boxes in place of the meshes that cannot be had.
+"""The shapes of a robot's file as a Pinocchio geometry, with boxes in place of meshes that cannot be read.
 
 Every mesh is found and looked at here; what Pinocchio is given names only files that passed, by their resolved paths.
 So no file outside the package folders is opened, regardless of `..`, links or the environment.

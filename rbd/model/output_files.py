@@ -1,4 +1,4 @@
-"""Files that are written: whole or not at all, their places checked before the work starts; and temporary folders."""
+"""Output files: written whole or not at all, their paths checked before the work starts; and temporary folders."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""State: a robot at (q, v), with its dynamics and kinematics run."""
+"""State: a robot at (q, v), with its dynamics and kinematics computed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""URDF files: every number and every name checked, and only what was checked is handed to Pinocchio.
+"""URDF files: every number and every name is checked before Pinocchio reads the file.
 
 urdfdom and Pinocchio read many broken files as another robot without a message, drop what they cannot read, and crash on
 some. Here a file is read once, its faults are reported by name, and it is rewritten: the text that Pinocchio then parses

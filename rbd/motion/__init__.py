@@ -1,4 +1,4 @@
-"""Motions over time: reference motions, read, made, edited and checked; measured ones, and the contact forces behind them."""
+"""Motions over time: reference motions, read, made, edited and checked; measured motions, and their contact forces."""
 
 from rbd.modules import submodule as _submodule
 from rbd.motion.causes import CAUSES

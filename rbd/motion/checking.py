@@ -1,4 +1,4 @@
-"""`check_motion`: whether a robot can move as a motion says, frame by frame; and if not, why not, and by how much."""
+"""`check_motion`: whether a robot can perform a motion, frame by frame; if not, for which cause and by how much."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the columns of a table are: times, a base, joints; by the names in its header, or by their number."""
+"""The meaning of the columns of a table: times, a base, joints; by the names in its header, or by their number."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`find_contacts`: which points of a robot touch the floor during a motion, and whether they hold or slide there."""
+"""`find_contacts`: which points of a robot touch the floor during a motion, and whether they stick or slide there."""
 
 from __future__ import annotations
 

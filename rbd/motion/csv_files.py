@@ -1,4 +1,4 @@
-"""Tables of numbers in text: read block by block into one array, whatever is wrong with them named by line and column."""
+"""Tables of numbers in text: read block by block into one array; errors are reported with line and column."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Velocities and accelerations of sampled configurations, on the manifold, with what the noise of the samples leaves in them.
+"""Velocities and accelerations of sampled configurations, on the manifold, with the noise that the samples cause in them.
 
 Positions and angles are differentiated as numbers, a free base's position in world axes, so that a flight is exact; rotations
 by the logarithms of the rotations within a window relative to its frame, so that a constant spin is exact.

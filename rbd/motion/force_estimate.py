@@ -1,4 +1,4 @@
-"""`ForceEstimate`: contact forces explained from measurements, with residuals, covariance and what the data leave open."""
+"""`ForceEstimate`: contact forces estimated from measurements, with residuals, covariance and undetermined components."""
 
 from __future__ import annotations
 

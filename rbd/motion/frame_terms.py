@@ -1,4 +1,4 @@
-"""The equations of motion in many frames: where bodies are, what moves them, and what contact forces must bring."""
+"""The equations of motion in many frames: poses of bodies, inertial and known forces, and what contact forces must balance."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""In which order the joints of a file stand: of the robot's own, breadth-first, and of known formats; which it lacks."""
+"""The order of joints in a file: the robot's own, breadth-first, or that of a known format; and joints that are missing."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What no contact force can bring to a motion, frame by frame, and the forces and torques of least effort beside it."""
+"""The force and moment that no contact can apply, frame by frame, with the forces and torques of least effort."""
 
 from __future__ import annotations
 

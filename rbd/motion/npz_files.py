@@ -1,4 +1,4 @@
-"""Motions in .npz: of `Motion.save`, of q and t, and of bodies over time, whose order of joints is proved by kinematics."""
+"""Motions in .npz: of `Motion.save`, of q and t, and of bodies over time, whose joint order is verified by kinematics."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Motions from files: tables of text, .npz with bodies or with q, and trajectories of `rbd`; what is guessed is said."""
+"""Motions from files: tables of text, .npz with bodies or with q, and trajectories of `rbd`; guesses are reported."""
 
 from __future__ import annotations
 

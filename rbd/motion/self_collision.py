@@ -1,4 +1,4 @@
-"""Frames in which bodies of a robot are inside each other, by their collision shapes."""
+"""Frames in which bodies of a robot overlap, by their collision shapes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`SensorNoise`: standard deviations of what is measured, and the covariance that they give to generalised forces.
+"""`SensorNoise`: standard deviations of measurements, and the resulting covariance of generalised forces.
 
 To first order, of the equations y = M(q) a + h(q, v) - tau_ext(q) - S^T tau = J(q)^T f,
 

@@ -1,4 +1,4 @@
-"""Left and right of a robot: which joint is the mirror image of which, proved on its model, and configurations mirrored."""
+"""Left and right of a robot: which joint mirrors which, verified on its model, and mirrored configurations."""
 
 from __future__ import annotations
 

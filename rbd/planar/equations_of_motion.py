@@ -1,4 +1,4 @@
-"""Dynamics of a planar chain: Lagrange's M(q), C(q, qd) and g(q), written down pair by pair of links.
+"""Dynamics of a planar chain: Lagrange's M(q), C(q, qd) and g(q), as sums over pairs of links.
 
 In the absolute angles psi_i of the links the kinetic energy is a sum over pairs of links, and the potential energy one over
 links, with the constants mu_ij and nu_i of `rbd.planar.bodies`:

@@ -1,4 +1,4 @@
-"""Minimum-jerk motions through a chain: planned for the end point or for the angles, known in both spaces.
+"""Minimum-jerk motions through a chain: planned for the end point or for the angles, and computed in both.
 
 End point: x(t) is given, angles follow by inverse kinematics, their rates by `J q' = v`, `J q'' = a - J' q'` and
 `J q''' = j - 2 J' q'' - J'' q'`.

@@ -1,4 +1,4 @@
-"""Bodies in contact at many states: two calls of Pinocchio a state, into arrays that are there already."""
+"""Bodies in contact at many states: two calls of Pinocchio for each state, into existing arrays."""
 
 from __future__ import annotations
 

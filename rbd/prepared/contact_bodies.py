@@ -1,4 +1,4 @@
-"""Constrained accelerations of the bodies in contact by Pinocchio's contact dynamics, and what they are judged by.
+"""Constrained accelerations of the bodies in contact by Pinocchio's contact dynamics, and the terms of their certificate.
 
 For bodies of full row rank `pin.constraintDynamics` gives the acceleration that holds them all still and the forces f_0 on
 them, with the factors of the operational-space inertia L = (J M^-1 J^T)^-1. A row acceleration s then costs

@@ -1,4 +1,4 @@
-"""Answers for contacts on still ground in the few rows of the bodies in contact: what is constant is prepared once.
+"""Answers for contacts on ground at rest, in the few rows of the bodies in contact; constants are computed once.
 
     sticking    s = 0, if the corner forces of minimum norm are inside their cones
     slipping    y = G^T (L^-1 G w - L^-1 f_0),  forces f = G w, weights w and accelerations y under the law

@@ -1,4 +1,4 @@
-"""Prepared forms that are kept with a robot, so that a call finds them by its contacts."""
+"""Prepared forms that are stored with a robot, and found by the contacts of a call."""
 
 from __future__ import annotations
 

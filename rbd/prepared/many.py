@@ -1,4 +1,4 @@
-"""Prepared contacts at many states: Pinocchio's contact dynamics a state, everything else in array operations over blocks.
+"""Prepared contacts at many states: Pinocchio's contact dynamics for each state, the rest in array operations over blocks.
 
 What is found at a state, and what judges it, is that of `rbd.prepared.contact_dynamics` and `rbd.solvers.point_law`: the
 accelerations that hold all contact bodies, the corner forces of minimum norm where these are in their cones, else Newton's

@@ -1,4 +1,4 @@
-"""Where a contact is fixed to its body."""
+"""`Site`: the body to which a contact is fixed, and the contact's pose on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The least-constraint problem in arrays: cones, rows, sets of forces, residuals. Knows NumPy, and no robot or solver."""
+"""The least-constraint problem in arrays: cones, rows, force sets, residuals. Depends on NumPy, not on robots or solvers."""
 
 from rbd.modules import submodule as _submodule
 from rbd.problem.answer import Answer, Status

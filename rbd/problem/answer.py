@@ -1,4 +1,4 @@
-"""`Answer`: what a solver returns, with residuals, status and forces, those of a contact with friction and centre of pressure.
+"""`Answer`: what a solver returns, with residuals, status, forces, and each contact's friction used and centre of pressure.
 
 Residuals are recomputed from the problem, never taken from the solver. Analysis beyond them (force distribution,
 uniqueness, why there is no answer, derivatives) belongs to `rbd.Solution`, which holds an answer.

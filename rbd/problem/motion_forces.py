@@ -1,4 +1,4 @@
-"""The forces that a motion allows, point by point: Coulomb's law read from the motion to the force.
+"""The forces that a motion allows, point by point: Coulomb's law, solved for the force.
 
 With y the acceleration that a weight of the force set answers to (J a + J_dot v, of a point in contact axes):
 

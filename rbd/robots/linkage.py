@@ -1,4 +1,4 @@
-"""Flat linkages as URDF files: bars in the vertical x-z plane, joined by pins, with loop files that close them.
+"""Planar linkages as URDF files: bars in the vertical x-z plane, joined by pins, with loop files that close them.
 
 The plane is that of x (right) and z (up), seen from -y; joints turn about -y, so that angles are counter-clockwise as drawn on
 paper, and a link's x axis runs along its first bar. A bar is a thin uniform rod: m L^2 / 12 across it, and m r^2 / 2 about its

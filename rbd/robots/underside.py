@@ -1,4 +1,4 @@
-"""The flat underside of a foot, from the shapes that collide."""
+"""The flat underside of a foot, from its collision shapes."""
 
 from __future__ import annotations
 

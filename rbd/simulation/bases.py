@@ -1,4 +1,4 @@
-"""Floating bases over a step: moved, and their velocities carried from one place to the next.
+"""Floating bases over a step: their poses, and their velocities transformed from one pose to the next.
 
 Pinocchio has the velocity of a floating base in the base's axes: that of a body that spins and flies turns with it, and has
 w x v in its accelerations. Integrated directly, the path of a step is an arc, with error O(h^2) from the straight line. Here

@@ -1,4 +1,4 @@
-"""Bodies that touch the ground: their points, the rows that hold them still, and their motion as views of Pinocchio's data."""
+"""Bodies that touch the ground: their points, the rows that keep them at rest, and their motion in Pinocchio's data."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a time step begins, what its halves gave, and where it ends: records that are handed from step to step."""
+"""Records of a time step, which are handed from step to step: its start, the results of its halves, and its end."""
 
 from __future__ import annotations
 

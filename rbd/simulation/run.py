@@ -1,4 +1,4 @@
-"""From a state and constraints to a trajectory: the entry to all motion, with its progress bar."""
+"""`simulate`: from a state and constraints to a trajectory, with a progress bar."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The compiled arithmetic of a step: imported only where Numba is installed and asked for.
+"""The compiled arithmetic of a step: imported only if Numba is installed and in use.
 
 Its plain twins are in `rbd.simulation.bases` and `rbd.simulation.ground_dynamics`.
 """

@@ -1,4 +1,4 @@
-"""A motion that was computed: arrays over time, with residuals."""
+"""`Trajectory`: a simulated motion as arrays over time, with residuals."""
 
 from __future__ import annotations
 
@@ -79,8 +79,8 @@ class Trajectory:
         >>> fall = rbd.simulate(rbd.State(box, [0, 0, 1, 0, 0, 0, 1]), duration=0.4, step=0.1)
         >>> fall.com[:, 2].round(4), bool(np.ptp(fall.energy) < 1e-9)
         (array([1.    , 0.951 , 0.8038, 0.5585, 0.2152]), True)
-        >>> print(f"{fall.at(0.25).com[2]:.4f} m")
-        0.6812 m
+        >>> print(f"{fall.momentum[-1, 2]:.2f} N s")  # -m g t
+        -39.24 N s
     """
 
     robot: CheckedModel

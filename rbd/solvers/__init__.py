@@ -1,4 +1,4 @@
-"""Solvers: each takes a `GaussProblem` and gives an `Answer`. They know no robot, and never raise on a poor answer."""
+"""Solvers: each takes a `GaussProblem` and returns an `Answer`. They do not depend on robots, and return poor answers too."""
 
 from typing import Protocol
 

@@ -1,4 +1,4 @@
-"""Coulomb's law, or its convex relaxation, with circular cones: Pinocchio's ADMM, made exact by Newton's method."""
+"""Coulomb's law, or its convex relaxation, with circular cones: Pinocchio's ADMM, refined by Newton's method."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Conic programs by Newton's method and, where that does not end, by Clarabel: the only file that imports it.
+"""Conic programs by Newton's method and, if it does not converge, by Clarabel: the only file that imports Clarabel.
 
 Newton's method on the equations of `rbd.problem.conic` [Qi1993] ends at rounding from a near start; Clarabel's interior-point
 method [Goulart2024] needs none, and tells when there is no x, with a proof.

@@ -1,4 +1,4 @@
-"""Compiled arithmetic of `rbd.solvers.contact_newton`: imported only where Numba is installed and asked for.
+"""Compiled arithmetic of `rbd.solvers.contact_newton`: imported only if Numba is installed and in use.
 
 It is the code of `rbd.solvers.newton` in loops over few numbers. A point touches one body only: `columns` (3 k, d) holds the
 entries of each column of P that may differ from zero, and `first` (k,) the row in which those of a point begin.

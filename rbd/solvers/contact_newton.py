@@ -18,8 +18,8 @@ import numpy as np
 
 from rbd import compiled as _compiled_code
 from rbd.arrays import Array, is_finite, max_abs, zeros
-from rbd.solvers.contact_steps import ContactSteps
-from rbd.solvers.newton import FOUND, Order, Scaled
+from rbd.solvers.contact_steps import ContactSteps, Reached
+from rbd.solvers.newton import FOUND, Order, Scaled, plain_steps_from
 from rbd.solvers.pinocchio_admm import admm
 from rbd.solvers.point_law import law_residual
 
@@ -46,7 +46,8 @@ class ContactForces(NamedTuple):
     Attributes:
         weights: Forces of the points (tangent, tangent, normal), in their cones to rounding, shape (3 k,).
         wrench: P `weights`, shape (nw,).
-        merit: Largest entry of |w - P(w - y)|, scaled: an answer if below `FOUND`; infinite for numbers that are not finite.
+        merit: Largest entry of |w - P(w - y)|, scaled, or the length of that vector, which is no less: an answer if below
+            `FOUND`; infinite for numbers that are not finite.
         steps: Newton's steps taken.
         open: Whether the points that slip leave a family of motions under Coulomb's law, of which this is the limit of equally
             compliant points (see `rbd.ConeSolver`).
@@ -72,10 +73,10 @@ class ContactNewton:
     def __init__(self, P: Array, mu: Array) -> None:
         self.P, self.mu = np.array(P, dtype=float), np.array(mu, dtype=float)
         self._pull = np.ascontiguousarray(self.P.T)
-        self._steps = ContactSteps(self.P, self.mu)
         k = len(self.mu)
         self._order = Order(None, 0, zeros(0), zeros(0), self.mu, 1 / (1 + self.mu**2), 3 * np.arange(k), np.full(k, 3))
         self._compiled: _Compiled | None = None
+        self._steps: ContactSteps | None = None
 
     def forces(self, D: Array, c: Array, start: Array, *, coulomb: bool, compiled: bool | None = None) -> ContactForces:
         """Forces that obey the law; `merit` says whether they do. Never raises.
@@ -159,6 +160,8 @@ class ContactNewton:
 
     def _plain(self, D: Array, c: Array, start: Array, coulomb: bool) -> ContactForces:
         P, newton = self.P, self._steps
+        if newton is None:
+            newton = self._steps = ContactSteps(P, self.mu)
         if not newton.pose(D, c):
             return ContactForces(np.zeros(P.shape[1]), np.zeros(len(P)), math.inf, 0, False)
         first = start / newton.unit
@@ -175,6 +178,9 @@ class ContactNewton:
                 steps += found.steps
                 if found.merit <= FOUND:
                     break
+            if not found.merit <= FOUND:
+                w, merit, more = plain_steps_from(S, near, coulomb=coulomb)
+                found, steps = Reached(newton.projected(w, coulomb=coulomb), merit, 0), steps + more
             found = found._replace(steps=steps)
         opened = coulomb and found.merit <= FOUND and newton.leaves_motion_open(found.w)
         if opened:

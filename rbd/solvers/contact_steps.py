@@ -122,6 +122,10 @@ class ContactSteps:
                 break
         return Reached(best, math.sqrt(least) if least < math.inf else math.inf, step)
 
+    def projected(self, w: Array, *, coulomb: bool) -> Array:
+        """Scaled weights, moved into their cones."""
+        return self._projected(w, PROXIMAL, coulomb)[0]
+
     def _projected(self, p: Array, k: float, coulomb: bool) -> tuple[Array, list[float]]:
         """(projections P(p) of the positions, and (I - (1 - k) V)^-1 V of each point, row by row, with V the slope of P)."""
         cut: list[float] = []

@@ -1,4 +1,4 @@
-"""The solver of a law: Coulomb's by Gauss's least-constraint QP first, and by circular cones where its answer is not Coulomb's.
+"""The default solver of a law: for Coulomb's, Gauss's QP first, then circular cones if its answer does not satisfy the law.
 
 The convex law and Coulomb's allow the same forces and accelerations to an unloaded point, and to one that
 sticks. An answer of the QP is therefore one of Coulomb's law if at every point with friction

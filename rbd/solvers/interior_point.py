@@ -1,4 +1,4 @@
-"""A primal-dual interior-point method for the convex law with circular cones: slow and robust, used where faster methods fail.
+"""A primal-dual interior-point method for the convex law with circular cones: slow and robust, used if faster methods fail.
 
     minimise 1/2 w^T D w + q^T w   over w in the product of the parts; its gradient y = D w + q is the acceleration
 

@@ -1,4 +1,4 @@
-"""Compiled steps of `rbd.solvers.newton`: imported only where Numba is installed and asked for.
+"""Compiled steps of `rbd.solvers.newton`: imported only if Numba is installed and in use.
 
 The same method in loops. Rows that the projection makes zero leave the linear system: their weights are known.
 """

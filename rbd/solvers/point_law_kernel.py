@@ -1,4 +1,4 @@
-"""The compiled twin of `rbd.solvers.point_law.plain`: imported only where Numba is installed and asked for."""
+"""The compiled form of `rbd.solvers.point_law.plain`: imported only if Numba is installed and in use."""
 
 from __future__ import annotations
 

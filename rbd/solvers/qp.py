@@ -1,4 +1,4 @@
-"""Quadratic programs, by ProxSuite: the only file that imports it.
+"""Quadratic programs, by ProxSuite: the only file that imports ProxSuite.
 
     minimise 1/2 x^T H x + g^T x   subject to   A x = b,   l <= C x <= u
 

@@ -1,4 +1,4 @@
-"""Torques and contact forces of wanted motions and of robots at rest, where these can stand, how hard they can be pushed."""
+"""Torques and contact forces for wanted motions and for robots at rest; support regions, wrench cones and largest pushes."""
 
 from rbd.modules import submodule as _submodule
 from rbd.statics.actuation import Actuation, ActuationUniqueness, Margins

@@ -1,4 +1,4 @@
-"""`Actuation`: motor torques and contact forces of a wanted motion, with margins, residuals and what is unique."""
+"""`Actuation`: motor torques and contact forces for a wanted motion, with margins, residuals and uniqueness."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Torques and forces of least effort at many states in array operations, where they are inside all limits.
+"""Torques and forces of least effort at many states in array operations, for states in which they are inside all limits.
 
     minimise sum_i p_i (t - T x)_i^2 + r |x|^2     subject to     A x = b
 

@@ -1,4 +1,4 @@
-"""`Actuations`: motor torques and contact forces of wanted motions at many states, as arrays over states."""
+"""`Actuations`: motor torques and contact forces for wanted motions at many states, as arrays over states."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`Effort`: what torques and contact forces are chosen by, and the conic program of least effort.
+"""`Effort`: the criterion that chooses torques and contact forces, and the conic program of least effort.
 
     minimise sum_i p_i (tau_i / limit_i)^2 + sum_j r_j (w_j / body weight)^2
 

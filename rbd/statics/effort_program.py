@@ -1,4 +1,4 @@
-"""The torques and forces of least effort for a wanted motion: posed, solved and judged."""
+"""The torques and forces of least effort for a wanted motion: the program, its solution and its checks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`hold` and `hold_many`: the motor torques and contact forces that hold a robot still, at one pose or at many."""
+"""`hold` and `hold_many`: the motor torques and contact forces that keep a robot at rest, at one pose or at many."""
 
 from __future__ import annotations
 

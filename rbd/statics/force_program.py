@@ -1,4 +1,4 @@
-"""Programs over contact forces and parameters: which are possible, the farthest along a direction, and the proofs of both.
+"""Programs over contact forces and parameters: feasibility, the farthest point along a direction, and proofs of both.
 
 With pyramids a program is linear. With circular cones it is conic; where the conic solver does not end near enough, linear
 programs over some rays of each cone follow, to which the multipliers add the rays that would help most: they end at the same

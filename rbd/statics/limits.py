@@ -1,4 +1,4 @@
-"""Which limits stand in the way of a motion: a smallest set of them that no torques and forces can keep together.
+"""The limits that prevent a motion: an irreducible set that no torques and forces satisfy together.
 
 Limits are relaxed by columns, forces that the limit forbids, and by rows left out:
 

@@ -1,4 +1,4 @@
-"""`Loads`: what contact forces must balance, at motors and where no motor is, in numbers around one.
+"""`Loads`: what contact forces must balance, in rows with motors and without, scaled to the order of one.
 
 M a + h - tau_ext = S^T tau + J^T G w      the equations of motion, for a wanted motion (at rest: a = 0, v = 0)
 A x = b                                    its rows without a motor: bases and passive joints; x = w / unit

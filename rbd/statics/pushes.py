@@ -1,4 +1,4 @@
-"""The largest push in each direction that a robot can withstand with torques within limits, and what gives way there."""
+"""The largest push in each direction that a robot can withstand with torques within limits, and the limits reached there."""
 
 from __future__ import annotations
 

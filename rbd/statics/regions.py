@@ -1,4 +1,4 @@
-"""Where the centre of mass may be over its contacts: the support region, for any contacts, with torque limits or without."""
+"""The support region: where the centre of mass may be, for any contacts, with torque limits or without."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is missing where a motion is not possible: a wrench on the base, torques beyond limits; and the nearest that is."""
+"""What is missing if a motion is impossible: a wrench on the base, torques beyond limits; and the nearest possible motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A robot at rest on its contacts: its `Loads`, and what forces given as weights come to."""
+"""A robot at rest on its contacts: its `Loads`, and the contact forces and torques for given weights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Torques and forces for a wanted motion: what the motion allows, least effort, and the refusal.
+"""Torques and forces for a wanted motion: those that the motion allows, the least effort, or an error if there are none.
 
 `rbd.hold` and `rbd.inverse_dynamics` are this, at rest and moving.
 """

@@ -1,4 +1,4 @@
-"""Pictures: the robot with its forces in three dimensions, at rest and in motion, curves, and a browser that photographs."""
+"""Pictures: the robot with its forces in three dimensions, at rest and in motion; curves; screenshots by a headless browser."""
 
 from rbd.modules import submodule as _submodule
 from rbd.visual.animation import export_motion, motion_sheet, replay

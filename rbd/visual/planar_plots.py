@@ -1,4 +1,4 @@
-"""Motions of planar chains on axes that are given: curves over time, paths, and the parts of the acceleration.
+"""Plots of planar chains on given axes: curves over time, paths, and the parts of the acceleration.
 
 Axes first, artists out, no window, no global state. Angles are drawn in degrees.
 """

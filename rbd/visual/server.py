@@ -1,4 +1,4 @@
-"""A live viewer on this machine: a page and a web socket, on 127.0.0.1 and nowhere else."""
+"""A live viewer on this machine: a page and a web socket, on 127.0.0.1 only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a robot can stand and how hard it can be pushed, on axes that are given: regions from above, largest pushes, leans."""
+"""Plots of support regions and push limits on given axes: regions from above, largest pushes, leans."""
 
 from __future__ import annotations
 

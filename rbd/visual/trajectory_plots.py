@@ -1,4 +1,4 @@
-"""Motions on axes that are given: forces with contact modes, energies, joints with their limits.
+"""Plots of motions on given axes: forces with contact modes, energies, joints with their limits.
 
 Axes first, artists out, no window, no global state. Colours of contacts are those of the scene.
 """

@@ -93,6 +93,16 @@ def test_the_jacobian_is_the_derivative_of_the_loop(name: str) -> None:
     assert np.abs(found.J_unknown @ coordinates - (gaps(h) - gaps(-h)) / (2.0 * h)).max() < 1e-8
 
 
+@pytest.mark.parametrize("branch", ["assembled", "crossed"])
+def test_the_angles_of_the_links_close_the_texts_loop(branch: str) -> None:
+    """L1 e^(i th1) + L2 e^(i th2) + L3 e^(i th3) + L4 e^(i th4) = 0, with th3 the rocker's angle + pi and th4 = pi."""
+    links = link_angles(NORTON.at(branch))
+    angles = np.array([links["crank"], links["coupler"], links["rocker"] + math.pi, math.pi])
+    total = np.array([40.0, 120.0, 80.0, 100.0]) @ np.exp(1j * angles)
+    assert abs(total) < 1e-12 * 340.0
+    assert abs(math.remainder(links["crank"] - math.radians(40.0), 2.0 * math.pi)) < 1e-14
+
+
 def test_link_rates_are_the_derivatives_of_link_angles() -> None:
     """Along the turn of a crank, by central differences."""
     turn = trace(NORTON.at("assembled"), joint="crank_joint", values=np.radians(40.0) + np.array([-1e-5, 0.0, 1e-5]))

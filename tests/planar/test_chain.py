@@ -109,6 +109,20 @@ def test_two_links_have_the_position_and_jacobian_of_the_text():
     )
 
 
+@pytest.mark.parametrize("n", [2, 4])
+def test_links_in_absolute_angles_are_complex_numbers_that_add_up(n):
+    """The end is the sum of L_i e^(i th_i), cosines real and sines imaginary; column i of J is L_i (-sin th_i, cos th_i)."""
+    chain = Chain(n, angles="segment")
+    # e^(i th) by its series of the exponential, not by sine and cosine.
+    at = {angle: sympy.Rational(k + 1, 3) for k, angle in enumerate(chain.q)}
+    lengths = {length: k + 2 for k, length in enumerate(chain.lengths)}
+    total = sum(lengths[ell] * sympy.exp(sympy.I * at[th]).evalf(30) for ell, th in zip(chain.lengths, chain.q, strict=True))
+    x, y = (complex(entry.subs(at).subs(lengths)) for entry in chain.position())
+    assert abs(x + 1j * y - complex(total)) < 1e-14
+    columns = [[-ell * sin(th), ell * cos(th)] for ell, th in zip(chain.lengths, chain.q, strict=True)]
+    assert chain.jacobian() == sympy.Matrix(columns).T
+
+
 def test_the_printed_acceleration_of_the_text_is_wrong_and_ours_is_right():
     """[Duarte2021], Out[25], lost its brackets: l2 th1' + th2'^2 cos(..) where l2 (th1' + th2')^2 cos(..) belongs."""
     chain = Chain(2)

@@ -105,6 +105,18 @@ def test_rbd_solve_gives_the_accelerations_of_forward_dynamics():
     assert differ(to.rates_from_robot(solution.a), dyn.forward(q, qd, tau)) < 1e-12
 
 
+def test_holding_torques_carry_the_links_less_what_pushes_at_the_end_point():
+    """In joint angles tau = g - J^T f - m (1, 1, 1)^T, with the force f and the counterclockwise moment m at the end."""
+    chain = Chain(3, lengths=[0.38, 0.325, 0.107])
+    dyn, to = dynamics(chain, masses=[6.0, 3.5, 1.5], bodies="rods", gravity=9.81), robot_coordinates(chain)
+    for q in np.random.default_rng(4).uniform(-3.0, 3.0, (4, 3)):
+        f, m = np.array([-35.0, 448.0]), 12.0
+        ground = rbd.ExternalForce("end", force=(f[0], 0.0, f[1]), moment=(0.0, -m, 0.0))  # z up, x right: y is away from us
+        held = rbd.hold(to_robot(dyn).at(to.to_robot(q)), [], external=ground)
+        expected = dyn.function(dyn.g)(q) - chain.numeric.jacobian(q).T @ f - m * np.ones(3)
+        assert differ(to.torques_from_robot(held.tau), expected) < 1e-12
+
+
 @pytest.mark.parametrize("angles", ANGLES)
 def test_coordinates_go_there_and_back(angles: str):
     """q, rates and torques; the power is the same on both sides."""

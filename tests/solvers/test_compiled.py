@@ -17,6 +17,7 @@ from rbd import compiled
 from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product
 from rbd.problem.force_set import at_rest
 from rbd.solvers.contact_newton import ContactForces, ContactNewton, contact_forces
+from rbd.solvers.contact_steps import ContactSteps
 from rbd.solvers.newton import FOUND, compiled_weights, scaled, steps_from
 from rbd.testing import reference_problems
 
@@ -231,6 +232,28 @@ def test_soles_with_many_points(coulomb, rng):
                 assert np.abs(D @ (found.wrench - plain.wrench)).max() < 1e-8 * max(1.0, np.abs(c).max())
     assert solved >= 36
     assert coulomb or compared >= 5
+
+
+def test_both_codes_find_the_same_families_of_motions(rng):
+    """At the same answers of Coulomb's law: two soles of four corners, some of whose motions are open."""
+    from rbd.solvers.contact_families import leaves_motion_open
+    from rbd.solvers.contact_scaling import Bodies
+
+    P, mu = soles(CORNERS, CORNERS), np.full(8, 0.6)
+    steps, told = ContactSteps(P, mu), [0, 0]
+    columns = np.ascontiguousarray(np.array([P[6 * (j // 12) : 6 * (j // 12) + 6, j] for j in range(24)]))
+    first = np.array([6 * (i // 4) for i in range(8)])
+    for _ in range(60):
+        D, c, start = drawn(rng, P)
+        assert steps.pose(D, c)
+        w = steps.steps_from(start / steps.unit, coulomb=True).w
+        rate = steps.unit / steps.rate
+        bodies = Bodies(rate * D, np.linalg.inv(rate * D), c / steps.rate, columns, first, mu)
+        p = w - (steps.D @ w + steps.q)
+        found = steps.leaves_motion_open(w)
+        assert found == leaves_motion_open(bodies, w, p, np.zeros(4000))
+        told[found] += 1
+    assert min(told) > 5
 
 
 def test_a_family_of_motions_gives_the_limit_of_equal_compliance(rng):

@@ -54,3 +54,13 @@ def test_it_bounds_the_full_certificate(law):
         full = residuals_of(problem, y, w, w, law)
         told = plain(y, w, mu, law == "coulomb")
         assert max(full.feasibility.scaled, full.complementarity.scaled) <= told * (1.0 + 1e-9) + 1e-12
+
+
+@pytest.mark.parametrize("coulomb", [True, False])
+def test_a_few_points_in_floats_and_many_in_arrays_agree(coulomb):
+    """Five points, and the same four times over, which are too many for floats; NaN in either stays NaN."""
+    for y, w, mu in draws():
+        few, many = plain(y, w, mu, coulomb), plain(np.tile(y, 4), np.tile(w, 4), np.tile(mu, 4), coulomb)
+        assert few == pytest.approx(many, rel=1e-12, abs=1e-15)
+    y[4] = np.nan
+    assert not plain(y, w, mu, coulomb) <= 1.0 and not plain(np.tile(y, 4), np.tile(w, 4), np.tile(mu, 4), coulomb) <= 1.0

@@ -6,12 +6,13 @@ Sphinx reads them where they are, so that no generated file stands beside the so
 from __future__ import annotations
 
 from collections.abc import Iterable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from sphinx.application import Sphinx
 from sphinx.project import Project
+
+from rbd_site.public import PACKAGES
 
 TOP = Path(__file__).resolve().parents[3]
 FILES = {"changelog": "CHANGELOG.md", "contributing": "CONTRIBUTING.md", "reference/mechanism_files": "urdf/README.md"}
@@ -50,7 +51,7 @@ def add_pages(app: Sphinx) -> None:
     project = SiteProject(app.srcdir, app.config.source_suffix)
     project.restore(app.project)
     project.top, project.generated = Path(app.confdir).resolve().parent, {}
-    from rbd_site import api, bibliography, gallery
+    from rbd_site import api, bibliography, gallery  # they import this module's TOP
 
     for name, text in {**api.pages(), **gallery.pages(), "bibliography.rst": bibliography.page()}.items():
         path = Path(app.doctreedir) / "generated" / name
@@ -60,9 +61,23 @@ def add_pages(app: Sphinx) -> None:
 
 
 def shorten_navigation(app: Sphinx, pagename: str, templatename: str, context: dict[str, Any], doctree: object) -> None:
-    """The sidebar lists two levels: names of the API and examples would make it longer than the page."""
-    if whole := context.get("toctree"):
-        context["toctree"] = lambda **options: partial(whole, **{**options, "maxdepth": 2})()
+    """The sidebar lists two levels: names of the API would make it longer than the page.
+
+    A name of the API shows the sidebar of its package, whose page is written before it and stands in the same folder.
+    """
+    whole = context.get("toctree")
+    if whole is None:
+        return
+    kept = app.__dict__.setdefault("rbd_sidebars", {})
+    package = pagename.rpartition(".")[0] if pagename.startswith("api/rbd.") else ""
+
+    def sidebar(**options: Any) -> str:
+        if package in kept and pagename.removeprefix("api/") not in PACKAGES:
+            return kept[package]
+        kept[pagename] = whole(**{**options, "maxdepth": 2})
+        return kept[pagename]
+
+    context["toctree"] = sidebar
 
 
 def setup(app: Sphinx) -> None:

@@ -1,4 +1,4 @@
-"""The points of many shapes that are near a plane, found in arrays; points that cannot have come near are not looked at.
+"""The points of many shapes that are near a plane, found in arrays; points that cannot be near are not tested.
 
 A list contains all points that were less than margin + `SKIN` above the plane at some pose. For any other point at x in its
 body, c the centre of its shape and r the radius of the ball around it, the height up . x + z has since decreased by at most

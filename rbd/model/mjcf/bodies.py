@@ -1,4 +1,4 @@
-"""The bodies of an MJCF file: the tree, what each weighs, its joints, shapes and sites."""
+"""The bodies of an MJCF file: the tree, and the mass, joints, shapes and sites of each body."""
 
 from __future__ import annotations
 

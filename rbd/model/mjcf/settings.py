@@ -1,4 +1,4 @@
-"""What an MJCF file settles for all its elements: <compiler>, <option> and <flag>."""
+"""Settings of an MJCF file that apply to all its elements: <compiler>, <option> and <flag>."""
 
 from __future__ import annotations
 

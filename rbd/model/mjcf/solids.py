@@ -1,4 +1,4 @@
-"""Mass, centre of mass and moments of inertia of MJCF's shapes, of density one."""
+"""Mass, centre of mass and moments of inertia of MJCF's shapes, for a density of one."""
 
 from __future__ import annotations
 
