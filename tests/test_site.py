@@ -303,6 +303,21 @@ def test_names_in_running_text_stay(text):
     assert marked(text) == text and subscripts.split(text) == []
 
 
+def test_examples_and_formulas_of_docstrings_stay_as_they_are():
+    """What an example prints has its stars, as what stands after `::` does; the text after it is escaped again."""
+    lines = ["a formula::", "", "    c * d", "", ">>> det", "l_1*l_2", "", "e * f"]
+    api.read_as_written(None, "function", "name", None, None, lines)
+    assert lines == ["a formula::", "", "    c * d", "", ">>> det", "l_1*l_2", "", r"e \* f"]
+
+
+def test_the_search_knows_the_sections_of_the_site():
+    """Every section whose pages the search shows earlier or later exists."""
+    script = (TOP / "docs" / "site" / "scorer.js").read_text(encoding="utf-8")
+    sections = re.findall(r"(\w+): -?\d", script[script.index("SECTIONS = {") : script.index("};")])
+    made = {"gallery", "changelog", "contributing"}  # pages that the build makes
+    assert sections and all(s in made or (TOP / "docs" / s).is_dir() or (TOP / "docs" / f"{s}.md").is_file() for s in sections)
+
+
 def test_the_bibliography_has_no_address():
     """Authors with their accents, titles, years; identifiers as text."""
     page = bibliography.page()

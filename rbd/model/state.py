@@ -142,7 +142,7 @@ class State:
     def moving(self, frame: str, X_FP: pin.SE3, axes: pin.ReferenceFrame) -> tuple[pin.SE3, Array, Array, Array]:
         """(X_WP, J, v, bias) of a pose P fixed to a frame, in world axes or in P's own (frozen) axes.
 
-        For constraints; `frame` is the door for everyone. `axes` is pin.LOCAL_WORLD_ALIGNED or pin.LOCAL. The bias is
+        For the code of constraints; elsewhere use `frame`. `axes` is pin.LOCAL_WORLD_ALIGNED or pin.LOCAL. The bias is
         classical: in P's axes it is R_WP^T times the one in world axes, the turning of the axes left out.
         """
         model = self.robot.model
@@ -191,7 +191,7 @@ class State:
         """`joint_places`, and the joints' Jacobian at W's origin over its time derivative, shape (12, nv).
 
         Column k is the spatial velocity that a unit of v_k gives all bodies beyond its joint: linear, of the point at W's
-        origin, then angular. For many points at once; `frame` is the door for one.
+        origin, then angular. For many points at once; for one point use `frame`.
         """
         nv = self.robot.nv
         with self._pool.lock:

@@ -76,7 +76,9 @@ def name_page(public: Public) -> str:
     package = public.name.rsplit(".", 1)[0]
     made = [":orphan:\n", heading(public.name), f"In :doc:`{package}`.\n", f".. auto{public.kind}:: {public.name}"]
     if public.kind in ("class", "exception"):
-        made += ["   :members:", "   :show-inheritance:", f"   :inherited-members: {STOP}"]
+        made += ["   :members:", f"   :inherited-members: {STOP}"]
+        if getattr(public.value, "__bases__", ()) != (object,):
+            made.append("   :show-inheritance:")
     return "\n".join(made) + "\n"
 
 
@@ -151,11 +153,16 @@ def read_as_written(app: Sphinx, kind: str, name: str, value: object, options: o
     """Escape what reStructuredText would take for markup: |v| is a size; literal blocks and examples are left alone."""
     lines[:] = [line.replace(COLON, ":") for line in lines]
     literal: int | None = None
+    example = False  # with what it prints, up to the next empty line
     for i, line in enumerate(lines):
         indent = len(line) - len(line.lstrip())
+        example = bool(line.strip()) and (example or line.lstrip().startswith(">>>"))
+        if example:
+            literal = None
+            continue
         if literal is not None and (not line.strip() or indent > literal):
             continue
-        literal = indent if line.rstrip().endswith("::") or line.lstrip().startswith((">>>", "...", "..")) else None
+        literal = indent if line.rstrip().endswith("::") or line.lstrip().startswith("..") else None
         if literal is None:
             lines[i] = plain(line)
 
