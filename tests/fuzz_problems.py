@@ -35,7 +35,7 @@ from forked import child, ended
 from numpy.typing import NDArray
 
 import rbd
-from rbd.solvers import compiled
+from rbd import compiled
 
 Array = NDArray[np.float64]
 
@@ -383,8 +383,10 @@ def told(seed: int, i: int) -> tuple[str, str]:
 def load() -> None:
     """Import what most problems need: each fork would import it anew, which takes longer than its problem."""
     if compiled.installed():
-        importlib.import_module("rbd.solvers.contact_kernel")
-        importlib.import_module("rbd.solvers.newton_kernel")
+        for name in ("contact_kernel", "newton_kernel", "point_law_kernel", "release_kernel"):
+            importlib.import_module(f"rbd.solvers.{name}")
+        for name in ("simulation.step_kernel", "constraints.plane_kernel", "constraints.convex.low_points_kernel"):
+            importlib.import_module(f"rbd.{name}")
     for name in ("rbd.simulation", "rbd.mechanism", "rbd.statics", "scipy.optimize", "clarabel"):
         importlib.import_module(name)
 
