@@ -105,6 +105,11 @@ function contrast(view, element) {
   const a = light(view.getComputedStyle(element).color), b = light(ground(view, element));
   return (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05);
 }
+function over(frame, width) {
+  frame.width = width;
+  const root = frame.contentDocument.documentElement;
+  return root.scrollWidth - root.clientWidth;
+}
 async function look(page, theme) {
   localStorage.setItem("theme", theme);
   const frame = document.createElement("iframe");
@@ -117,7 +122,8 @@ async function look(page, theme) {
   const seen = texts.filter((e) => e.getClientRects().length && e.textContent.trim() && !e.closest("mjx-container"));
   const poor = seen.filter((e) => contrast(view, e) < READABLE);
   told[page + " " + theme] = {
-    wide: shown.documentElement.scrollWidth - shown.documentElement.clientWidth,
+    wide: over(frame, 400),
+    columns: theme == "light" ? Math.max(...[1050, 1320, 1400, 1560].map((width) => over(frame, width))) : 0,
     formulas: shown.querySelectorAll(".math").length,
     rendered: shown.querySelectorAll(".math mjx-container").length,
     wrong: [...shown.querySelectorAll("mjx-merror")].map((e) => e.textContent),
@@ -183,7 +189,7 @@ def test_the_site_is_whole(tmp_path):
     site = tmp_path / "site"
     assert built(site) == ""
     assert list(faults(site)) == []
-    assert "Which contact law?" in found_by_search(site, "friction") and "load_robot" in found_by_search(site, "load_robot")
+    assert "Contact laws" in found_by_search(site, "friction") and "load_robot" in found_by_search(site, "load_robot")
     theory, example = (
         (site / page).read_text(encoding="utf-8") for page in ("reference/theory.html", "gallery/10_four_bar.html")
     )
@@ -201,7 +207,7 @@ def test_the_site_is_whole(tmp_path):
     assert console == []
     assert "rbd.load_robot" in seen.pop("load_robot")
     for page, look in seen.items():
-        assert look["wide"] <= 0, page
+        assert look["wide"] <= 0 and look["columns"] <= 0, page
         assert look["formulas"] == look["rendered"] and look["wrong"] == [], page
         assert look["texts"] > 10 and look["poor"] == [], page
     assert seen["reference/theory light"]["formulas"] > 15
