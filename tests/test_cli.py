@@ -216,7 +216,7 @@ def test_the_robots_are_listed_with_whether_they_stand():
     root = Path(__file__).parents[1]
     assert f"\n{len(stand)} stand out of the box" in (root / "README.md").read_text(encoding="utf-8")
     page = (root / "docs" / "reference" / "robots.md").read_text(encoding="utf-8")
-    listed = re.search(r"These (\d+) have feet and a posture.*?: (.*?)\. Any other", page, re.S)
+    listed = re.search(r"These (\d+) robots have feet and a posture.*?: (.*?)\. Any other", page, re.S)
     assert int(listed[1]) == len(stand) and sorted(re.findall(r"`(\w+)`", listed[2])) == sorted(stand)
     assert lines["talos"][1:3] == ["38", "90.272"]
     assert "panda" in lines and "xarm7" in lines and "ur5" in lines

@@ -140,7 +140,7 @@ def register_constraint(word: str, kind: Callable[..., Constraint]) -> None:
         >>> def parked(name, joint, angle):
         ...     return rbd.JointLock(name, joint, position=angle)
         >>> rbd.register_constraint("parked", parked)
-        >>> with open("arm.yaml", "w") as file:
+        >>> with open("arm.yaml", mode="x") as file:
         ...     _ = file.write("{loops: [{name: park, kind: parked, joint: crank_joint, angle: 0.5}]}")
         >>> print(rbd.load_robot(rbd.mechanism.four_bar(1, 3, 3, 4).urdf, root="fixed", loops="arm.yaml").loops())
         (JointLock(name='park', joint='crank_joint', position=array([0.5])),)
