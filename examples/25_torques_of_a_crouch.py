@@ -35,7 +35,7 @@ def main(show: bool = True) -> tuple[list[rbd.Actuation], tuple]:
     try:
         crouch(g1, 0.3)
     except rbd.CannotMove as why:
-        print("In 0.3 s it cannot. In the way together:", *(limits := why.limits), sep="\n  ")
+        print("In 0.3 s it cannot. Together these limits prevent it:", *(limits := why.limits), sep="\n  ")
     if show:
         from matplotlib.figure import Figure  # in the extra `plot`
 

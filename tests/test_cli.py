@@ -164,7 +164,7 @@ def test_a_push_that_no_torques_withstand_names_the_limits_and_still_shows_what_
     code, lines, _ = pushed("--push", "0,119,0", "--json", str(file))
     text = " ".join(" ".join(lines).split())
     assert code == 0 and lines[1] == "No motor torques withstand the push: it tips."
-    assert "In the way together: the edge of 'left_sole'; the edge of 'right_sole'; the base" in text
+    assert "Together these limits prevent it: the edge of 'left_sole'; the edge of 'right_sole'; the base" in text
     assert (
         "The base misses (0, -" in text and "Below, under the torques of the unpushed pose" in text and "friction used" in text
     )

@@ -53,7 +53,7 @@ def test_a_box_that_sticks_moves_the_same_under_both():
 def test_the_table_names_both_laws_and_every_contact():
     """What is printed is what is in the record."""
     text = str(_compare(80.0))
-    for part in ("floor", "convex", "coulomb", "107.426", "98.100", "2.114", "0.933", "they part"):
+    for part in ("floor", "convex", "coulomb", "107.426", "98.100", "2.114", "0.933", "they differ"):
         assert part in text
 
 

@@ -157,7 +157,7 @@ class Uniqueness:
 
     def __str__(self) -> str:
         lines = [
-            f"law: {self.law}; {self.rows} rows of rank {self.rank}, {self.active_rank} of what acts",
+            f"law: {self.law}; {self.rows} rows of rank {self.rank}; active rows: rank {self.active_rank}",
             f"internal forces: {self.row_freedom} of the rows, {self.corner_freedom} of the corners; "
             f"returned: {self.force_choice}",
         ]

@@ -220,7 +220,7 @@ class StandReport:
         }  # fmt: skip
 
     def _withstood(self) -> dict[str, Any] | None:
-        """Whether motors could withstand the push: their torques, or the limits in the way and what is missing."""
+        """Whether motors could withstand the push: their torques, or the limits that prevent it and what is missing."""
         if self.against is None:
             return None
         names = self.held.state.robot.actuated_names

@@ -48,7 +48,7 @@ def hold(
 
     Raises:
         NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
-        CannotHold: naming the limits in the way, with the proof and what is missing.
+        CannotHold: naming the limits that prevent it, with the proof and what is missing.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -81,7 +81,7 @@ def hold_many(
     """Motor torques and contact forces that hold a robot still at n poses: what `hold` answers at each, as arrays.
 
     A pose that cannot be held is a row of NaN with its `rbd.many.StateStatus` and a message; `actuations[i]` then raises
-    `hold`'s error, with the limits in the way and the proof. Other errors and warnings as of `rbd.solve_many`.
+    `hold`'s error, with the limits that prevent it and the proof. Other errors and warnings as of `rbd.solve_many`.
 
     Args:
         robot: The robot.

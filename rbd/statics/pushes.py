@@ -146,7 +146,7 @@ def push_limits(
     friction: str = "cone",
     margin: float = 0.0,
 ) -> PushLimits:
-    """The largest push in each direction that the robot can withstand without moving, and what gives way first.
+    """The largest push in each direction that the robot can withstand without moving, and the limit that is reached first.
 
     Maximises s over torques and contact forces with S^T tau + J^T f + s J_P^T d = h(q, 0), `|tau| <= limit`, f in the friction
     cones: motors know of the push and answer as well as they can. What fixed torques do is another question: `rbd.solve`.

@@ -70,7 +70,7 @@ class Refusal:
             over = excess(self.loads, self.effort)
         words = f"{name} cannot {does}{self._on()}: {self._why(limits if irreducible else (), lack, over)}"
         if limits:
-            together = "In the way together" if irreducible else "In the way, all of these or some of them"
+            together = "Together these limits prevent it" if irreducible else "All or some of these limits prevent it"
             words += f" {together}: {_listed([str(limit) for limit in limits])}."
         if lack is not None and lack.size > _NOTHING * self.loads.unit:
             words += f" {_capital(str(lack))}."

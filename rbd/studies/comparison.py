@@ -233,7 +233,7 @@ class ContactUnderLaw:
         slip: Largest tangential acceleration of its points [m/s2].
         lift_off: Largest normal acceleration of its loaded points [m/s2]: zero under Coulomb's law.
         dissipation: What friction takes, -sum f_t . y_t [W/s].
-        lifted: What the normal forces put back by lifting, sum f_n y_n [W/s]: under the convex law all that friction takes.
+        lifted: What the normal forces return by lifting, sum f_n y_n [W/s]: under the convex law all that friction takes.
     """
 
     normal: float
@@ -287,11 +287,11 @@ class LawComparison:
         return f"LawComparison(difference {self.difference:.2g}, contacts {list(self.under_coulomb)})"
 
     def __str__(self) -> str:
-        parts = f"they part: accelerations differ by {self.difference:.2g}, relative"
+        parts = f"they differ: accelerations by {self.difference:.2g}, relative"
         verdict = "the same motion" if self.difference <= SAME else parts
         if self.coulomb.others:
             verdict += f"; Coulomb's law has {1 + len(self.coulomb.others)} motions"
-        heads = ("normal", "ratio", "slip", "lift-off", "dissipation", "put back")
+        heads = ("normal", "ratio", "slip", "lift-off", "dissipation", "returned")
         units = ("[N]", "", "[m/s2]", "[m/s2]", "[W/s]", "[W/s]")
         lines = [f"convex against Coulomb's law, circular cones: {verdict}"]
         lines.append(f"  {'contact':<16}{'law':<9}" + "".join(f"{x:>13}" for x in heads))

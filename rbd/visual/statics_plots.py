@@ -127,7 +127,7 @@ def plot_pushes(ax: Axes, limits: PushLimits) -> list[Artist]:
     ax.set_aspect("equal")
     ax.set_xlabel(f"push at {limits.frame} along x [N]")
     ax.set_ylabel("along y [N]")
-    ax.legend(frameon=False, fontsize="small", title="what gives way first", loc="center left", bbox_to_anchor=(1.0, 0.5))
+    ax.legend(frameon=False, fontsize="small", title="limit reached first", loc="center left", bbox_to_anchor=(1.0, 0.5))
     frame(ax, "both")
     return drawn
 

@@ -461,7 +461,7 @@ def test_a_search_among_many_limits_is_cut_short(talos: rbd.Robot, monkeypatch: 
     monkeypatch.setattr("rbd.problem.programs.LIMIT_PROGRAMS", 2)
     part = refused(lambda: rbd.hold(talos.standing(), talos.soles(0.1), **ask))
     assert whole.irreducible and not part.irreducible and len(part.limits) > len(whole.limits)
-    assert "In the way, all of these or some of them" in str(part) and "In the way together" in str(whole)
+    assert "All or some of these limits prevent it" in str(part) and "Together these limits prevent it" in str(whole)
     question = relaxable(talos.standing(), np.zeros(talos.nv), talos.soles(0.1), margin=0.0, **ask)
     assert (
         question.refuted([limit for limit in question.limits if limit not in part.limits and limit.kind != "push"]) is not None
