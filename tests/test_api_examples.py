@@ -22,7 +22,6 @@ PACKAGES = [
     "rbd",
     *(f"rbd.{module.name}" for module in iter_modules(rbd.__path__) if module.ispkg),
     "rbd.dynamics",
-    "rbd.errors",
 ]
 SHOWN = [package for package in PACKAGES if package not in ("rbd.cli", "rbd.prepared")]
 """Those that list names for users; the last two are modules."""
@@ -36,9 +35,7 @@ SECTION = re.compile(r"^(Args|Attributes|Example|Raises|Returns|Source|Yields):"
 def documented(package: str) -> dict[str, object]:
     """{full name: class or function} of a package's `__all__`; what another package lists too is the first one's."""
     module = rbd.dynamics if package == "rbd.dynamics" else importlib.import_module(package)
-    written_there = [name for name, each in vars(module).items() if getattr(each, "__module__", "") == "rbd.errors"]
-    names = getattr(module, "__all__", written_there if package == "rbd.errors" else ())
-    listed = {f"{package}.{name}": getattr(module, name) for name in names}
+    listed = {f"{package}.{name}": getattr(module, name) for name in getattr(module, "__all__", ())}
     earlier = [each for other in PACKAGES[: PACKAGES.index(package)] for each in documented(other).values()]
     return {
         name: each
@@ -81,6 +78,8 @@ def faults(name: str, each: object) -> Iterator[str]:
         yield f"{name}: lines are skipped where, and only where, they want a browser"
     if not any(line.want for line in lines.examples if line not in skipped) and not skipped:
         yield f"{name} has no `Example:` with a result"
+    if inspect.isclass(each) and issubclass(each, Exception) and each.__name__ not in example(each):
+        yield f"{name}: its example neither raises nor catches it"
     report: list[str] = []
     doctest.DocTestRunner(Checker(), optionflags=FLAGS).run(lines, out=report.append)
     if report:
@@ -91,11 +90,10 @@ def faults(name: str, each: object) -> Iterator[str]:
 def test_every_public_name_has_an_example_that_prints_what_it_shows(
     package: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Errors that are not on top of `rbd` are enough said by the line of the next test."""
+    """All of them, errors and warnings too: each example raises its own, or shows that it warns."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(loop_file, "KINDS", dict(loop_file.KINDS))
-    shown = {name: each for name, each in documented(package).items() if package == "rbd" or not _is_error(each)}
-    wrong = [fault for name, each in shown.items() for fault in faults(name, each)]
+    wrong = [fault for name, each in documented(package).items() for fault in faults(name, each)]
     assert not wrong, "\n".join(wrong)
 
 
@@ -138,5 +136,17 @@ def test_an_example_that_prints_something_else_is_noticed() -> None:
         assert list(faults("other", other)), changed
 
 
-def _is_error(each: object) -> bool:
-    return inspect.isclass(each) and issubclass(each, BaseException)
+def test_an_error_whose_example_shows_another_is_noticed() -> None:
+    """An example that raises something else is a fault."""
+
+    class Refused(ValueError):
+        """An argument is wrong, and is refused.
+
+        Example:
+            >>> int("one")
+            Traceback (most recent call last):
+                ...
+            ValueError: invalid literal for int() with base 10: 'one'
+        """
+
+    assert list(faults("Refused", Refused)) == ["Refused: its example neither raises nor catches it"]

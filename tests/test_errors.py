@@ -38,7 +38,7 @@ def drawn() -> dict[str, str | None]:
 
 
 def test_the_tree_is_as_it_is_drawn() -> None:
-    """Every class of errors.py and of rbd.testing stands in the picture at the top, below its parent, and nothing else does."""
+    """Every class of rbd.errors and of rbd.testing stands in the picture, below its parent, and nothing else does."""
     tree = drawn()
     assert set(tree) == {c.__name__ for c in CLASSES}
     for c in CLASSES:

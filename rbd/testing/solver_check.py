@@ -19,11 +19,28 @@ from rbd.testing.reference import ReferenceProblem, reference_problems
 
 
 class ContractBroken(RbdError):
-    """A constraint or a solver violates its contract."""
+    """A constraint or a solver violates its contract.
+
+    Example:
+        >>> wrong = rbd.FunctionConstraint("height", lambda q: q[2] - 1.0, jacobian=lambda q: -np.eye(6)[2])  # its sign
+        >>> try:
+        ...     rbd.testing.check_constraint(wrong, rbd.State(rbd.testing.box(), [0, 0, 1, 0, 0, 0, 1]))
+        ... except rbd.testing.ContractBroken as error:
+        ...     print(type(error).__name__)
+        ConstraintWrong
+    """
 
 
 class ConstraintWrong(ContractBroken):
-    """Rows that do not describe the motion they claim."""
+    """Rows that do not describe the motion they claim.
+
+    Example:
+        >>> wrong = rbd.FunctionConstraint("height", lambda q: q[2] - 1.0, jacobian=lambda q: -np.eye(6)[2])  # its sign
+        >>> rbd.testing.check_constraint(wrong, rbd.State(rbd.testing.box(), [0, 0, 1, 0, 0, 0, 1]))
+        Traceback (most recent call last):
+            ...
+        rbd.testing.solver_check.ConstraintWrong: 'height': J v of row 0 is ..., and motion of the error says ...
+    """
 
 
 @dataclass(frozen=True)
@@ -53,6 +70,17 @@ class SolverWrong(ContractBroken):
 
     Attributes:
         report: What ran, what was skipped, what failed.
+
+    Example:
+        >>> class Idle(rbd.KKT):
+        ...     def solve(self, problem):
+        ...         a, f = np.zeros(problem.nv), np.zeros(problem.m)
+        ...         return rbd.problem.Answer(problem, a, f, None, "bilateral", "Idle", 0, 0.0)
+        >>> try:
+        ...     rbd.testing.check_solver(Idle())
+        ... except rbd.testing.SolverWrong as error:
+        ...     print(error.report.failed["box in free fall"])
+        stationarity 1.00e+00 > 1e-09; a is [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], not [0.0, 0.0, -9.81, 0.0, 0.0, 0.0]
     """
 
     def __init__(self, message: str, report: SolverReport) -> None:

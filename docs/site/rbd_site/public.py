@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -110,7 +111,17 @@ def place_of(dotted: str) -> tuple[Path, str | None] | None:
         if isinstance(value, property):
             value = value.fget
         value = inspect.unwrap(getattr(value, "compute", value))  # type: ignore[arg-type]
-        file = inspect.getsourcefile(value)  # type: ignore[arg-type]
+        file = _file_of(value)
     except (AttributeError, ImportError, TypeError):
         return None
-    return (Path(file), getattr(value, "__qualname__", None)) if file else None
+    return (file, getattr(value, "__qualname__", None)) if file else None
+
+
+def _file_of(value: object) -> Path | None:
+    """The file in which it is written; of a class that names its package as its module, as errors do, a file beside it."""
+    named = inspect.getsourcefile(value)  # type: ignore[arg-type]
+    if not named or not inspect.isclass(value):
+        return Path(named) if named else None
+    written = re.compile(rf"^class {value.__name__}\b", re.MULTILINE)
+    beside = sorted(Path(named).parent.glob("*.py")) if Path(named).name == "__init__.py" else []
+    return next((file for file in beside if written.search(file.read_text(encoding="utf-8"))), Path(named))

@@ -1,118 +1,13 @@
-"""Every error and warning of `rbd`, in one tree.
-
-::
-
-    RbdError
-      InputError (also a ValueError)    an argument is wrong; nothing was computed
-        UnknownName                     a name that is not in the model; nearest names in the message
-          UnknownRobot, FrameNotFound, JointNotFound
-        DuplicateName                   two constraints, or two rows, under one name
-      ModelError                        a robot file is missing, broken or not a robot
-      ContactMoves                      a contact that can break or slip already moves
-      NotAtRest                         statics of a moving robot
-      Unsupported                       this solver cannot take this problem; the message gives the reason
-      NotDifferentiable                 an answer at a change of contact mode has no derivatives
-      SingularInertia                   M(q) is not positive definite
-      NoSolution                        no answer within tolerance; carries problem and result
-        CannotMove                      no motor torques and contact forces move the robot as wanted; names the limits
-          CannotHold                    none hold it still
-        CannotAssemble                  loops that do not close, or not from here; names the rows and the distance
-        CannotReach                     no pose satisfies the targets, or none was found; with the nearest pose
-        SingularPose                    here the known motions do not decide the others
-        SimulationStopped               a step of a simulation has no solution, or a function of the user raised an error;
-                                        carries what was computed till then
-      PictureError                      a page or a screenshot could not be made
-      WrongPinocchio (an ImportError)   another package, or ROS's, is found in place of pip's Pinocchio
-      ContractBroken                    in rbd.testing: a constraint or a solver violates its contract
-        ConstraintWrong, SolverWrong
-
-    RbdWarning (a UserWarning)
-      EffortLimitWarning                a torque given is beyond a motor's limit
-      InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7; or a simulation recorded a
-                                        residual above 1e-7
-      LoopNotClosedWarning              a loop is not closed at this state, and is solved unchanged
-      ModelWarning                      a robot file that loads, but is not what it seems
-      NonUniqueMotionWarning            more than one motion satisfies the contact law; the answer is one of them
-      OpeningContactWarning             a contact separates, and its force is zero
-      DistantContactWarning             a contact is not on its plane
-"""
+"""Errors where no motion, force, pose or assembly was found; most carry the nearest one, and the proof."""
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-
-class RbdError(Exception):
-    """The root of all errors that `rbd` raises on purpose.
-
-    Example:
-        >>> for name in ("solo12", "solo13"):
-        ...     try:
-        ...         print(rbd.load_robot(name))
-        ...     except rbd.RbdError as error:
-        ...         print(type(error).__name__, error)
-        Robot('solo12', nq=19, nv=18, nu=12, mass=2.500 kg)
-        UnknownRobot no robot 'solo13'; nearest: 'solo12', 'solo', 'solo8', 'so101'. rbd.robots.catalogue.names() has them all.
-    """
-
-
-class InputError(RbdError, ValueError):
-    """An argument is wrong: the message gives the value, what was expected, what to try.
-
-    Example:
-        >>> rbd.load_robot("solo12").standing().frame("FL_FOTT")
-        Traceback (most recent call last):
-            ...
-        rbd.errors.FrameNotFound: no frame 'FL_FOTT' in solo12; nearest: 'FL_FOOT', ...
-    """
-
-
-class UnknownName(InputError):
-    """A name is not in the model; the message has the nearest names."""
-
-
-class UnknownRobot(UnknownName):
-    """No robot or file has this name."""
-
-
-class FrameNotFound(UnknownName):
-    """No frame of the robot has this name."""
-
-
-class JointNotFound(UnknownName):
-    """No joint of the robot has this name."""
-
-
-class DuplicateName(InputError):
-    """Two constraints share one name, so their forces could not be distinguished."""
-
-
-class ModelError(RbdError):
-    """A robot file is missing, broken, or not a robot."""
-
-
-class ContactMoves(RbdError):
-    """A contact that can break or slip has a velocity that the law does not cover: an impact, or sliding."""
-
-
-class NotAtRest(RbdError):
-    """Statics was requested for a moving robot."""
-
-
-class Unsupported(RbdError):
-    """The solver cannot take the problem; raised before it starts."""
-
-
-class NotDifferentiable(RbdError):
-    """The answer has no derivatives: on one side of it a contact sticks, on the other it slips or opens."""
-
-
-class SingularInertia(RbdError):
-    """The joint-space inertia matrix is not positive definite."""
+from rbd.errors.inputs import InputError, RbdError
 
 
 class NoSolution(RbdError):
@@ -172,6 +67,17 @@ class SimulationStopped(NoSolution):
         t: Its time [s].
         names: The constraints that were active.
         trajectory: The `Trajectory` that was computed until then; None if not even the first sample was.
+
+    Example:
+        >>> bars = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5)
+        >>> def careless(state, t):
+        ...     return [np.sqrt(0.042 - t)]  # not a number after 0.042 s
+        >>> try:
+        ...     with np.errstate(invalid="ignore"):
+        ...         rbd.simulate(bars.at("assembled"), bars.loops(), duration=1.0, step=0.01, controller=careless)
+        ... except rbd.errors.SimulationStopped as error:
+        ...     print(f"{error.t:.2f} s, {len(error.trajectory)} samples, active: {error.names}")
+        0.04 s, 5 samples, active: ('coupler_pin',)
     """
 
     def __init__(
@@ -272,6 +178,14 @@ class CannotAssemble(NoSolution):
         distances: {constraint: length of its error there} [m, rad], of those that are not met.
         minimum: Whether the distance is a true minimum there: no small motion makes it less.
         elsewhere: A configuration that meets them, reached from another start, or None where none was found.
+
+    Example:
+        >>> bars = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5)
+        >>> try:
+        ...     rbd.mechanism.assemble(bars.at(), bars.loops(), fixed={"crank_joint": 0.7, "rocker_joint": 0.3})
+        ... except rbd.errors.CannotAssemble as error:
+        ...     print({name: round(gap, 4) for name, gap in error.distances.items()}, error.minimum)
+        {'coupler_pin': 0.6462} True
     """
 
     def __init__(
@@ -302,6 +216,14 @@ class CannotReach(NoSolution):
         limits: {joint: multiplier of its limit}, positive at upper limits, negative at lower ones.
         proof: An `OutOfReach`, which proves that there is no pose: points farther apart than the links between them; or None.
         without: Targets without which, one at a time, the others are satisfied.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> try:
+        ...     rbd.find_pose(solo, {"FL_FOOT": (5.0, 0.0, 0.0), "FR_FOOT": (0.0, 0.0, 0.0)})
+        ... except rbd.errors.CannotReach as error:
+        ...     print(f"{error.proof.apart:.1f} m apart, of links of {error.proof.longest:.2f} m; without {error.without}")
+        5.0 m apart, of links of 1.10 m; without ('FL_FOOT', 'FR_FOOT')
     """
 
     def __init__(
@@ -323,63 +245,12 @@ class CannotReach(NoSolution):
 
 
 class SingularPose(NoSolution):
-    """At this pose the known velocities do not determine the others; the message names them."""
-
-
-class PictureError(RbdError):
-    """A page or a screenshot could not be made."""
-
-
-class WrongPinocchio(RbdError, ImportError):
-    """`import pinocchio` finds a module other than pip's Pinocchio; the message gives the remedy."""
-
-
-class RbdWarning(UserWarning):
-    """Base of all warnings of `rbd`."""
-
-
-class EffortLimitWarning(RbdWarning):
-    """A given torque is beyond the limit that the robot's file states."""
-
-
-class InaccurateWarning(RbdWarning):
-    """An answer's residuals are above 1e-9, though at most 1e-7, scaled; or those of a simulation's record are above 1e-7."""
-
-
-class NonUniqueMotionWarning(RbdWarning):
-    """More than one motion satisfies the contact law; the answer is one of them, `Solution.others` has others."""
-
-
-class OpeningContactWarning(RbdWarning):
-    """A contact, or some of its points, separates: its force is zero. `Solution.opening` names it."""
-
-
-class DistantContactWarning(RbdWarning):
-    """A contact is more than a millimetre off its plane; it is solved as if it touched."""
-
-
-class LoopNotClosedWarning(RbdWarning):
-    """A loop is not closed at the state that was solved; the answer is that of the mechanism with its gap."""
-
-
-class ModelWarning(RbdWarning):
-    """A robot file loads, but part of its contents is missing or ignored."""
-
-
-def nearest(name: object, names: Iterable[str], *, count: int = 4) -> str:
-    """The names most like `name`, quoted, for the end of an error message.
+    """At this pose the known velocities do not determine the others; the message names them.
 
     Example:
-        >>> rbd.errors.nearest("left_sol", ["left_sole", "right_sole", "head"])
-        "nearest: 'left_sole', 'right_sole'"
+        >>> flat = rbd.mechanism.four_bar(1.0, 1.0, 1.0, 1.0)  # at neutral all bars are in line
+        >>> rbd.mechanism.velocity_partition(flat.at(), flat.loops(), {"crank_joint": 1.0})
+        Traceback (most recent call last):
+            ...
+        rbd.errors.SingularPose: the known rates ('crank_joint') do not decide those of 'coupler_joint', 'rocker_joint': ...
     """
-    known, name = list(names), str(name)[:100]
-    if not known:
-        return "there are none"
-    close = difflib.get_close_matches(name, known, n=count, cutoff=0.5)
-    if not close:
-        lower = str(name).lower()
-        close = [n for n in known if lower and lower in n.lower()][:count]
-    if close:
-        return "nearest: " + ", ".join(repr(n) for n in close)
-    return "there are " + ", ".join(repr(n) for n in known[:8]) + (", ..." if len(known) > 8 else "")

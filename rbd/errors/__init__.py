@@ -1,0 +1,113 @@
+"""Every error and warning of `rbd`, in one tree.
+
+::
+
+    RbdError
+      InputError (also a ValueError)    an argument is wrong; nothing was computed
+        UnknownName                     a name that is not in the model; nearest names in the message
+          UnknownRobot, FrameNotFound, JointNotFound
+        DuplicateName                   two constraints, or two rows, under one name
+      ModelError                        a robot file is missing, broken or not a robot
+      ContactMoves                      a contact that can break or slip already moves
+      NotAtRest                         statics of a moving robot
+      Unsupported                       this solver cannot take this problem; the message gives the reason
+      NotDifferentiable                 an answer at a change of contact mode has no derivatives
+      SingularInertia                   M(q) is not positive definite
+      NoSolution                        no answer within tolerance; carries problem and result
+        CannotMove                      no motor torques and contact forces move the robot as wanted; names the limits
+          CannotHold                    none hold it still
+        CannotAssemble                  loops that do not close, or not from here; names the rows and the distance
+        CannotReach                     no pose satisfies the targets, or none was found; with the nearest pose
+        SingularPose                    here the known motions do not decide the others
+        SimulationStopped               a step of a simulation has no solution, or a function of the user raised an error;
+                                        carries what was computed till then
+      PictureError                      a page or a screenshot could not be made
+      WrongPinocchio (an ImportError)   another package, or ROS's, is found in place of pip's Pinocchio
+      ContractBroken                    in rbd.testing: a constraint or a solver violates its contract
+        ConstraintWrong, SolverWrong
+
+    RbdWarning (a UserWarning)
+      EffortLimitWarning                a torque given is beyond a motor's limit
+      InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7; or a simulation recorded a
+                                        residual above 1e-7
+      LoopNotClosedWarning              a loop is not closed at this state, and is solved unchanged
+      ModelWarning                      a robot file that loads, but is not what it seems
+      NonUniqueMotionWarning            more than one motion satisfies the contact law; the answer is one of them
+      OpeningContactWarning             a contact separates, and its force is zero
+      DistantContactWarning             a contact is not on its plane
+"""
+
+from rbd.errors.inputs import (
+    ContactMoves,
+    DuplicateName,
+    FrameNotFound,
+    InputError,
+    JointNotFound,
+    ModelError,
+    NotAtRest,
+    NotDifferentiable,
+    PictureError,
+    RbdError,
+    SingularInertia,
+    UnknownName,
+    UnknownRobot,
+    Unsupported,
+    WrongPinocchio,
+    nearest,
+)
+from rbd.errors.no_solution import (
+    CannotAssemble,
+    CannotHold,
+    CannotMove,
+    CannotReach,
+    NoSolution,
+    SimulationStopped,
+    SingularPose,
+)
+from rbd.errors.warned import (
+    DistantContactWarning,
+    EffortLimitWarning,
+    InaccurateWarning,
+    LoopNotClosedWarning,
+    ModelWarning,
+    NonUniqueMotionWarning,
+    OpeningContactWarning,
+    RbdWarning,
+)
+
+__all__ = [
+    "CannotAssemble",
+    "CannotHold",
+    "CannotMove",
+    "CannotReach",
+    "ContactMoves",
+    "DistantContactWarning",
+    "DuplicateName",
+    "EffortLimitWarning",
+    "FrameNotFound",
+    "InaccurateWarning",
+    "InputError",
+    "JointNotFound",
+    "LoopNotClosedWarning",
+    "ModelError",
+    "ModelWarning",
+    "NoSolution",
+    "NonUniqueMotionWarning",
+    "NotAtRest",
+    "NotDifferentiable",
+    "OpeningContactWarning",
+    "PictureError",
+    "RbdError",
+    "RbdWarning",
+    "SimulationStopped",
+    "SingularInertia",
+    "SingularPose",
+    "UnknownName",
+    "UnknownRobot",
+    "Unsupported",
+    "WrongPinocchio",
+    "nearest",
+]
+
+for _name in __all__:
+    globals()[_name].__module__ = __name__  # a traceback and a filter of warnings say rbd.errors, where users import it

@@ -1,0 +1,205 @@
+"""The root of all errors, and those of what is given: an argument, a name, a robot file, a state, a solver, a Pinocchio."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable
+
+
+class RbdError(Exception):
+    """The root of all errors that `rbd` raises on purpose.
+
+    Example:
+        >>> for name in ("solo12", "solo13"):
+        ...     try:
+        ...         print(rbd.load_robot(name))
+        ...     except rbd.RbdError as error:
+        ...         print(type(error).__name__, error)
+        Robot('solo12', nq=19, nv=18, nu=12, mass=2.500 kg)
+        UnknownRobot no robot 'solo13'; nearest: 'solo12', 'solo', 'solo8', 'so101'. rbd.robots.catalogue.names() has them all.
+    """
+
+
+class InputError(RbdError, ValueError):
+    """An argument is wrong: the message gives the value, what was expected, what to try.
+
+    Example:
+        >>> rbd.PointContact("foot", "FL_FOOT", friction=-0.5)
+        Traceback (most recent call last):
+            ...
+        rbd.errors.InputError: friction is -0.5; expected a finite number >= 0, or None for a bilateral contact.
+    """
+
+
+class UnknownName(InputError):
+    """A name is not in the model; the message has the nearest names.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> for look_up, name in ((solo.frame_id, "FL_FOTT"), (solo.joint_id, "FL_KNE")):
+        ...     try:
+        ...         look_up(name)
+        ...     except rbd.errors.UnknownName as error:
+        ...         print(str(error).split(",")[0])
+        no frame 'FL_FOTT' in solo12; nearest: 'FL_FOOT'
+        no joint 'FL_KNE' in solo12; nearest: 'FL_KFE'
+    """
+
+
+class UnknownRobot(UnknownName):
+    """No robot or file has this name.
+
+    Example:
+        >>> rbd.load_robot("solo13")
+        Traceback (most recent call last):
+            ...
+        rbd.errors.UnknownRobot: no robot 'solo13'; nearest: 'solo12', ...
+    """
+
+
+class FrameNotFound(UnknownName):
+    """No frame of the robot has this name.
+
+    Example:
+        >>> rbd.PointContact("foot", "FL_FOTT").rows(rbd.load_robot("solo12").standing())
+        Traceback (most recent call last):
+            ...
+        rbd.errors.FrameNotFound: no frame 'FL_FOTT' in solo12; nearest: 'FL_FOOT', ...
+    """
+
+
+class JointNotFound(UnknownName):
+    """No joint of the robot has this name.
+
+    Example:
+        >>> rbd.load_robot("solo12").joint_id("FL_KNE")
+        Traceback (most recent call last):
+            ...
+        rbd.errors.JointNotFound: no joint 'FL_KNE' in solo12; nearest: 'FL_KFE', ...
+    """
+
+
+class DuplicateName(InputError):
+    """Two constraints share one name, so their forces could not be distinguished.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> rbd.solve(solo.standing(), np.zeros(12), [*solo.feet(), *solo.feet(friction=None)])
+        Traceback (most recent call last):
+            ...
+        rbd.errors.DuplicateName: two constraints are named 'front_left'; give each a different name.
+    """
+
+
+class ModelError(RbdError):
+    """A robot file is missing, broken, or not a robot.
+
+    Example:
+        >>> rbd.load_robot("my_robot.urdf")
+        Traceback (most recent call last):
+            ...
+        rbd.errors.ModelError: no file 'my_robot.urdf', neither from ...
+    """
+
+
+class ContactMoves(RbdError):
+    """A contact that can break or slip has a velocity that the law does not cover: an impact, or sliding.
+
+    Example:
+        >>> falling = rbd.State(rbd.testing.box(), [0, 0, 0, 0, 0, 0, 1], [0, 0, -0.5, 0, 0, 0])
+        >>> rbd.solve(falling, [], [rbd.PointContact("corner", "box", friction=0.5)])
+        Traceback (most recent call last):
+            ...
+        rbd.errors.ContactMoves: contact 'corner' approaches at 0.5 m/s: an impact, which no acceleration answers ...
+    """
+
+
+class NotAtRest(RbdError):
+    """Statics was requested for a moving robot.
+
+    Example:
+        >>> rising = rbd.State(rbd.testing.box(), [0, 0, 0, 0, 0, 0, 1], [0, 0, 0.5, 0, 0, 0])
+        >>> rbd.hold(rising, [rbd.PointContact("corner", "box", friction=0.5)])
+        Traceback (most recent call last):
+            ...
+        rbd.errors.NotAtRest: statics wants a robot at rest, and |v| reaches 0.5. Use State(robot, q) with v = 0.
+    """
+
+
+class Unsupported(RbdError):
+    """The solver cannot take the problem; raised before it starts.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> rbd.solve(solo.standing(), np.zeros(12), solo.feet(friction=0.7), solver=rbd.KKT())
+        Traceback (most recent call last):
+            ...
+        rbd.errors.Unsupported: KKT takes bilateral constraints, and 'front_left' has forces in a FrictionCone. ...
+    """
+
+
+class NotDifferentiable(RbdError):
+    """The answer has no derivatives: on one side of it a contact sticks, on the other it slips or opens.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> corner = rbd.PointContact("corner", "box", friction=0.5)
+        >>> lift = rbd.ExternalForce("box", (0.0, 0.0, 98.1))  # as much as its weight
+        >>> rbd.solve(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], [corner], external=lift).derivatives()
+        Traceback (most recent call last):
+            ...
+        rbd.errors.NotDifferentiable: 'corner' is at a change of contact mode: ...
+    """
+
+
+class SingularInertia(RbdError):
+    """The joint-space inertia matrix is not positive definite.
+
+    Example:
+        >>> rbd.GaussProblem(np.diag([1.0, 0.0]), np.ones(2), [])  # the second coordinate moves no mass
+        Traceback (most recent call last):
+            ...
+        rbd.errors.SingularInertia: M(2 x 2) is not positive definite (leading minor 2); a joint carries no inertia, ...
+    """
+
+
+class PictureError(RbdError):
+    """A page or a screenshot could not be made.
+
+    Example:
+        >>> with rbd.visual.Scene(rbd.testing.box()) as scene:
+        ...     scene.export("box.html")
+        Traceback (most recent call last):
+            ...
+        rbd.errors.PictureError: the scene is empty: call scene.show(state, solution) first.
+    """
+
+
+class WrongPinocchio(RbdError, ImportError):
+    """`import pinocchio` finds a module other than pip's Pinocchio; the message gives the remedy.
+
+    Example:
+        >>> rbd.installation.check(np)  # as if NumPy were what `import pinocchio` finds
+        Traceback (most recent call last):
+            ...
+        rbd.errors.WrongPinocchio: 'import pinocchio' finds ..., which knows no robots: ... Try: unset PYTHONPATH, ...
+    """
+
+
+def nearest(name: object, names: Iterable[str], *, count: int = 4) -> str:
+    """The names most like `name`, quoted, for the end of an error message.
+
+    Example:
+        >>> rbd.errors.nearest("left_sol", ["left_sole", "right_sole", "head"])
+        "nearest: 'left_sole', 'right_sole'"
+    """
+    known, name = list(names), str(name)[:100]
+    if not known:
+        return "there are none"
+    close = difflib.get_close_matches(name, known, n=count, cutoff=0.5)
+    if not close:
+        lower = str(name).lower()
+        close = [n for n in known if lower and lower in n.lower()][:count]
+    if close:
+        return "nearest: " + ", ".join(repr(n) for n in close)
+    return "there are " + ", ".join(repr(n) for n in known[:8]) + (", ..." if len(known) > 8 else "")

@@ -1,0 +1,119 @@
+"""Warnings: there is an answer, and something about it, or about what was given, that its user should know."""
+
+from __future__ import annotations
+
+
+class RbdWarning(UserWarning):
+    """Base of all warnings of `rbd`.
+
+    Example:
+        >>> import warnings
+        >>> bars = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5)
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("ignore", rbd.errors.RbdWarning)  # all of them, and no other package's
+        ...     print(rbd.solve(bars.at("assembled"), [1e6], bars.loops()).status)
+        solved
+    """
+
+
+class EffortLimitWarning(RbdWarning):
+    """A given torque is beyond the limit that the robot's file states.
+
+    Example:
+        >>> import warnings
+        >>> bars = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5)
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("error", rbd.errors.EffortLimitWarning)
+        ...     rbd.solve(bars.at("assembled"), [1e6], bars.loops())
+        Traceback (most recent call last):
+            ...
+        rbd.errors.EffortLimitWarning: tau of crank_joint is 1e+06, beyond its effort limit of ...
+    """
+
+
+class InaccurateWarning(RbdWarning):
+    """An answer's residuals are above 1e-9, though at most 1e-7, scaled; or those of a simulation's record are above 1e-7.
+
+    Example:
+        >>> import warnings
+        >>> one, two = (rbd.Rows(name, [[1.0, 0.0]], [c], rbd.problem.Free(1)) for name, c in (("one", 0.0), ("two", 2e-8)))
+        >>> with warnings.catch_warnings(record=True) as seen:
+        ...     warnings.simplefilter("always")
+        ...     answer = rbd.solve_problem(rbd.GaussProblem(np.eye(2), np.ones(2), [one, two]))
+        >>> print(seen[0].category.__name__, answer.status, f"{answer.residuals.feasibility:.0e}")
+        InaccurateWarning inaccurate 1e-08
+    """
+
+
+class NonUniqueMotionWarning(RbdWarning):
+    """More than one motion satisfies the contact law; the answer is one of them, `Solution.others` has others.
+
+    Example:
+        >>> import warnings
+        >>> grounds = {"left": rbd.Ground(normal=(1, 0, 0)), "right": rbd.Ground(normal=(-1, 0, 0))}
+        >>> walls = [rbd.PointContact(side, "box", friction=1.0, on=ground) for side, ground in grounds.items()]
+        >>> with warnings.catch_warnings(record=True) as seen:
+        ...     warnings.simplefilter("always")
+        ...     jammed = rbd.solve(rbd.State(rbd.testing.box(), [0, 0, 0, 0, 0, 0, 1]), [], walls)
+        >>> print(seen[0].category.__name__, *(f"{each.a[2]:.2f} m/s2" for each in (jammed, *jammed.others)))
+        NonUniqueMotionWarning 0.00 m/s2 -9.81 m/s2
+    """
+
+
+class OpeningContactWarning(RbdWarning):
+    """A contact, or some of its points, separates: its force is zero. `Solution.opening` names it.
+
+    Example:
+        >>> import warnings
+        >>> rising = rbd.State(rbd.testing.box(), [0, 0, 0, 0, 0, 0, 1], [0, 0, 0.5, 0, 0, 0])
+        >>> with warnings.catch_warnings(record=True) as seen:
+        ...     warnings.simplefilter("always")
+        ...     solution = rbd.solve(rising, [], [rbd.PointContact("corner", "box", friction=0.5)])
+        >>> print(seen[0].category.__name__, solution.opening, solution.forces["corner"])
+        OpeningContactWarning ('corner',) [0. 0. 0.]
+    """
+
+
+class DistantContactWarning(RbdWarning):
+    """A contact is more than a millimetre off its plane; it is solved as if it touched.
+
+    Example:
+        >>> import warnings
+        >>> solo = rbd.load_robot("solo12")
+        >>> above = solo.standing().q + 0.02 * np.eye(solo.nq)[2]
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("error", rbd.errors.DistantContactWarning)
+        ...     rbd.solve(rbd.State(solo, above), np.zeros(12), solo.feet())
+        Traceback (most recent call last):
+            ...
+        rbd.errors.DistantContactWarning: contacts of solo12 are off the ground that they stand on: 'front_left' 20 mm ...
+    """
+
+
+class LoopNotClosedWarning(RbdWarning):
+    """A loop is not closed at the state that was solved; the answer is that of the mechanism with its gap.
+
+    Example:
+        >>> import warnings
+        >>> bars = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5)
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("error", rbd.errors.LoopNotClosedWarning)
+        ...     rbd.solve(bars.at(), [0.0], bars.loops())  # at neutral all bars are in line
+        Traceback (most recent call last):
+            ...
+        rbd.errors.LoopNotClosedWarning: loop 'coupler_pin' is open by 0.5 (m, or rad) at this state, ...
+    """
+
+
+class ModelWarning(RbdWarning):
+    """A robot file loads, but part of its contents is missing or ignored.
+
+    Example:
+        >>> import warnings
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("error", rbd.errors.ModelWarning)
+        ...     rbd.load_robot("romeo")
+        Traceback (most recent call last):
+            ...
+        rbd.errors.ModelWarning: romeo: 2 links have inertias that no body has ('RShoulderYawLink', ...
+    """
