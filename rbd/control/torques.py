@@ -89,8 +89,9 @@ def inverse_dynamics_many(
 ) -> Actuations:
     """Motor torques and contact forces of n wanted motions: what `inverse_dynamics` answers at each, as arrays.
 
-    A motion that is not possible is a row of NaN with its `rbd.many.StateStatus` and a message; `actuations[i]` then raises the
-    error of `inverse_dynamics`, with the limits that prevent it and the proof. Other errors and warnings: as for `rbd.solve_many`.
+    A motion that is not possible is a row of NaN with its `rbd.many.StateStatus` and a message; `actuations[i]` then raises
+    the error of `inverse_dynamics`, with the limits that prevent it and the proof. Other errors and warnings are those of
+    `rbd.solve_many`.
 
     Args:
         robot: The robot.
