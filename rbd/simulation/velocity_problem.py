@@ -255,21 +255,16 @@ def point_impulses(
         if held is not None:
             return held
     T, coulomb = rows.sets, law == "coulomb"
-    if shift is not None:
-        quick = _quick(D, u + shift, T, guess, coulomb)
+    # It can happen that no friction opposes the velocity in the middle of the step, u + shift: then that at the end is used.
+    for velocity in (u,) if shift is None else (u + shift, u):
+        quick = _quick(D, velocity, T, guess, coulomb)
         if quick is not None:
             return *quick, False
-        x, merit, S = _newton(D, u + shift, T, guess, coulomb)
-        if merit <= _exact(S):
+        x, merit, S = _newton(D, velocity, T, guess, coulomb)
+        exact = _least_merit(S.rate)
+        if merit <= exact:
             return T.project(S.weights(x)), merit, False
-        # It can happen that no friction opposes the velocity in the middle: then use that at the end.
-    quick = _quick(D, u, T, guess, coulomb)
-    if quick is not None:
-        return *quick, False
-    x, merit, S = _newton(D, u, T, guess, coulomb)
-    exact = _exact(S)
-    if merit > exact:
-        x, merit = yielding_steps(S, S.guess(T.project(holding(problem()))), coulomb=coulomb)
+    x, merit = yielding_steps(S, S.guess(T.project(holding(problem()))), coulomb=coulomb)
     if merit > exact:
         x, merit = yielding_steps(S, np.zeros(T.size), coulomb=coulomb)
     if merit <= exact:
@@ -288,15 +283,16 @@ def _quick(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tupl
 def _newton(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tuple[Array, float, Scaled]:
     """(scaled weights, merit, the scaled problem) by Newton's method from a guess."""
     S = scaled(D, u, T)
+    exact = _least_merit(S.rate)
     x, merit, _ = steps_from(S, S.guess(guess), coulomb=coulomb, iterations=_QUICK)
-    if merit > _exact(S):  # rows that are nearly dependent: the steps' own regularisation stalls them
+    if merit > exact:  # rows that are nearly dependent: the steps' own regularisation stalls them
         finer, less, _ = steps_from(S, x, coulomb=coulomb, iterations=_QUICK, proximal=_FINE)
-        if less <= _exact(S):
+        if less <= exact:
             return finer, less, S
-    if merit > _exact(S):  # dependent rows: ADMM first, then exact
+    if merit > exact:  # dependent rows: ADMM first, then exact
         near, _ = admm(S, x, coulomb=coulomb, iterations=200, tolerance=1e-6)
         x, merit, _ = steps_from(S, near, coulomb=coulomb, iterations=_QUICK)
-    if merit > _exact(S):
+    if merit > exact:
         x, merit = yielding_steps(S, x, coulomb=coulomb)
     return x, merit, S
 
@@ -351,10 +347,6 @@ def independent_rows(
     W, c = W.copy(), c.copy()
     W[:, held], c[held] = (U * s) @ Vt * lengths, within * lengths
     return W, c, max_abs((given - within) * lengths), lengths, True
-
-
-def _exact(S: Scaled) -> float:
-    return _least_merit(S.rate)
 
 
 def _least_merit(rate: float) -> float:

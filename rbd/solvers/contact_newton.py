@@ -90,9 +90,7 @@ class ContactNewton:
         """
         run: Callable[[Array, Array, Array, bool], ContactForces] = self._plain
         if _compiled_code.in_use() if compiled is None else compiled and _compiled_code.installed():
-            if self._compiled is None:
-                self._compiled = _Compiled(self.P, self.mu)
-            run = self._compiled.forces
+            run = self._fast().forces
         return run(D, c, start, coulomb)
 
     def release(self, D: Array, f: Array, w: Array, change: Array, least_norm: Array) -> int:
@@ -108,12 +106,13 @@ class ContactNewton:
             change: Its first entries are written: accelerations of the rows, shape (nw or more,).
             least_norm: Weights of minimum norm for forces on the rows, from which to start, shape (3 k, nw).
         """
-        if not _compiled_code.in_use():
-            return 0
+        return self._fast().release(D, f, w, change, least_norm) if _compiled_code.in_use() else 0
+
+    def _fast(self) -> _Compiled:
+        """The compiled form, made when it is first needed."""
         if self._compiled is None:
             self._compiled = _Compiled(self.P, self.mu)
-        D = D if D.flags.c_contiguous else D.T  # symmetric
-        return int(self._compiled.release(D, f, w, change, least_norm, FOUND, *self._compiled.fixed))
+        return self._compiled
 
     def found(self, D: Array, c: Array, start: Array, *, coulomb: bool) -> ContactForces:
         """Forces that obey the law, searched from the other law's forces too; arguments as of `forces`.
@@ -212,16 +211,19 @@ class _Compiled:
         begin = seeds(columns, first)
         self.fixed = (columns, first, mu, begin, memory, np.zeros((2, k), dtype=np.int64))
         self.share = None if len(begin) == k else np.linalg.pinv(P.reshape(nw, k, 3)[:, begin].reshape(nw, -1)) @ P
-        self.run = _kernel()
-        self.release = _release()
+        self._run, self._release = _kernel(), _release()
 
     def forces(self, D: Array, c: Array, start: Array, coulomb: bool) -> ContactForces:
         out = np.empty(self.size)
         D = D if D.flags.c_contiguous else D.T  # symmetric
         if self.share is not None:  # weights of the first points, of the same wrench
             start = self.share.dot(start)
-        merit, steps, opened = self.run(D, c, start, coulomb, *self.fixed, out)
+        merit, steps, opened = self._run(D, c, start, coulomb, *self.fixed, out)
         return ContactForces(out[: self.n], out[self.n :], merit, steps, opened)
+
+    def release(self, D: Array, f: Array, w: Array, change: Array, least_norm: Array) -> int:
+        D = D if D.flags.c_contiguous else D.T  # symmetric
+        return int(self._release(D, f, w, change, least_norm, FOUND, *self.fixed))
 
 
 def seeds(columns: Array, first: Array) -> Array:

@@ -6,7 +6,6 @@ import inspect
 import re
 import sys
 from collections.abc import Iterable
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from sphinx.application import Sphinx
 
 from rbd.arrays import lazy
 from rbd_site.pages import TOP
-from rbd_site.public import GROUPS, PACKAGES, Public, homes, names_of
+from rbd_site.public import GROUPS, PACKAGES, Public, homes, module_of, names_of
 
 STOP = "BaseException, Enum, IntEnum, StrEnum, Protocol, str, int, float, tuple, dict, list"
 """Members of these bases are not repeated on the page of a class."""
@@ -47,8 +46,7 @@ def home_page(public: Public) -> str:
 
 def first_paragraph(package: str) -> str:
     """What a sub-package is for."""
-    module = import_module("rbd.model.dynamics" if package == "rbd.dynamics" else package)
-    return (inspect.getdoc(module) or "").split("\n", 1)[0]
+    return (inspect.getdoc(module_of(package)) or "").split("\n", 1)[0]
 
 
 def package_page(package: str) -> str:
@@ -64,9 +62,9 @@ def package_page(package: str) -> str:
     else:
         made.append(table(names.values()))
         if package == "rbd.errors":
-            doc = inspect.getdoc(import_module("rbd.errors")) or ""
+            doc = inspect.getdoc(module_of(package)) or ""
             made.append(doc.split("\n", 1)[1] + "\n")
-    file = TOP / "rbd" / "model" / "dynamics.py" if package == "rbd.dynamics" else Path(str(import_module(package).__file__))
+    file = Path(str(module_of(package).__file__))
     made.append(f"Source: `{file.relative_to(TOP).as_posix()}`.\n")
     return "\n".join(made)
 

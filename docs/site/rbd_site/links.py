@@ -57,7 +57,7 @@ def linked_literal(env: BuildEnvironment, docname: str, literal: nodes.literal) 
     dotted = found[1] if (found := NAME.fullmatch(text)) else short_names().get(text)
     if dotted is None:
         return None
-    if dotted in ("rbd.dynamics", *PACKAGES):
+    if dotted in PACKAGES:
         return doc_link(docname, f"api/{dotted}", shown)
     place = place_of(dotted)
     return addnodes.pending_xref(

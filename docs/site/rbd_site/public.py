@@ -66,10 +66,15 @@ class Public:
         return (inspect.getdoc(self.value) or "").split("\n", 1)[0]
 
 
+def module_of(package: str) -> ModuleType:
+    """The module behind a package's name; `rbd.dynamics` is `rbd.model.dynamics`."""
+    return importlib.import_module("rbd.model.dynamics" if package == "rbd.dynamics" else package)
+
+
 @cache
 def names_of(package: str) -> dict[str, Public]:
     """{short name: public name} of a package; of a module without `__all__`, the functions and classes written there."""
-    module = importlib.import_module("rbd.model.dynamics" if package == "rbd.dynamics" else package)
+    module = module_of(package)
     short = getattr(module, "__all__", None)
     if short is None:
         written_here = [n for n, value in vars(module).items() if getattr(value, "__module__", None) == module.__name__]
