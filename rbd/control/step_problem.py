@@ -48,6 +48,7 @@ class StepProblem:
         per_weight: J^T G, shape (nv, p).
         need: h - tau_ext, shape (nv,).
         terms: Of the tasks.
+        stacked: (A, wanted) of all tasks of accelerations.
         unit: The body weight [N]; 1 without gravity.
         program: In (a, w / unit).
         torques: Largest torques, shape (nu,).
@@ -66,6 +67,7 @@ class StepProblem:
     per_weight: Array
     need: Array
     terms: tuple[TaskTerms, ...]
+    stacked: tuple[Array, Array]
     unit: float
     program: StepProgram
     torques: Array
@@ -142,8 +144,8 @@ class StepProblem:
             slice(n, n + r),
         )
         return cls(
-            state, given, external, limits, rows, feedback, sets, J, per_weight, need, terms, unit, program, torques, limited,
-            slice(n + r, n + r + j),
+            state, given, external, limits, rows, feedback, sets, J, per_weight, need, terms, (A, wanted), unit, program,
+            torques, limited, slice(n + r, n + r + j),
         )  # fmt: skip
 
     @property
@@ -163,15 +165,15 @@ class StepProblem:
 
     def missed(self, a: Array, w: Array) -> dict[str, Array]:
         """{task: wanted less reached}, of accelerations and weights [N]."""
-        out, ends = {}, np.cumsum([0, *map(len, self.rows)])
-        names = [r.name for r in self.rows]
+        A, wanted = self.stacked
+        left, out, at = wanted - A @ a, {}, 0
         for each in self.terms:
             if each.contact:
-                i = names.index(each.contact)
-                reached = each.A @ (self.rows[i].resultant @ (self.sets.G[ends[i] : ends[i + 1]] @ w))
+                reached = each.A @ (_resultant(each.name, each.contact, self.rows, self.sets) @ w)
+                out[each.name] = each.wanted - reached
             else:
-                reached = each.A @ a
-            out[each.name] = each.wanted - reached
+                out[each.name] = left[at : at + len(each.wanted)]
+                at += len(each.wanted)
         return out
 
     def loads(self, a: Array, feedback: Array) -> Loads:

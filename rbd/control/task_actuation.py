@@ -141,12 +141,7 @@ class TaskActuation(Actuation):
         loaded = np.abs(self.tau) >= most * (1.0 - _AT)
         if loaded.any():
             out["torque"] = tuple(name for name, is_at in zip(robot.actuated_names, loaded, strict=True) if is_at)
-        names = {joint.v.start: name for name, joint in robot.joints.items()}
-        for bounds in self.limits.bounds(self.state):
-            a = self.a[bounds.at]
-            held = (a >= bounds.most - _AT) | (a <= bounds.least + _AT)
-            if held.any():
-                out[bounds.kind] = tuple(names[i] for i in bounds.at[held].tolist())
+        out.update(self.limits.at_bounds(self.state, self.a, _AT))
         return out
 
     def __repr__(self) -> str:
