@@ -1,11 +1,22 @@
 """Motor torques and pushes over time: controllers, schedules and pushes."""
 
+from rbd.control.accepted_steps import AcceptedStep, ContactTouch, SteppedController
 from rbd.control.posture import HoldPosture
 from rbd.control.schedules import Push, Pushes, TorqueSchedule, ZeroOrderHold
 from rbd.control.torques import inverse_dynamics_many
 from rbd.modules import submodule as _submodule
 
-__all__ = ["HoldPosture", "Push", "Pushes", "ZeroOrderHold", "TorqueSchedule", "inverse_dynamics_many"]
+__all__ = [
+    "AcceptedStep",
+    "ContactTouch",
+    "HoldPosture",
+    "Push",
+    "Pushes",
+    "SteppedController",
+    "TorqueSchedule",
+    "ZeroOrderHold",
+    "inverse_dynamics_many",
+]
 
 
 def __getattr__(name: str) -> object:
