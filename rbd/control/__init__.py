@@ -1,11 +1,33 @@
-"""Motor torques and pushes over time: controllers, schedules and pushes."""
+"""Motor torques and pushes over time: controllers, schedules and pushes; tasks, and the torques that meet them best."""
 
+from rbd.control.accepted_steps import AcceptedStep as AcceptedStep
+from rbd.control.contact_schedule import ContactSchedule
+from rbd.control.limits import Limits as Limits
 from rbd.control.posture import HoldPosture
 from rbd.control.schedules import Push, Pushes, TorqueSchedule, ZeroOrderHold
+from rbd.control.stepping import TaskActuation as TaskActuation, step as step
+from rbd.control.tasks import (
+    ComTask as ComTask,
+    ForceTask as ForceTask,
+    FrameTask as FrameTask,
+    MomentumTask as MomentumTask,
+    PostureTask as PostureTask,
+    Reference as Reference,
+)
 from rbd.control.torques import inverse_dynamics_many
+from rbd.control.whole_body import WholeBodyController
 from rbd.modules import submodule as _submodule
 
-__all__ = ["HoldPosture", "Push", "Pushes", "ZeroOrderHold", "TorqueSchedule", "inverse_dynamics_many"]
+__all__ = [
+    "ContactSchedule",
+    "HoldPosture",
+    "Push",
+    "Pushes",
+    "TorqueSchedule",
+    "WholeBodyController",
+    "ZeroOrderHold",
+    "inverse_dynamics_many",
+]
 
 
 def __getattr__(name: str) -> object:
