@@ -2,27 +2,31 @@
 
 from rbd.control.accepted_steps import AcceptedStep as AcceptedStep
 from rbd.control.contact_schedule import ContactSchedule
+from rbd.control.force_tasks import ForceTask, MomentumTask
 from rbd.control.limits import Limits as Limits
 from rbd.control.posture import HoldPosture
+from rbd.control.posture_task import PostureTask
 from rbd.control.schedules import Push, Pushes, TorqueSchedule, ZeroOrderHold
 from rbd.control.stepping import TaskActuation as TaskActuation, step as step
-from rbd.control.tasks import (
-    ComTask as ComTask,
-    ForceTask as ForceTask,
-    FrameTask as FrameTask,
-    MomentumTask as MomentumTask,
-    PostureTask as PostureTask,
-    Reference as Reference,
-)
+from rbd.control.task_terms import Reference, Task, TaskTerms
+from rbd.control.tasks import ComTask, FrameTask
 from rbd.control.torques import inverse_dynamics_many
 from rbd.control.whole_body import WholeBodyController
 from rbd.modules import submodule as _submodule
 
 __all__ = [
+    "ComTask",
     "ContactSchedule",
+    "ForceTask",
+    "FrameTask",
     "HoldPosture",
+    "MomentumTask",
+    "PostureTask",
     "Push",
     "Pushes",
+    "Reference",
+    "Task",
+    "TaskTerms",
     "TorqueSchedule",
     "WholeBodyController",
     "ZeroOrderHold",

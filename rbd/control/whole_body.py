@@ -18,7 +18,7 @@ from rbd.control.control_log import ControlLog, ControlStep
 from rbd.control.limits import Limits
 from rbd.control.schedules import INSTANT
 from rbd.control.stepping import TaskActuation, step
-from rbd.control.tasks import Task
+from rbd.control.task_terms import Task
 from rbd.errors import DuplicateName, InputError, NoSolution, UnknownName, nearest
 from rbd.errors.warned import RbdWarning
 from rbd.model.state import State
