@@ -1,6 +1,6 @@
 """Motor torques and pushes over time: controllers, schedules and pushes; tasks, and the torques that meet them best."""
 
-from rbd.control.accepted_steps import AcceptedStep as AcceptedStep
+from rbd.control.accepted_steps import AcceptedStep, ContactTouch, SteppedController
 from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.force_tasks import ForceTask, MomentumTask
 from rbd.control.limits import Limits as Limits
@@ -15,8 +15,10 @@ from rbd.control.whole_body import WholeBodyController
 from rbd.modules import submodule as _submodule
 
 __all__ = [
+    "AcceptedStep",
     "ComTask",
     "ContactSchedule",
+    "ContactTouch",
     "ForceTask",
     "FrameTask",
     "HoldPosture",
@@ -25,6 +27,7 @@ __all__ = [
     "Push",
     "Pushes",
     "Reference",
+    "SteppedController",
     "Task",
     "TaskTerms",
     "TorqueSchedule",
