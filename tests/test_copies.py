@@ -120,6 +120,7 @@ def motions() -> Iterator[object]:
         rbd.control.HoldPosture(arm.at()),
         rbd.control.TorqueSchedule([0.0, 1.0], tau),
         rbd.control.ZeroOrderHold(rbd.control.HoldPosture(arm.at()), 0.01),
+        rbd.control.TrackingController(rbd.motion.minimum_jerk(arm, [arm.at().q] * 2, [0.0, 0.02])),
     )
     lock = rbd.JointLock("lock", "panda_joint1", position=0.0)
     yield rbd.simulate(arm.at(), [lock], duration=0.02, step=0.01, progress=False)
