@@ -16,7 +16,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, listed
 from rbd.control.limits import Limits, acceleration_bounds
-from rbd.control.tasks import Task
+from rbd.control.task_terms import Task
 from rbd.errors import NoSolution
 from rbd.model.dynamics import External, generalised
 from rbd.model.state import State
