@@ -853,6 +853,8 @@ MADE_BY_RBD = {
     "MotionReport",
     "Answer",
     "Trajectory",
+    "AcceptedStep",
+    "ContactTouch",
     "ForceEstimate",
     "ForceHistory",
     "OpenComponents",
@@ -1101,6 +1103,8 @@ def public() -> Iterator[str]:
             if place is not rbd and name in rbd.__all__ and getattr(rbd, name) is value:
                 continue  # asked by its name on top
             if isinstance(value, type) and (issubclass(value, BaseException) or issubclass(value, Enum)):
+                continue
+            if getattr(value, "_is_protocol", False):
                 continue
             if names is None and inspect.ismodule(place) and (value.__module__ != place.__name__ or isinstance(value, type)):
                 continue

@@ -1,5 +1,6 @@
 """Motor torques and pushes over time: controllers, schedules and pushes; tasks, and the torques that meet them best."""
 
+from rbd.control.accepted_steps import AcceptedStep, ContactTouch, SteppedController
 from rbd.control.force_tasks import ForceTask, MomentumTask
 from rbd.control.limits import Limits as Limits
 from rbd.control.posture import HoldPosture
@@ -13,7 +14,9 @@ from rbd.control.tracking import TrackingController
 from rbd.modules import submodule as _submodule
 
 __all__ = [
+    "AcceptedStep",
     "ComTask",
+    "ContactTouch",
     "ForceTask",
     "FrameTask",
     "HoldPosture",
@@ -22,6 +25,7 @@ __all__ = [
     "Push",
     "Pushes",
     "Reference",
+    "SteppedController",
     "Task",
     "TaskTerms",
     "TorqueSchedule",

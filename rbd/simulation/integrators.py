@@ -6,8 +6,10 @@ begins, and event detection.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +17,7 @@ from scipy.integrate import DOP853
 
 from rbd.arrays import Array, as_float, max_abs, zeros
 from rbd.constraints.constraint import Constraint, ground_of, member, rows_of
+from rbd.control.accepted_steps import INSTANT, sample_at
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.contact_points import slide, stopping
@@ -23,6 +26,7 @@ from rbd.simulation.motion import Event, EventDetection, Motion, Sample
 from rbd.simulation.recording import constraint_forces, least_forces
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth, reason_unknown_ground
 from rbd.simulation.time_step import StepSystem
+from rbd.simulation.touches import touches_of
 
 TILTS = 1e-9
 """A ground that rotates more slowly than this about an axis in its plane [rad/s] has a constant normal: rounding."""
@@ -58,11 +62,18 @@ class RungeKutta4:
             NoSolution: a step without an acceleration, or beyond all bounds.
         """
         smooth = SmoothMotion(motion, state)
-        stage = smooth.start(state, times[0])
+        lengths = _lengths(times)
+        stage = smooth.start(state, times[0], lengths[0])
         yield smooth.sample(stage)
-        for t, end in pairwise(times):
-            stage = _kutta_step(smooth, stage, t, end)
+        for (t, end), h in zip(pairwise(times), lengths[1:], strict=True):
+            stage = smooth.begun(_kutta_step(smooth, stage, t, end), h)
             yield smooth.sample(stage)
+
+
+def _lengths(times: Sequence[float]) -> list[float]:
+    """Length of the step that begins at each of the times [s]; at the last, of the one before."""
+    lengths = [end - t for t, end in pairwise(times)]
+    return lengths + (lengths[-1:] or [0.0])
 
 
 def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Stage:
@@ -125,18 +136,30 @@ class DormandPrince8:
             NoSolution: a step without an acceleration, out of all bounds, or shorter than rounding.
         """
         smooth = SmoothMotion(motion, state)
-        stage = smooth.start(state, times[0])
+        stop = _next_stop(times[0], times, motion.sample_period)
+        stage = smooth.start(state, times[0], min(self.longest, stop - times[0]))
         yield smooth.sample(stage)
         at, h = 1, None
         while at < len(times):
-            step = _AdaptiveStep(smooth, stage, self, times[-1], h)
+            step = _AdaptiveStep(smooth, stage, self, stop, h)
             while at < len(times) and times[at] < step.end.t:
                 yield smooth.sample(step.at(times[at]))
                 at += 1
-            stage, h = step.end, step.next
+            stop, h, length = _next_stop(step.end.t, times, motion.sample_period), step.next, step.end.t - stage.t
+            stage = smooth.begun(step.end, min(self.longest, stop - step.end.t) or length)
             if at < len(times) and times[at] == stage.t:
                 yield smooth.sample(stage)
                 at += 1
+
+
+def _next_stop(t: float, times: Sequence[float], every: float | None) -> float:
+    """Time that a step from t must not pass [s]: the controller's next sample, or the end of the motion."""
+    if every is None:
+        return times[-1]
+    sample = (sample_at(t, every) + 1) * every
+    i = bisect_left(times, sample - INSTANT)
+    same = i < len(times) and times[i] <= sample + INSTANT
+    return times[i] if same else min(sample, times[-1])
 
 
 class _AdaptiveStep:
@@ -146,7 +169,7 @@ class _AdaptiveStep:
         smooth: The motion.
         start: The stage at its beginning.
         by: Tolerances.
-        last: Time that must not be passed [s].
+        last: Time that must not be passed [s]: the motion's end, or the controller's next sample.
         h: First guess of the step [s]; None for SciPy's.
 
     Attributes:
@@ -244,11 +267,13 @@ class TimeStepping:
     def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
         """One sample at each of the times."""
         system = StepSystem(motion, state, impact_speed=self.impact_speed, impacts=self.impacts, extrapolate=self.extrapolate)
-        detection, last = EventDetection(), len(times) - 1
+        detection, last, tells = EventDetection(), len(times) - 1, motion.hook is not None
         now, passed = system.begin(state, times[0])
         detection.add(passed)
         for k, t in enumerate(times):
             h = times[k + 1] - t if k < last else t - times[k - 1] if k else 1e-3
+            if tells:
+                motion.tell(now.at.state, now.t, h, partial(touches_of, now, motion.constraints, system.points.sources))
             half = system.half_step(now, h)
             make = _recorded if motion.recorded(k, times) else _passed_by
             yield make(system, half, detection.taken())

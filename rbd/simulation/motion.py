@@ -11,6 +11,7 @@ import numpy as np
 from rbd.arrays import Array, lazy, zeros
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.stabilisation import Baumgarte
+from rbd.control.accepted_steps import AcceptedStep, ContactTouch, TouchesWhenRead, hook, sample_period, told
 from rbd.control.schedules import Controller, ExternalAt, asked
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection
@@ -49,6 +50,34 @@ class Motion:
     restitution: Mapping[str, float] | None = None
     stabilisation: Stabilisation = None
     record_every: int = 1
+
+    @lazy
+    def hook(self) -> Callable[[AcceptedStep], None] | None:
+        """`accepted` of the controller; None if it has none."""
+        return hook(self.controller, "accepted")
+
+    @lazy
+    def sample_period(self) -> float | None:
+        """Times at multiples of which the controller computes torques [s]; None for any."""
+        return sample_period(self.controller)
+
+    def start(self) -> None:
+        """Tell the controller that a motion starts."""
+        reset = hook(self.controller, "reset")
+        if reset is not None:
+            told(self.controller, reset)
+
+    def tell(self, state: State, t: float, h: float, touches: Callable[[], Mapping[str, ContactTouch]]) -> None:
+        """Tell the controller that a step begins, if it wants to know.
+
+        Args:
+            state: The robot at the beginning of the step.
+            t: Its time [s].
+            h: Its length [s].
+            touches: Gives what touches; called when the controller reads it.
+        """
+        if self.hook is not None:
+            told(self.controller, self.hook, AcceptedStep(state, t, h, TouchesWhenRead(touches)), t=t)
 
     def recorded(self, k: int, times: Sequence[float]) -> bool:
         """Whether the k-th sample is recorded: every so many, and the last."""

@@ -264,13 +264,13 @@ def constraint_forces(snapshot: Snapshot, force: Array, speed: Array, names: Seq
     layout = snapshot.layout
     for measured, (points, rows) in zip(snapshot.places, layout.spans, strict=True):
         f, u = force[rows], speed[points]
-        for owner, at, row in _groups(measured.structure):
+        for owner, at, row in points_and_rows(measured.structure):
             out[owner] = _force_of(measured, f[row], u[at], at, row)
     return {name: out.get(name, ConstraintForce(np.zeros(0), OPEN)) for name in names}
 
 
 @lru_cache(maxsize=256)
-def _groups(structure: Structure) -> tuple[tuple[str, slice, slice], ...]:
+def points_and_rows(structure: Structure) -> tuple[tuple[str, slice, slice], ...]:
     """(constraint, its points, its rows) of a source's points; those of one constraint are adjacent."""
     out: list[tuple[str, slice, slice]] = []
     point = row = 0

@@ -25,6 +25,7 @@ from rbd.model.state import State
 from rbd.problem.answer import corner_split
 from rbd.problem.problem import BILATERAL, GaussProblem
 from rbd.simulation.motion import HOLDS, ConstraintForce, Motion, Sample
+from rbd.simulation.touches import held_touches
 from rbd.solution import Solution
 
 CLOSE = 3e-2
@@ -97,8 +98,8 @@ class SmoothMotion:
         self._open = 0.0
         self._solver = StageSolver()
 
-    def start(self, state: State, t: float) -> Stage:
-        """The stage at the given start.
+    def start(self, state: State, t: float, h: float) -> Stage:
+        """The stage at the given start of a step of length h, of which the controller is told.
 
         Raises:
             InputError: it violates the constraints in position or velocity.
@@ -109,7 +110,15 @@ class SmoothMotion:
         held = self._anchored.rows(state)
         self._open = held.drift
         self._solver.survey(held)
+        self.motion.tell(state, t, h, lambda: held_touches(held.rows, {}))
         return self._stage(held, t)
+
+    def begun(self, stage: Stage, h: float) -> Stage:
+        """The stage at the end of a step, after the controller is told that the next one, of length h, begins there."""
+        if self.motion.hook is None:
+            return stage
+        self.motion.tell(stage.state, stage.t, h, lambda: held_touches(stage.held.rows, self._forces(stage)))
+        return self._stage(stage.held, stage.t)
 
     def at(self, q: Array, v: Array, t: float) -> Stage:
         """A stage within a step.
