@@ -120,6 +120,7 @@ def motions() -> Iterator[object]:
         rbd.control.HoldPosture(arm.at()),
         rbd.control.TorqueSchedule([0.0, 1.0], tau),
         rbd.control.ZeroOrderHold(rbd.control.HoldPosture(arm.at()), 0.01),
+        rbd.control.TrackingController(rbd.motion.minimum_jerk(arm, [arm.at().q] * 2, [0.0, 0.02])),
     )
     posture = rbd.control.PostureTask(arm.at(), cost={"panda_joint1": 2.0})
     tasks = [
