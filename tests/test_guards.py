@@ -34,6 +34,7 @@ from rbd.visual import (
     export_planar,
     export_report,
     motion_sheet,
+    plot_directions,
     plot_ellipses,
     plot_energy,
     plot_forces,
@@ -457,6 +458,12 @@ CASES: dict[str, Case] = {
     "visual.plot_pushes": Case(
         lambda **given: len(plot_pushes(**given)),
         {"ax": Figure().subplots(), "limits": rbd.statics.push_limits(BOX.at(), FLOOR, "box", np.eye(3))},
+        20,
+    ),
+    "visual.plot_directions": Case(
+        lambda **given: len(plot_directions(**given)),
+        {"ax": Figure().add_subplot(projection="polar"), "directions": np.eye(3)[:2], "curves": {"a push": [1.0, 2.0]}}
+        | {"quantity": "largest push", "unit": "N"},
         20,
     ),
     "visual.plot_wrench_cone": Case(
