@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
+import pinocchio as pin
 
 from rbd.arrays import Array, lazy, zeros
 from rbd.constraints.constraint import Constraint
@@ -60,6 +61,27 @@ class Motion:
     def sample_period(self) -> float | None:
         """Times at multiples of which the controller computes torques [s]; None for any."""
         return sample_period(self.controller)
+
+    def work(self, tau: Array, q: Array, q_end: Array) -> float:
+        """Work of constant motor torques from one configuration to another, near it [J].
+
+        Args:
+            tau: Shape (nu,) [N, N m].
+            q: Shape (nq,).
+            q_end: Shape (nq,).
+        """
+        places = self._motor_places
+        if places is None:
+            return float(tau.dot(pin.difference(self.robot.model, q, q_end)[self.robot.motors]))
+        return float(tau.dot(q_end[places] - q[places]))
+
+    @lazy
+    def _motor_places(self) -> Array | None:
+        """Places in q of the joints with motors, shape (nu,); None if one of them has several numbers."""
+        model, robot = self.robot.model, self.robot
+        place = {model.joints[j].idx_v: model.joints[j].idx_q for j in range(1, model.njoints) if model.nqs[j] == 1}
+        motors = np.arange(robot.nv)[robot.motors].tolist()
+        return np.array([place[i] for i in motors], int) if all(i in place for i in motors) else None
 
     def start(self) -> None:
         """Tell the controller that a motion starts."""
@@ -188,6 +210,7 @@ class Sample:
         drift_rate: Largest velocity error of the bilateral constraints [m/s, rad/s].
         penetration: Depth of the deepest contact [m, rad]; zero or more.
         events: Events since the sample before, in order of time.
+        motor_work: Work of the motors since the start of the motion [J].
     """
 
     robot: CheckedModel
@@ -202,6 +225,7 @@ class Sample:
     drift_rate: float = 0.0
     penetration: float = 0.0
     events: tuple[Event, ...] = ()
+    motor_work: float = 0.0
 
     @classmethod
     def of(
