@@ -10,7 +10,7 @@ import numpy as np
 from rbd.arrays import Array, lazy
 from rbd.simulation.contact_gaps import GapTolerances
 from rbd.simulation.contact_points import Layout, PointMatching, Snapshot
-from rbd.simulation.motion import ImpactRecord, StepRecord
+from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.velocity_problem import VelocityAnswer
 
 Passed: TypeAlias = list[StepRecord | ImpactRecord]

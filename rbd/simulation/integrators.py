@@ -21,8 +21,9 @@ from rbd.control.accepted_steps import INSTANT, sample_at
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.contact_points import slide, stopping
+from rbd.simulation.event_detection import EventDetection
 from rbd.simulation.instant import HalfStep
-from rbd.simulation.motion import Event, EventDetection, Motion, Sample
+from rbd.simulation.motion import Event, Motion, Sample
 from rbd.simulation.recording import constraint_forces, least_forces
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth, reason_unknown_ground
 from rbd.simulation.time_step import StepSystem

@@ -35,9 +35,10 @@ from rbd.model.state import State
 from rbd.simulation.bases import Bases
 from rbd.simulation.contact_gaps import BodySizes, Correction, first_crossing
 from rbd.simulation.contact_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
+from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, WholeStep
-from rbd.simulation.motion import ImpactRecord, Motion, StepRecord
+from rbd.simulation.motion import Motion
 from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
 
 _AT_REST = 1e-7
