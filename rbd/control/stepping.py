@@ -16,7 +16,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, listed
 from rbd.control.limits import Limits, acceleration_bounds
-from rbd.control.tasks import Task
+from rbd.control.task_terms import Task
 from rbd.errors import NoSolution
 from rbd.model.dynamics import External, generalised
 from rbd.model.state import State
@@ -92,7 +92,7 @@ def step(
         else:
             i = at[each.contact]
             A = np.zeros((len(each.A), nv + p))
-            A[:, nv:] = each.A @ rows[i].resultant @ sets.G[ends[i] : ends[i + 1]] * unit
+            A[:, nv:] = each.A @ rows[i].resultant[: each.A.shape[1]] @ sets.G[ends[i] : ends[i + 1]] * unit
         H += (A.T * each.cost) @ A
         g -= A.T @ (each.cost * each.wanted)
         parts.append((each, A))

@@ -1,87 +1,71 @@
-"""Tasks of a whole-body controller: accelerations and forces that are wanted, each with a cost.
+"""Tasks of the centre of mass and of a frame: each follows its target as a damped oscillator.
 
-A task is m rows A a (or A f, of a contact's force), what they are wanted to be, and a cost each:
+With e the target less where the robot is, k the gain and zeta the damping ratio, both, and `PostureTask`, want::
 
-    minimise 1/2 sum_i cost_i (A_i x - wanted_i)^2
+    e'' + 2 zeta sqrt(k) e' + k e = 0
 
-A task of motion wants its error e to decay as a damped oscillator: e'' + 2 zeta sqrt(k) e' + k e = 0, with k its gain and zeta
-its damping ratio. Momenta and forces are divided by the robot's mass, so that costs compare: of 1 m/s2, whatever it is of.
+so that with zeta = 1 an error decays as (1 + sqrt(k) t) exp(-sqrt(k) t). With the velocity and the acceleration of a
+`Reference` the law holds for targets that move; without them these count as zero. Rows of cost zero are left out.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
-from rbd.model.state import State
+from rbd.arrays import Array, as_array, as_vector3, check_finite, is_finite, lazy
+from rbd.constraints.surface import rigid_placement
+from rbd.control.task_terms import (
+    Cost,
+    Reference,
+    Target,
+    TaskTerms,
+    as_reference,
+    checked_costs,
+    checked_law,
+    checked_name,
+    checked_rates,
+    checked_vector,
+    chosen,
+    reference_at,
+    target_of,
+)
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State, check_state
 
-
-class Reference(NamedTuple):
-    """What a task follows at one time: a value, its velocity and its acceleration; zero where they are not given."""
-
-    value: Any
-    velocity: Any = None
-    acceleration: Any = None
-
-
-Target: TypeAlias = Any | Reference | Callable[[float], Any]
-"""A value, a `Reference`, or a function of time that gives one of them."""
-Cost: TypeAlias = float | Sequence[float] | Array
-
-
-@dataclass(frozen=True, eq=False)
-class TaskTerms:
-    """A task at one state and time.
-
-    Attributes:
-        name: Name of the task.
-        A: Shape (m, nv), of accelerations; or of a contact's force, shape (m, 3), or wrench at its centre, shape (m, 6), in
-            world axes.
-        wanted: Shape (m,).
-        cost: Shape (m,).
-        contact: The contact whose force it is of; empty for accelerations.
-    """
-
-    name: str
-    A: Array
-    wanted: Array
-    cost: Array
-    contact: str = ""
-
-
-class Task(Protocol):
-    """What `step` and `WholeBodyController` take."""
-
-    @property
-    def name(self) -> str:
-        """Its name, among the tasks that are given together."""
-
-    def terms(self, state: State, t: float) -> TaskTerms:
-        """Its rows at a state and a time [s]."""
-
-
-def reference(target: Target, t: float) -> Reference:
-    """A target at a time."""
-    value = target(t) if callable(target) else target
-    return value if isinstance(value, Reference) else Reference(value)
-
-
-def _costs(cost: Cost, m: int) -> Array:
-    return np.array(np.broadcast_to(np.asarray(cost, float), (m,)))
-
-
-def _or_zero(given: Any, m: int) -> Array:
-    return np.zeros(m) if given is None else np.asarray(given, float)
+_WORLD = pin.LOCAL_WORLD_ALIGNED
 
 
 @dataclass(frozen=True, eq=False)
 class ComTask:
-    """The centre of mass follows a target, in world axes [m]."""
+    """The centre of mass follows a point, in world axes.
+
+    Its error c* - c obeys its law exactly, and its rows are A = J_c, the Jacobian of the centre of mass.
+
+    Attributes:
+        target: Where it is wanted, shape (3,) [m], a `Reference` with velocity and acceleration, or a function of t [s].
+        cost: One of all axes, or one each, shape (3,), of (m/s2)^2.
+        gain: k [1/s2].
+        damping_ratio: zeta.
+        name: Its name among the tasks.
+
+    Raises:
+        InputError: a target of another shape, negative or infinite costs, gains, damping ratios.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet(friction=0.7)
+        >>> lower = rbd.control.ComTask(state.com - [0.0, 0.0, 0.01], cost=1e4, gain=100.0)
+        >>> motors = rbd.control.step(state, [lower], feet)
+        >>> a = (state.centroidal()[0] @ motors.a)[:3] / solo.mass
+        >>> print(a.round(3))  # 100 times 1 cm, downwards
+        [0. 0. -1.]
+    """
 
     target: Target
     _: KW_ONLY
@@ -90,105 +74,200 @@ class ComTask:
     damping_ratio: float = 1.0
     name: str = "com"
 
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "name", checked_name(self.name))
+        object.__setattr__(self, "cost", checked_costs(f"cost of task {self.name!r:.80}", self.cost, 3))
+        checked_law(self.name, self.gain, self.damping_ratio)
+        if not callable(self.target):
+            object.__setattr__(self, "target", self._reference(self.target, None))
+
+    def _reference(self, target: Any, t: float | None) -> Reference:
+        ref = as_reference(target)
+        return Reference(checked_vector(ref.value, 3, "", t, self.name), *checked_rates(ref, 3, t, self.name))
+
+    @lazy
+    def _law(self) -> tuple[float, float, Array | None]:
+        return *checked_law(self.name, self.gain, self.damping_ratio), chosen(np.asarray(self.cost))
+
     def terms(self, state: State, t: float) -> TaskTerms:
-        """Three rows: the acceleration of the centre of mass."""
-        ref = reference(self.target, t)
-        Ag, bias, mass = state.centroidal()
-        J = Ag[:3] / mass
-        e, de = np.asarray(ref.value) - state.com, _or_zero(ref.velocity, 3) - J @ state.v
-        wanted = _or_zero(ref.acceleration, 3) + self.gain * e + 2.0 * self.damping_ratio * np.sqrt(self.gain) * de
-        return TaskTerms(self.name, J, wanted - bias[:3] / mass, _costs(self.cost, 3))
+        """Three rows at a state and a time [s]: the acceleration of the centre of mass; fewer where costs are zero.
+
+        Raises:
+            InputError: what a function gives as the target is no point.
+        """
+        ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
+        k, d, rows = self._law
+        A_g, bias, mass = check_state(state).centroidal()
+        J = A_g[:3] / mass
+        wanted = ref.acceleration + k * (ref.value - state.com) + d * (ref.velocity - J @ state.v) - bias[:3] / mass
+        return _terms(self.name, J, wanted, np.asarray(self.cost), rows)
 
 
 @dataclass(frozen=True, eq=False)
 class FrameTask:
-    """A frame of the robot follows a pose, pin.SE3, or a position (3,): its origin in W, and its orientation."""
+    """A frame of the robot, or a point fixed to it, follows a pose, a position or an orientation.
+
+    The position error p* - p obeys its law exactly. The error of the orientation is the rotation vector in world axes from R
+    to R*, log(R* R^T). It obeys its law exactly while the frame turns about an axis that is fixed, and to first order in
+    general; for any motion, with w the angular velocities,::
+
+        d/dt (k/2 |log(R* R^T)|^2 + 1/2 |w* - w|^2) = -2 zeta sqrt(k) |w* - w|^2
+
+    so that it never grows [Bullo1995]; at half a turn the direction of the way back is not determined. A is the frame's
+    Jacobian.
+
+    Attributes:
+        frame: Name of the frame.
+        target: A pose, pin.SE3 or shape (4, 4); a position, shape (3,) [m], which leaves the orientation free; or an
+            orientation R_WF, shape (3, 3), which leaves the position free. Or a `Reference` of one of them, with velocity and
+            acceleration in world axes, shape (6,), linear then angular, of the others (3,); or a function of t [s].
+        offset: The point that is to be at the target, in the frame's axes, from its origin [m].
+        position_cost: One of all axes, or one each, shape (3,), of (m/s2)^2.
+        orientation_cost: The same, of (rad/s2)^2.
+        axes: Axes of the costs: "world", or "frame", those of the frame.
+        gain: k [1/s2].
+        damping_ratio: zeta.
+        name: Its name among the tasks; the frame's if not given.
+
+    Raises:
+        InputError: a target that is none of these, negative or infinite costs, gains, damping ratios.
+
+    Example:
+        >>> talos = rbd.load_robot("talos")
+        >>> state, soles = talos.standing(), talos.soles(friction=0.7)
+        >>> place = state.frame("gripper_left_joint").X_WF.translation + [0.05, 0.0, 0.05]
+        >>> hand = rbd.control.FrameTask("gripper_left_joint", place, gain=25.0, position_cost=1e4)
+        >>> motors = rbd.control.step(state, [hand, rbd.control.PostureTask(state)], soles)
+        >>> print((state.frame("gripper_left_joint").J[:3] @ motors.a).round(2))  # 25 times 5 cm, forwards and up
+        [1.25 0. 1.25]
+    """
 
     frame: str
     target: Target
     _: KW_ONLY
+    offset: Sequence[float] | Array = (0.0, 0.0, 0.0)
     position_cost: Cost = 1.0
     orientation_cost: Cost = 1.0
+    axes: str = "world"
     gain: float = 100.0
     damping_ratio: float = 1.0
     name: str = ""
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "name", self.name or self.frame)
+        if not isinstance(self.frame, str) or not self.frame:
+            raise InputError(f"frame of a task is {self.frame!r:.80}; expected the name of a frame. See robot.frames().")
+        object.__setattr__(self, "name", checked_name(self.name, self.frame))
+        for what in ("position_cost", "orientation_cost"):
+            object.__setattr__(self, what, checked_costs(f"{what} of task {self.name!r:.80}", getattr(self, what), 3))
+        checked_law(self.name, self.gain, self.damping_ratio)
+        if self.axes not in ("world", "frame"):
+            raise InputError(f"axes of task {self.name!r:.80} are {self.axes!r:.80}; expected 'world' or 'frame'.")
+        object.__setattr__(self, "offset", as_vector3(f"offset of task {self.name!r:.80}", self.offset))
+        if not callable(self.target):
+            object.__setattr__(self, "target", self._reference(self.target, None))
+
+    def _reference(self, target: Any, t: float | None) -> Reference:
+        """With a `_Place` as its value, and rates of all six axes."""
+        ref = as_reference(target)
+        if isinstance(ref.value, _Place):
+            return ref
+        place = _place(self.name, ref.value, t)
+        m = 6 if place.R is not None and place.p is not None else 3
+        rates = checked_rates(ref, m, t, self.name)
+        if m == 3:
+            rates = _of_six(rates[0], place.R is not None), _of_six(rates[1], place.R is not None)
+        return Reference(place, *rates)
+
+    def check(self, robot: CheckedModel) -> None:
+        """Refuse a robot without the frame.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+        """
+        robot.site(self.frame)
+
+    @lazy
+    def _law(self) -> tuple[float, float, pin.SE3]:
+        return *checked_law(self.name, self.gain, self.damping_ratio), pin.SE3(np.eye(3), np.asarray(self.offset))
+
+    @lazy
+    def _rows(self) -> dict[tuple[bool, bool], tuple[Array, Array | None]]:
+        """{(position, orientation): (costs of six rows, the rows that count)}."""
+        six = np.concatenate([np.asarray(self.position_cost), np.asarray(self.orientation_cost)])
+        kinds = {kind: six * np.repeat(kind, 3) for kind in ((True, True), (True, False), (False, True))}
+        return {kind: (cost, chosen(cost)) for kind, cost in kinds.items()}
 
     def terms(self, state: State, t: float) -> TaskTerms:
-        """Six rows: the acceleration of the frame's origin, and its angular acceleration, in world axes."""
-        ref = reference(self.target, t)
-        seen = state.frame(self.frame)
-        X = ref.value if isinstance(ref.value, pin.SE3) else pin.SE3(seen.X_WF.rotation, np.asarray(ref.value))
-        e = np.concatenate([X.translation - seen.X_WF.translation, pin.log3(X.rotation @ seen.X_WF.rotation.T)])
-        de = _or_zero(ref.velocity, 6) - seen.v
-        wanted = _or_zero(ref.acceleration, 6) + self.gain * e + 2.0 * self.damping_ratio * np.sqrt(self.gain) * de
-        cost = np.concatenate([_costs(self.position_cost, 3), _costs(self.orientation_cost, 3)])
-        return TaskTerms(self.name, seen.J, wanted - seen.bias, cost)
+        """Rows at a state and a time [s]: the acceleration of the point, then the angular one, in the axes of the costs.
+
+        Six rows; those of cost zero, and those that a position or an orientation leaves free, are left out.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+            InputError: what a function gives as the target is none.
+        """
+        ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
+        (p, R), k, d = ref.value, *self._law[:2]
+        X, J, v, bias = check_state(state).moving(self.frame, self._law[2], _WORLD)
+        e = np.zeros(6)
+        if p is not None:
+            e[:3] = p - X.translation
+        if R is not None:
+            e[3:] = pin.log3(R @ X.rotation.T)
+        wanted = ref.acceleration + k * e + d * (ref.velocity - v) - bias
+        if self.axes == "frame":
+            back = X.rotation.T
+            J = np.concatenate([back @ J[:3], back @ J[3:]])
+            wanted = np.concatenate([back @ wanted[:3], back @ wanted[3:]])
+        return _terms(self.name, J, wanted, *self._rows[p is not None, R is not None])
 
 
-@dataclass(frozen=True, eq=False)
-class PostureTask:
-    """The joints with motors follow a configuration q."""
+class _Place(NamedTuple):
+    """Where a frame is wanted: its position, shape (3,), its orientation, shape (3, 3); None where it is free."""
 
-    target: Target
-    _: KW_ONLY
-    cost: Cost | Mapping[str, float] = 1.0
-    gain: float = 100.0
-    damping_ratio: float = 1.0
-    name: str = "posture"
-
-    def terms(self, state: State, t: float) -> TaskTerms:
-        """One row a motor: the acceleration of its joint."""
-        robot = state.robot
-        ref = reference(self.target, t)
-        e = pin.difference(robot.model, state.q, np.asarray(ref.value))[robot.actuated]
-        de = _or_zero(ref.velocity, robot.nv)[robot.actuated] - state.v[robot.actuated]
-        a = _or_zero(ref.acceleration, robot.nv)[robot.actuated]
-        wanted = a + self.gain * e + 2.0 * self.damping_ratio * np.sqrt(self.gain) * de
-        if isinstance(self.cost, Mapping):
-            cost = np.array([float(self.cost.get(name, 1.0)) for name in robot.actuated_names])
-        else:
-            cost = _costs(self.cost, robot.nu)
-        return TaskTerms(self.name, np.eye(robot.nv)[robot.actuated], wanted, cost)
+    p: Array | None
+    R: Array | None
 
 
-@dataclass(frozen=True, eq=False)
-class MomentumTask:
-    """The momentum about the centre of mass, linear then angular, follows a target [N s, N m s]."""
-
-    target: Target = None
-    _: KW_ONLY
-    linear_cost: Cost = 0.0
-    angular_cost: Cost = 1.0
-    gain: float = 10.0
-    name: str = "momentum"
-
-    def terms(self, state: State, t: float) -> TaskTerms:
-        """Six rows: the rate of momentum over the mass."""
-        ref = reference(self.target, t)
-        Ag, bias, mass = state.centroidal()
-        wanted = _or_zero(ref.velocity, 6) + self.gain * (_or_zero(ref.value, 6) - Ag @ state.v)
-        cost = np.concatenate([_costs(self.linear_cost, 3), _costs(self.angular_cost, 3)])
-        return TaskTerms(self.name, Ag / mass, (wanted - bias) / mass, cost)
+def _terms(name: str, A: Array, wanted: Array, cost: Array, rows: Array | None) -> TaskTerms:
+    return TaskTerms(name, A, wanted, cost) if rows is None else TaskTerms(name, A[rows], wanted[rows], cost[rows])
 
 
-@dataclass(frozen=True, eq=False)
-class ForceTask:
-    """A contact's force (3,), or wrench (6,) at its centre, follows a target: on the robot, world axes [N, N m]."""
+def _of_six(rate: Array, angular: bool) -> Array:
+    out = np.zeros(6)
+    out[3 * angular :][:3] = rate
+    return out
 
-    contact: str
-    target: Target
-    _: KW_ONLY
-    cost: Cost = 1.0
-    name: str = ""
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "name", self.name or f"force of {self.contact}")
+def _place(name: str, value: Any, t: float | None) -> _Place:
+    """A pose, a position or an orientation.
 
-    def terms(self, state: State, t: float) -> TaskTerms:
-        """Three or six rows: the force, or wrench, over the mass."""
-        wanted = np.asarray(reference(self.target, t).value, float)
-        mass, m = state.robot.mass, len(wanted)
-        return TaskTerms(self.name, np.eye(m) / mass, wanted / mass, _costs(self.cost, m), self.contact)
+    Raises:
+        InputError: none of them.
+    """
+    if isinstance(value, pin.SE3):
+        p, R = value.translation.copy(), value.rotation.copy()
+        if is_finite(p) and _is_rotation(R):
+            return _Place(p, R)
+    said = target_of(name, t)
+    found = as_array(said, value.homogeneous if isinstance(value, pin.SE3) else value)
+    if found.shape == (4, 4):
+        X = rigid_placement(said, found)
+        return _Place(X.translation.copy(), X.rotation.copy())
+    check_finite(said, found)
+    if found.shape == (3, 3):
+        if not _is_rotation(found):
+            raise InputError(f"{said} is no rotation: R^T R is not 1 to 1e-6, or it reflects.")
+        return _Place(None, found)
+    if found.shape != (3,):
+        raise InputError(
+            f"{said} has shape {found.shape}; expected a pose, pin.SE3 or (4, 4), a position (3,), or an orientation (3, 3)."
+        )
+    return _Place(found, None)
+
+
+def _is_rotation(R: Array) -> bool:
+    """Whether R^T R is 1 to 1e-6, and R turns to the right."""
+    (a, b, c), (d, e, f), (g, h, i) = R.tolist()
+    determinant = a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
+    return determinant > 0.0 and bool(np.abs(R.T @ R - np.eye(3)).max() <= 1e-6)

@@ -205,11 +205,18 @@ class State:
 
         Linear then angular, about the centre of mass, in world axes; the rate of momentum is A_g v_dot + A_g_dot v.
         """
+        return self._centroidal
+
+    @lazy
+    def _centroidal(self) -> tuple[Array, Array, float]:
         with self._pool.lock:
             data = self._data()
             # From velocities and accelerations for v_dot = 0, which _run left; crba left A_g and the mass.
-            rate_bias = pin.computeCentroidalMomentumTimeVariation(self.robot.model, data).vector
-            return data.Ag.copy(), rate_bias, data.mass[0]
+            rate_bias = np.array(pin.computeCentroidalMomentumTimeVariation(self.robot.model, data).vector)
+            found = data.Ag.copy(), rate_bias, data.mass[0]
+        for array in found[:2]:
+            array.flags.writeable = False
+        return found
 
 
 def state_at(robot: CheckedModel, q: Array, v: Array) -> State:

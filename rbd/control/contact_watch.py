@@ -1,0 +1,142 @@
+"""Which contacts a step of control counts on: those that are wanted and touch; and how that differs from what touches."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.constraints.constraint import Constraint, member
+from rbd.constraints.contact_points import ALWAYS, Source, sources_of
+from rbd.control.accepted_steps import AcceptedStep, ContactTouch
+from rbd.control.contact_schedule import ContactSchedule
+from rbd.control.posture import TOUCHING
+
+SLIPS = 1e-2
+"""A contact that moves faster along its surface than this [m/s] slips. One that sticks has the speed of a step's error."""
+
+
+class SeenContacts(NamedTuple):
+    """What is planned, what touches (all of it, or some), what is counted on, and how they differ, as (contact, kind).
+
+    Attributes:
+        since: {contact that is counted on: when it touched [s]}; -inf from the start of the motion.
+    """
+
+    planned: tuple[str, ...]
+    touching: tuple[str, ...]
+    since: dict[str, float]
+    different: list[tuple[str, str]]
+
+
+class ContactWatch:
+    """Follows the contacts of a motion, from one step of control to the next.
+
+    A contact counts from when it is wanted and all its points touch, until it is not wanted, or none of its points touches. One
+    that touches with some of them for longer than a fade counts too. Late in its swing, one that touches with all its points
+    counts before it is wanted.
+
+    Args:
+        contacts: Those of the controller.
+        schedule: When they are wanted.
+        early: After this share of a swing, what touches has landed.
+    """
+
+    def __init__(self, contacts: Sequence[Constraint], schedule: ContactSchedule, early: float) -> None:
+        self.contacts, self.schedule, self.early = contacts, schedule, early
+        self.names = frozenset(c.name for c in contacts)
+        self.since: dict[str, float] = {}
+        self._partly: dict[str, float] = {}
+        self._sources: dict[str, Source] = {}
+        self._start: float | None = None
+
+    def see(self, step: AcceptedStep) -> SeenContacts:
+        """The contacts at the beginning of a step."""
+        t, begins = step.t, self._start is None
+        if self._start is None:
+            self._start = t
+        planned, touching, different = list[str](), list[str](), list[tuple[str, str]]()
+        since = dict[str, float]()
+        for contact in self.contacts:
+            name = contact.name
+            some, whole = self._touches(contact, step)
+            wanted = self.schedule.wants(name, t)
+            if wanted:
+                planned.append(name)
+            if some:
+                touching.append(name)
+            if some and not whole:
+                self._partly.setdefault(name, t)
+            else:
+                self._partly.pop(name, None)
+            if self._counts(name, t, some, whole, wanted):
+                since[name] = -np.inf if begins else self.since.get(name, t)
+                if not wanted:
+                    different.append((name, "early"))
+                if not whole:
+                    different.append((name, "partial"))
+                elif _speed(contact, step) > SLIPS:
+                    different.append((name, "slips"))
+            elif wanted:
+                different.append((name, "late"))
+            elif some and not self._just_lifted(name, t):
+                different.append((name, "unplanned"))
+        for name in step.contacts:
+            if name not in self.names and _met(step.contacts[name]):
+                different.append((name, "unplanned"))
+        self.since = since
+        return SeenContacts(tuple(planned), tuple(touching), since, different)
+
+    def _counts(self, name: str, t: float, some: bool, whole: bool, wanted: bool) -> bool:
+        """Whether a contact is counted on."""
+        if not some:
+            return False
+        if wanted:
+            return whole or name in self.since or t - self._partly[name] > self.schedule.fade
+        swing = self.schedule.swing(name, t)
+        assert swing is not None and self._start is not None
+        start, end = max(swing[0], self._start), swing[1]
+        late_in_swing = t - start >= self.early * (end - start)
+        return late_in_swing and (whole or name in self.since)
+
+    def _just_lifted(self, name: str, t: float) -> bool:
+        """Whether the contact was wanted until now, less a fade: a foot needs some time to leave the ground."""
+        swing = self.schedule.swing(name, t)
+        return swing is not None and t - swing[0] <= self.schedule.fade
+
+    def _touches(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool]:
+        """Whether some of a contact's points touch, and whether all do; measured here where it was not told."""
+        told = step.contacts.get(contact.name)
+        if told is not None:
+            touches = np.asarray(told.touches)
+        else:
+            source = self._sources.get(contact.name)
+            if source is None:
+                source = self._sources[contact.name] = sources_of((contact,), step.state)[0]
+            touches = source.gaps(step.state, step.t) <= TOUCHING
+        n = int(np.count_nonzero(touches))
+        return n > 0, 0 < n == len(touches)
+
+
+def _met(touch: ContactTouch) -> bool:
+    """Whether something touches that need not: loops and friction of joints, which always act, have gaps of -inf."""
+    return bool(np.any(np.asarray(touch.touches) & (np.asarray(touch.gaps) > ALWAYS)))
+
+
+def _speed(contact: Constraint, step: AcceptedStep) -> float:
+    """How fast a contact moves along its surface [m/s]; 0 of what is no contact."""
+    frame, placement = member(contact, "frame"), member(contact, "placement")
+    if frame is None or not isinstance(placement, pin.SE3):
+        return 0.0
+    rows = contact.rows(step.state)
+    if rows.patch is None or len(rows) < 3:
+        return 0.0
+    return float(np.hypot(rows.velocity[0], rows.velocity[1]))
+
+
+def frames_of(contacts: Sequence[Constraint], names: Mapping[str, float]) -> set[str]:
+    """Frames of the robot to which some of the contacts are fixed."""
+    frames = (member(contact, "frame") for contact in contacts if contact.name in names)
+    return {frame for frame in frames if isinstance(frame, str)}
