@@ -11,8 +11,8 @@ from flat_bodies import chain, floor_point
 from smooth_models import bricard
 
 import rbd
-from rbd.simulation.instant import Instant, Step
 from rbd.simulation.event_detection import ImpactRecord, StepRecord
+from rbd.simulation.instant import Instant, Step
 from rbd.simulation.motion import Motion
 from rbd.simulation.time_step import StepSystem
 
