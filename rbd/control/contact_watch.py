@@ -15,6 +15,9 @@ from rbd.model.checked_model import CheckedModel
 
 TOUCHES = 1e-4
 """A point touches up to this distance [m], where it was not told."""
+NEAR = 5e-4
+"""A contact that was counted on is, until all its points are farther than this [m]: one that carries little leaves by far less,
+for a step or two, and comes back when it is pushed down."""
 
 
 class SeenContacts(NamedTuple):
@@ -33,7 +36,7 @@ class SeenContacts(NamedTuple):
 class ContactWatch:
     """Follows the contacts of a motion, from one step of control to the next.
 
-    A contact counts from when it is wanted and all its points touch, until it is not wanted, or none of its points touches. One
+    A contact counts from when it is wanted and all its points touch, until it is not wanted, or none of its points is near. One
     that touches with some of them for longer than a fade counts too. Late in its swing, one that touches with all its points
     counts before it is wanted.
 
@@ -60,7 +63,7 @@ class ContactWatch:
         since = dict[str, float]()
         for contact in self.contacts:
             name = contact.name
-            some, whole = self._touches(contact, step)
+            some, whole, near = self._touches(contact, step)
             wanted = self.schedule.wants(name, t)
             if wanted:
                 planned.append(name)
@@ -70,7 +73,8 @@ class ContactWatch:
                 self._partly.setdefault(name, t)
             else:
                 self._partly.pop(name, None)
-            if self._counts(name, t, some, whole, wanted):
+            held = whole or (near and name in self.since) or (wanted and self._lasts(name, t))
+            if held and (wanted or self._late_in_swing(name, t)):
                 since[name] = -np.inf if begins else self.since.get(name, t)
                 if not wanted:
                     different.append((name, "early"))
@@ -86,17 +90,16 @@ class ContactWatch:
         self.since = since
         return SeenContacts(tuple(planned), tuple(touching), since, different)
 
-    def _counts(self, name: str, t: float, some: bool, whole: bool, wanted: bool) -> bool:
-        """Whether a contact is counted on."""
-        if not some:
-            return False
-        if wanted:
-            return whole or name in self.since or t - self._partly[name] > self.schedule.fade
+    def _lasts(self, name: str, t: float) -> bool:
+        """Whether a contact has touched with some of its points for longer than a fade."""
+        return t - self._partly.get(name, t) > self.schedule.fade
+
+    def _late_in_swing(self, name: str, t: float) -> bool:
+        """Whether a contact that is not wanted will be soon, so that what touches has landed early."""
         swing = self.schedule.swing(name, t)
         assert swing is not None and self._start is not None
         start, end = max(swing[0], self._start), swing[1]
-        late_in_swing = t - start >= self.early * (end - start)
-        return late_in_swing and (whole or name in self.since)
+        return t - start >= self.early * (end - start)
 
     def _others(self, name: str, touch: ContactTouch, planned: Sequence[str], robot: CheckedModel) -> list[str]:
         """What touches of a constraint that the controller does not have: "name", or "name: shape" where shapes have names.
@@ -115,18 +118,19 @@ class ContactWatch:
         swing = self.schedule.swing(name, t)
         return swing is not None and t - swing[0] <= self.schedule.fade
 
-    def _touches(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool]:
-        """Whether some of a contact's points touch, and whether all do; measured here where it was not told."""
+    def _touches(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool, bool]:
+        """Whether some of a contact's points touch, whether all do, and whether any is near; measured where it was not told."""
         told = step.contacts.get(contact.name)
         if told is not None:
-            touches = np.asarray(told.touches)
+            gaps, touches = np.asarray(told.gaps), np.asarray(told.touches)
         else:
             source = self._sources.get(contact.name)
             if source is None:
                 source = self._sources[contact.name] = sources_of((contact,), step.state)[0]
-            touches = source.gaps(step.state, step.t) <= TOUCHES
+            gaps = source.gaps(step.state, step.t)
+            touches = gaps <= TOUCHES
         n = int(np.count_nonzero(touches))
-        return n > 0, 0 < n == len(touches)
+        return n > 0, 0 < n == len(touches), n > 0 or bool((gaps <= NEAR).any())
 
 
 def _shape(label: str) -> str:

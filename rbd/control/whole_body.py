@@ -48,8 +48,8 @@ class WholeBodyController:
     """Controller of `rbd.simulate` that meets tasks as well as limits allow, with the contacts that a schedule wants.
 
     At the beginning of a step it looks at what touches, and computes torques by `rbd.control.step`; they are held until the
-    next. A contact is counted on from when it is wanted and all its points touch, until it is not wanted or none of them
-    touches; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero after it
+    next. A contact is counted on from when it is wanted and all its points touch, until it is not wanted or all are more
+    than 0.5 mm away; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero after it
     touches and falls to zero before it is lifted (`ContactSchedule`). A `FrameTask` of a frame whose contact is counted on is
     left out, and a `ForceTask` of a contact that is not: so a foot's swing task can always be given, and one that lands late
     goes on with it.
@@ -112,8 +112,8 @@ class WholeBodyController:
             put(self, "every", check_positive("every of WholeBodyController", self.every, 1e9))
         if not 0.0 <= as_float(self.contact_damping) < math.inf:
             raise InputError(f"contact_damping is {self.contact_damping!r:.80}; expected a rate >= 0 [1/s].")
-        if not 0.0 <= as_float(self.early) <= 1.0:
-            raise InputError(f"early is {self.early!r:.80}; expected a share of a swing, from 0 to 1.")
+        if not 0.0 < as_float(self.early) <= 1.0:
+            raise InputError(f"early is {self.early!r:.80}; expected a share of a swing, in (0, 1].")
         self.reset()
 
     def reset(self) -> None:
