@@ -120,6 +120,7 @@ def motions() -> Iterator[object]:
         rbd.control.HoldPosture(arm.at()),
         rbd.control.TorqueSchedule([0.0, 1.0], tau),
         rbd.control.ZeroOrderHold(rbd.control.HoldPosture(arm.at()), 0.01),
+        rbd.control.TrackingController(rbd.motion.minimum_jerk(arm, [arm.at().q] * 2, [0.0, 0.02])),
     )
     touch = rbd.control.ContactTouch(np.zeros(1), np.ones(1, bool), np.ones((1, 3)), ("toe:0",))
     yield from (touch, rbd.control.AcceptedStep(start, 0.1, 0.01, {"toe": touch}))

@@ -34,6 +34,7 @@ from rbd.visual import (
     export_planar,
     export_report,
     motion_sheet,
+    plot_directions,
     plot_ellipses,
     plot_energy,
     plot_forces,
@@ -201,6 +202,7 @@ TRAJECTORY = rbd.simulate(BOX.at(), FLOOR, duration=0.003, step=1e-3)
 LINKS = rbd.planar.Chain(2, lengths=[0.5, 0.4])
 PLANAR = rbd.planar.endpoint_motion(LINKS, rbd.planar.minimum_jerk([0.6, 0.3], [0.2, 0.6], 1.0))
 HOLD_BOLT = rbd.control.HoldPosture(STATE, FEET)
+STILL_BOLT = rbd.motion.minimum_jerk(BOLT, [STATE.q, STATE.q], [0.0, 0.02], rate=100.0)
 
 
 def use_simulate(**given: Any) -> Any:
@@ -451,6 +453,12 @@ CASES: dict[str, Case] = {
         {"ax": Figure().subplots(), "limits": rbd.statics.push_limits(BOX.at(), FLOOR, "box", np.eye(3))},
         20,
     ),
+    "visual.plot_directions": Case(
+        lambda **given: len(plot_directions(**given)),
+        {"ax": Figure().add_subplot(projection="polar"), "directions": np.eye(3)[:2], "curves": {"a push": [1.0, 2.0]}}
+        | {"quantity": "largest push", "unit": "N"},
+        20,
+    ),
     "visual.plot_wrench_cone": Case(
         lambda **given: len(plot_wrench_cone(**given)),
         {"ax": Figure().subplots(), "cone": rbd.statics.wrench_cone(BOX.at(), FLOOR)},
@@ -661,6 +669,12 @@ CASES: dict[str, Case] = {
     "TorqueSchedule": Case(
         lambda **given: use_controller(rbd.control.TorqueSchedule(**given)),
         {"times": np.array([0.0, 1.0]), "torques": np.zeros((2, BOLT.nu)), "held": False},
+    ),
+    "TrackingController": Case(
+        lambda **given: use_controller(rbd.control.TrackingController(**given)),
+        {"motion": STILL_BOLT, "contacts": FEET, "frequency": 10.0, "damping_ratio": 1.0, "stiffness": 100.0, "damping": 1.0}
+        | {"torques": "exact", "every": 0.01},
+        30,
     ),
     "ZeroOrderHold": Case(
         lambda **given: use_controller(rbd.control.ZeroOrderHold(**given)), {"controller": HOLD_BOLT, "period": 0.002}, 30

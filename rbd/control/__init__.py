@@ -12,6 +12,7 @@ from rbd.control.task_terms import Reference, Task, TaskTerms
 from rbd.control.tasks import ComTask, FrameTask
 from rbd.control.torques import inverse_dynamics_many
 from rbd.control.whole_body import WholeBodyController
+from rbd.control.tracking import TrackingController
 from rbd.modules import submodule as _submodule
 
 __all__ = [
@@ -32,6 +33,7 @@ __all__ = [
     "TaskTerms",
     "TorqueSchedule",
     "WholeBodyController",
+    "TrackingController",
     "ZeroOrderHold",
     "inverse_dynamics_many",
 ]
