@@ -32,8 +32,8 @@ __all__ = [
     "Task",
     "TaskTerms",
     "TorqueSchedule",
-    "WholeBodyController",
     "TrackingController",
+    "WholeBodyController",
     "ZeroOrderHold",
     "inverse_dynamics_many",
 ]
