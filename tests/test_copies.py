@@ -120,7 +120,18 @@ def motions() -> Iterator[object]:
         rbd.control.HoldPosture(arm.at()),
         rbd.control.TorqueSchedule([0.0, 1.0], tau),
         rbd.control.ZeroOrderHold(rbd.control.HoldPosture(arm.at()), 0.01),
+        rbd.control.TrackingController(rbd.motion.minimum_jerk(arm, [arm.at().q] * 2, [0.0, 0.02])),
     )
+    posture = rbd.control.PostureTask(arm.at(), cost={"panda_joint1": 2.0})
+    tasks = [
+        *(posture, rbd.control.ComTask(np.ones(3)), rbd.control.FrameTask("panda_hand", np.eye(4))),
+        *(rbd.control.MomentumTask(np.ones(6)), rbd.control.ForceTask("tip", np.ones(3))),
+    ]
+    yield from tasks
+    yield from (task.terms(arm.at(), 0.0) for task in tasks)
+    yield rbd.control.Reference(np.ones(3))
+    touch = rbd.control.ContactTouch(np.zeros(1), np.ones(1, bool), np.ones((1, 3)), ("toe:0",))
+    yield from (touch, rbd.control.AcceptedStep(start, 0.1, 0.01, {"toe": touch}))
     lock = rbd.JointLock("lock", "panda_joint1", position=0.0)
     yield rbd.simulate(arm.at(), [lock], duration=0.02, step=0.01, progress=False)
     locks = [rbd.constraints.Baumgarte(9.0).of(rbd.JointLock(f"at {q}", "panda_joint1", position=q)) for q in (0.1, 0.2)]
@@ -222,11 +233,13 @@ PUBLIC += ("rbd.many", "rbd.analysis", "rbd.robots", "rbd.studies", "rbd.statics
 
 
 def public_classes() -> list[type]:
-    """Classes that a user can name, but for warnings and errors, which `test_errors` sends."""
+    """Classes that a user can name, but for protocols, and for warnings and errors, which `test_errors` sends."""
     out: dict[type, None] = {}
     for module in map(importlib.import_module, PUBLIC):
         for name in module.__all__:
             kind = getattr(module, name)
+            if getattr(kind, "_is_protocol", False):  # nothing is an instance of it alone
+                continue
             if inspect.isclass(kind) and not issubclass(kind, BaseException | Enum):
                 out[kind] = None
     return list(out)

@@ -290,6 +290,10 @@ class CollisionPoints:
         """The gaps of `at`."""
         return self.contacts._touching(state).gaps
 
+    def label(self, number: int) -> str:
+        """The name of a point, which begins with its link, by its number in this motion."""
+        return self.contacts._finder.label(int(np.flatnonzero(self._numbers == number)[0]))
+
     def _structure(self, points: Array) -> Structure:
         """The same object for the same points."""
         key = points.tobytes()

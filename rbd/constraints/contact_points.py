@@ -214,6 +214,10 @@ class FromPoints:
         """The gaps of `at`."""
         return self.at(state, t).gap
 
+    def label(self, number: int) -> str:
+        """The label of a point, by its number in this motion."""
+        return next(label for (label, _), n in self._numbers.items() if n == number)
+
     def _numbered(self, labels: tuple[str, ...], cones: tuple[Cone, ...]) -> Structure:
         """The points in the order in which their labels first appeared; the same object for the same points."""
         known = self._seen.get((labels, cones))  # the sets can change with the state, e.g. friction

@@ -1,5 +1,7 @@
 """Motor torques and pushes over time: controllers, schedules and pushes; tasks, and the torques that meet them best."""
 
+from rbd.control.accepted_steps import AcceptedStep, ContactTouch, SteppedController
+from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.force_tasks import ForceTask, MomentumTask
 from rbd.control.limits import Limits
 from rbd.control.posture import HoldPosture
@@ -10,10 +12,15 @@ from rbd.control.task_actuation import StepCertificate, TaskActuation, Violation
 from rbd.control.task_terms import Reference, Task, TaskTerms
 from rbd.control.tasks import ComTask, FrameTask
 from rbd.control.torques import inverse_dynamics_many
+from rbd.control.tracking import TrackingController
+from rbd.control.whole_body import WholeBodyController
 from rbd.modules import submodule as _submodule
 
 __all__ = [
+    "AcceptedStep",
     "ComTask",
+    "ContactSchedule",
+    "ContactTouch",
     "ForceTask",
     "FrameTask",
     "HoldPosture",
@@ -24,11 +31,14 @@ __all__ = [
     "Pushes",
     "Reference",
     "StepCertificate",
+    "SteppedController",
     "Task",
     "TaskActuation",
     "TaskTerms",
     "TorqueSchedule",
+    "TrackingController",
     "Violation",
+    "WholeBodyController",
     "ZeroOrderHold",
     "inverse_dynamics_many",
     "step",

@@ -20,6 +20,7 @@ from rbd.control.task_terms import (
     checked_rates,
     checked_vector,
     chosen,
+    reference_at,
     target_of,
 )
 from rbd.errors import InputError
@@ -88,7 +89,7 @@ class MomentumTask:
         Raises:
             InputError: what a function gives as the target is none.
         """
-        ref = self._reference(self.target(t), t) if callable(self.target) else self.target
+        ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
         A_g, bias, mass = check_state(state).centroidal()
         cost, rows = self._rows
         wanted = ref.velocity + self.gain * (ref.value - A_g @ state.v) - bias
@@ -158,7 +159,7 @@ class ForceTask:
             InputError: what a function gives as the target is none.
         """
         target: Any = self.target
-        wanted = self._wanted(target(t), t) if callable(target) else target
+        wanted = self._wanted(reference_at(self.name, target, t), t) if callable(target) else target
         m, mass = len(wanted), check_state(state).robot.mass
         costs = checked_costs(f"cost of task {self.name!r:.80}", self.cost, m)
         A, rows = identity(m) / mass, chosen(costs)

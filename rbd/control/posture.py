@@ -174,7 +174,7 @@ class HoldPosture:
         rows_of(still, self.contacts)  # which raises if it is not a list of constraints
         sources = tuple(sources_of(tuple(self.contacts), still))
         start = [source.at(still, 0.0) for source in sources]
-        touching = _touching([m.gap for m in start])
+        touching = touching_points([m.gap for m in start])
         torque = hold(still, self.contacts).tau if touching.all() else None
         put = object.__setattr__
         put(self, "contacts", tuple(self.contacts))
@@ -205,11 +205,11 @@ class HoldPosture:
         """
         if state.robot is not self.state.robot:
             raise InputError(f"HoldPosture was made for {self.state.robot.name}, and got a state of {state.robot.name}.")
-        touching = _touching([source.gaps(state, t) for source in self._sources])
+        touching = touching_points([source.gaps(state, t) for source in self._sources])
         if len(touching) != sum(len(s.owners) for s in self._structures):  # points that come and go: those that are there now
             now = [source.at(state, t) for source in self._sources]
             still = state if not state.v.any() else state.with_velocity(state.robot.zero_v)
-            return self._gains_at(still, [m.structure for m in now], _touching([m.gap for m in now]))
+            return self._gains_at(still, [m.structure for m in now], touching_points([m.gap for m in now]))
         key = touching.tobytes()
         found = self._known.get(key)
         if found is None:  # from the posture, not from earlier states: the same in every run
@@ -219,7 +219,7 @@ class HoldPosture:
     def _gains_at(self, still: State, structures: Sequence[Structure], touching: Array, torque: Array | None = None) -> Gains:
         """The gains at a state at rest, for the points of the given structures that touch."""
         none = np.zeros(0, int)
-        holding = np.concatenate([none.astype(bool), *[_holding(s) for s in structures]])
+        holding = np.concatenate([none.astype(bool), *[holding_points(s) for s in structures]])
         mask = np.repeat(touching & holding, np.concatenate([none, *[s.widths for s in structures]]))
 
         def rows_at(state: State) -> Array:
@@ -229,12 +229,12 @@ class HoldPosture:
         return posture_gains(still, rows_at, torque, float(self.frequency), float(self.damping_ratio))
 
 
-def _touching(gaps: Sequence[Array]) -> Array:
+def touching_points(gaps: Sequence[Array]) -> Array:
     """Which points count as in contact, shape (k,), by the gaps of each source."""
     return np.concatenate([np.zeros(0), *gaps]) <= TOUCHING
 
 
-def _holding(structure: Structure) -> Array:
+def holding_points(structure: Structure) -> Array:
     """Which points are contacts or bilateral constraints, shape (k,); not joint limits, not dry friction."""
     cones = structure.cones
     if cones and cones[0].dim == 1 and not isinstance(cones[0], Free):  # joint limits

@@ -21,6 +21,7 @@ from rbd.control.task_terms import (
     checked_law,
     checked_name,
     checked_rates,
+    reference_at,
     target_of,
 )
 from rbd.errors import InputError, JointNotFound, nearest
@@ -102,7 +103,7 @@ class PostureTask:
         robot = check_state(state).robot
         on, (k, d) = self._on.of(self, robot), self._law
         target = self.target
-        ref = on.fixed if not callable(target) else _on_robot(self.name, as_reference(target(t)), robot, t)
+        ref = on.fixed if not callable(target) else _on_robot(self.name, reference_at(self.name, target, t), robot, t)
         at = on.columns
         e = pin.difference(robot.model, state.q, ref.value)[at]
         wanted = ref.acceleration[at] + k * e + d * (ref.velocity[at] - state.v[at])

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_finite
+from rbd.control.accepted_steps import INSTANT, AcceptedStep, hook, sample_at, told
 from rbd.errors import InputError
 from rbd.model.dynamics import External, ExternalForce
 from rbd.model.state import State
@@ -18,9 +19,6 @@ Controller: TypeAlias = Callable[[State, float], Array]
 """Torques (nu,) of a state and a time [s]."""
 ExternalAt: TypeAlias = Callable[[State, float], External]
 """External forces at a state and a time [s]."""
-INSTANT = 1e-9
-"""Times nearer than this [s] are the same: sums of steps are off by rounding, and a step that begins where a push ends must be
-free of it."""
 
 
 def asked(what: str, given: Callable[[State, float], Any], state: State, t: float) -> Any:
@@ -98,9 +96,10 @@ class TorqueSchedule:
 class ZeroOrderHold:
     """Controller evaluated once a period, its torques constant in between: a zero-order hold, as in a real robot.
 
-    It uses the torques of the first state in a period; so the period should be a whole number of steps of
-    an integrator with steps of one length. If time goes back, as at the start of another run, it evaluates again, so runs
-    are repeatable.
+    It is evaluated at the first step that begins in a period. So the period should be a whole number of steps, where these have
+    one length; `DormandPrince8` ends a step at each period. A controller with memory is told these steps alone, each of
+    the length of a period (`SteppedController`). Before the first step, as outside a simulation, nothing is held: a
+    call evaluates the controller.
 
     Attributes:
         controller: The controller evaluated.
@@ -112,33 +111,55 @@ class ZeroOrderHold:
     Example:
         >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
         >>> ramp = rbd.control.ZeroOrderHold(lambda state, t: np.array([10.0 * t]), period=0.2)
-        >>> [round(float(ramp(arm.at([0.0]), t)[0]), 3) for t in (0.0, 0.1, 0.2, 0.3, 0.4)]
-        [0.0, 0.0, 2.0, 2.0, 4.0]
+        >>> rbd.simulate(arm.at([0.0]), duration=0.4, step=0.1, controller=ramp).tau[:, 0].round(6)
+        array([0., 0., 2., 2., 4.])
     """
 
     controller: Controller
     period: float
-    _last: dict[str, tuple[int, float, Array]] = field(init=False, repr=False, default_factory=dict)
+    _held: dict[str, tuple[int, Array]] = field(init=False, repr=False, default_factory=dict)
 
     def __post_init__(self) -> None:
         if isinstance(self.controller, type) or not callable(self.controller):
             raise InputError(f"controller is {self.controller!r:.80}; expected a function of (state, t), e.g. TorqueSchedule.")
         if not 2.0 * INSTANT < as_float(self.period) < math.inf:
-            raise InputError(f"period of Sampled is {self.period!r:.80}; expected a time above 0 [s].")
+            raise InputError(f"period of ZeroOrderHold is {self.period!r:.80}; expected a time above 0 [s].")
+        for name in ("reset", "accepted"):
+            hook(self.controller, name)  # which raises if it is not a method
+
+    @property
+    def every(self) -> float:
+        """The period [s]."""
+        return float(self.period)
+
+    def reset(self) -> None:
+        """Hold nothing: a motion starts."""
+        self._held.clear()
+        method = hook(self.controller, "reset")
+        if method is not None:
+            told(self.controller, method)
+
+    def accepted(self, step: AcceptedStep) -> None:
+        """A step begins: the first one of a period evaluates the controller.
+
+        Raises:
+            InputError: the controller cannot be called, or gives no numbers.
+        """
+        sample, known = sample_at(step.t, self.every), self._held.get("torques")
+        if known is not None and known[0] == sample:
+            return
+        method = hook(self.controller, "accepted")
+        if method is not None:
+            told(self.controller, method, replace(step, h=self.every), t=step.t)
+        self._held["torques"] = sample, self._evaluated(step.state, step.t)
 
     def __call__(self, state: State, t: float) -> Array:
-        """Torques that apply at a time [s], shape (nu,) [N, N m]."""
-        sample = math.floor((t + INSTANT) / float(self.period))
-        known = self._last.get("sample")
-        # At its first time a sample is taken again: integrators guess the end of a step before they reach it.
-        if known is None or known[0] != sample or t <= known[1] + INSTANT:
-            known = (
-                sample,
-                t,
-                as_array("torques of a sampled controller", asked("controller", self.controller, state, t)).copy(),
-            )
-            self._last["sample"] = known
-        return known[2]
+        """Torques that are held, shape (nu,) [N, N m]; before the first step those of the controller here."""
+        known = self._held.get("torques")
+        return self._evaluated(state, t) if known is None else known[1]
+
+    def _evaluated(self, state: State, t: float) -> Array:
+        return as_array("torques of a sampled controller", asked("controller", self.controller, state, t)).copy()
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_finite, is_finite, zeros
-from rbd.errors import DuplicateName, InputError
+from rbd.errors import DuplicateName, InputError, RbdError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
@@ -81,6 +81,8 @@ class TaskTerms:
     contact: str = ""
 
     def __post_init__(self) -> None:
+        if not (isinstance(self.name, str) and self.name and isinstance(self.contact, str)):
+            raise InputError(f"terms are named {self.name!r:.80}, of contact {self.contact!r:.80}; expected two texts.")
         A, wanted, cost = self.A, self.wanted, self.cost
         if not (type(A) is type(wanted) is type(cost) is np.ndarray and A.dtype == wanted.dtype == cost.dtype == float):
             for what in ("A", "wanted", "cost"):
@@ -201,6 +203,22 @@ def checked_costs(what: str, cost: Cost, m: int, per: str = "axis") -> Array:
 def target_of(name: str, t: float | None) -> str:
     """What a target is called in messages; t: the time at which a function gave it."""
     return f"target of task {name!r:.80}" + ("" if t is None else f" at t = {t:.9g} s")
+
+
+def reference_at(name: str, target: Callable[[float], Any], t: float) -> Reference:
+    """What a function of time gives as the target of a task at a time [s].
+
+    Raises:
+        InputError: the function fails, with its own error as the cause.
+    """
+    try:
+        return as_reference(target(t))
+    except RbdError:
+        raise
+    except Exception as error:
+        raise InputError(
+            f"the function that is the {target_of(name, t)} raised {type(error).__name__}: {error!s:.200}"
+        ) from error
 
 
 def as_reference(target: Any) -> Reference:

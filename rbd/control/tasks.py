@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_vector3, check_finite, lazy
+from rbd.arrays import Array, as_array, as_vector3, check_finite, is_finite, lazy
 from rbd.constraints.surface import rigid_placement
 from rbd.control.task_terms import (
     Cost,
@@ -31,6 +31,7 @@ from rbd.control.task_terms import (
     checked_rates,
     checked_vector,
     chosen,
+    reference_at,
     target_of,
 )
 from rbd.errors import InputError
@@ -94,7 +95,7 @@ class ComTask:
         Raises:
             InputError: what a function gives as the target is no point.
         """
-        ref = self._reference(self.target(t), t) if callable(self.target) else self.target
+        ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
         k, d, rows = self._law
         A_g, bias, mass = check_state(state).centroidal()
         J = A_g[:3] / mass
@@ -159,7 +160,7 @@ class FrameTask:
         for what in ("position_cost", "orientation_cost"):
             object.__setattr__(self, what, checked_costs(f"{what} of task {self.name!r:.80}", getattr(self, what), 3))
         checked_law(self.name, self.gain, self.damping_ratio)
-        if self.axes not in ("world", "frame"):
+        if not isinstance(self.axes, str) or self.axes not in ("world", "frame"):
             raise InputError(f"axes of task {self.name!r:.80} are {self.axes!r:.80}; expected 'world' or 'frame'.")
         object.__setattr__(self, "offset", as_vector3(f"offset of task {self.name!r:.80}", self.offset))
         if not callable(self.target):
@@ -205,7 +206,7 @@ class FrameTask:
             FrameNotFound: with the nearest names.
             InputError: what a function gives as the target is none.
         """
-        ref = self._reference(self.target(t), t) if callable(self.target) else self.target
+        ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
         (p, R), k, d = ref.value, *self._law[:2]
         X, J, v, bias = check_state(state).moving(self.frame, self._law[2], _WORLD)
         e = np.zeros(6)
@@ -246,12 +247,10 @@ def _place(name: str, value: Any, t: float | None) -> _Place:
     """
     if isinstance(value, pin.SE3):
         p, R = value.translation.copy(), value.rotation.copy()
-        if not _is_rotation(R) or not np.isfinite(p).all():
-            rigid_placement(target_of(name, t), value)
-            raise InputError(f"{target_of(name, t)} is not finite.")
-        return _Place(p, R)
+        if is_finite(p) and _is_rotation(R):
+            return _Place(p, R)
     said = target_of(name, t)
-    found = as_array(said, value)
+    found = as_array(said, value.homogeneous if isinstance(value, pin.SE3) else value)
     if found.shape == (4, 4):
         X = rigid_placement(said, found)
         return _Place(X.translation.copy(), X.rotation.copy())

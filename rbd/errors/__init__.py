@@ -24,7 +24,7 @@
       PictureError                      a page or a screenshot could not be made
       WrongPinocchio (an ImportError)   another package, or ROS's, is found in place of pip's Pinocchio
       ContractBroken                    in rbd.testing: a constraint or a solver violates its contract
-        ConstraintWrong, SolverWrong
+        ConstraintWrong, SolverWrong, TaskWrong
 
     RbdWarning (a UserWarning)
       EffortLimitWarning                a torque given is beyond a motor's limit

@@ -17,7 +17,7 @@ from scipy.linalg import solveh_banded
 from rbd.arrays import Array, as_array, as_float, check_finite, check_positive
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.motion.rotations import conjugate, logarithm, product, rotated
+from rbd.model.rotations import conjugate, logarithm, product, rotated
 
 Method: TypeAlias = Literal["local polynomial", "low-pass"]
 NEARLY_UNIT = 1e-3

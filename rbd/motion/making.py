@@ -9,10 +9,10 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.rotations import conjugate, exponential, logarithm, product
 from rbd.motion.derivation import checked_times, own_rates
 from rbd.motion.frames import check_rate, times_of
 from rbd.motion.motion import Motion
-from rbd.motion.rotations import conjugate, exponential, logarithm, product
 
 
 def minimum_jerk(

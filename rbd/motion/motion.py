@@ -13,6 +13,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, as_float, check_flag
 from rbd.errors import InputError
 from rbd.model.checked_model import FARTHEST, CheckedModel
+from rbd.model.interpolation import cubic, interpolated_q
 from rbd.model.state import State
 from rbd.motion.derivation import (
     Derivation,
@@ -27,7 +28,6 @@ from rbd.motion.derivation import (
     stencil_derivatives,
 )
 from rbd.motion.frames import check_rate, check_shape, normalise, times_of, value_at
-from rbd.motion.interpolation import cubic, interpolated_q
 from rbd.motion.lanes import Lanes
 from rbd.motion.reading import read_frames
 from rbd.motion.symmetry import mirrored, symmetry_of

@@ -6,8 +6,8 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.model.checked_model import CheckedModel
+from rbd.model.rotations import conjugate, rotated
 from rbd.motion.joint_orders import standing_q
-from rbd.motion.rotations import conjugate, rotated
 
 CLEARLY = 0.3
 """By how much the mean cosine of the tilt must differ for an order to be seen."""

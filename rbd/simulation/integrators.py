@@ -6,8 +6,10 @@ begins, and event detection.
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -15,14 +17,17 @@ from scipy.integrate import DOP853
 
 from rbd.arrays import Array, as_float, max_abs, zeros
 from rbd.constraints.constraint import Constraint, ground_of, member, rows_of
+from rbd.control.accepted_steps import INSTANT, sample_at
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.contact_points import slide, stopping
+from rbd.simulation.event_detection import EventDetection
 from rbd.simulation.instant import HalfStep
-from rbd.simulation.motion import Event, EventDetection, Motion, Sample
+from rbd.simulation.motion import Event, Motion, Sample
 from rbd.simulation.recording import constraint_forces, least_forces
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth, reason_unknown_ground
 from rbd.simulation.time_step import StepSystem
+from rbd.simulation.touches import touches_of
 
 TILTS = 1e-9
 """A ground that rotates more slowly than this about an axis in its plane [rad/s] has a constant normal: rounding."""
@@ -58,25 +63,34 @@ class RungeKutta4:
             NoSolution: a step without an acceleration, or beyond all bounds.
         """
         smooth = SmoothMotion(motion, state)
-        stage = smooth.start(state, times[0])
+        lengths = _lengths(times)
+        stage = smooth.start(state, times[0], lengths[0])
         yield smooth.sample(stage)
-        for t, end in pairwise(times):
-            stage = _kutta_step(smooth, stage, t, end)
+        for (t, end), h in zip(pairwise(times), lengths[1:], strict=True):
+            stage = smooth.begun(_kutta_step(smooth, stage, t, end), h)
             yield smooth.sample(stage)
+
+
+def _lengths(times: Sequence[float]) -> list[float]:
+    """Length of the step that begins at each of the times [s]; at the last, of the one before."""
+    lengths = [end - t for t, end in pairwise(times)]
+    return lengths + (lengths[-1:] or [0.0])
 
 
 def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Stage:
     h, v, a = end - t, first.state.v, first.a
     chart = smooth.charts.at(first.state.q)
-    rates, accelerations, rate = [v], [a], v
+    rates, accelerations, powers, rate = [v], [a], list[float](), v
     for part in (0.5, 0.5, 1.0):
         xi, w = part * h * rate, v + part * h * a
         stage = smooth.at(chart.q(xi), w, t + part * h)
         a, rate = stage.a, chart.rate(xi, stage.state.v)
         rates.append(rate)
         accelerations.append(a)
+        powers.append(smooth.extra_power(first, stage))
     xi, dv = (h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3]) for k in (rates, accelerations))
-    return smooth.landed(chart.q(xi), v + dv, end)
+    extra = h / 6.0 * (2.0 * powers[0] + 2.0 * powers[1] + powers[2])
+    return smooth.worked(first, smooth.landed(chart.q(xi), v + dv, end), extra)
 
 
 @dataclass(frozen=True)
@@ -125,18 +139,30 @@ class DormandPrince8:
             NoSolution: a step without an acceleration, out of all bounds, or shorter than rounding.
         """
         smooth = SmoothMotion(motion, state)
-        stage = smooth.start(state, times[0])
+        stop = _next_stop(times[0], times, motion.sample_period)
+        stage = smooth.start(state, times[0], min(self.longest, stop - times[0]))
         yield smooth.sample(stage)
         at, h = 1, None
         while at < len(times):
-            step = _AdaptiveStep(smooth, stage, self, times[-1], h)
+            step = _AdaptiveStep(smooth, stage, self, stop, h)
             while at < len(times) and times[at] < step.end.t:
                 yield smooth.sample(step.at(times[at]))
                 at += 1
-            stage, h = step.end, step.next
+            stop, h, length = _next_stop(step.end.t, times, motion.sample_period), step.next, step.end.t - stage.t
+            stage = smooth.begun(step.end, min(self.longest, stop - step.end.t) or length)
             if at < len(times) and times[at] == stage.t:
                 yield smooth.sample(stage)
                 at += 1
+
+
+def _next_stop(t: float, times: Sequence[float], every: float | None) -> float:
+    """Time that a step from t must not pass [s]: the controller's next sample, or the end of the motion."""
+    if every is None:
+        return times[-1]
+    sample = (sample_at(t, every) + 1) * every
+    i = bisect_left(times, sample - INSTANT)
+    same = i < len(times) and times[i] <= sample + INSTANT
+    return times[i] if same else min(sample, times[-1])
 
 
 class _AdaptiveStep:
@@ -146,7 +172,7 @@ class _AdaptiveStep:
         smooth: The motion.
         start: The stage at its beginning.
         by: Tolerances.
-        last: Time that must not be passed [s].
+        last: Time that must not be passed [s]: the motion's end, or the controller's next sample.
         h: First guess of the step [s]; None for SciPy's.
 
     Attributes:
@@ -157,12 +183,13 @@ class _AdaptiveStep:
     def __init__(self, smooth: SmoothMotion, start: Stage, by: DormandPrince8, last: float, h: float | None) -> None:
         self._smooth, self._start = smooth, start
         self._chart, self._n = smooth.charts.at(start.state.q), len(start.state.v)
-        y = np.concatenate([np.zeros(self._n), start.state.v])
+        works = smooth.motion.controller is not None
+        # With the motors' work, beyond that of torques that are held, as a last entry, in which no error is controlled.
+        y = np.concatenate([np.zeros(self._n), start.state.v, np.zeros(int(works))])
+        atol = np.append(np.full(2 * self._n, by.atol), np.inf) if works else by.atol
         first = None if h is None else min(h, last - start.t)
         while True:
-            self._code = DOP853(
-                self._rates, start.t, y, last, rtol=by.rtol, atol=by.atol, first_step=first, max_step=by.longest
-            )
+            self._code = DOP853(self._rates, start.t, y, last, rtol=by.rtol, atol=atol, first_step=first, max_step=by.longest)
             try:
                 said = self._code.step()
             except NoSolution:  # a trial too far ahead can leave the constraints, or meet a singular pose next to its branch
@@ -187,16 +214,17 @@ class _AdaptiveStep:
         return self._landed(t, self._between(t))
 
     def _landed(self, t: float, y: Array) -> Stage:
-        xi, v = np.split(y, 2)
-        return self._smooth.landed(self._chart.q(xi), v, t)
+        xi, v, extra = y[: self._n], y[self._n : 2 * self._n], y[2 * self._n :]
+        return self._smooth.worked(self._start, self._smooth.landed(self._chart.q(xi), v, t), float(extra.sum()))
 
     def _rates(self, t: float, y: Array) -> Array:
-        xi, v = np.split(y, 2)
+        xi, v, rest = y[: self._n], y[self._n : 2 * self._n], y[2 * self._n :]
         start = self._start
         if t == start.t and not xi.any() and np.array_equal(v, start.state.v):
-            return np.concatenate([v, start.a])  # known from the step before
+            return np.concatenate([v, start.a, np.zeros(len(rest))])  # known from the step before
         stage = self._smooth.at(self._chart.q(xi), v, t)
-        return np.concatenate([self._chart.rate(xi, stage.state.v), stage.a])
+        extra = [self._smooth.extra_power(start, stage)] if len(rest) else []
+        return np.concatenate([self._chart.rate(xi, stage.state.v), stage.a, extra])
 
 
 @dataclass(frozen=True)
@@ -244,11 +272,13 @@ class TimeStepping:
     def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
         """One sample at each of the times."""
         system = StepSystem(motion, state, impact_speed=self.impact_speed, impacts=self.impacts, extrapolate=self.extrapolate)
-        detection, last = EventDetection(), len(times) - 1
+        detection, last, tells = EventDetection(), len(times) - 1, motion.hook is not None
         now, passed = system.begin(state, times[0])
         detection.add(passed)
         for k, t in enumerate(times):
             h = times[k + 1] - t if k < last else t - times[k - 1] if k else 1e-3
+            if tells:
+                motion.tell(now.at.state, now.t, h, partial(touches_of, now, motion.constraints, system.points.sources))
             half = system.half_step(now, h)
             make = _recorded if motion.recorded(k, times) else _passed_by
             yield make(system, half, detection.taken())
@@ -260,7 +290,7 @@ class TimeStepping:
 def _passed_by(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
     """A sample that is not recorded: no forces, and the acceleration of the half step, possibly extrapolated."""
     state = half.start.at.state
-    return Sample.of(half.start.t, state, half.a, zeros(state.robot.nu), dict, events=events)
+    return Sample.of(half.start.t, state, half.a, zeros(state.robot.nu), dict, events=events, motor_work=half.start.work)
 
 
 def _tilts(constraint: Constraint, state: State) -> str | None:
@@ -303,4 +333,5 @@ def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> 
         drift_rate=at.drift_rate,
         penetration=at.penetration,
         events=events,
+        motor_work=start.work,
     )

@@ -17,6 +17,7 @@ from rbd.arrays import as_float, is_finite
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.distance_warnings import warn_of_distant
 from rbd.constraints.stabilisation import Baumgarte
+from rbd.control.accepted_steps import hook, sample_period
 from rbd.control.schedules import Controller, ExternalAt
 from rbd.errors import (
     DuplicateName,
@@ -80,7 +81,8 @@ def simulate(
         constraints: As for `rbd.solve`, each with a different name. Bilateral contacts are anchored at the start.
         duration: Simulated time [s].
         step: Time between samples [s]: the step of fixed-step integrators; the last may be shorter.
-        controller: Motor torques (nu,) of a state and a time; None for none. It is called at every stage of a step.
+        controller: Motor torques (nu,) of a state and a time; None for none. It is called at every stage of a step. One with
+            memory is told the start of a motion and every step that is taken: `rbd.control.SteppedController`.
         external: External forces as for `rbd.solve`; or a function of state and time that gives them.
         law: "coulomb", or "convex" (Gauss's principle with circular cones), of contacts that can slip, as in `rbd.solve`.
         restitution: Newton's coefficient e of impacts, u_n+ = -e u_n-; one for all, or {constraint: e}, 0 for the others.
@@ -120,6 +122,7 @@ def simulate(
     t, here, interrupted = 0.0, state, ""
     with progress_of(times, shown=progress) as shown:
         try:
+            motion.start()
             for k, sample in enumerate(chosen.run(motion, state, times)):
                 _check(sample)
                 t, here = sample.t, sample.state
@@ -214,6 +217,9 @@ def _motion(
             f"stabilisation is {stabilisation!r:.80}; expected rbd.simulation.Projection(), rbd.constraints.Baumgarte(...) "
             "or None."
         )
+    for method in ("reset", "accepted"):
+        hook(controller, method)  # which raises if it is none
+    sample_period(controller)
     e = _restitution(restitution, names)
     return Motion(state.robot, given, controller, external, kind, e, stabilisation, every)
 

@@ -7,7 +7,7 @@ On the rows J v = u, a is Gauss's: nearest to the free acceleration, in |.|_M, w
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -25,6 +25,7 @@ from rbd.model.state import State
 from rbd.problem.answer import corner_split
 from rbd.problem.problem import BILATERAL, GaussProblem
 from rbd.simulation.motion import HOLDS, ConstraintForce, Motion, Sample
+from rbd.simulation.touches import held_touches
 from rbd.solution import Solution
 
 CLOSE = 3e-2
@@ -55,6 +56,7 @@ class Stage:
         rhs: S^T tau + tau_ext - h, shape (nv,).
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,), if rows are well conditioned; else None.
+        work: Work of the motors since the start of the motion [J].
     """
 
     t: float
@@ -63,6 +65,7 @@ class Stage:
     rhs: Array
     a: Array
     f: Array | None
+    work: float = 0.0
 
     @property
     def state(self) -> State:
@@ -97,8 +100,8 @@ class SmoothMotion:
         self._open = 0.0
         self._solver = StageSolver()
 
-    def start(self, state: State, t: float) -> Stage:
-        """The stage at the given start.
+    def start(self, state: State, t: float, h: float) -> Stage:
+        """The stage at the given start of a step of length h, of which the controller is told.
 
         Raises:
             InputError: it violates the constraints in position or velocity.
@@ -109,7 +112,15 @@ class SmoothMotion:
         held = self._anchored.rows(state)
         self._open = held.drift
         self._solver.survey(held)
+        self.motion.tell(state, t, h, lambda: held_touches(held.rows, {}))
         return self._stage(held, t)
+
+    def begun(self, stage: Stage, h: float) -> Stage:
+        """The stage at the end of a step, after the controller is told that the next one, of length h, begins there."""
+        if self.motion.hook is None:
+            return stage
+        self.motion.tell(stage.state, stage.t, h, lambda: held_touches(stage.held.rows, self._forces(stage)))
+        return replace(self._stage(stage.held, stage.t), work=stage.work)
 
     def at(self, q: Array, v: Array, t: float) -> Stage:
         """A stage within a step.
@@ -135,6 +146,25 @@ class SmoothMotion:
             held = self._projected(held, self._projection, t)
         self._solver.learn(held)
         return self._stage(held, t)
+
+    def extra_power(self, first: Stage, stage: Stage) -> float:
+        """Power of the motors at a stage of a step less that of the torques at its beginning [W]: zero where they are held."""
+        if self.motion.controller is None:
+            return 0.0
+        return float((stage.tau - first.tau).dot(stage.state.v[self.motion.robot.motors]))
+
+    def worked(self, first: Stage, stage: Stage, extra: float) -> Stage:
+        """A stage with the work of the motors up to it.
+
+        Args:
+            first: The stage at the beginning of the step.
+            stage: The stage.
+            extra: Integral of `extra_power` between them [J].
+        """
+        if self.motion.controller is None:
+            return stage
+        held = self.motion.work(first.tau, first.state.q, stage.state.q)
+        return replace(stage, work=first.work + held + extra)
 
     def _projected(self, held: StackedRows, projection: Projection, t: float) -> StackedRows:
         """Newton's steps in position and velocity; a step's error is small, so that one of each usually suffices."""
@@ -182,6 +212,7 @@ class SmoothMotion:
             law=law,
             drift=held.drift,
             drift_rate=held.drift_rate,
+            motor_work=stage.work,
         )
 
     def _forces(self, stage: Stage) -> Mapping[str, ConstraintForce]:

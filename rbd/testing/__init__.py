@@ -1,4 +1,4 @@
-"""Checks of new constraints and solvers: `check_constraint`, `check_solver` and the reference problems.
+"""Checks of new constraints, solvers and tasks: `check_constraint`, `check_solver`, `check_task`; the reference problems.
 
 The checks are independent. A Jacobian is compared with the motion of the contact point itself, J_dot v with
 its second difference, a solver's answer with the equations of its law, written down here once more, and with closed
@@ -7,6 +7,7 @@ forms.
     ContractBroken (an RbdError)
       ConstraintWrong     rows that do not describe the motion they claim
       SolverWrong         an answer that misses its law or the closed form
+      TaskWrong           rows of a task that are not the acceleration of its value
 """
 
 from rbd.modules import submodule as _submodule
@@ -17,9 +18,11 @@ from rbd.testing.solver_check import (
     ContractBroken,
     SolverReport,
     SolverWrong,
+    TaskWrong,
     check_solver,
     law_residuals,
 )
+from rbd.testing.task_check import TaskReport, check_task
 
 __all__ = [
     "ConstraintReport",
@@ -28,9 +31,12 @@ __all__ = [
     "ReferenceProblem",
     "SolverReport",
     "SolverWrong",
+    "TaskReport",
+    "TaskWrong",
     "box",
     "check_constraint",
     "check_solver",
+    "check_task",
     "law_residuals",
     "reference_problems",
 ]

@@ -25,7 +25,7 @@ _SECOND = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0  # si
 
 
 @dataclass(frozen=True)
-class _Times:
+class Times:
     """Times of the differences, a step apart."""
 
     step: float
@@ -132,8 +132,8 @@ def check_constraint(
             bias = 0.5 * (constraint.rows(state.with_velocity(-v)).bias - at.bias) - rows.bias
         wrong = ""
         for step in STEPS:
-            compared, against = _compared(constraint, state, rows, at, bias, v, a, _Times(step), moving)
-            found = {what: _deviation(*pair) for what, pair in compared.items()}
+            compared, against = _compared(constraint, state, rows, at, bias, v, a, Times(step), moving)
+            found = {what: deviations(*pair) for what, pair in compared.items()}
             bad = [what for what, gap in found.items() if not gap.max() <= tolerance]
             if not bad:
                 break
@@ -152,7 +152,7 @@ def check_constraint(
 
 
 def _compared(
-    constraint: Constraint, state: State, rows: Rows, at: Rows, bias: Array, v: Array, a: Array, times: _Times, moving: bool
+    constraint: Constraint, state: State, rows: Rows, at: Rows, bias: Array, v: Array, a: Array, times: Times, moving: bool
 ) -> tuple[dict[str, tuple[Array, Array]], str]:
     """({what: (as the rows give it, as the motion has it), shapes (m,)}, what the motion is of)."""
     curve = np.outer(times.nodes, rows.J @ v) + np.outer(0.5 * times.nodes**2, rows.J @ a + (at.bias + bias))
@@ -167,7 +167,7 @@ def _compared(
     return out, against
 
 
-def _deviation(given: Array, found: Array) -> Array:
+def deviations(given: Array, found: Array) -> Array:
     """Differences of two vectors, over max(1, the largest entry), shape (m,)."""
     return np.abs(given - found) / max(1.0, float(np.abs(found).max()), float(np.abs(given).max()))
 
@@ -188,7 +188,7 @@ def _errors(along: list[Rows], rows: Rows, curve: Array) -> Array:
 
 
 def _motion(
-    constraint: Constraint, state: State, rows: Rows, v: Array, a: Array, times: _Times, curve: Array
+    constraint: Constraint, state: State, rows: Rows, v: Array, a: Array, times: Times, curve: Array
 ) -> tuple[Array, Array, str, Array | None]:
     """(J v, J a + J_dot v, reference, the errors of a patch that is at its anchor) as the motion along the curve has them."""
     model, q = state.robot.model, state.q

@@ -7,8 +7,8 @@ import pinocchio as pin
 import pytest
 
 from rbd.errors import InputError
+from rbd.model.rotations import exponential, logarithm, product, rotated
 from rbd.motion import Motion, derivatives
-from rbd.motion.rotations import exponential, logarithm, product, rotated
 
 
 def flight(robot, t, w=(1.0, 2.0, -0.5)):

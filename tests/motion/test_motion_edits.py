@@ -11,8 +11,8 @@ from test_derivation import flight
 
 import rbd
 from rbd.errors import InputError
+from rbd.model.rotations import exponential
 from rbd.motion import Motion, derivatives, find_contacts, minimum_jerk
-from rbd.motion.rotations import exponential
 from rbd.motion.symmetry import ACROSS, other_side, symmetry_of
 
 

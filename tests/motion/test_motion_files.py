@@ -16,9 +16,9 @@ import pytest
 
 import rbd
 from rbd.errors import InputError
+from rbd.model.rotations import exponential
 from rbd.motion import Motion
 from rbd.motion.joint_orders import breadth_first, file_order, formats
-from rbd.motion.rotations import exponential
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.model.checked_model import CheckedModel
-from rbd.motion.rotations import conjugate, exponential, logarithm, product, rotated
+from rbd.model.rotations import conjugate, exponential, logarithm, product, rotated
 
 
 def between(t: Array, times: Array) -> tuple[Array, Array, Array]:
@@ -23,6 +23,15 @@ def cubic(t: Array, x: Array, rate: Array, times: Array) -> Array:
     change = x[i + 1] - x[i]
     begin, end = h * rate[i], h * rate[i + 1]
     return np.asarray(x[i] + s * (begin + s * ((3.0 * change - 2.0 * begin - end) + s * (begin + end - 2.0 * change))))
+
+
+def cubic_rate(t: Array, x: Array, rate: Array, times: Array) -> Array:
+    """Rates of these cubics, shape (m, k): those given at the frames, to the third order in the time step between them."""
+    i, s, h = between(t, times)
+    s, h = s[:, None], h[:, None]
+    slope = (x[i + 1] - x[i]) / h
+    begin, end = rate[i], rate[i + 1]
+    return np.asarray(begin + s * (2.0 * (3.0 * slope - 2.0 * begin - end) + 3.0 * s * (begin + end - 2.0 * slope)))
 
 
 def interpolated_q(robot: CheckedModel, t: Array, q: Array, v: Array, times: Array) -> Array:

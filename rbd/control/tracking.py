@@ -1,0 +1,241 @@
+"""A controller that follows a reference motion: torques of inverse dynamics, and feedback on the joints.
+
+    tau = tau_ref(t) + K(t) (q_ref(t) - q) + D(t) (v_ref(t) - v),        clipped at the effort limits
+
+K and D give every small motion that the contacts allow the same frequency and damping ratio, as in `rbd.control.posture`, at
+poses along the reference; or they are given, one number a joint.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, as_array, as_float
+from rbd.constraints.constraint import Constraint, listed, rows_of
+from rbd.constraints.contact_points import Source, sources_of
+from rbd.control.accepted_steps import AcceptedStep
+from rbd.control.feed_forward import TorqueReference, TrackedMotion, reference_of, sampled, touching_contacts
+from rbd.control.posture import Gains, holding_points, posture_gains, touching_points
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+
+GAINS_EVERY = 0.1
+"""Gains are computed at poses of the reference this far apart [s], and are linear between them."""
+TORQUES = ("exact", "nearest", "weight", "none")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class TrackingController:
+    """Controller that follows a motion: feed-forward torques from inverse dynamics, PD on the joints, within effort limits.
+
+    Torques at times `every` apart make the motion on the contacts that touch then; velocities and accelerations of contacts are
+    removed before, by the least change in the metric of inertia. Feedback gives each small motion that the points in contact
+    now allow one frequency and one damping ratio; its gains are computed at poses of the motion 0.1 s apart, when first needed.
+    After the end of the motion its last pose is held, with the last torques.
+
+    Attributes:
+        motion: An `rbd.Motion`, or what has a robot, t, q, v and a.
+        contacts: Contacts and loops, as given to `rbd.simulate`. Of these each touches in the motion when one of its points is
+            within a millimetre. None: those of `motion.contacts`, which touch when these say; none if it has none.
+        frequency: Natural frequency of every motion that the contacts allow [rad/s]; well below 1 / step.
+        damping_ratio: 1 is critical.
+        stiffness: In place of the frequency: of each motor, a number or shape (nu,) [N/m, N m/rad].
+        damping: With stiffness: of each motor, a number or shape (nu,) [N s/m, N m s/rad].
+        torques: "exact": inverse dynamics, an error where it has no answer. "nearest": there, the torques of the nearest
+            possible acceleration. "weight": those that hold each pose at rest. "none": feedback alone.
+        every: Time between computed torques [s], which are linear between them.
+        reference: The motion at the times of the torques, with the torques.
+
+    Raises:
+        InputError: no motion, invalid gains, an unknown word.
+        CannotMove: the motors cannot make the motion on its contacts; names the times, and the cause at the first of them.
+
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> swing = rbd.motion.minimum_jerk(arm, [np.array([0.0]), np.array([1.0])], [0.0, 0.5])
+        >>> follow = rbd.control.TrackingController(swing)
+        >>> moved = rbd.simulate(swing.state(0), duration=0.5, step=1e-3, controller=follow, progress=False)
+        >>> print(f"{abs(moved.q[-1, 0] - 1.0):.0e}")
+        1e-05
+    """
+
+    motion: TrackedMotion
+    contacts: Sequence[Constraint] | None = None
+    _: KW_ONLY
+    frequency: float = 10.0
+    damping_ratio: float = 1.0
+    stiffness: float | Array | None = None
+    damping: float | Array | None = None
+    torques: str = "exact"
+    every: float = 5e-3
+    reference: TorqueReference = field(init=False, repr=False)
+    _sources: tuple[Source, ...] = field(init=False, repr=False)
+    _offsets: Array = field(init=False, repr=False)
+    _knots: Array = field(init=False, repr=False)
+    _known: dict[tuple[int, bytes], Gains] = field(init=False, repr=False)
+    _counts: dict[str, Any] = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        motion = self.motion
+        if not isinstance(getattr(motion, "robot", None), CheckedModel) or not all(hasattr(motion, x) for x in "tqva"):
+            raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")
+        if not isinstance(self.torques, str) or self.torques not in TORQUES:
+            raise InputError(f"torques is {self.torques!r:.80}; expected one of {', '.join(TORQUES)}.")
+        if not 0.0 < as_float(self.frequency) < 1e6:
+            raise InputError(f"frequency of TrackingController is {self.frequency!r:.80}; expected a number > 0 [rad/s].")
+        if not 0.0 <= as_float(self.damping_ratio) < 1e6:
+            raise InputError(f"damping_ratio of TrackingController is {self.damping_ratio!r:.80}; expected >= 0 (1: critical).")
+        if not 1e-5 <= as_float(self.every) < 1e6:
+            raise InputError(f"every is {self.every!r:.80}; expected a time of 1e-5 s or more.")
+        put = object.__setattr__
+        for name in ("stiffness", "damping"):
+            put(self, name, _per_motor(name, getattr(self, name), motion.robot.nu))
+        if (self.stiffness is None) != (self.damping is None):
+            raise InputError("stiffness and damping of TrackingController go together; give both, or neither.")
+        lanes = getattr(motion, "contacts", None) if self.contacts is None else None
+        given = (() if lanes is None else lanes.contacts) if self.contacts is None else self.contacts
+        contacts = tuple(listed(given))
+        samples = sampled(motion, float(self.every))
+        start = State(motion.robot, samples[1][0])
+        rows_of(start, contacts)  # which raises if it is not a list of constraints
+        sources = tuple(sources_of(contacts, start))
+        if lanes is None:
+            touching = [touching_contacts(sources, contacts, State(motion.robot, q)) for q in samples[1]]
+        else:
+            on = np.array([lanes.of_contact(c.name) for c in contacts]).reshape(len(contacts), -1).T
+            frames = np.clip(np.searchsorted(lanes.t, samples[0] + 1e-9, side="right") - 1, 0, len(lanes.t) - 1)
+            touching = [tuple(np.flatnonzero(on[i]).tolist()) for i in frames]
+        found = reference_of(motion, contacts, touching, samples, self.torques)
+        steps = [
+            pin.difference(motion.robot.model, a, b)[motion.robot.motors] for a, b in zip(found.q, found.q[1:], strict=False)
+        ]
+        spacing = GAINS_EVERY / max(float(np.diff(found.t).min(initial=np.inf)), 1e-6) if len(found.t) > 1 else 1.0
+        put(self, "contacts", contacts)
+        put(self, "reference", found)
+        put(self, "_sources", sources)
+        put(self, "_offsets", np.array(steps).reshape(len(steps), motion.robot.nu))
+        put(self, "_knots", np.unique(np.append(np.arange(0, len(found.t), max(1, round(spacing))), len(found.t) - 1)))
+        put(self, "_known", {})
+        put(self, "_counts", {})
+        self.reset()
+
+    def __call__(self, state: State, t: float) -> Array:
+        """Torques at a state and a time [s], shape (nu,) [N, N m].
+
+        Raises:
+            InputError: a state of another robot.
+        """
+        limit = self.motion.robot.effort_limit
+        return np.clip(self._wanted(state, t), -limit, limit)
+
+    def reset(self) -> None:
+        """Counts start at zero: a motion begins."""
+        self._counts.update(steps=0, clipped=np.zeros(self.motion.robot.nu, int), any=0)
+
+    def accepted(self, step: AcceptedStep) -> None:
+        """Counts the motors whose torque is clipped at the beginning of a step."""
+        over = np.abs(self._wanted(step.state, step.t)) > self.motion.robot.effort_limit
+        counts = self._counts
+        counts["steps"] += 1
+        counts["any"] += bool(over.any())
+        counts["clipped"] += over
+
+    @property
+    def steps(self) -> int:
+        """How many steps of a simulation were driven since it began."""
+        return int(self._counts["steps"])
+
+    @property
+    def clipped(self) -> dict[str, int]:
+        """{joint: in how many of these steps its torque was clipped at its limit}, of those that were."""
+        counts = self._counts["clipped"]
+        return {name: int(n) for name, n in zip(self.motion.robot.actuated_names, counts, strict=True) if n}
+
+    def _wanted(self, state: State, t: float) -> Array:
+        """Torques before they are clipped."""
+        robot, ref = self.motion.robot, self.reference
+        if state.robot is not robot:
+            raise InputError(f"TrackingController was made for {robot.name}, and got a state of {state.robot.name}.")
+        motors, n = robot.motors, len(ref.t)
+        i = int(np.clip(np.searchsorted(ref.t, t, side="right") - 1, 0, max(n - 2, 0)))
+        back = pin.difference(robot.model, state.q, ref.q[i])[motors]
+        slower = -state.v[motors]
+        if n < 2 or t < ref.t[0]:
+            tau = ref.tau[0]
+        elif t > ref.t[-1]:
+            tau, back = ref.tau[-1], back + self._offsets[-1]
+        else:
+            h = ref.t[i + 1] - ref.t[i]
+            s = (t - ref.t[i]) / h
+            begin, end, change = h * ref.v[i, motors], h * ref.v[i + 1, motors], self._offsets[i]
+            back = back + s * (begin + s * ((3.0 * change - 2.0 * begin - end) + s * (begin + end - 2.0 * change)))
+            slower = slower + (1.0 - s) * ref.v[i, motors] + s * ref.v[i + 1, motors]
+            tau = (1.0 - s) * ref.tau[i] + s * ref.tau[i + 1]
+        K, D = self._gains(state, t)
+        return np.asarray(tau + (K * back + D * slower if K.ndim < 2 else K @ back + D @ slower))
+
+    def _gains(self, state: State, t: float) -> tuple[Array, Array]:
+        """Stiffness and damping for the points that touch now: matrices, or one number a motor."""
+        if self.stiffness is not None and self.damping is not None:
+            return np.asarray(self.stiffness), np.asarray(self.damping)
+        touching = touching_points([source.gaps(state, t) for source in self._sources])
+        at = self.reference.t[self._knots]
+        k = int(np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(at) - 1))
+        before = self._gains_at(k, touching)
+        if k == len(at) - 1 or t <= at[0]:
+            return before.stiffness, before.damping
+        after, s = self._gains_at(k + 1, touching), (t - at[k]) / (at[k + 1] - at[k])
+        share = (1.0 - s, s)
+        return (
+            share[0] * before.stiffness + share[1] * after.stiffness,
+            share[0] * before.damping + share[1] * after.damping,
+        )
+
+    def _gains_at(self, knot: int, touching: Array) -> Gains:
+        """The gains at a pose of the reference while some points touch; from that pose alone, so the same in every run."""
+        key = (knot, touching.tobytes())
+        if key not in self._known:
+            pose = State(self.motion.robot, self.reference.q[self._knots[knot]])
+            structures = [source.at(pose, 0.0).structure for source in self._sources]
+            none = np.zeros(0, int)
+            holding = np.concatenate([none.astype(bool), *[holding_points(s) for s in structures]])
+            points = touching if len(touching) == len(holding) else np.ones(len(holding), bool)
+            mask = np.repeat(points & holding, np.concatenate([none, *[s.widths for s in structures]]))
+
+            def rows_at(near: State) -> Array:
+                J = [source.at(near, 0.0).J for source in self._sources]
+                return np.concatenate([np.zeros((0, near.robot.nv)), *J])[mask]
+
+            self._known[key] = posture_gains(pose, rows_at, None, float(self.frequency), float(self.damping_ratio))
+        return self._known[key]
+
+    def __repr__(self) -> str:
+        ref = self.reference
+        return f"TrackingController({self.motion.robot.name!r}, {ref.t[0]:g} to {ref.t[-1]:g} s, torques={self.torques!r})"
+
+    def __str__(self) -> str:
+        lines = [repr(self)]
+        if len(self.reference.changed):
+            lines.append(
+                f"  {len(self.reference.changed)} of {len(self.reference.t)} torques are of the nearest possible motion"
+            )
+        if self.reference.moved > 1e-6:
+            lines.append(f"  contacts of the motion move at up to {self.reference.moved:.3g} m/s, and are kept at rest")
+        lines.append(f"  {self.steps} steps, {self._counts['any']} with clipped torques")
+        lines += [f"    {name}: {n}" for name, n in self.clipped.items()]
+        return "\n".join(lines)
+
+
+def _per_motor(name: str, given: float | Array | None, nu: int) -> Array | None:
+    if given is None:
+        return None
+    values = as_array(name, given)
+    if values.shape not in ((), (nu,)) or not (values >= 0.0).all() or not np.isfinite(values).all():
+        raise InputError(f"{name} of TrackingController is {given!r:.80}; expected a number of 0 or more, or {nu}.")
+    return np.array(np.broadcast_to(values, (nu,)))
