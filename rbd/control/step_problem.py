@@ -256,10 +256,10 @@ def _force_cost(terms: Sequence[TaskTerms], rows: Sequence[Rows], sets: ForceSet
     for each in terms:
         if each.contact:
             of = _resultant(f"task {each.name!r:.80}", each.contact, rows, sets)
-            if each.A.shape[1] != len(of):
+            if each.A.shape[1] not in (3, len(of)):  # a force alone leaves the moment free
                 wants = "a force, three numbers" if len(of) == 3 else "a wrench, six numbers"
                 raise InputError(f"task {each.name!r:.80} has {each.A.shape[1]} columns; {each.contact!r:.80} has {wants}.")
-            A = each.A @ of * unit
+            A = each.A @ of[: each.A.shape[1]] * unit
             weighed = A.T * each.cost
             K += weighed @ A
             k -= weighed @ each.wanted
