@@ -28,7 +28,7 @@ from rbd.model.state import State
 _MOST = 1e6
 _PLANNED = 0.75
 """Share of A with which braking is planned."""
-_RETURN = 0.1
+_RETURN = 0.5
 """A joint beyond its limit comes back by this share of what it is beyond in each time d."""
 
 
@@ -43,9 +43,9 @@ class Limits:
         braking: A: deceleration that the motors can bring at any posture [rad/s2, m/s2]. More lets joints come nearer to their
             limits at speed; more than the motors have lets them pass.
         horizon: d: time over which the accelerations of a step are held [s]: at least the time between two steps.
-        margin: Distance from their limits at which joints stop [rad, m]. Torques held over a period leave the accelerations to
-            drift, and positions by a few of its squares: 5e-6 rad at 1 ms, 1e-4 rad at 5 ms for an arm at full speed; speeds by
-            1 % at 5 ms.
+        margin: Distance from their limits at which joints stop [rad, m]. While torques are held accelerations drift, and
+            positions pass their limits by about that drift times the square of the horizon (an arm at full speed, torques held
+            for 1 ms, a horizon of 2 ms: 1e-5 rad), speeds by what one period changes.
 
     Raises:
         InputError: numbers that are none, or out of range.
@@ -109,8 +109,11 @@ class Limits:
         }
         toward = np.array([a[joints.at], -a[joints.at]])
         for kind, most in bounds.items():
-            if most is not None and (held := (toward >= most - within).any(axis=0)).any():
-                out[kind] = tuple(name for name, is_at in zip(joints.names, held, strict=True) if is_at)
+            if most is None:
+                continue
+            held = np.flatnonzero((toward >= most - within).any(axis=0))
+            if len(held):
+                out[kind] = tuple(joints.names[i] for i in held)
         return out
 
     def _of_positions(self, q: Array, v: Array, joints: _Joints) -> Array:

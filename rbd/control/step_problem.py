@@ -117,9 +117,11 @@ class StepProblem:
         torques = limits.torques(robot)
         size = np.where(torques < np.inf, torques, unit)
         share = np.where(torques < np.inf, 1.0, np.inf)
+        lower, upper = sets.lower / unit, sets.upper / unit
         least, most = limits.accelerations(state)
         limited = np.flatnonzero((least > -np.inf) | (most < np.inf))
         W_n, low_n, high_n = _normal_forces(normal_force, rows, sets, unit)
+        W_n, low_n, high_n, upper = _without_zeros(W_n, low_n, high_n, lower, upper)
         n, r, j = robot.nu, len(low_n), len(limited)
         T, W = np.zeros((n + r + j, nv)), np.zeros((n + r + j, sets.size))
         T[:n] = M[motors] / size[:, None]
@@ -139,8 +141,8 @@ class StepProblem:
             W,
             np.concatenate([-share - own, low_n, least[limited]]),
             np.concatenate([share - own, high_n, most[limited]]),
-            sets.lower / unit,
-            sets.upper / unit,
+            lower,
+            upper,
             slice(n, n + r),
         )
         return cls(
@@ -169,8 +171,8 @@ class StepProblem:
         left, out, at = wanted - A @ a, {}, 0
         for each in self.terms:
             if each.contact:
-                reached = each.A @ (_resultant(each.name, each.contact, self.rows, self.sets) @ w)
-                out[each.name] = each.wanted - reached
+                wrench = _resultant(each.name, each.contact, self.rows, self.sets) @ w
+                out[each.name] = each.wanted - each.A @ wrench[: each.A.shape[1]]
             else:
                 out[each.name] = left[at : at + len(each.wanted)]
                 at += len(each.wanted)
@@ -311,6 +313,17 @@ def _normal_forces(
         low.append(pair[0] / unit)
         high.append(pair[1] / unit)
     return np.array(W), np.array(low), np.array(high)
+
+
+def _without_zeros(W: Array, low: Array, high: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array, Array]:
+    """(W, low, high, upper) where a normal force that may only be zero is zero of each ray, and no row."""
+    zero = high <= 0.0
+    if not zero.any():
+        return W, low, high, upper
+    pushes = (W[zero] > 0.0).any(axis=0) & (lower == 0.0)
+    upper = np.where(pushes, 0.0, upper)
+    kept = ~zero | (W[:, lower < 0.0] != 0.0).any(axis=1)
+    return W[kept], low[kept], high[kept], upper
 
 
 def _sizes(r: Rows) -> Array:

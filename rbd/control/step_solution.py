@@ -4,7 +4,8 @@ For given w, and given values s of the few rows of T that bind, the best a is kn
 E a = e - F w and T a = s - W w. What is left is a program in (w, s), a fifth of the whole. Which rows bind is found by solving
 without them, then with those that were passed. What rounding leaves of the equations and of the gradient, along weights inside
 their bounds, is solved for once more. Every answer is judged by the whole program, `StepProgram.optimality`; where it is none,
-or the equations depend on each other, DAQP solves the whole, then ProxSuite.
+or the equations depend on each other, DAQP solves the whole, and the optimality conditions are solved on its active set; then
+ProxSuite likewise.
 """
 
 from __future__ import annotations
@@ -31,6 +32,10 @@ _DEPENDENT = 1e-14
 _REFINED = 3e-12
 """A gradient along weights inside their bounds is solved for once more if it is above this: weights cost 1e-2."""
 _REFINEMENTS = 2
+_PUSHES = 1e-12
+"""A multiplier that is less, over the largest, is none."""
+_CORRECTIONS = 10
+_RANK = 1e-15
 _SETTINGS = 3
 """How many of ProxSuite's settings are tried."""
 
@@ -55,8 +60,12 @@ def _attempts(program: StepProgram) -> Iterator[StepPoint]:
     second = whole.by_daqp()
     if second is not None:
         yield second
-    if point is not None or second is not None:  # else DAQP found twice that there is none
-        yield from whole.by_proxsuite()
+    first = point if second is None else second
+    if first is not None:  # else DAQP found twice that there is none
+        yield whole.on_active_set(first)
+        for third in whole.by_proxsuite():
+            yield third
+            yield whole.on_active_set(third)
 
 
 def eliminated(program: StepProgram) -> StepPoint | None:
@@ -68,7 +77,7 @@ def eliminated(program: StepProgram) -> StepPoint | None:
     binding, steps = np.zeros(0, int), 0
     for _ in range(_PASSES):
         reduced = _Reduced.of(P, L, binding)
-        found = None if reduced is None else reduced.solved()
+        found = reduced.solved() if reduced is not None else None
         if reduced is None or found is None:
             return None
         steps += found.iterations
@@ -80,6 +89,7 @@ def eliminated(program: StepProgram) -> StepPoint | None:
             break
         passed[binding] = True
         binding = passed.nonzero()[0]
+    assert reduced is not None and found is not None
     a, x, y, z, of_forces, _ = reduced.refined(found)
     m, p = len(P.e), len(P.k)
     t = np.zeros(len(P.low))
@@ -161,7 +171,7 @@ class _Reduced(NamedTuple):
     def refined(self, found: _Found) -> _Found:
         """With what rounding left of the equations, and of the gradient along what is inside its bounds, solved for again."""
         a, x, y, z, t, steps = found
-        inside, pushing = z == 0.0, t != 0.0
+        inside, pushing = (z == 0.0) & (self.lower < self.upper), t != 0.0
         for left in range(_REFINEMENTS, -1, -1):
             if len(self.e):
                 missing = self.e - self.F @ x - self.E @ a
@@ -222,6 +232,32 @@ class _Whole:
         for found in attempts(self.H, self.g, self.A, self.b, C, low, high, policy=POLICY[:_SETTINGS]):
             y = np.concatenate([found.y, found.z[p:]])
             yield self._point(found.x, found.z[:p], y, found.iterations, "ProxSuite")
+
+    def on_active_set(self, point: StepPoint) -> StepPoint:
+        """The solution of the optimality conditions with the active set of a point, which is corrected where it is wrong."""
+        P, p, m, n = self.program, len(self.program.k), len(self.kept), len(self.g)
+        rows = np.concatenate([np.eye(p, n), self.C])
+        low, high = np.concatenate([P.lower, P.low]), np.concatenate([P.upper, P.high])
+        pushes = np.concatenate([point.z, point.t])
+        side = np.where(low == high, 1.0, np.where(np.abs(pushes) > _PUSHES * max(1.0, max_abs(pushes)), np.sign(pushes), 0.0))
+        x, y = np.concatenate([point.w, point.a]), np.zeros(m + len(side))
+        for _ in range(_CORRECTIONS):
+            held = side.nonzero()[0]
+            B = np.concatenate([self.A, rows[held]])
+            right = np.concatenate([-self.g, self.b, np.where(side > 0.0, low, high)[held]])
+            system = np.block([[self.H, -B.T], [B, np.zeros((len(B), len(B)))]])
+            both = np.linalg.lstsq(system, right, rcond=_RANK)[0]
+            for _ in range(2):
+                both += np.linalg.lstsq(system, right - system @ both, rcond=_RANK)[0]
+            x, y = both[:n], np.zeros(m + len(side))
+            y[:m], y[m + held] = both[n : n + m], both[n + m :]
+            values, pushes = rows @ x, y[m:]
+            wrong = (pushes * side < 0.0) & (low < high)
+            below, above = values < low - _PASSED, values > high + _PASSED
+            if not (wrong | ((below | above) & (side == 0.0))).any():
+                break
+            side = np.where(wrong, 0.0, np.where(side == 0.0, 1.0 * below - 1.0 * above, side))
+        return self._point(x, y[m : m + p], np.concatenate([y[:m], y[m + p :]]), point.iterations, point.method)
 
     def _point(self, x: Array, z: Array, y: Array, iterations: int, method: str) -> StepPoint:
         P, p, m = self.program, len(self.program.k), len(self.kept)

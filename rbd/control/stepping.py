@@ -86,7 +86,7 @@ def step(
         >>> tasks = [rbd.control.ComTask(state.com, cost=100.0), rbd.control.PostureTask(state.q)]
         >>> held = rbd.control.step(state, tasks, soles)
         >>> print(held.status, f"{held.forces['left_sole'][2] + held.forces['right_sole'][2]:.2f} N")
-        solved 885.37 N
+        solved 885.57 N
     """
     check_state(state)
     if not isinstance(limits, Limits):

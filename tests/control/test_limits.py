@@ -88,7 +88,7 @@ def test_a_joint_that_is_allowed_more_could_not_brake_in_time(arm: rbd.Robot) ->
 
 
 def test_a_joint_beyond_its_limit_comes_back_and_one_too_fast_brakes(arm: rbd.Robot) -> None:
-    """Neither is asked for more than A; a joint beyond its limit by e has e exp(-0.1 t / d) left, about."""
+    """Neither is asked for more than A; a joint beyond its limit by e has about e exp(-t / 2 d) left."""
     low, high, fast = room_of(arm)
     limits = Limits(braking=A, horizon=D)
     q, v = high + 0.004, np.zeros(arm.nv)
@@ -96,7 +96,7 @@ def test_a_joint_beyond_its_limit_comes_back_and_one_too_fast_brakes(arm: rbd.Ro
         _, most = limits.accelerations(rbd.State(arm, q, v))
         assert (most >= -A).all()
         q, v = q + D * (v + 0.5 * D * most), v + D * most
-    assert ((q - high)[:7] < 0.004 * math.exp(-9.0)).all() and (q > high - 1e-6).all()
+    assert ((q - high)[:7] < 0.004 * math.exp(-9.0)).all() and (q > high - 1e-4).all()
     middle = 0.5 * (low + high)
     assert limits.accelerations(rbd.State(arm, middle, 2.0 * fast))[1] == pytest.approx(np.maximum(-fast / D, -A))
     assert limits.accelerations(rbd.State(arm, high - 1e-3, fast))[1] == pytest.approx(np.full(arm.nv, -A))
@@ -113,11 +113,11 @@ def test_an_arm_that_is_asked_to_go_beyond_its_limits_stays_within_them(arm: rbd
     q[:] = 0.5 * (low + high)
     goal = np.where(np.arange(arm.nq) % 2, high + 0.5, low - 0.5)
     limits, tasks = (
-        Limits(torque=None, braking=15.0, horizon=2.0 * period, margin=8.0 * period**2),
+        Limits(torque=None, braking=15.0, horizon=2.0 * period, margin=20.0 * period**2),
         [PostureTask(goal, gain=900.0)],
     )
     state, seen, furthest, fastest = rbd.State(arm, q), set[str](), 0.0, 0.0
-    for _ in range(round(0.8 / period)):
+    for _ in range(round(1.6 / period)):
         found = step(state, tasks, limits=limits)
         assert found.violation is None
         seen |= set(found.at_limit)
