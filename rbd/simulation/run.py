@@ -137,7 +137,8 @@ def simulate(
                 if motion.recorded(k, times):
                     recording.add(sample)
                 shown(t)
-                sunk = next(filter(None, [floor.sunk(here) for floor in floors]), "")
+                for floor in floors:
+                    sunk = sunk or floor.sunk(here)
                 if sunk:
                     break
         except KeyboardInterrupt:
@@ -153,13 +154,14 @@ def simulate(
     if sunk:
         interrupted = f"stopped at t = {t:.6g} s"
     trajectory = Trajectory.of(motion, recording, _in_order(events), chosen, step, interrupted)
+    inaccurate = _inaccurate(trajectory)
     if sunk:
-        names = tuple(c.name for c in motion.constraints)
         raise SimulationStopped(
-            f"at t = {t:.6g} s {sunk}. `error.trajectory` and `error.state` have what was reached.",
-            state=here, t=t, names=names, trajectory=trajectory,
+            f"at t = {t:.6g} s {sunk}. `error.trajectory` and `error.state` have what was reached."
+            + (f" Before that, {inaccurate}" if inaccurate else ""),
+            state=here, t=t, names=tuple(c.name for c in motion.constraints), trajectory=trajectory,
         )  # fmt: skip
-    if inaccurate := _inaccurate(trajectory):
+    if inaccurate:
         warnings.warn(inaccurate, InaccurateWarning, stacklevel=2)
     return trajectory
 

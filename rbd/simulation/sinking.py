@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, each_times
+from rbd.arrays import Array, each_times, lazy
 from rbd.constraints.constraint import Constraint, ground_of, member
 from rbd.constraints.ground_points import OnGround
 from rbd.model.checked_model import CheckedModel
@@ -90,6 +90,11 @@ class Floor:
             self.levers[kept], self.shares[kept],
         )  # fmt: skip
 
+    @lazy
+    def _planes(self) -> list[list[float]]:
+        """Normal and height of each floor as numbers of Python, whose sums take a third of the time."""
+        return [[*normal, height] for normal, height in zip(self.normals.tolist(), self.heights.tolist(), strict=True)]
+
     def _heights(self, state: State) -> Array:
         """Height of each body's centre of mass above the lowest of the floors below it, shape (n,) [m]."""
         R, p = state.joint_places(self.joints.tolist())
@@ -98,9 +103,10 @@ class Floor:
 
     def sunk(self, state: State) -> str:
         """Message: how far the robot has sunk, through the floor of which contacts; empty if it has not."""
-        base = state.q[self.place : self.place + 3]
-        if max((self.normals.dot(base) - self.heights).tolist()) > self.low:
-            return ""
+        x, y, z = state.q[self.place : self.place + 3].tolist()
+        for a, b, c, height in self._planes:
+            if a * x + b * y + c * z - height > self.low:
+                return ""
         heights = self._heights(state)
         share = float(self.shares[heights < 0.0].sum())
         if share < SHARE:
@@ -116,11 +122,9 @@ class Floor:
 
 def _ground(constraint: Constraint, start: State) -> OnGround | None:
     """The points of a contact with friction on ground that does not rise; None for other constraints."""
-    if _is_of_shapes(constraint) or not member(constraint, "friction"):
-        return None
     source = member(constraint, "source")
-    found = source(start) if callable(source) else None
-    return found if isinstance(found, OnGround) and not found.rise else None
+    found = source(start) if callable(source) and not _is_of_shapes(constraint) else None
+    return found if isinstance(found, OnGround) and found.contact.friction and not found.rise else None
 
 
 def _is_level(normal: Array, robot: CheckedModel) -> bool:
