@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -30,91 +31,97 @@ LEVEL = 0.5
 """Least cosine of the angle between a floor's normal and the vertical."""
 
 
+class Bodies(NamedTuple):
+    """Bodies of a robot.
+
+    Attributes:
+        joints: Their joints, shape (n,).
+        levers: Centres of mass in their joints' axes, shape (n, 3) [m].
+        shares: Shares of the robot's mass, shape (n,).
+    """
+
+    joints: Array
+    levers: Array
+    shares: Array
+
+
 @dataclass(frozen=True, eq=False)
 class Floor:
     """The floors of one robot.
 
     Attributes:
-        robot: The robot, or several merged.
+        start: The start of the motion.
+        base: Joint of the robot's floating base; several robots can be merged.
         contacts: Names of the contacts on these floors.
         normals: Normal of each floor, shape (m, 3).
         heights: Distance of each from W's origin along its normal, shape (m,) [m].
-        place: Where the position of the robot's base begins in q.
-        low: Height of the base below which its bodies are looked at [m].
-        joints: Joints of the bodies that begin above, shape (n,).
-        levers: Centres of mass of these bodies in their joints' axes, shape (n, 3) [m].
-        shares: Their shares of the robot's mass, shape (n,).
     """
 
-    robot: CheckedModel
+    start: State
+    base: int
     contacts: tuple[str, ...]
     normals: Array
     heights: Array
-    place: int
-    low: float
-    joints: Array
-    levers: Array
-    shares: Array
 
     @classmethod
     def of(cls, start: State, constraints: Sequence[Constraint]) -> tuple[Floor, ...]:
         """The floors of each robot of a state: of those that stand on given points."""
-        robot, solids = start.robot, solids_of(start.robot)
-        model, gravity = robot.model, float(np.linalg.norm(robot.gravity))
-        grounds = [ground for c in constraints if (ground := _ground(c, start)) is not None]
-        out = []
-        for base in sorted({int(root) for root in solids.roots}):
-            tree = np.flatnonzero(solids.roots == base) + 1
-            own = [g for g in grounds if robot.site(g.contact.frame)[0] in tree and _is_level(g.normal, robot)]
-            motors = np.isin(solids.joint[robot.actuated] + 1, tree)
-            if not own or not gravity or not motors.any() or model.joints[base].shortname() != "JointModelFreeFlyer":
+        robot, out = start.robot, []
+        if not robot.nu or not robot.gravity.any():
+            return ()
+        grounds = [g for c in constraints if (g := _ground(c, start)) is not None and _is_level(g.normal, robot)]
+        roots, joint = solids_of(robot).roots, solids_of(robot).joint
+        driven = set(roots[joint[robot.actuated]].tolist())
+        roots_of = [0 if (j := robot.site(g.contact.frame)[0]) == 0 else int(roots[j - 1]) for g in grounds]
+        for base in sorted(driven.intersection(roots_of)):
+            if robot.model.joints[base].shortname() != "JointModelFreeFlyer":
                 continue
+            own = [g for g, root in zip(grounds, roots_of, strict=True) if root == base]
             planes = [_plane(g.normal, g.height) for g in own]
             planes += [plane for c in constraints if (plane := _plane_of_shapes(c)) is not None]
             normals, heights = (np.array(x) for x in zip(*dict.fromkeys(planes), strict=True))
-            masses = solids.masses[tree - 1]
-            place = model.joints[base].idx_q
-            high = float((normals @ start.q[place : place + 3] - heights).max())
-            floor = cls(
-                robot, tuple(g.contact.name for g in own), normals, heights, place, LOW * high, tree,
-                solids.levers[tree - 1], masses / masses.sum(),
-            )  # fmt: skip
-            above = floor._heights(start) > 0.0
-            out.append(floor._only(above))
+            out.append(cls(start, base, tuple(g.contact.name for g in own), normals, heights))
         return tuple(out)
 
-    def _only(self, kept: Array) -> Floor:
-        """The same for some of the bodies."""
-        return Floor(
-            self.robot, self.contacts, self.normals, self.heights, self.place, self.low, self.joints[kept],
-            self.levers[kept], self.shares[kept],
-        )  # fmt: skip
+    @lazy
+    def _quick(self) -> tuple[int, float, list[list[float]]]:
+        """(where the base's position begins in q, its height below which bodies are looked at, floors), as plain numbers."""
+        place = self.start.robot.model.joints[self.base].idx_q
+        high = float((self.normals @ self.start.q[place : place + 3] - self.heights).max())
+        planes = [[*normal, height] for normal, height in zip(self.normals.tolist(), self.heights.tolist(), strict=True)]
+        return place, LOW * high, planes
 
     @lazy
-    def _planes(self) -> list[list[float]]:
-        """Normal and height of each floor as numbers of Python, whose sums take a third of the time."""
-        return [[*normal, height] for normal, height in zip(self.normals.tolist(), self.heights.tolist(), strict=True)]
+    def _bodies(self) -> Bodies:
+        """The bodies that begin above one of the floors."""
+        solids = solids_of(self.start.robot)
+        tree = np.flatnonzero(solids.roots == self.base)
+        whole = Bodies(tree + 1, solids.levers[tree], solids.masses[tree] / solids.masses[tree].sum())
+        above = self._heights(self.start, whole) > 0.0
+        return Bodies(*[x[above] for x in whole])
 
-    def _heights(self, state: State) -> Array:
-        """Height of each body's centre of mass above the lowest of the floors below it, shape (n,) [m]."""
-        R, p = state.joint_places(self.joints.tolist())
-        centres = p + each_times(R, self.levers)
+    def _heights(self, state: State, bodies: Bodies) -> Array:
+        """Height of each body's centre of mass above the lowest of the floors, shape (n,) [m]."""
+        R, p = state.joint_places(bodies.joints.tolist())
+        centres = p + each_times(R, bodies.levers)
         return np.asarray((centres @ self.normals.T - self.heights).max(axis=1))
 
     def sunk(self, state: State) -> str:
         """Message: how far the robot has sunk, through the floor of which contacts; empty if it has not."""
-        x, y, z = state.q[self.place : self.place + 3].tolist()
-        for a, b, c, height in self._planes:
-            if a * x + b * y + c * z - height > self.low:
+        place, low, planes = self._quick
+        x, y, z = state.q[place : place + 3].tolist()
+        for a, b, c, height in planes:
+            if a * x + b * y + c * z - height > low:
                 return ""
-        heights = self._heights(state)
-        share = float(self.shares[heights < 0.0].sum())
+        robot, bodies = state.robot, self._bodies
+        heights = self._heights(state, bodies)
+        share = float(bodies.shares[heights < 0.0].sum())
         if share < SHARE:
             return ""
         deepest = int(heights.argmin())
         return (
-            f"{self.robot.name} sinks through the floor: bodies with {100.0 * share:.0f} % of its mass are below the plane of "
-            f"{', '.join(map(repr, self.contacts)):.200}, {_link(self.robot, int(self.joints[deepest]))!r:.80} by "
+            f"{robot.name} sinks through the floor: bodies with {100.0 * share:.0f} % of its mass are below the plane of "
+            f"{', '.join(map(repr, self.contacts)):.200}, {_link(robot, int(bodies.joints[deepest]))!r:.80} by "
             f"{-heights[deepest]:.3g} m. That floor supports the points of these contacts alone. Give its other shapes too, "
             'rbd.CollisionContacts("bodies", robot), or may_sink=True to go on'
         )
@@ -122,8 +129,10 @@ class Floor:
 
 def _ground(constraint: Constraint, start: State) -> OnGround | None:
     """The points of a contact with friction on ground that does not rise; None for other constraints."""
+    if member(constraint, "friction") is None or _is_of_shapes(constraint):
+        return None
     source = member(constraint, "source")
-    found = source(start) if callable(source) and not _is_of_shapes(constraint) else None
+    found = source(start) if callable(source) else None
     return found if isinstance(found, OnGround) and found.contact.friction and not found.rise else None
 
 
