@@ -16,8 +16,18 @@ import pytest
 
 import rbd
 from rbd.arrays import Array, range_of
-from rbd.control import ComTask, ForceTask, FrameTask, MomentumTask, PostureTask, Reference, TaskTerms, step
-from rbd.control.task_terms import Task, checked_tasks
+from rbd.control import (
+    ComTask,
+    ForceTask,
+    FrameTask,
+    MomentumTask,
+    PostureTask,
+    Reference,
+    TaskTerms,
+    WholeBodyController,
+    step,
+)
+from rbd.control.task_terms import Task, checked_tasks, robot_of
 from rbd.errors import DuplicateName, FrameNotFound, InputError, JointNotFound
 from rbd.testing import TaskWrong, check_task
 
@@ -395,6 +405,11 @@ def test_targets_may_be_given_in_many_ways(rng: np.random.Generator) -> None:
     assert same(place, TaskTerms("part", whole.A[:3], whole.wanted[:3], whole.cost[:3]))
     assert same(turned, TaskTerms("part", whole.A[3:], whole.wanted[3:], whole.cost[3:]))
     assert same(FrameTask(frame, Reference(X, *rates), orientation_cost=0.0).terms(state, 0.0), place)
+    other = drawn(talos, rng)
+    held = FrameTask(frame, other.frame(frame, OFFSET).X_WF, offset=OFFSET).terms(state, 0.0)
+    for target in (other, Reference(other), lambda t: other):
+        assert same(FrameTask(frame, target, offset=OFFSET).terms(state, 0.0), held)
+        assert same(ComTask(target).terms(state, 0.0), ComTask(other.com).terms(state, 0.0))
     posture = PostureTask(state.q).terms(state, 0.0)
     for target in (state, Reference(state), lambda t: state, lambda t: Reference(state.q, np.zeros(talos.nv))):
         assert same(PostureTask(target).terms(state, 0.0), posture)
@@ -535,6 +550,8 @@ def test_names_are_checked_where_the_robot_is_known(talos: rbd.Robot) -> None:
         hand.check(talos)
     with pytest.raises(FrameNotFound, match="gripper_left_joint"):
         hand.terms(state, 0.0)
+    with pytest.raises(FrameNotFound, match="gripper_left_joint"):
+        FrameTask("gripper_lef_joint", state)
     with pytest.raises(JointNotFound, match="no joint 'torso_1_join' in .*nearest: 'torso_1_joint'"):
         PostureTask(state, joints=["torso_1_join"])
     with pytest.raises(JointNotFound, match="cost of task 'posture' has joint 'torso_1_join'; nearest: 'torso_1_joint'"):
@@ -588,6 +605,7 @@ def test_lists_of_tasks_are_checked(talos: rbd.Robot) -> None:
     com = ComTask(np.zeros(3))
     calm = MomentumTask()
     assert checked_tasks([com, calm], talos) == (com, calm) and checked_tasks(()) == ()
+    assert robot_of([com, calm]) is None and robot_of([com, PostureTask(talos.standing())]) is talos
     for bad in (com, "com", 3, None):
         with pytest.raises(InputError, match="tasks are .*; expected a list"):
             checked_tasks(bad)  # type: ignore[arg-type]
@@ -598,3 +616,5 @@ def test_lists_of_tasks_are_checked(talos: rbd.Robot) -> None:
         checked_tasks([com, ComTask(np.ones(3))])
     with pytest.raises(FrameNotFound, match="nearest: 'left_sole_link'"):
         checked_tasks([com, FrameTask("left_sole_lin", np.eye(4))], talos)
+    with pytest.raises(FrameNotFound, match="nearest: 'left_sole_link'"):  # the posture knows the robot
+        WholeBodyController([PostureTask(talos.standing()), FrameTask("left_sole_lin", np.eye(4))])
