@@ -137,16 +137,19 @@ def test_wrong_rows_are_noticed() -> None:
         name = "changed"
 
         def __init__(self, sign: float, bias: float) -> None:
-            self.sign, self.bias = sign, bias
+            self.sign, self.bias, self.asked = sign, bias, set[float]()
 
         def terms(self, at: rbd.State, t: float) -> TaskTerms:
+            self.asked.add(t)
             hand = at.frame("gripper_left_joint")
             return TaskTerms("changed", self.sign * hand.J[:3], -self.bias * hand.bias[:3], np.ones(3))
 
     def place(at: rbd.State) -> Array:
         return np.asarray(at.frame("gripper_left_joint").X_WF.translation)
 
-    assert check_task(Changed(1.0, 1.0), place, state).rows == 3
+    right = Changed(1.0, 1.0)
+    assert check_task(right, place, state).rows == 3 and right.asked == {0.0}
+    assert check_task(right, place, state, t=0.5).rows == 3 and right.asked == {0.0, 0.5}
     with pytest.raises(TaskWrong, match="A v of row"):
         check_task(Changed(-1.0, 1.0), place, state)
     with pytest.raises(TaskWrong, match="J_dot v of row"):
@@ -494,6 +497,7 @@ BAD: dict[str, Callable[[], Any]] = {
     r"damping_ratio of task 'com' is inf": lambda: ComTask(np.zeros(3), damping_ratio=np.inf),
     r"the name of a task is 3; expected a text": lambda: ComTask(np.zeros(3), name=3),  # type: ignore[arg-type]
     r"frame of a task is None; expected the name of a frame": lambda: FrameTask(None, np.eye(4)),  # type: ignore[arg-type]
+    r"frame of a task is ''; expected the name of a frame": lambda: FrameTask("", np.eye(4), name="hand"),
     r"target of task 'hand' is no rigid placement": lambda: FrameTask("hand", np.diag([1.0, 1.0, -1.0, 1.0])),
     r"target of task 'foot' is no rigid placement": lambda: FrameTask("foot", pin.SE3(1.01 * np.eye(3), np.zeros(3))),
     r"target of task 'head' is no rotation": lambda: FrameTask("head", np.diag([1.0, 1.0, -1.0])),
@@ -566,6 +570,8 @@ def test_names_are_checked_where_the_robot_is_known(talos: rbd.Robot) -> None:
         PostureTask(np.zeros(19)).check(talos)
     with pytest.raises(InputError, match="target of task 'posture' is a state of solo12; expected one of talos"):
         PostureTask(robot("solo12").standing()).terms(state, 0.0)
+    again = rbd.load_robot("talos").standing()  # the same robot, loaded once more
+    assert same(PostureTask(again).terms(state, 0.0), PostureTask(state).terms(state, 0.0))
     with pytest.raises(InputError, match=r"velocity of the target of task 'posture' has shape \(32,\); expected \(38,\)"):
         PostureTask(Reference(state, np.zeros(32)))
     for bad in (3.0, talos, None):
