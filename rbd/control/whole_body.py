@@ -162,15 +162,14 @@ class WholeBodyController:
         memory.robot = robot
         seen = memory.watch.see(step)
         actuation = self._step(step, seen)
-        limit = robot.effort_limit
-        most = limit * (math.inf if self.limits.torque is None else self.limits.torque)
+        limit, most = robot.effort_limit, self.limits.torques(robot)
         memory.actuation, memory.tau = actuation, np.clip(actuation.tau, -most, most)  # beyond it by rounding only
         known = np.isfinite(limit)
         memory.log.add(
             ControlStep(
                 step.t,
-                _worst(actuation),
-                _violation(actuation),
+                actuation.certificate.worst,
+                0.0 if actuation.violation is None else actuation.violation.worst,
                 float(np.abs(memory.tau[known] / limit[known]).max(initial=0.0)),
                 {name: math.sqrt(float(missed @ missed)) for name, missed in actuation.missed.items()},
                 seen.planned,
@@ -269,21 +268,9 @@ class WholeBodyController:
                 warnings.warn(text, each.category, stacklevel=4)
 
 
-def _worst(actuation: TaskActuation) -> float:
-    """The largest residual, scaled."""
-    found = getattr(actuation, "certificate", actuation.residuals)
-    return float(found.worst)
-
-
-def _violation(actuation: TaskActuation) -> float:
-    """How far contacts or joint limits were left; 0 where they are kept."""
-    found = getattr(actuation, "violation", None)
-    return 0.0 if found is None else float(found.worst)
-
-
 def _slips(actuation: TaskActuation) -> list[tuple[str, str]]:
     """Contacts that were counted on and move."""
-    return [(name, "slips") for name, speed in getattr(actuation, "moving", {}).items() if speed > SLIPS]
+    return [(name, "slips") for name, speed in actuation.moving.items() if speed > SLIPS]
 
 
 def _twice(names: Sequence[str]) -> str:

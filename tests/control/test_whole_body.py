@@ -19,6 +19,7 @@ from rbd.control import (
     ForceTask,
     FrameTask,
     Limits,
+    MomentumTask,
     PostureTask,
     Reference,
     WholeBodyController,
@@ -242,18 +243,18 @@ def test_talos_squats(talos: rbd.Robot):
 
 def test_an_arm_without_contacts_follows_its_tasks():
     """Smooth motion by the method of Runge and Kutta, torques held for a step: an error of the order of the step."""
-    arm = rbd.load_robot("panda", root="fixed")
-    state = arm.at("ready")
-    hand = shifted(state.frame("panda_hand").X_WF.translation, [0.1, 0.1, -0.1], 0.4)
-    tasks = [FrameTask("panda_hand", hand, position_cost=100.0, gain=400.0), PostureTask(state.q, cost=0.01)]
+    arm = rbd.load_robot("ur5", root="fixed")
+    state = arm.at([0.2, -1.2, 1.5, -0.4, 0.3, 0.1])
+    hand = shifted(state.frame("tool0").X_WF.translation, [0.1, 0.1, -0.1], 0.4)
+    tasks = [FrameTask("tool0", hand, position_cost=100.0, gain=400.0), PostureTask(state.q, cost=0.01)]
     errors = []
     for step in (4e-3, 2e-3):
         controller = WholeBodyController(tasks)
         motion = rbd.simulate(state, duration=0.5, step=step, controller=controller, progress=False)
-        p = np.array([rbd.State(arm, q).frame("panda_hand").X_WF.translation for q in motion.q])
+        p = np.array([rbd.State(arm, q).frame("tool0").X_WF.translation for q in motion.q])
         errors.append(np.abs(p - np.array([hand(t).value for t in motion.t])).max())
         assert not controller.log.disagreements and len(controller.log) == len(motion.t)
-    assert errors[0] < 2e-3 and errors[1] == pytest.approx(0.5 * errors[0], rel=0.3)
+    assert errors[0] < 2e-3 and errors[1] == pytest.approx(0.5 * errors[0], rel=0.3), errors
 
 
 def test_a_leg_with_loops_moves_its_motors():
@@ -267,7 +268,8 @@ def test_a_leg_with_loops_moves_its_motors():
     still = rbd.simulate(state, leg.loops(), duration=0.1, step=1e-3, controller=controller, progress=False)
     assert np.abs(still.q - state.q).max() < 1e-6
     assert np.abs(motion.q - state.q).max() > 1e-4  # the push, of which it does not know
-    assert np.abs(rbd.solve(state, still.tau[0], leg.loops()).a).max() < 1e-8
+    a = rbd.solve(state, still.tau[0], leg.loops()).a
+    assert np.abs(a).max() < 1e-3  # the cost of any acceleration is 1e-4 of the task's
 
 
 def test_a_foot_that_slides_is_counted(quadruped: Quadruped):
@@ -283,17 +285,15 @@ def test_a_foot_that_slides_is_counted(quadruped: Quadruped):
 
 
 def test_steps_that_violate_contacts_are_counted_and_said_once(quadruped: Quadruped):
-    """Motors of 0.5 % of their torque cannot carry the trunk."""
-    controller = WholeBodyController(
-        [PostureTask(quadruped.state.q)], quadruped.feet, limits=Limits(torque=0.005), early=0.9, every=4e-3
-    )
+    """A foot that should keep still, and rise with a lift that is not there."""
+    lift = rbd.PointContact("lift", "FL_FOOT", friction=0.6, on=rbd.Ground(acceleration=(0.0, 0.0, 1.0)))
+    controller = WholeBodyController([PostureTask(quadruped.state.q)], [*quadruped.feet, lift], every=4e-3)
     with pytest.warns(rbd.errors.RelaxedLimitsWarning, match="At t = 0 s. Said once in a motion") as said:
-        motion = quadruped.run(controller, 0.02)
+        quadruped.run(controller, 0.02)
     assert len(said) == 1
     log = controller.log
-    assert log.violations == len(log) == 6 and log.violation.min() > 0.1
-    assert "6 steps could not keep contacts or joint limits, by at most" in str(controller)
-    assert (np.abs(motion.tau) <= 0.005 * quadruped.robot.effort_limit).all()
+    assert log.violations == len(log) == 6 and log.violation == pytest.approx(0.5, abs=0.01)  # half of 1 m/s2 each
+    assert "6 steps could not keep contacts or joint limits, by at most 0.5 m/s2" in str(controller)
     with pytest.warns(rbd.errors.RelaxedLimitsWarning):
         quadruped.run(controller, 0.02)  # once in each motion
 
@@ -309,7 +309,8 @@ def test_what_a_task_raises_stops_the_simulation(quadruped: Quadruped):
     controller = WholeBodyController([ComTask(fails), PostureTask(quadruped.state.q)], quadruped.robot.feet(friction=0.6))
     with pytest.raises(rbd.errors.SimulationStopped, match="no plan") as stopped:
         quadruped.run(controller)
-    assert stopped.value.t == pytest.approx(0.008) and isinstance(stopped.value.__cause__, ArithmeticError)
+    assert stopped.value.t == pytest.approx(0.008) and isinstance(stopped.value.__cause__, rbd.errors.InputError)
+    assert len(controller.log) == 5 and len(stopped.value.trajectory.t) == 5
 
 
 def test_it_wants_to_be_told(quadruped: Quadruped, talos: rbd.Robot):
@@ -409,3 +410,29 @@ def test_forces_of_contacts_that_are_not_counted_on_are_not_asked_for():
     missed = controller.log.missed
     assert np.isnan(missed["force of front_left"]).tolist() == [False, True] and np.isnan(missed["HL_FOOT"]).all()
     assert controller.log.assumed["front_left"].tolist() == [True, False]
+
+
+def test_torques_do_not_jump_where_a_foot_is_lifted(talos: rbd.Robot):
+    """Talos moves from two feet to one: with a fade, torques change by little in a step; without, by the foot's load."""
+    state, soles = talos.standing(), talos.soles(friction=0.7)
+    points = [sole.rows(state).patch.point for sole in soles]
+    foot = state.frame(soles[1].frame).X_WF
+    up = lifted(foot.translation, 0.02, 0.6, 1.0)
+    tasks = [
+        ComTask(shifted(state.com, [0.0, 0.8 * (points[0] - state.com)[1], 0.0], 0.55), cost=100.0, gain=60.0),
+        MomentumTask(angular_cost=0.02, gain=3.0),
+        FrameTask("torso_2_link", state.frame("torso_2_link").X_WF.rotation, orientation_cost=10.0),
+        PostureTask(state.q, cost=0.1, gain=40.0),
+        FrameTask(soles[1].frame, up, position_cost=100.0, gain=400.0),
+    ]
+    jumps, loads = {}, {}
+    for fade in (0.06, 0.0):
+        schedule = ContactSchedule({"right_sole": [(-INF, 0.6), (1.0, INF)]}, fade=fade)
+        controller = WholeBodyController(tasks, talos.soles(friction=0.65), schedule=schedule)
+        motion = rbd.simulate(state, soles, duration=0.66, step=2e-3, controller=controller, progress=False)
+        assert heights(motion, soles[1])[-1] > 5e-4 and controller.log.violations == 0
+        near = (motion.t > 0.5) & (motion.t < 0.64)
+        jumps[fade] = float(np.abs(np.diff(motion.tau[near], axis=0)).max())
+        loads[fade] = motion.forces["right_sole"][motion.t < 0.5995][-1][2]
+    assert jumps[0.06] < 2.5 and jumps[0.0] > 4.0 * jumps[0.06], jumps  # N m a step
+    assert loads[0.06] < 0.1 * loads[0.0]
