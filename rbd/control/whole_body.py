@@ -51,9 +51,10 @@ class WholeBodyController:
     At the beginning of a step it looks at what touches, and computes torques by `rbd.control.step`; they are held until the
     next. A contact is counted on from when it is wanted and all its points touch, until it is not wanted or all are more
     than 0.5 mm away; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero after
-    it touches and falls to zero before it is lifted (`ContactSchedule`). A `FrameTask` of a frame whose contact is counted on
-    is left out, and a `ForceTask` of a contact that is not: so a foot's swing task can always be given, and one that lands late
-    goes on with it. A foot without such a task, that a push lifts off the ground, follows its posture until it touches.
+    it touches, unless nothing else carries the robot, and falls to zero before it is lifted (`ContactSchedule`). A `FrameTask`
+    of a frame whose contact is counted on is left out, and a `ForceTask` of a contact that is not: so a foot's swing task can
+    always be given, and one that lands late goes on with it. A foot without such a task, that a push lifts off the ground,
+    follows its posture until it touches.
 
     Where contacts, or limits of joints, cannot be kept, a step violates them least; that is counted in the log, and said once a
     motion. Torques and friction are always within their limits. Answers are certified for the contacts that are counted on;

@@ -401,6 +401,39 @@ def test_what_is_not_refused():
     assert slow.every == 0.02 and WholeBodyController([POSTURE], every=0.02, limits=Limits(position=False, velocity=False))
 
 
+def largest_force(controller: WholeBodyController, foot: str) -> float:
+    """That the last step could have asked of a foot [N]: what it asked for, of a task that wants as much as there is."""
+    return float(controller.actuation.contacts[foot].normal)
+
+
+def test_a_contact_lost_for_an_instant_does_not_fade_in():
+    """Nor one that carries a robot alone; one that was in the air for longer does, beside others."""
+    standing, robot = SOLO.standing(), SOLO
+    tasks = [POSTURE, *(ForceTask(foot.name, [0.0, 0.0, 30.0], cost=1e3) for foot in FEET)]
+    controller = WholeBodyController(tasks, FEET, schedule=ContactSchedule({}, fade=0.04))
+
+    def told(t: float, *lost: str) -> dict[str, float]:
+        touches = {
+            foot.name: ContactTouch(np.array([0.01 * (foot.name in lost)]), np.array([foot.name not in lost]), np.zeros((1, 3)))
+            for foot in FEET
+        }
+        controller.accepted(AcceptedStep(standing, t, 1e-3, touches))
+        return {name: largest_force(controller, name) for name in controller.actuation.contacts}
+
+    start = told(0.0)
+    assert len(start) == 4 and min(start.values()) > 5.0
+    assert told(0.01, "front_left").keys() == {"front_right", "hind_left", "hind_right"}
+    assert told(0.04, "front_left").keys() == {"front_right", "hind_left", "hind_right"}
+    assert told(0.05)["front_left"] > 5.0  # lost at 0.01, for no longer than a fade
+    told(0.1, "front_left")
+    back = told(0.2)
+    assert abs(back["front_left"]) < 1e-9 and back["hind_right"] > 5.0
+    assert told(0.21)["front_left"] == pytest.approx(0.15625 * 12.0 * robot.mass, rel=1e-6)  # 3 x^2 - 2 x^3, x = 1/4
+    assert told(0.25)["front_left"] > 5.0
+    assert not told(0.3, *start)
+    assert min(told(0.4).values()) > 5.0  # all at once, from the air
+
+
 def test_forces_of_contacts_that_are_not_counted_on_are_not_asked_for():
     """A ForceTask of a foot in the air, as a FrameTask of a foot that stands."""
     tasks = [POSTURE, ForceTask("front_left", [0.0, 0.0, 8.0], cost=10.0), FrameTask("HL_FOOT", np.zeros(3))]
