@@ -9,7 +9,7 @@ from dataclasses import KW_ONLY, dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, check_positive
+from rbd.arrays import Array, as_float
 from rbd.constraints.constraint import Constraint, listed, made, member
 from rbd.control.accepted_steps import INSTANT, AcceptedStep, sample_at
 from rbd.control.contact_schedule import ContactSchedule
@@ -112,7 +112,9 @@ class WholeBodyController:
         if not isinstance(self.limits, Limits):
             raise InputError(f"limits are {self.limits!r:.80}; expected rbd.control.Limits(...).")
         if self.every is not None:
-            put(self, "every", check_positive("every of WholeBodyController", self.every, 1e9))
+            if not 2.0 * INSTANT < as_float(self.every) < math.inf:
+                raise InputError(f"every of WholeBodyController is {self.every!r:.80}; expected a time above 0 [s], or None.")
+            put(self, "every", float(self.every))
             self._check_horizon(self.every)
         if not 0.0 <= as_float(self.contact_damping) < math.inf:
             raise InputError(f"contact_damping is {self.contact_damping!r:.80}; expected a rate >= 0 [1/s].")
