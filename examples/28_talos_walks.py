@@ -21,7 +21,7 @@ from rbd.control import ComTask, ContactSchedule, FrameTask, MomentumTask, Postu
 
 FRICTION, GRAVITY, STEP = 0.7, 9.81, 2e-3
 STEPS, LENGTH, HEIGHT = 6, 0.2, 0.05  # [m]
-START, SWING, SHIFT, END = 1.0, 0.7, 0.3, 0.9  # before the first step, on one foot, on both, after the last [s]
+START, SWING, SHIFT, END = 1.3, 0.7, 0.3, 0.8  # before the first step, on one foot, on both, after the last [s]
 SINKING = 0.03  # of a foot that does not touch when it should [m/s]
 TORSO = {"talos": "torso_2_link", "g1": "torso_link"}
 
