@@ -11,8 +11,8 @@ from rbd.control.stepping import TaskActuation as TaskActuation, step as step
 from rbd.control.task_terms import Reference, Task, TaskTerms
 from rbd.control.tasks import ComTask, FrameTask
 from rbd.control.torques import inverse_dynamics_many
-from rbd.control.whole_body import WholeBodyController
 from rbd.control.tracking import TrackingController
+from rbd.control.whole_body import WholeBodyController
 from rbd.modules import submodule as _submodule
 
 __all__ = [
@@ -32,8 +32,8 @@ __all__ = [
     "Task",
     "TaskTerms",
     "TorqueSchedule",
-    "WholeBodyController",
     "TrackingController",
+    "WholeBodyController",
     "ZeroOrderHold",
     "inverse_dynamics_many",
 ]

@@ -8,7 +8,7 @@ from dataclasses import KW_ONLY, dataclass
 from typing import TypeAlias
 
 from rbd.arrays import as_float, check_flag
-from rbd.control.schedules import INSTANT
+from rbd.control.accepted_steps import INSTANT
 from rbd.errors import InputError
 
 Interval: TypeAlias = tuple[float, float]

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
 from rbd.constraints.constraint import Constraint, member
 from rbd.constraints.contact_points import ALWAYS, Source, sources_of
 from rbd.control.accepted_steps import AcceptedStep, ContactTouch
 from rbd.control.contact_schedule import ContactSchedule
-from rbd.control.posture import TOUCHING
+from rbd.model.checked_model import CheckedModel
 
-SLIPS = 1e-2
-"""A contact that moves faster along its surface than this [m/s] slips. One that sticks has the speed of a step's error."""
+TOUCHES = 1e-4
+"""A point touches up to this distance [m], where it was not told."""
+NEAR = 5e-4
+"""A contact that was counted on is, until all its points are farther than this [m]: one that carries little leaves by far less,
+for a step or two, and comes back when it is pushed down."""
 
 
 class SeenContacts(NamedTuple):
@@ -34,7 +36,7 @@ class SeenContacts(NamedTuple):
 class ContactWatch:
     """Follows the contacts of a motion, from one step of control to the next.
 
-    A contact counts from when it is wanted and all its points touch, until it is not wanted, or none of its points touches. One
+    A contact counts from when it is wanted and all its points touch, until it is not wanted, or none of its points is near. One
     that touches with some of them for longer than a fade counts too. Late in its swing, one that touches with all its points
     counts before it is wanted.
 
@@ -61,7 +63,7 @@ class ContactWatch:
         since = dict[str, float]()
         for contact in self.contacts:
             name = contact.name
-            some, whole = self._touches(contact, step)
+            some, whole, near = self._touches(contact, step)
             wanted = self.schedule.wants(name, t)
             if wanted:
                 planned.append(name)
@@ -71,72 +73,80 @@ class ContactWatch:
                 self._partly.setdefault(name, t)
             else:
                 self._partly.pop(name, None)
-            if self._counts(name, t, some, whole, wanted):
+            held = whole or (near and name in self.since) or (wanted and self._lasts(name, t))
+            if held and (wanted or self._late_in_swing(name, t)):
                 since[name] = -np.inf if begins else self.since.get(name, t)
                 if not wanted:
                     different.append((name, "early"))
                 if not whole:
                     different.append((name, "partial"))
-                elif _speed(contact, step) > SLIPS:
-                    different.append((name, "slips"))
             elif wanted:
                 different.append((name, "late"))
             elif some and not self._just_lifted(name, t):
                 different.append((name, "unplanned"))
-        for name in step.contacts:
-            if name not in self.names and _met(step.contacts[name]):
-                different.append((name, "unplanned"))
+        for name, touch in step.contacts.items():
+            if name not in self.names:
+                different += [(each, "unplanned") for each in self._others(name, touch, planned, step.state.robot)]
         self.since = since
         return SeenContacts(tuple(planned), tuple(touching), since, different)
 
-    def _counts(self, name: str, t: float, some: bool, whole: bool, wanted: bool) -> bool:
-        """Whether a contact is counted on."""
-        if not some:
-            return False
-        if wanted:
-            return whole or name in self.since or t - self._partly[name] > self.schedule.fade
+    def _lasts(self, name: str, t: float) -> bool:
+        """Whether a contact has touched with some of its points for longer than a fade."""
+        return t - self._partly.get(name, t) > self.schedule.fade
+
+    def _late_in_swing(self, name: str, t: float) -> bool:
+        """Whether a contact that is not wanted will be soon, so that what touches has landed early."""
         swing = self.schedule.swing(name, t)
         assert swing is not None and self._start is not None
         start, end = max(swing[0], self._start), swing[1]
-        late_in_swing = t - start >= self.early * (end - start)
-        return late_in_swing and (whole or name in self.since)
+        return t - start >= self.early * (end - start)
+
+    def _others(self, name: str, touch: ContactTouch, planned: Sequence[str], robot: CheckedModel) -> list[str]:
+        """What touches of a constraint that the controller does not have: "name", or "name: shape" where shapes have names.
+
+        Not the shapes of bodies whose own contacts are planned; not what always acts, as loops and joint friction.
+        """
+        met = np.flatnonzero(np.asarray(touch.touches) & (np.asarray(touch.gaps) > ALWAYS)).tolist()
+        if not met or not touch.names:
+            return [name] if met else []
+        feet = {_joint_of(robot, frame) for frame in frames_of(self.contacts, planned)}
+        shapes = dict.fromkeys(_shape(touch.names[i]) for i in met)
+        return [f"{name}: {shape}" for shape in shapes if _joint_of(robot, shape) not in feet]
 
     def _just_lifted(self, name: str, t: float) -> bool:
         """Whether the contact was wanted until now, less a fade: a foot needs some time to leave the ground."""
         swing = self.schedule.swing(name, t)
         return swing is not None and t - swing[0] <= self.schedule.fade
 
-    def _touches(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool]:
-        """Whether some of a contact's points touch, and whether all do; measured here where it was not told."""
+    def _touches(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool, bool]:
+        """Whether some of a contact's points touch, whether all do, and whether any is near; measured where it was not told."""
         told = step.contacts.get(contact.name)
         if told is not None:
-            touches = np.asarray(told.touches)
+            gaps, touches = np.asarray(told.gaps), np.asarray(told.touches)
         else:
             source = self._sources.get(contact.name)
             if source is None:
                 source = self._sources[contact.name] = sources_of((contact,), step.state)[0]
-            touches = source.gaps(step.state, step.t) <= TOUCHING
+            gaps = source.gaps(step.state, step.t)
+            touches = gaps <= TOUCHES
         n = int(np.count_nonzero(touches))
-        return n > 0, 0 < n == len(touches)
+        return n > 0, 0 < n == len(touches), n > 0 or bool((gaps <= NEAR).any())
 
 
-def _met(touch: ContactTouch) -> bool:
-    """Whether something touches that need not: loops and friction of joints, which always act, have gaps of -inf."""
-    return bool(np.any(np.asarray(touch.touches) & (np.asarray(touch.gaps) > ALWAYS)))
+def _shape(label: str) -> str:
+    """The collision shape of a point's label."""
+    return label.partition(":")[0]
 
 
-def _speed(contact: Constraint, step: AcceptedStep) -> float:
-    """How fast a contact moves along its surface [m/s]; 0 of what is no contact."""
-    frame, placement = member(contact, "frame"), member(contact, "placement")
-    if frame is None or not isinstance(placement, pin.SE3):
-        return 0.0
-    rows = contact.rows(step.state)
-    if rows.patch is None or len(rows) < 3:
-        return 0.0
-    return float(np.hypot(rows.velocity[0], rows.velocity[1]))
+def _joint_of(robot: CheckedModel, name: str) -> int | None:
+    """The joint that carries a frame, or the link of a collision shape, "link_0"; None if there is none of this name."""
+    for frame in (name, name.rpartition("_")[0]):
+        if robot.model.existFrame(frame):
+            return int(robot.model.frames[robot.model.getFrameId(frame)].parentJoint)
+    return None
 
 
-def frames_of(contacts: Sequence[Constraint], names: Mapping[str, float]) -> set[str]:
+def frames_of(contacts: Sequence[Constraint], names: Collection[str]) -> set[str]:
     """Frames of the robot to which some of the contacts are fixed."""
     frames = (member(contact, "frame") for contact in contacts if contact.name in names)
     return {frame for frame in frames if isinstance(frame, str)}

@@ -49,7 +49,7 @@ class TrackedMotion(Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class Reference:
+class TorqueReference:
     """A motion at closely spaced times, with the motors' torques for it.
 
     Attributes:
@@ -102,7 +102,7 @@ def reference_of(
     touching: Sequence[tuple[int, ...]],
     samples: tuple[Array, Array, Array, Array],
     torques: str,
-) -> Reference:
+) -> TorqueReference:
     """The torques at each sample.
 
     Args:
@@ -136,7 +136,7 @@ def reference_of(
     # Of the torques without dynamics only the torques are: the reference moves as before.
     if torques == "weight":
         v, a, moved = _kept(robot, q, samples[2], samples[3], contacts, touching)
-    return Reference(t, q, v, a, tau, t[sorted(refused)], moved)
+    return TorqueReference(t, q, v, a, tau, t[sorted(refused)], moved)
 
 
 def _kept(

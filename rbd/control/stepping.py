@@ -92,7 +92,7 @@ def step(
         else:
             i = at[each.contact]
             A = np.zeros((len(each.A), nv + p))
-            A[:, nv:] = each.A @ rows[i].resultant[: each.A.shape[1]] @ sets.G[ends[i] : ends[i + 1]] * unit
+            A[:, nv:] = each.A @ np.asarray(rows[i].resultant)[: each.A.shape[1]] @ sets.G[ends[i] : ends[i + 1]] * unit
         H += (A.T * each.cost) @ A
         g -= A.T @ (each.cost * each.wanted)
         parts.append((each, A))

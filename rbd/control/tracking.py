@@ -19,7 +19,7 @@ from rbd.arrays import Array, as_array, as_float
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.contact_points import Source, sources_of
 from rbd.control.accepted_steps import AcceptedStep
-from rbd.control.feed_forward import Reference, TrackedMotion, reference_of, sampled, touching_contacts
+from rbd.control.feed_forward import TorqueReference, TrackedMotion, reference_of, sampled, touching_contacts
 from rbd.control.posture import Gains, holding_points, posture_gains, touching_points
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -74,7 +74,7 @@ class TrackingController:
     damping: float | Array | None = None
     torques: str = "exact"
     every: float = 5e-3
-    reference: Reference = field(init=False, repr=False)
+    reference: TorqueReference = field(init=False, repr=False)
     _sources: tuple[Source, ...] = field(init=False, repr=False)
     _offsets: Array = field(init=False, repr=False)
     _knots: Array = field(init=False, repr=False)

@@ -11,19 +11,20 @@ import numpy as np
 
 from rbd.arrays import Array, as_float, check_positive
 from rbd.constraints.constraint import Constraint, listed, made, member
-from rbd.control.accepted_steps import AcceptedStep
+from rbd.control.accepted_steps import AcceptedStep, sample_at
 from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.contact_watch import ContactWatch, SeenContacts, frames_of
 from rbd.control.control_log import ControlLog, ControlStep
 from rbd.control.limits import Limits
-from rbd.control.schedules import INSTANT
 from rbd.control.stepping import TaskActuation, step
-from rbd.control.task_terms import Task
+from rbd.control.task_terms import Task, checked_tasks
 from rbd.errors import DuplicateName, InputError, NoSolution, UnknownName, nearest
 from rbd.errors.warned import RbdWarning
 from rbd.model.state import State
 from rbd.problem.ground import Body
 
+SLIPS = 1e-2
+"""A contact that moves faster than this [m/s, rad/s] slips. One that sticks has the speed of a step's error."""
 FULL = 20.0
 """Normal force that a contact may carry at the end of its fade, over the robot's mass [m/s2]: twice its weight."""
 
@@ -47,8 +48,8 @@ class WholeBodyController:
     """Controller of `rbd.simulate` that meets tasks as well as limits allow, with the contacts that a schedule wants.
 
     At the beginning of a step it looks at what touches, and computes torques by `rbd.control.step`; they are held until the
-    next. A contact is counted on from when it is wanted and all its points touch, until it is not wanted or none of them
-    touches; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero after it
+    next. A contact is counted on from when it is wanted and all its points touch, until it is not wanted or all are more
+    than 0.5 mm away; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero after it
     touches and falls to zero before it is lifted (`ContactSchedule`). A `FrameTask` of a frame whose contact is counted on is
     left out, and a `ForceTask` of a contact that is not: so a foot's swing task can always be given, and one that lands late
     goes on with it.
@@ -63,7 +64,7 @@ class WholeBodyController:
     Attributes:
         tasks: What is wanted, each with its own name.
         contacts: Contacts, loops and other constraints, as given to `rbd.simulate`, which tells by their names what touches.
-            What it is not told of, it measures: a contact touches with gaps of at most 0.01 mm.
+            What it is not told of, it measures: a contact touches with gaps of at most 0.1 mm.
         schedule: When contacts are wanted; None: always.
         limits: Limits of torques, joint positions and velocities.
         every: Time between two steps of control [s]; None: every step of the simulation is one.
@@ -99,7 +100,9 @@ class WholeBodyController:
 
     def __post_init__(self) -> None:
         put = object.__setattr__
-        put(self, "tasks", _tasks(self.tasks))
+        put(self, "tasks", checked_tasks(self.tasks))
+        if not self.tasks:
+            raise InputError("tasks are empty: a controller without tasks wants nothing; give a PostureTask, at least.")
         put(self, "contacts", tuple(made(each) for each in listed(self.contacts)))
         put(self, "schedule", ContactSchedule({}) if self.schedule is None else self.schedule)
         _check_contacts(self.contacts, self.schedule, self.tasks)
@@ -109,8 +112,8 @@ class WholeBodyController:
             put(self, "every", check_positive("every of WholeBodyController", self.every, 1e9))
         if not 0.0 <= as_float(self.contact_damping) < math.inf:
             raise InputError(f"contact_damping is {self.contact_damping!r:.80}; expected a rate >= 0 [1/s].")
-        if not 0.0 <= as_float(self.early) <= 1.0:
-            raise InputError(f"early is {self.early!r:.80}; expected a share of a swing, from 0 to 1.")
+        if not 0.0 < as_float(self.early) <= 1.0:
+            raise InputError(f"early is {self.early!r:.80}; expected a share of a swing, in (0, 1].")
         self.reset()
 
     def reset(self) -> None:
@@ -148,7 +151,7 @@ class WholeBodyController:
         memory, robot = self._memory[0], step.state.robot
         self._check_robot(step.state)
         if self.every is not None:
-            sample = math.floor((step.t + INSTANT) / self.every)
+            sample = sample_at(step.t, self.every)
             if sample == memory.sample:
                 return
             memory.sample = sample
@@ -162,14 +165,14 @@ class WholeBodyController:
         memory.log.add(
             ControlStep(
                 step.t,
-                actuation.residuals.worst,
+                _worst(actuation),
                 _violation(actuation),
                 float(np.abs(memory.tau[known] / limit[known]).max(initial=0.0)),
                 {name: math.sqrt(float(missed @ missed)) for name, missed in actuation.missed.items()},
                 seen.planned,
                 seen.touching,
                 tuple(seen.since),
-                seen.different,
+                seen.different + _slips(actuation),
             )
         )
 
@@ -240,27 +243,21 @@ class WholeBodyController:
                 warnings.warn(text, each.category, stacklevel=4)
 
 
+def _worst(actuation: TaskActuation) -> float:
+    """The largest residual, scaled."""
+    found = getattr(actuation, "certificate", actuation.residuals)
+    return float(found.worst)
+
+
 def _violation(actuation: TaskActuation) -> float:
     """How far contacts or joint limits were left; 0 where they are kept."""
     found = getattr(actuation, "violation", None)
-    return 0.0 if found is None else float(found.largest)
+    return 0.0 if found is None else float(found.worst)
 
 
-def _tasks(given: Sequence[Task]) -> tuple[Task, ...]:
-    """Tasks, each with its own name."""
-    if callable(getattr(given, "terms", None)):
-        raise InputError("tasks is a single task; give a list, [task].")
-    if isinstance(given, str | bytes) or not isinstance(given, Sequence):
-        raise InputError(f"tasks are {given!r:.80}; expected a list, e.g. [rbd.control.PostureTask(state.q)].")
-    if not given:
-        raise InputError("tasks are empty: a controller without tasks wants nothing. Give a PostureTask, at least.")
-    for task in given:
-        named = isinstance(getattr(task, "name", None), str)
-        if isinstance(task, type) or not named or not callable(getattr(task, "terms", None)):
-            raise InputError(f"{task!r:.80} is no task: it wants a name and terms(state, t), as rbd.control.PostureTask has.")
-    if twice := _twice([task.name for task in given]):
-        raise DuplicateName(f"two tasks are named {twice!r:.80}; give each its own name.")
-    return tuple(given)
+def _slips(actuation: TaskActuation) -> list[tuple[str, str]]:
+    """Contacts that were counted on and move."""
+    return [(name, "slips") for name, speed in getattr(actuation, "moving", {}).items() if speed > SLIPS]
 
 
 def _twice(names: Sequence[str]) -> str:
