@@ -3,11 +3,12 @@
 from rbd.control.accepted_steps import AcceptedStep, ContactTouch, SteppedController
 from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.force_tasks import ForceTask, MomentumTask
-from rbd.control.limits import Limits as Limits
+from rbd.control.limits import Limits
 from rbd.control.posture import HoldPosture
 from rbd.control.posture_task import PostureTask
 from rbd.control.schedules import Push, Pushes, TorqueSchedule, ZeroOrderHold
-from rbd.control.stepping import TaskActuation as TaskActuation, step as step
+from rbd.control.stepping import step
+from rbd.control.task_actuation import StepCertificate, TaskActuation, Violation
 from rbd.control.task_terms import Reference, Task, TaskTerms
 from rbd.control.tasks import ComTask, FrameTask
 from rbd.control.torques import inverse_dynamics_many
@@ -23,19 +24,24 @@ __all__ = [
     "ForceTask",
     "FrameTask",
     "HoldPosture",
+    "Limits",
     "MomentumTask",
     "PostureTask",
     "Push",
     "Pushes",
     "Reference",
+    "StepCertificate",
     "SteppedController",
     "Task",
+    "TaskActuation",
     "TaskTerms",
     "TorqueSchedule",
     "TrackingController",
+    "Violation",
     "WholeBodyController",
     "ZeroOrderHold",
     "inverse_dynamics_many",
+    "step",
 ]
 
 

@@ -82,8 +82,8 @@ class ContactSchedule:
         """The contacts of this schedule that are wanted at a time [s], in its order."""
         return tuple(name for name in self.intervals if self.wants(name, t))
 
-    def share(self, contact: str, t: float, since: float | None = None) -> float:
-        """The part of its full force that a contact may carry at a time [s], in [0, 1]; 0 where it is not wanted.
+    def fade_in(self, contact: str, t: float, since: float | None = None) -> float:
+        """How far the force of a contact has risen at a time [s], from 0 to 1; 0 where it is not in contact.
 
         Args:
             contact: Its name.
@@ -91,28 +91,47 @@ class ContactSchedule:
             since: When it touched, if not at the start of its interval [s], but later or earlier: its force rises from then.
         """
         found = self.interval(contact, t)
-        if found is None and since is not None:
-            found = next((each for each in self.intervals[contact] if each[0] > t), None)
-        if found is None:
-            return 0.0
-        start, end = found
-        began = start if since is None else since
-        if self.fade <= 0.0:
-            return 1.0
-        return min(smooth((t - began) / self.fade), smooth((end - t) / self.fade))
+        if since is None:
+            if found is None:
+                return 0.0
+            since = found[0]
+        return smooth((t - since) / self.fade) if self.fade > 0.0 else 1.0
 
-    def normal_force(self, t: float, most: float, since: Mapping[str, float] | None = None) -> dict[str, Interval]:
+    def fade_out(self, contact: str, t: float) -> float:
+        """How little the force of a contact has fallen at a time [s], from 1 to 0, towards the end of its interval.
+
+        1 where it is not wanted: before the start of an interval nothing falls.
+        """
+        found = self.interval(contact, t)
+        return 1.0 if found is None or self.fade <= 0.0 else smooth((found[1] - t) / self.fade)
+
+    def share(self, contact: str, t: float) -> float:
+        """The part of its full force that a contact may carry at a time [s], in [0, 1]; 0 where it is not wanted."""
+        return min(self.fade_in(contact, t), self.fade_out(contact, t))
+
+    def normal_force(
+        self,
+        t: float,
+        most: float,
+        since: Mapping[str, float] | None = None,
+        carried: Mapping[str, float] | None = None,
+    ) -> dict[str, Interval]:
         """{contact: (least, most) of its normal force [N]}, of contacts whose force fades in or out at a time.
 
         Args:
             t: Time [s].
-            most: Full force [N]: what the bound rises to and falls from; there is no bound outside of fades.
-            since: {contact: when it touched [s]} of those that are in contact, see `share`; None: those that are wanted, each
-                since the start of its interval.
+            most: Full force [N]: what the bound rises to, and falls from; there is no bound outside of fades.
+            since: {contact: when it touched [s]} of those that are in contact; None: those that are wanted, each since the
+                start of its interval.
+            carried: {contact: what it carried when its fade out began [N]}: what its bound falls from.
         """
         times: Mapping[str, float | None] = dict.fromkeys(self.wanted(t)) if since is None else since
-        shares = {name: self.share(name, t, began) for name, began in times.items()}
-        return {name: (0.0, share * most) for name, share in shares.items() if share < 1.0}
+        carried, bounds = carried or {}, dict[str, Interval]()
+        for name, began in times.items():
+            rise, fall = self.fade_in(name, t, began), self.fade_out(name, t)
+            if rise < 1.0 or fall < 1.0:
+                bounds[name] = 0.0, min(rise * most, fall * carried.get(name, most))
+        return bounds
 
     def in_flight(self, contacts: Iterable[str]) -> Interval | None:
         """The first time, from 0 on, in which none of these contacts is wanted, (start, end) [s]; None if there is none.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
@@ -9,7 +10,7 @@ import numpy as np
 
 from rbd.constraints.constraint import Constraint, member
 from rbd.constraints.contact_points import ALWAYS, Source, sources_of
-from rbd.control.accepted_steps import AcceptedStep, ContactTouch
+from rbd.control.accepted_steps import INSTANT, AcceptedStep, ContactTouch
 from rbd.control.contact_schedule import ContactSchedule
 from rbd.model.checked_model import CheckedModel
 
@@ -52,6 +53,7 @@ class ContactWatch:
         self.since: dict[str, float] = {}
         self._partly: dict[str, float] = {}
         self._sources: dict[str, Source] = {}
+        self._joints: dict[str, int | None] = {}
         self._start: float | None = None
 
     def see(self, step: AcceptedStep) -> SeenContacts:
@@ -84,9 +86,7 @@ class ContactWatch:
                 different.append((name, "late"))
             elif some and not self._just_lifted(name, t):
                 different.append((name, "unplanned"))
-        for name, touch in step.contacts.items():
-            if name not in self.names:
-                different += [(each, "unplanned") for each in self._others(name, touch, planned, step.state.robot)]
+        different += [(each, "unplanned") for each in self._others(step, planned)]
         self.since = since
         return SeenContacts(tuple(planned), tuple(touching), since, different)
 
@@ -99,51 +99,73 @@ class ContactWatch:
         swing = self.schedule.swing(name, t)
         assert swing is not None and self._start is not None
         start, end = max(swing[0], self._start), swing[1]
-        return t - start >= self.early * (end - start)
+        return t - start >= self.early * (end - start) - INSTANT
 
-    def _others(self, name: str, touch: ContactTouch, planned: Sequence[str], robot: CheckedModel) -> list[str]:
-        """What touches of a constraint that the controller does not have: "name", or "name: shape" where shapes have names.
+    def _others(self, step: AcceptedStep, planned: Sequence[str]) -> list[str]:
+        """What touches of constraints that the controller does not have: "name", or "name: shape" where shapes have names.
 
         Not the shapes of bodies whose own contacts are planned; not what always acts, as loops and joint friction.
         """
-        met = np.flatnonzero(np.asarray(touch.touches) & (np.asarray(touch.gaps) > ALWAYS)).tolist()
-        if not met or not touch.names:
-            return [name] if met else []
-        feet = {_joint_of(robot, frame) for frame in frames_of(self.contacts, planned)}
-        shapes = dict.fromkeys(_shape(touch.names[i]) for i in met)
-        return [f"{name}: {shape}" for shape in shapes if _joint_of(robot, shape) not in feet]
+        robot, out = step.state.robot, list[str]()
+        feet = {self._joint(robot, frame) for frame in frames_of(self.contacts, planned)}
+        for name, touch in step.contacts.items():
+            if name in self.names:
+                continue
+            if touch.names:
+                shapes = dict.fromkeys(_shape(touch.names[i]) for i in _met(touch))
+                out += [f"{name}: {shape}" for shape in shapes if self._joint(robot, shape) not in feet]
+            elif _met(touch):
+                out.append(name)
+        return out
+
+    def _bodies(self, step: AcceptedStep) -> Counter[int | None]:
+        """{joint: how many points of the collision shapes that it carries touch}."""
+        told = [touch for name, touch in step.contacts.items() if name not in self.names and touch.names]
+        return Counter(self._joint(step.state.robot, _shape(touch.names[i])) for touch in told for i in _met(touch))
+
+    def _joint(self, robot: CheckedModel, name: str) -> int | None:
+        """The joint that carries a frame, or the link of a collision shape, "link_0"; None if there is none of this name."""
+        if name not in self._joints:
+            frames = [frame for frame in (name, name.rpartition("_")[0]) if robot.model.existFrame(frame)]
+            found = [int(robot.model.frames[robot.model.getFrameId(frame)].parentJoint) for frame in frames]
+            self._joints[name] = found[0] if found else None
+        return self._joints[name]
 
     def _just_lifted(self, name: str, t: float) -> bool:
         """Whether the contact was wanted until now, less a fade: a foot needs some time to leave the ground."""
         swing = self.schedule.swing(name, t)
-        return swing is not None and t - swing[0] <= self.schedule.fade
+        return swing is not None and t - swing[0] <= self.schedule.fade + INSTANT
 
     def _touches(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool, bool]:
-        """Whether some of a contact's points touch, whether all do, and whether any is near; measured where it was not told."""
+        """Whether some of a contact's points touch, whether all do, and whether any is near; measured where it was not told.
+
+        A contact of a body whose collision shapes are told touches with these.
+        """
         told = step.contacts.get(contact.name)
         if told is not None:
             gaps, touches = np.asarray(told.gaps), np.asarray(told.touches)
-        else:
-            source = self._sources.get(contact.name)
-            if source is None:
-                source = self._sources[contact.name] = sources_of((contact,), step.state)[0]
-            gaps = source.gaps(step.state, step.t)
-            touches = gaps <= TOUCHES
-        n = int(np.count_nonzero(touches))
-        return n > 0, 0 < n == len(touches), n > 0 or bool((gaps <= NEAR).any())
+            n = int(np.count_nonzero(touches))
+            return n > 0, 0 < n == len(touches), n > 0 or bool((gaps <= NEAR).any())
+        source = self._sources.get(contact.name)
+        if source is None:
+            source = self._sources[contact.name] = sources_of((contact,), step.state)[0]
+        gaps = source.gaps(step.state, step.t)
+        n, enough = int(np.count_nonzero(gaps <= TOUCHES)), min(len(gaps), 3)
+        if 0 < n == len(gaps) or not step.contacts:
+            return n > 0, 0 < n == len(gaps), bool((gaps <= NEAR).any())
+        shapes = self._bodies(step)[self._joint(step.state.robot, str(member(contact, "frame")))]
+        return n + shapes > 0, shapes >= enough, shapes > 0 or bool((gaps <= NEAR).any())
+
+
+def _met(touch: ContactTouch) -> list[int]:
+    """Which points touch that need not: loops and friction of joints, which always act, have gaps of -inf."""
+    found: list[int] = np.flatnonzero(np.asarray(touch.touches) & (np.asarray(touch.gaps) > ALWAYS)).tolist()
+    return found
 
 
 def _shape(label: str) -> str:
     """The collision shape of a point's label."""
     return label.partition(":")[0]
-
-
-def _joint_of(robot: CheckedModel, name: str) -> int | None:
-    """The joint that carries a frame, or the link of a collision shape, "link_0"; None if there is none of this name."""
-    for frame in (name, name.rpartition("_")[0]):
-        if robot.model.existFrame(frame):
-            return int(robot.model.frames[robot.model.getFrameId(frame)].parentJoint)
-    return None
 
 
 def frames_of(contacts: Sequence[Constraint], names: Collection[str]) -> set[str]:

@@ -25,8 +25,8 @@ from rbd.problem.ground import Body
 
 SLIPS = 1e-2
 """A contact that moves faster than this [m/s, rad/s] slips. One that sticks has the speed of a step's error."""
-FULL = 20.0
-"""Normal force that a contact may carry at the end of its fade, over the robot's mass [m/s2]: twice its weight."""
+FULL = 12.0
+"""Normal force that a contact may carry at the end of its fade, over the robot's mass [m/s2]: more than its weight."""
 
 
 class _Memory:
@@ -40,6 +40,7 @@ class _Memory:
         self.sample: int | None = None
         self.actuation: TaskActuation | None = None
         self.tau: Array | None = None
+        self.carried: dict[str, float] = {}
         self.said: set[type[Warning]] = set()
 
 
@@ -49,9 +50,9 @@ class WholeBodyController:
 
     At the beginning of a step it looks at what touches, and computes torques by `rbd.control.step`; they are held until the
     next. A contact is counted on from when it is wanted and all its points touch, until it is not wanted or all are more
-    than 0.5 mm away; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero after it
-    touches and falls to zero before it is lifted (`ContactSchedule`). A `FrameTask` of a frame whose contact is counted on is
-    left out, and a `ForceTask` of a contact that is not: so a foot's swing task can always be given, and one that lands late
+    than 0.5 mm away; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero after
+    it touches and falls to zero before it is lifted (`ContactSchedule`). A `FrameTask` of a frame whose contact is counted on
+    is left out, and a `ForceTask` of a contact that is not: so a foot's swing task can always be given, and one that lands late
     goes on with it.
 
     Where contacts, or limits of joints, cannot be kept, a step violates them least; that is counted in the log, and said once a
@@ -64,7 +65,8 @@ class WholeBodyController:
     Attributes:
         tasks: What is wanted, each with its own name.
         contacts: Contacts, loops and other constraints, as given to `rbd.simulate`, which tells by their names what touches.
-            What it is not told of, it measures: a contact touches with gaps of at most 0.1 mm.
+            What it is not told of, it measures: a contact touches with gaps of at most 0.1 mm, or where collision shapes of its
+            body touch.
         schedule: When contacts are wanted; None: always.
         limits: Limits of torques, joint positions and velocities.
         every: Time between two steps of control [s]; None: every step of the simulation is one.
@@ -212,7 +214,8 @@ class WholeBodyController:
             for task in self.tasks
             if getattr(task, "frame", None) not in frames and getattr(task, "contact", "") in ("", *seen.since)
         ]
-        bounds = self.schedule.normal_force(told.t, FULL * told.state.robot.mass, seen.since)
+        full = FULL * told.state.robot.mass
+        bounds = self.schedule.normal_force(told.t, full, seen.since, self._carried(told.t, seen))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", RbdWarning)
             try:
@@ -230,6 +233,17 @@ class WholeBodyController:
                 raise
         self._say(caught, told.t)
         return found
+
+    def _carried(self, t: float, seen: SeenContacts) -> dict[str, float]:
+        """{contact: its normal force when its fade out began [N]}, of those whose force falls."""
+        memory, schedule = self._memory[0], self.schedule
+        falls = [name for name in seen.since if schedule.fade_out(name, t) < 1.0]
+        before = memory.actuation
+        for name in falls:
+            if name not in memory.carried and before is not None and name in before.contacts:
+                memory.carried[name] = max(0.0, before.contacts[name].normal)
+        memory.carried = {name: force for name, force in memory.carried.items() if name in falls}
+        return memory.carried
 
     def _say(self, caught: Sequence[warnings.WarningMessage], t: float) -> None:
         """Issue the first warning of each kind in a motion, and whatever others warn of."""

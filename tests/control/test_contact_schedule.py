@@ -57,12 +57,14 @@ def test_without_fading_a_force_is_full_or_nothing():
 
 
 def test_a_force_rises_from_when_the_contact_touched():
-    """Late, early, or long ago; it still falls before the end of the interval, of the next one if it is early."""
+    """Late, early, or long ago; it falls before the end of the interval."""
     schedule = ContactSchedule({"foot": [(-INF, 0.5), (1.0, 2.0)]}, fade=0.1)
-    assert schedule.share("foot", 1.15, since=1.1) == pytest.approx(0.5)
-    assert schedule.share("foot", 0.95, since=0.9) == pytest.approx(0.5)
-    assert schedule.share("foot", 1.95, since=0.9) == pytest.approx(0.5)
-    assert schedule.share("foot", 1.0, since=-INF) == 1.0
+    assert schedule.fade_in("foot", 1.15, since=1.1) == pytest.approx(0.5)
+    assert schedule.fade_in("foot", 0.95, since=0.9) == pytest.approx(0.5)
+    assert schedule.fade_in("foot", 1.0, since=-INF) == 1.0
+    assert schedule.fade_in("foot", 1.0) == schedule.fade_in("foot", 0.9) == 0.0
+    assert [schedule.fade_out("foot", t) for t in (0.45, 1.95)] == pytest.approx([0.5, 0.5])
+    assert schedule.fade_out("foot", 0.95) == schedule.fade_out("other", 0.45) == 1.0
 
 
 def test_bounds_of_normal_forces_are_those_of_what_fades():
@@ -73,6 +75,8 @@ def test_bounds_of_normal_forces_are_those_of_what_fades():
     assert list(bounds) == ["left"] and bounds["left"] == pytest.approx((0.0, 400.0))
     assert schedule.normal_force(0.55, 800.0)["right"] == pytest.approx((0.0, 400.0))
     assert schedule.normal_force(0.52, 800.0, {"left": -INF, "other": 0.5}).keys() == {"other"}
+    assert schedule.normal_force(0.95, 800.0, {"left": -INF}, {"left": 90.0})["left"] == pytest.approx((0.0, 45.0))
+    assert schedule.normal_force(0.95, 800.0, {"left": 0.9}, {"left": 900.0})["left"] == pytest.approx((0.0, 400.0))
 
 
 def test_the_first_time_in_flight_is_found():
