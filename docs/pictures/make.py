@@ -14,6 +14,7 @@ import planar_pictures
 import planar_sketches
 import scenes
 import task_pictures
+import walk_pictures
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -252,7 +253,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     },
 }
 """{picture: makes it}; those of the courses and tasks are in modules of their own."""
-MODULES = (planar_pictures, planar_sketches, constraint_pictures, least_constraint_pictures, task_pictures)
+MODULES = (planar_pictures, planar_sketches, constraint_pictures, least_constraint_pictures, task_pictures, walk_pictures)
 
 
 def chosen(names: list[str]) -> Iterator[Path]:
