@@ -17,6 +17,8 @@ from rbd.model.checked_model import CheckedModel
 
 TOUCHES = 1e-4
 """A point touches up to this distance [m], where it was not told."""
+LEAVES = 0.02
+"""A foot that is lifted may touch for so long [s], or for a fade, before it counts as unplanned."""
 NEAR = 5e-4
 """A contact that was counted on is, until all its points are farther than this [m]: one that carries little leaves by far less,
 for a step or two, and comes back when it is pushed down."""
@@ -125,6 +127,8 @@ class ContactWatch:
 
         Not the shapes of bodies whose own contacts are planned; not what always acts, as loops and joint friction.
         """
+        if self.names.issuperset(step.contacts):
+            return []
         robot, out = step.state.robot, list[str]()
         feet = {self._joint(robot, frame) for frame in frames_of(self.contacts, planned)}
         for name, touch in step.contacts.items():
@@ -151,9 +155,9 @@ class ContactWatch:
         return self._joints[name]
 
     def _just_lifted(self, name: str, t: float) -> bool:
-        """Whether the contact was wanted until now, less a fade: a foot needs some time to leave the ground."""
+        """Whether the contact was wanted a moment ago: a foot needs some time to leave the ground."""
         swing = self.schedule.swing(name, t)
-        return swing is not None and t - swing[0] <= self.schedule.fade + INSTANT
+        return swing is not None and t - swing[0] <= max(self.schedule.fade, LEAVES) + INSTANT
 
     def _touches(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool, bool]:
         """Whether some of a contact's points touch, whether all do, and whether any is near; measured where it was not told.
