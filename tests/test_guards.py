@@ -667,7 +667,7 @@ CASES: dict[str, Case] = {
         use_simulate,
         {"state": BOX.at(), "constraints": FLOOR, "duration": 0.01, "step": 0.005, "controller": None, "external": np.zeros(6)}
         | {"law": "coulomb", "restitution": 0.5, "integrator": rbd.TimeStepping(), "stabilisation": rbd.simulation.Projection()}
-        | {"record_every": 1, "progress": False},
+        | {"record_every": 1, "may_sink": False, "progress": False},
         30,
     ),
     "TimeStepping": Case(lambda **given: use_integrator(rbd.TimeStepping(**given)), {"impact_speed": 1e-3, "impacts": 20}, 20),

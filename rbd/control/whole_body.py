@@ -17,7 +17,7 @@ from rbd.control.contact_watch import ContactWatch, SeenContacts, frames_of
 from rbd.control.control_log import ControlLog, ControlStep
 from rbd.control.limits import Limits
 from rbd.control.stepping import TaskActuation, step
-from rbd.control.task_terms import Task, checked_tasks
+from rbd.control.task_terms import Task, checked_tasks, robot_of
 from rbd.errors import DuplicateName, InputError, NoSolution, UnknownName, nearest
 from rbd.errors.warned import DistantContactWarning, RbdWarning
 from rbd.model.state import State
@@ -78,7 +78,8 @@ class WholeBodyController:
         InputError: no tasks, or what is no task; no list of constraints; a schedule that lifts all contacts at once without
             `flight=True`, or a contact that cannot be lifted; numbers out of range.
         DuplicateName: two tasks, or two contacts, of one name.
-        UnknownName: a schedule, or a task, of a contact that is not there.
+        UnknownName: a schedule, or a task, of a contact that is not there; a task of a frame or joint that is not there, if
+            another task has a `State` as its target, else in the first step.
 
     Example:
         >>> talos = rbd.load_robot("talos")
@@ -104,6 +105,7 @@ class WholeBodyController:
     def __post_init__(self) -> None:
         put = object.__setattr__
         put(self, "tasks", checked_tasks(self.tasks))
+        checked_tasks(self.tasks, robot_of(self.tasks))
         if not self.tasks:
             raise InputError("tasks are empty: a controller without tasks wants nothing; give a PostureTask, at least.")
         put(self, "contacts", tuple(made(each) for each in listed(self.contacts)))
