@@ -172,7 +172,7 @@ def test_a_foot_that_touches_at_the_start_of_its_swing_has_not_landed(quadruped:
     for k in range(31):
         controller.accepted(AcceptedStep(quadruped.state, 0.01 * k, 0.01, {}))
     log = controller.log
-    assert log.disagreements == {"hind_left": {"unplanned": 5, "early": 10}}  # after the fade: 0.15 to 0.19, 0.2 to 0.29
+    assert log.disagreements == {"hind_left": {"unplanned": 6, "early": 10}}  # after a fade: 0.14 to 0.19, 0.2 to 0.29
     assert (log.assumed["hind_left"] == ~((log.t > 0.095) & (log.t < 0.195))).all()
 
 
@@ -432,6 +432,27 @@ def test_a_contact_lost_for_an_instant_does_not_fade_in():
     assert told(0.25)["front_left"] > 5.0
     assert not told(0.3, *start)
     assert min(told(0.4).values()) > 5.0  # all at once, from the air
+
+
+@pytest.mark.parametrize("flight", [False, True])
+def test_a_foot_that_carries_alone_is_not_lifted(flight: bool):
+    """The next one is late: it stays, without a fade, until that touches; not where the schedule has a flight."""
+    first, second = FEET[0], FEET[3]
+    intervals = {first.name: [(-INF, 0.3)], second.name: [(0.25, INF)]}
+    controller = WholeBodyController([POSTURE], [first, second], schedule=ContactSchedule(intervals, fade=0.04, flight=flight))
+    state, touches = SOLO.standing(), ContactTouch(np.zeros(1), np.ones(1, bool), np.zeros((1, 3)))
+    away = ContactTouch(np.full(1, 0.01), np.zeros(1, bool), np.zeros((1, 3)))
+    forces = []
+    for k in range(50):
+        t = 0.01 * k
+        told = {first.name: touches, second.name: touches if t > 0.395 else away}
+        controller.accepted(AcceptedStep(state, t, 1e-3, told))
+        forces.append(largest_force(controller, first.name) if first.name in controller.actuation.contacts else 0.0)
+    log, kinds = controller.log, controller.log.disagreements[first.name]
+    assert (log.assumed[first.name] == (log.t < (0.295 if flight else 0.395))).all()
+    assert (log.assumed[second.name] == (log.t > 0.395)).all() and log.disagreements[second.name] == {"late": 15}
+    assert kinds.get("overdue", 0) == (0 if flight else 10) and kinds["unplanned"] == (16 if flight else 6)
+    assert forces[29] == pytest.approx(forces[26] * (0.15625 if flight else 1.0), rel=1e-6) and forces[26] > 1.0
 
 
 def test_forces_of_contacts_that_are_not_counted_on_are_not_asked_for():
