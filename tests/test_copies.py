@@ -122,6 +122,14 @@ def motions() -> Iterator[object]:
         rbd.control.ZeroOrderHold(rbd.control.HoldPosture(arm.at()), 0.01),
         rbd.control.TrackingController(rbd.motion.minimum_jerk(arm, [arm.at().q] * 2, [0.0, 0.02])),
     )
+    posture = rbd.control.PostureTask(arm.at(), cost={"panda_joint1": 2.0})
+    tasks = [
+        *(posture, rbd.control.ComTask(np.ones(3)), rbd.control.FrameTask("panda_hand", np.eye(4))),
+        *(rbd.control.MomentumTask(np.ones(6)), rbd.control.ForceTask("tip", np.ones(3))),
+    ]
+    yield from tasks
+    yield from (task.terms(arm.at(), 0.0) for task in tasks)
+    yield rbd.control.Reference(np.ones(3))
     touch = rbd.control.ContactTouch(np.zeros(1), np.ones(1, bool), np.ones((1, 3)), ("toe:0",))
     yield from (touch, rbd.control.AcceptedStep(start, 0.1, 0.01, {"toe": touch}))
     lock = rbd.JointLock("lock", "panda_joint1", position=0.0)

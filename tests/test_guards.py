@@ -34,6 +34,7 @@ from rbd.visual import (
     export_planar,
     export_report,
     motion_sheet,
+    plot_directions,
     plot_ellipses,
     plot_energy,
     plot_forces,
@@ -220,6 +221,12 @@ def use_controller(controller: Any) -> Any:
     return controller(STATE, 0.001)
 
 
+def use_task(task: Any) -> Any:
+    """Its rows at a moving state."""
+    terms = task.terms(MOVING, 0.25)
+    return terms.A, terms.wanted, terms.cost
+
+
 def use_collision(**given: Any) -> Any:
     """Rows and points of a robot's collision shapes."""
     contacts = rbd.CollisionContacts(**grounded(given))
@@ -253,6 +260,7 @@ def grounded(given: dict[str, Any]) -> dict[str, Any]:
     return rest | ({"on": rbd.Ground(**of_ground)} if of_ground else {})
 
 
+TASK = {"cost": np.ones(3), "gain": 10.0, "damping_ratio": 0.7, "name": "own"}
 GROUND = ("normal", "point", "velocity", "acceleration", "about")
 
 
@@ -450,6 +458,12 @@ CASES: dict[str, Case] = {
     "visual.plot_pushes": Case(
         lambda **given: len(plot_pushes(**given)),
         {"ax": Figure().subplots(), "limits": rbd.statics.push_limits(BOX.at(), FLOOR, "box", np.eye(3))},
+        20,
+    ),
+    "visual.plot_directions": Case(
+        lambda **given: len(plot_directions(**given)),
+        {"ax": Figure().add_subplot(projection="polar"), "directions": np.eye(3)[:2], "curves": {"a push": [1.0, 2.0]}}
+        | {"quantity": "largest push", "unit": "N"},
         20,
     ),
     "visual.plot_wrench_cone": Case(
@@ -683,6 +697,41 @@ CASES: dict[str, Case] = {
     "Pushes": Case(
         lambda pushes: rbd.control.Pushes(pushes)(STATE, 0.0),
         {"pushes": [PUSH, rbd.control.Push(FRAME, (1.0, 0.0, 0.0), start=0.0, duration=1.0)]},
+    ),
+    "Reference": Case(
+        lambda **given: use_task(rbd.control.ComTask(rbd.control.Reference(**given))),
+        {"value": np.ones(3), "velocity": np.zeros(3), "acceleration": np.ones(3)},
+        30,
+    ),
+    "TaskTerms": Case(
+        lambda **given: rbd.control.TaskTerms(**given),
+        {"name": "own", "A": np.eye(2), "wanted": np.array([1.0, -1.0]), "cost": np.array([1.0, 0.0]), "contact": ""},
+        30,
+    ),
+    "ComTask": Case(lambda **given: use_task(rbd.control.ComTask(**given)), {"target": np.array([0.1, 0.0, 0.3]), **TASK}, 30),
+    "FrameTask": Case(
+        lambda **given: use_task(rbd.control.FrameTask(**given)),
+        {"frame": FRAME, "target": np.eye(4), "offset": np.zeros(3), "position_cost": np.ones(3), "orientation_cost": 0.5}
+        | {"axes": "frame", "gain": 10.0, "damping_ratio": 0.7, "name": "hand"},
+        30,
+    ),
+    "FrameTask, a position": Case(
+        lambda target: use_task(rbd.control.FrameTask(FRAME, target)), {"target": np.array([0.1, 0.0, 0.3])}, 20
+    ),
+    "PostureTask": Case(
+        lambda **given: use_task(rbd.control.PostureTask(**given)),
+        {"target": STATE.q, "joints": list(BOLT.actuated_names), **TASK, "cost": np.ones(BOLT.nu)},
+        30,
+    ),
+    "MomentumTask": Case(
+        lambda **given: use_task(rbd.control.MomentumTask(**given)),
+        {"target": np.ones(6), "linear_cost": 0.5, "angular_cost": np.ones(3), "gain": 5.0, "name": "calm"},
+        30,
+    ),
+    "ForceTask": Case(
+        lambda **given: use_task(rbd.control.ForceTask(**given)),
+        {"contact": "left", "target": np.array([1.0, 0.0, 9.0]), "cost": np.ones(3), "name": "press"},
+        30,
     ),
     "CollisionContacts": Case(
         use_collision,
@@ -1000,7 +1049,12 @@ def certified(answer: Any) -> bool:
 
 def cleaned(value: Any, good: Any) -> Any:
     """An argument as whoever gave it meant it."""
-    listed = isinstance(good, np.ndarray) and isinstance(value, np.ndarray | list | tuple) and len(value) > 0
+    listed = (
+        isinstance(good, np.ndarray)
+        and isinstance(value, np.ndarray | list | tuple)
+        and getattr(value, "ndim", 1)
+        and len(value) > 0
+    )
     return np.array(value, float) if listed else value
 
 

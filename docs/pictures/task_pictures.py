@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 import rbd
-from rbd.visual import Scene, plot_energy, plot_forces, screenshot
+from rbd.visual import Scene, motion_sheet, plot_energy, plot_forces, screenshot
 from rbd.visual.plots import frame
 
 PICTURES = Path(__file__).resolve().parent
@@ -23,7 +23,7 @@ BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "0.5"
 
 def pictures() -> Iterator[Path]:
     """All of them."""
-    makers = (task_walker, task_hold, task_wall, task_loop, task_sweep, task_many, task_forces, task_swing, task_figure)
+    makers = (task_walker, task_hold, task_wall, task_loop, task_sweep, task_many, task_forces, task_swing, task_figure, task_reach)
     for make in makers:
         yield make()
 
@@ -158,6 +158,12 @@ def task_swing() -> Path:
     ax.set_title("every 0.1 s, from pale to dark; the box at half its size", fontsize=10)
     frame(ax)
     return saved(drawn, "task_swing")
+
+
+def task_reach() -> Path:
+    """Talos at three times of its reach."""
+    moved = computed("make_it_follow_tasks")["reaches"]
+    return motion_sheet(moved, [0.0, 0.5, 1.5], PICTURES / "task_reach.png", width=330, height=480, seen_from=(1.0, 0.9, 0.25))
 
 
 def task_figure() -> Path:

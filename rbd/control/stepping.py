@@ -1,44 +1,44 @@
-"""`step`: torques and contact forces for which tasks are met as well as limits allow, at one state.
+"""`step`: torques and contact forces with which tasks are met as well as limits allow, at one state.
 
-minimise    1/2 sum cost_i (A_i x - wanted_i)^2 + 1/2 r_a |a|^2 + 1/2 r_f |w / m|^2          x = (a, f)
-subject to  M a + h = S^T tau + tau_ext + J^T f                                    f = G w, w within its bounds
-            J a + J_dot v = -k J v                                                 contacts keep still
-            |tau| <= limit,    a_least <= a <= a_most
+    minimise    1/2 sum cost_i (A_i a - wanted_i)^2 + 1/2 r_a |a|^2 + 1/2 r_f |w / weight|^2
+    subject to  M a + h = S^T tau + tau_ext + J^T f                                f = G w, w within its bounds
+                J a + J_dot v = -k J v                                             contacts keep still
+                |tau| <= limit,    least <= a <= most
+
+tau is eliminated: the rows of the motors are bounds on M a + h - J^T G w. The rows G are those of pyramids inside the friction
+cones. `rbd.control.step_solution` solves it, `rbd.control.least_violation` where contacts or joint limits cannot be kept.
 """
 
 from __future__ import annotations
 
+import math
+import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from functools import lru_cache
 
 import numpy as np
 
-from rbd.arrays import Array
-from rbd.constraints.constraint import Constraint, listed
-from rbd.control.limits import Limits, acceleration_bounds
+from rbd.arrays import Array, as_float, max_abs
+from rbd.constraints.constraint import Constraint
+from rbd.control.least_violation import Relaxed, relaxed
+from rbd.control.limits import Limits
+from rbd.control.step_problem import StepProblem
+from rbd.control.step_program import StepPoint
+from rbd.control.step_solution import minimiser
+from rbd.control.task_actuation import StepCertificate, TaskActuation
 from rbd.control.task_terms import Task
-from rbd.errors import NoSolution
-from rbd.model.dynamics import External, generalised
-from rbd.model.state import State
+from rbd.errors import InaccurateWarning, InputError, NoSolution, RelaxedLimitsWarning
+from rbd.model.dynamics import External
+from rbd.model.state import State, check_state
+from rbd.problem.answer import Status
+from rbd.problem.cones import project_cones
 from rbd.problem.contact_motion import REST_SPEED
-from rbd.problem.force_set import at_rest
-from rbd.solvers.strict_qp import solve_strict
-from rbd.statics.actuation import Actuation
+from rbd.problem.force_set import ForceSet
+from rbd.problem.residuals import SOLVED
 from rbd.statics.effort import DEFAULT
-from rbd.statics.loads import Loads, contact_rows
 
-REGULARISATION = (1e-4, 1e-4)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class TaskActuation(Actuation):
-    """Torques and forces of a step of whole-body control.
-
-    Attributes:
-        missed: {task: wanted less reached, shape (m,)}.
-    """
-
-    missed: Mapping[str, Array] = field(default_factory=dict)
+_FASTEST = 1e6
+"""Largest damping rate [1/s]."""
 
 
 def step(
@@ -52,70 +52,126 @@ def step(
     normal_force: Mapping[str, tuple[float, float]] | None = None,
     contact_damping: float = 50.0,
 ) -> TaskActuation:
-    """The torques and forces of least cost.
+    """The torques and contact forces with which tasks are met at least cost, with a certificate.
+
+    Equations of motion, friction pyramids inside the cones, bounds on normal forces and torque limits are always kept. Contacts
+    and joint limits are kept where any torques and forces within these allow it; else their violation is the least, in the
+    sum of squares of accelerations, and the tasks choose among all motions that have it: a `RelaxedLimitsWarning` tells it, and
+    `violation` has it. The same input gives the same bits: nothing is remembered.
 
     Args:
         state: The robot at (q, v).
         tasks: What is wanted, each with a cost.
-        contacts: Contacts, loops and other constraints that hold: they are kept as they are.
+        contacts: Contacts, loops and other constraints: all their rows are kept as they are; those that move are brought to
+            rest. Joint limits belong into `limits`.
         t: Time, for targets that are functions of it [s].
         limits: Limits of torques, joint positions and velocities.
         external: Other forces, as of `rbd.solve`.
         normal_force: {contact: (least, most)}: bounds on its normal force [N].
-        contact_damping: k: velocities of contacts decay at this rate [1/s].
+        contact_damping: k: velocities of contacts decay at this rate [1/s]; those of constraints with their own stabilisation
+            by that one.
+
+    Returns:
+        An `rbd.Actuation` with what each task missed.
+
+    Raises:
+        InputError: on what is no task, no state, no bounds; on terms that are not finite or do not fit the robot.
+        UnknownName: bounds or tasks of a contact that was not given.
+        DuplicateName: two tasks, or two contacts, of one name.
+        NoSolution: no answer was found within tolerance.
+
+    Example:
+        >>> talos = rbd.load_robot("talos")
+        >>> state, soles = talos.standing(), talos.soles(friction=0.7)
+        >>> tasks = [rbd.control.ComTask(state.com, cost=100.0), rbd.control.PostureTask(state.q)]
+        >>> held = rbd.control.step(state, tasks, soles)
+        >>> print(held.status, f"{held.forces['left_sole'][2] + held.forces['right_sole'][2]:.2f} N")
+        solved 885.37 N
     """
-    robot, nv = state.robot, state.robot.nv
-    given = listed(contacts)
-    rows = tuple(
-        replace(r, velocity=np.zeros(len(r)), feedback=contact_damping * r.velocity) for r in contact_rows(state, given)
+    check_state(state)
+    if not isinstance(limits, Limits):
+        raise InputError(f"limits is {limits!r:.80}; expected rbd.control.Limits(...).")
+    if not math.isfinite(time := as_float(t)):
+        raise InputError(f"t is {t!r:.80}; expected a time [s].")
+    damping = as_float(contact_damping)
+    if not 0.0 <= damping < _FASTEST:
+        raise InputError(f"contact_damping is {contact_damping!r:.80}; expected a rate of 0 or more [1/s].")
+    problem = StepProblem.of(state, tasks, contacts, time, limits, external, normal_force, damping, stacklevel=2)
+    point, miss = minimiser(problem.program)
+    eased = None
+    if point is None or miss > SOLVED:
+        found = relaxed(problem.program, problem.contact_rows, problem.contact_sizes, problem.joint_rows, problem.joint_sizes)
+        if found is not None and (found.contacts.any() or found.joints.any()):
+            eased = found
+            point, miss = minimiser(eased.program)
+    name = state.robot.name
+    if point is None:
+        raise NoSolution(f"no torques and forces of {name} were found for this step, even with contacts relaxed.")
+    actuation = _actuation(problem, point, miss, eased)
+    certificate = actuation.certificate
+    if certificate.status is Status.FAILED:
+        raise NoSolution(f"the step of {name} was found only to a scaled residual of {certificate.worst:.1e}: {certificate}.")
+    if actuation.violation is not None:
+        warnings.warn(
+            f"{name} cannot keep all contacts and joint limits; the least violation: {actuation.violation}. Ask for less, or "
+            "leave out contacts that contradict each other.",
+            RelaxedLimitsWarning,
+            stacklevel=2,
+        )
+    if certificate.status is Status.INACCURATE:
+        warnings.warn(
+            f"the step of {name} has a scaled residual of {certificate.worst:.1e} (solved is 1e-9).",
+            InaccurateWarning,
+            stacklevel=2,
+        )
+    return actuation
+
+
+def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased: Relaxed | None) -> TaskActuation:
+    """Torques and forces at a point of the program, with their certificate."""
+    program, unit, most = problem.program, problem.unit, problem.torques
+    a, w = point.a, np.minimum(np.maximum(point.w, program.lower), program.upper) * unit
+    feedback = problem.feedback if eased is None else problem.feedback - eased.contacts
+    loads = problem.loads(a, feedback)
+    tau, left = loads.torques(w)
+    over = np.abs(tau) > most
+    if over.any():
+        over &= np.abs(tau) <= most * (1.0 + SOLVED)
+        tau[over] = np.copysign(most[over], tau[over])
+    joints = program.T[problem.joint_rows] @ a
+    passed = np.maximum(program.low[problem.joint_rows] - joints, joints - program.high[problem.joint_rows])
+    if eased is not None:
+        passed = passed - eased.joints
+    excess = np.maximum(np.abs(tau) - most, 0.0)
+    moves = max(1.0, max_abs(a), max_abs(program.e))
+    forces = max(unit, max_abs(loads.need), max_abs(w))
+    values = (
+        max_abs(left),
+        max_abs(loads.accelerations(a)),
+        _outside_cones(problem.sets, w),
+        float(excess.max(initial=0.0)),
+        float(passed.max(initial=0.0)),
     )
-    sets = at_rest(*[r.cone for r in rows])
-    if len(sets.mu):
-        sets = sets.with_pyramids(inscribed=True)
-    p, unit, mass = sets.size, robot.mass * 9.81, robot.mass
-    J = np.concatenate([np.zeros((0, nv)), *[r.J for r in rows]])
-    need = state.h if external is None else state.h - generalised(state, external)[0]
-    JG = J.T @ sets.G * unit
-    H, g = np.zeros((nv + p, nv + p)), np.zeros(nv + p)
-    index = np.arange(nv + p)
-    H[index[:nv], index[:nv]] = REGULARISATION[0]
-    H[index[nv:], index[nv:]] = REGULARISATION[1] * 9.81**2
-    terms = [task.terms(state, t) for task in tasks]
-    at = {r.name: i for i, r in enumerate(rows)}
-    ends = np.cumsum([0, *[len(r) for r in rows]])
-    parts = []
-    for each in terms:
-        if not each.contact:
-            A = np.concatenate([each.A, np.zeros((len(each.A), p))], axis=1)
-        elif each.contact not in at:
-            continue
-        else:
-            i = at[each.contact]
-            A = np.zeros((len(each.A), nv + p))
-            A[:, nv:] = each.A @ rows[i].resultant[: each.A.shape[1]] @ sets.G[ends[i] : ends[i + 1]] * unit
-        H += (A.T * each.cost) @ A
-        g -= A.T @ (each.cost * each.wanted)
-        parts.append((each, A))
-    limit = robot.effort_limit * (np.inf if limits.torque is None else limits.torque)
-    size = np.where(np.isfinite(limit), limit, unit)
-    rhs = np.concatenate([np.zeros(0), *[-r.bias - r.feedback for r in rows]])
-    dynamics = np.concatenate([state.M, -JG], axis=1)
-    idle, motors = robot.idle, robot.motors
-    C = np.concatenate(
-        [dynamics[idle] / unit, np.concatenate([J, np.zeros((len(J), p))], axis=1), dynamics[motors] / size[:, None]]
-    )
-    low = np.concatenate([-need[idle] / unit, rhs, (-limit - need[motors]) / size])
-    high = np.concatenate([-need[idle] / unit, rhs, (limit - need[motors]) / size])
-    least, most = acceleration_bounds(state, limits)
-    found = solve_strict(
-        H, g, np.concatenate([least, sets.lower / unit]), np.concatenate([most, sets.upper / unit]), C, low, high
-    )
-    if not found.solved:
-        raise NoSolution(f"no step of {robot.name}")
-    a, w = found.x[:nv], found.x[nv:] * unit
-    loads = Loads(state, rows, sets, state.M @ a + need)
-    tau, _ = loads.torques(w)
+    torque = float((excess / np.minimum(most, 1e300)).max(initial=0.0))
+    scaled = (values[0] / forces, values[1] / moves, values[2] / forces, torque, values[4] / moves, optimality)
     return TaskActuation(
-        a, tau, w, loads, given, external, DEFAULT, 0.0, REST_SPEED, DEFAULT.program(loads), found.iterations, "DAQP", True,
-        {each.name: each.wanted - A[:, : nv + p] @ found.x for each, A in parts},
+        a, tau, w, loads, problem.contacts, problem.external, DEFAULT, 0.0, REST_SPEED, point.iterations, point.method, True,
+        problem.missed(a, w), StepCertificate(*values, optimality, scaled),
+        None if eased is None else problem.violation(eased.contacts, eased.joints), problem.limits, problem.moving(),
     )  # fmt: skip
+
+
+def _outside_cones(sets: ForceSet, w: Array) -> float:
+    """Largest distance of a point's force from its circular friction cone [N]."""
+    mu = _coefficients(sets)
+    round_ = mu >= 0.0
+    if not round_.any():
+        return 0.0
+    points = sets.sums((sets.push * w[:, None]).T).T[round_]
+    return float(np.abs(points - project_cones(points, mu[round_])).max())
+
+
+@lru_cache(maxsize=128)
+def _coefficients(sets: ForceSet) -> Array:
+    """Friction coefficient of each element, shape (e,); -1 of those that are no cones."""
+    return np.array([e.mu if e.facets else -1.0 for e in sets.elements])

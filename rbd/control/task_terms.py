@@ -81,6 +81,8 @@ class TaskTerms:
     contact: str = ""
 
     def __post_init__(self) -> None:
+        if not (isinstance(self.name, str) and self.name and isinstance(self.contact, str)):
+            raise InputError(f"terms are named {self.name!r:.80}, of contact {self.contact!r:.80}; expected two texts.")
         A, wanted, cost = self.A, self.wanted, self.cost
         if not (type(A) is type(wanted) is type(cost) is np.ndarray and A.dtype == wanted.dtype == cost.dtype == float):
             for what in ("A", "wanted", "cost"):

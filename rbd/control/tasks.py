@@ -160,7 +160,7 @@ class FrameTask:
         for what in ("position_cost", "orientation_cost"):
             object.__setattr__(self, what, checked_costs(f"{what} of task {self.name!r:.80}", getattr(self, what), 3))
         checked_law(self.name, self.gain, self.damping_ratio)
-        if self.axes not in ("world", "frame"):
+        if not isinstance(self.axes, str) or self.axes not in ("world", "frame"):
             raise InputError(f"axes of task {self.name!r:.80} are {self.axes!r:.80}; expected 'world' or 'frame'.")
         object.__setattr__(self, "offset", as_vector3(f"offset of task {self.name!r:.80}", self.offset))
         if not callable(self.target):

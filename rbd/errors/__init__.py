@@ -35,6 +35,7 @@
       NonUniqueMotionWarning            more than one motion satisfies the contact law; the answer is one of them
       OpeningContactWarning             a contact separates, and its force is zero
       DistantContactWarning             a contact is not on its plane
+      RelaxedLimitsWarning              a step of control violates contacts or joint limits by the least
 """
 
 from rbd.errors.inputs import (
@@ -73,6 +74,7 @@ from rbd.errors.warned import (
     NonUniqueMotionWarning,
     OpeningContactWarning,
     RbdWarning,
+    RelaxedLimitsWarning,
 )
 
 __all__ = [
@@ -99,6 +101,7 @@ __all__ = [
     "PictureError",
     "RbdError",
     "RbdWarning",
+    "RelaxedLimitsWarning",
     "SimulationStopped",
     "SingularInertia",
     "SingularPose",

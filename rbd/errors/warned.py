@@ -117,3 +117,19 @@ class ModelWarning(RbdWarning):
             ...
         rbd.errors.ModelWarning: romeo: 2 links have inertias that no body has ('RShoulderYawLink', ...
     """
+
+
+class RelaxedLimitsWarning(RbdWarning):
+    """A step of whole-body control cannot keep all contacts and joint limits: it violates them by the least.
+
+    Example:
+        >>> import warnings
+        >>> box = rbd.testing.box()
+        >>> floor = rbd.PointContact("floor", "box", friction=0.5)
+        >>> rising = rbd.PointContact("rising", "box", friction=0.5, on=rbd.Ground(acceleration=(0, 0, 1.0)))
+        >>> with warnings.catch_warnings(record=True) as seen:
+        ...     warnings.simplefilter("always")
+        ...     found = rbd.control.step(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], [floor, rising])
+        >>> print(seen[0].category.__name__, f"{found.violation.worst:.2f} m/s2")
+        RelaxedLimitsWarning 0.50 m/s2
+    """

@@ -191,6 +191,12 @@ class Rows:
         """Whether a feedback was given."""
         return self.feedback is not zeros(len(self))
 
+    def kept_still(self, feedback: Array) -> Rows:
+        """The same rows as if they were at rest, with this feedback, shape (m,), unchecked."""
+        out = object.__new__(type(self))
+        out.__dict__.update(self.__dict__, velocity=zeros(len(feedback)), feedback=feedback)
+        return out
+
     @property
     def gaps_off_plane(self) -> Array | None:
         """Heights of corners above the plane that they are off [m]; None if they touch, or feedback pulls them back."""

@@ -10,7 +10,7 @@ import numpy as np
 from rbd.arrays import Array, lazy
 from rbd.simulation.contact_gaps import GapTolerances
 from rbd.simulation.contact_points import Layout, PointMatching, Snapshot
-from rbd.simulation.motion import ImpactRecord, StepRecord
+from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.velocity_problem import VelocityAnswer
 
 Passed: TypeAlias = list[StepRecord | ImpactRecord]
@@ -40,6 +40,7 @@ class Instant:
         norms: Norms of bilateral rows; see `VelocityAnswer`.
         velocity: The points' velocities by the contact law of the step before, shape (p,); None: J v.
         previous: The step before; None where contact or friction has changed.
+        work: Work of the motors since the start of the motion [J].
     """
 
     t: float
@@ -51,6 +52,7 @@ class Instant:
     norms: Array | None = None
     velocity: Array | None = None
     previous: PreviousStep | None = None
+    work: float = 0.0
 
     @lazy
     def touching(self) -> Array:
@@ -137,12 +139,13 @@ class PointsAtStart(NamedTuple):
 
 
 class WholeStep(NamedTuple):
-    """A step before positions are corrected: its length, its end, its answer, the points in its middle."""
+    """A step before positions are corrected: its length, its end, its answer, the points and the torques in its middle."""
 
     h: float
     end: Snapshot
     answer: VelocityAnswer
     layout: Layout
+    tau: Array
 
 
 class Step(NamedTuple):

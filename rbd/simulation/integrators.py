@@ -21,8 +21,9 @@ from rbd.control.accepted_steps import INSTANT, sample_at
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.contact_points import slide, stopping
+from rbd.simulation.event_detection import EventDetection
 from rbd.simulation.instant import HalfStep
-from rbd.simulation.motion import Event, EventDetection, Motion, Sample
+from rbd.simulation.motion import Event, Motion, Sample
 from rbd.simulation.recording import constraint_forces, least_forces
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth, reason_unknown_ground
 from rbd.simulation.time_step import StepSystem
@@ -79,15 +80,17 @@ def _lengths(times: Sequence[float]) -> list[float]:
 def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Stage:
     h, v, a = end - t, first.state.v, first.a
     chart = smooth.charts.at(first.state.q)
-    rates, accelerations, rate = [v], [a], v
+    rates, accelerations, powers, rate = [v], [a], list[float](), v
     for part in (0.5, 0.5, 1.0):
         xi, w = part * h * rate, v + part * h * a
         stage = smooth.at(chart.q(xi), w, t + part * h)
         a, rate = stage.a, chart.rate(xi, stage.state.v)
         rates.append(rate)
         accelerations.append(a)
+        powers.append(smooth.extra_power(first, stage))
     xi, dv = (h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3]) for k in (rates, accelerations))
-    return smooth.landed(chart.q(xi), v + dv, end)
+    extra = h / 6.0 * (2.0 * powers[0] + 2.0 * powers[1] + powers[2])
+    return smooth.worked(first, smooth.landed(chart.q(xi), v + dv, end), extra)
 
 
 @dataclass(frozen=True)
@@ -180,12 +183,13 @@ class _AdaptiveStep:
     def __init__(self, smooth: SmoothMotion, start: Stage, by: DormandPrince8, last: float, h: float | None) -> None:
         self._smooth, self._start = smooth, start
         self._chart, self._n = smooth.charts.at(start.state.q), len(start.state.v)
-        y = np.concatenate([np.zeros(self._n), start.state.v])
+        works = smooth.motion.controller is not None
+        # With the motors' work, beyond that of torques that are held, as a last entry, in which no error is controlled.
+        y = np.concatenate([np.zeros(self._n), start.state.v, np.zeros(int(works))])
+        atol = np.append(np.full(2 * self._n, by.atol), np.inf) if works else by.atol
         first = None if h is None else min(h, last - start.t)
         while True:
-            self._code = DOP853(
-                self._rates, start.t, y, last, rtol=by.rtol, atol=by.atol, first_step=first, max_step=by.longest
-            )
+            self._code = DOP853(self._rates, start.t, y, last, rtol=by.rtol, atol=atol, first_step=first, max_step=by.longest)
             try:
                 said = self._code.step()
             except NoSolution:  # a trial too far ahead can leave the constraints, or meet a singular pose next to its branch
@@ -210,16 +214,17 @@ class _AdaptiveStep:
         return self._landed(t, self._between(t))
 
     def _landed(self, t: float, y: Array) -> Stage:
-        xi, v = np.split(y, 2)
-        return self._smooth.landed(self._chart.q(xi), v, t)
+        xi, v, extra = y[: self._n], y[self._n : 2 * self._n], y[2 * self._n :]
+        return self._smooth.worked(self._start, self._smooth.landed(self._chart.q(xi), v, t), float(extra.sum()))
 
     def _rates(self, t: float, y: Array) -> Array:
-        xi, v = np.split(y, 2)
+        xi, v, rest = y[: self._n], y[self._n : 2 * self._n], y[2 * self._n :]
         start = self._start
         if t == start.t and not xi.any() and np.array_equal(v, start.state.v):
-            return np.concatenate([v, start.a])  # known from the step before
+            return np.concatenate([v, start.a, np.zeros(len(rest))])  # known from the step before
         stage = self._smooth.at(self._chart.q(xi), v, t)
-        return np.concatenate([self._chart.rate(xi, stage.state.v), stage.a])
+        extra = [self._smooth.extra_power(start, stage)] if len(rest) else []
+        return np.concatenate([self._chart.rate(xi, stage.state.v), stage.a, extra])
 
 
 @dataclass(frozen=True)
@@ -285,7 +290,7 @@ class TimeStepping:
 def _passed_by(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
     """A sample that is not recorded: no forces, and the acceleration of the half step, possibly extrapolated."""
     state = half.start.at.state
-    return Sample.of(half.start.t, state, half.a, zeros(state.robot.nu), dict, events=events)
+    return Sample.of(half.start.t, state, half.a, zeros(state.robot.nu), dict, events=events, motor_work=half.start.work)
 
 
 def _tilts(constraint: Constraint, state: State) -> str | None:
@@ -328,4 +333,5 @@ def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> 
         drift_rate=at.drift_rate,
         penetration=at.penetration,
         events=events,
+        motor_work=start.work,
     )

@@ -7,7 +7,7 @@ On the rows J v = u, a is Gauss's: nearest to the free acceleration, in |.|_M, w
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pinocchio as pin
@@ -56,6 +56,7 @@ class Stage:
         rhs: S^T tau + tau_ext - h, shape (nv,).
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,), if rows are well conditioned; else None.
+        work: Work of the motors since the start of the motion [J].
     """
 
     t: float
@@ -64,6 +65,7 @@ class Stage:
     rhs: Array
     a: Array
     f: Array | None
+    work: float = 0.0
 
     @property
     def state(self) -> State:
@@ -118,7 +120,7 @@ class SmoothMotion:
         if self.motion.hook is None:
             return stage
         self.motion.tell(stage.state, stage.t, h, lambda: held_touches(stage.held.rows, self._forces(stage)))
-        return self._stage(stage.held, stage.t)
+        return replace(self._stage(stage.held, stage.t), work=stage.work)
 
     def at(self, q: Array, v: Array, t: float) -> Stage:
         """A stage within a step.
@@ -144,6 +146,25 @@ class SmoothMotion:
             held = self._projected(held, self._projection, t)
         self._solver.learn(held)
         return self._stage(held, t)
+
+    def extra_power(self, first: Stage, stage: Stage) -> float:
+        """Power of the motors at a stage of a step less that of the torques at its beginning [W]: zero where they are held."""
+        if self.motion.controller is None:
+            return 0.0
+        return float((stage.tau - first.tau).dot(stage.state.v[self.motion.robot.motors]))
+
+    def worked(self, first: Stage, stage: Stage, extra: float) -> Stage:
+        """A stage with the work of the motors up to it.
+
+        Args:
+            first: The stage at the beginning of the step.
+            stage: The stage.
+            extra: Integral of `extra_power` between them [J].
+        """
+        if self.motion.controller is None:
+            return stage
+        held = self.motion.work(first.tau, first.state.q, stage.state.q)
+        return replace(stage, work=first.work + held + extra)
 
     def _projected(self, held: StackedRows, projection: Projection, t: float) -> StackedRows:
         """Newton's steps in position and velocity; a step's error is small, so that one of each usually suffices."""
@@ -191,6 +212,7 @@ class SmoothMotion:
             law=law,
             drift=held.drift,
             drift_rate=held.drift_rate,
+            motor_work=stage.work,
         )
 
     def _forces(self, stage: Stage) -> Mapping[str, ConstraintForce]:

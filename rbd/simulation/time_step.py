@@ -35,9 +35,10 @@ from rbd.model.state import State
 from rbd.simulation.bases import Bases
 from rbd.simulation.contact_gaps import BodySizes, Correction, first_crossing
 from rbd.simulation.contact_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
+from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, WholeStep
-from rbd.simulation.motion import ImpactRecord, Motion, StepRecord
+from rbd.simulation.motion import Motion
 from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
 
 _AT_REST = 1e-7
@@ -181,7 +182,7 @@ class StepSystem:
         v_h = half.answer.v if h == half.h else v + (half.answer.v - v) * (h / half.h)
         q_m, v, v_h, turned, mean = bases.middle(q, v, v_h, h)
         state = self.motion.reached(q_m, v_h, t + 0.5 * h)
-        _, applied = self.motion.applied(state, t + 0.5 * h)
+        tau, applied = self.motion.applied(state, t + 0.5 * h)
         middle = None if ground is not None else self.points.at(state, t + 0.5 * h)
         layout = start.at.layout if middle is None else middle.layout
         active, u0, error, before = half.points_in(layout)
@@ -199,7 +200,7 @@ class StepSystem:
             answer = self._general(middle, active, applied, turned, h, guess, u0, error, shift, before.norms, begins, 0.5)
         q_end, v_end = bases.moved(state.q, answer.v, 0.5 * h)
         end = self.snapshot(self.motion.reached(q_end, v_end, t + h), t + h)
-        return WholeStep(h, end, answer, layout)
+        return WholeStep(h, end, answer, layout, tau)
 
     def _plastic(self, half: HalfStep, t_end: float, passed: Passed) -> Instant:
         """Remainder of a step with too many impacts: points that would penetrate their surface are stopped without a bounce."""
@@ -269,7 +270,7 @@ class StepSystem:
 
     def _accept(self, half: HalfStep, whole: WholeStep, passed: Passed) -> Instant:
         """The instant at the end of a step: positions corrected, after the impact of arriving points; extends `passed`."""
-        start, (h, end, answer, middle) = half.start, whole
+        start, (h, end, answer, middle, tau) = half.start, whole
         t, layout = start.t + h, end.layout
         active, velocity, _, _ = half.points_in(layout)
         if middle is not layout:
@@ -296,7 +297,11 @@ class StepSystem:
             force, active, gaps = match.rows(force), match.points(active, False), self.sizes.tolerances(end)
         if start.at.layout is end.layout:
             previous = PreviousStep(start.at, half.active, h, answer.impulse)
-        return self._after_impact(Instant(t, end, gaps, active, end.layout.nothing, force, norms, by_law, previous), passed)
+        work = start.work
+        if self.motion.controller is not None:
+            work += self.motion.work(tau, start.at.state.q, end.state.q)
+        now = Instant(t, end, gaps, active, end.layout.nothing, force, norms, by_law, previous, work)
+        return self._after_impact(now, passed)
 
     def _after_impact(self, now: Instant, passed: Passed, *, first: bool = False) -> Instant:
         """The instant after the impact of points that touch and approach: at any speed if they were not closed before.
@@ -327,7 +332,7 @@ class StepSystem:
         leaves = self._leaves(after)
         passed.append(ImpactRecord(now.t, layout, arrives, approach, answer.impulse[layout.normals], leaves))
         gaps = self.sizes.tolerances(after, now.gaps)
-        return Instant(now.t, after, gaps, touches, leaves, now.force, answer.norms)
+        return Instant(now.t, after, gaps, touches, leaves, now.force, answer.norms, work=now.work)
 
     def _leaves(self, at: Snapshot) -> Array:
         """Which points separate from their surface faster than the rest speed, shape (k,)."""

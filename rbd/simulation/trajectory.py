@@ -60,6 +60,9 @@ class Trajectory:
         modes: {constraint: shape (n,)}: "open", "sticks", "slips", "holds" or "pushes".
         kinetic: Kinetic energy, shape (n,) [J].
         potential: Potential energy, shape (n,) [J]; zero at the world's origin.
+        motor_work: Work of the motors since the start of the motion, shape (n,) [J]: exact for torques that are held during a
+            step, of the integrator's order for others. `energy` changes by it, by the work of external forces, and by
+            what impacts, friction and moving ground take or give.
         momentum: Linear, then angular momentum about the centre of mass, in W, shape (n, 6) [N s, N m s].
         com: Centre of mass in W, shape (n, 3) [m].
         residuals: {"law": residual of the contact law, scaled; "drift", "drift_rate": largest error of the
@@ -95,6 +98,7 @@ class Trajectory:
     modes: Mapping[str, Array]
     kinetic: Array
     potential: Array
+    motor_work: Array
     momentum: Array
     com: Array
     residuals: Mapping[str, Array]
@@ -262,8 +266,8 @@ class Trajectory:
         """An xarray.Dataset: every array with the names of its dimensions and entries, and units.
 
         Dimensions are time, position (nq), velocity (nv), motor (nu), axis, spatial, event, and a row and a point of each
-        constraint; variables q, v, a, tau, kinetic, potential, energy, momentum, com, `residual_...`, `force_...`, `mode_...`,
-        `points_...` and `point_forces_...` of each constraint, and `event_...`.
+        constraint; variables q, v, a, tau, kinetic, potential, energy, motor_work, momentum, com, `residual_...`, `force_...`,
+        `mode_...`, `points_...` and `point_forces_...` of each constraint, and `event_...`.
 
         Raises:
             InputError: xarray is not installed; names the extra.
@@ -341,6 +345,7 @@ class Trajectory:
             self.tau[i],
             partial(dict, acting),  # which a copy or a pickle includes
             **{name: float(x[i]) for name, x in self.residuals.items()},
+            motor_work=float(self.motor_work[i]),
             events=self.events[since : bisect_right(self.events, self.t[i], key=_time)],
         )
 

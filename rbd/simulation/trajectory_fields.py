@@ -47,6 +47,7 @@ COLUMNS = (
     Column("tau", "motor", "", "motor torques"),
     Column("kinetic", "", "J", "kinetic energy"),
     Column("potential", "", "J", "potential energy, zero at the world's origin"),
+    Column("motor_work", "", "J", "work of the motors since the start of the motion"),
     Column("momentum", "spatial", "N s, then N m s", "linear, then angular momentum about the centre of mass, world axes"),
     Column("com", "axis", "m", "centre of mass in W"),
 )
@@ -168,9 +169,17 @@ def _kept(x: Fields) -> list[str]:
     return [
         _line("energy", f"{x['energy'][0]:.6g} J -> {x['energy'][-1]:.6g} J, change {change[-1]:.3g} J, range {swing:.3g} J"),
         _line("", f"kinetic {x['kinetic'][0]:.4g} -> {x['kinetic'][-1]:.4g} J, at most {x['kinetic'].max():.4g} J"),
+        *([_line("", _worked(x["motor_work"], x["energy"]))] if x["motor_work"].any() else []),
         _line("centre of mass", f"moved ({_vector(moved)}) m"),
         _line("momentum", f"({_vector(x['momentum'][-1, :3])}) N s, ({_vector(x['momentum'][-1, 3:])}) N m s at the end"),
     ]
+
+
+def _worked(work: Array, energy: Array) -> str:
+    done = work - work[0]
+    rest = energy - energy[0] - done
+    most = float(rest[np.abs(rest).argmax()])
+    return f"work of the motors {done[-1]:.4g} J; energy less this work changes by {most:.3g} J"
 
 
 def _residuals(x: Fields) -> list[str]:

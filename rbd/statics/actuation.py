@@ -103,7 +103,6 @@ class Actuation:
         effort: What was made least.
         margin: Friction of points that keep still stays within 1 - margin of its cone.
         rest_speed: As of `rbd.solve`.
-        program: The conic program that was solved.
         iterations: How many steps it took.
         method: "Newton" or "Clarabel".
         least: Whether the effort is the least, to nine digits; else torques and forces are only possible ones.
@@ -127,7 +126,6 @@ class Actuation:
     effort: Effort
     margin: float
     rest_speed: float
-    program: Conic
     iterations: int
     method: str
     least: bool = True
@@ -141,6 +139,11 @@ class Actuation:
     def rows(self) -> Sequence[Rows]:
         """The constraints' rows, for pictures and tables."""
         return self.loads.rows
+
+    @lazy
+    def program(self) -> Conic:
+        """The conic program of least effort."""
+        return self.effort.program(self.loads)
 
     @lazy
     def answer(self) -> Answer:

@@ -47,9 +47,7 @@ def least_effort(
         return found
     w = _balanced(program, found.x) * loads.unit
     tau, _ = loads.torques(w)
-    return Actuation(
-        a, tau, w, loads, constraints, external, effort, margin, rest_speed, program, found.iterations, found.method, least
-    )
+    return Actuation(a, tau, w, loads, constraints, external, effort, margin, rest_speed, found.iterations, found.method, least)
 
 
 def warned(actuation: Actuation, stacklevel: int) -> Actuation | None:

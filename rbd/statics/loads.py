@@ -88,6 +88,12 @@ class Loads:
             return self.stacked[0]
         return np.concatenate([r.J for r in self.rows]) if self.rows else np.zeros((0, self.state.robot.nv))
 
+    def accelerations(self, a: Array) -> Array:
+        """Of the rows, J a + bias + feedback, shape (m,) [m/s2, rad/s2]."""
+        if self.stacked is not None:
+            return np.asarray(self.stacked[0] @ a + self.stacked[1])
+        return np.concatenate([np.zeros(0), *[r.J @ a + r.bias + r.feedback for r in self.rows]])
+
     @lazy
     def per_weight(self) -> Array:
         """Generalised forces of unit weights, J^T G, shape (nv, p)."""

@@ -230,7 +230,6 @@ class WantedMotion:
             self.effort,
             margin,
             self.rest_speed,
-            self.effort.program(at),
             0,
             "Clarabel",
         )

@@ -18,10 +18,11 @@ from rbd.testing.solver_check import (
     ContractBroken,
     SolverReport,
     SolverWrong,
+    TaskWrong,
     check_solver,
     law_residuals,
 )
-from rbd.testing.task_check import TaskReport, TaskWrong, check_task
+from rbd.testing.task_check import TaskReport, check_task
 
 __all__ = [
     "ConstraintReport",

@@ -43,6 +43,23 @@ class ConstraintWrong(ContractBroken):
     """
 
 
+class TaskWrong(ContractBroken):
+    """Rows of a task that are not the acceleration of the value that they claim.
+
+    Example:
+        >>> class Rise:
+        ...     name = "rise"
+        ...     def terms(self, state, t):
+        ...         trunk = state.frame("base_link")
+        ...         return rbd.control.TaskTerms("rise", trunk.J[2:3], [0.5], [1.0])  # J_dot v is left out
+        >>> moving = rbd.load_robot("solo12").standing().with_joints({"root_joint": [0, 0, 1, 0.1, 0.7, 0.1, 0.7]})
+        >>> rbd.testing.check_task(Rise(), lambda state: state.frame("base_link").X_WF.translation[2:], moving)
+        Traceback (most recent call last):
+            ...
+        rbd.testing.solver_check.TaskWrong: 'rise': A a + J_dot v of row 0 is ..., and the value's differences say ...
+    """
+
+
 @dataclass(frozen=True)
 class SolverReport:
     """What `check_solver` found: the problems that a solver passed, with its residuals, and those that it skipped.

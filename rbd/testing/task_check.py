@@ -13,24 +13,7 @@ from rbd.control.task_terms import Task, TaskTerms
 from rbd.errors import InputError
 from rbd.model.state import State, check_state
 from rbd.testing.constraint_check import STEPS, Times, deviations
-from rbd.testing.solver_check import ContractBroken
-
-
-class TaskWrong(ContractBroken):
-    """Rows of a task that are not the acceleration of the value that they claim.
-
-    Example:
-        >>> class Rise:
-        ...     name = "rise"
-        ...     def terms(self, state, t):
-        ...         trunk = state.frame("base_link")
-        ...         return rbd.control.TaskTerms("rise", trunk.J[2:3], [0.5], [1.0])  # J_dot v is left out
-        >>> moving = rbd.load_robot("solo12").standing().with_joints({"root_joint": [0, 0, 1, 0.1, 0.7, 0.1, 0.7]})
-        >>> rbd.testing.check_task(Rise(), lambda state: state.frame("base_link").X_WF.translation[2:], moving)
-        Traceback (most recent call last):
-            ...
-        rbd.testing.task_check.TaskWrong: 'rise': A a + J_dot v of row 0 is ..., and the value's differences say ...
-    """
+from rbd.testing.solver_check import TaskWrong
 
 
 @dataclass(frozen=True)
@@ -72,8 +55,8 @@ def check_task(
 
         A v  =  y'        A a + J_dot v  =  y''
 
-    to sixth order in the step. J_dot v is what of `wanted` is even in v, less what it is at rest: so feedback, which is linear in
-    the velocity, and feed-forward, which does not know it, are left out, and their gains are not checked.
+    to sixth order in the step. J_dot v is found from `wanted` at v, at -v and at rest, as what is even in
+    v and zero at rest. Feedback on the error and its rate, and feed-forward, cancel there: they are not checked.
 
     Args:
         task: A task of accelerations.

@@ -2,6 +2,7 @@
 
 from rbd.modules import submodule as _submodule
 from rbd.visual.animation import export_motion, motion_sheet, replay
+from rbd.visual.direction_plots import plot_directions
 from rbd.visual.motion_page import export_report, plot_report, show_report
 from rbd.visual.page import find_browser, screenshot
 from rbd.visual.planar_figures import export_planar, plot_ellipses, plot_sticks, replay_planar
@@ -22,6 +23,7 @@ __all__ = [
     "export_report",
     "find_browser",
     "motion_sheet",
+    "plot_directions",
     "plot_ellipses",
     "plot_energy",
     "plot_forces",

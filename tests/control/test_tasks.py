@@ -391,8 +391,8 @@ def test_targets_may_be_given_in_many_ways(rng: np.random.Generator) -> None:
     whole = FrameTask(frame, Reference(X, *rates)).terms(state, 0.0)
     place = FrameTask(frame, Reference(X.translation, *rates[:, :3])).terms(state, 0.0)
     turned = FrameTask(frame, lambda t: Reference(X.rotation, *rates[:, 3:])).terms(state, 0.0)
-    assert same(place, TaskTerms("", whole.A[:3], whole.wanted[:3], whole.cost[:3]))
-    assert same(turned, TaskTerms("", whole.A[3:], whole.wanted[3:], whole.cost[3:]))
+    assert same(place, TaskTerms("part", whole.A[:3], whole.wanted[:3], whole.cost[:3]))
+    assert same(turned, TaskTerms("part", whole.A[3:], whole.wanted[3:], whole.cost[3:]))
     assert same(FrameTask(frame, Reference(X, *rates), orientation_cost=0.0).terms(state, 0.0), place)
     posture = PostureTask(state.q).terms(state, 0.0)
     for target in (state, Reference(state), lambda t: state, lambda t: Reference(state.q, np.zeros(talos.nv))):

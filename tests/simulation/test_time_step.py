@@ -11,8 +11,9 @@ from flat_bodies import chain, floor_point
 from smooth_models import bricard
 
 import rbd
+from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.instant import Instant, Step
-from rbd.simulation.motion import ImpactRecord, Motion, StepRecord
+from rbd.simulation.motion import Motion
 from rbd.simulation.time_step import StepSystem
 
 URDF = Path(__file__).parents[2] / "urdf"

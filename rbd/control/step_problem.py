@@ -1,0 +1,323 @@
+"""`StepProblem`: a step of whole-body control at one state, as a quadratic program, and what its points amount to."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from rbd.arrays import Array, as_float
+from rbd.constraints.constraint import Constraint, listed
+from rbd.control.limits import Limits
+from rbd.control.step_program import StepProgram
+from rbd.control.task_actuation import Violation
+from rbd.control.task_terms import Task, TaskTerms, checked_tasks
+from rbd.errors import InputError, UnknownName, nearest
+from rbd.model.checked_model import CheckedModel
+from rbd.model.dynamics import External, generalised
+from rbd.model.state import State
+from rbd.problem.contact_motion import REST_SPEED
+from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.rows import Rows
+from rbd.statics.loads import Loads, contact_rows
+
+ACCELERATION_COST = 1e-4
+"""r_a: cost of an acceleration of each coordinate, beside the tasks: it chooses where no task does."""
+FORCE_COST = 1e-2
+"""r_f: cost of a ray's force over the body weight, likewise."""
+LENGTH = 0.1
+"""Lever arm at which rotations of contacts count beside translations in a violation [m]: about half the length of a sole."""
+
+
+@dataclass(frozen=True, eq=False)
+class StepProblem:
+    """What a step solves.
+
+    Attributes:
+        state: The robot at (q, v).
+        contacts: What was given.
+        external: Likewise.
+        limits: Likewise.
+        rows: Of the contacts, with their velocities.
+        feedback: What brings their velocities to rest, shape (m,) [m/s2, rad/s2].
+        sets: Forces that may act, as weights: rays of pyramids inside the friction cones.
+        J: Of all rows, shape (m, nv).
+        per_weight: J^T G, shape (nv, p).
+        need: h - tau_ext, shape (nv,).
+        terms: Of the tasks.
+        unit: The body weight [N]; 1 without gravity.
+        program: In (a, w / unit).
+        torques: Largest torques, shape (nu,).
+        limited: Joints' coordinates with a bound, shape (j,).
+        joint_rows: Their rows between bounds in the program.
+    """
+
+    state: State
+    contacts: tuple[Constraint, ...]
+    external: External
+    limits: Limits
+    rows: tuple[Rows, ...]
+    feedback: Array
+    sets: ForceSet
+    J: Array
+    per_weight: Array
+    need: Array
+    terms: tuple[TaskTerms, ...]
+    unit: float
+    program: StepProgram
+    torques: Array
+    limited: Array
+    joint_rows: slice
+
+    @classmethod
+    def of(
+        cls,
+        state: State,
+        tasks: Sequence[Task],
+        contacts: Sequence[Constraint],
+        t: float,
+        limits: Limits,
+        external: External,
+        normal_force: Mapping[str, tuple[float, float]] | None,
+        damping: float,
+        *,
+        stacklevel: int,
+    ) -> StepProblem:
+        """Checked.
+
+        Raises:
+            InputError: what is no task; terms that are not finite, or of a wrong shape.
+            DuplicateName: two tasks, or two contacts, of one name.
+            UnknownName: a force or bounds of a contact that was not given.
+        """
+        robot, nv = state.robot, state.robot.nv
+        given = listed(contacts)
+        rows = contact_rows(state, given, stacklevel=stacklevel + 1)
+        sets = _pyramids(at_rest(*[r.cone for r in rows]))
+        J, offset, feedback = np.zeros((0, nv)), _NONE, _NONE
+        if rows:
+            J = np.concatenate([r.J for r in rows])
+            feedback = np.concatenate([r.feedback if r.stabilised else damping * r.velocity for r in rows])
+            offset = np.concatenate([r.bias for r in rows]) + feedback
+        need = state.h if external is None else state.h - generalised(state, external)[0]
+        per_weight = J.T @ sets.G
+        terms = tuple([_terms(task, state, t) for task in checked_tasks(tasks)])
+        unit = _unit(robot)
+        A, wanted, cost = _stacked([each for each in terms if not each.contact], nv)
+        Aw = A.T * cost
+        H = Aw @ A
+        H.flat[:: nv + 1] += ACCELERATION_COST
+        K, k = _force_cost(terms, rows, sets, unit)
+        M, idle, motors = state.M, robot.idle, robot.motors
+        torques = limits.torques(robot)
+        size = np.where(torques < np.inf, torques, unit)
+        share = np.where(torques < np.inf, 1.0, np.inf)
+        least, most = limits.accelerations(state)
+        limited = np.flatnonzero((least > -np.inf) | (most < np.inf))
+        W_n, low_n, high_n = _normal_forces(normal_force, rows, sets, unit)
+        n, r, j = robot.nu, len(low_n), len(limited)
+        T, W = np.zeros((n + r + j, nv)), np.zeros((n + r + j, sets.size))
+        T[:n] = M[motors] / size[:, None]
+        W[:n] = per_weight[motors] * (-unit / size)[:, None]
+        W[n : n + r] = W_n
+        T[range(n + r, n + r + j), limited] = 1.0
+        own = need[motors] / size
+        program = StepProgram(
+            H,
+            -(Aw @ wanted),
+            K,
+            k,
+            np.concatenate([M[idle] / unit, J]),
+            np.concatenate([-per_weight[idle], np.zeros((len(J), sets.size))]),
+            np.concatenate([need[idle] / -unit, -offset]),
+            T,
+            W,
+            np.concatenate([-share - own, low_n, least[limited]]),
+            np.concatenate([share - own, high_n, most[limited]]),
+            sets.lower / unit,
+            sets.upper / unit,
+            slice(n, n + r),
+        )
+        return cls(
+            state, given, external, limits, rows, feedback, sets, J, per_weight, need, terms, unit, program, torques, limited,
+            slice(n + r, n + r + j),
+        )  # fmt: skip
+
+    @property
+    def contact_rows(self) -> slice:
+        """The equations of the program that are of contacts."""
+        return slice(len(self.program.e) - len(self.J), len(self.program.e))
+
+    @property
+    def contact_sizes(self) -> Array:
+        """What accelerations of contacts are multiplied by in a violation: 1, and `LENGTH` of rotations, shape (m,)."""
+        return np.concatenate([_NONE, *[_sizes(r) for r in self.rows]])
+
+    @property
+    def joint_sizes(self) -> Array:
+        """The same of joints, shape (j,)."""
+        return np.where(self.state.robot.joints.angular[self.limited], LENGTH, 1.0)
+
+    def missed(self, a: Array, w: Array) -> dict[str, Array]:
+        """{task: wanted less reached}, of accelerations and weights [N]."""
+        out, ends = {}, np.cumsum([0, *map(len, self.rows)])
+        names = [r.name for r in self.rows]
+        for each in self.terms:
+            if each.contact:
+                i = names.index(each.contact)
+                reached = each.A @ (self.rows[i].resultant @ (self.sets.G[ends[i] : ends[i + 1]] @ w))
+            else:
+                reached = each.A @ a
+            out[each.name] = each.wanted - reached
+        return out
+
+    def loads(self, a: Array, feedback: Array) -> Loads:
+        """The equations of motion, the contacts as still as the step wants them."""
+        rows, at = [], 0
+        for r in self.rows:
+            rows.append(r.kept_still(feedback[at : at + len(r)]))
+            at += len(r)
+        stacked = self.J, np.concatenate([_NONE, *[r.bias for r in rows]]) + feedback
+        loads = Loads(self.state, tuple(rows), self.sets, self.state.M @ a + self.need, stacked)
+        loads.__dict__.update(J=self.J, per_weight=self.per_weight)
+        return loads
+
+    def violation(self, missed: Array, passed: Array) -> Violation:
+        """Accelerations that contacts miss, shape (m,), and by how much joints pass their bounds, shape (j,), by name."""
+        contacts, at = {}, 0
+        for r in self.rows:
+            part = missed[at : at + len(r)]
+            at += len(r)
+            if part.any():
+                contacts[r.name] = part
+        names = {joint.v.start: name for name, joint in self.state.robot.joints.items()}
+        each = zip(self.limited.tolist(), passed.tolist(), strict=True)
+        return Violation(contacts, {names[i]: x for i, x in each if x > 0.0})
+
+    def moving(self) -> dict[str, float]:
+        """{contact: speed} of those that move [m/s, rad/s]."""
+        return {r.name: r.speed for r in self.rows if r.speed > REST_SPEED}
+
+
+_NONE = np.zeros(0)
+
+
+@lru_cache(maxsize=128)
+def _pyramids(sets: ForceSet) -> ForceSet:
+    return sets.with_pyramids(inscribed=True) if len(sets.mu) else sets
+
+
+def _unit(robot: CheckedModel) -> float:
+    return robot.mass * math.hypot(*robot.model.gravity.linear.tolist()) or 1.0
+
+
+def _terms(task: Task, state: State, t: float) -> TaskTerms:
+    """Of a task, of the right shape.
+
+    Raises:
+        InputError: others.
+    """
+    terms = task.terms(state, t)
+    if not isinstance(terms, TaskTerms):
+        raise InputError(f"terms of task {task.name!r:.80} are {terms!r:.80}; expected rbd.control.TaskTerms.")
+    if terms.name != task.name:
+        raise InputError(f"the terms of task {task.name!r:.80} are named {terms.name!r:.80}; expected the task's name.")
+    if not terms.contact and terms.A.shape[1] != state.robot.nv:
+        raise InputError(
+            f"A of task {task.name!r:.80} has shape {terms.A.shape}; expected (m, {state.robot.nv}), on accelerations."
+        )
+    return terms
+
+
+def _stacked(terms: Sequence[TaskTerms], nv: int) -> tuple[Array, Array, Array]:
+    """(A, wanted, cost) of tasks of accelerations."""
+    if not terms:
+        return np.zeros((0, nv)), _NONE, _NONE
+    parts = [(each.A, each.wanted, each.cost) for each in terms]
+    A, wanted, cost = (np.concatenate(each) for each in zip(*parts, strict=True))
+    return A, wanted, cost
+
+
+def _force_cost(terms: Sequence[TaskTerms], rows: Sequence[Rows], sets: ForceSet, unit: float) -> tuple[Array, Array]:
+    """(K, k) of weights over the unit.
+
+    Raises:
+        UnknownName: a contact that was not given.
+        InputError: of another kind than its force.
+    """
+    p = sets.size
+    K, k = np.zeros((p, p)), np.zeros(p)
+    K.flat[:: p + 1] = FORCE_COST
+    for each in terms:
+        if each.contact:
+            of = _resultant(f"task {each.name!r:.80}", each.contact, rows, sets)
+            if each.A.shape[1] != len(of):
+                wants = "a force, three numbers" if len(of) == 3 else "a wrench, six numbers"
+                raise InputError(f"task {each.name!r:.80} has {each.A.shape[1]} columns; {each.contact!r:.80} has {wants}.")
+            A = each.A @ of * unit
+            weighed = A.T * each.cost
+            K += weighed @ A
+            k -= weighed @ each.wanted
+    return K, k
+
+
+def _resultant(asked_by: str, name: str, rows: Sequence[Rows], sets: ForceSet) -> Array:
+    """Force or wrench of a contact of unit weights, in world axes, shape (3 or 6, p).
+
+    Raises:
+        UnknownName: a contact that was not given, with the nearest names.
+        InputError: a constraint without one.
+    """
+    at = 0
+    for r in rows:
+        if r.name == name:
+            if r.resultant is None or not len(r):
+                raise InputError(f"{asked_by} is about {name!r:.80}, which has no force in world axes.")
+            return np.asarray(r.resultant @ sets.G[at : at + len(r)])
+        at += len(r)
+    raise UnknownName(f"{asked_by} is about {name!r:.80}, which is no contact here; {nearest(name, [r.name for r in rows])}.")
+
+
+def _normal_forces(
+    bounds: Mapping[str, tuple[float, float]] | None, rows: Sequence[Rows], sets: ForceSet, unit: float
+) -> tuple[Array, Array, Array]:
+    """(W, low, high): rows of weights over the unit.
+
+    Raises:
+        UnknownName: a contact that was not given.
+        InputError: no mapping, no bounds, or a constraint without a normal.
+    """
+    if not bounds:
+        if bounds is not None and not isinstance(bounds, Mapping):
+            raise InputError(_BOUNDS.format(bounds))
+        return np.zeros((0, sets.size)), _NONE, _NONE
+    if not isinstance(bounds, Mapping):
+        raise InputError(_BOUNDS.format(bounds))
+    W, low, high = [], [], []
+    for name, given in bounds.items():
+        force = _resultant("normal_force", name, rows, sets)[:3]
+        pair = [as_float(x) for x in given] if isinstance(given, Sequence) and not isinstance(given, str) else []
+        if len(pair) != 2 or not pair[0] <= pair[1] or pair[1] < 0.0 or pair[0] > _MOST:
+            raise InputError(f"normal_force of {name!r:.80} is {given!r:.80}; expected (least, most) [N], e.g. (50, inf).")
+        patch = next(r.patch for r in rows if r.name == name)
+        if patch is None:
+            raise InputError(f"normal_force is about {name!r:.80}, which is no contact with a normal.")
+        W.append(patch.axes[:, 2] @ force)
+        low.append(pair[0] / unit)
+        high.append(pair[1] / unit)
+    return np.array(W), np.array(low), np.array(high)
+
+
+def _sizes(r: Rows) -> Array:
+    """1 of each row, `LENGTH` of those whose force is a pure moment."""
+    if r.resultant is None or len(r.resultant) < 6:
+        return np.ones(len(r))
+    turns = ~r.resultant[:3].any(axis=0) & r.resultant[3:].any(axis=0)
+    return np.where(turns, LENGTH, 1.0)
+
+
+_MOST = 1e12
+_BOUNDS = "normal_force is {!r:.80}; expected {{contact: (least, most)}} [N]."

@@ -1,0 +1,322 @@
+"""`WholeBodyController`: tasks, and contacts that come and go; torques are held from one step of control to the next."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Sequence
+from dataclasses import KW_ONLY, dataclass, field
+
+import numpy as np
+
+from rbd.arrays import Array, as_float, check_positive
+from rbd.constraints.constraint import Constraint, listed, made, member
+from rbd.control.accepted_steps import AcceptedStep, sample_at
+from rbd.control.contact_schedule import ContactSchedule
+from rbd.control.contact_watch import ContactWatch, SeenContacts, frames_of
+from rbd.control.control_log import ControlLog, ControlStep
+from rbd.control.limits import Limits
+from rbd.control.stepping import TaskActuation, step
+from rbd.control.task_terms import Task, checked_tasks
+from rbd.errors import DuplicateName, InputError, NoSolution, UnknownName, nearest
+from rbd.errors.warned import RbdWarning
+from rbd.model.state import State
+from rbd.problem.ground import Body
+
+SLIPS = 1e-2
+"""A contact that moves faster than this [m/s, rad/s] slips. One that sticks has the speed of a step's error."""
+FULL = 12.0
+"""Normal force that a contact may carry at the end of its fade, over the robot's mass [m/s2]: more than its weight."""
+
+
+class _Memory:
+    """What a controller remembers of one motion."""
+
+    def __init__(self, controller: WholeBodyController) -> None:
+        contacts = controller.contacts
+        self.watch = ContactWatch(contacts, controller.schedule, float(controller.early))
+        self.log = ControlLog([task.name for task in controller.tasks], [c.name for c in contacts])
+        self.robot: object = None
+        self.sample: int | None = None
+        self.actuation: TaskActuation | None = None
+        self.tau: Array | None = None
+        self.carried: dict[str, float] = {}
+        self.said: set[type[Warning]] = set()
+
+
+@dataclass(frozen=True, eq=False)
+class WholeBodyController:
+    """Controller of `rbd.simulate` that meets tasks as well as limits allow, with the contacts that a schedule wants.
+
+    At the beginning of a step it looks at what touches, and computes torques by `rbd.control.step`; they are held until the
+    next. A contact is counted on from when it is wanted and all its points touch, until it is not wanted or all are more
+    than 0.5 mm away; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero after
+    it touches and falls to zero before it is lifted (`ContactSchedule`). A `FrameTask` of a frame whose contact is counted on
+    is left out, and a `ForceTask` of a contact that is not: so a foot's swing task can always be given, and one that lands late
+    goes on with it.
+
+    Where contacts, or limits of joints, cannot be kept, a step violates them least; that is counted in the log, and said once a
+    motion. Torques and friction are always within their limits. Answers are certified for the contacts that are counted on;
+    where others touch, or these slip, the log counts it, and a printed controller tells it.
+
+    The controller remembers the contacts, the torques and the log of one motion; `rbd.simulate` resets it, so that a fresh one
+    and one that was used give the same bits. Without `rbd.simulate`, tell it the beginning of each step: `accepted`.
+
+    Attributes:
+        tasks: What is wanted, each with its own name.
+        contacts: Contacts, loops and other constraints, as given to `rbd.simulate`, which tells by their names what touches.
+            What it is not told of, it measures: a contact touches with gaps of at most 0.1 mm, or where collision shapes of its
+            body touch.
+        schedule: When contacts are wanted; None: always.
+        limits: Limits of torques, joint positions and velocities.
+        every: Time between two steps of control [s]; None: every step of the simulation is one.
+        contact_damping: k: velocities of contacts decay at this rate [1/s]; well below 1 over the time between two steps.
+        early: After this share of a swing, a contact that touches has landed.
+
+    Raises:
+        InputError: no tasks, or what is no task; no list of constraints; a schedule that lifts all contacts at once without
+            `flight=True`, or a contact that cannot be lifted; numbers out of range.
+        DuplicateName: two tasks, or two contacts, of one name.
+        UnknownName: a schedule, or a task, of a contact that is not there.
+
+    Example:
+        >>> talos = rbd.load_robot("talos")
+        >>> stand, soles = talos.standing(), talos.soles(friction=0.7)
+        >>> lower = rbd.control.ComTask(stand.com - [0.0, 0.0, 0.01], cost=100.0)
+        >>> crouch = rbd.control.WholeBodyController([lower, rbd.control.PostureTask(stand.q)], soles)
+        >>> crouch.accepted(rbd.control.AcceptedStep(stand, 0.0, 1e-3, {}))
+        >>> motion = rbd.solve(stand, crouch(stand, 0.0), soles)  # what these torques do
+        >>> bool(motion.a[2] < -0.1), bool(np.abs(motion.a - crouch.actuation.a).max() < 1e-9)
+        (True, True)
+    """
+
+    tasks: Sequence[Task]
+    contacts: Sequence[Constraint] = ()
+    _: KW_ONLY
+    schedule: ContactSchedule = None  # type: ignore[assignment]  # an empty one in its place
+    limits: Limits = Limits()  # noqa: RUF009  a frozen record of settings
+    every: float | None = None
+    contact_damping: float = 50.0
+    early: float = 0.5
+    _memory: list[_Memory] = field(init=False, repr=False, default_factory=list)
+
+    def __post_init__(self) -> None:
+        put = object.__setattr__
+        put(self, "tasks", checked_tasks(self.tasks))
+        if not self.tasks:
+            raise InputError("tasks are empty: a controller without tasks wants nothing; give a PostureTask, at least.")
+        put(self, "contacts", tuple(made(each) for each in listed(self.contacts)))
+        put(self, "schedule", ContactSchedule({}) if self.schedule is None else self.schedule)
+        _check_contacts(self.contacts, self.schedule, self.tasks)
+        if not isinstance(self.limits, Limits):
+            raise InputError(f"limits are {self.limits!r:.80}; expected rbd.control.Limits(...).")
+        if self.every is not None:
+            put(self, "every", check_positive("every of WholeBodyController", self.every, 1e9))
+        if not 0.0 <= as_float(self.contact_damping) < math.inf:
+            raise InputError(f"contact_damping is {self.contact_damping!r:.80}; expected a rate >= 0 [1/s].")
+        if not 0.0 < as_float(self.early) <= 1.0:
+            raise InputError(f"early is {self.early!r:.80}; expected a share of a swing, in (0, 1].")
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget the motion until now, its log too."""
+        self._memory[:] = [_Memory(self)]
+
+    @property
+    def log(self) -> ControlLog:
+        """What it did since the start of the motion."""
+        return self._memory[0].log
+
+    @property
+    def actuation(self) -> TaskActuation:
+        """The last step of control: torques, forces, what each task missed.
+
+        Raises:
+            InputError: there was none yet.
+        """
+        found = self._memory[0].actuation
+        if found is None:
+            raise InputError("WholeBodyController has done no step yet; give it to rbd.simulate, or call `accepted`.")
+        return found
+
+    def accepted(self, step: AcceptedStep) -> None:
+        """A step begins: compute the torques that are held, if a new step of control is due.
+
+        Raises:
+            InputError: a state of another robot than before.
+            NoSolution: no torques were found, not even those that violate contacts and joint limits least.
+        """
+        if not isinstance(step, AcceptedStep):
+            raise InputError(
+                f"WholeBodyController was told {step!r:.80}; expected rbd.control.AcceptedStep(state, t, h, contacts)."
+            )
+        memory, robot = self._memory[0], step.state.robot
+        self._check_robot(step.state)
+        if self.every is not None:
+            sample = sample_at(step.t, self.every)
+            if sample == memory.sample:
+                return
+            memory.sample = sample
+        memory.robot = robot
+        seen = memory.watch.see(step)
+        actuation = self._step(step, seen)
+        limit = robot.effort_limit
+        most = limit * (math.inf if self.limits.torque is None else self.limits.torque)
+        memory.actuation, memory.tau = actuation, np.clip(actuation.tau, -most, most)  # beyond it by rounding only
+        known = np.isfinite(limit)
+        memory.log.add(
+            ControlStep(
+                step.t,
+                _worst(actuation),
+                _violation(actuation),
+                float(np.abs(memory.tau[known] / limit[known]).max(initial=0.0)),
+                {name: math.sqrt(float(missed @ missed)) for name, missed in actuation.missed.items()},
+                seen.planned,
+                seen.touching,
+                tuple(seen.since),
+                seen.different + _slips(actuation),
+            )
+        )
+
+    def __call__(self, state: State, t: float) -> Array:
+        """The torques that are held, shape (nu,) [N, N m].
+
+        Raises:
+            InputError: a state of another robot; or it was not told of a step.
+        """
+        tau = self._memory[0].tau
+        if tau is None:
+            raise InputError(
+                "WholeBodyController was asked for torques before it was told of a step: give it to rbd.simulate, or call "
+                "`accepted` at the beginning of each step."
+            )
+        self._check_robot(state)
+        return tau
+
+    def __str__(self) -> str:
+        return f"WholeBodyController of {len(self.tasks)} tasks and {len(self.contacts)} contacts: {self.log}"
+
+    def _check_robot(self, state: State) -> None:
+        known = self._memory[0].robot
+        if not isinstance(state, State):
+            raise InputError(f"WholeBodyController got {type(state).__name__} in place of a State.")
+        if known is not None and state.robot is not known:
+            raise InputError(
+                f"WholeBodyController was told of another robot, and got a state of {state.robot.name}; reset() it."
+            )
+
+    def _step(self, told: AcceptedStep, seen: SeenContacts) -> TaskActuation:
+        """Torques for the contacts that are counted on."""
+        acting = [c for c in self.contacts if c.name in seen.since]
+        frames = frames_of(acting, seen.since)
+        tasks = [
+            task
+            for task in self.tasks
+            if getattr(task, "frame", None) not in frames and getattr(task, "contact", "") in ("", *seen.since)
+        ]
+        full = FULL * told.state.robot.mass
+        bounds = self.schedule.normal_force(told.t, full, seen.since, self._carried(told.t, seen))
+        with warnings.catch_warnings(record=True) as caught:
+            warnings.simplefilter("always", RbdWarning)
+            try:
+                found = step(
+                    told.state,
+                    tasks,
+                    acting,
+                    t=told.t,
+                    limits=self.limits,
+                    normal_force=bounds,
+                    contact_damping=float(self.contact_damping),
+                )
+            except NoSolution as error:
+                error.add_note(f"at t = {told.t:.6g} s, on {', '.join(seen.since) or 'no contact'}")
+                raise
+        self._say(caught, told.t)
+        return found
+
+    def _carried(self, t: float, seen: SeenContacts) -> dict[str, float]:
+        """{contact: its normal force when its fade out began [N]}, of those whose force falls."""
+        memory, schedule = self._memory[0], self.schedule
+        falls = [name for name in seen.since if schedule.fade_out(name, t) < 1.0]
+        before = memory.actuation
+        for name in falls:
+            if name not in memory.carried and before is not None and name in before.contacts:
+                memory.carried[name] = max(0.0, before.contacts[name].normal)
+        memory.carried = {name: force for name, force in memory.carried.items() if name in falls}
+        return memory.carried
+
+    def _say(self, caught: Sequence[warnings.WarningMessage], t: float) -> None:
+        """Issue the first warning of each kind in a motion, and whatever others warn of."""
+        said = self._memory[0].said
+        for each in caught:
+            if not issubclass(each.category, RbdWarning):
+                warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
+            elif each.category not in said:
+                said.add(each.category)
+                text = f"{each.message} (At t = {t:.6g} s. Said once in a motion: `controller.log` has all steps.)"
+                warnings.warn(text, each.category, stacklevel=4)
+
+
+def _worst(actuation: TaskActuation) -> float:
+    """The largest residual, scaled."""
+    found = getattr(actuation, "certificate", actuation.residuals)
+    return float(found.worst)
+
+
+def _violation(actuation: TaskActuation) -> float:
+    """How far contacts or joint limits were left; 0 where they are kept."""
+    found = getattr(actuation, "violation", None)
+    return 0.0 if found is None else float(found.worst)
+
+
+def _slips(actuation: TaskActuation) -> list[tuple[str, str]]:
+    """Contacts that were counted on and move."""
+    return [(name, "slips") for name, speed in getattr(actuation, "moving", {}).items() if speed > SLIPS]
+
+
+def _twice(names: Sequence[str]) -> str:
+    """A name that is there twice; empty if none is."""
+    return next((name for name in names if names.count(name) > 1), "")
+
+
+def _check_contacts(contacts: Sequence[Constraint], schedule: ContactSchedule, tasks: Sequence[Task]) -> None:
+    """Refuse contacts of one name, names that are no contact, and a schedule that lifts what it cannot, or everything."""
+    names = [contact.name for contact in contacts]
+    if twice := _twice(names):
+        raise DuplicateName(f"two contacts are named {twice!r:.80}; give each its own name.")
+    if not isinstance(schedule, ContactSchedule):
+        raise InputError(
+            f"schedule is {schedule!r:.80}; expected rbd.control.ContactSchedule({{contact: [(start, end), ...]}})."
+        )
+    for name in schedule.intervals:
+        if name not in names:
+            raise UnknownName(
+                f"the schedule names {name!r:.80}, which is no contact of the controller; {nearest(name, names)}."
+            )
+    for task in tasks:
+        force_of = getattr(task, "contact", "")
+        if force_of and force_of not in names:
+            raise UnknownName(
+                f"task {task.name!r:.80} is of contact {force_of!r:.80}, which is not there; {nearest(force_of, names)}."
+            )
+    for contact in contacts:
+        if contact.name in schedule.intervals and not _lifts(contact):
+            raise InputError(
+                f"the schedule lifts {contact.name!r:.80}, which is bilateral and holds for ever; give the contact a "
+                "coefficient of friction, or leave it out of the schedule."
+            )
+    feet = [c.name for c in contacts if hasattr(c, "friction") and not isinstance(member(c, "on"), Body)]
+    lifted = None if schedule.flight else schedule.in_flight(feet)
+    if lifted is not None:
+        start, end = lifted
+        raise InputError(
+            f"the schedule lifts all contacts at once, from {start:g} to {end:g} s: {', '.join(feet)}. Expected one at least "
+            "that is wanted at any time (the last intervals end with math.inf); a robot that jumps, or is held otherwise, has "
+            "ContactSchedule(..., flight=True)."
+        )
+
+
+def _lifts(contact: Constraint) -> bool:
+    """Whether a contact can be lifted: it only pushes."""
+    bilateral = hasattr(contact, "friction") and member(contact, "friction") is None
+    return not bilateral and member(contact, "loop_dof") is None
