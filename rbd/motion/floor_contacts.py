@@ -48,6 +48,8 @@ class FloorContacts:
         weight = state.robot.mass * float(np.linalg.norm(state.robot.gravity))
         for g in range(len(self.feet)):
             own = points.group == g
+            if not own.any():
+                continue
             lowest = float(low[own].min())
             planned, was = bool(wanted[own].any()), bool(self.on[own].any())
             if planned:
@@ -87,6 +89,6 @@ class FloorContacts:
             R, _ = state.joint_places(points.joint[chosen])
             for j, rotation in zip(chosen.tolist(), R, strict=True):
                 place = points.local[j] - points.radius[j] * rotation.T[:, 2]
-                frame = state.robot.model.names[points.joint[j]]
+                frame = state.robot.model.names[int(points.joint[j])]
                 out.append(Contact(points.names[j], frame, corners=place[None], friction=self.friction))
         return out

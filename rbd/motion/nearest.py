@@ -16,12 +16,15 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint
+from rbd.constraints.contact import Contact
 from rbd.control import ComTask, FrameTask, PostureTask, Reference, Task
 from rbd.control.feed_forward import sampled
 from rbd.control.limits import Limits
 from rbd.control.stepping import TaskActuation, step
 from rbd.errors import NoSolution
 from rbd.mechanism.projection import project_velocity
+from rbd.model.checked_model import CheckedModel
 from rbd.model.interpolation import cubic
 from rbd.model.state import State
 from rbd.motion.balanced_com import com_shift, held_places
@@ -95,7 +98,7 @@ def standing(lanes: Lanes) -> Lanes:
     where its lowest point is within a millimetre of the median height of the time in which it touches.
     """
     touches = lanes.touches.copy()
-    for g in range(len(lanes.contacts)):
+    for g in np.unique(lanes.points.group):
         own = lanes.points.group == g
         low = lanes.heights[:, own].min(axis=1)
         for a, b in stretches(lanes.touches[:, own].any(axis=1)):
@@ -124,6 +127,8 @@ def _floor_error(lanes: Lanes) -> float:
 def _raised(lanes: Lanes, g: int, lifted: float, t: Array) -> Array:
     """By how much a contact must be raised so that its lowest point is on the floor while it touches, shape (len(t),)."""
     own = lanes.points.group == g
+    if not own.any():
+        return np.zeros(len(t))
     runs = stretches(lanes.touches[:, own].any(axis=1))
     if not runs:
         return np.zeros(len(t))
@@ -135,20 +140,23 @@ def _raised(lanes: Lanes, g: int, lifted: float, t: Array) -> Array:
 class _Follower:
     """The tasks, which read the time that is followed now; `State` of the reference there."""
 
-    def __init__(self, course: Course, motion: Motion, feet: Sequence[str]) -> None:
-        self.course, self.robot, self.feet = course, motion.robot, feet
+    def __init__(self, course: Course, motion: Motion, feet: Sequence[Constraint]) -> None:
+        self.course, self.robot = course, motion.robot
         self.base = motion.robot.model.names[1]
         self.fixed: list[Task] = [
             ComTask(lambda t: self._com(), cost=COM, gain=GAIN),
             FrameTask(self.base, lambda t: self._turned(), orientation_cost=BASE, gain=GAIN, name="base"),
-            PostureTask(lambda t: Reference(self.now.q, self.now.v, self.a), cost=POSTURE, gain=GAIN),
         ]
-        self.swings: list[Task] = [
-            FrameTask(
-                frame, self._place(g, frame), position_cost=FOOT, orientation_cost=FOOT, gain=FOOT_GAIN, name=f"{frame} {g}"
+        if motion.robot.nu:
+            self.fixed.append(PostureTask(lambda t: Reference(self.now.q, self.now.v, self.a), cost=POSTURE, gain=GAIN))
+        self.swings: dict[int, Task] = {
+            g: FrameTask(
+                foot.frame, self._place(g, foot.frame), position_cost=FOOT, orientation_cost=FOOT, gain=FOOT_GAIN,
+                name=f"{foot.name} in the air",
             )
-            for g, frame in enumerate(feet)
-        ]
+            for g, foot in enumerate(feet)
+            if isinstance(foot, Contact)
+        }  # fmt: skip
         self.go_to(0)
 
     def go_to(self, k: int) -> None:
@@ -182,7 +190,7 @@ class _Follower:
 
     def tasks(self, touching: Array) -> list[Task]:
         """Those of the whole robot, and of the feet that do not touch."""
-        return [*self.fixed, *(task for task, on in zip(self.swings, touching, strict=True) if not on)]
+        return [*self.fixed, *(task for g, task in self.swings.items() if not touching[g])]
 
 
 def nearest_motion(
@@ -201,7 +209,7 @@ def nearest_motion(
     lanes = standing(lanes)
     course = Course.of(motion, lanes, longest)
     contacts = FloorContacts(lanes, friction)
-    follower = _Follower(course, motion, [getattr(c, "frame", "") for c in contacts.feet])
+    follower = _Follower(course, motion, contacts.feet)
     limits = Limits(torque=torque, horizon=max(Limits().horizon, 2.0 * longest))
     q, v = _start(follower, contacts, lanes)
     kept: list[tuple[Array, Array, Array, Array]] = []
@@ -253,33 +261,58 @@ def _fallen(state: State, wanted: State, ground: float) -> str:
 
 
 def _start(follower: _Follower, contacts: FloorContacts, lanes: Lanes) -> tuple[Array, Array]:
-    """(q, v) of the first frame, its contacts at rest, its centre of mass where the shifted one begins."""
-    q, v = follower.now.q.copy(), follower.now.v.copy()
+    """(q, v) of the first frame: feet where they are and at rest, joints within limits, the centre of mass where it begins."""
+    robot, now = follower.robot, follower.now
+    q, v = now.q.copy(), now.v.copy()
     wanted, rate, _ = follower.com()
     contacts.begin(lanes.touches[0])
-    model = follower.robot.model
-    if np.abs(follower.course.shift[:2, 0]).max() > 1e-6:
-        for _ in range(START_STEPS):
-            state = State(follower.robot, q, v)
-            J, W = _rows(state, contacts)
-            off = np.concatenate([np.zeros(len(J) - 3), wanted - state.com])
-            q = pin.integrate(model, q, W @ np.linalg.lstsq(J @ W, off, rcond=1e-9)[0])
-            if np.abs(off).max() < 1e-9:
-                break
-        state = State(follower.robot, q, v)
-        J, W = _rows(state, contacts)
-        off = np.concatenate([np.zeros(len(J) - 3), rate]) - J @ v
-        v = v + W @ np.linalg.lstsq(J @ W, off, rcond=1e-9)[0]
-    state = State(follower.robot, q, v)
+    feet = [c.frame for c in contacts.constraints(now) if isinstance(c, Contact)]
+    clipped = within_limits(robot, q)
+    fixed = np.flatnonzero(np.abs(pin.difference(robot.model, q, clipped)) > 0.0)
+    if len(fixed) or np.abs(follower.course.shift[:2, 0]).max() > 1e-6:
+        found = _posed(State(robot, clipped, v), feet, [now.frame(name).X_WF for name in feet], fixed, wanted)
+        q = clipped if found is None else found.q
+        if found is not None:
+            J, W = _rows(found, feet, fixed)
+            off = np.concatenate([np.zeros(len(J) - 3), rate]) - J @ v
+            v = v + W @ np.linalg.lstsq(J @ W, off, rcond=1e-9)[0]
+    state = State(robot, q, v)
     held = contacts.constraints(state)
     return q, project_velocity(state, held).v if held else v
 
 
-def _rows(state: State, contacts: FloorContacts) -> tuple[Array, Array]:
-    """(rows of contacts and of the centre of mass, W with W W^T = M^-1): steps W y of least |y| are nearest in inertia."""
+def _posed(state: State, feet: Sequence[str], goals: Sequence[pin.SE3], fixed: Array, com: Array) -> State | None:
+    """A pose near a state's with feet and centre of mass at goals, some coordinates as they are; None if it finds none."""
+    model, v, first = state.robot.model, state.v, state.q
+    for _ in range(START_STEPS):
+        off = [_between(state.frame(name).X_WF, goal) for name, goal in zip(feet, goals, strict=True)]
+        error = np.concatenate([*off, np.zeros(len(fixed)), com - state.com])
+        if np.abs(error).max() < 1e-9:
+            return state if np.abs(pin.difference(model, first, state.q)).max() < TIPPED else None
+        J, W = _rows(state, feet, fixed)
+        state = State(state.robot, pin.integrate(model, state.q, W @ np.linalg.lstsq(J @ W, error, rcond=1e-9)[0]), v)
+    return None
+
+
+def _between(X: pin.SE3, goal: pin.SE3) -> Array:
+    return np.concatenate([goal.translation - X.translation, pin.log3(goal.rotation @ X.rotation.T)])
+
+
+def _rows(state: State, feet: Sequence[str], fixed: Array) -> tuple[Array, Array]:
+    """(rows of feet, fixed coordinates and the centre of mass; W, W W^T = M^-1): of W y with least |y| the inertia is least."""
     Ag, _, mass = state.centroidal()
-    J = np.concatenate([*(c.rows(state).J for c in contacts.constraints(state)), Ag[:3] / mass])
+    J = np.concatenate([*(state.frame(name).J for name in feet), np.eye(state.robot.nv)[fixed], Ag[:3] / mass])
     return J, np.linalg.inv(np.linalg.cholesky(state.M)).T
+
+
+def within_limits(robot: CheckedModel, q: Array) -> Array:
+    """Configurations with joints of one number inside their limits."""
+    out = q.copy()
+    low, high = np.array(robot.model.lowerPositionLimit), np.array(robot.model.upperPositionLimit)
+    for piece in robot.joints.pieces:
+        if piece.kind == "number":
+            out[..., piece.q] = np.clip(out[..., piece.q], low[piece.q], high[piece.q])
+    return out
 
 
 def _made(
