@@ -868,6 +868,11 @@ CHECKED |= {"bodies": False, "self_collision": False, "torque_speed": None, "res
 SWAY_REPORT = rbd.check_motion(**CHECKED)
 
 
+def use_difference(off: Any) -> Any:
+    """Its numbers."""
+    return off.joints, off.base, off.turn, off.com
+
+
 def use_check(**given: Any) -> Any:
     """What a check computes."""
     report = rbd.check_motion(**given)
@@ -876,6 +881,12 @@ def use_check(**given: Any) -> Any:
 
 CASES |= {
     "check_motion": Case(use_check, CHECKED, 20),
+    "MotionReport.nearest_motion": Case(
+        lambda **given: use_motion(SWAY_REPORT.nearest_motion(**given)), {"step": 0.02, "progress": False}, 10
+    ),
+    "MotionDifference.of": Case(
+        lambda **given: use_difference(rbd.motion.MotionDifference.of(**given)), {"motion": SWAY, "reference": SWAY}, 10
+    ),
     "motion.check_motion": Case(use_check, CHECKED, 5),
     "visual.plot_report": Case(
         lambda **given: use_plots(plot_report, **given), {"axes": Figure().subplots(2).tolist(), "report": SWAY_REPORT}, 10
@@ -897,6 +908,7 @@ CASES |= {
 }
 MADE_BY_RBD = {
     "Motion",
+    "MotionDifference",
     "Derivation",
     "Lanes",
     "MotionReport",

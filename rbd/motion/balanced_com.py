@@ -145,7 +145,7 @@ def held_places(places: Array, touches: Array, groups: Sequence[int] | Array) ->
     out, groups = places.copy(), np.asarray(groups)
     for g in np.unique(groups):
         own = groups == g
-        on = touches[:, own].any(axis=1)
+        on = np.asarray(touches[:, own].any(axis=1))
         for i in range(1, len(on)):
             if on[i] and on[i - 1]:
                 out[i, own] = out[i - 1, own]

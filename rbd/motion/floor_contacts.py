@@ -43,7 +43,7 @@ class FloorContacts:
     def update(self, state: State, frame: int) -> Array:
         """Which contacts touch at a state, shape (contacts,); by the frame of the reference that belongs to it."""
         points, wanted = self.lanes.points, self.lanes.touches[frame]
-        R, p = state.joint_places(points.joint)
+        R, p = state.joint_places(points.joint.tolist())
         low = (R @ points.local[:, :, None])[..., 0][:, 2] + p[:, 2] - points.radius - self.lanes.ground
         weight = state.robot.mass * float(np.linalg.norm(state.robot.gravity))
         for g in range(len(self.feet)):
@@ -86,7 +86,7 @@ class FloorContacts:
                     )  # fmt: skip
                 out.append(self._known[key])
                 continue
-            R, _ = state.joint_places(points.joint[chosen])
+            R, _ = state.joint_places(points.joint[chosen].tolist())
             for j, rotation in zip(chosen.tolist(), R, strict=True):
                 place = points.local[j] - points.radius[j] * rotation.T[:, 2]
                 frame = state.robot.model.names[int(points.joint[j])]

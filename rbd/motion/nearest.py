@@ -36,6 +36,8 @@ from rbd.motion.motion import Motion
 
 COM, BASE, POSTURE, FOOT = 100.0, 10.0, 1.0, 100.0
 """Costs of missing what the reference wants: of the centre of mass and feet (m/s2)^2, of the base and joints (rad/s2)^2."""
+TORQUE_MARGIN = 0.03
+"""Share of the torque limits that is not used: `check_motion` finds torques at a limit to one or two hundredths of it."""
 GAIN, FOOT_GAIN = 100.0, 400.0
 """Gains with which it returns to the reference [1/s2]."""
 FALLEN = 0.5
@@ -101,7 +103,7 @@ def standing(lanes: Lanes) -> Lanes:
     for g in np.unique(lanes.points.group):
         own = lanes.points.group == g
         low = lanes.heights[:, own].min(axis=1)
-        for a, b in stretches(lanes.touches[:, own].any(axis=1)):
+        for a, b in stretches(np.asarray(lanes.touches[:, own].any(axis=1))):
             down = np.flatnonzero(low[a:b] <= float(np.median(low[a:b])) + LANDED)
             if a > 0:
                 touches[a : a + down[0], own] = False
@@ -129,7 +131,7 @@ def _raised(lanes: Lanes, g: int, lifted: float, t: Array) -> Array:
     own = lanes.points.group == g
     if not own.any():
         return np.zeros(len(t))
-    runs = stretches(lanes.touches[:, own].any(axis=1))
+    runs = stretches(np.asarray(lanes.touches[:, own].any(axis=1)))
     if not runs:
         return np.zeros(len(t))
     low = lanes.heights[:, own].min(axis=1) + lifted
@@ -210,7 +212,9 @@ def nearest_motion(
     course = Course.of(motion, lanes, longest)
     contacts = FloorContacts(lanes, friction)
     follower = _Follower(course, motion, contacts.feet)
-    limits = Limits(torque=torque, horizon=max(Limits().horizon, 2.0 * longest))
+    limits = Limits(
+        torque=None if torque is None else torque * (1.0 - TORQUE_MARGIN), horizon=max(Limits().horizon, 2.0 * longest)
+    )
     q, v = _start(follower, contacts, lanes)
     kept: list[tuple[Array, Array, Array, Array]] = []
     fell, relaxed = "", 0.0
@@ -267,9 +271,8 @@ def _start(follower: _Follower, contacts: FloorContacts, lanes: Lanes) -> tuple[
     wanted, rate, _ = follower.com()
     contacts.begin(lanes.touches[0])
     feet = [c.frame for c in contacts.constraints(now) if isinstance(c, Contact)]
-    clipped = within_limits(robot, q)
-    fixed = np.flatnonzero(np.abs(pin.difference(robot.model, q, clipped)) > 0.0)
-    if len(fixed) or np.abs(follower.course.shift[:2, 0]).max() > 1e-6:
+    clipped, fixed = within_limits(robot, q)
+    if (clipped != q).any() or np.abs(follower.course.shift[:2, 0]).max() > 1e-6:
         found = _posed(State(robot, clipped, v), feet, [now.frame(name).X_WF for name in feet], fixed, wanted)
         q = clipped if found is None else found.q
         if found is not None:
@@ -305,14 +308,17 @@ def _rows(state: State, feet: Sequence[str], fixed: Array) -> tuple[Array, Array
     return J, np.linalg.inv(np.linalg.cholesky(state.M)).T
 
 
-def within_limits(robot: CheckedModel, q: Array) -> Array:
-    """Configurations with joints of one number inside their limits."""
-    out = q.copy()
+def within_limits(robot: CheckedModel, q: Array) -> tuple[Array, Array]:
+    """(a configuration with its joints of one number inside their limits, the coordinates of v of those at their limits)."""
+    out, at = q.copy(), []
     low, high = np.array(robot.model.lowerPositionLimit), np.array(robot.model.upperPositionLimit)
     for piece in robot.joints.pieces:
         if piece.kind == "number":
-            out[..., piece.q] = np.clip(out[..., piece.q], low[piece.q], high[piece.q])
-    return out
+            i = piece.q
+            out[i] = min(max(out[i], low[i]), high[i])
+            if out[i] in (low[i], high[i]):
+                at.append(piece.v)
+    return out, np.array(at, int)
 
 
 def _made(

@@ -203,10 +203,10 @@ class MotionReport:
         """The motion that follows this one as far as the robot can: possible at each of its frames; it ends where it falls.
 
         At each time a quadratic program (`rbd.control.step`) finds the accelerations, forces and torques nearest to what the
-        motion wants: of its centre of mass, base, joints and of feet in the air; within the friction and the torque limits of
-        this report, joint limits and speeds, on the contacts of its lanes. The motion is integrated from them. The centre of
-        mass is shifted, looking ahead, so that the zero-moment point stays within the contacts [Kajita2003]. Where feet hover
-        or sink, the reference is moved to the floor by one height; feet that slide are held where they came down.
+        motion wants: of its centre of mass, base, joints and of feet in the air; within the friction and 97 % of the torque
+        limits of this report, joint limits and speeds, on the contacts of its lanes. The motion is integrated from them. The
+        centre of mass is shifted, looking ahead, so that the zero-moment point stays within the contacts [Kajita2003]. Where
+        feet hover or sink, the reference is moved to the floor by one height; feet that slide are held where they came down.
         Torque-speed curves and self-collision are left out.
 
         Args:
