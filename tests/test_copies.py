@@ -130,6 +130,10 @@ def motions() -> Iterator[object]:
     yield from tasks
     yield from (task.terms(arm.at(), 0.0) for task in tasks)
     yield rbd.control.Reference(np.ones(3))
+    yield rbd.control.ContactSchedule({"toe": [(0.0, 1.0)]})
+    whole_body = rbd.control.WholeBodyController([posture])
+    whole_body.accepted(rbd.control.AcceptedStep(arm.at(), 0.0, 0.01, {}))
+    yield from (whole_body, whole_body.log)
     touch = rbd.control.ContactTouch(np.zeros(1), np.ones(1, bool), np.ones((1, 3)), ("toe:0",))
     yield from (touch, rbd.control.AcceptedStep(start, 0.1, 0.01, {"toe": touch}))
     lock = rbd.JointLock("lock", "panda_joint1", position=0.0)

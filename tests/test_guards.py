@@ -221,6 +221,17 @@ def use_controller(controller: Any) -> Any:
     return controller(STATE, 0.001)
 
 
+def use_whole_body(controller: Any) -> Any:
+    """Its torques, and what it logs of the step."""
+    controller.accepted(rbd.control.AcceptedStep(STATE, 0.0, 1e-3, {}))
+    return controller(STATE, 0.0), controller.log.residual, controller.log.torque_share
+
+
+def use_schedule(schedule: Any) -> Any:
+    """When contacts are wanted, and how much they may carry."""
+    return schedule.wanted(0.02), schedule.share("foot", 0.02), schedule.normal_force(0.02, 800.0), schedule.in_flight(["foot"])
+
+
 def use_task(task: Any) -> Any:
     """Its rows at a moving state."""
     terms = task.terms(MOVING, 0.25)
@@ -656,7 +667,7 @@ CASES: dict[str, Case] = {
         use_simulate,
         {"state": BOX.at(), "constraints": FLOOR, "duration": 0.01, "step": 0.005, "controller": None, "external": np.zeros(6)}
         | {"law": "coulomb", "restitution": 0.5, "integrator": rbd.TimeStepping(), "stabilisation": rbd.simulation.Projection()}
-        | {"record_every": 1, "progress": False},
+        | {"record_every": 1, "may_sink": False, "progress": False},
         30,
     ),
     "TimeStepping": Case(lambda **given: use_integrator(rbd.TimeStepping(**given)), {"impact_speed": 1e-3, "impacts": 20}, 20),
@@ -671,6 +682,16 @@ CASES: dict[str, Case] = {
     "HoldPosture": Case(
         lambda **given: use_controller(rbd.control.HoldPosture(**given)),
         {"state": STATE, "contacts": FEET, "frequency": 10.0, "damping_ratio": 1.0},
+        30,
+    ),
+    "ContactSchedule": Case(
+        lambda **given: use_schedule(rbd.control.ContactSchedule(**given)),
+        {"intervals": {"foot": [(0.0, 1.0), (1.5, 2.0)]}, "fade": 0.05, "flight": False},
+    ),
+    "WholeBodyController": Case(
+        lambda **given: use_whole_body(rbd.control.WholeBodyController(**given)),
+        {"tasks": [rbd.control.PostureTask(STATE)], "contacts": FEET, "every": 0.002, "contact_damping": 50.0, "early": 0.5}
+        | {"schedule": rbd.control.ContactSchedule({}), "limits": rbd.control.Limits()},
         30,
     ),
     "TorqueSchedule": Case(

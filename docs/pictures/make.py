@@ -14,6 +14,7 @@ import planar_pictures
 import planar_sketches
 import scenes
 import task_pictures
+import walk_pictures
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -161,6 +162,42 @@ def inverse_dynamics() -> Path:
     return PICTURES / "inverse_dynamics.png"
 
 
+def control() -> Path:
+    """The plot of docs/reference/control.md: a posture that is reached, and a joint that brakes before its limit."""
+    arm = rbd.load_robot("panda", root="fixed")
+    joint, colors = arm.joints["panda_joint4"], ("#0072b2", "#d55e00", "#009e73")
+    start = arm.at().with_joints({joint.name: -0.8})
+
+    def angles(goal: float, limits: rbd.control.Limits, **law: float) -> tuple[np.ndarray, np.ndarray]:
+        task = rbd.control.PostureTask(start.with_joints({joint.name: goal}), cost=1e6, **law)
+        controller = rbd.control.WholeBodyController([task], limits=limits)
+        moved = rbd.simulate(start, [], duration=0.8, step=2e-3, controller=controller, progress=False)
+        return moved.t, moved.q[:, joint.q][:, 0]
+
+    figure = Figure(figsize=(8.6, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    free, root = rbd.control.Limits(torque=None, position=False, velocity=False), 10.0
+    for zeta, color in zip((0.3, 1.0, 1.5), colors, strict=True):
+        t, angle = angles(-0.7, free, gain=root**2, damping_ratio=zeta)
+        left.plot(t[::16], (angle[::16] + 0.7) / -0.1, "o", ms=4, color=color, label=f"ζ = {zeta}")
+        a, b = np.roots([1.0, 2.0 * zeta * root, root**2]) + (0.0, 1e-6)  # a little apart where they are equal
+        left.plot(t, ((b * np.exp(a * t) - a * np.exp(b * t)) / (b - a)).real, color=color, lw=1.0)
+    left.set(xlabel="time [s]", ylabel="error, of the first one")
+    left.set_title("points: simulated; lines: closed form", fontsize=10)
+    for braking, color in zip((5.0, 20.0, 50.0), colors, strict=True):
+        t, angle = angles(0.4, rbd.control.Limits(horizon=2e-3, braking=braking), gain=root**2)
+        right.plot(t, angle, color=color, label=f"braking = {braking:g} rad/s²")
+    right.axhline(joint.upper, ls="--", color="0.4")
+    right.annotate("limit of the joint", (0.0, joint.upper), (4, 4), textcoords="offset points", color="0.3")
+    right.set(xlabel="time [s]", ylabel=f"{joint.name} [rad]", ylim=(-0.85, 0.05))
+    right.set_title("asked to go beyond its limit", fontsize=10)
+    for ax, where in ((left, "upper right"), (right, "lower right")):
+        ax.legend(frameon=False, loc=where)
+        frame(ax, "y")
+    figure.savefig(PICTURES / "control.png", dpi=110, metadata={"Software": None})
+    return PICTURES / "control.png"
+
+
 def mechanisms() -> Path:
     """The models of `urdf/` with loops and wheels, each with all its branches, three in a row."""
     width, height = 560, 440
@@ -210,10 +247,13 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "four_bar_swing": partial(plot, "four_bar_swing", "15_four_bar_swing", "plot_swing", (7.0, 6.0), 2, 1),
     "coin": partial(plot, "coin", "16_rolling_disk", "plot_lean", (7.0, 4.0)),
     "sliding_box": partial(plot, "sliding_box", "17_sliding_box", "plot_slide", (7.0, 6.0), 2, 1),
-    **{f.__name__: f for f in (poses, where_it_can_stand, inverse_dynamics, mechanisms, robots, fall, coin_strip, tipping)},
+    **{
+        f.__name__: f
+        for f in (poses, where_it_can_stand, inverse_dynamics, control, mechanisms, robots, fall, coin_strip, tipping)
+    },
 }
 """{picture: makes it}; those of the courses and tasks are in modules of their own."""
-MODULES = (planar_pictures, planar_sketches, constraint_pictures, least_constraint_pictures, task_pictures)
+MODULES = (planar_pictures, planar_sketches, constraint_pictures, least_constraint_pictures, task_pictures, walk_pictures)
 
 
 def chosen(names: list[str]) -> Iterator[Path]:

@@ -55,6 +55,11 @@ def coin(page: Path) -> Path:
     return result("16_rolling_disk").runs["slow"].export(page)
 
 
+def walk(page: Path) -> Path:
+    """Example 28: Talos walks six steps."""
+    return result("28_talos_walks").walk.export(page)
+
+
 def tipping(page: Path) -> Path:
     """Example 17: a crate slides, its edge grips, and it tips over."""
     return result("17_sliding_box").tipped[0.6].export(page)
@@ -87,6 +92,7 @@ SCENES: dict[str, Callable[[Path], Path]] = {
     "hand_on_a_wall": hand_on_a_wall,
     "fall": fall,
     "coin_strip": coin,
+    "walk": walk,
     "tipping": tipping,
     "motion_check": motion_check,
     "four_bar": four_bar,

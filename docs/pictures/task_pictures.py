@@ -23,8 +23,8 @@ BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "0.5"
 
 def pictures() -> Iterator[Path]:
     """All of them."""
-    makers = (task_walker, task_hold, task_wall, task_loop, task_sweep, task_many, task_forces, task_swing, task_figure, task_reach)
-    for make in makers:
+    makers = (task_walker, task_hold, task_wall, task_loop, task_sweep, task_many, task_forces, task_swing, task_figure)
+    for make in (*makers, task_reach):
         yield make()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
@@ -39,7 +40,8 @@ class ContactWatch:
 
     A contact counts from when it is wanted and all its points touch, until it is not wanted, or none of its points is near. One
     that touches with some of them for longer than a fade counts too. Late in its swing, one that touches with all its points
-    counts before it is wanted.
+    counts before it is wanted. Its force rises from then; not where it was lost for less than a fade, nor where nothing else
+    carries the robot.
 
     Args:
         contacts: Those of the controller.
@@ -50,8 +52,10 @@ class ContactWatch:
     def __init__(self, contacts: Sequence[Constraint], schedule: ContactSchedule, early: float) -> None:
         self.contacts, self.schedule, self.early = contacts, schedule, early
         self.names = frozenset(c.name for c in contacts)
+        self._carrying = frozenset(c.name for c in contacts if hasattr(c, "friction"))  # not loops
         self.since: dict[str, float] = {}
         self._partly: dict[str, float] = {}
+        self._lost: dict[str, tuple[float, float]] = {}
         self._sources: dict[str, Source] = {}
         self._joints: dict[str, int | None] = {}
         self._start: float | None = None
@@ -77,18 +81,33 @@ class ContactWatch:
                 self._partly.pop(name, None)
             held = whole or (near and name in self.since) or (wanted and self._lasts(name, t))
             if held and (wanted or self._late_in_swing(name, t)):
-                since[name] = -np.inf if begins else self.since.get(name, t)
+                since[name] = -math.inf if begins else self._since(name, step)
                 if not wanted:
                     different.append((name, "early"))
                 if not whole:
                     different.append((name, "partial"))
             elif wanted:
                 different.append((name, "late"))
+                if name in self.since:
+                    self._lost[name] = self.since[name], t
             elif some and not self._just_lifted(name, t):
                 different.append((name, "unplanned"))
         different += [(each, "unplanned") for each in self._others(step, planned)]
         self.since = since
         return SeenContacts(tuple(planned), tuple(touching), since, different)
+
+    def _since(self, name: str, step: AcceptedStep) -> float:
+        """Since when a contact counts, which its force rises from [s].
+
+        Since long ago where nothing else carries a floating base; since before, where it was lost for less than a fade.
+        """
+        if name in self.since:
+            return self.since[name]
+        before, lost = self._lost.get(name, (step.t, -math.inf))
+        if step.t - lost <= self.schedule.fade + INSTANT:
+            return before
+        carried = not len(step.state.robot.unactuated) or not self._carrying.isdisjoint(self.since)
+        return step.t if carried else -math.inf
 
     def _lasts(self, name: str, t: float) -> bool:
         """Whether a contact has touched with some of its points for longer than a fade."""

@@ -1,13 +1,15 @@
 """Limits of a whole-body controller: torques, joint positions with a braking distance, joint velocities.
 
 A joint at distance r from its limit, which it approaches at v, keeps it over a time d of constant acceleration a, and can brake
-after it with A, if [DelPrete2018]
+after it with P, if [DelPrete2018]
 
-    (v + d a)^2 <= 2 A (r - d v - d^2 a / 2)     where it still approaches then (v + d a >= 0),
+    (v + d a)^2 <= 2 P (r - d v - d^2 a / 2)     where it still approaches then (v + d a >= 0),
     a <= -v^2 / (2 r)                            where it must turn back before (d v / 2 > r);
 
-of the first the larger root is a = (sqrt(A^2 d^2 + 8 A r - 4 A d v) - 2 v - A d) / (2 d). What keeps a limit over d keeps it
-over any shorter time. A joint that is too fast to brake in time brakes with A; one beyond its limit comes back with at most A.
+of the first the larger root is a = (sqrt(P^2 d^2 + 8 P r - 4 P d v) - 2 v - P d) / (2 d). What keeps a limit over d keeps it
+over any shorter time. Braking is planned with P, three quarters of the A that motors have for it: the rest makes up for
+accelerations that vary while torques are held. A joint that is too fast to brake in time brakes with A; one beyond its limit
+comes back with at most A.
 """
 
 from __future__ import annotations
@@ -24,7 +26,9 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
 _MOST = 1e6
-_RETURN = 0.1
+_PLANNED = 0.75
+"""Share of A with which braking is planned."""
+_RETURN = 0.5
 """A joint beyond its limit comes back by this share of what it is beyond in each time d."""
 
 
@@ -39,6 +43,9 @@ class Limits:
         braking: A: deceleration that the motors can bring at any posture [rad/s2, m/s2]. More lets joints come nearer to their
             limits at speed; more than the motors have lets them pass.
         horizon: d: time over which the accelerations of a step are held [s]: at least the time between two steps.
+        margin: Distance from their limits at which joints stop [rad, m]. While torques are held accelerations drift, and
+            positions pass their limits by about that drift times the square of the horizon (an arm at full speed, torques held
+            for 1 ms, a horizon of 2 ms: 1e-5 rad), speeds by what one period changes.
 
     Raises:
         InputError: numbers that are none, or out of range.
@@ -55,6 +62,7 @@ class Limits:
     velocity: bool = True
     braking: float = 50.0
     horizon: float = 0.01
+    margin: float = 0.0
 
     def __post_init__(self) -> None:
         if self.torque is not None and not 0.0 < as_float(self.torque) <= 1.0:
@@ -63,6 +71,8 @@ class Limits:
         check_flag("velocity", self.velocity)
         check_positive("braking", self.braking, _MOST)
         check_positive("horizon", self.horizon, _MOST)
+        if not 0.0 <= as_float(self.margin) < _MOST:
+            raise InputError(f"margin is {self.margin!r:.80}; expected a distance of 0 or more [rad, m].")
 
     def torques(self, robot: CheckedModel) -> Array:
         """Largest torques, shape (nu,) [N, N m]; inf where there is no limit."""
@@ -71,81 +81,91 @@ class Limits:
     def accelerations(self, state: State) -> tuple[Array, Array]:
         """(least, most) accelerations of all coordinates, shapes (nv,) [rad/s2, m/s2]; infinite where there is no limit."""
         least, most = np.full(state.robot.nv, -np.inf), np.full(state.robot.nv, np.inf)
-        for bounds in self.bounds(state):
-            at = bounds.at
-            least[at], most[at] = np.maximum(least[at], bounds.least), np.minimum(most[at], bounds.most)
-        crossed = least > most  # the room between two limits is too small for both
-        least[crossed] = most[crossed] = 0.5 * (least[crossed] + most[crossed])
+        joints = _limited(state.robot)
+        v, A = state.v[joints.at], self.braking
+        if not len(v):
+            return least, most
+        both = np.full((2, len(v)), np.inf)  # upper, and minus lower bounds
+        if self.position:
+            both = self._of_positions(state.q[joints.q], v, joints)
+        if self.velocity:
+            both = np.minimum(both, np.maximum((joints.fastest - np.array([v, -v])) / self.horizon, -A))
+        upper, lower = both[0], -both[1]
+        if (lower > upper).any():  # the room between two limits is too small for both
+            middle = 0.5 * (lower + upper)
+            lower, upper = np.where(lower > upper, middle, lower), np.where(lower > upper, middle, upper)
+        least[joints.at], most[joints.at] = lower, upper
         return least, most
 
-    def bounds(self, state: State) -> tuple[JointBounds, ...]:
-        """Accelerations that positions, then velocities, of the joints with such limits allow."""
-        out = []
-        joints = _limited(state.robot)
-        d, A = self.horizon, self.braking
-        if self.position and len(joints.at):
-            q, v = state.q[joints.q], state.v[joints.at]
-            most = _towards(joints.highest - q, v, A, d)
-            out.append(JointBounds("position", joints.at, -_towards(q - joints.lowest, -v, A, d), most))
-        if self.velocity and len(joints.fast_at):
-            v = state.v[joints.fast_at]
-            least, most = (-joints.fastest - v) / d, (joints.fastest - v) / d
-            out.append(JointBounds("velocity", joints.fast_at, np.minimum(least, A), np.maximum(most, -A)))
-        return tuple(out)
+    def at_bounds(self, state: State, a: Array, within: float) -> dict[str, tuple[str, ...]]:
+        """{"position", "velocity": joints whose acceleration is at the bound of that limit}; those without any left out."""
+        joints, out = _limited(state.robot), dict[str, tuple[str, ...]]()
+        v = state.v[joints.at]
+        bounds = {
+            "position": self._of_positions(state.q[joints.q], v, joints) if self.position else None,
+            "velocity": np.maximum((joints.fastest - np.array([v, -v])) / self.horizon, -self.braking)
+            if self.velocity
+            else None,
+        }
+        toward = np.array([a[joints.at], -a[joints.at]])
+        for kind, most in bounds.items():
+            if most is None:
+                continue
+            held = np.flatnonzero((toward >= most - within).any(axis=0))
+            if len(held):
+                out[kind] = tuple(joints.names[i] for i in held)
+        return out
 
-
-class JointBounds(NamedTuple):
-    """Bounds of some accelerations.
-
-    Attributes:
-        kind: "position" or "velocity".
-        at: Their indices in v.
-        least: Lower bounds.
-        most: Upper bounds.
-    """
-
-    kind: str
-    at: Array
-    least: Array
-    most: Array
+    def _of_positions(self, q: Array, v: Array, joints: _Joints) -> Array:
+        """Upper and minus lower bounds of accelerations, shape (2, n)."""
+        room = np.array([joints.highest - q, q - joints.lowest]) - self.margin
+        return _towards(room, np.array([v, -v]), self.braking, self.horizon)
 
 
 class _Joints(NamedTuple):
-    """The joints of a robot with limits: indices in q and v, lowest and highest positions; indices in v, and speeds."""
+    """The joints of a robot with limits, of one degree of freedom.
 
+    Attributes:
+        names: Their names.
+        q: Indices in q.
+        at: Indices in v.
+        lowest: Lowest positions, or -inf.
+        highest: Highest positions, or inf.
+        fastest: Speeds, or inf.
+    """
+
+    names: tuple[str, ...]
     q: Array
     at: Array
     lowest: Array
     highest: Array
-    fast_at: Array
     fastest: Array
 
 
 def _limited(robot: CheckedModel) -> _Joints:
-    found = robot.kept.get(_Joints)
+    found: _Joints | None = robot.kept.get(_Joints)
     if found is None:
-        joints = [j for j in robot.joints.values() if min(-j.lower, j.upper) < math.inf]
-        fast = [j for j in robot.joints.values() if j.speed < math.inf]
+        joints = {name: j for name, j in robot.joints.items() if min(-j.lower, j.upper, j.speed) < math.inf}
+        each = list(joints.values())
         found = robot.kept[_Joints] = _Joints(
-            np.array([j.q.start for j in joints], int),
-            np.array([j.v.start for j in joints], int),
-            np.array([j.lower for j in joints]),
-            np.array([j.upper for j in joints]),
-            np.array([j.v.start for j in fast], int),
-            np.array([j.speed for j in fast]),
+            tuple(joints),
+            np.array([j.q.start for j in each], int),
+            np.array([j.v.start for j in each], int),
+            np.array([j.lower for j in each]),
+            np.array([j.upper for j in each]),
+            np.array([j.speed for j in each]),
         )
     return found
 
 
 def _towards(room: Array, v: Array, A: float, d: float) -> Array:
-    """The most acceleration towards a limit that is at a distance `room`, for a joint that approaches it at v."""
-    inside = np.maximum(room, 0.0)
-    root = np.sqrt(np.maximum(A * A * d * d + 8.0 * A * inside - 4.0 * A * d * v, 0.0))
-    most = (root - 2.0 * v - A * d) / (2.0 * d)
-    turns = 0.5 * d * v > inside
-    if turns.any():
-        most[turns] = -(v[turns] ** 2) / np.maximum(2.0 * inside[turns], 1e-300)
-    beyond = room < 0.0
-    if beyond.any():
-        most[beyond] = (_RETURN * room[beyond] / d - v[beyond]) / d
+    """The most acceleration towards limits that are at a distance `room`, of joints that approach them at v."""
+    P = _PLANNED * A
+    near, turns = P * d * d + 8.0 * room - 4.0 * d * v, 0.5 * d * v > room
+    if not turns.any():
+        return np.maximum((np.sqrt(P * near) - P * d - 2.0 * v) / (2.0 * d), -A)
+    most = (np.sqrt(P * np.maximum(near, 0.0)) - P * d - 2.0 * v) / (2.0 * d)
+    inside, beyond = turns & (room > 0.0), turns & (room <= 0.0)
+    most[inside] = v[inside] ** 2 / (-2.0 * room[inside])
+    most[beyond] = (_RETURN * room[beyond] / d - v[beyond]) / d
     return np.maximum(most, -A)

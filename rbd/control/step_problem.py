@@ -48,6 +48,7 @@ class StepProblem:
         per_weight: J^T G, shape (nv, p).
         need: h - tau_ext, shape (nv,).
         terms: Of the tasks.
+        stacked: (A, wanted) of all tasks of accelerations.
         unit: The body weight [N]; 1 without gravity.
         program: In (a, w / unit).
         torques: Largest torques, shape (nu,).
@@ -66,6 +67,7 @@ class StepProblem:
     per_weight: Array
     need: Array
     terms: tuple[TaskTerms, ...]
+    stacked: tuple[Array, Array]
     unit: float
     program: StepProgram
     torques: Array
@@ -115,9 +117,11 @@ class StepProblem:
         torques = limits.torques(robot)
         size = np.where(torques < np.inf, torques, unit)
         share = np.where(torques < np.inf, 1.0, np.inf)
+        lower, upper = sets.lower / unit, sets.upper / unit
         least, most = limits.accelerations(state)
         limited = np.flatnonzero((least > -np.inf) | (most < np.inf))
         W_n, low_n, high_n = _normal_forces(normal_force, rows, sets, unit)
+        W_n, low_n, high_n, upper = _without_zeros(W_n, low_n, high_n, lower, upper)
         n, r, j = robot.nu, len(low_n), len(limited)
         T, W = np.zeros((n + r + j, nv)), np.zeros((n + r + j, sets.size))
         T[:n] = M[motors] / size[:, None]
@@ -137,13 +141,13 @@ class StepProblem:
             W,
             np.concatenate([-share - own, low_n, least[limited]]),
             np.concatenate([share - own, high_n, most[limited]]),
-            sets.lower / unit,
-            sets.upper / unit,
+            lower,
+            upper,
             slice(n, n + r),
         )
         return cls(
-            state, given, external, limits, rows, feedback, sets, J, per_weight, need, terms, unit, program, torques, limited,
-            slice(n + r, n + r + j),
+            state, given, external, limits, rows, feedback, sets, J, per_weight, need, terms, (A, wanted), unit, program,
+            torques, limited, slice(n + r, n + r + j),
         )  # fmt: skip
 
     @property
@@ -163,15 +167,15 @@ class StepProblem:
 
     def missed(self, a: Array, w: Array) -> dict[str, Array]:
         """{task: wanted less reached}, of accelerations and weights [N]."""
-        out, ends = {}, np.cumsum([0, *map(len, self.rows)])
-        names = [r.name for r in self.rows]
+        A, wanted = self.stacked
+        left, out, at = wanted - A @ a, {}, 0
         for each in self.terms:
             if each.contact:
-                i = names.index(each.contact)
-                reached = each.A @ (self.rows[i].resultant @ (self.sets.G[ends[i] : ends[i + 1]] @ w))
+                wrench = _resultant(each.name, each.contact, self.rows, self.sets) @ w
+                out[each.name] = each.wanted - each.A @ wrench[: each.A.shape[1]]
             else:
-                reached = each.A @ a
-            out[each.name] = each.wanted - reached
+                out[each.name] = left[at : at + len(each.wanted)]
+                at += len(each.wanted)
         return out
 
     def loads(self, a: Array, feedback: Array) -> Loads:
@@ -254,10 +258,10 @@ def _force_cost(terms: Sequence[TaskTerms], rows: Sequence[Rows], sets: ForceSet
     for each in terms:
         if each.contact:
             of = _resultant(f"task {each.name!r:.80}", each.contact, rows, sets)
-            if each.A.shape[1] != len(of):
+            if each.A.shape[1] not in (3, len(of)):  # a force alone leaves the moment free
                 wants = "a force, three numbers" if len(of) == 3 else "a wrench, six numbers"
                 raise InputError(f"task {each.name!r:.80} has {each.A.shape[1]} columns; {each.contact!r:.80} has {wants}.")
-            A = each.A @ of * unit
+            A = each.A @ of[: each.A.shape[1]] * unit
             weighed = A.T * each.cost
             K += weighed @ A
             k -= weighed @ each.wanted
@@ -309,6 +313,17 @@ def _normal_forces(
         low.append(pair[0] / unit)
         high.append(pair[1] / unit)
     return np.array(W), np.array(low), np.array(high)
+
+
+def _without_zeros(W: Array, low: Array, high: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array, Array]:
+    """(W, low, high, upper) where a normal force that may only be zero is zero of each ray, and no row."""
+    zero = high <= 0.0
+    if not zero.any():
+        return W, low, high, upper
+    pushes = (W[zero] > 0.0).any(axis=0) & (lower == 0.0)
+    upper = np.where(pushes, 0.0, upper)
+    kept = ~zero | (W[:, lower < 0.0] != 0.0).any(axis=1)
+    return W[kept], low[kept], high[kept], upper
 
 
 def _sizes(r: Rows) -> Array:

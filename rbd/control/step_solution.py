@@ -4,13 +4,15 @@ For given w, and given values s of the few rows of T that bind, the best a is kn
 E a = e - F w and T a = s - W w. What is left is a program in (w, s), a fifth of the whole. Which rows bind is found by solving
 without them, then with those that were passed. What rounding leaves of the equations and of the gradient, along weights inside
 their bounds, is solved for once more. Every answer is judged by the whole program, `StepProgram.optimality`; where it is none,
-or the equations depend on each other, DAQP solves the whole, then ProxSuite.
+or the equations depend on each other, DAQP solves the whole, and the optimality conditions are solved on its active set; then
+ProxSuite likewise.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import blas, lapack
@@ -25,11 +27,15 @@ _PASSED = 1e-11
 """A row that is passed by more binds."""
 _PASSES = 6
 """How often rows are added to those that bind."""
-_DEPENDENT = 1e-7
-"""Rows whose distance from the span of the others is less, over their length, are left to the whole program."""
-_REFINED = 1e-12
+_DEPENDENT = 1e-14
+"""Equations whose squared distance from the span of the others is less, over their square, are left to the whole program."""
+_REFINED = 3e-12
 """A gradient along weights inside their bounds is solved for once more if it is above this: weights cost 1e-2."""
-_REFINEMENTS = 3
+_REFINEMENTS = 2
+_PUSHES = 1e-12
+"""A multiplier that is less, over the largest, is none."""
+_CORRECTIONS = 10
+_RANK = 1e-15
 _SETTINGS = 3
 """How many of ProxSuite's settings are tried."""
 
@@ -54,8 +60,12 @@ def _attempts(program: StepProgram) -> Iterator[StepPoint]:
     second = whole.by_daqp()
     if second is not None:
         yield second
-    if point is not None or second is not None:  # else DAQP found twice that there is none
-        yield from whole.by_proxsuite()
+    first = point if second is None else second
+    if first is not None:  # else DAQP found twice that there is none
+        yield whole.on_active_set(first)
+        for third in whole.by_proxsuite():
+            yield third
+            yield whole.on_active_set(third)
 
 
 def eliminated(program: StepProgram) -> StepPoint | None:
@@ -66,76 +76,123 @@ def eliminated(program: StepProgram) -> StepPoint | None:
         return None
     binding, steps = np.zeros(0, int), 0
     for _ in range(_PASSES):
-        found = _with_binding(P, L, binding)
-        if found is None:
+        reduced = _Reduced.of(P, L, binding)
+        found = reduced.solved() if reduced is not None else None
+        if reduced is None or found is None:
             return None
-        a, x, y, z, of_forces, more = found
-        steps += more
-        p = len(P.k)
-        w = x[:p]
-        rows = P.T @ a + P.W @ w
+        steps += found.iterations
+        rows = P.T @ found.a + P.W @ found.x[: len(P.k)]
         passed = (rows < P.low - _PASSED) | (rows > P.high + _PASSED)
         passed[binding] = False
         passed[P.of_forces] = False
         if not passed.any():
             break
         passed[binding] = True
-        binding = np.flatnonzero(passed)
-    m = len(P.e)
+        binding = passed.nonzero()[0]
+    assert reduced is not None and found is not None
+    a, x, y, z, of_forces, _ = reduced.refined(found)
+    m, p = len(P.e), len(P.k)
     t = np.zeros(len(P.low))
     t[binding] = z[p:]
     t[P.of_forces] = of_forces
-    return StepPoint(a, w, y[:m], t, z[:p], steps, "DAQP")
+    return StepPoint(a, x[:p], y[:m], t, z[:p], steps, "DAQP")
 
 
-def _with_binding(P: StepProgram, L: Array, binding: Array) -> tuple[Array, Array, Array, Array, Array, int] | None:
-    """(a, x, y, z, t of `of_forces`, iterations), where x is w, then the values of these rows; y and z have theirs last."""
-    E, F, e, K, k, lower, upper, N = P.E, P.F, P.e, P.K, P.k, P.lower, P.upper, P.W[P.of_forces]
-    m, p, n = len(e), len(k), len(binding)
-    if n:
-        E = np.concatenate([E, P.T[binding]])
-        F = np.concatenate([np.concatenate([F, P.W[binding]]), np.zeros((m + n, n))], axis=1)
-        F[range(m, m + n), range(p, p + n)] = -1.0
-        e, k = np.concatenate([e, np.zeros(n)]), np.concatenate([k, np.zeros(n)])
-        K = block_diagonal([K, np.zeros((n, n))])
-        lower, upper = np.concatenate([lower, P.low[binding]]), np.concatenate([upper, P.high[binding]])
-        N = np.concatenate([N, np.zeros((len(N), n))], axis=1)
-        m += n
-    Y = blas.dtrsm(1.0, L, np.concatenate([E, P.g[None]]).T, lower=1)  # L^-1 (E^T, g)
-    YE, yg = Y[:, :m], Y[:, m]
-    S = YE.T @ YE
-    D, failed = lapack.dpotrf(S, lower=1, clean=0)
-    if failed or (D.diagonal() < _DEPENDENT * np.sqrt(S.diagonal())).any():
-        return None
-    X = blas.dtrsm(1.0, D, np.concatenate([F, (e + yg @ YE)[:, None]], axis=1), lower=1)  # D^-1 (F, e + YE^T yg)
-    XF, xe = X[:, :-1], X[:, -1]
-    Q, x, z, t, steps = K + XF.T @ XF, _NONE, _NONE, _NONE, 0
-    if p + n:
-        found = solve_strict(Q, k - xe @ XF, lower, upper, N, P.low[P.of_forces], P.high[P.of_forces])
-        if not found.solved:
+class _Found(NamedTuple):
+    """Accelerations; w, then the values of the rows that bind; multipliers of equations, of bounds of x, of rows of forces."""
+
+    a: Array
+    x: Array
+    y: Array
+    z: Array
+    t: Array
+    iterations: int
+
+
+class _Reduced(NamedTuple):
+    """The program in x: the weights w, then the values s of the rows that bind, with T a + W w - s = 0 among the equations.
+
+    minimise 1/2 x^T Q x + q^T x   subject to   lower <= x <= upper, low <= N x <= high;   a = L^-T (YE y - yg)
+    """
+
+    E: Array
+    F: Array
+    e: Array
+    K: Array
+    k: Array
+    lower: Array
+    upper: Array
+    N: Array
+    low: Array
+    high: Array
+    L: Array
+    YE: Array
+    yg: Array
+    D: Array
+    XF: Array
+    xe: Array
+
+    @classmethod
+    def of(cls, P: StepProgram, L: Array, binding: Array) -> _Reduced | None:
+        """None where the equations are nearly dependent on each other in a."""
+        E, F, e, K, k, lower, upper, N = P.E, P.F, P.e, P.K, P.k, P.lower, P.upper, P.W[P.of_forces]
+        m, p, n = len(e), len(k), len(binding)
+        if n:
+            E = np.concatenate([E, P.T[binding]])
+            F = np.concatenate([np.concatenate([F, P.W[binding]]), np.zeros((m + n, n))], axis=1)
+            F[range(m, m + n), range(p, p + n)] = -1.0
+            e, k = np.concatenate([e, np.zeros(n)]), np.concatenate([k, np.zeros(n)])
+            K = block_diagonal([K, np.zeros((n, n))])
+            lower, upper = np.concatenate([lower, P.low[binding]]), np.concatenate([upper, P.high[binding]])
+            N = np.concatenate([N, np.zeros((len(N), n))], axis=1)
+            m += n
+        Y = blas.dtrsm(1.0, L, np.concatenate([E, P.g[None]]).T, lower=1)  # L^-1 (E^T, g)
+        YE, yg = Y[:, :m], Y[:, m]
+        S = YE.T @ YE
+        D, failed = lapack.dpotrf(S, lower=1, clean=0)
+        if failed or (D.diagonal() ** 2 < _DEPENDENT * S.diagonal()).any():
             return None
-        x, z, t, steps = found.x, found.z, found.y, found.iterations
-    y = _back(D, xe - XF @ x)
-    a = _back(L, YE @ y - yg)
-    inside, pushing = z == 0.0, t != 0.0
-    for _ in range(_REFINEMENTS):
-        if m:  # once more for what rounding left of the equations
-            more = _back(D, blas.dtrsm(1.0, D, (e - F @ x - E @ a)[:, None], lower=1)[:, 0])
-            y, a = y + more, a + _back(L, YE @ more)
-        if not (p + n):
-            break
-        gradient = K @ x + k - y @ F - t @ N
-        z = np.where(inside, 0.0, gradient)
-        left = gradient[inside]
-        if max_abs(left) <= _REFINED * max(1.0, max_abs(x)):
-            break
-        dx, dt = _newton(Q[np.ix_(inside, inside)], N[np.ix_(pushing, inside)], left)
-        x = x.copy()
-        x[inside] += dx
-        t[pushing] += dt
-        dy = _back(D, -XF[:, inside] @ dx)
-        y, a = y + dy, a + _back(L, YE @ dy)
-    return a, x, y, z, t, steps
+        X = blas.dtrsm(1.0, D, np.concatenate([F, (e + yg @ YE)[:, None]], axis=1), lower=1)  # D^-1 (F, e + YE^T yg)
+        only = P.of_forces
+        return cls(E, F, e, K, k, lower, upper, N, P.low[only], P.high[only], L, YE, yg, D, X[:, :-1], X[:, -1])
+
+    def solved(self) -> _Found | None:
+        """To the accuracy of Q; None where there is no answer."""
+        x, z, t, steps = _NONE, _NONE, _NONE, 0
+        if len(self.k):
+            Q = self.K + self.XF.T @ self.XF
+            found = solve_strict(Q, self.k - self.xe @ self.XF, self.lower, self.upper, self.N, self.low, self.high)
+            if not found.solved:
+                return None
+            x, z, t, steps = found.x, found.z, found.y, found.iterations
+        y = _back(self.D, self.xe - self.XF @ x)
+        return _Found(_back(self.L, self.YE @ y - self.yg), x, y, z, t, steps)
+
+    def refined(self, found: _Found) -> _Found:
+        """With what rounding left of the equations, and of the gradient along what is inside its bounds, solved for again."""
+        a, x, y, z, t, steps = found
+        inside, pushing = (z == 0.0) & (self.lower < self.upper), t != 0.0
+        for left in range(_REFINEMENTS, -1, -1):
+            if len(self.e):
+                missing = self.e - self.F @ x - self.E @ a
+                more = _back(self.D, blas.dtrsm(1.0, self.D, missing[:, None], lower=1)[:, 0])
+                y, a = y + more, a + _back(self.L, self.YE @ more)
+            if not len(x):
+                break
+            gradient = self.K @ x + self.k - y @ self.F - t @ self.N
+            z = np.where(inside, 0.0, gradient)
+            along = gradient[inside]
+            if not left or max_abs(along) <= _REFINED * max(1.0, max_abs(x)):
+                break
+            XF = self.XF[:, inside]
+            dx, dt = _newton(self.K[inside][:, inside] + XF.T @ XF, self.N[pushing][:, inside], along)
+            x = x.copy()
+            x[inside] += dx
+            t = t.copy()
+            t[pushing] += dt
+            dy = _back(self.D, -XF @ dx)
+            y, a = y + dy, a + _back(self.L, self.YE @ dy)
+        return _Found(a, x, y, z, t, steps)
 
 
 def _newton(Q: Array, N: Array, gradient: Array) -> tuple[Array, Array]:
@@ -175,6 +232,32 @@ class _Whole:
         for found in attempts(self.H, self.g, self.A, self.b, C, low, high, policy=POLICY[:_SETTINGS]):
             y = np.concatenate([found.y, found.z[p:]])
             yield self._point(found.x, found.z[:p], y, found.iterations, "ProxSuite")
+
+    def on_active_set(self, point: StepPoint) -> StepPoint:
+        """The solution of the optimality conditions with the active set of a point, which is corrected where it is wrong."""
+        P, p, m, n = self.program, len(self.program.k), len(self.kept), len(self.g)
+        rows = np.concatenate([np.eye(p, n), self.C])
+        low, high = np.concatenate([P.lower, P.low]), np.concatenate([P.upper, P.high])
+        pushes = np.concatenate([point.z, point.t])
+        side = np.where(low == high, 1.0, np.where(np.abs(pushes) > _PUSHES * max(1.0, max_abs(pushes)), np.sign(pushes), 0.0))
+        x, y = np.concatenate([point.w, point.a]), np.zeros(m + len(side))
+        for _ in range(_CORRECTIONS):
+            held = side.nonzero()[0]
+            B = np.concatenate([self.A, rows[held]])
+            right = np.concatenate([-self.g, self.b, np.where(side > 0.0, low, high)[held]])
+            system = np.block([[self.H, -B.T], [B, np.zeros((len(B), len(B)))]])
+            both = np.linalg.lstsq(system, right, rcond=_RANK)[0]
+            for _ in range(2):
+                both += np.linalg.lstsq(system, right - system @ both, rcond=_RANK)[0]
+            x, y = both[:n], np.zeros(m + len(side))
+            y[:m], y[m + held] = both[n : n + m], both[n + m :]
+            values, pushes = rows @ x, y[m:]
+            wrong = (pushes * side < 0.0) & (low < high)
+            below, above = values < low - _PASSED, values > high + _PASSED
+            if not (wrong | ((below | above) & (side == 0.0))).any():
+                break
+            side = np.where(wrong, 0.0, np.where(side == 0.0, 1.0 * below - 1.0 * above, side))
+        return self._point(x, y[m : m + p], np.concatenate([y[:m], y[m + p :]]), point.iterations, point.method)
 
     def _point(self, x: Array, z: Array, y: Array, iterations: int, method: str) -> StepPoint:
         P, p, m = self.program, len(self.program.k), len(self.kept)

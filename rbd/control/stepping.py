@@ -86,7 +86,7 @@ def step(
         >>> tasks = [rbd.control.ComTask(state.com, cost=100.0), rbd.control.PostureTask(state.q)]
         >>> held = rbd.control.step(state, tasks, soles)
         >>> print(held.status, f"{held.forces['left_sole'][2] + held.forces['right_sole'][2]:.2f} N")
-        solved 885.37 N
+        solved 885.57 N
     """
     check_state(state)
     if not isinstance(limits, Limits):
@@ -163,15 +163,17 @@ def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased:
 
 def _outside_cones(sets: ForceSet, w: Array) -> float:
     """Largest distance of a point's force from its circular friction cone [N]."""
-    mu = _coefficients(sets)
-    round_ = mu >= 0.0
-    if not round_.any():
+    at, mu = _coefficients(sets)
+    if not len(mu):
         return 0.0
-    points = sets.sums((sets.push * w[:, None]).T).T[round_]
-    return float(np.abs(points - project_cones(points, mu[round_])).max())
+    points = sets.sums(sets.push.T * w)[:, at]
+    if (np.hypot(points[0], points[1]) <= mu * points[2]).all():
+        return 0.0
+    return float(np.abs(points.T - project_cones(points.T, mu)).max())
 
 
 @lru_cache(maxsize=128)
-def _coefficients(sets: ForceSet) -> Array:
-    """Friction coefficient of each element, shape (e,); -1 of those that are no cones."""
-    return np.array([e.mu if e.facets else -1.0 for e in sets.elements])
+def _coefficients(sets: ForceSet) -> tuple[Array, Array]:
+    """Which elements are cones, and their friction coefficients."""
+    cones = [(i, e.mu) for i, e in enumerate(sets.elements) if e.facets]
+    return np.array([i for i, _ in cones], int), np.array([mu for _, mu in cones])

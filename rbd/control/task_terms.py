@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
@@ -154,6 +154,15 @@ def checked_tasks(tasks: Sequence[Task], robot: CheckedModel | None = None) -> t
         if robot is not None and callable(check := getattr(task, "check", None)):
             check(robot)
     return found
+
+
+def robot_of(tasks: Iterable[Task]) -> CheckedModel | None:
+    """The robot that tasks know by a `State` that is the target of one of them; None if none is."""
+    for task in tasks:
+        target = getattr(task, "target", None)
+        if isinstance(target, Reference) and isinstance(target.value, State):
+            return target.value.robot
+    return None
 
 
 def checked_name(name: str, default: str = "") -> str:

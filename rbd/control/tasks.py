@@ -48,7 +48,8 @@ class ComTask:
     Its error c* - c obeys its law exactly, and its rows are A = J_c, the Jacobian of the centre of mass.
 
     Attributes:
-        target: Where it is wanted, shape (3,) [m], a `Reference` with velocity and acceleration, or a function of t [s].
+        target: Where it is wanted, shape (3,) [m], or a `State`: where it is there. Or a `Reference` with velocity and
+            acceleration, or a function of t [s].
         cost: One of all axes, or one each, shape (3,), of (m/s2)^2.
         gain: k [1/s2].
         damping_ratio: zeta.
@@ -83,7 +84,8 @@ class ComTask:
 
     def _reference(self, target: Any, t: float | None) -> Reference:
         ref = as_reference(target)
-        return Reference(checked_vector(ref.value, 3, "", t, self.name), *checked_rates(ref, 3, t, self.name))
+        value = ref.value.com if isinstance(ref.value, State) else ref.value
+        return Reference(checked_vector(value, 3, "", t, self.name), *checked_rates(ref, 3, t, self.name))
 
     @lazy
     def _law(self) -> tuple[float, float, Array | None]:
@@ -119,8 +121,9 @@ class FrameTask:
     Attributes:
         frame: Name of the frame.
         target: A pose, pin.SE3 or shape (4, 4); a position, shape (3,) [m], which leaves the orientation free; or an
-            orientation R_WF, shape (3, 3), which leaves the position free. Or a `Reference` of one of them, with velocity and
-            acceleration in world axes, shape (6,), linear then angular, of the others (3,); or a function of t [s].
+            orientation R_WF, shape (3, 3), which leaves the position free; or a `State`: the pose that it has there. Or a
+            `Reference` of one of them, with velocity and acceleration in world axes, of a pose shape (6,), linear then angular,
+            of the others (3,); or a function of t [s].
         offset: The point that is to be at the target, in the frame's axes, from its origin [m].
         position_cost: One of all axes, or one each, shape (3,), of (m/s2)^2.
         orientation_cost: The same, of (rad/s2)^2.
@@ -131,6 +134,7 @@ class FrameTask:
 
     Raises:
         InputError: a target that is none of these, negative or infinite costs, gains, damping ratios.
+        FrameNotFound: the robot of a `State` that is the target has no such frame; of other targets, see `check`.
 
     Example:
         >>> talos = rbd.load_robot("talos")
@@ -171,7 +175,10 @@ class FrameTask:
         ref = as_reference(target)
         if isinstance(ref.value, _Place):
             return ref
-        place = _place(self.name, ref.value, t)
+        value = ref.value
+        if isinstance(value, State):
+            value = value.frame(self.frame, np.asarray(self.offset)).X_WF
+        place = _place(self.name, value, t)
         m = 6 if place.R is not None and place.p is not None else 3
         rates = checked_rates(ref, m, t, self.name)
         if m == 3:

@@ -16,8 +16,18 @@ import pytest
 
 import rbd
 from rbd.arrays import Array, range_of
-from rbd.control import ComTask, ForceTask, FrameTask, MomentumTask, PostureTask, Reference, TaskTerms, step
-from rbd.control.task_terms import Task, checked_tasks
+from rbd.control import (
+    ComTask,
+    ForceTask,
+    FrameTask,
+    MomentumTask,
+    PostureTask,
+    Reference,
+    TaskTerms,
+    WholeBodyController,
+    step,
+)
+from rbd.control.task_terms import Task, checked_tasks, robot_of
 from rbd.errors import DuplicateName, FrameNotFound, InputError, JointNotFound
 from rbd.testing import TaskWrong, check_task
 
@@ -127,16 +137,19 @@ def test_wrong_rows_are_noticed() -> None:
         name = "changed"
 
         def __init__(self, sign: float, bias: float) -> None:
-            self.sign, self.bias = sign, bias
+            self.sign, self.bias, self.asked = sign, bias, set[float]()
 
         def terms(self, at: rbd.State, t: float) -> TaskTerms:
+            self.asked.add(t)
             hand = at.frame("gripper_left_joint")
             return TaskTerms("changed", self.sign * hand.J[:3], -self.bias * hand.bias[:3], np.ones(3))
 
     def place(at: rbd.State) -> Array:
         return np.asarray(at.frame("gripper_left_joint").X_WF.translation)
 
-    assert check_task(Changed(1.0, 1.0), place, state).rows == 3
+    right = Changed(1.0, 1.0)
+    assert check_task(right, place, state).rows == 3 and right.asked == {0.0}
+    assert check_task(right, place, state, t=0.5).rows == 3 and right.asked == {0.0, 0.5}
     with pytest.raises(TaskWrong, match="A v of row"):
         check_task(Changed(-1.0, 1.0), place, state)
     with pytest.raises(TaskWrong, match="J_dot v of row"):
@@ -362,12 +375,13 @@ def test_two_feet_press_against_each_other_as_wanted(talos: rbd.Robot) -> None:
     assert np.abs(np.concatenate([left @ turned[:3], left @ turned[3:]]) - wrench).max() < 1e-4
 
 
-def test_a_foot_that_should_pull_is_told_as_missed(talos: rbd.Robot) -> None:
+@pytest.mark.parametrize("cost", [1.0, 1e4])
+def test_a_foot_that_should_pull_is_told_as_missed(talos: rbd.Robot, cost: float) -> None:
     """No sole pulls: the nearest force is none, and what is missed is all that was wanted, over the mass."""
     state, soles = talos.standing(), talos.soles(friction=0.7)
-    found = step(state, [ForceTask("left_sole", [0.0, 0.0, -50.0], cost=[0.0, 0.0, COST])], soles)
-    assert abs(found.forces["left_sole"][2]) < 1e-3
-    assert abs(found.missed["force of left_sole"][0] + 50.0 / talos.mass) < 1e-5
+    found = step(state, [ForceTask("left_sole", [0.0, 0.0, -50.0], cost=[0.0, 0.0, cost])], soles)
+    assert abs(found.forces["left_sole"][2]) < 1e-9
+    assert abs(found.missed["force of left_sole"][0] + 50.0 / talos.mass) < 1e-9
 
 
 # --------------------------------------------------------------------------------------------- what a task can be given
@@ -394,6 +408,11 @@ def test_targets_may_be_given_in_many_ways(rng: np.random.Generator) -> None:
     assert same(place, TaskTerms("part", whole.A[:3], whole.wanted[:3], whole.cost[:3]))
     assert same(turned, TaskTerms("part", whole.A[3:], whole.wanted[3:], whole.cost[3:]))
     assert same(FrameTask(frame, Reference(X, *rates), orientation_cost=0.0).terms(state, 0.0), place)
+    other = drawn(talos, rng)
+    held = FrameTask(frame, other.frame(frame, OFFSET).X_WF, offset=OFFSET).terms(state, 0.0)
+    for target in (other, Reference(other), lambda t: other):
+        assert same(FrameTask(frame, target, offset=OFFSET).terms(state, 0.0), held)
+        assert same(ComTask(target).terms(state, 0.0), ComTask(other.com).terms(state, 0.0))
     posture = PostureTask(state.q).terms(state, 0.0)
     for target in (state, Reference(state), lambda t: state, lambda t: Reference(state.q, np.zeros(talos.nv))):
         assert same(PostureTask(target).terms(state, 0.0), posture)
@@ -478,6 +497,7 @@ BAD: dict[str, Callable[[], Any]] = {
     r"damping_ratio of task 'com' is inf": lambda: ComTask(np.zeros(3), damping_ratio=np.inf),
     r"the name of a task is 3; expected a text": lambda: ComTask(np.zeros(3), name=3),  # type: ignore[arg-type]
     r"frame of a task is None; expected the name of a frame": lambda: FrameTask(None, np.eye(4)),  # type: ignore[arg-type]
+    r"frame of a task is ''; expected the name of a frame": lambda: FrameTask("", np.eye(4), name="hand"),
     r"target of task 'hand' is no rigid placement": lambda: FrameTask("hand", np.diag([1.0, 1.0, -1.0, 1.0])),
     r"target of task 'foot' is no rigid placement": lambda: FrameTask("foot", pin.SE3(1.01 * np.eye(3), np.zeros(3))),
     r"target of task 'head' is no rotation": lambda: FrameTask("head", np.diag([1.0, 1.0, -1.0])),
@@ -534,6 +554,8 @@ def test_names_are_checked_where_the_robot_is_known(talos: rbd.Robot) -> None:
         hand.check(talos)
     with pytest.raises(FrameNotFound, match="gripper_left_joint"):
         hand.terms(state, 0.0)
+    with pytest.raises(FrameNotFound, match="gripper_left_joint"):
+        FrameTask("gripper_lef_joint", state)
     with pytest.raises(JointNotFound, match="no joint 'torso_1_join' in .*nearest: 'torso_1_joint'"):
         PostureTask(state, joints=["torso_1_join"])
     with pytest.raises(JointNotFound, match="cost of task 'posture' has joint 'torso_1_join'; nearest: 'torso_1_joint'"):
@@ -548,6 +570,8 @@ def test_names_are_checked_where_the_robot_is_known(talos: rbd.Robot) -> None:
         PostureTask(np.zeros(19)).check(talos)
     with pytest.raises(InputError, match="target of task 'posture' is a state of solo12; expected one of talos"):
         PostureTask(robot("solo12").standing()).terms(state, 0.0)
+    again = rbd.load_robot("talos").standing()  # the same robot, loaded once more
+    assert same(PostureTask(again).terms(state, 0.0), PostureTask(state).terms(state, 0.0))
     with pytest.raises(InputError, match=r"velocity of the target of task 'posture' has shape \(32,\); expected \(38,\)"):
         PostureTask(Reference(state, np.zeros(32)))
     for bad in (3.0, talos, None):
@@ -587,6 +611,7 @@ def test_lists_of_tasks_are_checked(talos: rbd.Robot) -> None:
     com = ComTask(np.zeros(3))
     calm = MomentumTask()
     assert checked_tasks([com, calm], talos) == (com, calm) and checked_tasks(()) == ()
+    assert robot_of([com, calm]) is None and robot_of([com, PostureTask(talos.standing())]) is talos
     for bad in (com, "com", 3, None):
         with pytest.raises(InputError, match="tasks are .*; expected a list"):
             checked_tasks(bad)  # type: ignore[arg-type]
@@ -597,3 +622,5 @@ def test_lists_of_tasks_are_checked(talos: rbd.Robot) -> None:
         checked_tasks([com, ComTask(np.ones(3))])
     with pytest.raises(FrameNotFound, match="nearest: 'left_sole_link'"):
         checked_tasks([com, FrameTask("left_sole_lin", np.eye(4))], talos)
+    with pytest.raises(FrameNotFound, match="nearest: 'left_sole_link'"):  # the posture knows the robot
+        WholeBodyController([PostureTask(talos.standing()), FrameTask("left_sole_lin", np.eye(4))])
