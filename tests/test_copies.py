@@ -202,6 +202,7 @@ def reference_motions() -> Iterator[object]:
     made = rbd.motion.minimum_jerk(box, [box.neutral(), box.neutral()], [0.0, 0.2])
     derived = rbd.Motion.of_arrays(box, made.t, made.q, noise=1e-6)
     report = rbd.check_motion(derived, ground="fit")
+    yield rbd.motion.MotionDifference.of(derived, derived)
     assert str(report)
     yield from (made, derived, derived.derivation, report, report.lanes)
     yield from (report.settings, report.collisions, report.lanes.points)

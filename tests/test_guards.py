@@ -795,12 +795,13 @@ CASES: dict[str, Case] = {
     "visual.export_motion": Case(
         export_motion,
         {"trajectory": TRAJECTORY, "path": "/nowhere/x.html", "fps": 30, "speed": 1.0, "title": "x", "start": 0.0}
-        | {"seen_from": (1, 0.6, 0.3), "arrow_per_weight": 0.3},
+        | {"seen_from": (1, 0.6, 0.3), "arrow_per_weight": 0.3, "ghost": TRAJECTORY},
         20,
     ),
     "visual.motion_sheet": Case(
         motion_sheet,
-        {"trajectory": TRAJECTORY, "times": [0.0], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9},
+        {"trajectory": TRAJECTORY, "times": [0.0], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9}
+        | {"ghost": None},
         20,
     ),
     "visual.replay": Case(replay, {"trajectory": "none", "speed": 1.0, "scene": "none"}, 20),
@@ -921,6 +922,11 @@ CHECKED |= {"bodies": False, "self_collision": False, "torque_speed": None, "res
 SWAY_REPORT = rbd.check_motion(**CHECKED)
 
 
+def use_difference(off: Any) -> Any:
+    """Its numbers."""
+    return off.joints, off.base, off.turn, off.com
+
+
 def use_check(**given: Any) -> Any:
     """What a check computes."""
     report = rbd.check_motion(**given)
@@ -929,6 +935,12 @@ def use_check(**given: Any) -> Any:
 
 CASES |= {
     "check_motion": Case(use_check, CHECKED, 20),
+    "MotionReport.nearest_motion": Case(
+        lambda **given: use_motion(SWAY_REPORT.nearest_motion(**given)), {"step": 0.02, "progress": False}, 10
+    ),
+    "MotionDifference.of": Case(
+        lambda **given: use_difference(rbd.motion.MotionDifference.of(**given)), {"motion": SWAY, "reference": SWAY}, 10
+    ),
     "motion.check_motion": Case(use_check, CHECKED, 5),
     "visual.plot_report": Case(
         lambda **given: use_plots(plot_report, **given), {"axes": Figure().subplots(2).tolist(), "report": SWAY_REPORT}, 10
@@ -938,7 +950,7 @@ CASES |= {
         export_report,
         {
             **{"path": "/nowhere/x.html", "report": SWAY_REPORT, "fps": 30.0, "speed": 1.0, "title": "x", "start": 0.0},
-            **{"follow": True, "trace": False, "seen_from": (1.0, 1.0, 1.0), "arrow_per_weight": 0.5},
+            **{"follow": True, "trace": False, "seen_from": (1.0, 1.0, 1.0), "arrow_per_weight": 0.5, "ghost": SWAY},
         },
         10,
     ),
@@ -950,6 +962,7 @@ CASES |= {
 }
 MADE_BY_RBD = {
     "Motion",
+    "MotionDifference",
     "Derivation",
     "Lanes",
     "MotionReport",
