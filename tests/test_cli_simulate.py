@@ -51,6 +51,15 @@ def test_a_pushed_robot_is_told_from_push_to_proof(tmp_path):
     assert weight == pytest.approx(trajectory.robot.mass * 9.81, rel=0.05)
 
 
+def test_a_robot_that_sinks_through_the_floor_of_its_feet_ends_the_run():
+    """With the report until then, the reason, and exit code 1; with all shapes it lands on the floor."""
+    code, out, err = run("solo12", "--free", "--feet-only", "--duration", "0.4")
+    assert code == 1 and "solo12 sinks through the floor: bodies with" in err
+    assert "stopped at t = 0.2" in out and "the run stops where it falls through it" in out
+    code, out, err = run("solo12", "--free", "--duration", "0.25")
+    assert code == 0 and "sinks" not in err and "it has fallen" in out
+
+
 def test_a_mechanism_swings_with_its_loop_closed(tmp_path):
     """The four-bar of the repository, assembled, without torque: energy stays, and the loop is closed to rounding."""
     code, out, _ = run("urdf/four_bar.urdf", "--duration", "0.1", "--json", str(tmp_path / "out.json"))
