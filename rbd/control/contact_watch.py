@@ -42,8 +42,9 @@ class ContactWatch:
 
     A contact counts from when it is wanted and all its points touch, until it is not wanted, or none of its points is near. One
     that touches with some of them for longer than a fade counts too. Late in its swing, one that touches with all its points
-    counts before it is wanted. Its force rises from then, or as before if it was lost for less than a fade. What carries a robot
-    alone counts until another contact does, late as that may be, unless the schedule has a flight.
+    counts before it is wanted. Its force rises from then, or as before if it was lost for less than a fade.
+
+    What carries a robot alone counts until another contact does, late as that may be, unless the schedule has a flight.
 
     Args:
         contacts: Those of the controller.
