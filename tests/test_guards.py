@@ -238,6 +238,18 @@ def use_task(task: Any) -> Any:
     return terms.A, terms.wanted, terms.cost
 
 
+def use_step(**given: Any) -> Any:
+    """What a step does, and what it says of itself."""
+    found = rbd.control.step(**given)
+    return found.a, found.tau, found.certificate.worst
+
+
+def use_limits(limits: Any) -> Any:
+    """Bounds of a moving state."""
+    both = (limits.torques(BOLT), *limits.accelerations(MOVING))
+    return [np.clip(each, -1e9, 1e9) for each in both]  # infinite where there is no limit
+
+
 def use_collision(**given: Any) -> Any:
     """Rows and points of a robot's collision shapes."""
     contacts = rbd.CollisionContacts(**grounded(given))
@@ -754,6 +766,26 @@ CASES: dict[str, Case] = {
         {"contact": "left", "target": np.array([1.0, 0.0, 9.0]), "cost": np.ones(3), "name": "press"},
         30,
     ),
+    "step": Case(
+        use_step,
+        {"state": MOVING, "tasks": [rbd.control.PostureTask(STATE.q)], "contacts": FEET, "t": 0.1}
+        | {
+            "limits": rbd.control.Limits(),
+            "external": np.zeros(BOLT.nv),
+            "normal_force": {FEET[0].name: (0.0, 50.0)},
+            "contact_damping": 20.0,
+        },
+        100,
+    ),
+    "Limits": Case(
+        lambda **given: use_limits(rbd.control.Limits(**given)),
+        {"torque": 0.5, "position": True, "velocity": False, "braking": 30.0, "horizon": 0.01, "margin": 1e-3},
+        30,
+    ),
+    "Limits.torques": Case(rbd.control.Limits().torques, {"robot": BOLT}, 10),
+    "Limits.accelerations": Case(
+        lambda state: [np.clip(each, -1e9, 1e9) for each in rbd.control.Limits().accelerations(state)], {"state": MOVING}, 10
+    ),
     "CollisionContacts": Case(
         use_collision,
         {"name": "floor", "robot": BOX, "friction": 0.5, "facets": 4, "ground": True, "pairs": False}
@@ -763,12 +795,13 @@ CASES: dict[str, Case] = {
     "visual.export_motion": Case(
         export_motion,
         {"trajectory": TRAJECTORY, "path": "/nowhere/x.html", "fps": 30, "speed": 1.0, "title": "x", "start": 0.0}
-        | {"seen_from": (1, 0.6, 0.3), "arrow_per_weight": 0.3},
+        | {"seen_from": (1, 0.6, 0.3), "arrow_per_weight": 0.3, "ghost": TRAJECTORY},
         20,
     ),
     "visual.motion_sheet": Case(
         motion_sheet,
-        {"trajectory": TRAJECTORY, "times": [0.0], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9},
+        {"trajectory": TRAJECTORY, "times": [0.0], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9}
+        | {"ghost": None},
         20,
     ),
     "visual.replay": Case(replay, {"trajectory": "none", "speed": 1.0, "scene": "none"}, 20),
@@ -889,6 +922,11 @@ CHECKED |= {"bodies": False, "self_collision": False, "torque_speed": None, "res
 SWAY_REPORT = rbd.check_motion(**CHECKED)
 
 
+def use_difference(off: Any) -> Any:
+    """Its numbers."""
+    return off.joints, off.base, off.turn, off.com
+
+
 def use_check(**given: Any) -> Any:
     """What a check computes."""
     report = rbd.check_motion(**given)
@@ -897,6 +935,12 @@ def use_check(**given: Any) -> Any:
 
 CASES |= {
     "check_motion": Case(use_check, CHECKED, 20),
+    "MotionReport.nearest_motion": Case(
+        lambda **given: use_motion(SWAY_REPORT.nearest_motion(**given)), {"step": 0.02, "progress": False}, 10
+    ),
+    "MotionDifference.of": Case(
+        lambda **given: use_difference(rbd.motion.MotionDifference.of(**given)), {"motion": SWAY, "reference": SWAY}, 10
+    ),
     "motion.check_motion": Case(use_check, CHECKED, 5),
     "visual.plot_report": Case(
         lambda **given: use_plots(plot_report, **given), {"axes": Figure().subplots(2).tolist(), "report": SWAY_REPORT}, 10
@@ -906,7 +950,7 @@ CASES |= {
         export_report,
         {
             **{"path": "/nowhere/x.html", "report": SWAY_REPORT, "fps": 30.0, "speed": 1.0, "title": "x", "start": 0.0},
-            **{"follow": True, "trace": False, "seen_from": (1.0, 1.0, 1.0), "arrow_per_weight": 0.5},
+            **{"follow": True, "trace": False, "seen_from": (1.0, 1.0, 1.0), "arrow_per_weight": 0.5, "ghost": SWAY},
         },
         10,
     ),
@@ -918,6 +962,7 @@ CASES |= {
 }
 MADE_BY_RBD = {
     "Motion",
+    "MotionDifference",
     "Derivation",
     "Lanes",
     "MotionReport",
@@ -941,6 +986,9 @@ MADE_BY_RBD = {
     "SupportRegion",
     "ZmpRegion",
     "Actuation",
+    "TaskActuation",
+    "StepCertificate",
+    "Violation",
     "Actuations",
     "ActuationUniqueness",
     "Limit",
