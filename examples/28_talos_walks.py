@@ -33,29 +33,23 @@ class Plan:
         self.poses = {sole.name: state.frame(sole.frame).X_WF for sole in soles}
         centres = {sole.name: (self.poses[sole.name] * sole.placement).translation[:2] for sole in soles}
         feet = sorted(centres, key=lambda foot: centres[foot][1])  # the right one first
-        self.swings, lifts = [], {foot: [] for foot in feet}
+        self.swings, changes = [], {foot: [] for foot in feet}
         times, points, t, x = [0.0, START - SHIFT], 2 * [state.com[:2]], START, dict.fromkeys(feet, 0.0)
         for i in range(STEPS):
             foot, other = feet[i % 2], feet[1 - i % 2]
             target = x[other] + (LENGTH if i < STEPS - 1 else 0.0)  # the last one beside the other
             self.swings.append((t, foot, x[foot], target))
             x[foot] = target
-            lifts[foot] += [t, t + SWING]
+            changes[foot] += [t, t + SWING]
             times += [t, t + SWING]
             points += 2 * [centres[other] + [x[other], 0.0]]
             t += SWING + SHIFT
         times += [t, t + END]
         points += 2 * [state.com[:2] + [target, 0.0]]
-        down = {foot: np.reshape([-math.inf, *t, math.inf], (-1, 2)) for foot, t in lifts.items()}
-        self.schedule = ContactSchedule(down)
+        self.schedule = ContactSchedule({foot: np.reshape([-math.inf, *c, math.inf], (-1, 2)) for foot, c in changes.items()})
         self.t = np.arange(0.0, t + END, STEP)
         self.zmp = np.column_stack([np.interp(self.t, times, values) for values in np.transpose(points)])
-        k = state.com[2] / GRAVITY / STEP**2
-        bands = np.tile([[-k], [1.0 + 2.0 * k]], len(self.t))
-        bands[1, [0, -1]] = 1.0 + k  # at rest at both ends
-        com = np.column_stack([solveh_banded(bands, self.zmp), np.full(len(self.t), state.com[2])])
-        velocity = np.gradient(com, STEP, axis=0)
-        self.com = com, velocity, np.gradient(velocity, STEP, axis=0)
+        self.com = centre_of_mass(self.zmp, state.com[2])
 
     def com_at(self, t: float) -> Reference:
         """Position, velocity and acceleration."""
@@ -76,6 +70,16 @@ class Plan:
         return Reference(pin.SE3(X.rotation, X.translation + path[0, :3]), path[1], path[2])
 
 
+def centre_of_mass(p: np.ndarray, z: float) -> tuple[np.ndarray, ...]:
+    """c, c' and c'' where p = c - (z / g) c'', shape (n, 3) each; at rest at both ends."""
+    k = z / GRAVITY / STEP**2
+    bands = np.tile([[-k], [1.0 + 2.0 * k]], len(p))
+    bands[1, [0, -1]] = 1.0 + k
+    c = np.column_stack([solveh_banded(bands, p), np.full(len(p), z)])
+    velocity = np.gradient(c, STEP, axis=0)
+    return c, velocity, np.gradient(velocity, STEP, axis=0)
+
+
 def smooth(t: float, T: float) -> np.ndarray:
     """From 0 to 1 in a time T, at rest at both ends, by a polynomial of degree five: value, velocity, acceleration."""
     u = min(max(t / T, 0.0), 1.0)
@@ -92,13 +96,13 @@ class Result:
 
 
 def controller_of(state: rbd.State, soles: list[rbd.SurfaceContact], plan: Plan, torso: str) -> WholeBodyController:
-    """Follow the plan, the torso upright; costs in that order. Where they leave freedom, joints stay near their posture."""
+    """Follow the plan with the torso upright; as far as that leaves them free, the joints stay near their posture."""
     along = {sole.frame: partial(plan.foot_at, sole.name) for sole in soles}
     tasks = [
         ComTask(plan.com_at, cost=100.0, gain=60.0),
         *[FrameTask(foot, path, position_cost=100.0, orientation_cost=20.0, gain=400.0) for foot, path in along.items()],
         FrameTask(torso, state.frame(torso).X_WF.rotation, orientation_cost=10.0, gain=80.0),
-        MomentumTask(angular_cost=(0.0, 0.0, 0.5 * state.robot.mass**2)),  # about the vertical: the arms swing against the legs
+        MomentumTask(angular_cost=(0.0, 0.0, 0.5 * state.robot.mass**2)),  # none about the vertical: the arms swing
         PostureTask(state.q, cost=0.05, gain=40.0),
     ]
     return WholeBodyController(tasks, soles, schedule=plan.schedule)

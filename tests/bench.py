@@ -33,6 +33,7 @@ from pathlib import Path
 import bench_answers
 import bench_pages
 from bench_analysis import derivative_rows, fall_rows, hessian_rows, linkage_rows, millisecond_rows
+from bench_control import control_rows
 from bench_draws import Draws
 from bench_motion import motion_rows
 from bench_planar import planar_rows
@@ -77,6 +78,7 @@ ASKED: dict[str, Callable[[], list[Row]]] = {
     "answers": _answers,
     "many": _many,
     "points": lambda: bench_answers.point_rows(everyone()),
+    "control": lambda: control_rows(everyone()),
     "steps": step_rows,
     "fall": lambda: fall_rows(draws_of("talos").robot),
     "derivatives": lambda: derivative_rows(draws_of("talos")),

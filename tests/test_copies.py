@@ -134,6 +134,10 @@ def motions() -> Iterator[object]:
     whole_body = rbd.control.WholeBodyController([posture])
     whole_body.accepted(rbd.control.AcceptedStep(arm.at(), 0.0, 0.01, {}))
     yield from (whole_body, whole_body.log)
+    lifted, stands = rbd.ExternalForce("box", (0.0, 0.0, 1e4)), rbd.PointContact("stands", "box", friction=0.5, on=None)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rbd.errors.RelaxedLimitsWarning)
+        yield rbd.control.step(start, [rbd.control.ComTask(np.ones(3))], [stands], external=[lifted])
     touch = rbd.control.ContactTouch(np.zeros(1), np.ones(1, bool), np.ones((1, 3)), ("toe:0",))
     yield from (touch, rbd.control.AcceptedStep(start, 0.1, 0.01, {"toe": touch}))
     lock = rbd.JointLock("lock", "panda_joint1", position=0.0)

@@ -238,6 +238,18 @@ def use_task(task: Any) -> Any:
     return terms.A, terms.wanted, terms.cost
 
 
+def use_step(**given: Any) -> Any:
+    """What a step does, and what it says of itself."""
+    found = rbd.control.step(**given)
+    return found.a, found.tau, found.certificate.worst
+
+
+def use_limits(limits: Any) -> Any:
+    """Bounds of a moving state."""
+    both = (limits.torques(BOLT), *limits.accelerations(MOVING))
+    return [np.clip(each, -1e9, 1e9) for each in both]  # infinite where there is no limit
+
+
 def use_collision(**given: Any) -> Any:
     """Rows and points of a robot's collision shapes."""
     contacts = rbd.CollisionContacts(**grounded(given))
@@ -754,6 +766,26 @@ CASES: dict[str, Case] = {
         {"contact": "left", "target": np.array([1.0, 0.0, 9.0]), "cost": np.ones(3), "name": "press"},
         30,
     ),
+    "step": Case(
+        use_step,
+        {"state": MOVING, "tasks": [rbd.control.PostureTask(STATE.q)], "contacts": FEET, "t": 0.1}
+        | {
+            "limits": rbd.control.Limits(),
+            "external": np.zeros(BOLT.nv),
+            "normal_force": {FEET[0].name: (0.0, 50.0)},
+            "contact_damping": 20.0,
+        },
+        100,
+    ),
+    "Limits": Case(
+        lambda **given: use_limits(rbd.control.Limits(**given)),
+        {"torque": 0.5, "position": True, "velocity": False, "braking": 30.0, "horizon": 0.01, "margin": 1e-3},
+        30,
+    ),
+    "Limits.torques": Case(rbd.control.Limits().torques, {"robot": BOLT}, 10),
+    "Limits.accelerations": Case(
+        lambda state: [np.clip(each, -1e9, 1e9) for each in rbd.control.Limits().accelerations(state)], {"state": MOVING}, 10
+    ),
     "CollisionContacts": Case(
         use_collision,
         {"name": "floor", "robot": BOX, "friction": 0.5, "facets": 4, "ground": True, "pairs": False}
@@ -954,6 +986,9 @@ MADE_BY_RBD = {
     "SupportRegion",
     "ZmpRegion",
     "Actuation",
+    "TaskActuation",
+    "StepCertificate",
+    "Violation",
     "Actuations",
     "ActuationUniqueness",
     "Limit",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -12,11 +12,13 @@ import numpy as np
 from rbd.constraints.constraint import Constraint, member
 from rbd.constraints.contact_points import ALWAYS, Source, sources_of
 from rbd.control.accepted_steps import INSTANT, AcceptedStep, ContactTouch
-from rbd.control.contact_schedule import ContactSchedule
+from rbd.control.contact_schedule import ContactSchedule, Interval
 from rbd.model.checked_model import CheckedModel
 
 TOUCHES = 1e-4
 """A point touches up to this distance [m], where it was not told."""
+LEAVES = 0.02
+"""A foot that is lifted may touch for so long [s], or for a fade, before it counts as unplanned."""
 NEAR = 5e-4
 """A contact that was counted on is, until all its points are farther than this [m]: one that carries little leaves by far less,
 for a step or two, and comes back when it is pushed down."""
@@ -41,7 +43,8 @@ class ContactWatch:
     A contact counts from when it is wanted and all its points touch, until it is not wanted, or none of its points is near. One
     that touches with some of them for longer than a fade counts too. Late in its swing, one that touches with all its points
     counts before it is wanted. Its force rises from then; not where it was lost for less than a fade, nor where nothing else
-    carries the robot.
+    carries the robot. What carries a robot alone neither fades nor is lifted, unless the schedule has a flight: it counts until
+    another contact does, late as that may be.
 
     Args:
         contacts: Those of the controller.
@@ -56,6 +59,7 @@ class ContactWatch:
         self.since: dict[str, float] = {}
         self._partly: dict[str, float] = {}
         self._lost: dict[str, tuple[float, float]] = {}
+        self._until: dict[str, float] = {}
         self._sources: dict[str, Source] = {}
         self._joints: dict[str, int | None] = {}
         self._start: float | None = None
@@ -66,7 +70,7 @@ class ContactWatch:
         if self._start is None:
             self._start = t
         planned, touching, different = list[str](), list[str](), list[tuple[str, str]]()
-        since = dict[str, float]()
+        since, over = dict[str, float](), list[str]()
         for contact in self.contacts:
             name = contact.name
             some, whole, near = self._touches(contact, step)
@@ -90,10 +94,16 @@ class ContactWatch:
                 different.append((name, "late"))
                 if name in self.since:
                     self._lost[name] = self.since[name], t
+            elif some and name in self.since:
+                over.append(name)
             elif some and not self._just_lifted(name, t):
                 different.append((name, "unplanned"))
+        if over and not self.schedule.flight and self._alone(since, step):
+            since |= {name: self.since[name] for name in over}
+            different += [(name, "overdue") for name in over]
         different += [(each, "unplanned") for each in self._others(step, planned)]
         self.since = since
+        self._until |= dict.fromkeys(since, t)
         return SeenContacts(tuple(planned), tuple(touching), since, different)
 
     def _since(self, name: str, step: AcceptedStep) -> float:
@@ -106,8 +116,19 @@ class ContactWatch:
         before, lost = self._lost.get(name, (step.t, -math.inf))
         if step.t - lost <= self.schedule.fade + INSTANT:
             return before
-        carried = not len(step.state.robot.unactuated) or not self._carrying.isdisjoint(self.since)
-        return step.t if carried else -math.inf
+        return -math.inf if self._alone(self.since, step) else step.t
+
+    def _alone(self, others: Collection[str], step: AcceptedStep) -> bool:
+        """Whether nothing carries a floating base but these contacts, and none of them does: loops do not."""
+        return self._carrying.isdisjoint(others) and len(step.state.robot.unactuated) > 0
+
+    def bounds(self, seen: SeenContacts, t: float, full: float, carried: Mapping[str, float]) -> dict[str, Interval]:
+        """Bounds of normal forces that fade [N], as of `ContactSchedule.normal_force`; none of what carries a robot alone."""
+        bounds = self.schedule.normal_force(t, full, seen.since, carried)
+        carrying = self._carrying.intersection(seen.since)
+        if len(carrying) == 1 and not self.schedule.flight:
+            bounds.pop(next(iter(carrying)), None)
+        return bounds
 
     def _lasts(self, name: str, t: float) -> bool:
         """Whether a contact has touched with some of its points for longer than a fade."""
@@ -125,6 +146,8 @@ class ContactWatch:
 
         Not the shapes of bodies whose own contacts are planned; not what always acts, as loops and joint friction.
         """
+        if self.names.issuperset(step.contacts):
+            return []
         robot, out = step.state.robot, list[str]()
         feet = {self._joint(robot, frame) for frame in frames_of(self.contacts, planned)}
         for name, touch in step.contacts.items():
@@ -151,9 +174,8 @@ class ContactWatch:
         return self._joints[name]
 
     def _just_lifted(self, name: str, t: float) -> bool:
-        """Whether the contact was wanted until now, less a fade: a foot needs some time to leave the ground."""
-        swing = self.schedule.swing(name, t)
-        return swing is not None and t - swing[0] <= self.schedule.fade + INSTANT
+        """Whether the contact was counted on a moment ago: a foot needs some time to leave the ground."""
+        return t - self._until.get(name, -math.inf) <= max(self.schedule.fade, LEAVES) + INSTANT
 
     def _touches(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool, bool]:
         """Whether some of a contact's points touch, whether all do, and whether any is near; measured where it was not told.

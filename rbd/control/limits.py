@@ -20,12 +20,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, check_flag, check_positive
+from rbd.arrays import Array, as_float, check_flag
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State
+from rbd.model.state import State, check_state
 
-_MOST = 1e6
+_LEAST, _MOST = 1e-6, 1e6
 _PLANNED = 0.75
 """Share of A with which braking is planned."""
 _RETURN = 0.5
@@ -65,22 +65,25 @@ class Limits:
     margin: float = 0.0
 
     def __post_init__(self) -> None:
-        if self.torque is not None and not 0.0 < as_float(self.torque) <= 1.0:
+        if self.torque is not None and not _LEAST <= as_float(self.torque) <= 1.0:
             raise InputError(f"torque is {self.torque!r:.80}; expected a share of the effort limits in (0, 1], or None.")
         check_flag("position", self.position)
         check_flag("velocity", self.velocity)
-        check_positive("braking", self.braking, _MOST)
-        check_positive("horizon", self.horizon, _MOST)
+        for what, value in (("braking", self.braking), ("horizon", self.horizon)):
+            if not _LEAST <= as_float(value) <= _MOST:
+                raise InputError(f"{what} is {value!r:.80}; expected a number from {_LEAST:g} to {_MOST:g}.")
         if not 0.0 <= as_float(self.margin) < _MOST:
             raise InputError(f"margin is {self.margin!r:.80}; expected a distance of 0 or more [rad, m].")
 
     def torques(self, robot: CheckedModel) -> Array:
         """Largest torques, shape (nu,) [N, N m]; inf where there is no limit."""
+        if not isinstance(robot, CheckedModel):
+            raise InputError(f"expected a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
         return np.full(robot.nu, np.inf) if self.torque is None else self.torque * robot.effort_limit
 
     def accelerations(self, state: State) -> tuple[Array, Array]:
         """(least, most) accelerations of all coordinates, shapes (nv,) [rad/s2, m/s2]; infinite where there is no limit."""
-        least, most = np.full(state.robot.nv, -np.inf), np.full(state.robot.nv, np.inf)
+        least, most = np.full(check_state(state).robot.nv, -np.inf), np.full(state.robot.nv, np.inf)
         joints = _limited(state.robot)
         v, A = state.v[joints.at], self.braking
         if not len(v):
@@ -97,29 +100,30 @@ class Limits:
         least[joints.at], most[joints.at] = lower, upper
         return least, most
 
-    def at_bounds(self, state: State, a: Array, within: float) -> dict[str, tuple[str, ...]]:
-        """{"position", "velocity": joints whose acceleration is at the bound of that limit}; those without any left out."""
-        joints, out = _limited(state.robot), dict[str, tuple[str, ...]]()
-        v = state.v[joints.at]
-        bounds = {
-            "position": self._of_positions(state.q[joints.q], v, joints) if self.position else None,
-            "velocity": np.maximum((joints.fastest - np.array([v, -v])) / self.horizon, -self.braking)
-            if self.velocity
-            else None,
-        }
-        toward = np.array([a[joints.at], -a[joints.at]])
-        for kind, most in bounds.items():
-            if most is None:
-                continue
-            held = np.flatnonzero((toward >= most - within).any(axis=0))
-            if len(held):
-                out[kind] = tuple(joints.names[i] for i in held)
-        return out
-
     def _of_positions(self, q: Array, v: Array, joints: _Joints) -> Array:
         """Upper and minus lower bounds of accelerations, shape (2, n)."""
         room = np.array([joints.highest - q, q - joints.lowest]) - self.margin
         return _towards(room, np.array([v, -v]), self.braking, self.horizon)
+
+
+def joints_at_bounds(limits: Limits, state: State, a: Array, within: float) -> dict[str, tuple[str, ...]]:
+    """{"position", "velocity": joints whose acceleration is at the bound of that limit}; those without any left out."""
+    joints, out = _limited(state.robot), dict[str, tuple[str, ...]]()
+    v = state.v[joints.at]
+    bounds = {
+        "position": limits._of_positions(state.q[joints.q], v, joints) if limits.position else None,
+        "velocity": np.maximum((joints.fastest - np.array([v, -v])) / limits.horizon, -limits.braking)
+        if limits.velocity
+        else None,
+    }
+    toward = np.array([a[joints.at], -a[joints.at]])
+    for kind, most in bounds.items():
+        if most is None:
+            continue
+        held = np.flatnonzero((toward >= most - within).any(axis=0))
+        if len(held):
+            out[kind] = tuple(joints.names[i] for i in held)
+    return out
 
 
 class _Joints(NamedTuple):

@@ -107,7 +107,7 @@ class PostureTask:
         at = on.columns
         e = pin.difference(robot.model, state.q, ref.value)[at]
         wanted = ref.acceleration[at] + k * e + d * (ref.velocity[at] - state.v[at])
-        return TaskTerms(self.name, on.A, wanted, on.cost)
+        return TaskTerms.unchecked(self.name, on.A, wanted, on.cost)
 
 
 class _Posture(NamedTuple):

@@ -294,12 +294,10 @@ def _normal_forces(
         UnknownName: a contact that was not given.
         InputError: no mapping, no bounds, or a constraint without a normal.
     """
+    if bounds is not None and not isinstance(bounds, Mapping):
+        raise InputError(f"normal_force is {bounds!r:.80}; expected {{contact: (least, most)}} [N].")
     if not bounds:
-        if bounds is not None and not isinstance(bounds, Mapping):
-            raise InputError(_BOUNDS.format(bounds))
         return np.zeros((0, sets.size)), _NONE, _NONE
-    if not isinstance(bounds, Mapping):
-        raise InputError(_BOUNDS.format(bounds))
     W, low, high = [], [], []
     for name, given in bounds.items():
         force = _resultant("normal_force", name, rows, sets)[:3]
@@ -335,4 +333,3 @@ def _sizes(r: Rows) -> Array:
 
 
 _MOST = 1e12
-_BOUNDS = "normal_force is {!r:.80}; expected {{contact: (least, most)}} [N]."

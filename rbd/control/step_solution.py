@@ -32,8 +32,8 @@ _DEPENDENT = 1e-14
 _REFINED = 3e-12
 """A gradient along weights inside their bounds is solved for once more if it is above this: weights cost 1e-2."""
 _REFINEMENTS = 2
-_PUSHES = 1e-12
-"""A multiplier that is less, over the largest, is none."""
+_PUSHES = 1e-14
+"""A multiplier of the wrong sign that is less, over the largest, is rounding."""
 _CORRECTIONS = 10
 _RANK = 1e-15
 _SETTINGS = 3
@@ -239,7 +239,7 @@ class _Whole:
         rows = np.concatenate([np.eye(p, n), self.C])
         low, high = np.concatenate([P.lower, P.low]), np.concatenate([P.upper, P.high])
         pushes = np.concatenate([point.z, point.t])
-        side = np.where(low == high, 1.0, np.where(np.abs(pushes) > _PUSHES * max(1.0, max_abs(pushes)), np.sign(pushes), 0.0))
+        side = np.where(low == high, 1.0, np.sign(pushes))
         x, y = np.concatenate([point.w, point.a]), np.zeros(m + len(side))
         for _ in range(_CORRECTIONS):
             held = side.nonzero()[0]
@@ -252,11 +252,12 @@ class _Whole:
             x, y = both[:n], np.zeros(m + len(side))
             y[:m], y[m + held] = both[n : n + m], both[n + m :]
             values, pushes = rows @ x, y[m:]
-            wrong = (pushes * side < 0.0) & (low < high)
+            wrong = (pushes * side < -_PUSHES * max_abs(pushes)) & (low < high)
             below, above = values < low - _PASSED, values > high + _PASSED
             if not (wrong | ((below | above) & (side == 0.0))).any():
                 break
             side = np.where(wrong, 0.0, np.where(side == 0.0, 1.0 * below - 1.0 * above, side))
+        y[m:][(y[m:] * side < 0.0) & (low < high)] = 0.0
         return self._point(x, y[m : m + p], np.concatenate([y[:m], y[m + p :]]), point.iterations, point.method)
 
     def _point(self, x: Array, z: Array, y: Array, iterations: int, method: str) -> StepPoint:

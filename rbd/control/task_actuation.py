@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rbd.arrays import Array, lazy
-from rbd.control.limits import Limits
+from rbd.control.limits import Limits, joints_at_bounds
 from rbd.problem.answer import Status
 from rbd.problem.residuals import SOLVED, USABLE
 from rbd.statics.actuation import Actuation
@@ -142,7 +142,7 @@ class TaskActuation(Actuation):
         loaded = np.abs(self.tau) >= most * (1.0 - _AT)
         if loaded.any():
             out["torque"] = tuple(name for name, is_at in zip(robot.actuated_names, loaded, strict=True) if is_at)
-        out.update(self.limits.at_bounds(self.state, self.a, _AT))
+        out.update(joints_at_bounds(self.limits, self.state, self.a, _AT))
         return out
 
     def __repr__(self) -> str:

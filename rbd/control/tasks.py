@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_vector3, check_finite, is_finite, lazy
+from rbd.arrays import Array, as_array, as_vector3, lazy
 from rbd.constraints.surface import rigid_placement
 from rbd.control.task_terms import (
     Cost,
@@ -25,12 +25,14 @@ from rbd.control.task_terms import (
     Target,
     TaskTerms,
     as_reference,
+    check_near,
     checked_costs,
     checked_law,
     checked_name,
     checked_rates,
     checked_vector,
     chosen,
+    is_near,
     reference_at,
     target_of,
 )
@@ -237,7 +239,9 @@ class _Place(NamedTuple):
 
 
 def _terms(name: str, A: Array, wanted: Array, cost: Array, rows: Array | None) -> TaskTerms:
-    return TaskTerms(name, A, wanted, cost) if rows is None else TaskTerms(name, A[rows], wanted[rows], cost[rows])
+    if rows is None:
+        return TaskTerms.unchecked(name, A, wanted, cost)
+    return TaskTerms.unchecked(name, A[rows], wanted[rows], cost[rows])
 
 
 def _of_six(rate: Array, angular: bool) -> Array:
@@ -254,14 +258,15 @@ def _place(name: str, value: Any, t: float | None) -> _Place:
     """
     if isinstance(value, pin.SE3):
         p, R = value.translation.copy(), value.rotation.copy()
-        if is_finite(p) and _is_rotation(R):
+        if is_near(p) and _is_rotation(R):
             return _Place(p, R)
     said = target_of(name, t)
     found = as_array(said, value.homogeneous if isinstance(value, pin.SE3) else value)
     if found.shape == (4, 4):
         X = rigid_placement(said, found)
-        return _Place(X.translation.copy(), X.rotation.copy())
-    check_finite(said, found)
+        check_near(said, p := X.translation.copy())
+        return _Place(p, X.rotation.copy())
+    check_near(said, found.ravel())
     if found.shape == (3, 3):
         if not _is_rotation(found):
             raise InputError(f"{said} is no rotation: R^T R is not 1 to 1e-6, or it reflects.")

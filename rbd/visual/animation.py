@@ -19,6 +19,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.robots.robot import Robot
 from rbd.visual.animation_frames import MotionPage, Pushes, PushesAt, frames_of
+from rbd.visual.footprints import footprints_of
 from rbd.visual.page import screenshot, write_page
 from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.scene import Scene
@@ -52,6 +53,7 @@ def export_motion(
     ghost: Any = None,
     follow: bool | None = None,
     trace: bool = True,
+    footprints: bool = True,
     ground: bool = True,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
@@ -76,6 +78,7 @@ def export_motion(
             times.
         follow: Whether the camera initially follows the robot; by default if it travels far.
         trace: Whether to draw the path of the centre of mass.
+        footprints: Whether to draw the outlines of soles where they stood, of those that stood in two places or more.
         ground: Whether to draw the ground z = 0 as a grid.
         seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m].
@@ -99,6 +102,8 @@ def export_motion(
     follows = motion.goes_far(FAR) if follow is None else bool(follow)
     settings = {"title": _a_title(title, shown), "start": begin, "speed": float(speed), "follow": follows, "trace": bool(trace)}
     scene.stage_motion(motion.whole(shown.events, settings), motion.around(follows))
+    if footprints and (outlines := footprints_of(shown)):
+        scene.draw(*outlines)
     write_page(target, scene.page(title))
     return target
 
@@ -115,6 +120,7 @@ def motion_sheet(
     ghost: Any = None,
     follow: bool | None = None,
     trace: bool = True,
+    footprints: bool = True,
     ground: bool = True,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
@@ -132,6 +138,7 @@ def motion_sheet(
         ghost: A second motion of the same robot, drawn translucent.
         follow: Whether each picture is centred on the robot.
         trace: Whether to draw the path of the centre of mass.
+        footprints: Whether to draw the outlines of soles where they stood, of those that stood in two places or more.
         ground: Whether to draw the ground.
         seen_from: Direction from the robot to the camera.
         arrow_per_weight: Length of an arrow as large as the weight [m].
@@ -159,6 +166,8 @@ def motion_sheet(
     settings = {"title": "", "start": at[0], "speed": 1.0, "follow": follows, "trace": bool(trace)}
     sheet = {"times": at, "columns": in_a_row, "width": width, "height": height, "gap": GAP}
     scene.stage_motion(motion.whole((), {**settings, "sheet": sheet}), motion.around(follows))
+    if footprints and (outlines := footprints_of(shown)):
+        scene.draw(*outlines)
     with tempfile.TemporaryDirectory(prefix="rbd-motion-") as folder:
         page = Path(folder) / "sheet.html"
         write_page(page, scene.page())

@@ -29,6 +29,7 @@ from rbd.control import (
 )
 from rbd.control.task_terms import Task, checked_tasks, robot_of
 from rbd.errors import DuplicateName, FrameNotFound, InputError, JointNotFound
+from rbd.model.checked_model import CheckedModel
 from rbd.testing import TaskWrong, check_task
 
 OFFSET = np.array([0.03, -0.02, 0.05])
@@ -227,6 +228,47 @@ def test_the_energy_of_a_wrong_orientation_falls_at_the_rate_of_damping(rng: np.
         rate = np.array([1.0, -8.0, 8.0, -1.0]) @ [energy(s) for s in (-2 * h, -h, h, 2 * h)] / (12.0 * h)
         off = w - state.frame(frame).v[3:]
         assert abs(rate + 2.0 * zeta * math.sqrt(k) * off @ off) < 1e-6 * max(1.0, k)
+
+
+def test_joints_with_several_axes_and_without_ends_follow_a_posture(rng: np.random.Generator) -> None:
+    """The error of a ball joint falls as that of a frame; a continuous hinge goes the short way round, as its law says."""
+    model = pin.Model()
+    hip = model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "hip")
+    model.appendBodyToJoint(hip, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    wheel = model.addJoint(hip, pin.JointModelRUBZ(), pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5])), "wheel")
+    model.appendBodyToJoint(wheel, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    one, k, zeta, h = CheckedModel(model, name="ball"), 20.0, 0.4, 1e-3
+    costs = PostureTask(one_at(one, rng), cost={"wheel": 3.0}).terms(one_at(one, rng), 0.0).cost
+    assert costs.tolist() == [1.0, 1.0, 1.0, 3.0]
+    for _ in range(10):
+        state, goal, dv, da = one_at(one, rng), one_at(one, rng), *rng.normal(size=(2, 4))
+        a = least(PostureTask(Reference(goal, dv, da), gain=k, damping_ratio=zeta).terms(state, 0.0))
+        way = math.remainder(wheel_angle(goal.q) - wheel_angle(state.q), 2.0 * math.pi)
+        assert abs(a[3] - (da[3] + k * way + 2.0 * zeta * math.sqrt(k) * (dv[3] - state.v[3]))) < 1e-9
+
+        def energy(
+            s: float, state: rbd.State = state, goal: rbd.State = goal, a: Array = a, dv: Array = dv, da: Array = da
+        ) -> float:
+            """Of the ball joint at a time, with the target and the joint on their ways to second order."""
+            to = pin.integrate(model, goal.q, s * dv + 0.5 * s * s * da)
+            at = pin.integrate(model, state.q, s * state.v + 0.5 * s * s * a)
+            e, off = pin.difference(model, at, to)[:3], (dv + s * da - state.v - s * a)[:3]
+            return float(0.5 * k * e @ e + 0.5 * off @ off)
+
+        rate = np.array([1.0, -8.0, 8.0, -1.0]) @ [energy(s) for s in (-2 * h, -h, h, 2 * h)] / (12.0 * h)
+        off = (dv - state.v)[:3]
+        assert abs(rate + 2.0 * zeta * math.sqrt(k) * off @ off) < 1e-6 * k
+
+
+def one_at(one: CheckedModel, rng: np.random.Generator) -> rbd.State:
+    """Some pose, its ball joint within half a turn of any other such pose, and some velocity."""
+    q = pin.integrate(one.model, pin.neutral(one.model), np.array([0.8, 0.8, 0.8, 3.0]) * rng.uniform(-1.0, 1.0, 4))
+    return rbd.State(one, q, rng.normal(size=one.nv))
+
+
+def wheel_angle(q: Array) -> float:
+    """Of the wheel above, by its cosine and sine."""
+    return math.atan2(q[5], q[4])
 
 
 def decay(e0: Array, de0: Array, k: float, zeta: float, t: Array) -> Array:
