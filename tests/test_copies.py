@@ -130,6 +130,10 @@ def motions() -> Iterator[object]:
     yield from tasks
     yield from (task.terms(arm.at(), 0.0) for task in tasks)
     yield rbd.control.Reference(np.ones(3))
+    yield rbd.control.ContactSchedule({"toe": [(0.0, 1.0)]})
+    whole_body = rbd.control.WholeBodyController([posture])
+    whole_body.accepted(rbd.control.AcceptedStep(arm.at(), 0.0, 0.01, {}))
+    yield from (whole_body, whole_body.log)
     lifted, stands = rbd.ExternalForce("box", (0.0, 0.0, 1e4)), rbd.PointContact("stands", "box", friction=0.5, on=None)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rbd.errors.RelaxedLimitsWarning)
@@ -198,6 +202,7 @@ def reference_motions() -> Iterator[object]:
     made = rbd.motion.minimum_jerk(box, [box.neutral(), box.neutral()], [0.0, 0.2])
     derived = rbd.Motion.of_arrays(box, made.t, made.q, noise=1e-6)
     report = rbd.check_motion(derived, ground="fit")
+    yield rbd.motion.MotionDifference.of(derived, derived)
     assert str(report)
     yield from (made, derived, derived.derivation, report, report.lanes)
     yield from (report.settings, report.collisions, report.lanes.points)

@@ -52,9 +52,9 @@ def test_the_example_prints_its_answer_and_checks_it(example):
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.stem)
 def test_the_example_is_short_and_asks_a_question(example):
-    """40 to 120 lines, the question in the docstring."""
+    """40 to 150 lines, the question in the docstring."""
     text = example.read_text(encoding="utf-8")
-    assert 40 <= len(text.splitlines()) <= 120
+    assert 40 <= len(text.splitlines()) <= 150
     assert "?" in text.split('"""')[1]
 
 

@@ -221,6 +221,17 @@ def use_controller(controller: Any) -> Any:
     return controller(STATE, 0.001)
 
 
+def use_whole_body(controller: Any) -> Any:
+    """Its torques, and what it logs of the step."""
+    controller.accepted(rbd.control.AcceptedStep(STATE, 0.0, 1e-3, {}))
+    return controller(STATE, 0.0), controller.log.residual, controller.log.torque_share
+
+
+def use_schedule(schedule: Any) -> Any:
+    """When contacts are wanted, and how much they may carry."""
+    return schedule.wanted(0.02), schedule.share("foot", 0.02), schedule.normal_force(0.02, 800.0), schedule.in_flight(["foot"])
+
+
 def use_task(task: Any) -> Any:
     """Its rows at a moving state."""
     terms = task.terms(MOVING, 0.25)
@@ -668,7 +679,7 @@ CASES: dict[str, Case] = {
         use_simulate,
         {"state": BOX.at(), "constraints": FLOOR, "duration": 0.01, "step": 0.005, "controller": None, "external": np.zeros(6)}
         | {"law": "coulomb", "restitution": 0.5, "integrator": rbd.TimeStepping(), "stabilisation": rbd.simulation.Projection()}
-        | {"record_every": 1, "progress": False},
+        | {"record_every": 1, "may_sink": False, "progress": False},
         30,
     ),
     "TimeStepping": Case(lambda **given: use_integrator(rbd.TimeStepping(**given)), {"impact_speed": 1e-3, "impacts": 20}, 20),
@@ -683,6 +694,16 @@ CASES: dict[str, Case] = {
     "HoldPosture": Case(
         lambda **given: use_controller(rbd.control.HoldPosture(**given)),
         {"state": STATE, "contacts": FEET, "frequency": 10.0, "damping_ratio": 1.0},
+        30,
+    ),
+    "ContactSchedule": Case(
+        lambda **given: use_schedule(rbd.control.ContactSchedule(**given)),
+        {"intervals": {"foot": [(0.0, 1.0), (1.5, 2.0)]}, "fade": 0.05, "flight": False},
+    ),
+    "WholeBodyController": Case(
+        lambda **given: use_whole_body(rbd.control.WholeBodyController(**given)),
+        {"tasks": [rbd.control.PostureTask(STATE)], "contacts": FEET, "every": 0.002, "contact_damping": 50.0, "early": 0.5}
+        | {"schedule": rbd.control.ContactSchedule({}), "limits": rbd.control.Limits()},
         30,
     ),
     "TorqueSchedule": Case(
@@ -774,12 +795,13 @@ CASES: dict[str, Case] = {
     "visual.export_motion": Case(
         export_motion,
         {"trajectory": TRAJECTORY, "path": "/nowhere/x.html", "fps": 30, "speed": 1.0, "title": "x", "start": 0.0}
-        | {"seen_from": (1, 0.6, 0.3), "arrow_per_weight": 0.3},
+        | {"seen_from": (1, 0.6, 0.3), "arrow_per_weight": 0.3, "ghost": TRAJECTORY},
         20,
     ),
     "visual.motion_sheet": Case(
         motion_sheet,
-        {"trajectory": TRAJECTORY, "times": [0.0], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9},
+        {"trajectory": TRAJECTORY, "times": [0.0], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9}
+        | {"ghost": None},
         20,
     ),
     "visual.replay": Case(replay, {"trajectory": "none", "speed": 1.0, "scene": "none"}, 20),
@@ -900,6 +922,11 @@ CHECKED |= {"bodies": False, "self_collision": False, "torque_speed": None, "res
 SWAY_REPORT = rbd.check_motion(**CHECKED)
 
 
+def use_difference(off: Any) -> Any:
+    """Its numbers."""
+    return off.joints, off.base, off.turn, off.com
+
+
 def use_check(**given: Any) -> Any:
     """What a check computes."""
     report = rbd.check_motion(**given)
@@ -908,6 +935,12 @@ def use_check(**given: Any) -> Any:
 
 CASES |= {
     "check_motion": Case(use_check, CHECKED, 20),
+    "MotionReport.nearest_motion": Case(
+        lambda **given: use_motion(SWAY_REPORT.nearest_motion(**given)), {"step": 0.02, "progress": False}, 10
+    ),
+    "MotionDifference.of": Case(
+        lambda **given: use_difference(rbd.motion.MotionDifference.of(**given)), {"motion": SWAY, "reference": SWAY}, 10
+    ),
     "motion.check_motion": Case(use_check, CHECKED, 5),
     "visual.plot_report": Case(
         lambda **given: use_plots(plot_report, **given), {"axes": Figure().subplots(2).tolist(), "report": SWAY_REPORT}, 10
@@ -917,7 +950,7 @@ CASES |= {
         export_report,
         {
             **{"path": "/nowhere/x.html", "report": SWAY_REPORT, "fps": 30.0, "speed": 1.0, "title": "x", "start": 0.0},
-            **{"follow": True, "trace": False, "seen_from": (1.0, 1.0, 1.0), "arrow_per_weight": 0.5},
+            **{"follow": True, "trace": False, "seen_from": (1.0, 1.0, 1.0), "arrow_per_weight": 0.5, "ghost": SWAY},
         },
         10,
     ),
@@ -929,6 +962,7 @@ CASES |= {
 }
 MADE_BY_RBD = {
     "Motion",
+    "MotionDifference",
     "Derivation",
     "Lanes",
     "MotionReport",

@@ -14,6 +14,7 @@ import planar_pictures
 import planar_sketches
 import scenes
 import task_pictures
+import walk_pictures
 from matplotlib.figure import Figure
 from PIL import Image
 
@@ -113,6 +114,14 @@ def coin_strip() -> Path:
     return motion_sheet(coin, [0.0, 0.3, 0.5, 0.6, 0.7], PICTURES / "coin_strip.png", width=300, height=300)
 
 
+def balance_strip() -> Path:
+    """Example 29: Talos is pushed to its left, turns its arms and hips, and stands again."""
+    push, way = scenes.balanced()
+    times = [0.0, 0.1, 0.2, 0.35, 0.5, 0.8, 1.5]
+    picture = PICTURES / "balance_strip.png"
+    return motion_sheet(way, times, picture, external=push, seen_from=(1.0, 0.15, 0.15), trace=False, width=240, height=400)
+
+
 def tipping() -> Path:
     """Example 17: a crate tips over."""
     crate, times, aside = scenes.result("17_sliding_box").tipped[0.6], [0.0, 0.15, 0.3, 0.45, 0.6], (0.2, -1.0, 0.2)
@@ -161,6 +170,42 @@ def inverse_dynamics() -> Path:
     return PICTURES / "inverse_dynamics.png"
 
 
+def control() -> Path:
+    """The plot of docs/reference/control.md: a posture that is reached, and a joint that brakes before its limit."""
+    arm = rbd.load_robot("panda", root="fixed")
+    joint, colors = arm.joints["panda_joint4"], ("#0072b2", "#d55e00", "#009e73")
+    start = arm.at().with_joints({joint.name: -0.8})
+
+    def angles(goal: float, limits: rbd.control.Limits, **law: float) -> tuple[np.ndarray, np.ndarray]:
+        task = rbd.control.PostureTask(start.with_joints({joint.name: goal}), cost=1e6, **law)
+        controller = rbd.control.WholeBodyController([task], limits=limits)
+        moved = rbd.simulate(start, [], duration=0.8, step=2e-3, controller=controller, progress=False)
+        return moved.t, moved.q[:, joint.q][:, 0]
+
+    figure = Figure(figsize=(8.6, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    free, root = rbd.control.Limits(torque=None, position=False, velocity=False), 10.0
+    for zeta, color in zip((0.3, 1.0, 1.5), colors, strict=True):
+        t, angle = angles(-0.7, free, gain=root**2, damping_ratio=zeta)
+        left.plot(t[::16], (angle[::16] + 0.7) / -0.1, "o", ms=4, color=color, label=f"ζ = {zeta}")
+        a, b = np.roots([1.0, 2.0 * zeta * root, root**2]) + (0.0, 1e-6)  # a little apart where they are equal
+        left.plot(t, ((b * np.exp(a * t) - a * np.exp(b * t)) / (b - a)).real, color=color, lw=1.0)
+    left.set(xlabel="time [s]", ylabel="error, of the first one")
+    left.set_title("points: simulated; lines: closed form", fontsize=10)
+    for braking, color in zip((5.0, 20.0, 50.0), colors, strict=True):
+        t, angle = angles(0.4, rbd.control.Limits(horizon=2e-3, braking=braking), gain=root**2)
+        right.plot(t, angle, color=color, label=f"braking = {braking:g} rad/s²")
+    right.axhline(joint.upper, ls="--", color="0.4")
+    right.annotate("limit of the joint", (0.0, joint.upper), (4, 4), textcoords="offset points", color="0.3")
+    right.set(xlabel="time [s]", ylabel=f"{joint.name} [rad]", ylim=(-0.85, 0.05))
+    right.set_title("asked to go beyond its limit", fontsize=10)
+    for ax, where in ((left, "upper right"), (right, "lower right")):
+        ax.legend(frameon=False, loc=where)
+        frame(ax, "y")
+    figure.savefig(PICTURES / "control.png", dpi=110, metadata={"Software": None})
+    return PICTURES / "control.png"
+
+
 def mechanisms() -> Path:
     """The models of `urdf/` with loops and wheels, each with all its branches, three in a row."""
     width, height = 560, 440
@@ -189,6 +234,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "talos": partial(scene, "talos", 1100, 900),
     "hand_on_a_wall": partial(scene, "hand_on_a_wall", 1000, 820),
     "motion_check": partial(scene, "motion_check", 1200, 720),
+    "nearest_motion": partial(scene, "nearest_motion", 1200, 720),
     "four_bar": partial(scene, "four_bar", 900, 640),
     "double_pendulum": partial(scene, "double_pendulum", 900, 640),
     "standing": partial(example_page, "standing", "01_stand", 900, 760),
@@ -199,6 +245,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "impossible_motion": partial(example_page, "impossible_motion", "26_is_this_motion_possible", 1200, 720),
     "crouch": partial(drawn, "crouch", "25_torques_of_a_crouch", 770, 462),
     "painleve": partial(drawn, "painleve", "06_painleve", 770, 462),
+    "balance": partial(drawn, "balance", "29_balance", 880, 506),
     "polar_manipulator": partial(drawn, "polar_manipulator", "20_polar_manipulator", 495, 550),
     "push": partial(plot, "push", "02_push", "plot_push", (7.0, 4.2)),
     "two_laws": partial(plot, "two_laws", "04_two_laws", "plot_laws", (8.6, 3.8), 1, 2),
@@ -210,10 +257,24 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "four_bar_swing": partial(plot, "four_bar_swing", "15_four_bar_swing", "plot_swing", (7.0, 6.0), 2, 1),
     "coin": partial(plot, "coin", "16_rolling_disk", "plot_lean", (7.0, 4.0)),
     "sliding_box": partial(plot, "sliding_box", "17_sliding_box", "plot_slide", (7.0, 6.0), 2, 1),
-    **{f.__name__: f for f in (poses, where_it_can_stand, inverse_dynamics, mechanisms, robots, fall, coin_strip, tipping)},
+    **{
+        f.__name__: f
+        for f in (
+            poses,
+            where_it_can_stand,
+            inverse_dynamics,
+            control,
+            mechanisms,
+            robots,
+            fall,
+            coin_strip,
+            tipping,
+            balance_strip,
+        )
+    },
 }
 """{picture: makes it}; those of the courses and tasks are in modules of their own."""
-MODULES = (planar_pictures, planar_sketches, constraint_pictures, least_constraint_pictures, task_pictures)
+MODULES = (planar_pictures, planar_sketches, constraint_pictures, least_constraint_pictures, task_pictures, walk_pictures)
 
 
 def chosen(names: list[str]) -> Iterator[Path]:

@@ -111,7 +111,7 @@ def setup(
     controller = HoldPosture(state, constraints) if holds and robot.nu else None
     limits = []
     if feet and not bodies:
-        limits.append("only its feet touch the ground: whatever else falls goes through it (--bodies lets all shapes touch)")
+        limits.append("only its feet touch the ground: the run stops where it falls through it (--bodies: all shapes touch)")
     elif not feet and not robot.wheels() and not bodies and robot.root != "fixed":
         limits.append("it touches nothing (--bodies lets all shapes touch the ground)")
     if bodies:

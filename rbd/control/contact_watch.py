@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -11,11 +12,13 @@ import numpy as np
 from rbd.constraints.constraint import Constraint, member
 from rbd.constraints.contact_points import ALWAYS, Source, sources_of
 from rbd.control.accepted_steps import INSTANT, AcceptedStep, ContactTouch
-from rbd.control.contact_schedule import ContactSchedule
+from rbd.control.contact_schedule import ContactSchedule, Interval
 from rbd.model.checked_model import CheckedModel
 
 TOUCHES = 1e-4
 """A point touches up to this distance [m], where it was not told."""
+LEAVES = 0.02
+"""A foot that is lifted may touch for so long [s], or for a fade, before it counts as unplanned."""
 NEAR = 5e-4
 """A contact that was counted on is, until all its points are farther than this [m]: one that carries little leaves by far less,
 for a step or two, and comes back when it is pushed down."""
@@ -39,7 +42,9 @@ class ContactWatch:
 
     A contact counts from when it is wanted and all its points touch, until it is not wanted, or none of its points is near. One
     that touches with some of them for longer than a fade counts too. Late in its swing, one that touches with all its points
-    counts before it is wanted.
+    counts before it is wanted. Its force rises from then, or as before if it was lost for less than a fade.
+
+    What carries a robot alone counts until another contact does, late as that may be, unless the schedule has a flight.
 
     Args:
         contacts: Those of the controller.
@@ -50,8 +55,11 @@ class ContactWatch:
     def __init__(self, contacts: Sequence[Constraint], schedule: ContactSchedule, early: float) -> None:
         self.contacts, self.schedule, self.early = contacts, schedule, early
         self.names = frozenset(c.name for c in contacts)
+        self._carrying = frozenset(c.name for c in contacts if hasattr(c, "friction"))  # not loops
         self.since: dict[str, float] = {}
         self._partly: dict[str, float] = {}
+        self._lost: dict[str, tuple[float, float]] = {}
+        self._until: dict[str, float] = {}
         self._sources: dict[str, Source] = {}
         self._joints: dict[str, int | None] = {}
         self._start: float | None = None
@@ -62,7 +70,7 @@ class ContactWatch:
         if self._start is None:
             self._start = t
         planned, touching, different = list[str](), list[str](), list[tuple[str, str]]()
-        since = dict[str, float]()
+        since, over = dict[str, float](), list[str]()
         for contact in self.contacts:
             name = contact.name
             some, whole, near = self._touches(contact, step)
@@ -77,18 +85,53 @@ class ContactWatch:
                 self._partly.pop(name, None)
             held = whole or (near and name in self.since) or (wanted and self._lasts(name, t))
             if held and (wanted or self._late_in_swing(name, t)):
-                since[name] = -np.inf if begins else self.since.get(name, t)
+                since[name] = -math.inf if begins else self._since(name, t)
                 if not wanted:
                     different.append((name, "early"))
                 if not whole:
                     different.append((name, "partial"))
             elif wanted:
                 different.append((name, "late"))
+                if name in self.since:
+                    self._lost[name] = self.since[name], t
+            elif some and name in self.since:
+                over.append(name)
             elif some and not self._just_lifted(name, t):
                 different.append((name, "unplanned"))
+        if over and not self.schedule.flight and not self._carried(since, step):
+            since |= {name: self.since[name] for name in over}
+            different += [(name, "overdue") for name in over]
         different += [(each, "unplanned") for each in self._others(step, planned)]
         self.since = since
+        self._until |= dict.fromkeys(since, t)
         return SeenContacts(tuple(planned), tuple(touching), since, different)
+
+    def _since(self, name: str, t: float) -> float:
+        """Since when a contact counts, which its force rises from [s]: as before, where it was lost for less than a fade."""
+        if name in self.since:
+            return self.since[name]
+        before, lost = self._lost.get(name, (t, -math.inf))
+        return before if t - lost <= self.schedule.fade + INSTANT else t
+
+    def _carried(self, contacts: Collection[str], step: AcceptedStep) -> bool:
+        """Whether a robot is carried without further contacts: by these, of which loops do not count, or by a fixed base."""
+        return not self._carrying.isdisjoint(contacts) or not len(step.state.robot.unactuated)
+
+    def bounds(self, step: AcceptedStep, full: float, carried: Mapping[str, float]) -> dict[str, Interval]:
+        """Bounds of normal forces that fade [N], as of `ContactSchedule.normal_force`.
+
+        Together they allow at least the full force, or the robot would fall: less is scaled up to it, unless there is a flight.
+        """
+        bounds = self.schedule.normal_force(step.t, full, self.since, carried)
+        carrying = self._carrying.intersection(self.since)
+        if self.schedule.flight or not carrying.issubset(bounds) or not len(step.state.robot.unactuated):
+            return bounds
+        total = sum(bounds[name][1] for name in self.since if name in carrying)
+        if total >= full:
+            return bounds
+        scale = math.inf if total < 1e-6 * full else full / total
+        free = {name: (0.0, bounds[name][1] * scale) for name in carrying if math.isfinite(scale)}
+        return {name: free.get(name, each) for name, each in bounds.items() if name in free or name not in carrying}
 
     def _lasts(self, name: str, t: float) -> bool:
         """Whether a contact has touched with some of its points for longer than a fade."""
@@ -106,6 +149,8 @@ class ContactWatch:
 
         Not the shapes of bodies whose own contacts are planned; not what always acts, as loops and joint friction.
         """
+        if self.names.issuperset(step.contacts):
+            return []
         robot, out = step.state.robot, list[str]()
         feet = {self._joint(robot, frame) for frame in frames_of(self.contacts, planned)}
         for name, touch in step.contacts.items():
@@ -132,9 +177,8 @@ class ContactWatch:
         return self._joints[name]
 
     def _just_lifted(self, name: str, t: float) -> bool:
-        """Whether the contact was wanted until now, less a fade: a foot needs some time to leave the ground."""
-        swing = self.schedule.swing(name, t)
-        return swing is not None and t - swing[0] <= self.schedule.fade + INSTANT
+        """Whether the contact was counted on a moment ago: a foot needs some time to leave the ground."""
+        return t - self._until.get(name, -math.inf) <= max(self.schedule.fade, LEAVES) + INSTANT
 
     def _touches(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool, bool]:
         """Whether some of a contact's points touch, whether all do, and whether any is near; measured where it was not told.

@@ -14,6 +14,7 @@ MEANING = {
     "late": "planned, and does not touch",
     "partial": "taken as a contact, and not all of it touches",
     "early": "touches before it is planned, and is taken as a contact",
+    "overdue": "is not planned any more, and is kept as the only contact that carries the robot",
     "unplanned": "touches, and is not planned",
     "slips": "taken as a contact, and slides",
 }
@@ -44,7 +45,8 @@ class ControlLog:
     Attributes:
         disagreements: {contact: {kind: in how many steps}} where what touches is not what was assumed. Kinds: "late", planned
             and does not touch; "partial", taken as a contact though not all its points touch; "early", touches before it is
-            planned, late in its swing, and is taken as a contact; "unplanned", touches and is not planned (of a contact that
+            planned, late in its swing, and is taken as a contact; "overdue", not planned any more, and kept as the only one
+            that carries the robot; "unplanned", touches and is not planned (of a contact that
             the controller does not have, too); "slips", taken as a contact and slides.
         first: {(contact, kind): when that was first seen [s]}.
 

@@ -95,7 +95,7 @@ class MomentumTask:
         wanted = ref.velocity + self.gain * (ref.value - A_g @ state.v) - bias
         if rows is not None:
             A_g, wanted = A_g[rows], wanted[rows]
-        return TaskTerms(self.name, A_g / mass, wanted / mass, cost)
+        return TaskTerms.unchecked(self.name, A_g / mass, wanted / mass, cost)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,5 +164,5 @@ class ForceTask:
         costs = checked_costs(f"cost of task {self.name!r:.80}", self.cost, m)
         A, rows = identity(m) / mass, chosen(costs)
         if rows is None:
-            return TaskTerms(self.name, A, wanted / mass, costs, self.contact)
-        return TaskTerms(self.name, A[rows], wanted[rows] / mass, costs[rows], self.contact)
+            return TaskTerms.unchecked(self.name, A, wanted / mass, costs, self.contact)
+        return TaskTerms.unchecked(self.name, A[rows], wanted[rows] / mass, costs[rows], self.contact)

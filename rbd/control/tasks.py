@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_vector3, check_finite, is_finite, lazy
+from rbd.arrays import Array, as_array, as_vector3, lazy
 from rbd.constraints.surface import rigid_placement
 from rbd.control.task_terms import (
     Cost,
@@ -25,12 +25,14 @@ from rbd.control.task_terms import (
     Target,
     TaskTerms,
     as_reference,
+    check_near,
     checked_costs,
     checked_law,
     checked_name,
     checked_rates,
     checked_vector,
     chosen,
+    is_near,
     reference_at,
     target_of,
 )
@@ -45,10 +47,12 @@ _WORLD = pin.LOCAL_WORLD_ALIGNED
 class ComTask:
     """The centre of mass follows a point, in world axes.
 
-    Its error c* - c obeys its law exactly, and its rows are A = J_c, the Jacobian of the centre of mass.
+    With k the gain and zeta the damping ratio, its error e = c* - c decays by e'' + 2 zeta sqrt(k) e' + k e = 0. Its rows are
+    A = J_c, the Jacobian of the centre of mass.
 
     Attributes:
-        target: Where it is wanted, shape (3,) [m], a `Reference` with velocity and acceleration, or a function of t [s].
+        target: Where it is wanted, shape (3,) [m], or a `State`: where it is there. Or a `Reference` with velocity and
+            acceleration, or a function of t [s].
         cost: One of all axes, or one each, shape (3,), of (m/s2)^2.
         gain: k [1/s2].
         damping_ratio: zeta.
@@ -83,7 +87,8 @@ class ComTask:
 
     def _reference(self, target: Any, t: float | None) -> Reference:
         ref = as_reference(target)
-        return Reference(checked_vector(ref.value, 3, "", t, self.name), *checked_rates(ref, 3, t, self.name))
+        value = ref.value.com if isinstance(ref.value, State) else ref.value
+        return Reference(checked_vector(value, 3, "", t, self.name), *checked_rates(ref, 3, t, self.name))
 
     @lazy
     def _law(self) -> tuple[float, float, Array | None]:
@@ -107,20 +112,21 @@ class ComTask:
 class FrameTask:
     """A frame of the robot, or a point fixed to it, follows a pose, a position or an orientation.
 
-    The position error p* - p obeys its law exactly. The error of the orientation is the rotation vector in world axes from R
-    to R*, log(R* R^T). It obeys its law exactly while the frame turns about an axis that is fixed, and to first order in
-    general; for any motion, with w the angular velocities,::
+    With k the gain and zeta the damping ratio, the position error e = p* - p decays by e'' + 2 zeta sqrt(k) e' + k e = 0. The
+    error of the orientation is the rotation vector in world axes from R to R*, e = log(R* R^T). It obeys the same law exactly
+    while the frame turns about an axis that is fixed, and to first order in general. For any angular velocities w, w*::
 
-        d/dt (k/2 |log(R* R^T)|^2 + 1/2 |w* - w|^2) = -2 zeta sqrt(k) |w* - w|^2
+        d/dt (k/2 |e|^2 + 1/2 |w* - w|^2) = -2 zeta sqrt(k) |w* - w|^2
 
-    so that it never grows [Bullo1995]; at half a turn the direction of the way back is not determined. A is the frame's
-    Jacobian.
+    so that this energy never grows [Bullo1995]; at half a turn the direction of the way back is not determined. A is the
+    frame's Jacobian.
 
     Attributes:
         frame: Name of the frame.
         target: A pose, pin.SE3 or shape (4, 4); a position, shape (3,) [m], which leaves the orientation free; or an
-            orientation R_WF, shape (3, 3), which leaves the position free. Or a `Reference` of one of them, with velocity and
-            acceleration in world axes, shape (6,), linear then angular, of the others (3,); or a function of t [s].
+            orientation R_WF, shape (3, 3), which leaves the position free; or a `State`: the pose that it has there. Or a
+            `Reference` of one of them, with velocity and acceleration in world axes, of a pose shape (6,), linear then angular,
+            of the others (3,); or a function of t [s].
         offset: The point that is to be at the target, in the frame's axes, from its origin [m].
         position_cost: One of all axes, or one each, shape (3,), of (m/s2)^2.
         orientation_cost: The same, of (rad/s2)^2.
@@ -131,6 +137,7 @@ class FrameTask:
 
     Raises:
         InputError: a target that is none of these, negative or infinite costs, gains, damping ratios.
+        FrameNotFound: the robot of a `State` that is the target has no such frame; of other targets, see `check`.
 
     Example:
         >>> talos = rbd.load_robot("talos")
@@ -171,7 +178,10 @@ class FrameTask:
         ref = as_reference(target)
         if isinstance(ref.value, _Place):
             return ref
-        place = _place(self.name, ref.value, t)
+        value = ref.value
+        if isinstance(value, State):
+            value = value.frame(self.frame, np.asarray(self.offset)).X_WF
+        place = _place(self.name, value, t)
         m = 6 if place.R is not None and place.p is not None else 3
         rates = checked_rates(ref, m, t, self.name)
         if m == 3:
@@ -230,7 +240,9 @@ class _Place(NamedTuple):
 
 
 def _terms(name: str, A: Array, wanted: Array, cost: Array, rows: Array | None) -> TaskTerms:
-    return TaskTerms(name, A, wanted, cost) if rows is None else TaskTerms(name, A[rows], wanted[rows], cost[rows])
+    if rows is None:
+        return TaskTerms.unchecked(name, A, wanted, cost)
+    return TaskTerms.unchecked(name, A[rows], wanted[rows], cost[rows])
 
 
 def _of_six(rate: Array, angular: bool) -> Array:
@@ -247,14 +259,15 @@ def _place(name: str, value: Any, t: float | None) -> _Place:
     """
     if isinstance(value, pin.SE3):
         p, R = value.translation.copy(), value.rotation.copy()
-        if is_finite(p) and _is_rotation(R):
+        if is_near(p) and _is_rotation(R):
             return _Place(p, R)
     said = target_of(name, t)
     found = as_array(said, value.homogeneous if isinstance(value, pin.SE3) else value)
     if found.shape == (4, 4):
         X = rigid_placement(said, found)
-        return _Place(X.translation.copy(), X.rotation.copy())
-    check_finite(said, found)
+        check_near(said, p := X.translation.copy())
+        return _Place(p, X.rotation.copy())
+    check_near(said, found.ravel())
     if found.shape == (3, 3):
         if not _is_rotation(found):
             raise InputError(f"{said} is no rotation: R^T R is not 1 to 1e-6, or it reflects.")

@@ -9,17 +9,17 @@ from dataclasses import KW_ONLY, dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, check_positive
+from rbd.arrays import Array, as_float
 from rbd.constraints.constraint import Constraint, listed, made, member
-from rbd.control.accepted_steps import AcceptedStep, sample_at
+from rbd.control.accepted_steps import INSTANT, AcceptedStep, sample_at
 from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.contact_watch import ContactWatch, SeenContacts, frames_of
 from rbd.control.control_log import ControlLog, ControlStep
 from rbd.control.limits import Limits
 from rbd.control.stepping import TaskActuation, step
-from rbd.control.task_terms import Task, checked_tasks
+from rbd.control.task_terms import Task, checked_tasks, robot_of
 from rbd.errors import DuplicateName, InputError, NoSolution, UnknownName, nearest
-from rbd.errors.warned import RbdWarning
+from rbd.errors.warned import DistantContactWarning, RbdWarning
 from rbd.model.state import State
 from rbd.problem.ground import Body
 
@@ -51,9 +51,10 @@ class WholeBodyController:
     At the beginning of a step it looks at what touches, and computes torques by `rbd.control.step`; they are held until the
     next. A contact is counted on from when it is wanted and all its points touch, until it is not wanted or all are more
     than 0.5 mm away; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero after
-    it touches and falls to zero before it is lifted (`ContactSchedule`). A `FrameTask` of a frame whose contact is counted on
-    is left out, and a `ForceTask` of a contact that is not: so a foot's swing task can always be given, and one that lands late
-    goes on with it.
+    it touches, and falls to zero before it is lifted (`ContactSchedule`), as far as others can carry the robot. A `FrameTask`
+    of a frame whose contact is counted on is left out, and a `ForceTask` of a contact that is not: so a foot's swing task can
+    always be given, and one that lands late goes on with it; the foot that carries the robot alone until then is not lifted. A
+    foot without such a task, that a push lifts off the ground, follows its posture until it touches.
 
     Where contacts, or limits of joints, cannot be kept, a step violates them least; that is counted in the log, and said once a
     motion. Torques and friction are always within their limits. Answers are certified for the contacts that are counted on;
@@ -77,7 +78,8 @@ class WholeBodyController:
         InputError: no tasks, or what is no task; no list of constraints; a schedule that lifts all contacts at once without
             `flight=True`, or a contact that cannot be lifted; numbers out of range.
         DuplicateName: two tasks, or two contacts, of one name.
-        UnknownName: a schedule, or a task, of a contact that is not there.
+        UnknownName: a schedule, or a task, of a contact that is not there; a task of a frame or joint that is not there, if
+            another task has a `State` as its target, else in the first step.
 
     Example:
         >>> talos = rbd.load_robot("talos")
@@ -103,6 +105,7 @@ class WholeBodyController:
     def __post_init__(self) -> None:
         put = object.__setattr__
         put(self, "tasks", checked_tasks(self.tasks))
+        checked_tasks(self.tasks, robot_of(self.tasks))
         if not self.tasks:
             raise InputError("tasks are empty: a controller without tasks wants nothing; give a PostureTask, at least.")
         put(self, "contacts", tuple(made(each) for each in listed(self.contacts)))
@@ -111,7 +114,10 @@ class WholeBodyController:
         if not isinstance(self.limits, Limits):
             raise InputError(f"limits are {self.limits!r:.80}; expected rbd.control.Limits(...).")
         if self.every is not None:
-            put(self, "every", check_positive("every of WholeBodyController", self.every, 1e9))
+            if not 2.0 * INSTANT < as_float(self.every) < math.inf:
+                raise InputError(f"every of WholeBodyController is {self.every!r:.80}; expected a time above 0 [s], or None.")
+            put(self, "every", float(self.every))
+            self._check_horizon(self.every)
         if not 0.0 <= as_float(self.contact_damping) < math.inf:
             raise InputError(f"contact_damping is {self.contact_damping!r:.80}; expected a rate >= 0 [1/s].")
         if not 0.0 < as_float(self.early) <= 1.0:
@@ -157,18 +163,18 @@ class WholeBodyController:
             if sample == memory.sample:
                 return
             memory.sample = sample
+        self._check_horizon(step.h)
         memory.robot = robot
         seen = memory.watch.see(step)
         actuation = self._step(step, seen)
-        limit = robot.effort_limit
-        most = limit * (math.inf if self.limits.torque is None else self.limits.torque)
+        limit, most = robot.effort_limit, self.limits.torques(robot)
         memory.actuation, memory.tau = actuation, np.clip(actuation.tau, -most, most)  # beyond it by rounding only
         known = np.isfinite(limit)
         memory.log.add(
             ControlStep(
                 step.t,
-                _worst(actuation),
-                _violation(actuation),
+                actuation.certificate.worst,
+                0.0 if actuation.violation is None else actuation.violation.worst,
                 float(np.abs(memory.tau[known] / limit[known]).max(initial=0.0)),
                 {name: math.sqrt(float(missed @ missed)) for name, missed in actuation.missed.items()},
                 seen.planned,
@@ -205,6 +211,15 @@ class WholeBodyController:
                 f"WholeBodyController was told of another robot, and got a state of {state.robot.name}; reset() it."
             )
 
+    def _check_horizon(self, held: float) -> None:
+        """Refuse torques that are held for longer than joint limits look ahead."""
+        limits = self.limits
+        if (limits.position or limits.velocity) and held > limits.horizon + INSTANT:
+            raise InputError(
+                f"torques are held for {held:g} s, longer than the horizon of limits, {limits.horizon:g} s: joints could pass "
+                "their limits. Give every=, shorter steps, or limits=rbd.control.Limits(horizon=...)."
+            )
+
     def _step(self, told: AcceptedStep, seen: SeenContacts) -> TaskActuation:
         """Torques for the contacts that are counted on."""
         acting = [c for c in self.contacts if c.name in seen.since]
@@ -215,9 +230,10 @@ class WholeBodyController:
             if getattr(task, "frame", None) not in frames and getattr(task, "contact", "") in ("", *seen.since)
         ]
         full = FULL * told.state.robot.mass
-        bounds = self.schedule.normal_force(told.t, full, seen.since, self._carried(told.t, seen))
+        bounds = self._memory[0].watch.bounds(told, full, self._carried(told.t, seen))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", RbdWarning)
+            warnings.simplefilter("ignore", DistantContactWarning)  # a foot that tips is counted as "partial"
             try:
                 found = step(
                     told.state,
@@ -257,21 +273,9 @@ class WholeBodyController:
                 warnings.warn(text, each.category, stacklevel=4)
 
 
-def _worst(actuation: TaskActuation) -> float:
-    """The largest residual, scaled."""
-    found = getattr(actuation, "certificate", actuation.residuals)
-    return float(found.worst)
-
-
-def _violation(actuation: TaskActuation) -> float:
-    """How far contacts or joint limits were left; 0 where they are kept."""
-    found = getattr(actuation, "violation", None)
-    return 0.0 if found is None else float(found.worst)
-
-
 def _slips(actuation: TaskActuation) -> list[tuple[str, str]]:
     """Contacts that were counted on and move."""
-    return [(name, "slips") for name, speed in getattr(actuation, "moving", {}).items() if speed > SLIPS]
+    return [(name, "slips") for name, speed in actuation.moving.items() if speed > SLIPS]
 
 
 def _twice(names: Sequence[str]) -> str:

@@ -60,7 +60,9 @@ class NoSolution(RbdError):
 
 
 class SimulationStopped(NoSolution):
-    """A step of a simulation has no solution, or a function of the user raised an error in it, which is `__cause__`.
+    """A step of a simulation has no solution, a robot sinks through its floor, or a function of the user raised an error.
+
+    The user's error is `__cause__`.
 
     Attributes:
         state: The last `State` that was reached, or None.

@@ -5,6 +5,7 @@ from rbd.motion.causes import CAUSES
 from rbd.motion.checking import check_motion
 from rbd.motion.contact_detection import find_contacts
 from rbd.motion.derivation import Derivation, derivatives
+from rbd.motion.difference import MotionDifference
 from rbd.motion.force_estimate import ForceEstimate, OpenComponents
 from rbd.motion.lanes import Lanes
 from rbd.motion.making import minimum_jerk
@@ -22,6 +23,7 @@ __all__ = [
     "Lanes",
     "MomentumObserver",
     "Motion",
+    "MotionDifference",
     "MotionReport",
     "OpenComponents",
     "SensorNoise",

@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float
+from rbd.arrays import Array, as_array, as_float, check_flag
 from rbd.errors import InputError
 from rbd.motion import report_contents
 from rbd.motion.causes import CAUSES
 from rbd.motion.contact_detection import fitted_ground
 from rbd.motion.lanes import Lanes
 from rbd.motion.motion import Motion
+from rbd.motion.nearest import nearest_motion
 from rbd.motion.self_collision import SelfCollisions
+from rbd.simulation.run import progress_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -196,6 +198,40 @@ class MotionReport:
     def filtered(self, cutoff: float) -> MotionReport:
         """The report of the same motion without what is above a frequency [Hz]. Contacts are found again."""
         return self.checked_again(self.motion.filtered(cutoff))
+
+    def nearest_motion(self, *, step: float = 5e-3, progress: bool = True) -> Motion:
+        """The motion that follows this one as far as the robot can: possible at each of its frames; it ends where it falls.
+
+        At each time a quadratic program (`rbd.control.step`) finds the accelerations, forces and torques nearest to what the
+        motion wants: of its centre of mass, base, joints and of feet in the air; within the friction and 97 % of the torque
+        limits of this report, joint limits and speeds, on the contacts of its lanes. The motion is integrated from them. The
+        centre of mass is shifted, looking ahead, so that the zero-moment point stays within the contacts [Kajita2003]. Where
+        feet hover or sink, the reference is moved to the floor by one height; feet that slide are held where they came down.
+        Torque-speed curves and self-collision are left out.
+
+        Args:
+            step: Longest step of the integration [s].
+            progress: Show a bar on a terminal where it takes long.
+
+        Returns:
+            A motion of the same robot and times, up to where it falls, with its contacts. Its notes say what was changed; see
+            `rbd.motion.MotionDifference` for how far it is from this one.
+
+        Raises:
+            InputError: a step that is none, or torque limits above those of the robot's file.
+            NoSolution: not even its first frame is possible.
+        """
+        limits = self.settings.torque_limits
+        share = (1.0 if limits else None) if isinstance(limits, bool) else as_float(limits)
+        if share is not None and share > 1.0:
+            raise InputError(f"the report allows {share:g} times the torque limits of the file; expected a share of at most 1.")
+        longest = as_float(step)
+        if not 1e-4 <= longest <= 0.1:
+            raise InputError(f"step is {step!r:.80}; expected a time from 1e-4 to 0.1 s.")
+        check_flag("progress", progress)
+        m = self.motion
+        with progress_of((float(m.t[0]), float(m.t[-1])), shown=progress, doing=f"following {m.source}") as done:
+            return nearest_motion(m, self.lanes, self.friction, share, longest, done)
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name."""

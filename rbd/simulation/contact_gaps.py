@@ -75,7 +75,7 @@ class BodySizes:
     @classmethod
     def of(cls, start: State) -> BodySizes:
         """The scales of the robot of a state."""
-        return cls(_sizes(start), _solids_of(start.robot).prismatic, max_abs(start.q))
+        return cls(_sizes(start), solids_of(start.robot).prismatic, max_abs(start.q))
 
     def tolerances(self, at: Snapshot, known: GapTolerances | None = None) -> GapTolerances:
         """The tolerances of a snapshot's points: `known`, if it has the same layout."""
@@ -97,7 +97,7 @@ def _sizes(start: State) -> Array:
     The size is the largest distance of a body's centre of mass, or its joint if all masses are points, from the centre of
     mass, plus that body's radius of gyration; one metre if that is zero, or larger.
     """
-    solids, out = _solids_of(start.robot), np.ones(start.robot.nv)
+    solids, out = solids_of(start.robot), np.ones(start.robot.nv)
     R, p = start.joint_places(range(1, len(solids.roots) + 1))
     centres = p + each_times(R, solids.levers)
     for root in np.unique(solids.roots):
@@ -115,7 +115,7 @@ def _sizes(start: State) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Solids:
+class Solids:
     """The bodies of a robot's n joints, in their axes, and the joints of its coordinates; the world's is left out.
 
     Attributes:
@@ -135,10 +135,10 @@ class _Solids:
     prismatic: Array
 
 
-_SOLIDS: WeakKeyDictionary[CheckedModel, _Solids] = WeakKeyDictionary()
+_SOLIDS: WeakKeyDictionary[CheckedModel, Solids] = WeakKeyDictionary()
 
 
-def _solids_of(robot: CheckedModel) -> _Solids:
+def solids_of(robot: CheckedModel) -> Solids:
     """The bodies of a robot, computed once."""
     found = _SOLIDS.get(robot)
     if found is not None:
@@ -154,7 +154,7 @@ def _solids_of(robot: CheckedModel) -> _Solids:
     slides = [model.joints[j].shortname().startswith("JointModelP") and model.nvs[j] == 1 for j in joints]
     joint = np.repeat(np.arange(len(roots) - 1), list(model.nvs)[1:])
     levers = np.array([s.lever for s in solids]).reshape(-1, 3)
-    found = _SOLIDS[robot] = _Solids(np.array(roots[1:]), masses, levers, gyration, joint, np.array(slides, bool)[joint])
+    found = _SOLIDS[robot] = Solids(np.array(roots[1:]), masses, levers, gyration, joint, np.array(slides, bool)[joint])
     return found
 
 

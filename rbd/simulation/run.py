@@ -39,6 +39,7 @@ from rbd.problem.residuals import USABLE
 from rbd.simulation.integrators import RungeKutta4, TimeStepping
 from rbd.simulation.motion import Event, Integrator, Motion, Sample, Stabilisation
 from rbd.simulation.recording import Recording
+from rbd.simulation.sinking import Floor
 from rbd.simulation.trajectory import Trajectory
 from rbd.solvers.default import slip_law
 
@@ -62,6 +63,7 @@ def simulate(
     integrator: Integrator | None = None,
     stabilisation: Stabilisation = Projection(),  # noqa: B008  a frozen record of settings
     record_every: int = 1,
+    may_sink: bool = False,
     progress: bool = True,
 ) -> Trajectory:
     """Motion of a robot over time, under the same constraints that `rbd.solve` takes, with its residuals.
@@ -89,6 +91,8 @@ def simulate(
         integrator: `RungeKutta4()`, `DormandPrince8()` or `TimeStepping()`; by default the first or the last, see above.
         stabilisation: Keeps positions and velocities on bilateral constraints: `Projection()`, `Baumgarte(...)`, or None.
         record_every: A sample is recorded every so many steps, and at the first and the last.
+        may_sink: Go on where a robot falls through the floor of its feet; by default the run stops there, with a quarter of the
+            robot's mass below the floor. Contacts support the points that are given alone.
         progress: Show a bar on a terminal where it takes long.
 
     Returns:
@@ -99,8 +103,9 @@ def simulate(
     Raises:
         InputError: arguments that do not fit, two constraints with the same name, a controller's torques that are not finite.
         Unsupported: the integrator does not accept a constraint, which is named.
-        SimulationStopped: a step has no solution, or a function of yours (controller, external force, constraint) raised an
-            error, which is its `__cause__`: with state, time, constraints and the trajectory until then.
+        SimulationStopped: a step has no solution; a robot sinks through the floor of its feet (`may_sink`); or a function of
+            yours (controller, external force, constraint) raised an error, which is its `__cause__`: with state, time,
+            constraints and the trajectory until then.
 
     Example:
         >>> box = rbd.testing.box(mass=10.0)
@@ -113,13 +118,15 @@ def simulate(
     if not isinstance(state, State):
         raise InputError(f"simulate wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
     every = _record_every(record_every)
-    if not isinstance(progress, bool):
-        raise InputError(f"progress is {progress!r:.80}; expected True or False.")
+    for what, given in (("may_sink", may_sink), ("progress", progress)):
+        if not isinstance(given, bool):
+            raise InputError(f"{what} is {given!r:.80}; expected True or False.")
     motion = _motion(state, constraints, controller, external, law, restitution, stabilisation, every)
     times = _times(duration, step)
     chosen = _integrator(integrator, motion, state)
     recording, events = Recording(motion), list[Event]()
-    t, here, interrupted = 0.0, state, ""
+    floors = () if may_sink else Floor.of(state, motion.constraints)
+    t, here, interrupted, sunk = 0.0, state, "", ""
     with progress_of(times, shown=progress) as shown:
         try:
             motion.start()
@@ -130,6 +137,10 @@ def simulate(
                 if motion.recorded(k, times):
                     recording.add(sample)
                 shown(t)
+                for floor in floors:
+                    sunk = sunk or floor.sunk(here)
+                if sunk:
+                    break
         except KeyboardInterrupt:
             if t == 0.0:  # no step was taken: there is no motion to return
                 raise
@@ -140,8 +151,17 @@ def simulate(
             why = f"stopped at t = {t:.6g} s"
             kept = Trajectory.of(motion, recording, _in_order(events), chosen, step, why) if len(recording) else None
             raise _stopped(error, motion, here, t, kept) from error
+    if sunk:
+        interrupted = f"stopped at t = {t:.6g} s"
     trajectory = Trajectory.of(motion, recording, _in_order(events), chosen, step, interrupted)
-    if inaccurate := _inaccurate(trajectory):
+    inaccurate = _inaccurate(trajectory)
+    if sunk:
+        raise SimulationStopped(
+            f"at t = {t:.6g} s {sunk}. `error.trajectory` and `error.state` have what was reached."
+            + (f" Before that, {inaccurate}" if inaccurate else ""),
+            state=here, t=t, names=tuple(c.name for c in motion.constraints), trajectory=trajectory,
+        )  # fmt: skip
+    if inaccurate:
         warnings.warn(inaccurate, InaccurateWarning, stacklevel=2)
     return trajectory
 

@@ -69,12 +69,40 @@ class Cast {
       position: new T.Vector3(...at.slice(0, 3)),
       turn: new T.Quaternion(...at.slice(3)),
     }));
+    this.ghost = motion.ghost ? motion.parts.map((part) => ({ ...part, body: part.body + motion.ghost.bodies })) : [];
     this.start = null;
     if (motion.com) this.makeCom(sizes);
     this.halo = twice(new T.SphereGeometry(1, 24, 16), "#000000", 0.5, 0);
     this.halo.visible = false;
     this.group.add(this.halo);
     this.tracks = [...motion.contacts, ...motion.pushes].map((track) => this.makeTrack(track, sizes));
+  }
+
+  // A second motion of the same robot: its meshes are those of the first, in one translucent colour. The first pass writes
+  // depth alone, so that only the outermost surface is seen.
+  makeGhost() {
+    const T = MeshCat.THREE;
+    const { color } = this.motion.ghost;
+    const depth = new T.MeshBasicMaterial({ colorWrite: false, transparent: true });
+    const glow = new T.Color(color).multiplyScalar(0.25);
+    const skin = new T.MeshLambertMaterial({ color, emissive: glow, opacity: 0.4, transparent: true, depthWrite: false });
+    for (const part of this.ghost) {
+      const from = this.stage.viewer.scene_tree.find(["meshcat", "robot", String(part.node)]).object;
+      part.object = new T.Group();
+      from.traverse((each) => {
+        if (!each.isMesh) return;
+        [depth, skin].forEach((material, i) => {
+          const copy = new T.Mesh(each.geometry, material);
+          copy.renderOrder = 1 + i;
+          part.object.add(copy);
+        });
+      });
+      part.position = new T.Vector3(...part.at.slice(0, 3));
+      part.turn = new T.Quaternion(...part.at.slice(3));
+      this.group.add(part.object);
+    }
+    this.parts = [...this.parts, ...this.ghost];
+    this.ghost = [];
   }
 
   makeCom({ body, line }) {
@@ -139,6 +167,7 @@ class Cast {
     const T = MeshCat.THREE;
     const { sizes, bodies } = this.motion;
     const turn = new T.Quaternion(), at = new T.Vector3();
+    if (this.ghost.length) this.makeGhost();
     for (const part of this.parts) {
       const k = 7 * part.body;
       at.set(row[k], row[k + 1], row[k + 2]);
@@ -239,6 +268,7 @@ class Cues {
     this.others = motion.others.map((name) => row(name, ""));
     this.pushes = motion.pushes.map((c) => row(c.name, c.color));
     if (motion.com) row("centre of mass", motion.com);
+    if (motion.ghost) row(motion.ghost.name, motion.ghost.color);
     legend.append(table);
     for (const note of [motion.note, "Drag to turn, wheel to zoom, right button to shift."]) {
       if (note) legend.append(make("p", note));

@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.robots.robot import Robot
 from rbd.visual.animation_frames import MotionPage, Pushes, PushesAt, frames_of
+from rbd.visual.footprints import footprints_of
 from rbd.visual.page import screenshot, write_page
 from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.scene import Scene
@@ -49,8 +50,10 @@ def export_motion(
     title: str | None = None,
     start: float | None = None,
     external: Pushes | PushesAt = None,
+    ghost: Any = None,
     follow: bool | None = None,
     trace: bool = True,
+    footprints: bool = True,
     ground: bool = True,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
@@ -71,8 +74,11 @@ def export_motion(
         title: Headline; the robot's name by default.
         start: Time at which the page opens [s]; the first by default.
         external: The external forces that were given to `rbd.simulate`: constant, or as a function of state and time.
+        ghost: A second motion of the same robot, an `rbd.Motion` or a trajectory, drawn translucent in one colour at the same
+            times.
         follow: Whether the camera initially follows the robot; by default if it travels far.
         trace: Whether to draw the path of the centre of mass.
+        footprints: Whether to draw the outlines of soles where they stood, of those that stood in two places or more.
         ground: Whether to draw the ground z = 0 as a grid.
         seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m].
@@ -90,11 +96,14 @@ def export_motion(
     target = a_page(path)
     shown = checked(trajectory)
     motion, scene = staged(shown, fps, speed, external, ground, seen_from, arrow_per_weight)
+    motion = motion.with_ghost(ghost)
     first, last = float(motion.frames.times[0]), float(motion.frames.times[-1])
     begin = first if start is None else a_time("start", start, first, last)
     follows = motion.goes_far(FAR) if follow is None else bool(follow)
     settings = {"title": _a_title(title, shown), "start": begin, "speed": float(speed), "follow": follows, "trace": bool(trace)}
     scene.stage_motion(motion.whole(shown.events, settings), motion.around(follows))
+    if footprints and (outlines := footprints_of(shown)):
+        scene.draw(*outlines)
     write_page(target, scene.page(title))
     return target
 
@@ -108,8 +117,10 @@ def motion_sheet(
     width: int = 360,
     height: int = 360,
     external: Pushes | PushesAt = None,
+    ghost: Any = None,
     follow: bool | None = None,
     trace: bool = True,
+    footprints: bool = True,
     ground: bool = True,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
@@ -123,9 +134,11 @@ def motion_sheet(
         columns: Pictures in a row; all of them by default.
         width: Of one picture, in pixels.
         height: Of one picture without its caption, in pixels.
-        external: As for `export_motion`; so are `follow`, `trace`, `ground`, `seen_from` and `arrow_per_weight`.
+        external: As for `export_motion`; so are `ghost`, `follow`, `trace`, `ground`, `seen_from` and `arrow_per_weight`.
+        ghost: A second motion of the same robot, drawn translucent.
         follow: Whether each picture is centred on the robot.
         trace: Whether to draw the path of the centre of mass.
+        footprints: Whether to draw the outlines of soles where they stood, of those that stood in two places or more.
         ground: Whether to draw the ground.
         seen_from: Direction from the robot to the camera.
         arrow_per_weight: Length of an arrow as large as the weight [m].
@@ -148,10 +161,13 @@ def motion_sheet(
     at = _picture_times(times, float(shown.t[0]), float(shown.t[-1]))
     in_a_row = len(at) if columns is None else min(a_count("columns", columns, MOST_PICTURES), len(at))
     motion, scene = staged(shown, None, 1.0, external, ground, seen_from, arrow_per_weight)
+    motion = motion.with_ghost(ghost)
     follows = motion.goes_far(FAR) if follow is None else bool(follow)
     settings = {"title": "", "start": at[0], "speed": 1.0, "follow": follows, "trace": bool(trace)}
     sheet = {"times": at, "columns": in_a_row, "width": width, "height": height, "gap": GAP}
     scene.stage_motion(motion.whole((), {**settings, "sheet": sheet}), motion.around(follows))
+    if footprints and (outlines := footprints_of(shown)):
+        scene.draw(*outlines)
     with tempfile.TemporaryDirectory(prefix="rbd-motion-") as folder:
         page = Path(folder) / "sheet.html"
         write_page(page, scene.page())
@@ -291,7 +307,7 @@ def staged(
     joints = sorted({part.joint for part in parts} - {0})
     weight = float(robot.mass * np.linalg.norm(robot.gravity))
     frames = frames_of(trajectory, joints, fps=fps, speed=speed, external=external)
-    return MotionPage(frames, parts, scene.sizes, bool(ground), weight), scene
+    return MotionPage(frames, parts, scene.sizes, bool(ground), weight, robot), scene
 
 
 def _a_title(title: str | None, trajectory: Trajectory) -> str:

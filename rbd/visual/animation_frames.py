@@ -5,8 +5,8 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, TypeAlias
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -16,9 +16,10 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.motion import OPEN, Event
 from rbd.visual.marks import Push, Sizes, pushes, scale_note
+from rbd.visual.posed_bodies import body_poses, checked_ghost, configuration_between, ghost_poses
 from rbd.visual.robot_meshes import RobotPart, hull_of
 from rbd.visual.shapes import outermost
-from rbd.visual.style import COM_COLOR, PUSH_COLOR, contact_colors
+from rbd.visual.style import COM_COLOR, GHOST_COLOR, PUSH_COLOR, contact_colors
 
 if TYPE_CHECKING:
     from rbd.simulation.trajectory import Trajectory
@@ -85,6 +86,7 @@ class Frames:
         pushes: Each external force.
         modes: {constraint: its mode at each frame}, contacts first.
         stretches: {constraint: (from [s], to [s], mode) of each time it is in one mode}, as fine as the samples.
+        ghost: Name of a second motion, whose poses of the same joints follow in `joints` and `poses`; empty if there is none.
     """
 
     times: Array
@@ -95,6 +97,7 @@ class Frames:
     pushes: tuple[Track, ...]
     modes: Mapping[str, Sequence[str]]
     stretches: Mapping[str, Sequence[tuple[float, float, str]]]
+    ghost: str = ""
 
     @lazy
     def rows(self) -> Array:
@@ -137,8 +140,8 @@ def frames_of(
     at = frame_times(times, speed / fps)
     low = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
     share = np.clip((at - times[low]) / (times[low + 1] - times[low]), 0.0, 1.0)
-    q = [_between(trajectory, int(i), float(w)) for i, w in zip(low, share, strict=True)]
-    poses, com = _kinematics(trajectory.robot, q, joints)
+    q = [configuration_between(trajectory, int(i), float(w)) for i, w in zip(low, share, strict=True)]
+    poses, com = body_poses(trajectory.robot, q, joints)
     contacts = tuple(
         Track(name, _blend(points, low, share), _blend(trajectory.point_forces[name], low, share))
         for name, points in trajectory.points.items()
@@ -171,20 +174,6 @@ def _stretches(times: Array, modes: Sequence[str]) -> list[tuple[float, float, s
     return [(float(times[a]), float(times[b]), modes[a]) for a, b in zip(edges, edges[1:], strict=False) if b > a]
 
 
-def _between(trajectory: Trajectory, i: int, share: float) -> Array:
-    q = trajectory.q
-    if share in (0.0, 1.0):
-        return np.array(q[i + int(share)], float)
-    model, before, after = trajectory.robot.model, np.array(q[i], float), np.array(q[i + 1], float)
-    between = np.array(pin.interpolate(model, before, after, share))
-    # Pinocchio takes a free base along a screw, in a bow that grows with its turn; a flying body moves nearly straight.
-    for joint in model.joints:
-        if joint.shortname() == "JointModelFreeFlyer":
-            at = slice(joint.idx_q, joint.idx_q + 3)
-            between[at] = (1.0 - share) * before[at] + share * after[at]
-    return between
-
-
 def _blend(values: Array, low: Array, share: Array) -> Array:
     """Between two samples linearly; if one of them does not exist, the other."""
     values = np.asarray(values, float)
@@ -192,22 +181,6 @@ def _blend(values: Array, low: Array, share: Array) -> Array:
     blended = np.where(w == 0.0, before, np.where(w == 1.0, after, (1.0 - w) * before + w * after))
     nearer = np.where(w < 0.5, before, after)
     return np.where(np.isfinite(blended), blended, nearer)
-
-
-def _kinematics(robot: CheckedModel, q: Sequence[Array], joints: Sequence[int]) -> tuple[Array, Array]:
-    model, data = robot.model, robot.model.createData()
-    poses, com = np.zeros((len(q), len(joints), 7)), np.zeros((len(q), 3))
-    for i, q_i in enumerate(q):
-        com[i] = pin.centerOfMass(model, data, q_i) if robot.mass > 0.0 else np.nan
-        if robot.mass <= 0.0:
-            pin.forwardKinematics(model, data, q_i)
-        for j, joint in enumerate(joints):
-            poses[i, j] = pin.SE3ToXYZQUAT(data.oMi[joint])
-    if len(joints):
-        back = np.einsum("ijk,ijk->ij", poses[1:, :, 3:], poses[:-1, :, 3:]) < 0.0
-        signs = np.cumprod(np.where(back, -1.0, 1.0), axis=0)
-        poses[1:, :, 3:] *= signs[:, :, None]
-    return poses, com if np.isfinite(com).all() else np.zeros((0, 3))
 
 
 def _fastest_turn(trajectory: Trajectory, joints: Sequence[int]) -> float:
@@ -251,6 +224,7 @@ class MotionPage:
         sizes: Of the scene's marks.
         ground: Whether there is a ground for the centre of mass to drop a line to.
         weight_N: The robot's weight [N].
+        robot: The robot.
         lanes: {mode of the frames that is no contact's: its colour}, of those with a lane above the bar.
     """
 
@@ -259,6 +233,7 @@ class MotionPage:
     sizes: Sizes
     ground: bool
     weight_N: float
+    robot: CheckedModel
     lanes: Mapping[str, str] = field(default_factory=dict)
 
     @lazy
@@ -279,6 +254,24 @@ class MotionPage:
     def longest(self) -> float:
         """Largest length of an arrow [m]."""
         return max(LONGEST_ARROW * self.sizes.body, LONGEST_WEIGHT * self.weight_N * self.sizes.metres_per_newton)
+
+    def with_ghost(self, ghost: Any, down: float = 0.0) -> MotionPage:
+        """With a second motion of the same robot, which is drawn in one translucent colour; without one if it is None.
+
+        Args:
+            ghost: With robot, t and q; at times that it does not have, as at the nearest that it has.
+            down: By how much it is lowered [m].
+
+        Raises:
+            InputError: what is no motion, or one of another robot.
+        """
+        if ghost is None:
+            return self
+        f = self.frames
+        second = checked_ghost(ghost, self.robot)
+        poses = np.concatenate([f.poses, ghost_poses(second, f.times, f.joints, down)], axis=1)
+        name = f"{getattr(ghost, 'source', '') or 'other motion'} (translucent)"
+        return replace(self, frames=replace(f, joints=f.joints * 2, poses=poses, ghost=name))
 
     def goes_far(self, times: float) -> bool:
         """Whether the centre of mass travels farther along the ground than so many sizes of the robot."""
@@ -365,7 +358,8 @@ class MotionPage:
     def _setup(self) -> dict[str, object]:
         """Bodies, contacts, sizes: the same for a page and for a live scene."""
         frames, sizes = self.frames, self.sizes
-        body = {joint: j for j, joint in enumerate(frames.joints)}
+        own = len(frames.joints) // 2 if frames.ghost else len(frames.joints)
+        body = {joint: j for j, joint in enumerate(frames.joints[:own])}
         parts = [
             {"node": i, "body": body[part.joint], "at": [round(float(x), 9) for x in pin.SE3ToXYZQUAT(part.placement)]}
             for i, part in enumerate(self.parts)
@@ -383,6 +377,7 @@ class MotionPage:
         return {
             "parts": parts,
             "bodies": len(frames.joints),
+            "ghost": {"name": frames.ghost, "color": GHOST_COLOR, "bodies": own} if frames.ghost else None,
             "contacts": contacts,
             "pushes": pushes,
             "others": list(frames.modes)[len(contacts) :],

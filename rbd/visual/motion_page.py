@@ -112,6 +112,7 @@ def export_report(
     speed: float = 1.0,
     title: str | None = None,
     start: float | None = None,
+    ghost: Any = None,
     follow: bool | None = None,
     trace: bool = False,
     seen_from: Sequence[float] | Array | None = None,
@@ -131,6 +132,7 @@ def export_report(
         speed: Seconds of motion a second at first.
         title: Headline; by default the motion's source and how many frames are possible.
         start: Time at which the page opens [s]; by default the frame in which most is missing, the first if nothing is.
+        ghost: A second motion of the same robot, drawn translucent in one colour, as the reference of a nearest motion.
         follow: Whether the camera initially follows the robot; by default if it travels far.
         trace: Whether to draw the path of the centre of mass.
         seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
@@ -150,6 +152,7 @@ def export_report(
     target = a_page(path)
     played = checked_report(report)
     page, scene = _staged(report, played, _fps(report) if fps is None else fps, speed, seen_from, arrow_per_weight)
+    page = page.with_ghost(ghost, report.lanes.ground)
     first, last = float(played.t[0]), float(played.t[-1])
     bad = ~report.possible
     worst = float(played.t[int(np.argmax(np.where(bad, report.missing_scaled, -1.0)))]) if bad.any() else first

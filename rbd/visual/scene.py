@@ -188,7 +188,7 @@ class Scene:
             self._recorder.post("view", self._view(self._data))
 
     def draw(self, *statics: Drawn) -> None:
-        """Draw regions, largest pushes and wrench cones of `rbd.statics` around the robot shown, until the next `draw`.
+        """Draw regions, largest pushes, wrench cones and footprints around the robot shown, until the next `draw`.
 
         Raises:
             InputError: of something else.

@@ -1,4 +1,4 @@
-"""Regions, largest pushes and wrench cones among the marks around a robot."""
+"""Regions, largest pushes, wrench cones and footprints among the marks around a robot."""
 
 from __future__ import annotations
 
@@ -14,18 +14,19 @@ from rbd.statics.regions import SupportRegion
 from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
 from rbd.visual import shapes
+from rbd.visual.footprints import Footprints
 from rbd.visual.marks import Mark, Sizes
 from rbd.visual.shapes import Mesh
 from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR
 
-Drawn: TypeAlias = SupportRegion | ZmpRegion | PushLimits | ContactWrenchCone
+Drawn: TypeAlias = SupportRegion | ZmpRegion | PushLimits | ContactWrenchCone | Footprints
 _NAMES = {SupportRegion: "support region", ZmpRegion: "zero-moment points", PushLimits: "largest pushes"}
 _FARTHEST = 2.0
 """Regions are cut so far from the centre of mass, in sizes of the robot."""
 
 
 def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
-    """What is drawn for regions, pushes and cones.
+    """What is drawn for regions, pushes, cones and footprints.
 
     A support region lies at the height of the lowest contact, a region of zero-moment points on its plane; each push is an
     arrow from where it acts, in the colour of what gives way, at the scale of the forces; of a wrench cone it is the forces
@@ -47,6 +48,8 @@ def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
             out += _pushes(at, one, sizes)
         elif isinstance(one, ContactWrenchCone):
             out += _cone(at, one, sizes)
+        elif isinstance(one, Footprints):
+            out += _footprints(at, one, sizes)
         else:
             raise InputError(f"{one!r:.80} cannot be drawn; expected a region, push limits or a wrench cone of rbd.statics.")
     return out
@@ -57,6 +60,9 @@ def legend_of(drawn: Sequence[Drawn]) -> list[tuple[str, str]]:
     colors = {SupportRegion: SUPPORT_COLOR, ZmpRegion: ZMP_COLOR, PushLimits: LIMIT_COLORS["edge"][0]}
     out = []
     for one in drawn:
+        if isinstance(one, Footprints):
+            out.append((f"footprints of {one.name}", one.color))
+            continue
         name, color = _NAMES.get(type(one), "forces through the point"), colors.get(type(one), WRENCH_COLOR)
         if isinstance(one, SupportRegion) and one.torque_limits:
             name, color = name + ", torques within limits", LIMITED_COLOR
@@ -77,6 +83,16 @@ def _area(at: str, corners: Array, color: str, number: int, sizes: Sizes, com: A
     if len(corners) > 2:
         marks.append(Mark(f"{at}/area", shapes.polygon(corners), color, 0.22))
     return marks
+
+
+def _footprints(at: str, stood: Footprints, sizes: Sizes) -> list[Mark]:
+    flat = stood.outlines + [0.0, 0.0, sizes.lift]
+    edges = [shapes.tube(outline, radius=0.7 * sizes.line, closed=True) for outline in flat]
+    areas = [shapes.polygon(outline) for outline in flat]
+    return [
+        Mark(f"{at}/edges", shapes.joined(edges), stood.color, 0.6),
+        Mark(f"{at}/areas", shapes.joined(areas), stood.color, 0.18),
+    ]
 
 
 def _pushes(at: str, limits: PushLimits, sizes: Sizes) -> list[Mark]:

@@ -17,6 +17,7 @@ from rbd.model.output_files import check_place
 CONTACT_COLORS = ("#0072b2", "#d55e00", "#009e73", "#56b4e9", "#e69f00", "#8c6d31", "#5e4fa2", "#7f7f7f")
 PUSH_COLOR = "#c2187a"
 COM_COLOR = "#1a1a1a"
+GHOST_COLOR = "#7b5ea7"  # of a second motion beside the one shown
 SUPPORT_COLOR = "#3f6f3f"
 LIMITED_COLOR = "#8a2f4f"  # of a support region within torque limits
 ZMP_COLOR = "#5e4fa2"

@@ -16,9 +16,20 @@ import pytest
 
 import rbd
 from rbd.arrays import Array, range_of
-from rbd.control import ComTask, ForceTask, FrameTask, MomentumTask, PostureTask, Reference, TaskTerms, step
-from rbd.control.task_terms import Task, checked_tasks
+from rbd.control import (
+    ComTask,
+    ForceTask,
+    FrameTask,
+    MomentumTask,
+    PostureTask,
+    Reference,
+    TaskTerms,
+    WholeBodyController,
+    step,
+)
+from rbd.control.task_terms import Task, checked_tasks, robot_of
 from rbd.errors import DuplicateName, FrameNotFound, InputError, JointNotFound
+from rbd.model.checked_model import CheckedModel
 from rbd.testing import TaskWrong, check_task
 
 OFFSET = np.array([0.03, -0.02, 0.05])
@@ -127,16 +138,19 @@ def test_wrong_rows_are_noticed() -> None:
         name = "changed"
 
         def __init__(self, sign: float, bias: float) -> None:
-            self.sign, self.bias = sign, bias
+            self.sign, self.bias, self.asked = sign, bias, set[float]()
 
         def terms(self, at: rbd.State, t: float) -> TaskTerms:
+            self.asked.add(t)
             hand = at.frame("gripper_left_joint")
             return TaskTerms("changed", self.sign * hand.J[:3], -self.bias * hand.bias[:3], np.ones(3))
 
     def place(at: rbd.State) -> Array:
         return np.asarray(at.frame("gripper_left_joint").X_WF.translation)
 
-    assert check_task(Changed(1.0, 1.0), place, state).rows == 3
+    right = Changed(1.0, 1.0)
+    assert check_task(right, place, state).rows == 3 and right.asked == {0.0}
+    assert check_task(right, place, state, t=0.5).rows == 3 and right.asked == {0.0, 0.5}
     with pytest.raises(TaskWrong, match="A v of row"):
         check_task(Changed(-1.0, 1.0), place, state)
     with pytest.raises(TaskWrong, match="J_dot v of row"):
@@ -214,6 +228,47 @@ def test_the_energy_of_a_wrong_orientation_falls_at_the_rate_of_damping(rng: np.
         rate = np.array([1.0, -8.0, 8.0, -1.0]) @ [energy(s) for s in (-2 * h, -h, h, 2 * h)] / (12.0 * h)
         off = w - state.frame(frame).v[3:]
         assert abs(rate + 2.0 * zeta * math.sqrt(k) * off @ off) < 1e-6 * max(1.0, k)
+
+
+def test_joints_with_several_axes_and_without_ends_follow_a_posture(rng: np.random.Generator) -> None:
+    """The error of a ball joint falls as that of a frame; a continuous hinge goes the short way round, as its law says."""
+    model = pin.Model()
+    hip = model.addJoint(0, pin.JointModelSpherical(), pin.SE3.Identity(), "hip")
+    model.appendBodyToJoint(hip, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    wheel = model.addJoint(hip, pin.JointModelRUBZ(), pin.SE3(np.eye(3), np.array([0.0, 0.0, 0.5])), "wheel")
+    model.appendBodyToJoint(wheel, pin.Inertia.FromSphere(1.0, 0.1), pin.SE3.Identity())
+    one, k, zeta, h = CheckedModel(model, name="ball"), 20.0, 0.4, 1e-3
+    costs = PostureTask(one_at(one, rng), cost={"wheel": 3.0}).terms(one_at(one, rng), 0.0).cost
+    assert costs.tolist() == [1.0, 1.0, 1.0, 3.0]
+    for _ in range(10):
+        state, goal, dv, da = one_at(one, rng), one_at(one, rng), *rng.normal(size=(2, 4))
+        a = least(PostureTask(Reference(goal, dv, da), gain=k, damping_ratio=zeta).terms(state, 0.0))
+        way = math.remainder(wheel_angle(goal.q) - wheel_angle(state.q), 2.0 * math.pi)
+        assert abs(a[3] - (da[3] + k * way + 2.0 * zeta * math.sqrt(k) * (dv[3] - state.v[3]))) < 1e-9
+
+        def energy(
+            s: float, state: rbd.State = state, goal: rbd.State = goal, a: Array = a, dv: Array = dv, da: Array = da
+        ) -> float:
+            """Of the ball joint at a time, with the target and the joint on their ways to second order."""
+            to = pin.integrate(model, goal.q, s * dv + 0.5 * s * s * da)
+            at = pin.integrate(model, state.q, s * state.v + 0.5 * s * s * a)
+            e, off = pin.difference(model, at, to)[:3], (dv + s * da - state.v - s * a)[:3]
+            return float(0.5 * k * e @ e + 0.5 * off @ off)
+
+        rate = np.array([1.0, -8.0, 8.0, -1.0]) @ [energy(s) for s in (-2 * h, -h, h, 2 * h)] / (12.0 * h)
+        off = (dv - state.v)[:3]
+        assert abs(rate + 2.0 * zeta * math.sqrt(k) * off @ off) < 1e-6 * k
+
+
+def one_at(one: CheckedModel, rng: np.random.Generator) -> rbd.State:
+    """Some pose, its ball joint within half a turn of any other such pose, and some velocity."""
+    q = pin.integrate(one.model, pin.neutral(one.model), np.array([0.8, 0.8, 0.8, 3.0]) * rng.uniform(-1.0, 1.0, 4))
+    return rbd.State(one, q, rng.normal(size=one.nv))
+
+
+def wheel_angle(q: Array) -> float:
+    """Of the wheel above, by its cosine and sine."""
+    return math.atan2(q[5], q[4])
 
 
 def decay(e0: Array, de0: Array, k: float, zeta: float, t: Array) -> Array:
@@ -395,6 +450,11 @@ def test_targets_may_be_given_in_many_ways(rng: np.random.Generator) -> None:
     assert same(place, TaskTerms("part", whole.A[:3], whole.wanted[:3], whole.cost[:3]))
     assert same(turned, TaskTerms("part", whole.A[3:], whole.wanted[3:], whole.cost[3:]))
     assert same(FrameTask(frame, Reference(X, *rates), orientation_cost=0.0).terms(state, 0.0), place)
+    other = drawn(talos, rng)
+    held = FrameTask(frame, other.frame(frame, OFFSET).X_WF, offset=OFFSET).terms(state, 0.0)
+    for target in (other, Reference(other), lambda t: other):
+        assert same(FrameTask(frame, target, offset=OFFSET).terms(state, 0.0), held)
+        assert same(ComTask(target).terms(state, 0.0), ComTask(other.com).terms(state, 0.0))
     posture = PostureTask(state.q).terms(state, 0.0)
     for target in (state, Reference(state), lambda t: state, lambda t: Reference(state.q, np.zeros(talos.nv))):
         assert same(PostureTask(target).terms(state, 0.0), posture)
@@ -479,6 +539,7 @@ BAD: dict[str, Callable[[], Any]] = {
     r"damping_ratio of task 'com' is inf": lambda: ComTask(np.zeros(3), damping_ratio=np.inf),
     r"the name of a task is 3; expected a text": lambda: ComTask(np.zeros(3), name=3),  # type: ignore[arg-type]
     r"frame of a task is None; expected the name of a frame": lambda: FrameTask(None, np.eye(4)),  # type: ignore[arg-type]
+    r"frame of a task is ''; expected the name of a frame": lambda: FrameTask("", np.eye(4), name="hand"),
     r"target of task 'hand' is no rigid placement": lambda: FrameTask("hand", np.diag([1.0, 1.0, -1.0, 1.0])),
     r"target of task 'foot' is no rigid placement": lambda: FrameTask("foot", pin.SE3(1.01 * np.eye(3), np.zeros(3))),
     r"target of task 'head' is no rotation": lambda: FrameTask("head", np.diag([1.0, 1.0, -1.0])),
@@ -535,6 +596,8 @@ def test_names_are_checked_where_the_robot_is_known(talos: rbd.Robot) -> None:
         hand.check(talos)
     with pytest.raises(FrameNotFound, match="gripper_left_joint"):
         hand.terms(state, 0.0)
+    with pytest.raises(FrameNotFound, match="gripper_left_joint"):
+        FrameTask("gripper_lef_joint", state)
     with pytest.raises(JointNotFound, match="no joint 'torso_1_join' in .*nearest: 'torso_1_joint'"):
         PostureTask(state, joints=["torso_1_join"])
     with pytest.raises(JointNotFound, match="cost of task 'posture' has joint 'torso_1_join'; nearest: 'torso_1_joint'"):
@@ -549,6 +612,8 @@ def test_names_are_checked_where_the_robot_is_known(talos: rbd.Robot) -> None:
         PostureTask(np.zeros(19)).check(talos)
     with pytest.raises(InputError, match="target of task 'posture' is a state of solo12; expected one of talos"):
         PostureTask(robot("solo12").standing()).terms(state, 0.0)
+    again = rbd.load_robot("talos").standing()  # the same robot, loaded once more
+    assert same(PostureTask(again).terms(state, 0.0), PostureTask(state).terms(state, 0.0))
     with pytest.raises(InputError, match=r"velocity of the target of task 'posture' has shape \(32,\); expected \(38,\)"):
         PostureTask(Reference(state, np.zeros(32)))
     for bad in (3.0, talos, None):
@@ -588,6 +653,7 @@ def test_lists_of_tasks_are_checked(talos: rbd.Robot) -> None:
     com = ComTask(np.zeros(3))
     calm = MomentumTask()
     assert checked_tasks([com, calm], talos) == (com, calm) and checked_tasks(()) == ()
+    assert robot_of([com, calm]) is None and robot_of([com, PostureTask(talos.standing())]) is talos
     for bad in (com, "com", 3, None):
         with pytest.raises(InputError, match="tasks are .*; expected a list"):
             checked_tasks(bad)  # type: ignore[arg-type]
@@ -598,3 +664,5 @@ def test_lists_of_tasks_are_checked(talos: rbd.Robot) -> None:
         checked_tasks([com, ComTask(np.ones(3))])
     with pytest.raises(FrameNotFound, match="nearest: 'left_sole_link'"):
         checked_tasks([com, FrameTask("left_sole_lin", np.eye(4))], talos)
+    with pytest.raises(FrameNotFound, match="nearest: 'left_sole_link'"):  # the posture knows the robot
+        WholeBodyController([PostureTask(talos.standing()), FrameTask("left_sole_lin", np.eye(4))])

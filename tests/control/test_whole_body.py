@@ -16,11 +16,15 @@ from rbd.control import (
     ComTask,
     ContactSchedule,
     ContactTouch,
+    ForceTask,
     FrameTask,
+    Limits,
+    MomentumTask,
     PostureTask,
     Reference,
     WholeBodyController,
 )
+from rbd.control.contact_watch import ContactWatch
 
 URDF = Path(__file__).parents[2] / "urdf"
 INF = math.inf
@@ -169,7 +173,7 @@ def test_a_foot_that_touches_at_the_start_of_its_swing_has_not_landed(quadruped:
     for k in range(31):
         controller.accepted(AcceptedStep(quadruped.state, 0.01 * k, 0.01, {}))
     log = controller.log
-    assert log.disagreements == {"hind_left": {"unplanned": 5, "early": 10}}  # after the fade: 0.15 to 0.19, 0.2 to 0.29
+    assert log.disagreements == {"hind_left": {"unplanned": 6, "early": 10}}  # after a fade: 0.14 to 0.19, 0.2 to 0.29
     assert (log.assumed["hind_left"] == ~((log.t > 0.095) & (log.t < 0.195))).all()
 
 
@@ -214,3 +218,314 @@ def test_collision_shapes_that_touch_are_named_by_their_link(quadruped: Quadrupe
     assert log.disagreements.pop("front_right") == log.disagreements.pop("hind_right") == {"late": 1}
     assert log.disagreements == {"shapes: FL_FOOT_0": {"unplanned": 1}, "shapes: FL_UPPER_LEG_0": {"unplanned": 1}}
     assert {name for name, there in log.assumed.items() if there[0]} == {"hind_left"}
+
+
+def test_talos_squats(talos: rbd.Robot):
+    """Its centre of mass goes down by 3 cm and up in 0.5 s, on both soles."""
+    state, soles = talos.standing(), talos.soles(friction=0.7)
+    com = lifted(state.com, -0.03, 0.0, 0.5)
+    controller = WholeBodyController(
+        [
+            ComTask(com, cost=100.0),
+            PostureTask(state.q, cost=0.01, gain=40.0),
+            FrameTask("torso_2_link", state.frame("torso_2_link").X_WF.rotation, orientation_cost=10.0),
+        ],
+        soles,
+    )
+    motion = rbd.simulate(state, soles, duration=0.5, step=4e-3, controller=controller, progress=False)
+    wanted = np.array([com(t).value for t in motion.t])
+    assert np.abs(motion.com - wanted).max() < 1e-3 and np.ptp(motion.com[:, 2]) > 0.029
+    log = controller.log
+    assert not log.disagreements and log.violations == 0 and log.residual.max() < 1e-7
+    assert 0.05 < log.torque_share.max() < 1.0 and (np.abs(motion.tau) <= talos.effort_limit).all()
+    assert log.torque_share.max() == pytest.approx((np.abs(motion.tau) / talos.effort_limit).max(), abs=1e-12)
+    assert str(controller).splitlines()[-1] == "what touches is what was planned, in all steps"
+
+
+def test_an_arm_without_contacts_follows_its_tasks():
+    """Smooth motion by the method of Runge and Kutta, torques held for a step: an error of the order of the step."""
+    arm = rbd.load_robot("ur5", root="fixed")
+    state = arm.at([0.2, -1.2, 1.5, -0.4, 0.3, 0.1])
+    hand = shifted(state.frame("tool0").X_WF.translation, [0.1, 0.1, -0.1], 0.4)
+    tasks = [FrameTask("tool0", hand, position_cost=100.0, gain=400.0), PostureTask(state.q, cost=0.01)]
+    errors = []
+    for step in (4e-3, 2e-3):
+        controller = WholeBodyController(tasks)
+        motion = rbd.simulate(state, duration=0.5, step=step, controller=controller, progress=False)
+        p = np.array([rbd.State(arm, q).frame("tool0").X_WF.translation for q in motion.q])
+        errors.append(np.abs(p - np.array([hand(t).value for t in motion.t])).max())
+        assert not controller.log.disagreements and len(controller.log) == len(motion.t)
+    assert errors[0] < 2e-3 and errors[1] == pytest.approx(0.5 * errors[0], rel=0.3), errors
+
+
+def test_a_leg_with_loops_moves_its_motors():
+    """Its loops are contacts of the controller, which always act: three parallelograms stay closed."""
+    leg = rbd.load_robot(URDF / "parallel_leg.urdf")
+    state = leg.at("assembled")
+    controller = WholeBodyController([PostureTask(state.q, gain=400.0)], leg.loops())
+    push = rbd.ExternalForce("foot", (20.0, 0.0, -30.0))
+    motion = rbd.simulate(state, leg.loops(), duration=0.1, step=1e-3, controller=controller, external=push, progress=False)
+    assert not controller.log.disagreements and all(there.all() for there in controller.log.assumed.values())
+    still = rbd.simulate(state, leg.loops(), duration=0.1, step=1e-3, controller=controller, progress=False)
+    assert np.abs(still.q - state.q).max() < 1e-6
+    assert np.abs(motion.q - state.q).max() > 1e-4  # the push, of which it does not know
+    a = rbd.solve(state, still.tau[0], leg.loops()).a
+    assert np.abs(a).max() < 1e-3  # the cost of any acceleration is 1e-4 of the task's
+
+
+def test_a_foot_that_slides_is_counted(quadruped: Quadruped):
+    """Ground of little friction, of which the controller does not know: it goes on, and says so."""
+    controller = WholeBodyController(
+        [ComTask(shifted(quadruped.state.com, [0.03, 0.0, 0.0], 0.1), cost=100.0), PostureTask(quadruped.state.q, cost=0.1)],
+        quadruped.robot.feet(friction=0.7),
+    )
+    motion = quadruped.run(controller, 0.12, constraints=quadruped.robot.feet(friction=0.1))
+    assert sum(kinds.get("slips", 0) for kinds in controller.log.disagreements.values()) > 20
+    assert "taken as a contact, and slides" in str(controller)
+    assert len(motion.t) == 61
+
+
+def test_steps_that_violate_contacts_are_counted_and_said_once(quadruped: Quadruped):
+    """A foot that should keep still, and rise with a lift that is not there."""
+    lift = rbd.PointContact("lift", "FL_FOOT", friction=0.6, on=rbd.Ground(acceleration=(0.0, 0.0, 1.0)))
+    controller = WholeBodyController([PostureTask(quadruped.state.q)], [*quadruped.feet, lift], every=4e-3)
+    with pytest.warns(rbd.errors.RelaxedLimitsWarning, match="At t = 0 s. Said once in a motion") as said:
+        quadruped.run(controller, 0.02)
+    assert len(said) == 1
+    log = controller.log
+    assert log.violations == len(log) == 6 and log.violation == pytest.approx(0.5, abs=0.01)  # half of 1 m/s2 each
+    assert "6 steps could not keep contacts or joint limits, by at most 0.5 m/s2" in str(controller)
+    with pytest.warns(rbd.errors.RelaxedLimitsWarning):
+        quadruped.run(controller, 0.02)  # once in each motion
+
+
+def test_what_a_task_raises_stops_the_simulation(quadruped: Quadruped):
+    """The error of a user's function is the cause, at its time."""
+
+    def fails(t: float) -> np.ndarray:
+        if t > 0.0095:
+            raise ArithmeticError("no plan")
+        return quadruped.state.com
+
+    controller = WholeBodyController([ComTask(fails), PostureTask(quadruped.state.q)], quadruped.robot.feet(friction=0.6))
+    with pytest.raises(rbd.errors.SimulationStopped, match="no plan") as stopped:
+        quadruped.run(controller)
+    assert stopped.value.t == pytest.approx(0.008) and isinstance(stopped.value.__cause__, rbd.errors.InputError)
+    assert len(controller.log) == 5 and len(stopped.value.trajectory.t) == 5
+
+
+def test_it_wants_to_be_told(quadruped: Quadruped, talos: rbd.Robot):
+    """No torques before the first step, none for another robot, until it is reset."""
+    controller = quadruped.controller()
+    with pytest.raises(rbd.errors.InputError, match="before it was told of a step"):
+        controller(quadruped.state, 0.0)
+    with pytest.raises(rbd.errors.InputError, match="has done no step yet"):
+        _ = controller.actuation
+    assert str(controller).endswith("no step of control yet")
+    with pytest.raises(rbd.errors.InputError, match="expected rbd.control.AcceptedStep"):
+        controller.accepted(quadruped.state)
+    controller.accepted(AcceptedStep(quadruped.state, 0.0, 1e-3, {}))
+    assert (controller(quadruped.state, 0.0) == controller.actuation.tau).all()
+    other = talos.standing()
+    for ask in (lambda: controller(other, 0.0), lambda: controller.accepted(AcceptedStep(other, 0.0, 1e-3, {}))):
+        with pytest.raises(rbd.errors.InputError, match="told of another robot, and got a state of talos"):
+            ask()
+    with pytest.raises(rbd.errors.InputError, match="in place of a State"):
+        controller(quadruped.state.q, 0.0)
+    with pytest.raises(rbd.errors.InputError, match="held for 0.02 s, longer than the horizon"):
+        controller.accepted(AcceptedStep(quadruped.state, 0.0, 0.02, {}))
+    controller.reset()
+    assert not len(controller.log)
+
+
+SOLO = rbd.load_robot("solo12")
+FEET = SOLO.feet(friction=0.7)
+POSTURE = PostureTask(SOLO.posture("standing"))
+LOOP = rbd.LoopClosure("loop", "FL_FOOT", "FR_FOOT")
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        ({"tasks": []}, "InputError", "tasks are empty"),
+        ({"tasks": POSTURE}, "InputError", "expected a list"),
+        ({"tasks": [PostureTask]}, "InputError", "is no task"),
+        ({"tasks": [POSTURE, POSTURE]}, "DuplicateName", "two tasks are named 'posture'"),
+        ({"tasks": [POSTURE, ForceTask("front_lef", [0.0, 0.0, 5.0])]}, "UnknownName", "nearest: 'front_left'"),
+        ({"contacts": FEET[0]}, "InputError", "single constraint"),
+        ({"contacts": [*FEET, FEET[0]]}, "DuplicateName", "two contacts are named 'front_left'"),
+        ({"contacts": ["front_left"]}, "InputError", "is no constraint"),
+        ({"schedule": {"front_left": [(0.0, 1.0)]}}, "InputError", "expected rbd.control.ContactSchedule"),
+        ({"schedule": ContactSchedule({"front_lft": [(0.0, 1.0)]})}, "UnknownName", "nearest: 'front_left'"),
+        (
+            {"schedule": ContactSchedule({foot.name: [(0.0, 1.0), (1.2, INF)] for foot in FEET})},
+            "InputError",
+            "lifts all contacts at once, from 1 to 1.2 s: front_left, front_right, hind_left, hind_right",
+        ),
+        (
+            {"schedule": ContactSchedule({foot.name: [(0.0, 1.0)] for foot in FEET})},
+            "InputError",
+            r"from 1 to inf s.*flight=True",
+        ),
+        (
+            {"contacts": SOLO.feet(friction=None), "schedule": ContactSchedule({"front_left": [(0.0, 1.0)]})},
+            "InputError",
+            "lifts 'front_left', which is bilateral",
+        ),
+        (
+            {"contacts": [*FEET, LOOP], "schedule": ContactSchedule({"loop": [(0.0, 1.0)]})},
+            "InputError",
+            "lifts 'loop', which is bilateral",
+        ),
+        ({"limits": 0.9}, "InputError", "expected rbd.control.Limits"),
+        ({"every": 0.0}, "InputError", "every of WholeBodyController is 0.0"),
+        ({"every": math.nan}, "InputError", "every of WholeBodyController is nan"),
+        ({"every": 0.02}, "InputError", "held for 0.02 s, longer than the horizon"),
+        ({"contact_damping": -1.0}, "InputError", "contact_damping is -1.0"),
+        ({"early": 0.0}, "InputError", "early is 0.0"),
+        ({"early": 1.5}, "InputError", "early is 1.5"),
+    ],
+)
+def test_wrong_controllers_are_refused(given: dict[str, Any], error: str, message: str):
+    """Where they are made."""
+    with pytest.raises(getattr(rbd.errors, error), match=message):
+        WholeBodyController(**{"tasks": [POSTURE], "contacts": FEET, **given})
+
+
+def test_what_is_not_refused():
+    """Flight that is said; a robot that stands on feet that no schedule names; a longer horizon."""
+    jump = ContactSchedule({foot.name: [(0.0, 1.0), (1.2, INF)] for foot in FEET}, flight=True)
+    trot = ContactSchedule({foot.name: [(0.0, 1.0), (1.2, INF)] for foot in FEET[:3]})
+    for schedule in (jump, trot):
+        assert WholeBodyController([POSTURE], FEET, schedule=schedule).schedule is schedule
+    slow = WholeBodyController([POSTURE], every=0.02, limits=Limits(horizon=0.02))
+    assert slow.every == 0.02 and WholeBodyController([POSTURE], every=0.02, limits=Limits(position=False, velocity=False))
+
+
+def largest_force(controller: WholeBodyController, foot: str) -> float:
+    """That the last step could have asked of a foot [N]: what it asked for, of a task that wants as much as there is."""
+    return float(controller.actuation.contacts[foot].normal)
+
+
+def test_a_contact_lost_for_an_instant_does_not_fade_in():
+    """Nor one that carries a robot alone; one that was in the air for longer does, beside others."""
+    standing, robot = SOLO.standing(), SOLO
+    tasks = [POSTURE, *(ForceTask(foot.name, [0.0, 0.0, 30.0], cost=1e3) for foot in FEET)]
+    controller = WholeBodyController(tasks, FEET, schedule=ContactSchedule({}, fade=0.04))
+
+    def told(t: float, *lost: str) -> dict[str, float]:
+        touches = {
+            foot.name: ContactTouch(np.array([0.01 * (foot.name in lost)]), np.array([foot.name not in lost]), np.zeros((1, 3)))
+            for foot in FEET
+        }
+        controller.accepted(AcceptedStep(standing, t, 1e-3, touches))
+        return {name: largest_force(controller, name) for name in controller.actuation.contacts}
+
+    start = told(0.0)
+    assert len(start) == 4 and min(start.values()) > 5.0
+    assert told(0.01, "front_left").keys() == {"front_right", "hind_left", "hind_right"}
+    assert told(0.04, "front_left").keys() == {"front_right", "hind_left", "hind_right"}
+    assert told(0.05)["front_left"] > 5.0  # lost at 0.01, for no longer than a fade
+    told(0.1, "front_left")
+    back = told(0.2)
+    assert abs(back["front_left"]) < 1e-9 and back["hind_right"] > 5.0
+    assert told(0.21)["front_left"] == pytest.approx(0.15625 * 12.0 * robot.mass, rel=1e-6)  # 3 x^2 - 2 x^3, x = 1/4
+    assert told(0.25)["front_left"] > 5.0
+    assert not told(0.3, *start)
+    assert min(told(0.4).values()) > 5.0  # all at once, from the air
+
+
+@pytest.mark.parametrize("flight", [False, True])
+def test_a_foot_that_carries_alone_is_not_lifted(flight: bool):
+    """The next one is late: it stays, without a fade, until that touches; not where the schedule has a flight."""
+    first, second = FEET[0], FEET[3]
+    intervals = {first.name: [(-INF, 0.3)], second.name: [(0.25, INF)]}
+    controller = WholeBodyController([POSTURE], [first, second], schedule=ContactSchedule(intervals, fade=0.04, flight=flight))
+    state, touches = SOLO.standing(), ContactTouch(np.zeros(1), np.ones(1, bool), np.zeros((1, 3)))
+    away = ContactTouch(np.full(1, 0.01), np.zeros(1, bool), np.zeros((1, 3)))
+    forces = []
+    for k in range(50):
+        t = 0.01 * k
+        told = {first.name: touches, second.name: touches if t > 0.395 else away}
+        controller.accepted(AcceptedStep(state, t, 1e-3, told))
+        forces.append(largest_force(controller, first.name) if first.name in controller.actuation.contacts else 0.0)
+    log, kinds = controller.log, controller.log.disagreements[first.name]
+    assert (log.assumed[first.name] == (log.t < (0.295 if flight else 0.395))).all()
+    assert (log.assumed[second.name] == (log.t > 0.395)).all() and log.disagreements[second.name] == {"late": 15}
+    assert kinds.get("overdue", 0) == (0 if flight else 10) and kinds["unplanned"] == (16 if flight else 6)
+    assert forces[29] == pytest.approx(forces[26] * (0.15625 if flight else 1.0), rel=1e-6) and forces[26] > 1.0
+
+
+def test_contacts_that_all_fade_can_carry_the_robot():
+    """Two pairs of feet that change at once: their bounds are scaled to the full force, 12 m/s2; in a flight they are not."""
+    pairs = {"front_left": [(-INF, 0.3)], "hind_right": [(-INF, 0.3)], "front_right": [(0.26, INF)], "hind_left": [(0.26, INF)]}
+    full = 12.0 * SOLO.mass
+    for flight in (False, True):
+        watch = ContactWatch(FEET, ContactSchedule(pairs, fade=0.04, flight=flight), 0.5)
+        for t in (0.0, 0.1, 0.26, 0.27, 0.28, 0.29):
+            step = AcceptedStep(SOLO.standing(), t, 1e-3, {})
+            watch.see(step)
+            most = {name: bound[1] for name, bound in watch.bounds(step, full, {"front_left": 4.0, "hind_right": 4.0}).items()}
+            if t == 0.27:
+                assert most["front_left"] == most["hind_right"] and most["front_right"] == most["hind_left"]
+                rises, falls = 0.15625 * full, 0.84375 * 4.0
+                assert most["hind_left"] / most["hind_right"] == pytest.approx(rises / falls, rel=1e-9)
+                assert sum(most.values()) == pytest.approx(2.0 * (rises + falls) if flight else full, rel=1e-9)
+
+
+def test_forces_of_contacts_that_are_not_counted_on_are_not_asked_for():
+    """A ForceTask of a foot in the air, as a FrameTask of a foot that stands."""
+    tasks = [POSTURE, ForceTask("front_left", [0.0, 0.0, 8.0], cost=10.0), FrameTask("HL_FOOT", np.zeros(3))]
+    controller = WholeBodyController(tasks, FEET, schedule=ContactSchedule({"front_left": [(-INF, 0.1), (0.3, INF)]}, fade=0.0))
+    for t in (0.0, 0.11):
+        controller.accepted(AcceptedStep(SOLO.standing(), t, 1e-3, {}))
+    missed = controller.log.missed
+    assert np.isnan(missed["force of front_left"]).tolist() == [False, True] and np.isnan(missed["HL_FOOT"]).all()
+    assert controller.log.assumed["front_left"].tolist() == [True, False]
+
+
+def test_talos_steps_in_place(talos: rbd.Robot):
+    """It lifts a foot by 2 cm and puts it down. With a fade torques change by little in a step; without, by the foot's load."""
+    state, soles = talos.standing(), talos.soles(friction=0.7)
+    points = [sole.rows(state).patch.point for sole in soles]
+    foot = state.frame(soles[1].frame).X_WF
+    up = lifted(foot.translation, 0.02, 0.6, 1.0, sinks=0.02)
+    tasks = [
+        ComTask(shifted(state.com, [0.0, 0.8 * (points[0] - state.com)[1], 0.0], 0.55), cost=100.0, gain=60.0),
+        MomentumTask(angular_cost=0.02, gain=3.0),
+        FrameTask("torso_2_link", state.frame("torso_2_link").X_WF.rotation, orientation_cost=10.0),
+        PostureTask(state.q, cost=0.1, gain=40.0),
+        FrameTask(soles[1].frame, foot.rotation, orientation_cost=20.0, gain=400.0, name="flat"),
+        FrameTask(soles[1].frame, up, position_cost=100.0, gain=400.0),
+    ]
+    jumps = {}
+    for fade in (0.06, 0.0):
+        schedule = ContactSchedule({"right_sole": [(-INF, 0.6), (1.0, INF)]}, fade=fade)
+        controller = WholeBodyController(tasks, talos.soles(friction=0.65), schedule=schedule)
+        motion = rbd.simulate(state, soles, duration=1.15, step=2e-3, controller=controller, progress=False)
+        z, log = heights(motion, soles[1]), controller.log
+        assert z.max() == pytest.approx(0.02, abs=1e-3) and abs(z[-1]) < 1e-6 and log.violations == 0
+        assert np.abs(heights(motion, soles[0])).max() < 1e-5
+        landed = motion.t[log.assumed["right_sole"] & (motion.t > 0.8)][0]
+        assert 0.98 < landed < 1.06
+        change = np.abs(np.diff(motion.tau, axis=0)).max(axis=1)
+        jumps[fade] = [
+            float(change[(motion.t[1:] > a) & (motion.t[1:] < b)].max()) for a, b in ((0.5, 0.64), (landed - 1e-3, 1.2))
+        ]
+        kinds = {kind for contact in log.disagreements.values() for kind in contact}  # corners unload where the weight shifts
+        assert kinds <= {"late", "partial", "slips"} and log.disagreements["right_sole"]["late"] <= 30
+    assert jumps[0.06][0] < 2.5 and jumps[0.0][0] > 4.0 * jumps[0.06][0], jumps  # N m a step
+    assert jumps[0.06][1] < 8.0 and jumps[0.0][1] > 4.0 * jumps[0.06][1], jumps
+
+
+@pytest.mark.parametrize("integrator", [rbd.DormandPrince8(), rbd.RungeKutta4()])
+def test_it_computes_at_its_own_rate(integrator: Any):
+    """Each 10 ms, held in between, also where steps have lengths of their own."""
+    arm = rbd.load_robot("ur5", root="fixed")
+    state = arm.at([0.2, -1.2, 1.5, -0.4, 0.3, 0.1])
+    bent = state.q + 0.05
+    controller = WholeBodyController([PostureTask(bent, gain=200.0)], every=0.01)
+    motion = rbd.simulate(state, duration=0.1, step=2e-3, controller=controller, integrator=integrator, progress=False)
+    assert np.abs(controller.log.t - 0.01 * np.arange(11)).max() < 1e-9
+    held = motion.tau[:-1].reshape(10, 5, arm.nu)
+    assert (held == held[:, :1]).all() and (np.diff(held[:, 0], axis=0) != 0.0).any(axis=1).all()
