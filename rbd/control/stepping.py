@@ -104,6 +104,8 @@ def step(
         if found is not None and (found.contacts.any() or found.joints.any()):
             eased = found
             point, miss = minimiser(eased.program, possible=True)
+        elif point is None:  # nothing need be violated: DAQP was wrong
+            point, miss = minimiser(problem.program, possible=True)
     name = state.robot.name
     if point is None:
         raise NoSolution(f"no torques and forces of {name} were found for this step, even with contacts relaxed.")
