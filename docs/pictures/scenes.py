@@ -60,6 +60,19 @@ def walk(page: Path) -> Path:
     return result("28_talos_walks").walk.export(page)
 
 
+def balance(page: Path) -> Path:
+    """Example 29: Talos survives a hard push to its left."""
+    push, way = balanced()
+    return way.export(page, external=push)
+
+
+def balanced() -> tuple[rbd.control.Push, rbd.Trajectory]:
+    """The hardest push that Talos survives in the short search of example 29, and the motion after it."""
+    module, (ways, impulses) = example("29_balance"), result("29_balance")
+    impulse = ways[0] * impulses[module.CONTROL][0]
+    return module.push(impulse), module.pushed(module.CONTROL, impulse)
+
+
 def tipping(page: Path) -> Path:
     """Example 17: a crate slides, its edge grips, and it tips over."""
     return result("17_sliding_box").tipped[0.6].export(page)
@@ -75,6 +88,19 @@ def motion_check(page: Path) -> Path:
     leans[g1.joints["waist_pitch_joint"].q] = 0.5
     motion = rbd.motion.minimum_jerk(g1, [stands, raises, leans, stands], [0.0, 0.8, 1.4, 2.2])
     return rbd.check_motion(motion).export(page, title="G1 leans forward", arrow_per_weight=0.8)
+
+
+def nearest_motion(page: Path) -> Path:
+    """The page of `docs/tasks/check_a_motion_file.md`: G1 leans at twice the speed, the motion nearest to it, and both."""
+    g1 = rbd.load_robot("g1")
+    stands = g1.standing().q
+    raises, leans = stands.copy(), stands.copy()
+    for side in ("left", "right"):
+        raises[g1.joints[f"{side}_shoulder_pitch_joint"].q] = -1.5
+    leans[g1.joints["waist_pitch_joint"].q] = 0.5
+    motion = rbd.motion.minimum_jerk(g1, [stands, raises, leans, stands], [0.0, 0.4, 0.7, 1.1])
+    nearest = rbd.check_motion(rbd.check_motion(motion).nearest_motion(progress=False))
+    return nearest.export(page, title="the motion nearest to G1's lean", ghost=motion, start=0.55, arrow_per_weight=0.8)
 
 
 def four_bar(page: Path) -> Path:
@@ -93,8 +119,10 @@ SCENES: dict[str, Callable[[Path], Path]] = {
     "fall": fall,
     "coin_strip": coin,
     "walk": walk,
+    "balance_strip": balance,
     "tipping": tipping,
     "motion_check": motion_check,
+    "nearest_motion": nearest_motion,
     "four_bar": four_bar,
     "double_pendulum": double_pendulum,
     "task_walker": task_pictures.walker_page,

@@ -40,10 +40,15 @@ _SETTINGS = 3
 """How many of ProxSuite's settings are tried."""
 
 
-def minimiser(program: StepProgram) -> tuple[StepPoint | None, float]:
-    """(the minimiser, its `optimality`) by the first method within 1e-9, else by the best; None if none has one."""
+def minimiser(program: StepProgram, *, possible: bool = False) -> tuple[StepPoint | None, float]:
+    """(the minimiser, its `optimality`) by the first method within 1e-9, else by the best; None if none has one.
+
+    Args:
+        program: To be solved.
+        possible: Whether it is known to have an answer: no method's verdict ends the search.
+    """
     best, least = None, math.inf
-    for point in _attempts(program):
+    for point in _attempts(program, possible=possible):
         found = program.optimality(point)
         if found < least:
             best, least = point, found
@@ -52,20 +57,20 @@ def minimiser(program: StepProgram) -> tuple[StepPoint | None, float]:
     return best, least
 
 
-def _attempts(program: StepProgram) -> Iterator[StepPoint]:
+def _attempts(program: StepProgram, *, possible: bool) -> Iterator[StepPoint]:
     point = eliminated(program)
     if point is not None:
         yield point
-    whole = _Whole(program)
-    second = whole.by_daqp()
-    if second is not None:
+    whole = WholeProgram(program)
+    second, solved = whole.by_daqp()
+    if solved:
         yield second
-    first = point if second is None else second
-    if first is not None:  # else DAQP found twice that there is none
-        yield whole.on_active_set(first)
-        for third in whole.by_proxsuite():
-            yield third
-            yield whole.on_active_set(third)
+    if point is None and not solved and not possible:
+        return  # DAQP found twice that there is none
+    yield whole.on_active_set(second)
+    for third in whole.by_proxsuite():
+        yield third
+        yield whole.on_active_set(third)
 
 
 def eliminated(program: StepProgram) -> StepPoint | None:
@@ -205,7 +210,7 @@ def _newton(Q: Array, N: Array, gradient: Array) -> tuple[Array, Array]:
     return both[: len(Q)], both[len(Q) :]
 
 
-class _Whole:
+class WholeProgram:
     """The whole program in x = (w, a), with equations that are independent of each other, beside the weights that are fixed."""
 
     def __init__(self, program: StepProgram) -> None:
@@ -217,12 +222,12 @@ class _Whole:
         self.A, self.b = equations[self.kept], P.e[self.kept]
         self.C = np.concatenate([P.W, P.T], axis=1)
 
-    def by_daqp(self) -> StepPoint | None:
-        """None where DAQP finds none."""
+    def by_daqp(self) -> tuple[StepPoint, bool]:
+        """(where DAQP ends, whether that is an answer)."""
         P = self.program
         low, high = np.concatenate([self.b, P.low]), np.concatenate([self.b, P.high])
         found = solve_strict(self.H, self.g, P.lower, P.upper, np.concatenate([self.A, self.C]), low, high)
-        return self._point(found.x, found.z, found.y, found.iterations, "DAQP") if found.solved else None
+        return self._point(found.x, found.z, found.y, found.iterations, "DAQP"), found.solved
 
     def by_proxsuite(self) -> Iterator[StepPoint]:
         """One point a setting."""

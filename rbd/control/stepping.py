@@ -103,7 +103,7 @@ def step(
         found = relaxed(problem.program, problem.contact_rows, problem.contact_sizes, problem.joint_rows, problem.joint_sizes)
         if found is not None and (found.contacts.any() or found.joints.any()):
             eased = found
-            point, miss = minimiser(eased.program)
+            point, miss = minimiser(eased.program, possible=True)
     name = state.robot.name
     if point is None:
         raise NoSolution(f"no torques and forces of {name} were found for this step, even with contacts relaxed.")

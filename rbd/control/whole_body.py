@@ -51,7 +51,7 @@ class WholeBodyController:
     At the beginning of a step it looks at what touches, and computes torques by `rbd.control.step`; they are held until the
     next. A contact is counted on from when it is wanted and all its points touch, until it is not wanted or all are more
     than 0.5 mm away; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero after
-    it touches, unless nothing else carries the robot, and falls to zero before it is lifted (`ContactSchedule`). A `FrameTask`
+    it touches, and falls to zero before it is lifted (`ContactSchedule`), as far as others can carry the robot. A `FrameTask`
     of a frame whose contact is counted on is left out, and a `ForceTask` of a contact that is not: so a foot's swing task can
     always be given, and one that lands late goes on with it; the foot that carries the robot alone until then is not lifted. A
     foot without such a task, that a push lifts off the ground, follows its posture until it touches.
@@ -230,7 +230,7 @@ class WholeBodyController:
             if getattr(task, "frame", None) not in frames and getattr(task, "contact", "") in ("", *seen.since)
         ]
         full = FULL * told.state.robot.mass
-        bounds = self._memory[0].watch.bounds(seen, told.t, full, self._carried(told.t, seen))
+        bounds = self._memory[0].watch.bounds(told, full, self._carried(told.t, seen))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", RbdWarning)
             warnings.simplefilter("ignore", DistantContactWarning)  # a foot that tips is counted as "partial"

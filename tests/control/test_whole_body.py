@@ -24,6 +24,7 @@ from rbd.control import (
     Reference,
     WholeBodyController,
 )
+from rbd.control.contact_watch import ContactWatch
 
 URDF = Path(__file__).parents[2] / "urdf"
 INF = math.inf
@@ -453,6 +454,23 @@ def test_a_foot_that_carries_alone_is_not_lifted(flight: bool):
     assert (log.assumed[second.name] == (log.t > 0.395)).all() and log.disagreements[second.name] == {"late": 15}
     assert kinds.get("overdue", 0) == (0 if flight else 10) and kinds["unplanned"] == (16 if flight else 6)
     assert forces[29] == pytest.approx(forces[26] * (0.15625 if flight else 1.0), rel=1e-6) and forces[26] > 1.0
+
+
+def test_contacts_that_all_fade_can_carry_the_robot():
+    """Two pairs of feet that change at once: their bounds are scaled to the full force, 12 m/s2; in a flight they are not."""
+    pairs = {"front_left": [(-INF, 0.3)], "hind_right": [(-INF, 0.3)], "front_right": [(0.26, INF)], "hind_left": [(0.26, INF)]}
+    full = 12.0 * SOLO.mass
+    for flight in (False, True):
+        watch = ContactWatch(FEET, ContactSchedule(pairs, fade=0.04, flight=flight), 0.5)
+        for t in (0.0, 0.1, 0.26, 0.27, 0.28, 0.29):
+            step = AcceptedStep(SOLO.standing(), t, 1e-3, {})
+            watch.see(step)
+            most = {name: bound[1] for name, bound in watch.bounds(step, full, {"front_left": 4.0, "hind_right": 4.0}).items()}
+            if t == 0.27:
+                assert most["front_left"] == most["hind_right"] and most["front_right"] == most["hind_left"]
+                rises, falls = 0.15625 * full, 0.84375 * 4.0
+                assert most["hind_left"] / most["hind_right"] == pytest.approx(rises / falls, rel=1e-9)
+                assert sum(most.values()) == pytest.approx(2.0 * (rises + falls) if flight else full, rel=1e-9)
 
 
 def test_forces_of_contacts_that_are_not_counted_on_are_not_asked_for():
