@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from rbd.control import (
     PostureTask,
     Reference,
     WholeBodyController,
+    whole_body,
 )
 from rbd.control.contact_watch import ContactWatch
 
@@ -312,6 +314,33 @@ def test_what_a_task_raises_stops_the_simulation(quadruped: Quadruped):
         quadruped.run(controller)
     assert stopped.value.t == pytest.approx(0.008) and isinstance(stopped.value.__cause__, rbd.errors.InputError)
     assert len(controller.log) == 5 and len(stopped.value.trajectory.t) == 5
+
+
+def test_a_step_without_an_answer_is_never_silent(quadruped: Quadruped, monkeypatch: pytest.MonkeyPatch):
+    """It stops the simulation, and says when and on what the robot stood."""
+    controller = quadruped.controller()
+
+    def fails(*given: Any, **settings: Any) -> None:
+        raise rbd.NoSolution("no torques")
+
+    controller.accepted(AcceptedStep(quadruped.state, 0.0, 1e-3, {}))
+    monkeypatch.setattr(whole_body, "step", fails)
+    with pytest.raises(rbd.NoSolution) as failed:
+        controller.accepted(AcceptedStep(quadruped.state, 0.5, 1e-3, {}))
+    assert failed.value.__notes__ == ["at t = 0.5 s, on front_left, front_right, hind_left, hind_right"]
+    with pytest.raises(rbd.errors.SimulationStopped, match="no torques"):
+        quadruped.run(controller)
+
+
+def test_a_used_controller_can_be_sent_to_another_process(quadruped: Quadruped):
+    """With what it remembers, and its log."""
+    controller = WholeBodyController([PostureTask(quadruped.state.q)], quadruped.feet, schedule=ContactSchedule({}))
+    controller.accepted(AcceptedStep(quadruped.state, 0.0, 1e-3, {}))
+    copied = pickle.loads(pickle.dumps(controller))
+    assert (copied.actuation.tau == controller.actuation.tau).all() and str(copied) == str(controller)
+    copied.reset()
+    copied.accepted(AcceptedStep(quadruped.state, 0.0, 1e-3, {}))
+    assert (copied.actuation.tau == controller.actuation.tau).all()
 
 
 def test_it_wants_to_be_told(quadruped: Quadruped, talos: rbd.Robot):
