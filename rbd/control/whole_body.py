@@ -180,7 +180,7 @@ class WholeBodyController:
                 seen.planned,
                 seen.touching,
                 tuple(seen.since),
-                seen.different + _slips(actuation),
+                seen.different + _slips(actuation, seen),
             )
         )
 
@@ -273,9 +273,10 @@ class WholeBodyController:
                 warnings.warn(text, each.category, stacklevel=4)
 
 
-def _slips(actuation: TaskActuation) -> list[tuple[str, str]]:
-    """Contacts that were counted on and move."""
-    return [(name, "slips") for name, speed in actuation.moving.items() if speed > SLIPS]
+def _slips(actuation: TaskActuation, seen: SeenContacts) -> list[tuple[str, str]]:
+    """Contacts that were counted on, touch with all their points, and move."""
+    tips = {name for name, kind in seen.different if kind == "partial"}
+    return [(name, "slips") for name, speed in actuation.moving.items() if speed > SLIPS and name not in tips]
 
 
 def _twice(names: Sequence[str]) -> str:
