@@ -199,6 +199,26 @@ def test_what_touches_unplanned_is_named(quadruped: Quadruped):
     assert "front_left: touches, and is not planned, in 6 steps, first at t = 0 s" in str(only)
 
 
+def test_a_wall_that_the_trunk_meets_is_named_and_not_counted_on(quadruped: Quadruped):
+    """The trunk moves forward by 1 cm, against a wall 5 mm away: the log says since when, and the step knows no force there."""
+    state = quadruped.state
+    nose = state.frame("base_link").X_WF.translation + [0.2, 0.0, 0.0]
+    wall = rbd.PointContact(
+        "nose",
+        "base_link",
+        offset=(0.2, 0.0, 0.0),
+        friction=0.5,
+        on=rbd.Ground(point=nose + [5e-3, 0.0, 0.0], normal=(-1.0, 0.0, 0.0)),
+    )
+    forward = ComTask(shifted(state.com, [0.01, 0.0, 0.0], 0.2), cost=100.0)
+    controller = WholeBodyController([forward, PostureTask(state.q, cost=0.1)], quadruped.robot.feet(friction=0.6))
+    motion = quadruped.run(controller, 0.25, constraints=[*quadruped.feet, wall])
+    log = controller.log
+    assert log.disagreements["nose"].keys() == {"unplanned"} and 0.05 < log.first["nose", "unplanned"] < 0.15
+    assert controller.actuation.forces.keys() == {foot.name for foot in quadruped.feet}
+    assert motion.forces["nose"][-1][0] < -0.1 and motion.com[-1, 0] - state.com[0] < 7e-3
+
+
 def touch(*names: str, gap: float = 0.0) -> ContactTouch:
     """Points of collision shapes that touch, and one that does not."""
     k = len(names)
