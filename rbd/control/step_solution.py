@@ -1,6 +1,7 @@
 """The minimiser of a `StepProgram`, with its multipliers.
 
-DAQP solves the whole program in x = (w, a). Every answer is judged by `StepProgram.optimality`; where it is none, equations
+DAQP solves the program in x = (w, a): first without limits of torques and with few of joints, then with all, if that answer
+passes one. Every answer is judged by `StepProgram.optimality`; where it is none, equations
 that depend on others are left out, and the optimality conditions are solved on DAQP's active set; then ProxSuite likewise.
 """
 
@@ -8,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +19,8 @@ from rbd.problem.residuals import SOLVED
 from rbd.solvers.qp import POLICY, attempts
 from rbd.solvers.strict_qp import independent_rows, solve_strict
 
+_NEAR = 20.0
+"""Accelerations of joints are bounded from the beginning where a bound is nearer to zero [rad/s2, m/s2]."""
 _PASSED = 1e-11
 """A row that is passed by more binds."""
 _PUSHES = 1e-14
@@ -45,9 +49,14 @@ def minimiser(program: StepProgram, *, possible: bool = False) -> tuple[StepPoin
 
 
 def _attempts(program: StepProgram, *, possible: bool) -> Iterator[StepPoint]:
-    first, found = WholeProgram(program, np.arange(len(program.e))).by_daqp()
+    few = _near(program)
+    first, found = few.by_daqp()
     if found:
         yield first
+    if found and not few.complete:
+        first, found = WholeProgram(program, np.arange(len(program.e))).by_daqp()
+        if found:
+            yield first
     whole = WholeProgram(program)
     second, solved = whole.by_daqp()
     if solved:
@@ -60,15 +69,30 @@ def _attempts(program: StepProgram, *, possible: bool) -> Iterator[StepPoint]:
         yield whole.on_active_set(third)
 
 
+def _near(program: StepProgram) -> WholeProgram:
+    """With the rows between bounds that are likely to bind: bounds near zero; others are judged when it is solved."""
+    near = np.minimum(-program.low, program.high) < _NEAR
+    near[: program.of_forces.start] = False  # torques
+    near[program.of_forces] = True
+    return WholeProgram(program, np.arange(len(program.e)), near.nonzero()[0])
+
+
 class WholeProgram:
-    """A program in x = (w, a), with some of its equations.
+    """A program in x = (w, a), with some of its equations and of its rows between bounds.
 
     Args:
         program: The program.
         kept: Which equations; if not given, as many as are independent of each other, beside the weights that are fixed.
+        between: Which rows between bounds; all if not given.
     """
 
-    def __init__(self, program: StepProgram, kept: Array | None = None) -> None:
+    def __init__(self, program: StepProgram, kept: Array | None = None, between: Array | None = None) -> None:
+        self.count = len(program.low)
+        self.complete, self.between = between is None or len(between) == self.count, between
+        if between is not None:
+            program = replace(
+                program, T=program.T[between], W=program.W[between], low=program.low[between], high=program.high[between]
+            )
         P, p, nv = program, len(program.k), len(program.g)
         self.program = P
         self.H, self.g = np.zeros((p + nv, p + nv)), np.concatenate([P.k, P.g])
@@ -130,4 +154,8 @@ class WholeProgram:
         P, p, m = self.program, len(self.program.k), len(self.kept)
         of_equations = np.zeros(len(P.e))
         of_equations[self.kept] = y[:m]
-        return StepPoint(x[p:], x[:p], of_equations, y[m:], z, iterations, method)
+        t = y[m:]
+        if self.between is not None:
+            t = np.zeros(self.count)
+            t[self.between] = y[m:]
+        return StepPoint(x[p:], x[:p], of_equations, t, z, iterations, method)

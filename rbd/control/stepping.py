@@ -110,7 +110,10 @@ def step(
     actuation = _actuation(problem, point, miss, eased)
     certificate = actuation.certificate
     if certificate.status is Status.FAILED:
-        raise NoSolution(f"the step of {name} was found only to a scaled residual of {certificate.worst:.1e}: {certificate}.")
+        raise NoSolution(
+            f"the step of {name} was found only to a scaled residual of {certificate.worst:.1e}: {certificate}. Costs of tasks "
+            "that differ by ten decades leave its program ill-conditioned."
+        )
     if actuation.violation is not None:
         warnings.warn(
             f"{name} cannot keep all contacts and joint limits; the least violation: {actuation.violation}. Ask for less, or "

@@ -365,6 +365,7 @@ BAD: dict[str, tuple[type[Exception], str, Callable[[rbd.State, list[SurfaceCont
     ),
     "no bounds": (InputError, "normal_force", lambda s, c: step(s, [], c, normal_force=[1.0])),  # type: ignore[arg-type]
     "NaN of a task": (InputError, "own", lambda s, c: step(s, [_Own(np.full((1, s.robot.nv), np.nan))], c)),
+    "NaN of a constraint": (InputError, "rows of 'wild'", lambda s, c: step(s, [], [_Wild()])),
     "a task of another robot": (InputError, "own", lambda s, c: step(s, [_Own(np.ones((1, 3)))], c)),
     "terms that are none": (InputError, "TaskTerms", lambda s, c: step(s, [_Own(None)], c)),
 }
@@ -382,6 +383,15 @@ class _Own:
         if self.A is None:
             return None  # type: ignore[return-value]
         return TaskTerms("own", self.A, np.zeros(1), np.ones(1))
+
+
+class _Wild:
+    """A user's constraint that gives NaN."""
+
+    name = "wild"
+
+    def rows(self, state: rbd.State) -> rbd.Rows:
+        return rbd.Rows("wild", J=np.full((1, state.robot.nv), np.nan), bias=np.zeros(1), cone=rbd.problem.Free(1))
 
 
 @pytest.mark.parametrize("what", BAD)
