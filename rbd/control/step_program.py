@@ -59,7 +59,7 @@ class StepProgram:
         high: Shape (q,); inf where there is none.
         lower: Shape (p,); -inf where there is none.
         upper: Shape (p,); inf where there is none.
-        of_forces: Which of the rows between bounds are of w alone.
+        of_forces: Which of the rows between bounds are of w alone: they are kept always.
     """
 
     H: Array
