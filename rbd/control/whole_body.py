@@ -167,15 +167,14 @@ class WholeBodyController:
         memory.robot = robot
         seen = memory.watch.see(step)
         actuation = self._step(step, seen)
-        limit, most = robot.effort_limit, self.limits.torques(robot)
-        memory.actuation, memory.tau = actuation, np.clip(actuation.tau, -most, most)  # beyond it by rounding only
-        known = np.isfinite(limit)
+        most = self.limits.torques(robot)
+        memory.actuation, memory.tau = actuation, np.minimum(np.maximum(actuation.tau, -most), most)  # beyond by rounding
         memory.log.add(
             ControlStep(
                 step.t,
                 actuation.certificate.worst,
                 0.0 if actuation.violation is None else actuation.violation.worst,
-                float(np.abs(memory.tau[known] / limit[known]).max(initial=0.0)),
+                float(np.abs(memory.tau / robot.effort_limit).max(initial=0.0)),  # 0 where there is no limit
                 {name: math.sqrt(float(missed @ missed)) for name, missed in actuation.missed.items()},
                 seen.planned,
                 seen.touching,
