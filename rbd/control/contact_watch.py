@@ -56,6 +56,7 @@ class ContactWatch:
         self.contacts, self.schedule, self.early = contacts, schedule, early
         self.names = frozenset(c.name for c in contacts)
         self._carrying = frozenset(c.name for c in contacts if hasattr(c, "friction"))  # not loops
+        self._always = frozenset(c.name for c in contacts if not lifts(c))
         self.since: dict[str, float] = {}
         self._partly: dict[str, float] = {}
         self._lost: dict[str, tuple[float, float]] = {}
@@ -185,6 +186,8 @@ class ContactWatch:
 
         A contact of a body whose collision shapes are told touches with these.
         """
+        if contact.name in self._always:
+            return True, True, True
         told = step.contacts.get(contact.name)
         if told is not None:
             gaps, touches = np.asarray(told.gaps), np.asarray(told.touches)
@@ -216,3 +219,9 @@ def frames_of(contacts: Sequence[Constraint], names: Collection[str]) -> set[str
     """Frames of the robot to which some of the contacts are fixed."""
     frames = (member(contact, "frame") for contact in contacts if contact.name in names)
     return {frame for frame in frames if isinstance(frame, str)}
+
+
+def lifts(contact: Constraint) -> bool:
+    """Whether a contact can be lifted: it only pushes. Bilateral contacts and loops cannot."""
+    bilateral = hasattr(contact, "friction") and member(contact, "friction") is None
+    return not bilateral and member(contact, "loop_dof") is None

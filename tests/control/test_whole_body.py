@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from rbd.control import (
     PostureTask,
     Reference,
     WholeBodyController,
+    whole_body,
 )
 from rbd.control.contact_watch import ContactWatch
 
@@ -197,6 +199,26 @@ def test_what_touches_unplanned_is_named(quadruped: Quadruped):
     assert "front_left: touches, and is not planned, in 6 steps, first at t = 0 s" in str(only)
 
 
+def test_a_wall_that_the_trunk_meets_is_named_and_not_counted_on(quadruped: Quadruped):
+    """The trunk moves forward by 1 cm, against a wall 5 mm away: the log says since when, and the step knows no force there."""
+    state = quadruped.state
+    nose = state.frame("base_link").X_WF.translation + [0.2, 0.0, 0.0]
+    wall = rbd.PointContact(
+        "nose",
+        "base_link",
+        offset=(0.2, 0.0, 0.0),
+        friction=0.5,
+        on=rbd.Ground(point=nose + [5e-3, 0.0, 0.0], normal=(-1.0, 0.0, 0.0)),
+    )
+    forward = ComTask(shifted(state.com, [0.01, 0.0, 0.0], 0.2), cost=100.0)
+    controller = WholeBodyController([forward, PostureTask(state.q, cost=0.1)], quadruped.robot.feet(friction=0.6))
+    motion = quadruped.run(controller, 0.25, constraints=[*quadruped.feet, wall])
+    log = controller.log
+    assert log.disagreements["nose"].keys() == {"unplanned"} and 0.05 < log.first["nose", "unplanned"] < 0.15
+    assert controller.actuation.forces.keys() == {foot.name for foot in quadruped.feet}
+    assert motion.forces["nose"][-1][0] < -0.1 and motion.com[-1, 0] - state.com[0] < 7e-3
+
+
 def touch(*names: str, gap: float = 0.0) -> ContactTouch:
     """Points of collision shapes that touch, and one that does not."""
     k = len(names)
@@ -312,6 +334,33 @@ def test_what_a_task_raises_stops_the_simulation(quadruped: Quadruped):
         quadruped.run(controller)
     assert stopped.value.t == pytest.approx(0.008) and isinstance(stopped.value.__cause__, rbd.errors.InputError)
     assert len(controller.log) == 5 and len(stopped.value.trajectory.t) == 5
+
+
+def test_a_step_without_an_answer_is_never_silent(quadruped: Quadruped, monkeypatch: pytest.MonkeyPatch):
+    """It stops the simulation, and says when and on what the robot stood."""
+    controller = quadruped.controller()
+
+    def fails(*given: Any, **settings: Any) -> None:
+        raise rbd.NoSolution("no torques")
+
+    controller.accepted(AcceptedStep(quadruped.state, 0.0, 1e-3, {}))
+    monkeypatch.setattr(whole_body, "step", fails)
+    with pytest.raises(rbd.NoSolution) as failed:
+        controller.accepted(AcceptedStep(quadruped.state, 0.5, 1e-3, {}))
+    assert failed.value.__notes__ == ["at t = 0.5 s, on front_left, front_right, hind_left, hind_right"]
+    with pytest.raises(rbd.errors.SimulationStopped, match="no torques"):
+        quadruped.run(controller)
+
+
+def test_a_used_controller_can_be_sent_to_another_process(quadruped: Quadruped):
+    """With what it remembers, and its log."""
+    controller = WholeBodyController([PostureTask(quadruped.state.q)], quadruped.feet, schedule=ContactSchedule({}))
+    controller.accepted(AcceptedStep(quadruped.state, 0.0, 1e-3, {}))
+    copied = pickle.loads(pickle.dumps(controller))
+    assert (copied.actuation.tau == controller.actuation.tau).all() and str(copied) == str(controller)
+    copied.reset()
+    copied.accepted(AcceptedStep(quadruped.state, 0.0, 1e-3, {}))
+    assert (copied.actuation.tau == controller.actuation.tau).all()
 
 
 def test_it_wants_to_be_told(quadruped: Quadruped, talos: rbd.Robot):
