@@ -96,7 +96,7 @@ def step(
     damping = as_float(contact_damping)
     if not 0.0 <= damping < _FASTEST:
         raise InputError(f"contact_damping is {contact_damping!r:.80}; expected a rate of 0 or more [1/s].")
-    problem = StepProblem.of(state, tasks, contacts, time, limits, external, normal_force, damping, stacklevel=2)
+    problem = StepProblem.of(state, tasks, contacts, time, limits, external, normal_force, damping, stacklevel=3)
     point, miss = minimiser(problem.program)
     eased = None
     if point is None or miss > SOLVED:

@@ -33,7 +33,7 @@ from rbd.control import (
 )
 from rbd.control.step_problem import StepProblem
 from rbd.control.step_solution import WholeProgram, minimiser
-from rbd.errors import DuplicateName, InputError, RelaxedLimitsWarning, UnknownName
+from rbd.errors import DistantContactWarning, DuplicateName, InputError, RelaxedLimitsWarning, UnknownName
 from rbd.solvers.strict_qp import StrictAnswer
 from rbd.testing import box
 
@@ -466,3 +466,18 @@ def test_a_robot_without_contacts_and_one_without_gravity_are_moved() -> None:
     assert found.tau == pytest.approx(state.M @ found.a + state.h, abs=1e-9)
     falling = step(rbd.State(box(), [0, 0, 1, 0, 0, 0, 1]), [])
     assert falling.a == pytest.approx([0, 0, -G, 0, 0, 0], abs=1e-9) and not falling.forces
+
+
+def test_warnings_name_the_line_that_asked() -> None:
+    """Of contacts off their planes, and of a violation."""
+    solo = robot("solo12")
+    state = solo.standing()
+    high = state.q.copy()
+    high[2] += 0.05
+    with pytest.warns(DistantContactWarning, match="50 mm above") as seen:
+        step(rbd.State(solo, high), [], solo.feet(0.7))
+    floor = rbd.PointContact("floor", "box", friction=0.5, on=None)
+    lift = rbd.ExternalForce("box", (0.0, 0.0, 200.0))
+    with pytest.warns(RelaxedLimitsWarning) as more:
+        step(rbd.State(box(mass=10.0), [0, 0, 0, 0, 0, 0, 1]), [], [floor], external=lift)
+    assert {w.filename for w in (*seen, *more)} == {__file__}
