@@ -10,6 +10,7 @@ import bench_pages
 import numpy as np
 import pytest
 from bench_answers import solving
+from bench_control import SUPPORTS, stepping
 from bench_draws import Draws
 from bench_peers import ConstraintDynamics, PlainProxQP, PlainScript
 from bench_profile import by_part
@@ -55,6 +56,16 @@ def test_the_peers_find_the_same_motion(draws):
         for i in range(FEW):
             a = ours(i).a
             assert np.abs(theirs(i) - a).max() < 1e-8 * max(1.0, np.abs(a).max())
+
+
+def test_steps_of_control_are_certified_and_keep_their_contacts(draws):
+    """On both soles and on one, left and right in turn; with a task for the foot that swings."""
+    for support, count in zip(SUPPORTS, (2, 1), strict=True):
+        run = stepping(draws, draws.sticking(FEW), support)
+        found = [run(i) for i in range(FEW)]
+        assert all(each.status == "solved" and each.violation is None for each in found)
+        assert {len(each.constraints) for each in found} == {count}
+        assert len({each.constraints[0].name for each in found}) == 3 - count
 
 
 def test_sixty_four_points_are_vertices_inside_the_soles(draws):

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 
@@ -54,10 +53,10 @@ def _attempts(program: StepProgram, *, possible: bool) -> Iterator[StepPoint]:
     if found:
         yield first
     if found and not few.complete:
-        first, found = WholeProgram(program, np.arange(len(program.e))).by_daqp()
+        first, found = WholeProgram(program).by_daqp()
         if found:
             yield first
-    whole = WholeProgram(program)
+    whole = WholeProgram(program, independent=True)
     second, solved = whole.by_daqp()
     if solved:
         yield second
@@ -74,7 +73,7 @@ def _near(program: StepProgram) -> WholeProgram:
     near = np.minimum(-program.low, program.high) < _NEAR
     near[: program.of_forces.start] = False  # torques
     near[program.of_forces] = True
-    return WholeProgram(program, np.arange(len(program.e)), near.nonzero()[0])
+    return WholeProgram(program, between=near.nonzero()[0])
 
 
 class WholeProgram:
@@ -82,35 +81,33 @@ class WholeProgram:
 
     Args:
         program: The program.
-        kept: Which equations; if not given, as many as are independent of each other, beside the weights that are fixed.
+        independent: Leave out equations that depend on others, beside the weights that are fixed.
         between: Which rows between bounds; all if not given.
     """
 
-    def __init__(self, program: StepProgram, kept: Array | None = None, between: Array | None = None) -> None:
-        self.count = len(program.low)
-        self.complete, self.between = between is None or len(between) == self.count, between
-        if between is not None:
-            program = replace(
-                program, T=program.T[between], W=program.W[between], low=program.low[between], high=program.high[between]
-            )
-        P, p, nv = program, len(program.k), len(program.g)
-        self.program = P
+    def __init__(self, program: StepProgram, *, independent: bool = False, between: Array | None = None) -> None:
+        P, p, nv, m = program, len(program.k), len(program.g), len(program.e)
+        self.program, self.count = P, len(P.low)
+        self.between: Array | slice = slice(None) if between is None else between
+        self.low, self.high = P.low[self.between], P.high[self.between]
+        self.complete = len(self.low) == self.count
         self.H, self.g = np.zeros((p + nv, p + nv)), np.concatenate([P.k, P.g])
         self.H[:p, :p], self.H[p:, p:] = P.K, P.H
-        m = len(P.e)
-        rows = np.empty((m + len(P.low), p + nv))
-        rows[:m, :p], rows[:m, p:], rows[m:, :p], rows[m:, p:] = P.F, P.E, P.W, P.T
-        if kept is None:
+        rows = np.empty((m + len(self.low), p + nv))
+        rows[:m, :p], rows[:m, p:] = P.F, P.E
+        rows[m:, :p], rows[m:, p:] = P.W[self.between], P.T[self.between]
+        self.kept: Array | slice = slice(None)
+        if independent:
             fixed = np.concatenate([P.lower == P.upper, np.zeros(nv, bool)])
-            kept = independent_rows(rows[:m, ~fixed])
-            rows = np.concatenate([rows[kept], rows[m:]])
-        self.kept, self.rows, self.b = kept, rows, P.e[kept]
-        self.A, self.C = rows[: len(kept)], rows[len(kept) :]
+            self.kept = independent_rows(rows[:m, ~fixed])
+            rows = np.concatenate([rows[self.kept], rows[m:]])
+        self.rows, self.b = rows, P.e[self.kept]
+        self.A, self.C = rows[: len(self.b)], rows[len(self.b) :]
 
     def by_daqp(self) -> tuple[StepPoint, bool]:
         """(where DAQP ends, whether that is an answer)."""
         P = self.program
-        low, high = np.concatenate([self.b, P.low]), np.concatenate([self.b, P.high])
+        low, high = np.concatenate([self.b, self.low]), np.concatenate([self.b, self.high])
         found = solve_strict(self.H, self.g, P.lower, P.upper, self.rows, low, high)
         return self._point(found.x, found.z, found.y, found.iterations, "DAQP"), found.solved
 
@@ -118,17 +115,17 @@ class WholeProgram:
         """One point a setting."""
         P, p = self.program, len(self.program.k)
         C = np.concatenate([np.eye(p, len(self.g)), self.C])
-        low, high = np.concatenate([P.lower, P.low]), np.concatenate([P.upper, P.high])
+        low, high = np.concatenate([P.lower, self.low]), np.concatenate([P.upper, self.high])
         for found in attempts(self.H, self.g, self.A, self.b, C, low, high, policy=POLICY[:_SETTINGS]):
             y = np.concatenate([found.y, found.z[p:]])
             yield self._point(found.x, found.z[:p], y, found.iterations, "ProxSuite")
 
     def on_active_set(self, point: StepPoint) -> StepPoint:
         """The solution of the optimality conditions with the active set of a point, which is corrected where it is wrong."""
-        P, p, m, n = self.program, len(self.program.k), len(self.kept), len(self.g)
+        P, p, m, n = self.program, len(self.program.k), len(self.b), len(self.g)
         rows = np.concatenate([np.eye(p, n), self.C])
-        low, high = np.concatenate([P.lower, P.low]), np.concatenate([P.upper, P.high])
-        pushes = np.concatenate([point.z, point.t])
+        low, high = np.concatenate([P.lower, self.low]), np.concatenate([P.upper, self.high])
+        pushes = np.concatenate([point.z, point.t[self.between]])
         side = np.where(low == high, 1.0, np.sign(pushes))
         x, y = np.concatenate([point.w, point.a]), np.zeros(m + len(side))
         for _ in range(_CORRECTIONS):
@@ -151,11 +148,7 @@ class WholeProgram:
         return self._point(x, y[m : m + p], np.concatenate([y[:m], y[m + p :]]), point.iterations, point.method)
 
     def _point(self, x: Array, z: Array, y: Array, iterations: int, method: str) -> StepPoint:
-        P, p, m = self.program, len(self.program.k), len(self.kept)
-        of_equations = np.zeros(len(P.e))
-        of_equations[self.kept] = y[:m]
-        t = y[m:]
-        if self.between is not None:
-            t = np.zeros(self.count)
-            t[self.between] = y[m:]
+        p, m = len(self.program.k), len(self.b)
+        of_equations, t = np.zeros(len(self.program.e)), np.zeros(self.count)
+        of_equations[self.kept], t[self.between] = y[:m], y[m:]
         return StepPoint(x[p:], x[:p], of_equations, t, z, iterations, method)

@@ -104,7 +104,7 @@ def step(
         if found is not None and (found.contacts.any() or found.joints.any()):
             eased = found
             point, miss = minimiser(eased.program, possible=True)
-        elif point is None:  # nothing need be violated: DAQP was wrong
+        else:  # nothing need be violated: DAQP was wrong, or not exact enough
             point, miss = minimiser(problem.program, possible=True)
     name = state.robot.name
     if point is None:

@@ -180,7 +180,7 @@ def test_every_method_finds_the_same_step(name: str) -> None:
         program = problem_of(moving.state, tasks_of(moving.state, rng), moving.contacts, limits=Limits(torque=share)).program
         best, miss = minimiser(program)
         assert best is not None and miss < 1e-11
-        whole = WholeProgram(program)
+        whole = WholeProgram(program, independent=True)
         second, solved = whole.by_daqp()
         assert solved
         for other in (second, whole.on_active_set(second), next(whole.by_proxsuite())):
