@@ -92,46 +92,33 @@ def relaxed(program: StepProgram, contacts: slice, contact_sizes: Array, joints:
         if r * moved <= _STILL * max(1.0, max_abs(g)):
             break
     a = a_0 + B @ x
-    seen = SEEN * max(1.0, max_abs(a))
-    missed = J @ a - wanted
-    missed[np.abs(missed) <= seen] = 0.0
-    values = at @ a
+    w, k = x[motors.stop : motors.stop + p], motors.stop
+    missed, values = J @ a - wanted, at @ a
     passed = np.maximum(0.0, np.maximum(program.low[joints] - values, values - program.high[joints]))
+    seen = SEEN * max(1.0, max_abs(a))
+    missed[np.abs(missed) <= seen] = 0.0
     passed[passed <= seen] = 0.0
-    k = motors.stop
     t = np.concatenate([answer.z[:k], answer.y])
-    return Relaxed(_with_violation(program, contacts, missed, joints, passed, values, t, answer.z[k:]), missed, passed)
+    t[joints] = np.where(passed > 0.0, 1.0, t[joints])
+    return Relaxed(_on_face(program, a, w, t, answer.z[k : k + p]), missed, passed)
 
 
-def _with_violation(
-    program: StepProgram,
-    contacts: slice,
-    missed: Array,
-    joints: slice,
-    passed: Array,
-    values: Array,
-    t: Array,
-    z: Array,
-) -> StepProgram:
-    """The program with that violation; what has a multiplier is an equation, or fixed."""
-    e, low, high = program.e.copy(), program.low.copy(), program.high.copy()
-    e[contacts] += missed
-    over = passed > 0.0
-    low[joints] = np.where(over, values, low[joints])
-    high[joints] = np.where(over, values, high[joints])
-    at_low, at_high = t > _HELD, t < -_HELD
-    held = at_low | at_high
-    held[joints] |= over
-    right = np.where(at_low, low, high)
+def _on_face(program: StepProgram, a: Array, w: Array, t: Array, z: Array) -> StepProgram:
+    """The program on all points with the violation of (a, w): what has a multiplier is an equation, or fixed.
+
+    Right-hand sides are those of this point, so that rounding leaves it possible.
+    """
+    rows = program.T @ a + program.W @ w
+    held = np.abs(t) > _HELD
     lower, upper = program.lower.copy(), program.upper.copy()
     upper[z > _HELD], lower[z < -_HELD] = lower[z > _HELD], upper[z < -_HELD]
     return replace(
         program,
         E=np.concatenate([program.E, program.T[held]]),
         F=np.concatenate([program.F, program.W[held]]),
-        e=np.concatenate([e, right[held]]),
-        low=np.where(held, -np.inf, low),
-        high=np.where(held, np.inf, high),
+        e=np.concatenate([program.E @ a + program.F @ w, rows[held]]),
+        low=np.where(held, -np.inf, np.minimum(program.low, rows)),
+        high=np.where(held, np.inf, np.maximum(program.high, rows)),
         lower=lower,
         upper=upper,
     )

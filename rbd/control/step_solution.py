@@ -77,57 +77,64 @@ def _near(program: StepProgram) -> WholeProgram:
 
 
 class WholeProgram:
-    """A program in x = (w, a), with some of its equations and of its rows between bounds.
+    """A program in x = (w, a), with some of its equations and of its rows between bounds; weights that are fixed are left out.
+
+    DAQP takes fixed weights for equations, and where these and the others determine everything it may find no answer.
 
     Args:
         program: The program.
-        independent: Leave out equations that depend on others, beside the weights that are fixed.
+        independent: Leave out equations that depend on others.
         between: Which rows between bounds; all if not given.
     """
 
     def __init__(self, program: StepProgram, *, independent: bool = False, between: Array | None = None) -> None:
-        P, p, nv, m = program, len(program.k), len(program.g), len(program.e)
-        self.program, self.count = P, len(P.low)
+        P, nv, m = program, len(program.g), len(program.e)
+        self.program = P
         self.between: Array | slice = slice(None) if between is None else between
         self.low, self.high = P.low[self.between], P.high[self.between]
-        self.complete = len(self.low) == self.count
-        self.H, self.g = np.zeros((p + nv, p + nv)), np.concatenate([P.k, P.g])
-        self.H[:p, :p], self.H[p:, p:] = P.K, P.H
+        self.complete = len(self.low) == len(P.low)
+        self.lower, self.upper, K, k, F, W, e = P.lower, P.upper, P.K, P.k, P.F, P.W, P.e
+        fixed = P.lower == P.upper
+        self.w, self.free = np.where(fixed, P.lower, 0.0), slice(None) if not fixed.any() else np.flatnonzero(~fixed)
+        if not isinstance(self.free, slice):
+            free, away = self.free, (W @ self.w)[self.between]
+            self.lower, self.upper, self.low, self.high = P.lower[free], P.upper[free], self.low - away, self.high - away
+            K, k, F, W, e = K[free][:, free], (k + K @ self.w)[free], F[:, free], W[:, free], e - F @ self.w
+        p = self.p = len(k)
+        self.H, self.g = np.zeros((p + nv, p + nv)), np.concatenate([k, P.g])
+        self.H[:p, :p], self.H[p:, p:] = K, P.H
         rows = np.empty((m + len(self.low), p + nv))
-        rows[:m, :p], rows[:m, p:] = P.F, P.E
-        rows[m:, :p], rows[m:, p:] = P.W[self.between], P.T[self.between]
+        rows[:m, :p], rows[:m, p:] = F, P.E
+        rows[m:, :p], rows[m:, p:] = W[self.between], P.T[self.between]
         self.kept: Array | slice = slice(None)
         if independent:
-            fixed = np.concatenate([P.lower == P.upper, np.zeros(nv, bool)])
-            self.kept = independent_rows(rows[:m, ~fixed])
+            self.kept = independent_rows(rows[:m])
             rows = np.concatenate([rows[self.kept], rows[m:]])
-        self.rows, self.b = rows, P.e[self.kept]
+        self.rows, self.b = rows, e[self.kept]
         self.A, self.C = rows[: len(self.b)], rows[len(self.b) :]
 
     def by_daqp(self) -> tuple[StepPoint, bool]:
         """(where DAQP ends, whether that is an answer)."""
-        P = self.program
         low, high = np.concatenate([self.b, self.low]), np.concatenate([self.b, self.high])
-        found = solve_strict(self.H, self.g, P.lower, P.upper, self.rows, low, high)
+        found = solve_strict(self.H, self.g, self.lower, self.upper, self.rows, low, high)
         return self._point(found.x, found.z, found.y, found.iterations, "DAQP"), found.solved
 
     def by_proxsuite(self) -> Iterator[StepPoint]:
         """One point a setting."""
-        P, p = self.program, len(self.program.k)
-        C = np.concatenate([np.eye(p, len(self.g)), self.C])
-        low, high = np.concatenate([P.lower, self.low]), np.concatenate([P.upper, self.high])
+        C = np.concatenate([np.eye(self.p, len(self.g)), self.C])
+        low, high = np.concatenate([self.lower, self.low]), np.concatenate([self.upper, self.high])
         for found in attempts(self.H, self.g, self.A, self.b, C, low, high, policy=POLICY[:_SETTINGS]):
-            y = np.concatenate([found.y, found.z[p:]])
-            yield self._point(found.x, found.z[:p], y, found.iterations, "ProxSuite")
+            y = np.concatenate([found.y, found.z[self.p :]])
+            yield self._point(found.x, found.z[: self.p], y, found.iterations, "ProxSuite")
 
     def on_active_set(self, point: StepPoint) -> StepPoint:
         """The solution of the optimality conditions with the active set of a point, which is corrected where it is wrong."""
-        P, p, m, n = self.program, len(self.program.k), len(self.b), len(self.g)
+        p, m, n = self.p, len(self.b), len(self.g)
         rows = np.concatenate([np.eye(p, n), self.C])
-        low, high = np.concatenate([P.lower, self.low]), np.concatenate([P.upper, self.high])
-        pushes = np.concatenate([point.z, point.t[self.between]])
+        low, high = np.concatenate([self.lower, self.low]), np.concatenate([self.upper, self.high])
+        pushes = np.concatenate([point.z[self.free], point.t[self.between]])
         side = np.where(low == high, 1.0, np.sign(pushes))
-        x, y = np.concatenate([point.w, point.a]), np.zeros(m + len(side))
+        x, y = np.concatenate([point.w[self.free], point.a]), np.zeros(m + len(side))
         for _ in range(_CORRECTIONS):
             held = side.nonzero()[0]
             B = np.concatenate([self.A, rows[held]])
@@ -148,7 +155,13 @@ class WholeProgram:
         return self._point(x, y[m : m + p], np.concatenate([y[:m], y[m + p :]]), point.iterations, point.method)
 
     def _point(self, x: Array, z: Array, y: Array, iterations: int, method: str) -> StepPoint:
-        p, m = len(self.program.k), len(self.b)
-        of_equations, t = np.zeros(len(self.program.e)), np.zeros(self.count)
+        P, p, m = self.program, self.p, len(self.b)
+        of_equations, t = np.zeros(len(P.e)), np.zeros(len(P.low))
         of_equations[self.kept], t[self.between] = y[:m], y[m:]
-        return StepPoint(x[p:], x[:p], of_equations, t, z, iterations, method)
+        if isinstance(self.free, slice):
+            return StepPoint(x[p:], x[:p], of_equations, t, z, iterations, method)
+        w = self.w.copy()
+        w[self.free] = x[:p]
+        pull = P.K @ w + P.k - of_equations @ P.F - t @ P.W  # what holds the fixed weights
+        pull[self.free] = z
+        return StepPoint(x[p:], w, of_equations, t, pull, iterations, method)

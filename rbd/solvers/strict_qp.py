@@ -64,9 +64,10 @@ def solve_strict(
         return StrictAnswer(np.zeros(len(g)), np.zeros(len(lower)), np.zeros(len(low)), 0, False)
     sense = np.where(bottom == top, _EQUAL, _INEQUAL).astype(np.int32)
     x, _, flag, info = daqp.solve(H, g, C, top, bottom, sense, primal_tol=tolerance)
-    multipliers = -np.asarray(info["lam"])
-    k = len(lower)
-    return StrictAnswer(np.asarray(x), multipliers[:k], multipliers[k:], int(info["iterations"]), flag == 1)
+    x, multipliers, k = np.asarray(x), -np.asarray(info["lam"]), len(lower)
+    if flag != 1 and not (is_finite(x) and is_finite(multipliers)):
+        x, multipliers = np.zeros(len(g)), np.zeros(len(bottom))
+    return StrictAnswer(x, multipliers[:k], multipliers[k:], int(info["iterations"]), flag == 1)
 
 
 def independent_rows(E: Array) -> Array:
