@@ -234,6 +234,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "talos": partial(scene, "talos", 1100, 900),
     "hand_on_a_wall": partial(scene, "hand_on_a_wall", 1000, 820),
     "motion_check": partial(scene, "motion_check", 1200, 720),
+    "nearest_motion": partial(scene, "nearest_motion", 1200, 720),
     "four_bar": partial(scene, "four_bar", 900, 640),
     "double_pendulum": partial(scene, "double_pendulum", 900, 640),
     "standing": partial(example_page, "standing", "01_stand", 900, 760),

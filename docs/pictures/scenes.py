@@ -90,6 +90,19 @@ def motion_check(page: Path) -> Path:
     return rbd.check_motion(motion).export(page, title="G1 leans forward", arrow_per_weight=0.8)
 
 
+def nearest_motion(page: Path) -> Path:
+    """The page of `docs/tasks/check_a_motion_file.md`: G1 leans at twice the speed, the motion nearest to it, and both."""
+    g1 = rbd.load_robot("g1")
+    stands = g1.standing().q
+    raises, leans = stands.copy(), stands.copy()
+    for side in ("left", "right"):
+        raises[g1.joints[f"{side}_shoulder_pitch_joint"].q] = -1.5
+    leans[g1.joints["waist_pitch_joint"].q] = 0.5
+    motion = rbd.motion.minimum_jerk(g1, [stands, raises, leans, stands], [0.0, 0.4, 0.7, 1.1])
+    nearest = rbd.check_motion(rbd.check_motion(motion).nearest_motion(progress=False))
+    return nearest.export(page, title="the motion nearest to G1's lean", ghost=motion, start=0.55, arrow_per_weight=0.8)
+
+
 def four_bar(page: Path) -> Path:
     """Example 10: the rhombus of the text, with its other branch beside it."""
     return shown("10_four_bar", page)
@@ -109,6 +122,7 @@ SCENES: dict[str, Callable[[Path], Path]] = {
     "balance_strip": balance,
     "tipping": tipping,
     "motion_check": motion_check,
+    "nearest_motion": nearest_motion,
     "four_bar": four_bar,
     "double_pendulum": double_pendulum,
     "task_walker": task_pictures.walker_page,
