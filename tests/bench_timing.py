@@ -124,7 +124,7 @@ def table_of(title: str, rows: Sequence[Row]) -> Table:
 
 def versions() -> dict[str, str]:
     """{what: version} of everything that is measured, and the processor."""
-    named = ("pin", "numpy", "scipy", "proxsuite", "clarabel", "numba", "mujoco")
+    named = ("pin", "numpy", "scipy", "proxsuite", "clarabel", "daqp", "numba", "mujoco")
     found = {"python": platform.python_version()} | {name: _version(name) for name in named}
     return found | {"BLAS": _blas(), "processor": _processor()}
 

@@ -61,7 +61,10 @@ def relaxed(program: StepProgram, contacts: slice, contact_sizes: Array, joints:
     right[:idle, 0] = program.e[:idle]
     right[range(idle, len(right)), range(1, 1 + motors.stop)] = 1.0
     right[:, 1 + motors.stop : 1 + motors.stop + p] = -np.concatenate([program.F[:idle], program.W[motors]])
-    found = np.linalg.solve(np.concatenate([program.E[:idle], program.T[motors]]), right)
+    try:
+        found = np.linalg.solve(np.concatenate([program.E[:idle], program.T[motors]]), right)
+    except np.linalg.LinAlgError:  # a singular inertia
+        return None
     a_0, B = found[:, 0], found[:, 1:]
     J, wanted = program.E[contacts], program.e[contacts]
     A = contact_sizes[:, None] * (J @ B)

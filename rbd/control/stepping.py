@@ -96,7 +96,7 @@ def step(
     damping = as_float(contact_damping)
     if not 0.0 <= damping < _FASTEST:
         raise InputError(f"contact_damping is {contact_damping!r:.80}; expected a rate of 0 or more [1/s].")
-    problem = StepProblem.of(state, tasks, contacts, time, limits, external, normal_force, damping, stacklevel=2)
+    problem = StepProblem.of(state, tasks, contacts, time, limits, external, normal_force, damping, stacklevel=3)
     point, miss = minimiser(problem.program)
     eased = None
     if point is None or miss > SOLVED:
@@ -104,6 +104,8 @@ def step(
         if found is not None and (found.contacts.any() or found.joints.any()):
             eased = found
             point, miss = minimiser(eased.program, possible=True)
+        elif point is None:  # nothing need be violated: DAQP was wrong
+            point, miss = minimiser(problem.program, possible=True)
     name = state.robot.name
     if point is None:
         raise NoSolution(f"no torques and forces of {name} were found for this step, even with contacts relaxed.")

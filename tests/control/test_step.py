@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 from dense_step import corner_maps, dense_step, rays
 from moving_states import NAMES, drawn, robot
-from scipy.optimize import lsq_linear
+from scipy.optimize import lsq_linear, minimize
 
 import rbd
 from rbd.arrays import Array
@@ -29,10 +29,12 @@ from rbd.control import (
     TaskActuation,
     TaskTerms,
     step,
+    step_solution,
 )
 from rbd.control.step_problem import StepProblem
 from rbd.control.step_solution import WholeProgram, minimiser
-from rbd.errors import DuplicateName, InputError, RelaxedLimitsWarning, UnknownName
+from rbd.errors import DistantContactWarning, DuplicateName, InputError, RelaxedLimitsWarning, UnknownName
+from rbd.solvers.strict_qp import StrictAnswer
 from rbd.testing import box
 
 G = 9.81
@@ -235,6 +237,57 @@ def _least(
     return float(found.cost)
 
 
+def test_joints_that_cannot_brake_in_time_pass_their_bounds_by_the_least() -> None:
+    """A fast arm with a hundredth of its torques: as SciPy's L-BFGS-B has it over the torques, to six digits."""
+    arm = rbd.load_robot("ur5", root="fixed")
+    rng, count = np.random.default_rng(11), 0
+    for _ in range(6):
+        state = rbd.State(arm, rng.uniform(-2.0, 2.0, arm.nq), 4.0 * rng.normal(size=arm.nv))
+        limits = Limits(torque=0.01)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RelaxedLimitsWarning)
+            found = step(state, [PostureTask(state.q)], limits=limits)
+        least, most = limits.accelerations(state)
+        other = _least_passed(state, least, most, 0.01 * arm.effort_limit)
+        own = np.minimum(found.a - least, 0.0) + np.maximum(found.a - most, 0.0)
+        assert 0.5 * own @ own == pytest.approx(other, rel=1e-6, abs=1e-12)
+        if found.violation is not None:
+            count += 1
+            told = found.violation.joints
+            assert sorted(told.values()) == pytest.approx(sorted(np.abs(own[np.abs(own) > 1e-6])), rel=1e-6)
+            assert all(abs(own[arm.joints[name].v.start]) == pytest.approx(x, rel=1e-6) for name, x in told.items())
+    assert count >= 2
+
+
+def _least_passed(state: rbd.State, least: Array, most: Array, limit: Array) -> float:
+    """Half the sum of squares by which accelerations pass their bounds, over torques within limits."""
+    free, B = -np.linalg.solve(state.M, state.h), np.linalg.inv(state.M) * limit
+
+    def half(share: Array) -> tuple[float, Array]:
+        a = free + B @ share
+        passed = np.minimum(a - least, 0.0) + np.maximum(a - most, 0.0)
+        return 0.5 * float(passed @ passed), B.T @ passed
+
+    options = {"ftol": 1e-16, "gtol": 1e-12, "maxiter": 10000, "maxfun": 100000}
+    sides = [(-1.0, 1.0)] * len(limit)
+    return float(minimize(half, np.zeros(len(limit)), jac=True, method="L-BFGS-B", bounds=sides, options=options).fun)
+
+
+def test_where_daqp_fails_another_solver_is_asked(monkeypatch: pytest.MonkeyPatch) -> None:
+    """DAQP's verdict is not the end: with one that always finds none, the step is the same."""
+    moving = drawn(robot("talos"), np.random.default_rng(12))
+    tasks = tasks_of(moving.state, np.random.default_rng(0))
+    before = step(moving.state, tasks, moving.contacts)
+
+    def none(H: Array, g: Array, lower: Array, upper: Array, C: Array, low: Array, high: Array) -> StrictAnswer:
+        return StrictAnswer(np.zeros(len(g)), np.zeros(len(lower)), np.zeros(len(low)), 0, False)
+
+    monkeypatch.setattr(step_solution, "solve_strict", none)
+    after = step(moving.state, tasks, moving.contacts)
+    assert after.violation is None and after.certificate.worst < 1e-9
+    assert relative(after.a, before.a) < 1e-8 and relative(after.tau, before.tau) < 1e-6
+
+
 def test_a_box_that_is_lifted_leaves_the_floor_as_it_must() -> None:
     """120 N on 10 kg: it accelerates at (120 - 98.1) / 10 m/s2, the contact carries nothing, and the warning says so."""
     body = box(mass=10.0)
@@ -413,3 +466,18 @@ def test_a_robot_without_contacts_and_one_without_gravity_are_moved() -> None:
     assert found.tau == pytest.approx(state.M @ found.a + state.h, abs=1e-9)
     falling = step(rbd.State(box(), [0, 0, 1, 0, 0, 0, 1]), [])
     assert falling.a == pytest.approx([0, 0, -G, 0, 0, 0], abs=1e-9) and not falling.forces
+
+
+def test_warnings_name_the_line_that_asked() -> None:
+    """Of contacts off their planes, and of a violation."""
+    solo = robot("solo12")
+    state = solo.standing()
+    high = state.q.copy()
+    high[2] += 0.05
+    with pytest.warns(DistantContactWarning, match="50 mm above") as seen:
+        step(rbd.State(solo, high), [], solo.feet(0.7))
+    floor = rbd.PointContact("floor", "box", friction=0.5, on=None)
+    lift = rbd.ExternalForce("box", (0.0, 0.0, 200.0))
+    with pytest.warns(RelaxedLimitsWarning) as more:
+        step(rbd.State(box(mass=10.0), [0, 0, 0, 0, 0, 0, 1]), [], [floor], external=lift)
+    assert {w.filename for w in (*seen, *more)} == {__file__}
