@@ -45,9 +45,19 @@ def test_a_pushed_robot_is_told_from_push_to_proof(tmp_path):
     assert data["pushes"][1] == {"force": [-2.0, 1.0, 0.0], "frame": "base_link", "from": 0.1, "for": 0.05}
     assert np.array_equal(data["q"], trajectory.q[-1]) and np.array_equal(data["v"], trajectory.v[-1])
     assert data["energy"]["change"] == trajectory.energy[-1] - trajectory.energy[0]
+    assert data["energy"]["motor_work"] == trajectory.motor_work[-1] != 0.0 and "work of the motors" in out
     assert all(c["mode"] == "sticks" for c in data["constraints"].values())
     weight = sum(c["force"][2] for c in data["constraints"].values())
     assert weight == pytest.approx(trajectory.robot.mass * 9.81, rel=0.05)
+
+
+def test_a_robot_that_sinks_through_the_floor_of_its_feet_ends_the_run():
+    """With the report until then, the reason, and exit code 1; with all shapes it lands on the floor."""
+    code, out, err = run("solo12", "--free", "--feet-only", "--duration", "0.4")
+    assert code == 1 and "solo12 sinks through the floor: bodies with" in err
+    assert "stopped at t = 0.2" in out and "the run stops where it falls through it" in out
+    code, out, err = run("solo12", "--free", "--duration", "0.25")
+    assert code == 0 and "sinks" not in err and "it has fallen" in out
 
 
 def test_a_mechanism_swings_with_its_loop_closed(tmp_path):
@@ -60,6 +70,7 @@ def test_a_mechanism_swings_with_its_loop_closed(tmp_path):
     data = json.loads((tmp_path / "out.json").read_text())
     assert abs(data["energy"]["change"]) < 1e-8 and data["residuals"]["drift"]["value"] < 1e-10
     assert data["energy"]["largest_kinetic"] > 1e-3  # it does move
+    assert data["energy"]["motor_work"] == 0.0
 
 
 @pytest.mark.parametrize(("option", "moves"), [("--hold", False), ("--free", True)])

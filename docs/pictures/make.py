@@ -114,6 +114,14 @@ def coin_strip() -> Path:
     return motion_sheet(coin, [0.0, 0.3, 0.5, 0.6, 0.7], PICTURES / "coin_strip.png", width=300, height=300)
 
 
+def balance_strip() -> Path:
+    """Example 29: Talos is pushed to its left, turns its arms and hips, and stands again."""
+    push, way = scenes.balanced()
+    times = [0.0, 0.1, 0.2, 0.35, 0.5, 0.8, 1.5]
+    picture = PICTURES / "balance_strip.png"
+    return motion_sheet(way, times, picture, external=push, seen_from=(1.0, 0.15, 0.15), trace=False, width=240, height=400)
+
+
 def tipping() -> Path:
     """Example 17: a crate tips over."""
     crate, times, aside = scenes.result("17_sliding_box").tipped[0.6], [0.0, 0.15, 0.3, 0.45, 0.6], (0.2, -1.0, 0.2)
@@ -237,6 +245,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "impossible_motion": partial(example_page, "impossible_motion", "26_is_this_motion_possible", 1200, 720),
     "crouch": partial(drawn, "crouch", "25_torques_of_a_crouch", 770, 462),
     "painleve": partial(drawn, "painleve", "06_painleve", 770, 462),
+    "balance": partial(drawn, "balance", "29_balance", 880, 506),
     "polar_manipulator": partial(drawn, "polar_manipulator", "20_polar_manipulator", 495, 550),
     "push": partial(plot, "push", "02_push", "plot_push", (7.0, 4.2)),
     "two_laws": partial(plot, "two_laws", "04_two_laws", "plot_laws", (8.6, 3.8), 1, 2),
@@ -250,7 +259,18 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "sliding_box": partial(plot, "sliding_box", "17_sliding_box", "plot_slide", (7.0, 6.0), 2, 1),
     **{
         f.__name__: f
-        for f in (poses, where_it_can_stand, inverse_dynamics, control, mechanisms, robots, fall, coin_strip, tipping)
+        for f in (
+            poses,
+            where_it_can_stand,
+            inverse_dynamics,
+            control,
+            mechanisms,
+            robots,
+            fall,
+            coin_strip,
+            tipping,
+            balance_strip,
+        )
     },
 }
 """{picture: makes it}; those of the courses and tasks are in modules of their own."""

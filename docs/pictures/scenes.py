@@ -60,6 +60,19 @@ def walk(page: Path) -> Path:
     return result("28_talos_walks").walk.export(page)
 
 
+def balance(page: Path) -> Path:
+    """Example 29: Talos survives a hard push to its left."""
+    push, way = balanced()
+    return way.export(page, external=push)
+
+
+def balanced() -> tuple[rbd.control.Push, rbd.Trajectory]:
+    """The hardest push that Talos survives in the short search of example 29, and the motion after it."""
+    module, (ways, impulses) = example("29_balance"), result("29_balance")
+    impulse = ways[0] * impulses[module.CONTROL][0]
+    return module.push(impulse), module.pushed(module.CONTROL, impulse)
+
+
 def tipping(page: Path) -> Path:
     """Example 17: a crate slides, its edge grips, and it tips over."""
     return result("17_sliding_box").tipped[0.6].export(page)
@@ -106,6 +119,7 @@ SCENES: dict[str, Callable[[Path], Path]] = {
     "fall": fall,
     "coin_strip": coin,
     "walk": walk,
+    "balance_strip": balance,
     "tipping": tipping,
     "motion_check": motion_check,
     "nearest_motion": nearest_motion,

@@ -106,7 +106,7 @@ class SimulateReport:
             "ended": x.interrupted,
             "verdict": self.verdict,
             "energy": {"start": float(x.energy[0]), "end": float(x.energy[-1]), "change": float(x.energy[-1] - x.energy[0]),
-                       "largest_kinetic": float(x.kinetic.max())},
+                       "largest_kinetic": float(x.kinetic.max()), "motor_work": float(x.motor_work[-1])},
             "residuals": residuals,
             "constraints": {name: self._constraint(name) for name in x.forces},
             "events": [{"t": e.t, "name": e.name, "kind": e.kind, "point": e.point, "speed": e.speed, "impulse": e.impulse}
@@ -195,6 +195,7 @@ class SimulateReport:
         motor, e = _busiest_motor(x), x.energy
         rows += [("largest torque", motor)] if motor else []
         change = f"change {e[-1] - e[0]:.3g} J, kinetic at most {x.kinetic.max():.4g} J"
+        change += f", work of the motors {x.motor_work[-1]:.3g} J" if motor else ""
         return facts("motion", [*rows, ("energy", f"{e[0]:.6g} J to {e[-1]:.6g} J: {change}")])
 
     def _places(self) -> list[tuple[str, str]]:

@@ -42,9 +42,9 @@ class ContactWatch:
 
     A contact counts from when it is wanted and all its points touch, until it is not wanted, or none of its points is near. One
     that touches with some of them for longer than a fade counts too. Late in its swing, one that touches with all its points
-    counts before it is wanted. Its force rises from then; not where it was lost for less than a fade, nor where nothing else
-    carries the robot. What carries a robot alone neither fades nor is lifted, unless the schedule has a flight: it counts until
-    another contact does, late as that may be.
+    counts before it is wanted. Its force rises from then, or as before if it was lost for less than a fade.
+
+    What carries a robot alone counts until another contact does, late as that may be, unless the schedule has a flight.
 
     Args:
         contacts: Those of the controller.
@@ -56,6 +56,7 @@ class ContactWatch:
         self.contacts, self.schedule, self.early = contacts, schedule, early
         self.names = frozenset(c.name for c in contacts)
         self._carrying = frozenset(c.name for c in contacts if hasattr(c, "friction"))  # not loops
+        self._always = frozenset(c.name for c in contacts if not lifts(c))
         self.since: dict[str, float] = {}
         self._partly: dict[str, float] = {}
         self._lost: dict[str, tuple[float, float]] = {}
@@ -85,7 +86,7 @@ class ContactWatch:
                 self._partly.pop(name, None)
             held = whole or (near and name in self.since) or (wanted and self._lasts(name, t))
             if held and (wanted or self._late_in_swing(name, t)):
-                since[name] = -math.inf if begins else self._since(name, step)
+                since[name] = -math.inf if begins else self._since(name, t)
                 if not wanted:
                     different.append((name, "early"))
                 if not whole:
@@ -98,7 +99,7 @@ class ContactWatch:
                 over.append(name)
             elif some and not self._just_lifted(name, t):
                 different.append((name, "unplanned"))
-        if over and not self.schedule.flight and self._alone(since, step):
+        if over and not self.schedule.flight and not self._carried(since, step):
             since |= {name: self.since[name] for name in over}
             different += [(name, "overdue") for name in over]
         different += [(each, "unplanned") for each in self._others(step, planned)]
@@ -106,29 +107,32 @@ class ContactWatch:
         self._until |= dict.fromkeys(since, t)
         return SeenContacts(tuple(planned), tuple(touching), since, different)
 
-    def _since(self, name: str, step: AcceptedStep) -> float:
-        """Since when a contact counts, which its force rises from [s].
-
-        Since long ago where nothing else carries a floating base; since before, where it was lost for less than a fade.
-        """
+    def _since(self, name: str, t: float) -> float:
+        """Since when a contact counts, which its force rises from [s]: as before, where it was lost for less than a fade."""
         if name in self.since:
             return self.since[name]
-        before, lost = self._lost.get(name, (step.t, -math.inf))
-        if step.t - lost <= self.schedule.fade + INSTANT:
-            return before
-        return -math.inf if self._alone(self.since, step) else step.t
+        before, lost = self._lost.get(name, (t, -math.inf))
+        return before if t - lost <= self.schedule.fade + INSTANT else t
 
-    def _alone(self, others: Collection[str], step: AcceptedStep) -> bool:
-        """Whether nothing carries a floating base but these contacts, and none of them does: loops do not."""
-        return self._carrying.isdisjoint(others) and len(step.state.robot.unactuated) > 0
+    def _carried(self, contacts: Collection[str], step: AcceptedStep) -> bool:
+        """Whether a robot is carried without further contacts: by these, of which loops do not count, or by a fixed base."""
+        return not self._carrying.isdisjoint(contacts) or not len(step.state.robot.unactuated)
 
-    def bounds(self, seen: SeenContacts, t: float, full: float, carried: Mapping[str, float]) -> dict[str, Interval]:
-        """Bounds of normal forces that fade [N], as of `ContactSchedule.normal_force`; none of what carries a robot alone."""
-        bounds = self.schedule.normal_force(t, full, seen.since, carried)
-        carrying = self._carrying.intersection(seen.since)
-        if len(carrying) == 1 and not self.schedule.flight:
-            bounds.pop(next(iter(carrying)), None)
-        return bounds
+    def bounds(self, step: AcceptedStep, full: float, carried: Mapping[str, float]) -> dict[str, Interval]:
+        """Bounds of normal forces that fade [N], as of `ContactSchedule.normal_force`.
+
+        Together they allow at least the full force, or the robot would fall: less is scaled up to it, unless there is a flight.
+        """
+        bounds = self.schedule.normal_force(step.t, full, self.since, carried)
+        carrying = self._carrying.intersection(self.since)
+        if self.schedule.flight or not carrying.issubset(bounds) or not len(step.state.robot.unactuated):
+            return bounds
+        total = sum(bounds[name][1] for name in self.since if name in carrying)
+        if total >= full:
+            return bounds
+        scale = math.inf if total < 1e-6 * full else full / total
+        free = {name: (0.0, bounds[name][1] * scale) for name in carrying if math.isfinite(scale)}
+        return {name: free.get(name, each) for name, each in bounds.items() if name in free or name not in carrying}
 
     def _lasts(self, name: str, t: float) -> bool:
         """Whether a contact has touched with some of its points for longer than a fade."""
@@ -182,6 +186,8 @@ class ContactWatch:
 
         A contact of a body whose collision shapes are told touches with these.
         """
+        if contact.name in self._always:
+            return True, True, True
         told = step.contacts.get(contact.name)
         if told is not None:
             gaps, touches = np.asarray(told.gaps), np.asarray(told.touches)
@@ -213,3 +219,9 @@ def frames_of(contacts: Sequence[Constraint], names: Collection[str]) -> set[str
     """Frames of the robot to which some of the contacts are fixed."""
     frames = (member(contact, "frame") for contact in contacts if contact.name in names)
     return {frame for frame in frames if isinstance(frame, str)}
+
+
+def lifts(contact: Constraint) -> bool:
+    """Whether a contact can be lifted: it only pushes. Bilateral contacts and loops cannot."""
+    bilateral = hasattr(contact, "friction") and member(contact, "friction") is None
+    return not bilateral and member(contact, "loop_dof") is None

@@ -33,8 +33,9 @@ from rbd.model.state import State, check_state
 class PostureTask:
     """The joints with motors follow a posture.
 
-    The errors of sliding joints and of hinges obey their law exactly, continuous hinges up to half a turn from the target;
-    those of joints with several axes as the orientation of a `FrameTask` does. A selects the joints.
+    With k the gain and zeta the damping ratio, the errors e of sliding joints and of hinges decay by
+    e'' + 2 zeta sqrt(k) e' + k e = 0, of continuous hinges up to half a turn from the target; those of joints with several axes
+    as the orientation of a `FrameTask`. A selects the joints.
 
     Attributes:
         target: The posture, q, shape (nq,), or a `State` with it; of a floating base and of passive joints it is not used. Or a

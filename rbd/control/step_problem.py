@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array, as_float, check_finite, is_finite
 from rbd.constraints.constraint import Constraint, listed
 from rbd.control.limits import Limits
 from rbd.control.step_program import StepProgram
@@ -104,6 +104,8 @@ class StepProblem:
             J = np.concatenate([r.J for r in rows])
             feedback = np.concatenate([r.feedback if r.stabilised else damping * r.velocity for r in rows])
             offset = np.concatenate([r.bias for r in rows]) + feedback
+            if not (is_finite(J) and is_finite(offset)):
+                _refuse(rows)
         need = state.h if external is None else state.h - generalised(state, external)[0]
         per_weight = J.T @ sets.G
         terms = tuple([_terms(task, state, t) for task in checked_tasks(tasks)])
@@ -216,6 +218,17 @@ def _pyramids(sets: ForceSet) -> ForceSet:
 
 def _unit(robot: CheckedModel) -> float:
     return robot.mass * math.hypot(*robot.model.gravity.linear.tolist()) or 1.0
+
+
+def _refuse(rows: Sequence[Rows]) -> None:
+    """Name the constraint that gives numbers which are not finite.
+
+    Raises:
+        InputError: always.
+    """
+    for r in rows:
+        check_finite(f"rows of {r.name!r:.80}", np.concatenate([r.J, r.bias[:, None], r.velocity[:, None]], axis=1))
+    raise InputError("the rows of all constraints together are too large.")
 
 
 def _terms(task: Task, state: State, t: float) -> TaskTerms:

@@ -59,7 +59,7 @@ class StepProgram:
         high: Shape (q,); inf where there is none.
         lower: Shape (p,); -inf where there is none.
         upper: Shape (p,); inf where there is none.
-        of_forces: Which of the rows between bounds are of w alone.
+        of_forces: Which of the rows between bounds are of w alone: they are kept always.
     """
 
     H: Array
@@ -80,11 +80,13 @@ class StepProgram:
     def optimality(self, point: StepPoint) -> float:
         """How far a point is from the minimiser: the worst equation, bound, gradient and complementarity, scaled."""
         a, w, y, t, z, _, _ = point
-        if not math.isfinite(np.vdot(a, a) + np.vdot(w, w) + np.vdot(y, y) + np.vdot(t, t) + np.vdot(z, z)):
-            return math.inf
         Ha, Kw, Ey, Fy = self.H @ a, self.K @ w, y @ self.E, y @ self.F
         size = max(1.0, max_abs(Ha), max_abs(self.g), max_abs(Kw), max_abs(Ey), max_abs(Fy))
         moving = max(1.0, max_abs(a), max_abs(self.e))
+        gradient = np.concatenate([Ha + self.g - Ey - t @ self.T, Kw + self.k - Fy - t @ self.W - z])
+        missed = self.E @ a + self.F @ w - self.e
+        if not math.isfinite(np.vdot(gradient, gradient) + np.vdot(missed, missed)):
+            return math.inf
         rows = self.T @ a + self.W @ w
         below, above = np.concatenate([rows - self.low, w - self.lower]), np.concatenate([self.high - rows, self.upper - w])
         multipliers = np.concatenate([t, z])
@@ -92,9 +94,8 @@ class StepProgram:
         pushes = multipliers[held]
         room = np.where(pushes > 0.0, below[held], above[held])
         return max(
-            max_abs(Ha + self.g - Ey - t @ self.T) / size,
-            max_abs(Kw + self.k - Fy - t @ self.W - z) / size,
-            max_abs(self.E @ a + self.F @ w - self.e) / moving,
+            max_abs(gradient) / size,
+            max_abs(missed) / moving,
             -min(0.0, float(below.min(initial=0.0)), float(above.min(initial=0.0))) / moving,
             max_abs(pushes * room) / size,
         )

@@ -103,14 +103,17 @@ def step(
         found = relaxed(problem.program, problem.contact_rows, problem.contact_sizes, problem.joint_rows, problem.joint_sizes)
         if found is not None and (found.contacts.any() or found.joints.any()):
             eased = found
-            point, miss = minimiser(eased.program)
+            point, miss = minimiser(eased.program, possible=True)
     name = state.robot.name
     if point is None:
         raise NoSolution(f"no torques and forces of {name} were found for this step, even with contacts relaxed.")
     actuation = _actuation(problem, point, miss, eased)
     certificate = actuation.certificate
     if certificate.status is Status.FAILED:
-        raise NoSolution(f"the step of {name} was found only to a scaled residual of {certificate.worst:.1e}: {certificate}.")
+        raise NoSolution(
+            f"the step of {name} was found only to a scaled residual of {certificate.worst:.1e}: {certificate}. Costs of tasks "
+            "that differ by ten decades leave its program ill-conditioned."
+        )
     if actuation.violation is not None:
         warnings.warn(
             f"{name} cannot keep all contacts and joint limits; the least violation: {actuation.violation}. Ask for less, or "

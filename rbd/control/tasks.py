@@ -47,7 +47,8 @@ _WORLD = pin.LOCAL_WORLD_ALIGNED
 class ComTask:
     """The centre of mass follows a point, in world axes.
 
-    Its error c* - c obeys its law exactly, and its rows are A = J_c, the Jacobian of the centre of mass.
+    With k the gain and zeta the damping ratio, its error e = c* - c decays by e'' + 2 zeta sqrt(k) e' + k e = 0. Its rows are
+    A = J_c, the Jacobian of the centre of mass.
 
     Attributes:
         target: Where it is wanted, shape (3,) [m], or a `State`: where it is there. Or a `Reference` with velocity and
@@ -111,14 +112,14 @@ class ComTask:
 class FrameTask:
     """A frame of the robot, or a point fixed to it, follows a pose, a position or an orientation.
 
-    The position error p* - p obeys its law exactly. The error of the orientation is the rotation vector in world axes from R
-    to R*, log(R* R^T). It obeys its law exactly while the frame turns about an axis that is fixed, and to first order in
-    general; for any motion, with w the angular velocities,::
+    With k the gain and zeta the damping ratio, the position error e = p* - p decays by e'' + 2 zeta sqrt(k) e' + k e = 0. The
+    error of the orientation is the rotation vector in world axes from R to R*, e = log(R* R^T). It obeys the same law exactly
+    while the frame turns about an axis that is fixed, and to first order in general. For any angular velocities w, w*::
 
-        d/dt (k/2 |log(R* R^T)|^2 + 1/2 |w* - w|^2) = -2 zeta sqrt(k) |w* - w|^2
+        d/dt (k/2 |e|^2 + 1/2 |w* - w|^2) = -2 zeta sqrt(k) |w* - w|^2
 
-    so that it never grows [Bullo1995]; at half a turn the direction of the way back is not determined. A is the frame's
-    Jacobian.
+    so that this energy never grows [Bullo1995]; at half a turn the direction of the way back is not determined. A is the
+    frame's Jacobian.
 
     Attributes:
         frame: Name of the frame.

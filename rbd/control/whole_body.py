@@ -13,7 +13,7 @@ from rbd.arrays import Array, as_float
 from rbd.constraints.constraint import Constraint, listed, made, member
 from rbd.control.accepted_steps import INSTANT, AcceptedStep, sample_at
 from rbd.control.contact_schedule import ContactSchedule
-from rbd.control.contact_watch import ContactWatch, SeenContacts, frames_of
+from rbd.control.contact_watch import ContactWatch, SeenContacts, frames_of, lifts
 from rbd.control.control_log import ControlLog, ControlStep
 from rbd.control.limits import Limits
 from rbd.control.stepping import TaskActuation, step
@@ -51,7 +51,7 @@ class WholeBodyController:
     At the beginning of a step it looks at what touches, and computes torques by `rbd.control.step`; they are held until the
     next. A contact is counted on from when it is wanted and all its points touch, until it is not wanted or all are more
     than 0.5 mm away; late in a swing also before it is wanted, where a foot lands early. Its normal force rises from zero after
-    it touches, unless nothing else carries the robot, and falls to zero before it is lifted (`ContactSchedule`). A `FrameTask`
+    it touches, and falls to zero before it is lifted (`ContactSchedule`), as far as others can carry the robot. A `FrameTask`
     of a frame whose contact is counted on is left out, and a `ForceTask` of a contact that is not: so a foot's swing task can
     always be given, and one that lands late goes on with it; the foot that carries the robot alone until then is not lifted. A
     foot without such a task, that a push lifts off the ground, follows its posture until it touches.
@@ -167,20 +167,19 @@ class WholeBodyController:
         memory.robot = robot
         seen = memory.watch.see(step)
         actuation = self._step(step, seen)
-        limit, most = robot.effort_limit, self.limits.torques(robot)
-        memory.actuation, memory.tau = actuation, np.clip(actuation.tau, -most, most)  # beyond it by rounding only
-        known = np.isfinite(limit)
+        most = self.limits.torques(robot)
+        memory.actuation, memory.tau = actuation, np.minimum(np.maximum(actuation.tau, -most), most)  # beyond by rounding
         memory.log.add(
             ControlStep(
                 step.t,
                 actuation.certificate.worst,
                 0.0 if actuation.violation is None else actuation.violation.worst,
-                float(np.abs(memory.tau[known] / limit[known]).max(initial=0.0)),
+                float(np.abs(memory.tau / robot.effort_limit).max(initial=0.0)),  # 0 where there is no limit
                 {name: math.sqrt(float(missed @ missed)) for name, missed in actuation.missed.items()},
                 seen.planned,
                 seen.touching,
                 tuple(seen.since),
-                seen.different + _slips(actuation),
+                seen.different + _slips(actuation, seen),
             )
         )
 
@@ -230,7 +229,7 @@ class WholeBodyController:
             if getattr(task, "frame", None) not in frames and getattr(task, "contact", "") in ("", *seen.since)
         ]
         full = FULL * told.state.robot.mass
-        bounds = self._memory[0].watch.bounds(seen, told.t, full, self._carried(told.t, seen))
+        bounds = self._memory[0].watch.bounds(told, full, self._carried(told.t, seen))
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always", RbdWarning)
             warnings.simplefilter("ignore", DistantContactWarning)  # a foot that tips is counted as "partial"
@@ -273,9 +272,10 @@ class WholeBodyController:
                 warnings.warn(text, each.category, stacklevel=4)
 
 
-def _slips(actuation: TaskActuation) -> list[tuple[str, str]]:
-    """Contacts that were counted on and move."""
-    return [(name, "slips") for name, speed in actuation.moving.items() if speed > SLIPS]
+def _slips(actuation: TaskActuation, seen: SeenContacts) -> list[tuple[str, str]]:
+    """Contacts that were counted on, touch with all their points, and move."""
+    tips = {name for name, kind in seen.different if kind == "partial"}
+    return [(name, "slips") for name, speed in actuation.moving.items() if speed > SLIPS and name not in tips]
 
 
 def _twice(names: Sequence[str]) -> str:
@@ -304,7 +304,7 @@ def _check_contacts(contacts: Sequence[Constraint], schedule: ContactSchedule, t
                 f"task {task.name!r:.80} is of contact {force_of!r:.80}, which is not there; {nearest(force_of, names)}."
             )
     for contact in contacts:
-        if contact.name in schedule.intervals and not _lifts(contact):
+        if contact.name in schedule.intervals and not lifts(contact):
             raise InputError(
                 f"the schedule lifts {contact.name!r:.80}, which is bilateral and holds for ever; give the contact a "
                 "coefficient of friction, or leave it out of the schedule."
@@ -318,9 +318,3 @@ def _check_contacts(contacts: Sequence[Constraint], schedule: ContactSchedule, t
             "that is wanted at any time (the last intervals end with math.inf); a robot that jumps, or is held otherwise, has "
             "ContactSchedule(..., flight=True)."
         )
-
-
-def _lifts(contact: Constraint) -> bool:
-    """Whether a contact can be lifted: it only pushes."""
-    bilateral = hasattr(contact, "friction") and member(contact, "friction") is None
-    return not bilateral and member(contact, "loop_dof") is None

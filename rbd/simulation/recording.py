@@ -304,16 +304,27 @@ def _force_of(measured: Places, force: Array, speed: Array, at: slice, row: slic
     resultant = measured.to_world @ force if measured.to_world is not None and whole else force
     if measured.points is None or measured.axes is None:
         return ConstraintForce(resultant, mode)
-    points, axes = measured.points[at], measured.axes
-    if isinstance(cones[0], Free):  # one point, of a bilateral constraint
-        pushed = (axes @ force[:3])[None] if len(points) == 1 and len(force) >= 3 else None
-        return ConstraintForce(resultant, mode, points, pushed)
-    k, width = len(cones), cones[0].dim
-    pushed = np.zeros((k, 3))
-    pushed[:, 3 - width :] = force.reshape(k, width)
-    pushed = np.einsum("kij,kj->ki", axes[at], pushed) if axes.ndim == 3 else pushed @ axes.T
-    if measured.to_world is None:
+    points, pushed = measured.points[at], point_forces(measured, force, at)
+    if pushed is not None and measured.to_world is None and not isinstance(cones[0], Free):
         resultant = pushed.sum(axis=0)
         if measured.arms is not None:
             resultant = np.concatenate([resultant, cross_rows(measured.arms[at], pushed).sum(axis=0)])
     return ConstraintForce(resultant, mode, points, pushed)
+
+
+def point_forces(measured: Places, force: Array, at: slice) -> Array | None:
+    """Forces at the points of one contact in world axes, shape (k, 3) [N]; None where the rows are no forces at points.
+
+    Args:
+        measured: Where the points of its source are.
+        force: Its row forces, shape (m,).
+        at: Its points among those of the source.
+    """
+    cones, axes = measured.structure.cones[at], measured.axes
+    assert axes is not None
+    if isinstance(cones[0], Free):  # one point, of a bilateral constraint
+        return (axes @ force[:3])[None] if len(cones) == 1 and len(force) >= 3 else None
+    k, width = len(cones), cones[0].dim
+    pushed = np.zeros((k, 3))
+    pushed[:, 3 - width :] = force.reshape(k, width)
+    return np.einsum("kij,kj->ki", axes[at], pushed) if axes.ndim == 3 else pushed @ axes.T

@@ -13,7 +13,7 @@ from rbd.control.accepted_steps import ContactTouch
 from rbd.problem.rows import Rows
 from rbd.simulation.instant import Instant
 from rbd.simulation.motion import ConstraintForce
-from rbd.simulation.recording import constraint_forces, points_and_rows
+from rbd.simulation.recording import point_forces, points_and_rows
 
 _NONE = ContactTouch(zeros(0), np.zeros(0, bool), np.zeros((0, 3)))
 
@@ -26,17 +26,18 @@ def touches_of(now: Instant, constraints: Sequence[Constraint], sources: Sequenc
         constraints: All of the motion; those that never have points are left out.
         sources: The sources of their points, in the order of the layout.
     """
-    at, touching, layout = now.at, now.touching, now.at.layout
-    names = tuple(c.name for c in constraints)
-    acting = constraint_forces(at, now.force, np.zeros(len(at.gap)), names)
+    at, touching = now.at, now.touching
     out = {c.name: _NONE for c in constraints if callable(member(c, "points"))}  # also where no point is near now
-    for source, structure, (points, _) in zip(sources, layout.structures, layout.spans, strict=True):
-        for owner, mine, _ in points_and_rows(structure):
-            k = slice(points.start + mine.start, points.start + mine.stop)
-            force = _forces(acting[owner], len(at.gap[k]))
-            if force is not None:
-                out[owner] = ContactTouch(at.gap[k].copy(), touching[k].copy(), force, _labels(source, structure, mine))
-    return {name: out[name] for name in names if name in out}
+    for source, measured, (points, rows) in zip(sources, at.places, at.layout.spans, strict=True):
+        if measured.points is None or measured.axes is None:
+            continue
+        gaps, touches, force = at.gap[points].copy(), touching[points].copy(), now.force[rows]
+        for owner, mine, row in points_and_rows(measured.structure):
+            pushed = point_forces(measured, force[row], mine)
+            if pushed is None:
+                pushed = np.zeros((mine.stop - mine.start, 3))
+            out[owner] = ContactTouch(gaps[mine], touches[mine], pushed, _labels(source, measured.structure, mine))
+    return {c.name: out[c.name] for c in constraints if c.name in out}
 
 
 def held_touches(rows: Sequence[Rows], acting: Mapping[str, ConstraintForce]) -> dict[str, ContactTouch]:
@@ -50,17 +51,10 @@ def held_touches(rows: Sequence[Rows], acting: Mapping[str, ConstraintForce]) ->
     for r in rows:
         if r.patch is None or r.resultant is None:
             continue
-        k, x = len(r.patch.corners), acting.get(r.name)
-        force = None if x is None else _forces(x, k)
-        out[r.name] = ContactTouch(np.full(k, ALWAYS), np.ones(k, bool), np.zeros((k, 3)) if force is None else force)
+        k = len(r.patch.corners)
+        pushed = acting[r.name].point_forces if r.name in acting else None
+        out[r.name] = ContactTouch(np.full(k, ALWAYS), np.ones(k, bool), np.zeros((k, 3)) if pushed is None else pushed)
     return out
-
-
-def _forces(acting: ConstraintForce, k: int) -> np.ndarray | None:
-    """Forces at a contact's k points, shape (k, 3); None where it has no points."""
-    if acting.points is None:
-        return None
-    return np.zeros((k, 3)) if acting.point_forces is None else np.array(acting.point_forces)
 
 
 def _labels(source: Source, structure: Structure, points: slice) -> tuple[str, ...]:

@@ -15,7 +15,8 @@ import daqp
 import numpy as np
 from scipy.linalg import qr
 
-from rbd.arrays import RANK, Array
+from rbd.arrays import RANK, Array, is_finite
+from rbd.errors import InputError
 
 _EQUAL, _INEQUAL = 5, 0
 TOLERANCE = 1e-10
@@ -56,6 +57,11 @@ def solve_strict(
         tolerance: See `TOLERANCE`.
     """
     bottom, top = np.concatenate([lower, low]), np.concatenate([upper, high])
+    ordered = bool((bottom <= top).all())
+    if not (is_finite(H) and is_finite(g) and is_finite(C)) or not ordered and np.isnan(bottom + top).any():
+        raise InputError("a quadratic program has entries that are not finite: DAQP would call it solved.")
+    if not ordered:
+        return StrictAnswer(np.zeros(len(g)), np.zeros(len(lower)), np.zeros(len(low)), 0, False)
     sense = np.where(bottom == top, _EQUAL, _INEQUAL).astype(np.int32)
     x, _, flag, info = daqp.solve(H, g, C, top, bottom, sense, primal_tol=tolerance)
     multipliers = -np.asarray(info["lam"])

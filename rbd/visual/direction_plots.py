@@ -79,6 +79,7 @@ def plot_directions(
     ax.set_rlim(0.0, 1.08 * max((float(size.max(initial=0.0)) for size in sizes.values()), default=0.0) or 1.0)  # type: ignore[attr-defined]
     ax.set_rlabel_position(202.5)  # type: ignore[attr-defined]
     ax.yaxis.set_major_formatter(lambda size, _: f"{size:g} {unit}".strip())
+    ax.tick_params(axis="y", labelsize="small", labelcolor="0.35")
     ax.grid(color="0.88", lw=0.7)
     ax.spines["polar"].set_visible(False)
     if sizes:

@@ -159,6 +159,8 @@ def test_wrong_rows_are_noticed() -> None:
         check_task(Changed(1.0, 1.0), lambda at: place(at)[:2], state)
     with pytest.raises(InputError, match="no rows of accelerations"):
         check_task(ForceTask("left_sole", np.zeros(3)), place, state)
+    with pytest.raises(InputError, match="no rows of accelerations"):
+        check_task(ComTask(np.zeros(3), cost=0.0), lambda at: np.zeros(0), state)
 
 
 # ------------------------------------------------------------------------------------------------------- closed forms
@@ -463,6 +465,30 @@ def test_targets_may_be_given_in_many_ways(rng: np.random.Generator) -> None:
     assert all(same(follows.terms(state, t), ComTask(x).terms(state, 0.0)) for t, x in zip((0.0, 1.0), moves, strict=True))
 
 
+def test_rotations_are_told_from_reflections(rng: np.random.Generator) -> None:
+    """Of any orientation: it is taken, its opposite is not."""
+    for _ in range(30):
+        R = turn(rng, float(rng.uniform(0.0, math.pi)))
+        assert FrameTask("hand", R).name == "hand"
+        for wrong in (-R, R * [1.0, 1.0, -1.0]):
+            with pytest.raises(InputError, match="target of task 'hand' is no rotation"):
+                FrameTask("hand", wrong)
+
+
+def test_what_is_not_given_is_as_it_is_told(rng: np.random.Generator) -> None:
+    """Gains of 100 1/s2, of 10 1/s for momenta, a critical damping ratio, costs of one."""
+    talos = robot("talos")
+    state, goal, frame = drawn(talos, rng), drawn(talos, rng), HANDS["talos"]
+    law = {"gain": 100.0, "damping_ratio": 1.0}
+    for one, same_as in (
+        (ComTask(goal), ComTask(goal, cost=1.0, name="com", **law)),
+        (FrameTask(frame, goal), FrameTask(frame, goal, position_cost=1.0, orientation_cost=1.0, axes="world", **law)),
+        (PostureTask(goal), PostureTask(goal, cost=1.0, name="posture", **law)),
+        (MomentumTask(), MomentumTask(np.zeros(6), linear_cost=0.0, angular_cost=1.0, gain=10.0)),
+    ):
+        assert one.name == same_as.name and same(one.terms(state, 0.0), same_as.terms(state, 0.0))
+
+
 def test_costs_in_the_axes_of_the_frame(rng: np.random.Generator) -> None:
     """Equal costs weigh the same in all axes; others weigh what is missed along the frame's own."""
     talos = robot("talos")
@@ -554,8 +580,12 @@ BAD: dict[str, Callable[[], Any]] = {
     r"position_cost of task 'hand' has shape \(6,\)": lambda: FrameTask("hand", np.eye(4), position_cost=np.ones(6)),
     r"orientation_cost of task 'hand' is -1": lambda: FrameTask("hand", np.eye(4), orientation_cost=-1.0),
     r"axes of task 'hand' are 'body'; expected 'world' or 'frame'": lambda: FrameTask("hand", np.eye(4), axes="body"),
+    r"axes of task 'hand' are array": lambda: FrameTask("hand", np.eye(4), axes=np.ones(2)),  # type: ignore[arg-type]
+    r"gain of task 'hand' is -1": lambda: FrameTask("hand", np.eye(4), gain=-1.0),
+    r"gain of task 'posture' is -1": lambda: PostureTask(np.zeros(19), gain=-1.0),
     r"offset of task 'hand' has shape \(2,\)": lambda: FrameTask("hand", np.eye(4), offset=[0.0, 1.0]),
     r"joints of task 'posture' are 'knee'; expected a list of names": lambda: PostureTask(np.zeros(19), joints="knee"),
+    r"joints of task 'posture' are 5": lambda: PostureTask(np.zeros(19), joints=5),  # type: ignore[arg-type]
     r"joints of task 'posture' are \['a', 'a'\]": lambda: PostureTask(np.zeros(19), joints=["a", "a"]),
     r"cost of task 'posture' of joint 'a' is -1": lambda: PostureTask(np.zeros(19), cost={"a": -1.0}),
     r"cost of task 'posture' has shape \(2, 2\)": lambda: PostureTask(np.zeros(19), cost=np.ones((2, 2))),
@@ -575,8 +605,8 @@ BAD: dict[str, Callable[[], Any]] = {
     r"cost of task 'force of left' has shape \(4,\)": lambda: ForceTask("left", np.zeros(3), cost=np.ones(4)),
     r"the terms of task 'own' have shapes A \(1, 4\), wanted \(2,\)": lambda: TaskTerms("own", np.ones((1, 4)), [1, 2], [1.0]),  # type: ignore[arg-type]
     r"wanted of task 'own' is not finite": lambda: TaskTerms("own", np.ones((1, 4)), np.array([np.nan]), np.ones(1)),
-    r"cost of task 'own' is \[-1.0\]; expected numbers from 0": lambda: TaskTerms(
-        "own", np.ones((1, 4)), np.ones(1), -np.ones(1)
+    r"cost of task 'own' is \[1.0, -1.0\]; expected numbers from 0": lambda: TaskTerms(
+        "own", np.ones((2, 4)), np.ones(2), np.array([1.0, -1.0])
     ),
 }
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import pickle
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,9 @@ from rbd.control import (
     PostureTask,
     Reference,
     WholeBodyController,
+    whole_body,
 )
+from rbd.control.contact_watch import ContactWatch
 
 URDF = Path(__file__).parents[2] / "urdf"
 INF = math.inf
@@ -196,6 +199,26 @@ def test_what_touches_unplanned_is_named(quadruped: Quadruped):
     assert "front_left: touches, and is not planned, in 6 steps, first at t = 0 s" in str(only)
 
 
+def test_a_wall_that_the_trunk_meets_is_named_and_not_counted_on(quadruped: Quadruped):
+    """The trunk moves forward by 1 cm, against a wall 5 mm away: the log says since when, and the step knows no force there."""
+    state = quadruped.state
+    nose = state.frame("base_link").X_WF.translation + [0.2, 0.0, 0.0]
+    wall = rbd.PointContact(
+        "nose",
+        "base_link",
+        offset=(0.2, 0.0, 0.0),
+        friction=0.5,
+        on=rbd.Ground(point=nose + [5e-3, 0.0, 0.0], normal=(-1.0, 0.0, 0.0)),
+    )
+    forward = ComTask(shifted(state.com, [0.01, 0.0, 0.0], 0.2), cost=100.0)
+    controller = WholeBodyController([forward, PostureTask(state.q, cost=0.1)], quadruped.robot.feet(friction=0.6))
+    motion = quadruped.run(controller, 0.25, constraints=[*quadruped.feet, wall])
+    log = controller.log
+    assert log.disagreements["nose"].keys() == {"unplanned"} and 0.05 < log.first["nose", "unplanned"] < 0.15
+    assert controller.actuation.forces.keys() == {foot.name for foot in quadruped.feet}
+    assert motion.forces["nose"][-1][0] < -0.1 and motion.com[-1, 0] - state.com[0] < 7e-3
+
+
 def touch(*names: str, gap: float = 0.0) -> ContactTouch:
     """Points of collision shapes that touch, and one that does not."""
     k = len(names)
@@ -311,6 +334,33 @@ def test_what_a_task_raises_stops_the_simulation(quadruped: Quadruped):
         quadruped.run(controller)
     assert stopped.value.t == pytest.approx(0.008) and isinstance(stopped.value.__cause__, rbd.errors.InputError)
     assert len(controller.log) == 5 and len(stopped.value.trajectory.t) == 5
+
+
+def test_a_step_without_an_answer_is_never_silent(quadruped: Quadruped, monkeypatch: pytest.MonkeyPatch):
+    """It stops the simulation, and says when and on what the robot stood."""
+    controller = quadruped.controller()
+
+    def fails(*given: Any, **settings: Any) -> None:
+        raise rbd.NoSolution("no torques")
+
+    controller.accepted(AcceptedStep(quadruped.state, 0.0, 1e-3, {}))
+    monkeypatch.setattr(whole_body, "step", fails)
+    with pytest.raises(rbd.NoSolution) as failed:
+        controller.accepted(AcceptedStep(quadruped.state, 0.5, 1e-3, {}))
+    assert failed.value.__notes__ == ["at t = 0.5 s, on front_left, front_right, hind_left, hind_right"]
+    with pytest.raises(rbd.errors.SimulationStopped, match="no torques"):
+        quadruped.run(controller)
+
+
+def test_a_used_controller_can_be_sent_to_another_process(quadruped: Quadruped):
+    """With what it remembers, and its log."""
+    controller = WholeBodyController([PostureTask(quadruped.state.q)], quadruped.feet, schedule=ContactSchedule({}))
+    controller.accepted(AcceptedStep(quadruped.state, 0.0, 1e-3, {}))
+    copied = pickle.loads(pickle.dumps(controller))
+    assert (copied.actuation.tau == controller.actuation.tau).all() and str(copied) == str(controller)
+    copied.reset()
+    copied.accepted(AcceptedStep(quadruped.state, 0.0, 1e-3, {}))
+    assert (copied.actuation.tau == controller.actuation.tau).all()
 
 
 def test_it_wants_to_be_told(quadruped: Quadruped, talos: rbd.Robot):
@@ -453,6 +503,23 @@ def test_a_foot_that_carries_alone_is_not_lifted(flight: bool):
     assert (log.assumed[second.name] == (log.t > 0.395)).all() and log.disagreements[second.name] == {"late": 15}
     assert kinds.get("overdue", 0) == (0 if flight else 10) and kinds["unplanned"] == (16 if flight else 6)
     assert forces[29] == pytest.approx(forces[26] * (0.15625 if flight else 1.0), rel=1e-6) and forces[26] > 1.0
+
+
+def test_contacts_that_all_fade_can_carry_the_robot():
+    """Two pairs of feet that change at once: their bounds are scaled to the full force, 12 m/s2; in a flight they are not."""
+    pairs = {"front_left": [(-INF, 0.3)], "hind_right": [(-INF, 0.3)], "front_right": [(0.26, INF)], "hind_left": [(0.26, INF)]}
+    full = 12.0 * SOLO.mass
+    for flight in (False, True):
+        watch = ContactWatch(FEET, ContactSchedule(pairs, fade=0.04, flight=flight), 0.5)
+        for t in (0.0, 0.1, 0.26, 0.27, 0.28, 0.29):
+            step = AcceptedStep(SOLO.standing(), t, 1e-3, {})
+            watch.see(step)
+            most = {name: bound[1] for name, bound in watch.bounds(step, full, {"front_left": 4.0, "hind_right": 4.0}).items()}
+            if t == 0.27:
+                assert most["front_left"] == most["hind_right"] and most["front_right"] == most["hind_left"]
+                rises, falls = 0.15625 * full, 0.84375 * 4.0
+                assert most["hind_left"] / most["hind_right"] == pytest.approx(rises / falls, rel=1e-9)
+                assert sum(most.values()) == pytest.approx(2.0 * (rises + falls) if flight else full, rel=1e-9)
 
 
 def test_forces_of_contacts_that_are_not_counted_on_are_not_asked_for():
