@@ -242,7 +242,7 @@ class TestItself:
 
     @pytest.mark.parametrize(("way_", "friction"), [([0.16, 0.0, 0.0], 0.7), ([0.0, 0.04, 0.0], 0.1)])
     def test_a_simulation_follows_it(self, talos: rbd.Robot, way_: list[float], friction: float) -> None:
-        """The reference falls over its toes, or slips; the nearest one is tracked to 0.2 mm, its soles stay within a millimetre."""
+        """The reference falls over its toes, or slips; this one is tracked to 0.2 mm, its soles stay within a millimetre."""
         reference = on_soles(talos, wave(way_, 1, 0.8), 0.8)
         nearest = check_motion(reference, friction=friction).nearest_motion()
         soles = talos.soles(friction=friction)
