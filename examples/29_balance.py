@@ -111,9 +111,11 @@ def main(show: bool = True) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     impulses = {name: np.array([run[name] for run in runs]) for name in FIRST}
     impulses |= {"push_limits": statics, "no angular momentum": statics / -np.expm1(-rate(state) * LASTS_S)}
     print(f"Talos pushed at its torso for {LASTS_S} s: the largest impulses it survives [N s], in steps of {by} N s")
-    print("towards" + "".join(f"{name:>21}" for name in impulses))
+    blow = statics / LASTS_S * state.frame(TORSO).X_WF.translation[2] * rate(state) / GRAVITY
+    table = {**impulses, "m w d": blow}
+    print("towards" + "".join(f"{name:>{len(name) + 3}}" for name in table))
     for i, angle in enumerate(np.degrees(angles)):
-        print(f"{angle:3.0f} deg" + "".join(f"{sizes[i]:21.0f}" for sizes in impulses.values()))
+        print(f"{angle:3.0f} deg" + "".join(f"{sizes[i]:{len(name) + 3}.0f}" for name, sizes in table.items()))
     if show:
         from matplotlib.figure import Figure  # in the extra `plot`
 

@@ -936,7 +936,7 @@ def use_check(**given: Any) -> Any:
 CASES |= {
     "check_motion": Case(use_check, CHECKED, 20),
     "MotionReport.nearest_motion": Case(
-        lambda **given: use_motion(SWAY_REPORT.nearest_motion(**given)), {"step": 0.02, "progress": False}, 10
+        lambda **given: use_motion(SWAY_REPORT.nearest_motion(**given)), {"margin": 0.1, "step": 0.02, "progress": False}, 10
     ),
     "MotionDifference.of": Case(
         lambda **given: use_difference(rbd.motion.MotionDifference.of(**given)), {"motion": SWAY, "reference": SWAY}, 10

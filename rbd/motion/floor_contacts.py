@@ -25,11 +25,13 @@ class FloorContacts:
     Attributes:
         lanes: The contacts of the reference.
         feet: Its contacts, in their order.
+        friction: The coefficient, less the margin.
+        margin: Share of the friction, and of each foot's size, that is not used.
         on: Which points touch, shape (k,).
     """
 
-    def __init__(self, lanes: Lanes, friction: float) -> None:
-        self.lanes, self.friction = lanes, friction
+    def __init__(self, lanes: Lanes, friction: float, margin: float) -> None:
+        self.lanes, self.friction, self.margin = lanes, (1.0 - margin) * friction, margin
         self.feet: Sequence[Constraint] = lanes.contacts
         self.on = np.zeros(len(lanes.points), bool)
         self._unplanned = np.zeros(len(lanes.contacts), bool)
@@ -80,9 +82,11 @@ class FloorContacts:
             if isinstance(foot, Contact):
                 key = (g, self.on[own].tobytes())
                 if key not in self._known:
+                    corners = foot.corners[self.on[own]]
+                    inner = corners + self.margin * (corners.mean(axis=0) - corners)
                     self._known[key] = Contact(
-                        foot.name, foot.frame, corners=foot.corners[self.on[own]], placement=foot.placement,
-                        friction=self.friction, facets=foot.facets,
+                        foot.name, foot.frame, corners=inner, placement=foot.placement, friction=self.friction,
+                        facets=foot.facets,
                     )  # fmt: skip
                 out.append(self._known[key])
                 continue

@@ -196,7 +196,13 @@ class _Follower:
 
 
 def nearest_motion(
-    motion: Motion, lanes: Lanes, friction: float, torque: float | None, longest: float, done: Callable[[float], None]
+    motion: Motion,
+    lanes: Lanes,
+    friction: float,
+    torque: float | None,
+    margin: float,
+    longest: float,
+    done: Callable[[float], None],
 ) -> Motion:
     """The nearest possible motion, with its contacts and notes; it ends where it falls.
 
@@ -205,15 +211,17 @@ def nearest_motion(
         lanes: Its contacts.
         friction: Coulomb's coefficient of the floor.
         torque: Share of the torque limits; None for no limits.
+        margin: Share of the friction, of the soles' size and of the torques that is not used.
         longest: Longest step of the integration [s].
         done: Called with each time reached.
     """
     lanes = standing(lanes)
     course = Course.of(motion, lanes, longest)
-    contacts = FloorContacts(lanes, friction)
+    contacts = FloorContacts(lanes, friction, margin)
     follower = _Follower(course, motion, contacts.feet)
     limits = Limits(
-        torque=None if torque is None else torque * (1.0 - TORQUE_MARGIN), horizon=max(Limits().horizon, 2.0 * longest)
+        torque=None if torque is None else torque * (1.0 - max(margin, TORQUE_MARGIN)),
+        horizon=max(Limits().horizon, 2.0 * longest),
     )
     q, v = _start(follower, contacts, lanes)
     kept: list[tuple[Array, Array, Array, Array]] = []

@@ -199,17 +199,19 @@ class MotionReport:
         """The report of the same motion without what is above a frequency [Hz]. Contacts are found again."""
         return self.checked_again(self.motion.filtered(cutoff))
 
-    def nearest_motion(self, *, step: float = 5e-3, progress: bool = True) -> Motion:
+    def nearest_motion(self, *, margin: float = 0.05, step: float = 5e-3, progress: bool = True) -> Motion:
         """The motion that follows this one as far as the robot can: possible at each of its frames; it ends where it falls.
 
         At each time a quadratic program (`rbd.control.step`) finds the accelerations, forces and torques nearest to what the
-        motion wants: of its centre of mass, base, joints and of feet in the air; within the friction and 97 % of the torque
-        limits of this report, joint limits and speeds, on the contacts of its lanes. The motion is integrated from them. The
-        centre of mass is shifted, looking ahead, so that the zero-moment point stays within the contacts [Kajita2003]. Where
-        feet hover or sink, the reference is moved to the floor by one height; feet that slide are held where they came down.
+        motion wants: of its centre of mass, base, joints and of feet in the air; within the friction and the torque limits of
+        this report, joint limits and speeds, on the contacts of its lanes. The motion is integrated from them. The centre of
+        mass is shifted, looking ahead, so that the zero-moment point stays within the contacts [Kajita2003]. Where feet hover
+        or sink, the reference is moved to the floor by one height; feet that slide are held where they came down.
         Torque-speed curves and self-collision are left out.
 
         Args:
+            margin: Share of the friction, of the soles' size and of the torque limits that is not used, so that a controller
+                can follow it; of the torques at least 0.03, to which a check finds them.
             step: Longest step of the integration [s].
             progress: Show a bar on a terminal where it takes long.
 
@@ -218,7 +220,7 @@ class MotionReport:
             `rbd.motion.MotionDifference` for how far it is from this one.
 
         Raises:
-            InputError: a step that is none, or torque limits above those of the robot's file.
+            InputError: a step or a margin that is none, or torque limits above those of the robot's file.
             NoSolution: not even its first frame is possible.
         """
         limits = self.settings.torque_limits
@@ -228,10 +230,13 @@ class MotionReport:
         longest = as_float(step)
         if not 1e-4 <= longest <= 0.1:
             raise InputError(f"step is {step!r:.80}; expected a time from 1e-4 to 0.1 s.")
+        unused = as_float(margin)
+        if not 0.0 <= unused < 0.9:
+            raise InputError(f"margin is {margin!r:.80}; expected a share from 0 to 0.9.")
         check_flag("progress", progress)
         m = self.motion
         with progress_of((float(m.t[0]), float(m.t[-1])), shown=progress, doing=f"following {m.source}") as done:
-            return nearest_motion(m, self.lanes, self.friction, share, longest, done)
+            return nearest_motion(m, self.lanes, self.friction, share, unused, longest, done)
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name."""

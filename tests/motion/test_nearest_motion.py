@@ -93,7 +93,7 @@ class TestPossible:
     def test_a_fall_over_its_toes_is_followed(self, fall: rbd.Trajectory) -> None:
         """Falling is possible: nothing shifts what needs no shift."""
         reference = Motion.of_trajectory(fall[::5])
-        nearest = check_motion(reference).nearest_motion()
+        nearest = check_motion(reference).nearest_motion(margin=0.0)
         assert nearest.n == reference.n
         assert np.linalg.norm(MotionDifference.of(nearest, reference).com, axis=1).max() < 5e-3
 
@@ -239,6 +239,37 @@ class TestItself:
             np.abs(MotionDifference.of(report.nearest_motion(step=step), reference).joints).max() for step in (0.02, 0.005)
         )
         assert fine < 0.5 * coarse
+
+    @pytest.mark.parametrize(("way_", "friction"), [([0.16, 0.0, 0.0], 0.7), ([0.0, 0.04, 0.0], 0.1)])
+    def test_a_simulation_follows_it(self, talos: rbd.Robot, way_: list[float], friction: float) -> None:
+        """The reference falls over its toes, or slips; this one is tracked to 0.2 mm, its soles stay within a millimetre."""
+        reference = on_soles(talos, wave(way_, 1, 0.8), 0.8)
+        nearest = check_motion(reference, friction=friction).nearest_motion()
+        soles = talos.soles(friction=friction)
+        follow = rbd.control.TrackingController(nearest, soles, torques="nearest")
+        run = rbd.simulate(nearest.state(0), soles, duration=0.8, step=4e-3, controller=follow, progress=False)
+        off = pin.difference(talos.model, nearest.q[-1], run.q[-1])
+        assert np.abs(off[:3]).max() < 2e-4  # m
+        moved = [np.ptp(run.points[sole.name], axis=0).max() for sole in soles]
+        assert max(moved) < 1e-3  # m
+        assert not follow.clipped
+
+    @pytest.mark.parametrize("margin", [0.0, 0.2])
+    def test_its_margin_is_not_used(self, talos: rbd.Robot, margin: float) -> None:
+        """Soles are smaller by it: the centre of pressure is as far from their edges, and on them without it."""
+        reference = on_soles(talos, wave([0.16, 0.0, 0.0], 1, 0.6), 0.6)
+        nearest = check_motion(reference).nearest_motion(margin=margin)
+        again = check_motion(nearest)
+        half = 0.5 * float(np.ptp(talos.soles()[0].corners[:, 0]))  # from a sole's middle to its toes
+        # The check shares the same wrench otherwise between the feet, so that each is a little nearer to its edge.
+        assert 0.9 * margin * half - 1e-6 < np.nanmin(again.edge_margin) < margin * half + 1e-4
+
+    @pytest.mark.parametrize("margin", [-0.1, 1.0, np.nan, "x"])
+    def test_bad_margins_are_refused(self, squat: rbd.Trajectory, margin: object) -> None:
+        """No share, or one that leaves nothing."""
+        report = check_motion(Motion.of_trajectory(squat[:20:5]))
+        with pytest.raises(InputError, match="margin"):
+            report.nearest_motion(margin=margin)  # type: ignore[arg-type]
 
     @pytest.mark.parametrize("step", [0.0, -1.0, 1.0, np.nan, "x"])
     def test_bad_steps_are_refused(self, squat: rbd.Trajectory, step: object) -> None:
