@@ -24,6 +24,8 @@ from rbd.visual.plots import an_axis, frame
 from rbd.visual.style import CONTACT_COLORS, WRENCH_COLOR, a_page, contact_colors, distinct_colors
 
 if TYPE_CHECKING:
+    from rbd.motion.motion import Motion
+    from rbd.simulation.trajectory import Trajectory
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
@@ -112,7 +114,7 @@ def export_report(
     speed: float = 1.0,
     title: str | None = None,
     start: float | None = None,
-    ghost: Any = None,
+    ghost: Trajectory | Motion | None = None,
     follow: bool | None = None,
     trace: bool = False,
     seen_from: Sequence[float] | Array | None = None,
