@@ -24,10 +24,11 @@ from rbd.visual.plots import an_axis, frame
 from rbd.visual.style import CONTACT_COLORS, WRENCH_COLOR, a_page, contact_colors, distinct_colors
 
 if TYPE_CHECKING:
-    from rbd.motion.motion import Motion
-    from rbd.simulation.trajectory import Trajectory
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+
+    from rbd.motion.motion import Motion
+    from rbd.simulation.trajectory import Trajectory
 
 MOMENT_ARM = 0.3
 """A missing moment is drawn as the force that has it at this distance [m], as the report weighs it."""
