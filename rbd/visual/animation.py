@@ -6,7 +6,8 @@ import contextlib
 import math
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +19,7 @@ from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.robots.robot import Robot
+from rbd.simulation.motion import Event
 from rbd.visual.animation_frames import MotionPage, Pushes, PushesAt, frames_of
 from rbd.visual.footprints import footprints_of
 from rbd.visual.page import screenshot, write_page
@@ -26,11 +28,13 @@ from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_page, a_path, a_picture
 
 if TYPE_CHECKING:
+    from rbd.motion.motion import Motion
     from rbd.simulation.trajectory import Trajectory
 
 MOST_FPS, LEAST_SPEED, MOST_SPEED = 1000.0, 1e-3, 1000.0
 MOST_PICTURES = 100
-WANTED = ("robot", "t", "q", "v", "points", "point_forces", "modes", "events")
+FORCES = ("points", "point_forces", "modes", "events")
+WANTED = ("robot", "t", "q", "v", *FORCES)
 CAPTION_HEIGHT = 34
 """Size of a picture in a strip, in pixels, as in animation.css."""
 GAP = 6
@@ -41,8 +45,22 @@ FAR = 5.0
 """By default the camera follows a robot that travels more than this many times its size."""
 
 
+@dataclass(frozen=True, eq=False)
+class Forceless:
+    """A motion of which no forces are known, an `rbd.Motion`, in the form of a trajectory that can be shown."""
+
+    robot: CheckedModel
+    t: Array
+    q: Array
+    v: Array
+    points: Mapping[str, Array] = field(default_factory=dict)
+    point_forces: Mapping[str, Array] = field(default_factory=dict)
+    modes: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    events: tuple[Event, ...] = ()
+
+
 def export_motion(
-    trajectory: Trajectory,
+    trajectory: Trajectory | Motion,
     path: str | PathLike[str],
     *,
     fps: float | None = None,
@@ -50,7 +68,7 @@ def export_motion(
     title: str | None = None,
     start: float | None = None,
     external: Pushes | PushesAt = None,
-    ghost: Any = None,
+    ghost: Trajectory | Motion | None = None,
     follow: bool | None = None,
     trace: bool = True,
     footprints: bool = True,
@@ -67,7 +85,7 @@ def export_motion(
     down change the speed, page up and page down go from event to event, f follows the robot. `x.html#t=0.5` opens at 0.5 s.
 
     Args:
-        trajectory: What `rbd.simulate` returned, two samples at least.
+        trajectory: What `rbd.simulate` returned, or an `rbd.Motion`, which has no forces; two samples at least.
         path: Of the page, ends in .html.
         fps: Frames a second of playback at `speed`; by default 30, more where bodies turn fast.
         speed: Seconds of motion a second at first; the page can change it.
@@ -109,7 +127,7 @@ def export_motion(
 
 
 def motion_sheet(
-    trajectory: Trajectory,
+    trajectory: Trajectory | Motion,
     times: Sequence[float] | Array | int,
     png_path: str | PathLike[str],
     *,
@@ -117,7 +135,7 @@ def motion_sheet(
     width: int = 360,
     height: int = 360,
     external: Pushes | PushesAt = None,
-    ghost: Any = None,
+    ghost: Trajectory | Motion | None = None,
     follow: bool | None = None,
     trace: bool = True,
     footprints: bool = True,
@@ -128,7 +146,7 @@ def motion_sheet(
     """Draw a motion at some times side by side, all from one camera, with the time under each; returns the picture's path.
 
     Args:
-        trajectory: What `rbd.simulate` returned, two samples at least.
+        trajectory: What `rbd.simulate` returned, or an `rbd.Motion`, which has no forces; two samples at least.
         times: When [s], or how many pictures evenly from the first to the last.
         png_path: Path of the picture.
         columns: Pictures in a row; all of them by default.
@@ -177,14 +195,14 @@ def motion_sheet(
 
 
 def replay(
-    trajectory: Trajectory, *, speed: float = 1.0, scene: Scene | None = None, external: Pushes | PushesAt = None
+    trajectory: Trajectory | Motion, *, speed: float = 1.0, scene: Scene | None = None, external: Pushes | PushesAt = None
 ) -> None:
     """Show a motion live, paced by the clock; returns when it is over. Ctrl-C ends it sooner, and is no error.
 
     Late frames are skipped, so that the motion keeps its pace. The picture stays at the last frame shown.
 
     Args:
-        trajectory: What `rbd.simulate` returned, two samples at least.
+        trajectory: What `rbd.simulate` returned, or an `rbd.Motion`, which has no forces; two samples at least.
         speed: Seconds of motion a second.
         scene: The live scene to show it in: `Scene(robot)` of the same robot, with `scene.open()` called. By default a new
             one is opened in the browser, on 127.0.0.1, and closed afterwards.
@@ -234,10 +252,11 @@ def checked(trajectory: object) -> Trajectory:
     Raises:
         InputError: if it is none, has fewer than two samples, or its times do not increase.
     """
-    missing = [name for name in WANTED if not hasattr(trajectory, name)]
-    if missing or not isinstance(getattr(trajectory, "robot", None), CheckedModel):
-        raise InputError(f"{trajectory!r:.80} is no trajectory; expected what rbd.simulate returned.")
-    shown: Trajectory = trajectory  # type: ignore[assignment]
+    missing = {name for name in WANTED if not hasattr(trajectory, name)}
+    if missing - set(FORCES) or not isinstance(getattr(trajectory, "robot", None), CheckedModel):
+        raise InputError(f"{trajectory!r:.80} is no trajectory; expected what rbd.simulate returned, or an rbd.Motion.")
+    given: Any = trajectory
+    shown: Trajectory = Forceless(given.robot, given.t, given.q, given.v) if missing else given  # type: ignore[assignment]
     n = len(shown.t)
     if n < 2:
         some = "no sample" if n == 0 else "one sample only"

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
+    from rbd.motion.motion import Motion
+    from rbd.simulation.trajectory import Trajectory
+
 MOMENT_ARM = 0.3
 """A missing moment is drawn as the force that has it at this distance [m], as the report weighs it."""
 MOMENT_COLOR = "#8a2f4f"
@@ -112,7 +115,7 @@ def export_report(
     speed: float = 1.0,
     title: str | None = None,
     start: float | None = None,
-    ghost: Any = None,
+    ghost: Trajectory | Motion | None = None,
     follow: bool | None = None,
     trace: bool = False,
     seen_from: Sequence[float] | Array | None = None,

@@ -125,6 +125,17 @@ def test_trajectories_have_ghosts_too(solo: rbd.Robot, rises: rbd.Motion, tmp_pa
     assert np.array_equal(poses(by_run)[:, :half], poses(by_run)[:, half:])
 
 
+def test_two_motions_in_one_page(still: rbd.Motion, rises: rbd.Motion, tmp_path: Path) -> None:
+    """Of reference motions no forces are known: the page has both robots, and no contacts."""
+    motion = told(export_motion(rises, tmp_path / "x.html", ghost=still))
+    half = motion["bodies"] // 2
+    assert motion["contacts"] == []
+    assert poses(motion)[0, :half] == pytest.approx(poses(motion)[0, half:], abs=1e-6)
+    assert poses(motion)[-1, 0, 2] - poses(motion)[-1, half, 2] > 0.05
+    with pytest.raises(InputError, match=r"rbd\.Motion"):
+        export_motion("rises", tmp_path / "y.html")  # type: ignore[arg-type]
+
+
 def test_a_ghost_of_another_robot_is_refused(still: rbd.Motion, rises: rbd.Motion, tmp_path: Path) -> None:
     """And nothing is written; the same robot loaded twice is the same."""
     arm = rbd.load_robot("panda", root="fixed")
