@@ -32,7 +32,7 @@ from rbd.control import (
 )
 from rbd.control.step_problem import StepProblem
 from rbd.control.step_solution import WholeProgram, minimiser
-from rbd.errors import DuplicateName, InputError, RelaxedLimitsWarning, UnknownName
+from rbd.errors import DistantContactWarning, DuplicateName, InputError, RelaxedLimitsWarning, UnknownName
 from rbd.testing import box
 
 G = 9.81
@@ -233,6 +233,18 @@ def _least(
     bounds = np.concatenate([-np.ones(one.nu), np.zeros(n)]), np.concatenate([np.ones(one.nu), np.full(n, np.inf)])
     found = lsq_linear(sizes[:, None] * (J @ B), sizes * (wanted - J @ free), bounds, method="bvls", tol=1e-14, max_iter=3000)
     return float(found.cost)
+
+
+def test_warnings_name_the_line_that_called() -> None:
+    """Of a contact above its plane, and of one that cannot be kept."""
+    body = box(mass=10.0)
+    floor = SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), friction=0.5, on=0.0)
+    lift = rbd.ExternalForce("box", (0.0, 0.0, 120.0))
+    with pytest.warns(DistantContactWarning) as distant:
+        step(rbd.State(body, [0, 0, 0.12, 0, 0, 0, 1]), [], [floor])
+    with pytest.warns(RelaxedLimitsWarning) as relaxed:
+        step(rbd.State(body, [0, 0, 0.1, 0, 0, 0, 1]), [], [dataclasses.replace(floor, on=None)], external=[lift])
+    assert [each.filename for each in [*distant, *relaxed]] == 2 * [__file__]
 
 
 def test_a_box_that_is_lifted_leaves_the_floor_as_it_must() -> None:
