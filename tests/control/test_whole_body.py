@@ -322,6 +322,24 @@ def test_steps_that_violate_contacts_are_counted_and_said_once(quadruped: Quadru
         quadruped.run(controller, 0.02)  # once in each motion
 
 
+def test_a_simulation_without_contacts_is_refused(quadruped: Quadruped):
+    """The feet that the controller counts on would carry nothing; a motion in the air wants none."""
+    falls = quadruped.controller()
+    with pytest.raises(rbd.InputError, match=r"counts on front_left, .* and the simulation has no contacts"):
+        quadruped.run(falls, constraints=[])
+    jumps = ContactSchedule({foot.name: [(1.0, INF)] for foot in quadruped.feet}, flight=True)
+    controller = WholeBodyController([PostureTask(quadruped.state.q)], quadruped.feet, schedule=jumps)
+    assert quadruped.run(controller, 0.2, constraints=[]).com[-1, 2] < quadruped.state.com[2]
+
+
+def test_limits_of_joints_are_no_contacts_that_come_late(quadruped: Quadruped):
+    """The same list may be given to the simulation and to the controller."""
+    both = [*quadruped.feet, *quadruped.robot.joint_limits()]
+    controller = WholeBodyController([PostureTask(quadruped.state.q)], both)
+    quadruped.run(controller, constraints=both)
+    assert controller.log.disagreements == {}
+
+
 def test_a_step_leaves_the_filters_of_warnings_alone(quadruped: Quadruped):
     """They are those of all threads: two simulations at once would put back each other's, and silence what comes later."""
     seen = []
