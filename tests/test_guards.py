@@ -970,6 +970,7 @@ MADE_BY_RBD = {
     "Trajectory",
     "AcceptedStep",
     "ContactTouch",
+    "ControlLog",
     "ForceEstimate",
     "ForceHistory",
     "OpenComponents",

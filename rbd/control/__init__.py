@@ -2,6 +2,7 @@
 
 from rbd.control.accepted_steps import AcceptedStep, ContactTouch, SteppedController
 from rbd.control.contact_schedule import ContactSchedule
+from rbd.control.control_log import ControlLog
 from rbd.control.force_tasks import ForceTask, MomentumTask
 from rbd.control.limits import Limits
 from rbd.control.posture import HoldPosture
@@ -21,6 +22,7 @@ __all__ = [
     "ComTask",
     "ContactSchedule",
     "ContactTouch",
+    "ControlLog",
     "ForceTask",
     "FrameTask",
     "HoldPosture",

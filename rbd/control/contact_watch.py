@@ -11,8 +11,9 @@ import numpy as np
 
 from rbd.constraints.constraint import Constraint, member
 from rbd.constraints.contact_points import ALWAYS, Source, sources_of
-from rbd.control.accepted_steps import INSTANT, AcceptedStep, ContactTouch
+from rbd.control.accepted_steps import INSTANT, AcceptedStep, ContactTouch, TouchesWhenRead
 from rbd.control.contact_schedule import ContactSchedule, Interval
+from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 
 TOUCHES = 1e-4
@@ -69,6 +70,7 @@ class ContactWatch:
         """The contacts at the beginning of a step."""
         t, begins = step.t, self._start is None
         if self._start is None:
+            self._check_given(step)
             self._start = t
         planned, touching, different = list[str](), list[str](), list[tuple[str, str]]()
         since, over = dict[str, float](), list[str]()
@@ -92,7 +94,8 @@ class ContactWatch:
                 if not whole:
                     different.append((name, "partial"))
             elif wanted:
-                different.append((name, "late"))
+                if name in self._carrying:  # not limits of joints, which act where they must
+                    different.append((name, "late"))
                 if name in self.since:
                     self._lost[name] = self.since[name], t
             elif some and name in self.since:
@@ -106,6 +109,21 @@ class ContactWatch:
         self.since = since
         self._until |= dict.fromkeys(since, t)
         return SeenContacts(tuple(planned), tuple(touching), since, different)
+
+    def _check_given(self, step: AcceptedStep) -> None:
+        """Refuse a simulation without any contact, where one is wanted: nothing would carry what the controller counts on.
+
+        Raises:
+            InputError: naming those that are wanted.
+        """
+        if not isinstance(step.contacts, TouchesWhenRead) or step.contacts:
+            return
+        wanted = [c.name for c in self.contacts if c.name in self._carrying and self.schedule.wants(c.name, step.t)]
+        if wanted:
+            raise InputError(
+                f"WholeBodyController counts on {', '.join(wanted):.80}, and the simulation has no contacts. Give them to "
+                "both: rbd.simulate(state, contacts, controller=...)."
+            )
 
     def _since(self, name: str, t: float) -> float:
         """Since when a contact counts, which its force rises from [s]: as before, where it was lost for less than a fade."""

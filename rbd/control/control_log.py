@@ -51,9 +51,9 @@ class ControlLog:
         first: {(contact, kind): when that was first seen [s]}.
 
     Example:
-        >>> arm = rbd.load_robot("panda", root="fixed")
-        >>> reach = rbd.control.WholeBodyController([rbd.control.PostureTask(arm.at("ready").q)])
-        >>> reach.accepted(rbd.control.AcceptedStep(arm.at("ready"), 0.0, 1e-3, {}))
+        >>> arm = rbd.load_robot("ur5", root="fixed")
+        >>> reach = rbd.control.WholeBodyController([rbd.control.PostureTask(arm.at().q)])
+        >>> reach.accepted(rbd.control.AcceptedStep(arm.at(), 0.0, 1e-3, {}))
         >>> print(reach.log.t, reach.log.missed["posture"].round(6), reach.log.violations)
         [0.] [0.] 0
     """
@@ -132,21 +132,25 @@ class ControlLog:
             return "no step of control yet"
         t, worst = self.t, int(np.argmax(self.residual))
         lines = [
-            f"{len(t)} steps of control from {t[0]:.6g} to {t[-1]:.6g} s",
+            f"{_steps(len(t))} of control from {t[0]:.6g} to {t[-1]:.6g} s",
             f"worst residual {self.residual[worst]:.2g} (scaled) at t = {t[worst]:.6g} s",
             f"largest torque {100.0 * self.torque_share.max():.0f} % of its limit",
         ]
         if n := self.violations:
             worst = int(np.argmax(self.violation))
             lines.append(
-                f"{n} steps could not keep contacts or joint limits, by at most {self.violation[worst]:.3g} m/s2 or rad/s2, at "
-                f"t = {t[worst]:.6g} s"
+                f"{_steps(n)} could not keep contacts or joint limits, by at most {self.violation[worst]:.3g} m/s2 or rad/s2, "
+                f"at t = {t[worst]:.6g} s"
             )
         else:
             lines.append("contacts and joint limits were kept in all steps")
         for contact, kinds in self.disagreements.items():
             for kind, n in kinds.items():
-                lines.append(f"{contact}: {MEANING[kind]}, in {n} steps, first at t = {self.first[contact, kind]:.6g} s")
+                lines.append(f"{contact}: {MEANING[kind]}, in {_steps(n)}, first at t = {self.first[contact, kind]:.6g} s")
         if not self.disagreements:
             lines.append("what touches is what was planned, in all steps")
         return "\n".join(lines)
+
+
+def _steps(n: int) -> str:
+    return f"{n} step{'s' * (n != 1)}"

@@ -86,9 +86,9 @@ class StepProblem:
         normal_force: Mapping[str, tuple[float, float]] | None,
         damping: float,
         *,
-        stacklevel: int,
+        stacklevel: int | None,
     ) -> StepProblem:
-        """Checked.
+        """Checked; a warning names contacts off the planes that they stand on, if a `stacklevel` is given.
 
         Raises:
             InputError: what is no task; terms that are not finite, or of a wrong shape.
@@ -97,7 +97,7 @@ class StepProblem:
         """
         robot, nv = state.robot, state.robot.nv
         given = listed(contacts)
-        rows = contact_rows(state, given, stacklevel=stacklevel + 1)
+        rows = contact_rows(state, given, stacklevel=None if stacklevel is None else stacklevel + 1)
         sets = _pyramids(at_rest(*[r.cone for r in rows]))
         J, offset, feedback = np.zeros((0, nv)), _NONE, _NONE
         if rows:

@@ -27,7 +27,7 @@ from rbd.control.step_program import StepPoint
 from rbd.control.step_solution import minimiser
 from rbd.control.task_actuation import StepCertificate, TaskActuation
 from rbd.control.task_terms import Task
-from rbd.errors import InaccurateWarning, InputError, NoSolution, RelaxedLimitsWarning
+from rbd.errors import InaccurateWarning, InputError, NoSolution, RbdWarning, RelaxedLimitsWarning
 from rbd.model.dynamics import External
 from rbd.model.state import State, check_state
 from rbd.problem.answer import Status
@@ -37,6 +37,8 @@ from rbd.problem.force_set import ForceSet
 from rbd.problem.residuals import SOLVED
 from rbd.statics.effort import DEFAULT
 
+DAMPING = 50.0
+"""Rate at which velocities of contacts decay [1/s]."""
 _FASTEST = 1e6
 """Largest damping rate [1/s]."""
 
@@ -50,7 +52,7 @@ def step(
     limits: Limits = Limits(),  # noqa: B008  a frozen record of settings
     external: External = None,
     normal_force: Mapping[str, tuple[float, float]] | None = None,
-    contact_damping: float = 50.0,
+    contact_damping: float = DAMPING,
 ) -> TaskActuation:
     """The torques and contact forces with which tasks are met at least cost, with a certificate.
 
@@ -88,6 +90,31 @@ def step(
         >>> print(held.status, f"{held.forces['left_sole'][2] + held.forces['right_sole'][2]:.2f} N")
         solved 885.57 N
     """
+    found = silent_step(
+        state, tasks, contacts, t=t, limits=limits, external=external, normal_force=normal_force,
+        contact_damping=contact_damping, stacklevel=4,
+    )  # fmt: skip
+    for category, text in complaints(found):
+        warnings.warn(text, category, stacklevel=2)
+    return found
+
+
+def silent_step(
+    state: State,
+    tasks: Sequence[Task],
+    contacts: Sequence[Constraint] = (),
+    *,
+    t: float = 0.0,
+    limits: Limits = Limits(),  # noqa: B008  a frozen record of settings
+    external: External = None,
+    normal_force: Mapping[str, tuple[float, float]] | None = None,
+    contact_damping: float = DAMPING,
+    stacklevel: int | None = None,
+) -> TaskActuation:
+    """`step` without its warnings: that of distant contacts is given if a `stacklevel` is; `complaints` has the others.
+
+    A controller calls it: filters of warnings are those of all threads, and so nothing here may change them.
+    """
     check_state(state)
     if not isinstance(limits, Limits):
         raise InputError(f"limits is {limits!r:.80}; expected rbd.control.Limits(...).")
@@ -96,7 +123,7 @@ def step(
     damping = as_float(contact_damping)
     if not 0.0 <= damping < _FASTEST:
         raise InputError(f"contact_damping is {contact_damping!r:.80}; expected a rate of 0 or more [1/s].")
-    problem = StepProblem.of(state, tasks, contacts, time, limits, external, normal_force, damping, stacklevel=3)
+    problem = StepProblem.of(state, tasks, contacts, time, limits, external, normal_force, damping, stacklevel=stacklevel)
     point, miss = minimiser(problem.program)
     eased = None
     if point is None or miss > SOLVED:
@@ -116,20 +143,22 @@ def step(
             f"the step of {name} was found only to a scaled residual of {certificate.worst:.1e}: {certificate}. Costs of tasks "
             "that differ by ten decades leave its program ill-conditioned."
         )
-    if actuation.violation is not None:
-        warnings.warn(
-            f"{name} cannot keep all contacts and joint limits; the least violation: {actuation.violation}. Ask for less, or "
-            "leave out contacts that contradict each other.",
-            RelaxedLimitsWarning,
-            stacklevel=2,
-        )
-    if certificate.status is Status.INACCURATE:
-        warnings.warn(
-            f"the step of {name} has a scaled residual of {certificate.worst:.1e} (solved is 1e-9).",
-            InaccurateWarning,
-            stacklevel=2,
-        )
     return actuation
+
+
+def complaints(found: TaskActuation) -> list[tuple[type[RbdWarning], str]]:
+    """What a step warns of, each with its category: limits that were not kept, and residuals above 1e-9."""
+    name, out = found.state.robot.name, list[tuple[type[RbdWarning], str]]()
+    if found.violation is not None:
+        text = (
+            f"{name} cannot keep all contacts and joint limits; the least violation: {found.violation}. Ask for less, or "
+            "leave out contacts that contradict each other."
+        )
+        out.append((RelaxedLimitsWarning, text))
+    if found.status is Status.INACCURATE:
+        text = f"the step of {name} has a scaled residual of {found.certificate.worst:.1e} (solved is 1e-9)."
+        out.append((InaccurateWarning, text))
+    return out
 
 
 def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased: Relaxed | None) -> TaskActuation:

@@ -192,7 +192,7 @@ def checked_law(name: str, gain: float, damping_ratio: float = 0.0) -> tuple[flo
     """
     for what, value in (("gain", gain), ("damping_ratio", damping_ratio)):
         if not 0.0 <= as_float(value) < _MOST:
-            raise InputError(f"{what} of task {name!r:.80} is {value!r:.80}; expected a number from 0.")
+            raise InputError(f"{what} of task {name!r:.80} is {value!r:.80}; expected a number from 0, below {_MOST:g}.")
     return float(gain), 2.0 * float(damping_ratio) * math.sqrt(gain)
 
 
@@ -212,7 +212,7 @@ def checked_costs(what: str, cost: Cost, m: int, per: str = "axis") -> Array:
     if found.ndim and found.shape != (m,):
         raise InputError(f"{what} has shape {found.shape}; expected one number, or ({m},), one of each {per}.")
     if not ((found >= 0.0) & (found < _MOST)).all():
-        raise InputError(f"{what} is {cost!r:.80}; expected numbers from 0.")
+        raise InputError(f"{what} is {cost!r:.80}; expected numbers from 0, below {_MOST:g}.")
     return np.full(m, found) if not found.ndim else found
 
 

@@ -16,10 +16,10 @@ from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.contact_watch import ContactWatch, SeenContacts, frames_of, lifts
 from rbd.control.control_log import ControlLog, ControlStep
 from rbd.control.limits import Limits
-from rbd.control.stepping import TaskActuation, step
+from rbd.control.stepping import DAMPING, complaints, silent_step
+from rbd.control.task_actuation import TaskActuation
 from rbd.control.task_terms import Task, checked_tasks, robot_of
 from rbd.errors import DuplicateName, InputError, NoSolution, UnknownName, nearest
-from rbd.errors.warned import DistantContactWarning, RbdWarning
 from rbd.model.state import State
 from rbd.problem.ground import Body
 
@@ -98,7 +98,7 @@ class WholeBodyController:
     schedule: ContactSchedule = None  # type: ignore[assignment]  # an empty one in its place
     limits: Limits = Limits()  # noqa: RUF009  a frozen record of settings
     every: float | None = None
-    contact_damping: float = 50.0
+    contact_damping: float = DAMPING
     early: float = 0.5
     _memory: list[_Memory] = field(init=False, repr=False, default_factory=list)
 
@@ -230,23 +230,25 @@ class WholeBodyController:
         ]
         full = FULL * told.state.robot.mass
         bounds = self._memory[0].watch.bounds(told, full, self._carried(told.t, seen))
-        with warnings.catch_warnings(record=True) as caught:
-            warnings.simplefilter("always", RbdWarning)
-            warnings.simplefilter("ignore", DistantContactWarning)  # a foot that tips is counted as "partial"
-            try:
-                found = step(
-                    told.state,
-                    tasks,
-                    acting,
-                    t=told.t,
-                    limits=self.limits,
-                    normal_force=bounds,
-                    contact_damping=float(self.contact_damping),
-                )
-            except NoSolution as error:
-                error.add_note(f"at t = {told.t:.6g} s, on {', '.join(seen.since) or 'no contact'}")
-                raise
-        self._say(caught, told.t)
+        try:
+            found = silent_step(
+                told.state,
+                tasks,
+                acting,
+                t=told.t,
+                limits=self.limits,
+                normal_force=bounds,
+                contact_damping=float(self.contact_damping),
+            )
+        except NoSolution as error:
+            error.add_note(f"at t = {told.t:.6g} s, on {', '.join(seen.since) or 'no contact'}")
+            raise
+        said = self._memory[0].said
+        for category, text in complaints(found):
+            if category not in said:
+                said.add(category)
+                text += f" (At t = {told.t:.6g} s. Said once in a motion: `controller.log` has all steps.)"
+                warnings.warn(text, category, stacklevel=4)
         return found
 
     def _carried(self, t: float, seen: SeenContacts) -> dict[str, float]:
@@ -259,17 +261,6 @@ class WholeBodyController:
                 memory.carried[name] = max(0.0, before.contacts[name].normal)
         memory.carried = {name: force for name, force in memory.carried.items() if name in falls}
         return memory.carried
-
-    def _say(self, caught: Sequence[warnings.WarningMessage], t: float) -> None:
-        """Issue the first warning of each kind in a motion, and whatever others warn of."""
-        said = self._memory[0].said
-        for each in caught:
-            if not issubclass(each.category, RbdWarning):
-                warnings.warn_explicit(each.message, each.category, each.filename, each.lineno)
-            elif each.category not in said:
-                said.add(each.category)
-                text = f"{each.message} (At t = {t:.6g} s. Said once in a motion: `controller.log` has all steps.)"
-                warnings.warn(text, each.category, stacklevel=4)
 
 
 def _slips(actuation: TaskActuation, seen: SeenContacts) -> list[tuple[str, str]]:

@@ -8,7 +8,6 @@ follows that of the reference, shifted so that the zero-moment point stays withi
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
@@ -21,7 +20,8 @@ from rbd.constraints.contact import Contact
 from rbd.control import ComTask, FrameTask, PostureTask, Reference, Task
 from rbd.control.feed_forward import sampled
 from rbd.control.limits import Limits
-from rbd.control.stepping import TaskActuation, step
+from rbd.control.stepping import silent_step
+from rbd.control.task_actuation import TaskActuation
 from rbd.errors import NoSolution
 from rbd.mechanism.projection import project_velocity
 from rbd.model.checked_model import CheckedModel
@@ -234,7 +234,7 @@ def nearest_motion(
             break
         touching = contacts.update(state, int(course.frame[k]))
         try:
-            answer = _step(state, follower.tasks(touching), contacts, limits)
+            answer = silent_step(state, follower.tasks(touching), contacts.constraints(state), limits=limits)
         except NoSolution as error:
             fell = f"no accelerations keep its limits: {error}"
             break
@@ -250,15 +250,9 @@ def nearest_motion(
     return _made(motion, lanes, course, kept, fell, relaxed)
 
 
-def _step(state: State, tasks: Sequence[Task], contacts: FloorContacts, limits: Limits) -> TaskActuation:
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # what was relaxed is told once, in the notes
-        return step(state, tasks, contacts.constraints(state), limits=limits)
-
-
 def _relaxed(answer: TaskActuation) -> float:
-    violation = getattr(answer, "violation", None)
-    return 0.0 if violation is None else float(violation.worst)
+    """By how much contacts or joint limits are violated, which the notes tell once."""
+    return 0.0 if answer.violation is None else answer.violation.worst
 
 
 def _fallen(state: State, wanted: State, ground: float) -> str:

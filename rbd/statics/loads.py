@@ -29,8 +29,13 @@ AT_REST = 1e-9
 """Largest |v| of a robot at rest."""
 
 
-def contact_rows(state: State, contacts: Sequence[Constraint], *, stacklevel: int = 3) -> tuple[Rows, ...]:
+def contact_rows(state: State, contacts: Sequence[Constraint], *, stacklevel: int | None = 3) -> tuple[Rows, ...]:
     """Rows of constraints, each with its own name; a warning names contacts off the planes that they stand on.
+
+    Args:
+        state: The robot.
+        contacts: The constraints.
+        stacklevel: Of the warning: 2 for the line that called this; None for no warning.
 
     Raises:
         DuplicateName: two of one name.
@@ -39,7 +44,7 @@ def contact_rows(state: State, contacts: Sequence[Constraint], *, stacklevel: in
     if len(names := [r.name for r in rows]) != len(set(names)):
         twice = next(name for name in names if names.count(name) > 1)
         raise DuplicateName(f"two contacts are named {twice!r:.80}; give each its own name.")
-    if not all([r.patch is None or r.patch.touches for r in rows]):
+    if stacklevel is not None and not all([r.patch is None or r.patch.touches for r in rows]):
         warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
     return rows
 

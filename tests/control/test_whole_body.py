@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import pickle
+import warnings
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -321,6 +322,38 @@ def test_steps_that_violate_contacts_are_counted_and_said_once(quadruped: Quadru
         quadruped.run(controller, 0.02)  # once in each motion
 
 
+def test_a_simulation_without_contacts_is_refused(quadruped: Quadruped):
+    """The feet that the controller counts on would carry nothing; a motion in the air wants none."""
+    falls = quadruped.controller()
+    with pytest.raises(rbd.InputError, match=r"counts on front_left, .* and the simulation has no contacts"):
+        quadruped.run(falls, constraints=[])
+    jumps = ContactSchedule({foot.name: [(1.0, INF)] for foot in quadruped.feet}, flight=True)
+    controller = WholeBodyController([PostureTask(quadruped.state.q)], quadruped.feet, schedule=jumps)
+    assert quadruped.run(controller, 0.2, constraints=[]).com[-1, 2] < quadruped.state.com[2]
+
+
+def test_limits_of_joints_are_no_contacts_that_come_late(quadruped: Quadruped):
+    """The same list may be given to the simulation and to the controller."""
+    both = [*quadruped.feet, *quadruped.robot.joint_limits()]
+    controller = WholeBodyController([PostureTask(quadruped.state.q)], both)
+    quadruped.run(controller, constraints=both)
+    assert controller.log.disagreements == {}
+
+
+def test_a_step_leaves_the_filters_of_warnings_alone(quadruped: Quadruped):
+    """They are those of all threads: two simulations at once would put back each other's, and silence what comes later."""
+    seen = []
+
+    def target(t: float) -> np.ndarray:
+        seen.append((list(warnings.filters), warnings.showwarning))
+        return quadruped.state.com
+
+    controller = WholeBodyController([ComTask(target), PostureTask(quadruped.state.q)], quadruped.feet)
+    before = list(warnings.filters), warnings.showwarning
+    controller.accepted(AcceptedStep(quadruped.state, 0.0, 1e-3, {}))
+    assert seen and all(each == before for each in seen)
+
+
 def test_what_a_task_raises_stops_the_simulation(quadruped: Quadruped):
     """The error of a user's function is the cause, at its time."""
 
@@ -344,7 +377,7 @@ def test_a_step_without_an_answer_is_never_silent(quadruped: Quadruped, monkeypa
         raise rbd.NoSolution("no torques")
 
     controller.accepted(AcceptedStep(quadruped.state, 0.0, 1e-3, {}))
-    monkeypatch.setattr(whole_body, "step", fails)
+    monkeypatch.setattr(whole_body, "silent_step", fails)
     with pytest.raises(rbd.NoSolution) as failed:
         controller.accepted(AcceptedStep(quadruped.state, 0.5, 1e-3, {}))
     assert failed.value.__notes__ == ["at t = 0.5 s, on front_left, front_right, hind_left, hind_right"]

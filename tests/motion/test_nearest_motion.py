@@ -405,8 +405,8 @@ def test_a_step_without_an_answer_ends_it(squat: rbd.Trajectory, monkeypatch: py
     """Where the program of a step has no answer the motion ends with its words; at the first frame there is none."""
     reference = Motion.of_trajectory(squat[::5]).cut(0.0, 0.3)
     report = check_motion(reference)
-    module = __import__("rbd.motion.nearest", fromlist=["step"])
-    real, count = module.step, [0]
+    module = __import__("rbd.motion.nearest", fromlist=["silent_step"])
+    real, count = module.silent_step, [0]
 
     def fails(*args: object, **given: object) -> object:
         count[0] += 1
@@ -414,7 +414,7 @@ def test_a_step_without_an_answer_ends_it(squat: rbd.Trajectory, monkeypatch: py
             raise NoSolution("the program is empty.")
         return real(*args, **given)
 
-    monkeypatch.setattr(module, "step", fails)
+    monkeypatch.setattr(module, "silent_step", fails)
     last = 40
     nearest = report.nearest_motion()
     assert "the program is empty" in nearest.notes[-1]
