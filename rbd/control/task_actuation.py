@@ -149,8 +149,14 @@ class TaskActuation(Actuation):
         relaxed = "" if self.violation is None else f", violated by {self.violation.worst:.2g}"
         return f"TaskActuation({self.state.robot.name!r}, {self.status}{relaxed}, worst residual {self.certificate.worst:.1e})"
 
+    def _outcome(self) -> str:
+        return "held" if self.still else "meets its tasks at least cost"
+
     def __str__(self) -> str:
         lines = [super().__str__()]
+        missed = {name: float(np.abs(off).max()) for name, off in self.missed.items() if off.any()}
+        if missed:
+            lines.append(f"  missed [m/s2, rad/s2]: {', '.join(f'{name} {most:.3g}' for name, most in missed.items())}")
         lines += [f"  {kind} limits: {', '.join(names)}" for kind, names in self.at_limit.items()]
         lines += [f"  {name} moves at {speed:.3g} m/s, and is brought to rest" for name, speed in self.moving.items()]
         if self.violation is not None:

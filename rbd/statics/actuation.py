@@ -231,6 +231,10 @@ class Actuation:
         """Whether the robot is held at rest."""
         return not (self.a.any() or self.state.v.any())
 
+    def _outcome(self) -> str:
+        """What the torques do, in words."""
+        return "held" if self.still else "moves as wanted"
+
     def __repr__(self) -> str:
         return f"Actuation({self.state.robot.name!r}, {self.status}, worst residual {self.residuals.worst:.1e})"
 
@@ -244,7 +248,7 @@ class Actuation:
         elif robot.nu:
             worst = int(np.argmax(np.abs(self.tau)))
             largest = f"largest torque {abs(self.tau[worst]):.4g} N m ({robot.actuated_names[worst]}; no limits are stated)"
-        head = f"{'held' if self.still else 'moves as wanted'}: {largest}, residual {self.residuals.stationarity:.1e} N"
+        head = f"{self._outcome()}: {largest}, residual {self.residuals.stationarity:.1e} N"
         edge = [f for f in self.margins.corner_friction.values() if (f < 1e-6).any()]
         if edge and not self.margin:
             head += "\n  friction is at its limit: with these torques other motions may be possible, too"

@@ -288,6 +288,14 @@ def test_where_daqp_fails_another_solver_is_asked(monkeypatch: pytest.MonkeyPatc
     assert relative(after.a, before.a) < 1e-8 and relative(after.tau, before.tau) < 1e-6
 
 
+def test_a_printed_answer_tells_what_tasks_missed() -> None:
+    """A robot in the air falls, whatever its centre of mass is wanted to do."""
+    solo = robot("solo12")
+    state = solo.standing()
+    falls = step(state, [rbd.control.ComTask(state.com), rbd.control.PostureTask(state)])
+    assert str(falls).startswith("meets its tasks at least cost: ") and "missed [m/s2, rad/s2]: com 9.81" in str(falls)
+
+
 def test_warnings_name_the_line_that_called() -> None:
     """Of a contact above its plane, and of one that cannot be kept."""
     body = box(mass=10.0)
