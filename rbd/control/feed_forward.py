@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -17,35 +17,12 @@ from rbd.errors import CannotMove, RbdError
 from rbd.mechanism.projection import project_acceleration, project_velocity
 from rbd.model.checked_model import CheckedModel
 from rbd.model.interpolation import cubic, cubic_rate, interpolated_q
+from rbd.model.sampled_motion import SampledAccelerations
 from rbd.model.state import State
 
 NEAR = 1e-3
 """A contact of the reference whose nearest point is this near [m] touches."""
 _TOLD = 6  # stretches of time that a message names
-
-
-class TrackedMotion(Protocol):
-    """What can be followed: `rbd.Motion`, and whatever else has a robot with t (n,), q (n, nq), v and a (n, nv)."""
-
-    @property
-    def robot(self) -> CheckedModel:
-        """The robot."""
-
-    @property
-    def t(self) -> Array:
-        """Times [s], increasing."""
-
-    @property
-    def q(self) -> Array:
-        """Configurations."""
-
-    @property
-    def v(self) -> Array:
-        """Velocities."""
-
-    @property
-    def a(self) -> Array:
-        """Accelerations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,7 +48,7 @@ class TorqueReference:
     moved: float
 
 
-def sampled(motion: TrackedMotion, longest: float) -> tuple[Array, Array, Array, Array]:
+def sampled(motion: SampledAccelerations, longest: float) -> tuple[Array, Array, Array, Array]:
     """(t, q, v, a) of a motion at its own times and evenly between them, `longest` apart at most [s]."""
     own = np.asarray(motion.t, float)
     if len(own) < 2:
@@ -97,7 +74,7 @@ def touching_contacts(sources: Sequence[Source], contacts: Sequence[Constraint],
 
 
 def reference_of(
-    motion: TrackedMotion,
+    motion: SampledAccelerations,
     contacts: Sequence[Constraint],
     touching: Sequence[tuple[int, ...]],
     samples: tuple[Array, Array, Array, Array],
@@ -164,7 +141,7 @@ def _nearest(robot: CheckedModel, q: Array, v: Array, a: Array, contacts: Sequen
 
 
 def _refuse(
-    motion: TrackedMotion,
+    motion: SampledAccelerations,
     contacts: Sequence[Constraint],
     touching: Sequence[tuple[int, ...]],
     samples: tuple[Array, Array, Array, Array],

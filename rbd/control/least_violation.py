@@ -37,11 +37,18 @@ class Relaxed(NamedTuple):
         program: With that violation allowed, and no more.
         contacts: By how much the accelerations of the contacts' equations miss what is wanted, shape (m,).
         joints: By how much rows of joint limits are passed, shape (j,).
+        seen: What is no more is rounding.
     """
 
     program: StepProgram
     contacts: Array
     joints: Array
+    seen: float
+
+    @property
+    def violated(self) -> bool:
+        """Whether anything is."""
+        return max(max_abs(self.contacts), max_abs(self.joints)) > self.seen
 
 
 def relaxed(program: StepProgram, contacts: slice, contact_sizes: Array, joints: slice, joint_sizes: Array) -> Relaxed | None:
@@ -96,11 +103,9 @@ def relaxed(program: StepProgram, contacts: slice, contact_sizes: Array, joints:
     missed, values = J @ a - wanted, at @ a
     passed = np.maximum(0.0, np.maximum(program.low[joints] - values, values - program.high[joints]))
     seen = SEEN * max(1.0, max_abs(a))
-    missed[np.abs(missed) <= seen] = 0.0
-    passed[passed <= seen] = 0.0
     t = np.concatenate([answer.z[:k], answer.y])
-    t[joints] = np.where(passed > 0.0, 1.0, t[joints])
-    return Relaxed(_on_face(program, a, w, t, answer.z[k : k + p]), missed, passed)
+    t[joints] = np.where(passed > seen, 1.0, t[joints])
+    return Relaxed(_on_face(program, a, w, t, answer.z[k : k + p]), missed, passed, seen)
 
 
 def _on_face(program: StepProgram, a: Array, w: Array, t: Array, z: Array) -> StepProgram:

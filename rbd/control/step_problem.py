@@ -9,7 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, check_finite, is_finite
+from rbd.arrays import Array, as_float, check_finite, is_finite, max_abs
 from rbd.constraints.constraint import Constraint, listed
 from rbd.control.limits import Limits
 from rbd.control.step_program import StepProgram
@@ -191,17 +191,20 @@ class StepProblem:
         loads.__dict__.update(J=self.J, per_weight=self.per_weight)
         return loads
 
-    def violation(self, missed: Array, passed: Array) -> Violation:
-        """Accelerations that contacts miss, shape (m,), and by how much joints pass their bounds, shape (j,), by name."""
+    def violation(self, missed: Array, passed: Array, seen: float) -> Violation:
+        """Accelerations that contacts miss, shape (m,), and by how much joints pass their bounds, shape (j,), by name.
+
+        Constraints and joints that miss no more than `seen` are left out.
+        """
         contacts, at = {}, 0
         for r in self.rows:
             part = missed[at : at + len(r)]
             at += len(r)
-            if part.any():
+            if max_abs(part) > seen:
                 contacts[r.name] = part
         names = {joint.v.start: name for name, joint in self.state.robot.joints.items()}
         each = zip(self.limited.tolist(), passed.tolist(), strict=True)
-        return Violation(contacts, {names[i]: x for i, x in each if x > 0.0})
+        return Violation(contacts, {names[i]: x for i, x in each if x > seen})
 
     def moving(self) -> dict[str, float]:
         """{contact: speed} of those that move [m/s, rad/s]."""

@@ -22,6 +22,8 @@ _NEAR = 20.0
 """Accelerations of joints are bounded from the beginning where a bound is nearer to zero [rad/s2, m/s2]."""
 _PASSED = 1e-11
 """A row that is passed by more binds."""
+_FAR = 1e-6
+"""What is farther from the optimality conditions has most likely no answer."""
 _PUSHES = 1e-14
 """A multiplier of the wrong sign that is less, over the largest, is rounding."""
 _CORRECTIONS = 10
@@ -60,8 +62,8 @@ def _attempts(program: StepProgram, *, possible: bool) -> Iterator[StepPoint]:
     second, solved = whole.by_daqp()
     if solved:
         yield second
-    if not (found or solved or possible):
-        return  # DAQP found twice that there is none
+    if not possible and program.optimality(second) > _FAR:
+        return  # there is none, or DAQP left a contradicting equation out
     yield whole.on_active_set(second)
     for third in whole.by_proxsuite():
         yield third

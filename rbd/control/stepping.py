@@ -128,7 +128,7 @@ def silent_step(
     eased = None
     if point is None or miss > SOLVED:
         found = relaxed(problem.program, problem.contact_rows, problem.contact_sizes, problem.joint_rows, problem.joint_sizes)
-        if found is not None and (found.contacts.any() or found.joints.any()):
+        if found is not None and found.violated:
             eased = found
             point, miss = minimiser(eased.program, possible=True)
         else:  # nothing need be violated: DAQP was wrong, or not exact enough
@@ -191,7 +191,8 @@ def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased:
     return TaskActuation(
         a, tau, w, loads, problem.contacts, problem.external, DEFAULT, 0.0, REST_SPEED, point.iterations, point.method, True,
         problem.missed(a, w), StepCertificate(*values, optimality, scaled),
-        None if eased is None else problem.violation(eased.contacts, eased.joints), problem.limits, problem.moving(),
+        None if eased is None else problem.violation(eased.contacts, eased.joints, eased.seen),
+        problem.limits, problem.moving(),
     )  # fmt: skip
 
 

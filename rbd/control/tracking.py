@@ -19,10 +19,11 @@ from rbd.arrays import Array, as_array, as_float
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.contact_points import Source, sources_of
 from rbd.control.accepted_steps import AcceptedStep
-from rbd.control.feed_forward import TorqueReference, TrackedMotion, reference_of, sampled, touching_contacts
+from rbd.control.feed_forward import TorqueReference, reference_of, sampled, touching_contacts
 from rbd.control.posture import Gains, holding_points, posture_gains, touching_points
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.sampled_motion import SampledAccelerations
 from rbd.model.state import State
 
 GAINS_EVERY = 0.1
@@ -65,7 +66,7 @@ class TrackingController:
         1e-05
     """
 
-    motion: TrackedMotion
+    motion: SampledAccelerations
     contacts: Sequence[Constraint] | None = None
     _: KW_ONLY
     frequency: float = 10.0

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, checked, generalised
+from rbd.model.sampled_motion import SampledMotion
 from rbd.model.state import State
 from rbd.motion.force_estimate import ForceEstimate
 from rbd.motion.force_fit import fit_forces
@@ -156,26 +156,6 @@ def check_measured(robot: CheckedModel, tau: object) -> None:
         )
 
 
-class Measured(Protocol):
-    """Protocol: a motion over time, as `rbd.Trajectory` and a reference motion are."""
-
-    @property
-    def robot(self) -> CheckedModel:
-        """The robot."""
-
-    @property
-    def t(self) -> Array:
-        """Times, shape (n,) [s]."""
-
-    @property
-    def q(self) -> Array:
-        """Configurations, shape (n, nq)."""
-
-    @property
-    def v(self) -> Array:
-        """Velocities, shape (n, nv)."""
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class ForceHistory:
     """Contact forces estimated at each time of a motion, as arrays over time.
@@ -251,7 +231,7 @@ class ForceHistory:
 
 
 def estimate_forces_along(
-    motion: Measured,
+    motion: SampledMotion,
     contacts: Sequence[Constraint],
     tau: Array | None = None,
     *,

@@ -25,9 +25,10 @@ from rbd.constraints.constraint import Constraint, check_on, listed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, checked, coriolis_matrix, generalised, gravity_torque
+from rbd.model.sampled_motion import SampledMotion
 from rbd.model.state import State
 from rbd.motion.force_estimate import ForceEstimate
-from rbd.motion.measured import Fitting, ForceHistory, Measured, check_measured, checked_touches, frame_rows
+from rbd.motion.measured import Fitting, ForceHistory, check_measured, checked_touches, frame_rows
 from rbd.motion.sensor_noise import SensorNoise, checked_noise
 from rbd.problem.rows import Rows
 from rbd.statics.loads import contact_rows
@@ -148,7 +149,7 @@ class MomentumObserver:
 
     def run(
         self,
-        motion: Measured,
+        motion: SampledMotion,
         tau: Array | None = None,
         *,
         touches: Array | None = None,

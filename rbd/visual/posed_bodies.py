@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -11,25 +11,10 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.sampled_motion import SampledPoses
 
 
-class Sampled(Protocol):
-    """A motion as samples: a trajectory, a reference motion."""
-
-    @property
-    def robot(self) -> CheckedModel:
-        """The robot."""
-
-    @property
-    def t(self) -> Array:
-        """Times, shape (n,) [s]."""
-
-    @property
-    def q(self) -> Array:
-        """Configurations, shape (n, nq)."""
-
-
-def configuration_between(trajectory: Sampled, i: int, share: float) -> Array:
+def configuration_between(trajectory: SampledPoses, i: int, share: float) -> Array:
     """Between sample i and the next: joints on their manifold, free bases straight and turning evenly, shape (nq,)."""
     q = trajectory.q
     if share in (0.0, 1.0):
@@ -64,7 +49,7 @@ def body_poses(robot: CheckedModel, q: Sequence[Array], joints: Sequence[int]) -
     return poses, com if np.isfinite(com).all() else np.zeros((0, 3))
 
 
-def checked_ghost(ghost: Any, robot: CheckedModel) -> Sampled:
+def checked_ghost(ghost: Any, robot: CheckedModel) -> SampledPoses:
     """A motion that can be drawn beside one of a robot.
 
     Raises:
@@ -76,11 +61,11 @@ def checked_ghost(ghost: Any, robot: CheckedModel) -> Sampled:
         raise InputError(f"ghost is a motion of {ghost.robot.name}, shown beside one of {robot.name}; expected the same robot.")
     if not len(ghost.t) or not np.isfinite(ghost.q).all():
         raise InputError("ghost has no samples, or its q is not finite.")
-    found: Sampled = ghost
+    found: SampledPoses = ghost
     return found
 
 
-def ghost_poses(ghost: Sampled, times: Array, joints: Sequence[int], down: float) -> Array:
+def ghost_poses(ghost: SampledPoses, times: Array, joints: Sequence[int], down: float) -> Array:
     """Its poses at the times of another motion; before its first sample and after its last as these are, shape (n, k, 7).
 
     Args:
