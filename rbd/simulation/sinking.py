@@ -121,8 +121,8 @@ class Floor:
         deepest = int(heights.argmin())
         return (
             f"{robot.name} sinks through the floor: bodies with {100.0 * share:.0f} % of its mass are below the plane of "
-            f"{', '.join(map(repr, self.contacts)):.200}, {_link(robot, int(bodies.joints[deepest]))!r:.80} by "
-            f"{-heights[deepest]:.3g} m. That floor supports the points of these contacts alone. Give its other shapes too, "
+            f"{', '.join(map(repr, self.contacts)):.200}; {_link(robot, int(bodies.joints[deepest]))!r:.80} by "
+            f"{-heights[deepest]:.3g} m, the deepest. That floor supports the points of these contacts alone. Give its other shapes too, "
             'rbd.CollisionContacts("bodies", robot), or may_sink=True to go on'
         )
 
