@@ -122,8 +122,8 @@ class Floor:
         return (
             f"{robot.name} sinks through the floor: bodies with {100.0 * share:.0f} % of its mass are below the plane of "
             f"{', '.join(map(repr, self.contacts)):.200}; {_link(robot, int(bodies.joints[deepest]))!r:.80} by "
-            f"{-heights[deepest]:.3g} m, the deepest. That floor supports the points of these contacts alone. Give its other shapes too, "
-            'rbd.CollisionContacts("bodies", robot), or may_sink=True to go on'
+            f"{-heights[deepest]:.3g} m, the deepest. That floor supports the points of these contacts "
+            'alone. Give its other shapes too, rbd.CollisionContacts("bodies", robot), or may_sink=True to go on'
         )
 
 
