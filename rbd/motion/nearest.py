@@ -44,6 +44,8 @@ FALLEN = 0.5
 """It has fallen where its centre of mass is below this share of the reference's height ..."""
 TIPPED = 1.0
 """... or its base leans by more than this from the reference's [rad]."""
+OFF_FLOOR = 5e-3
+"""Contacts of the result that are farther than this from the floor are told [m]."""
 START_STEPS = 20
 """Newton steps that put the centre of mass of the first frame to where the motion begins."""
 
@@ -346,6 +348,9 @@ def _made(
         raise NoSolution(" ".join(notes))
     q, v, a, on = (np.array(x) for x in zip(*kept, strict=True))
     places = lanes.points.places(*placements(robot, q))
+    off = float(np.abs(np.where(on, places[..., 2] - lanes.ground, 0.0)).max(initial=0.0))
+    if off > OFF_FLOOR:
+        notes.insert(1, f"it is possible on contacts up to {1e3 * off:.0f} mm off the floor, as those of the reference are.")
     speeds, noise = slopes(motion.t[:n], places[..., :2], on, np.zeros(len(lanes.points)))
     own = Lanes(
         motion.t[:n], lanes.points, on, np.zeros_like(on), places[..., 2] - lanes.ground, speeds, places, lanes.ground, noise

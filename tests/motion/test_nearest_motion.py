@@ -422,3 +422,13 @@ def test_a_step_without_an_answer_ends_it(squat: rbd.Trajectory, monkeypatch: py
     count[0], last = 0, 0
     with pytest.raises(NoSolution, match="before its first frame"):
         report.nearest_motion()
+
+
+def test_contacts_off_the_floor_are_told() -> None:
+    """A quadruped whose feet go 50 mm down and up with its trunk: raised by half of that, it stands as far above the floor."""
+    solo = rbd.load_robot("solo12")
+    high = solo.standing().q
+    low = high - 0.05 * np.eye(solo.nq)[2]
+    nearest = check_motion(minimum_jerk(solo, [high, low, high], [0.0, 0.3, 0.6])).nearest_motion()
+    off = solo.at(nearest.q[0]).frame("FL_FOOT").X_WF.translation[2] - solo.at(high).frame("FL_FOOT").X_WF.translation[2]
+    assert off > 0.02 and f"up to {1e3 * off:.0f} mm off the floor" in nearest.notes[1]
