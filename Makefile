@@ -34,9 +34,7 @@ $(MARKER): pyproject.toml
 demo: $(MARKER)
 	$(BIN)/rbd stand talos --push 0,80,0 --at torso_2_link --html talos.html
 
-# One worker a core, and one BLAS thread a worker: two threads on two busy cores cost more than they give.
-test quick exhaustive: export OMP_NUM_THREADS = 1
-test quick exhaustive: export OPENBLAS_NUM_THREADS = 1
+# One worker a core; tests/conftest.py gives each worker one BLAS thread.
 test: $(MARKER)
 	$(BIN)/python -m pytest -n auto --dist worksteal
 
