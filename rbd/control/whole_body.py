@@ -20,6 +20,7 @@ from rbd.control.stepping import DAMPING, complaints, silent_step
 from rbd.control.task_actuation import TaskActuation
 from rbd.control.task_terms import Task, checked_tasks, robot_of
 from rbd.errors import DuplicateName, InputError, NoSolution, UnknownName, nearest
+from rbd.errors.warned import stacklevel_of_user
 from rbd.model.state import State
 from rbd.problem.ground import Body
 
@@ -248,7 +249,7 @@ class WholeBodyController:
             if category not in said:
                 said.add(category)
                 text += f" (At t = {told.t:.6g} s. Said once in a motion: `controller.log` has all steps.)"
-                warnings.warn(text, category, stacklevel=4)
+                warnings.warn(text, category, stacklevel_of_user())
         return found
 
     def _carried(self, t: float, seen: SeenContacts) -> dict[str, float]:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import sys
+from types import FrameType
+
 
 class RbdWarning(UserWarning):
     """Base of all warnings of `rbd`.
@@ -133,3 +136,15 @@ class RelaxedLimitsWarning(RbdWarning):
         >>> print(seen[0].category.__name__, f"{found.violation.worst:.2f} m/s2")
         RelaxedLimitsWarning 0.50 m/s2
     """
+
+
+def stacklevel_of_user() -> int:
+    """The `stacklevel` with which a warning of the calling function names the line of the user's own code.
+
+    For what is called at a depth that varies, as a controller is by integrators: the first caller outside this package.
+    """
+    frame: FrameType | None = sys._getframe(1)
+    level = 1
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] == "rbd":
+        frame, level = frame.f_back, level + 1
+    return level
