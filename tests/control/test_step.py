@@ -296,18 +296,6 @@ def test_a_printed_answer_tells_what_tasks_missed() -> None:
     assert str(falls).startswith("meets its tasks at least cost: ") and "missed [m/s2, rad/s2]: com 9.81" in str(falls)
 
 
-def test_warnings_name_the_line_that_called() -> None:
-    """Of a contact above its plane, and of one that cannot be kept."""
-    body = box(mass=10.0)
-    floor = SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), friction=0.5, on=0.0)
-    lift = rbd.ExternalForce("box", (0.0, 0.0, 120.0))
-    with pytest.warns(DistantContactWarning) as distant:
-        step(rbd.State(body, [0, 0, 0.12, 0, 0, 0, 1]), [], [floor])
-    with pytest.warns(RelaxedLimitsWarning) as relaxed:
-        step(rbd.State(body, [0, 0, 0.1, 0, 0, 0, 1]), [], [dataclasses.replace(floor, on=None)], external=[lift])
-    assert [each.filename for each in [*distant, *relaxed]] == 2 * [__file__]
-
-
 def test_a_box_that_is_lifted_leaves_the_floor_as_it_must() -> None:
     """120 N on 10 kg: it accelerates at (120 - 98.1) / 10 m/s2, the contact carries nothing, and the warning says so."""
     body = box(mass=10.0)
