@@ -6,8 +6,8 @@ its centre of mass c over the soles, w = sqrt(g / z), p the centre of pressure, 
     c'' = w^2 (c - p) + F h / (m z),         so with p at the edge of the soles it comes back if F < F_s / (1 - exp(-w T)):
 
 the capture point c + c' / w is then inside the edge when the push ends. F_s = m g d / h, with the edge at a distance d, is what
-it withstands for ever: `rbd.statics.push_limits`. A blow at c, T to 0, may have an impulse of m w d. More takes angular
-momentum: arms, torso and hips turn, as those of one who balances on a beam.
+it withstands if it lasts: `rbd.statics.push_limits`. A blow at c (T near 0) may have an impulse of m w d. More takes
+angular momentum: arms, torso and hips turn, as those of one who balances on a beam.
 
 The whole-body controller wants c'' = -6 w^2 (c + c' / w - c_0), feedback of the capture point. Where the soles cannot give it,
 the costs let momentum, torso and posture go first; feet that leave the ground are put back by tasks of their own.
@@ -85,7 +85,7 @@ def stands(way: rbd.Trajectory | None) -> bool:
 
 
 def largest(by: int, way: np.ndarray) -> dict[str, int]:
-    """The largest impulse along a direction after which Talos stands, by bisection in steps of so many N s."""
+    """The largest impulse along a direction after which Talos stands [N s], found by bisection to within `by`."""
     found = {}
     for name, first in FIRST.items():
         low, high = 0, -(-first // by)

@@ -5,7 +5,7 @@ bilateral rows, only if) there are forces f in K with
 
     J^T f = 0     and     f . offset = -1 :
 
-forces in equilibrium on every body that still do work on the required motion. Then f . y = -1 for every a, while f . y >= 0
+forces whose sum on every body is zero, with f . offset not zero. Then f . y = -1 for every a, while f . y >= 0
 for all y in K*: whatever the motion, some row is violated by at least 1 / sum |f_i|. Minimal such forces are the vertices of a
 polyhedron, and their supports are the irreducible contradictions [GleesonRyan1990]; linear programs (HiGHS) find them.
 """

@@ -85,14 +85,14 @@ class Limits:
         """(least, most) accelerations of all coordinates, shapes (nv,) [rad/s2, m/s2]; infinite where there is no limit."""
         least, most = np.full(check_state(state).robot.nv, -np.inf), np.full(state.robot.nv, np.inf)
         joints = _limited(state.robot)
-        v, A = state.v[joints.at], self.braking
+        v = state.v[joints.at]
         if not len(v):
             return least, most
         both = np.full((2, len(v)), np.inf)  # upper, and minus lower bounds
         if self.position:
             both = self._of_positions(state.q[joints.q], v, joints)
         if self.velocity:
-            both = np.minimum(both, np.maximum((joints.fastest - np.array([v, -v])) / self.horizon, -A))
+            both = np.minimum(both, self._of_velocities(v, joints))
         upper, lower = both[0], -both[1]
         if (lower > upper).any():  # the room between two limits is too small for both
             middle = 0.5 * (lower + upper)
@@ -105,6 +105,10 @@ class Limits:
         room = np.array([joints.highest - q, q - joints.lowest]) - self.margin
         return _towards(room, np.array([v, -v]), self.braking, self.horizon)
 
+    def _of_velocities(self, v: Array, joints: _Joints) -> Array:
+        """The same of speeds."""
+        return np.maximum((joints.fastest - np.array([v, -v])) / self.horizon, -self.braking)
+
 
 def joints_at_bounds(limits: Limits, state: State, a: Array, within: float) -> dict[str, tuple[str, ...]]:
     """{"position", "velocity": joints whose acceleration is at the bound of that limit}; those without any left out."""
@@ -112,9 +116,7 @@ def joints_at_bounds(limits: Limits, state: State, a: Array, within: float) -> d
     v = state.v[joints.at]
     bounds = {
         "position": limits._of_positions(state.q[joints.q], v, joints) if limits.position else None,
-        "velocity": np.maximum((joints.fastest - np.array([v, -v])) / limits.horizon, -limits.braking)
-        if limits.velocity
-        else None,
+        "velocity": limits._of_velocities(v, joints) if limits.velocity else None,
     }
     toward = np.array([a[joints.at], -a[joints.at]])
     for kind, most in bounds.items():

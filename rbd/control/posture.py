@@ -91,8 +91,7 @@ def posture_gains(
 
 def torque_scale(robot: CheckedModel) -> Array:
     """Scale of each motor's torque, shape (nu,): its limit; without one, body weight times a metre, as in `hold`."""
-    weight = robot.mass * float(np.linalg.norm(robot.gravity)) or 1.0
-    return np.where(np.isfinite(robot.effort_limit), robot.effort_limit, weight)
+    return np.where(np.isfinite(robot.effort_limit), robot.effort_limit, robot.force_unit)
 
 
 def _motions(M: Array, C: Array) -> Array:

@@ -2,26 +2,25 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, check_finite, is_finite, max_abs
+from rbd.arrays import Array, check_finite, is_finite, max_abs
 from rbd.constraints.constraint import Constraint, listed
 from rbd.control.limits import Limits
 from rbd.control.step_program import StepProgram
 from rbd.control.task_actuation import Violation
 from rbd.control.task_terms import Task, TaskTerms, checked_tasks
 from rbd.errors import InputError, UnknownName, nearest
-from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, generalised
 from rbd.model.state import State
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.rows import Rows
+from rbd.statics.effort import checked_bounds
 from rbd.statics.loads import Loads, contact_rows
 
 ACCELERATION_COST = 1e-4
@@ -109,7 +108,7 @@ class StepProblem:
         need = state.h if external is None else state.h - generalised(state, external)[0]
         per_weight = J.T @ sets.G
         terms = tuple([_terms(task, state, t) for task in checked_tasks(tasks)])
-        unit = _unit(robot)
+        unit = robot.force_unit
         A, wanted, cost = _stacked([each for each in terms if not each.contact], nv)
         Aw = A.T * cost
         H = Aw @ A
@@ -219,10 +218,6 @@ def _pyramids(sets: ForceSet) -> ForceSet:
     return sets.with_pyramids(inscribed=True) if len(sets.mu) else sets
 
 
-def _unit(robot: CheckedModel) -> float:
-    return robot.mass * math.hypot(*robot.model.gravity.linear.tolist()) or 1.0
-
-
 def _refuse(rows: Sequence[Rows]) -> None:
     """Name the constraint that gives numbers which are not finite.
 
@@ -317,15 +312,13 @@ def _normal_forces(
     W, low, high = [], [], []
     for name, given in bounds.items():
         force = _resultant("normal_force", name, rows, sets)[:3]
-        pair = [as_float(x) for x in given] if isinstance(given, Sequence) and not isinstance(given, str) else []
-        if len(pair) != 2 or not pair[0] <= pair[1] or pair[1] < 0.0 or pair[0] > _MOST:
-            raise InputError(f"normal_force of {name!r:.80} is {given!r:.80}; expected (least, most) [N], e.g. (50, inf).")
+        least, most = checked_bounds(name, given)
         patch = next(r.patch for r in rows if r.name == name)
         if patch is None:
             raise InputError(f"normal_force is about {name!r:.80}, which is no contact with a normal.")
         W.append(patch.axes[:, 2] @ force)
-        low.append(pair[0] / unit)
-        high.append(pair[1] / unit)
+        low.append(least / unit)
+        high.append(most / unit)
     return np.array(W), np.array(low), np.array(high)
 
 
@@ -346,6 +339,3 @@ def _sizes(r: Rows) -> Array:
         return np.ones(len(r))
     turns = ~r.resultant[:3].any(axis=0) & r.resultant[3:].any(axis=0)
     return np.where(turns, LENGTH, 1.0)
-
-
-_MOST = 1e12

@@ -19,7 +19,8 @@ from rbd.control.limits import Limits
 from rbd.control.stepping import DAMPING, complaints, silent_step
 from rbd.control.task_actuation import TaskActuation
 from rbd.control.task_terms import Task, checked_tasks, robot_of
-from rbd.errors import DuplicateName, InputError, NoSolution, UnknownName, nearest
+from rbd.errors import InputError, NoSolution, UnknownName, nearest
+from rbd.errors.inputs import check_different
 from rbd.errors.warned import stacklevel_of_user
 from rbd.model.state import State
 from rbd.problem.ground import Body
@@ -270,16 +271,10 @@ def _slips(actuation: TaskActuation, seen: SeenContacts) -> list[tuple[str, str]
     return [(name, "slips") for name, speed in actuation.moving.items() if speed > SLIPS and name not in tips]
 
 
-def _twice(names: Sequence[str]) -> str:
-    """A name that is there twice; empty if none is."""
-    return next((name for name in names if names.count(name) > 1), "")
-
-
 def _check_contacts(contacts: Sequence[Constraint], schedule: ContactSchedule, tasks: Sequence[Task]) -> None:
     """Refuse contacts of one name, names that are no contact, and a schedule that lifts what it cannot, or everything."""
     names = [contact.name for contact in contacts]
-    if twice := _twice(names):
-        raise DuplicateName(f"two contacts are named {twice!r:.80}; give each its own name.")
+    check_different(names, "contacts")
     if not isinstance(schedule, ContactSchedule):
         raise InputError(
             f"schedule is {schedule!r:.80}; expected rbd.control.ContactSchedule({{contact: [(start, end), ...]}})."

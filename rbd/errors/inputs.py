@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 
 class RbdError(Exception):
@@ -184,6 +184,21 @@ class WrongPinocchio(RbdError, ImportError):
             ...
         rbd.errors.WrongPinocchio: 'import pinocchio' finds ..., which knows no robots: ... Try: unset PYTHONPATH, ...
     """
+
+
+def check_different(names: Sequence[str], what: str) -> None:
+    """Refuse names of which two are the same.
+
+    Args:
+        names: The names.
+        what: What they are of, for the message: "contacts".
+
+    Raises:
+        DuplicateName: the first that is there twice.
+    """
+    if len(names) != len(set(names)):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise DuplicateName(f"two {what} are named {twice!r:.80}; give each its own name.")
 
 
 def nearest(name: object, names: Iterable[str], *, count: int = 4) -> str:

@@ -10,7 +10,8 @@ import numpy as np
 
 from rbd.arrays import Array, as_array
 from rbd.constraints.constraint import Constraint, check_on, has_friction, listed, made
-from rbd.errors import DuplicateName, InputError, UnknownName, nearest
+from rbd.errors import InputError, UnknownName, nearest
+from rbd.errors.inputs import check_different
 from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.dynamics import ExternalForce
 from rbd.model.joint_errors import UNIT_TOLERANCE
@@ -223,10 +224,7 @@ def _common(rows: Mapping[str, int | None]) -> int:
 
 def _checked_constraints(robot: CheckedModel, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
     given = listed(constraints)
-    names = [made(constraint).name for constraint in given]
-    if len(names) != len(set(names)):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise DuplicateName(f"two constraints are named {twice!r:.80}; give each its own name.")
+    check_different([made(constraint).name for constraint in given], "constraints")
     for constraint in given:
         check_on(constraint, robot)
     return given

@@ -137,7 +137,7 @@ class Fitting:
         E = (J.T @ sets.G)[measured]
         scale = force_scale(state)[measured]
         W = whitening(None if covariance is None else covariance[np.ix_(measured, measured)], scale)
-        unit = robot.mass * float(np.linalg.norm(robot.gravity)) or 1.0
+        unit = robot.force_unit
         fit = fit_forces(E, self.need[measured], W, sets, unit)
         of_rows = None if covariance is None else sets.G @ fit.covariance(E, W) @ sets.G.T
         return ForceEstimate(state, tuple(rows), measured, self.need.copy(), sets, fit, of_rows, self.tau)

@@ -20,7 +20,6 @@ from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.accepted_steps import hook, sample_period
 from rbd.control.schedules import Controller, ExternalAt
 from rbd.errors import (
-    DuplicateName,
     InaccurateWarning,
     InputError,
     NoSolution,
@@ -30,6 +29,7 @@ from rbd.errors import (
     Unsupported,
     nearest,
 )
+from rbd.errors.inputs import check_different
 from rbd.mechanism.projection import Projection
 from rbd.model.dynamics import External
 from rbd.model.state import State
@@ -226,9 +226,7 @@ def _motion(
     rows = rows_of(state, given)
     warn_of_distant(state.robot, rows, below_only=True, stacklevel=4)
     names = [c.name for c in given]
-    if len(set(names)) != len(names):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise DuplicateName(f"two constraints are named {twice!r}; give each its own name.")
+    check_different(names, "constraints")
     kind = slip_law(law).kind
     if controller is not None and not callable(controller):
         raise InputError(f"controller is {controller!r:.80}; expected a function of state and time that gives torques (nu,).")

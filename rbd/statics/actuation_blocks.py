@@ -8,7 +8,6 @@ is one linear system a state. Where its x is inside the cones, and the torques a
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
@@ -50,7 +49,7 @@ def least_effort_of(
         rest_speed: Contacts that move faster are not answered.
     """
     robot, q, v, T = states.robot, states.q[part], states.v[part], blocks.force_set
-    unit = robot.mass * math.hypot(*robot.model.gravity.linear.tolist()) or 1.0
+    unit = robot.force_unit
     limit = np.where(np.isfinite(robot.effort_limit), robot.effort_limit, unit)
     with blocks.bodies.lock:
         need, J, speeds, places = blocks.bodies.loads(q, v, a)

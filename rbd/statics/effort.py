@@ -28,6 +28,18 @@ _MOST = 1e12
 _ALIKE = 1.0
 
 
+def checked_bounds(name: str, bounds: object) -> tuple[float, float]:
+    """(least, most) normal force of a contact [N].
+
+    Raises:
+        InputError: no two numbers, bounds that cross, a largest force below zero.
+    """
+    pair = [as_float(x) for x in bounds] if isinstance(bounds, Sequence) and not isinstance(bounds, str) else []
+    if len(pair) != 2 or not pair[0] <= pair[1] or pair[1] < 0.0 or pair[0] > _MOST:
+        raise InputError(f"normal_force of {name!r:.80} is {bounds!r:.80}; expected (least, most) [N], e.g. (50, inf).")
+    return pair[0], pair[1]
+
+
 @dataclass(frozen=True, eq=False)
 class Effort:
     """What `hold` and `inverse_dynamics` minimise, and bounds on normal forces and centres of pressure.
@@ -61,9 +73,7 @@ class Effort:
         if not isinstance(self.normal_force, Mapping):
             raise InputError(f"normal_force is {self.normal_force!r:.80}; expected {{contact: (least, most)}} [N].")
         for name, bounds in self.normal_force.items():
-            pair = [as_float(x) for x in bounds] if isinstance(bounds, Sequence) and not isinstance(bounds, str) else []
-            if len(pair) != 2 or not pair[0] <= pair[1] or pair[1] < 0.0 or pair[0] > _MOST:
-                raise InputError(f"normal_force of {name!r:.80} is {bounds!r:.80}; expected (least, most) [N], e.g. (50, inf).")
+            checked_bounds(name, bounds)
         for what, least in (("torques", 0.0), ("forces", 1e-12)):
             value = getattr(self, what)
             if isinstance(value, Mapping):

@@ -7,7 +7,6 @@ tau / limit = t - T x                      its rows with one
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -16,7 +15,8 @@ import numpy as np
 from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.distance_warnings import warn_of_distant
-from rbd.errors import DuplicateName, NotAtRest
+from rbd.errors import NotAtRest
+from rbd.errors.inputs import check_different
 from rbd.model.joints import Joint
 from rbd.model.state import State
 from rbd.problem.force_set import ForceSet
@@ -41,9 +41,7 @@ def contact_rows(state: State, contacts: Sequence[Constraint], *, stacklevel: in
         DuplicateName: two of one name.
     """
     rows = tuple(rows_of(state, contacts))
-    if len(names := [r.name for r in rows]) != len(set(names)):
-        twice = next(name for name in names if names.count(name) > 1)
-        raise DuplicateName(f"two contacts are named {twice!r:.80}; give each its own name.")
+    check_different([r.name for r in rows], "contacts")
     if stacklevel is not None and not all([r.patch is None or r.patch.touches for r in rows]):
         warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
     return rows
@@ -83,8 +81,7 @@ class Loads:
     @lazy
     def unit(self) -> float:
         """The body weight [N]; 1 without gravity."""
-        robot = self.state.robot
-        return robot.mass * math.hypot(*robot.model.gravity.linear.tolist()) or 1.0
+        return self.state.robot.force_unit
 
     @lazy
     def J(self) -> Array:
