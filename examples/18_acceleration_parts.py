@@ -64,7 +64,7 @@ def coriolis_of_a_rider(motion) -> np.ndarray:
 
 def plot_parts(axes, result: Result) -> list:
     """The three parts against the whole; returns the artists."""
-    from rbd.visual.planar_plots import plot_split
+    from rbd.visual import plot_split
 
     return plot_split(axes, result.motion)
 

@@ -50,7 +50,7 @@ def main(show: bool = True) -> Result:
     if show:
         from matplotlib.figure import Figure  # in the extra `plot`
 
-        from rbd.visual.planar_figures import plot_sticks
+        from rbd.visual.figures.planar_figures import plot_sticks
 
         figure = Figure(figsize=(4.5, 5.0), layout="constrained")
         plot_sticks(figure.subplots(), half, q, count=8)

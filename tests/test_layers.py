@@ -302,7 +302,7 @@ def late():
     from rbd.solvers import qp
     import_module(f"rbd.{planar}")
 def plot():
-    from rbd.visual import plots
+    from rbd.visual.figures import plots
     from rbd.simulation import trajectory
 import rbd.problem.cones
 import numpy

@@ -15,7 +15,7 @@ import pytest
 from test_readme import TOP
 
 from rbd.visual import find_browser
-from rbd.visual.page import FLAGS
+from rbd.visual.pages.browser import FLAGS
 
 sys.path.insert(0, str(TOP / "docs" / "site"))
 from rbd_site import api, bibliography, gallery, links, mathjax, public, sources, subscripts  # noqa: E402

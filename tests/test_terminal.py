@@ -214,7 +214,7 @@ def test_the_address_of_a_replay_is_told(monkeypatch: pytest.MonkeyPatch):
     """Where no browser opens by itself, its address must be known before the motion is over."""
     opened = []
     monkeypatch.setattr("webbrowser.open", lambda address, new=0: opened.append(address))
-    monkeypatch.setattr("rbd.visual.animation.VIEWER_SECONDS", 0.1)
+    monkeypatch.setattr("rbd.visual.playback.animation.VIEWER_SECONDS", 0.1)
     code, out, _ = run("simulate", str(URDF / "box.urdf"), "--duration", "0.05", "--show")
     assert code == 0 and re.search(r"replaying at (http://127\.0\.0\.1:\d+/)\n", out)[1] == opened[0]
 

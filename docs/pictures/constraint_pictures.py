@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rbd.visual.plots import frame
+from rbd.visual.figures.plots import frame
 
 PICTURES = Path(__file__).resolve().parent
 INK, GREY = "#24344d", "0.45"

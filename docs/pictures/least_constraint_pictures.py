@@ -13,7 +13,7 @@ from PIL import Image
 import rbd
 from rbd.arrays import Array
 from rbd.visual import motion_sheet
-from rbd.visual.plots import frame
+from rbd.visual.figures.plots import frame
 
 PICTURES = Path(__file__).resolve().parent
 LINK, GREY = "#24344d", "0.45"

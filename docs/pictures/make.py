@@ -21,7 +21,7 @@ from PIL import Image
 import rbd
 from rbd.cli.mechanism_report import report_mechanism
 from rbd.visual import Scene, contact_sheet, motion_sheet, plot_region, screenshot
-from rbd.visual.plots import frame
+from rbd.visual.figures.plots import frame
 
 PICTURES = Path(__file__).resolve().parent
 TOP = PICTURES.parents[1]

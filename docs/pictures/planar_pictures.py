@@ -13,8 +13,8 @@ from planar_strokes import save
 import rbd
 import rbd.planar
 from rbd.visual import Scene, screenshot
-from rbd.visual.planar_figures import plot_ellipses, plot_sticks
-from rbd.visual.planar_plots import plot_panels, plot_paths, plot_split
+from rbd.visual.figures.planar_figures import plot_ellipses, plot_sticks
+from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
 
 
 def pictures() -> Iterator[Path]:

@@ -10,7 +10,7 @@ from matplotlib.patches import Polygon
 from planar_strokes import GREY, LINK, OTHER, across, along, angle_mark, arrow, hinge, link, plane, save, turn
 
 import rbd.planar
-from rbd.visual.planar_figures import plot_sticks
+from rbd.visual.figures.planar_figures import plot_sticks
 
 VELOCITY, TANGENTIAL, CENTRIPETAL, CORIOLIS = "#0072b2", "#009e73", "#d55e00", "#5e4fa2"
 TRIANGLE, BRANCH = "#c0392b", "#e69f00"

@@ -14,7 +14,7 @@ from matplotlib.patches import Rectangle
 
 import rbd
 from rbd.visual import Scene, motion_sheet, plot_energy, plot_forces, screenshot
-from rbd.visual.plots import frame
+from rbd.visual.figures.plots import frame
 
 PICTURES = Path(__file__).resolve().parent
 TASKS = PICTURES.parent / "tasks"

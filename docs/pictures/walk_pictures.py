@@ -13,7 +13,7 @@ from PIL import Image
 
 import rbd
 from rbd.visual import motion_sheet
-from rbd.visual.plots import frame
+from rbd.visual.figures.plots import frame
 
 PICTURES = Path(__file__).resolve().parent
 EXAMPLE = "28_talos_walks"

@@ -215,7 +215,7 @@ def simulate(
             print_path(console, "picture", trajectory.export(html, external=external))
         if show and len(trajectory) > 1:
             from rbd.visual import Scene, replay
-            from rbd.visual.animation import VIEWER_SECONDS
+            from rbd.visual.playback.animation import VIEWER_SECONDS
 
             with Scene(found, legend=False) as scene, suppress(KeyboardInterrupt):
                 console.print(f"replaying at {scene.open()}", soft_wrap=True, highlight=False)
@@ -261,7 +261,7 @@ def plane(
         if out is not None:
             print_path(console, "picture", draw(motion, out))
         if html is not None:
-            from rbd.visual.planar_figures import export_planar
+            from rbd.visual.figures.planar_figures import export_planar
 
             print_path(console, "page", export_planar(motion, html))
 

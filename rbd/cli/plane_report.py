@@ -216,8 +216,8 @@ def draw(motion: PlanarMotion, path: Path) -> Path:
     """
     from matplotlib.figure import Figure
 
-    from rbd.visual.planar_figures import plot_ellipses, plot_sticks
-    from rbd.visual.planar_plots import plot_panels, plot_split
+    from rbd.visual.figures.planar_figures import plot_ellipses, plot_sticks
+    from rbd.visual.figures.planar_plots import plot_panels, plot_split
 
     figure = Figure(figsize=(12.0, 14.0), layout="constrained")
     # As an array: the stubs know of a single subfigure only.

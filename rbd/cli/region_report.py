@@ -122,7 +122,7 @@ def draw(regions: Mapping[str, SupportRegion], path: Path) -> Path:
     """
     from matplotlib.figure import Figure
 
-    from rbd.visual.statics_plots import plot_region
+    from rbd.visual.figures.statics_plots import plot_region
 
     figure = Figure(figsize=(8.0, 5.0), layout="constrained")
     names: Sequence[str] = list(regions)

@@ -279,19 +279,19 @@ class MotionReport:
 
     def export(self, path: str | os.PathLike[str], **settings: Any) -> Path:
         """Write it as one page that plays the motion; returns its path. Settings are those of `rbd.visual.export_report`."""
-        from rbd.visual.motion_page import export_report
+        from rbd.visual.playback.report_page import export_report
 
         return export_report(path, self, **settings)
 
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> list[Artist]:
         """Curves of the missing wrench and of torques on axes, or on a new figure; see `rbd.visual.plot_report`."""
-        from rbd.visual.motion_page import plot_report
+        from rbd.visual.playback.report_page import plot_report
 
         return plot_report(axes, self)
 
     def show(self, *, speed: float = 1.0) -> None:
         """Show the motion live in the browser, with its forces and the missing wrench; see `rbd.visual.show_report`."""
-        from rbd.visual.motion_page import show_report
+        from rbd.visual.playback.report_page import show_report
 
         show_report(self, speed=speed)
 

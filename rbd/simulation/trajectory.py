@@ -278,19 +278,19 @@ class Trajectory:
 
     def plot_forces(self, ax: Axes | None = None, *, names: Sequence[str] | None = None) -> list[Artist]:
         """Forces over time, see `rbd.visual.plot_forces`; on axes of a new figure if none are given."""
-        from rbd.visual.trajectory_plots import plot_forces
+        from rbd.visual.figures.trajectory_plots import plot_forces
 
         return plot_forces(_axes(ax), self, names=names)
 
     def plot_energy(self, ax: Axes | None = None) -> list[Artist]:
         """Energies over time, see `rbd.visual.plot_energy`; on axes of a new figure if none are given."""
-        from rbd.visual.trajectory_plots import plot_energy
+        from rbd.visual.figures.trajectory_plots import plot_energy
 
         return plot_energy(_axes(ax), self)
 
     def plot_joint(self, joint: str | Sequence[str], ax: Axes | None = None, *, what: str = "q") -> list[Artist]:
         """A joint over time, see `rbd.visual.plot_joint`; on axes of a new figure if none are given."""
-        from rbd.visual.trajectory_plots import plot_joint
+        from rbd.visual.figures.trajectory_plots import plot_joint
 
         return plot_joint(_axes(ax), self, joint, what=what)
 
@@ -299,7 +299,7 @@ class Trajectory:
 
         See `rbd.visual.replay`, which accepts a scene too.
         """
-        from rbd.visual.animation import replay
+        from rbd.visual.playback.animation import replay
 
         replay(self, speed=speed, external=cast(Any, external))
 
@@ -316,7 +316,7 @@ class Trajectory:
 
         See `rbd.visual.export_motion`, which has more options.
         """
-        from rbd.visual.animation import export_motion
+        from rbd.visual.playback.animation import export_motion
 
         return export_motion(self, path, fps=fps, speed=speed, title=title, external=cast(Any, external))
 

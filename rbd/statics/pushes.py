@@ -109,7 +109,7 @@ class PushLimits:
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Draw the largest horizontal pushes from above: see `rbd.visual.plot_pushes`."""
-        from rbd.visual.statics_plots import plot_pushes
+        from rbd.visual.figures.statics_plots import plot_pushes
 
         return plot_pushes(ax, self)
 

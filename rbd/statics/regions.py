@@ -123,7 +123,7 @@ class SupportRegion(Region):
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Draw it from above: see `rbd.visual.plot_region`."""
-        from rbd.visual.statics_plots import plot_region
+        from rbd.visual.figures.statics_plots import plot_region
 
         return plot_region(ax, self)
 

@@ -103,7 +103,7 @@ class ContactWrenchCone:
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Draw how far a force through the point may lean: see `rbd.visual.plot_wrench_cone`."""
-        from rbd.visual.statics_plots import plot_wrench_cone
+        from rbd.visual.figures.statics_plots import plot_wrench_cone
 
         return plot_wrench_cone(ax, self)
 

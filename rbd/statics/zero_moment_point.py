@@ -129,7 +129,7 @@ class ZmpRegion(Region):
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Draw it from above: see `rbd.visual.plot_region`."""
-        from rbd.visual.statics_plots import plot_region
+        from rbd.visual.figures.statics_plots import plot_region
 
         return plot_region(ax, self)
 

@@ -1,18 +1,19 @@
 """Pictures: the robot with its forces in three dimensions, at rest and in motion; curves; screenshots by a headless browser."""
 
 from rbd.modules import submodule as _submodule
-from rbd.visual.animation import export_motion, motion_sheet, replay
-from rbd.visual.direction_plots import plot_directions
-from rbd.visual.motion_page import export_report, plot_report, show_report
-from rbd.visual.page import find_browser, screenshot
-from rbd.visual.planar_figures import export_planar, plot_ellipses, plot_sticks, replay_planar
-from rbd.visual.planar_plots import plot_panels, plot_paths, plot_split
-from rbd.visual.plots import plot_ranges
+from rbd.visual.figures.direction_plots import plot_directions
+from rbd.visual.figures.planar_figures import export_planar, plot_ellipses, plot_sticks, replay_planar
+from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
+from rbd.visual.figures.plots import plot_ranges
+from rbd.visual.figures.statics_plots import plot_pushes, plot_region, plot_wrench_cone
+from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint
+from rbd.visual.pages.browser import find_browser
+from rbd.visual.pages.page import screenshot
+from rbd.visual.playback.animation import export_motion, motion_sheet, replay
+from rbd.visual.playback.report_page import export_report, plot_report, show_report
 from rbd.visual.robot_sheet import contact_sheet
 from rbd.visual.scene import Scene
-from rbd.visual.statics_plots import plot_pushes, plot_region, plot_wrench_cone
 from rbd.visual.style import contact_colors
-from rbd.visual.trajectory_plots import plot_energy, plot_forces, plot_joint
 
 __all__ = [
     "Scene",

@@ -14,7 +14,7 @@ from rbd.errors import InputError
 from rbd.least_constraint import solve
 from rbd.robots.robot import Robot, load_robot
 from rbd.statics.equilibrium import hold
-from rbd.visual.page import screenshot
+from rbd.visual.pages.page import screenshot
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_picture
 

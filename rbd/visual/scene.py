@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import webbrowser
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -13,20 +14,22 @@ from typing import TYPE_CHECKING
 import meshcat
 import numpy as np
 import pinocchio as pin
-from meshcat.geometry import MeshLambertMaterial, MeshPhongMaterial, TriangularMeshGeometry
 
 from rbd.arrays import Array, as_vector3
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.visual import marks
-from rbd.visual.marks import Push, ShownForce, ground_under, pushes, shown_forces, support_outline
-from rbd.visual.page import Recorder, offline_page, write_page
+from rbd.visual.drawing import described, send_mark, send_part
+from rbd.visual.layers import checked_layers
+from rbd.visual.marks import contacts as marks
+from rbd.visual.marks.contacts import Push, ShownForce, ground_under, pushes, shown_forces, support_outline
+from rbd.visual.marks.statics import Drawn, legend_of, marks_of
+from rbd.visual.pages.page import offline_page, write_page
+from rbd.visual.pages.recorder import Recorder
+from rbd.visual.pages.server import LiveServer
 from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
-from rbd.visual.server import LiveServer
-from rbd.visual.shapes import Mesh, outermost, round_number
-from rbd.visual.statics_marks import Drawn, legend_of, marks_of
-from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, contact_colors, distinct_colors, rgb_number
+from rbd.visual.shapes import outermost, round_number
+from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, contact_colors, distinct_colors
 
 if TYPE_CHECKING:
     from rbd.robots.robot import Robot
@@ -56,6 +59,8 @@ class Scene:
         seen_from: Direction from the robot to the camera at first, in W, shape (3,). By default from the front left: the
             front is where the x axes of the soles shown point (iCub looks along -x), or W's x.
         legend: Whether to write names, forces and the scale next to the picture.
+        layers: {layer: whether it is shown at first}, where that is to differ from `rbd.visual.layers.LAYERS`; the page can
+            change it.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
@@ -73,6 +78,7 @@ class Scene:
         ground: bool = True,
         seen_from: Sequence[float] | Array | None = None,
         legend: bool = True,
+        layers: Mapping[str, bool] | None = None,
     ) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"Scene wants a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
@@ -83,6 +89,7 @@ class Scene:
             raise InputError(f"seen_from is {seen_from}; expected (x, y, z) from robot to camera, not straight up or down.")
         self._seen_from = None if seen_from is None else seen
         self._legend = legend
+        self._layers = checked_layers(layers)
         self._robot = robot
         self._arrow_per_weight = arrow_per_weight
         self._ground = ground
@@ -181,7 +188,8 @@ class Scene:
         self._drawn = self._marks(np.asarray(state.com, float), pushed)
         self._viewer["marks"].delete()
         for mark in self._drawn:
-            self._send_mark(mark)
+            send_mark(self._viewer, mark)
+        self._describe()
         if self._legend:
             self._write_legend(pushed)
         if reframed:
@@ -199,7 +207,8 @@ class Scene:
         self._statics = statics
         self._viewer["marks/statics"].delete()
         for mark in added:
-            self._send_mark(mark)
+            send_mark(self._viewer, mark)
+        self._describe()
         if self._legend:
             self._write_legend(self._pushed)
 
@@ -233,8 +242,7 @@ class Scene:
             for j, part in enumerate(self._parts):
                 if part.joint:  # shapes fixed to the world are already in the picture
                     path = f"beside/{i}/{j}"
-                    tint = MeshPhongMaterial(color=rgb_number(colors[name]), opacity=BESIDE_OPACITY)
-                    self._send_mesh(path, part.mesh, tint)
+                    send_part(self._viewer, path, replace(part, color=colors[name], opacity=BESIDE_OPACITY))
                     self._viewer[path].set_transform((data.oMi[part.joint] * part.placement).homogeneous)
             points.append(self._extremes(data))
         self._further = np.vstack(points)
@@ -313,11 +321,7 @@ class Scene:
 
     def _send_parts(self) -> None:
         for i, part in enumerate(self._parts):
-            shine = MeshPhongMaterial(color=rgb_number(part.color), opacity=part.opacity)
-            shine.properties.update(specular=0x222222, shininess=20)
-            if part.opacity < 0.5:  # inner parts must be drawn, in any order
-                shine.properties.update(depthWrite=False)
-            self._send_mesh(f"robot/{i}", part.mesh, shine)
+            send_part(self._viewer, f"robot/{i}", part)
 
     def _place_parts(self, data: pin.Data) -> None:
         for i, part in enumerate(self._parts):
@@ -343,24 +347,9 @@ class Scene:
         drawn += [marks.push_mark(i, point, force, sizes) for i, (_, point, force) in enumerate(pushed)]
         return [mark for mark in drawn if len(mark.mesh.faces)]
 
-    def _send_mark(self, mark: marks.Mark) -> None:
-        glow = rgb_number(mark.color, share=0.15)
-        solid = MeshLambertMaterial(color=rgb_number(mark.color), opacity=mark.opacity, emissive=glow)
-        if mark.opacity < 1.0:
-            solid.properties.update(depthWrite=False)
-        self._send_mesh(f"marks/{mark.path}", mark.mesh, solid)
-        if mark.seen_through:
-            ghost = MeshLambertMaterial(color=rgb_number(mark.color), opacity=0.6 * mark.opacity, emissive=glow)
-            ghost.properties.update(depthTest=False, depthWrite=False)
-            self._send_mesh(f"marks/{mark.path}_seen_through", mark.mesh, ghost)
-
-    def _send_mesh(self, path: str, mesh: Mesh, material: MeshLambertMaterial | MeshPhongMaterial) -> None:
-        geometry = TriangularMeshGeometry(mesh.vertices, mesh.faces)
-        # Meshcat's names contain the network card's number and the clock: these make pages reproducible and private.
-        geometry.uuid, material.uuid = f"{path}#geometry", f"{path}#material"
-        node = meshcat.geometry.Mesh(geometry, material)
-        node.uuid = f"{path}#mesh"
-        self._viewer[path].set_object(node)
+    def _describe(self) -> None:
+        """Send the layers, and the layer and label of every mark."""
+        self._recorder.post("marks", described(self._drawn, self._layers))
 
     def _write_legend(self, pushed: list[tuple[str, Array, Array]]) -> None:
         colors = contact_colors(self._seen)

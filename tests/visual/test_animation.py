@@ -20,9 +20,9 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import ExternalForce
 from rbd.simulation.motion import Event
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
-from rbd.visual.animation import export_motion, motion_sheet, replay
-from rbd.visual.animation_frames import frames_of
-from rbd.visual.page import FLAGS
+from rbd.visual.pages.browser import FLAGS
+from rbd.visual.playback.animation import export_motion, motion_sheet, replay
+from rbd.visual.playback.frames import frames_of
 from rbd.visual.robot_meshes import robot_parts
 
 SINGLE = 1e-6
@@ -454,7 +454,7 @@ class Clock:
 def test_a_replay_keeps_time_and_ends_at_the_end(motion, box, monkeypatch):
     """Half a second of playback takes half a second; the moments come in order, the first and the last among them."""
     clock = Clock()
-    monkeypatch.setattr("rbd.visual.animation.time", clock)
+    monkeypatch.setattr("rbd.visual.playback.animation.time", clock)
     with Scene(box) as scene:
         scene.show(rbd.State(box, motion.q[0]))
         told = moments(scene)
@@ -486,6 +486,6 @@ def test_a_replay_of_its_own_opens_and_closes_the_browser(motion, monkeypatch):
     """A browser that does not come is not waited for for ever; the server is closed."""
     opened = []
     monkeypatch.setattr("webbrowser.open", lambda address, new: opened.append(address))
-    monkeypatch.setattr("rbd.visual.animation.VIEWER_SECONDS", 0.05)
+    monkeypatch.setattr("rbd.visual.playback.animation.VIEWER_SECONDS", 0.05)
     replay(motion, speed=10.0)
     assert len(opened) == 1 and opened[0].startswith("http://127.0.0.1:")

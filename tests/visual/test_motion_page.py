@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 import rbd
 from rbd.visual import Scene, export_report, find_browser, plot_report, screenshot, show_report
-from rbd.visual.motion_page import MOMENT_ARM, Played, cause_colors
+from rbd.visual.playback.report_page import MOMENT_ARM, Played, cause_colors
 
 UP = 24
 """The frame from which the robot hangs in the air."""
@@ -165,7 +165,7 @@ def test_the_live_view_goes_through_the_frames(report, monkeypatch):
     """It opens one browser, sends the missing force with the last frame, and does not wait for a viewer for ever."""
     opened, sent = [], []
     monkeypatch.setattr("webbrowser.open", lambda address, new: opened.append(address))
-    monkeypatch.setattr("rbd.visual.animation.VIEWER_SECONDS", 0.05)
+    monkeypatch.setattr("rbd.visual.playback.animation.VIEWER_SECONDS", 0.05)
     monkeypatch.setattr(Scene, "stage_moment", lambda self, moment: sent.append(json.loads(moment)["moment"]))
     report.show(speed=20.0)
     assert len(opened) == 1 and opened[0].startswith("http://127.0.0.1:")

@@ -10,9 +10,9 @@ from matplotlib.patches import Polygon
 
 from rbd.errors import InputError
 from rbd.planar import Chain, endpoint_motion, joint_motion, minimum_jerk
-from rbd.visual import planar_figures
-from rbd.visual.planar_figures import export_planar, plot_ellipses, plot_sticks, replay_planar
-from rbd.visual.planar_plots import plot_panels, plot_paths, plot_split
+from rbd.visual.figures import planar_figures
+from rbd.visual.figures.planar_figures import export_planar, plot_ellipses, plot_sticks, replay_planar
+from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
 
 TWO = Chain(2, lengths=(0.5, 0.5))
 

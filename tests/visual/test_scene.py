@@ -25,7 +25,7 @@ from rbd.problem.rows import Patch
 from rbd.robots.robot import load_robot
 from rbd.statics.equilibrium import hold
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
-from rbd.visual.page import Recorder
+from rbd.visual.pages.recorder import Recorder
 from rbd.visual.robot_meshes import robot_parts, skeleton
 
 MM = 1e-3

@@ -15,7 +15,8 @@ from tornado.websocket import websocket_connect
 
 import rbd
 from rbd.errors import PictureError
-from rbd.visual import Scene, server
+from rbd.visual import Scene
+from rbd.visual.pages import server
 
 
 @pytest.fixture(scope="module")

@@ -17,8 +17,8 @@ import rbd
 from rbd.simulation.motion import ConstraintForce, Event, Motion, Sample
 from rbd.simulation.trajectory import Trajectory
 from rbd.testing import box
+from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint
 from rbd.visual.style import contact_colors
-from rbd.visual.trajectory_plots import plot_energy, plot_forces, plot_joint
 
 N = 101
 LOW, HIGH = 40, 60

@@ -10,6 +10,7 @@ class Stage {
       if (path[1] === "marks") object.castShadow = object.receiveShadow = false;
       put(path, object);
     };
+    this.layers = new Layers(this);
     this.touched = false;
     this.carried = [0, 0, 0];
     for (const path of [["Grid"], ["Axes"], ["Lights"]]) this.viewer.set_property(path, "visible", false);
@@ -27,6 +28,7 @@ class Stage {
 
   note(message) {
     if (message.legend) this.write(message.legend);
+    if (message.marks) this.layers.set(message.marks);
     if ("motion" in message) this.move(message.motion);
     if (message.moment && this.cast) {
       this.cast.set(floats(message.moment.row));

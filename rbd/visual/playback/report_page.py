@@ -17,10 +17,10 @@ from rbd.model.checked_model import CheckedModel
 from rbd.motion.causes import CAUSES
 from rbd.motion.report import MotionReport
 from rbd.simulation.motion import OPEN, SLIPS, STICKS, Event
-from rbd.visual.animation import FAR, a_time, checked, play_live, staged
-from rbd.visual.animation_frames import MOST_NUMBERS, MotionPage, Track
-from rbd.visual.page import write_page
-from rbd.visual.plots import an_axis, frame
+from rbd.visual.figures.plots import an_axis, frame
+from rbd.visual.pages.page import write_page
+from rbd.visual.playback.animation import FAR, a_time, checked, play_live, staged
+from rbd.visual.playback.frames import MOST_NUMBERS, MotionPage, Track
 from rbd.visual.style import CONTACT_COLORS, WRENCH_COLOR, a_page, contact_colors, distinct_colors
 
 if TYPE_CHECKING:

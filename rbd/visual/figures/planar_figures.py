@@ -17,9 +17,9 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelWarning, nearest
 from rbd.robots.robot import Robot, load_robot
-from rbd.visual.animation import checked, export_motion, replay
-from rbd.visual.planar_plots import PATH_COLOR, check_motion
-from rbd.visual.plots import an_axis, frame
+from rbd.visual.figures.planar_plots import PATH_COLOR, check_motion
+from rbd.visual.figures.plots import an_axis, frame
+from rbd.visual.playback.animation import checked, export_motion, replay
 from rbd.visual.style import CONTACT_COLORS, a_count, rgb
 
 if TYPE_CHECKING:
@@ -267,7 +267,7 @@ def _key(ax: Axes, scale: float, kind: str, size: float) -> Artist:
 
 @dataclass(frozen=True, eq=False)
 class _Played:
-    """The data of a motion for the pages of `rbd.visual.animation`, without contacts or forces."""
+    """The data of a motion for the pages of `rbd.visual.playback.animation`, without contacts or forces."""
 
     robot: Robot
     t: Array

@@ -20,9 +20,9 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.robots.robot import Robot
 from rbd.simulation.motion import Event
-from rbd.visual.animation_frames import MotionPage, Pushes, PushesAt, frames_of
-from rbd.visual.footprints import footprints_of
-from rbd.visual.page import screenshot, write_page
+from rbd.visual.marks.footprints import footprints_of
+from rbd.visual.pages.page import screenshot, write_page
+from rbd.visual.playback.frames import MotionPage, Pushes, PushesAt, frames_of
 from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_page, a_path, a_picture

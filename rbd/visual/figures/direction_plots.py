@@ -9,7 +9,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite
 from rbd.errors import InputError
-from rbd.visual.plots import an_axis
+from rbd.visual.figures.plots import an_axis
 from rbd.visual.style import distinct_colors
 
 if TYPE_CHECKING:

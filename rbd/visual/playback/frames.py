@@ -15,8 +15,8 @@ from rbd.arrays import Array, lazy
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.motion import OPEN, Event
-from rbd.visual.marks import Push, Sizes, pushes, scale_note
-from rbd.visual.posed_bodies import body_poses, checked_ghost, configuration_between, ghost_poses
+from rbd.visual.marks.contacts import Push, Sizes, pushes, scale_note
+from rbd.visual.playback.posed_bodies import body_poses, checked_ghost, configuration_between, ghost_poses
 from rbd.visual.robot_meshes import RobotPart, hull_of
 from rbd.visual.shapes import outermost
 from rbd.visual.style import COM_COLOR, GHOST_COLOR, PUSH_COLOR, contact_colors

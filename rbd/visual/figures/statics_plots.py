@@ -14,7 +14,7 @@ from rbd.statics.pushes import PushLimits
 from rbd.statics.regions import SupportRegion
 from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
-from rbd.visual.plots import an_axis, frame
+from rbd.visual.figures.plots import an_axis, frame
 from rbd.visual.style import COM_COLOR, LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR, contact_colors
 
 if TYPE_CHECKING:

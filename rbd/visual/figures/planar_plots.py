@@ -12,7 +12,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.visual.plots import an_axis, frame, note
+from rbd.visual.figures.plots import an_axis, frame, note
 from rbd.visual.style import CONTACT_COLORS
 
 if TYPE_CHECKING:

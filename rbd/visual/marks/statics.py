@@ -14,8 +14,8 @@ from rbd.statics.regions import SupportRegion
 from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
 from rbd.visual import shapes
-from rbd.visual.footprints import Footprints
-from rbd.visual.marks import Mark, Sizes
+from rbd.visual.marks.contacts import Mark, Sizes
+from rbd.visual.marks.footprints import Footprints
 from rbd.visual.shapes import Mesh
 from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR
 

@@ -18,7 +18,8 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from rbd.errors import PictureError
 from rbd.model.forks import renewed_after_fork
-from rbd.visual.page import Recorder, live_page
+from rbd.visual.pages.page import live_page
+from rbd.visual.pages.recorder import Recorder
 
 # Meshcat's server listens on every network card; this one cannot be reached from another machine.
 HOST = "127.0.0.1"

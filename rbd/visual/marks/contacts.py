@@ -13,7 +13,7 @@ from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import InputError
 from rbd.problem.answer import ContactForce
 from rbd.visual import shapes
-from rbd.visual.shapes import Mesh
+from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.style import COM_COLOR, PUSH_COLOR, SUPPORT_COLOR
 
 if TYPE_CHECKING:
@@ -191,58 +191,6 @@ def _supporting(contacts: Iterable[ShownForce]) -> list[ShownForce]:
     given = [c for c in contacts if c.patch.against is None]
     least = LOADED_SHARE * sum(float(np.linalg.norm(c.force)) for c in given)
     return [c for c in given if c.pressure > least and c.patch.axes[2, 2] > UPRIGHT]
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Mark:
-    """One coloured shape in the world.
-
-    Attributes:
-        path: Path in the viewer's tree, such as 'forces/left_sole/arrow'.
-        mesh: Triangles in W [m].
-        color: '#rrggbb'.
-        opacity: 1 is solid.
-        seen_through: Whether it shines faintly through what hides it.
-    """
-
-    path: str
-    mesh: Mesh
-    color: str
-    opacity: float = 1.0
-    seen_through: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Sizes:
-    """Sizes of the marks, constant within a scene.
-
-    Attributes:
-        body: Largest side of the box around the robot [m].
-        metres_per_newton: Length of an arrow over its force [m/N].
-    """
-
-    body: float
-    metres_per_newton: float
-
-    @property
-    def shaft(self) -> float:
-        """Radius of an arrow's shaft [m]."""
-        return 0.0065 * self.body
-
-    @property
-    def line(self) -> float:
-        """Radius of a drawn line [m]."""
-        return 0.0022 * self.body
-
-    @property
-    def cone(self) -> float:
-        """Length of a friction cone's side [m]."""
-        return 0.12 * self.body
-
-    @property
-    def lift(self) -> float:
-        """Height of marks above the ground, so that the two do not flicker [m]."""
-        return 0.0012 * self.body
 
 
 def contact_marks(contact: ShownForce, color: str, sizes: Sizes) -> list[Mark]:

@@ -1,0 +1,1 @@
+"""Figures by Matplotlib: curves, regions, planar chains."""

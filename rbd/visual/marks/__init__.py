@@ -1,0 +1,1 @@
+"""What is drawn around a robot: forces, cones, patches, regions, footprints, as coloured triangles."""

@@ -1,0 +1,1 @@
+"""HTML pages: written, served, opened in a browser, photographed."""

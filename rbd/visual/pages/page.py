@@ -1,0 +1,159 @@
+"""One HTML page that shows a scene: its messages recorded, the page written, and photographed by a headless browser.
+
+A page is self-contained, for a file, or receives data by a socket, for a live viewer.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import json
+import math
+from collections.abc import Iterable
+from functools import cache
+from importlib.resources import files
+from os import PathLike
+from pathlib import Path
+from string import Template
+
+from rbd.arrays import as_float
+from rbd.errors import InputError, PictureError
+from rbd.model.output_files import check_place, write_file, write_text
+from rbd.visual.pages.browser import Browser
+from rbd.visual.style import a_count, a_path, is_there
+
+# The page forbids all requests of the browser: only the contents of the file are loaded.
+_POLICY = (
+    "default-src 'none'; script-src 'unsafe-inline' 'unsafe-eval'; style-src 'unsafe-inline'; "
+    "img-src data: blob:; worker-src blob:; connect-src {connect}"
+)
+
+_PAGE = Template("""<!DOCTYPE html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta http-equiv="Content-Security-Policy" content="$policy">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<title>$title</title>
+<style>
+$style
+</style>
+</head>
+<body>
+<div id="meshcat-pane"></div>
+<aside id="legend"></aside>
+<script>
+$meshcat
+</script>
+<script>
+$stage
+</script>
+<script>
+const stage = new Stage(document.getElementById("meshcat-pane"), document.getElementById("legend"));
+$start
+</script>
+</body>
+</html>
+""")
+SCRIPTS = ("stage.js", "layers.js", "animation.js", "curves.js", "timeline.js")
+STYLES = ("stage.css", "animation.css")
+
+
+def offline_page(title: str, messages: Iterable[bytes | str]) -> str:
+    """A self-contained page with the whole scene and the viewer.
+
+    Args:
+        title: Shown on the browser's tab.
+        messages: Messages from a `Recorder`.
+    """
+    return _page(title, _script(messages), connect="'none'")
+
+
+def live_page(title: str, messages: Iterable[bytes | str], address: str) -> str:
+    """The same page, which then listens for changes on a web socket: `address` is like ws://127.0.0.1:7000/changes."""
+    # A policy's sources are compared without their query.
+    allowed = address.partition("?")[0]
+    return _page(title, f"{_script(messages)}\nstage.connect({json.dumps(address)});", connect=allowed)
+
+
+def write_page(target: Path, text: str) -> None:
+    """Write a page.
+
+    Raises:
+        PictureError: if the file cannot be written.
+    """
+    write_text(target, text, PictureError)
+
+
+def _script(messages: Iterable[bytes | str]) -> str:
+    lines = []
+    for message in messages:
+        if isinstance(message, bytes):
+            lines.append(f'stage.command("{base64.b64encode(message).decode("ascii")}");')
+        else:
+            lines.append(f"stage.note({script_safe(message)});")
+    return "\n".join([*lines, "stage.ready();"])
+
+
+def script_safe(text: str) -> str:
+    """JSON that is safe inside a script element, for any names."""
+    return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")
+
+
+def _page(title: str, start: str, *, connect: str) -> str:
+    return _PAGE.substitute(
+        title=html.escape(title),
+        policy=_POLICY.format(connect=connect),
+        style="\n".join(_text("rbd.visual.pages", f"web/{name}") for name in STYLES),
+        meshcat=_text("meshcat", "viewer/dist/main.min.js"),
+        stage="\n".join(_text("rbd.visual.pages", f"web/{name}") for name in SCRIPTS),
+        start=start,
+    )
+
+
+@cache
+def _text(package: str, path: str) -> str:
+    return files(package).joinpath(path).read_text(encoding="utf-8")
+
+
+def screenshot(
+    html_path: str | PathLike[str],
+    png_path: str | PathLike[str],
+    *,
+    width: int = 1280,
+    height: int = 960,
+    at: float | None = None,
+) -> Path:
+    """Draw a page in headless Chromium and write it as a PNG; returns the picture's path.
+
+    Args:
+        html_path: The page, as `Scene.export` writes it.
+        png_path: Path of the picture.
+        width: Pixels across.
+        height: Pixels down.
+        at: Time to show [s], of a page that `export_motion` wrote; by default where it starts.
+
+    Raises:
+        InputError: if the size is no number of pixels, or the time is none.
+        PictureError: if there is no page, no browser, or it made no picture.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> with rbd.visual.Scene(robot) as scene:
+        ...     scene.show(robot.at("assembled"))
+        ...     page = scene.export("four_bar.html")
+        >>> rbd.visual.screenshot(page, "four_bar.png")  # doctest: +SKIP
+        PosixPath('four_bar.png')
+    """
+    page, picture = a_path("the page", html_path), a_path("the picture", png_path)
+    width, height = a_count("width", width), a_count("height", height)
+    if at is not None and not math.isfinite(as_float(at)):
+        raise InputError(f"at is {at!r:.80}; expected a time in seconds.")
+    if not is_there(page):
+        raise PictureError(f"no page {str(html_path)!r}; write one with scene.export(...) first.")
+    check_place(picture, PictureError)
+    fragment = "" if at is None else f"t={float(at)!r}"
+    with Browser() as browser, browser.open(page, width=width, height=height, fragment=fragment) as shown:
+        taken = shown.picture()
+    write_file(picture, lambda file: file.write(taken), PictureError)
+    return picture

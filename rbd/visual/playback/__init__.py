@@ -1,0 +1,1 @@
+"""Motions: frames for a page, strips of pictures, live replay."""
