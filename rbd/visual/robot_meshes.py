@@ -74,7 +74,7 @@ def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
 
 
 def coarse(parts: Sequence[RobotPart], cell: float) -> tuple[RobotPart, ...]:
-    """The same pieces with fewer triangles, for pictures in which `cell` [m] is about a pixel; a piece within a cell is left out.
+    """The same pieces with fewer triangles, for pictures with pixels of about `cell` [m]; pieces within a cell are left out.
 
     Args:
         parts: Pieces, as `robot_parts` gives them.
