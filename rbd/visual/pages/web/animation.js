@@ -251,7 +251,7 @@ class Cues {
   constructor(legend, motion) {
     this.motion = motion;
     const make = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
-    legend.replaceChildren(make("h1", motion.title));
+    heading(legend, motion.title);
     const table = make("table", "");
     const row = (name, color) => {
       const line = table.insertRow();

@@ -144,6 +144,7 @@ class Player {
 
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.target.closest && event.target.closest(".toolbar")) return;  // it has keys of its own
     const step = this.step * (event.shiftKey ? 10 : 1);
     const { speeds, events } = this.motion;
     const faster = (by) => this.setSpeed(speeds[Math.min(speeds.length - 1, Math.max(0, speeds.indexOf(this.speed) + by))]);
