@@ -24,12 +24,13 @@ from rbd.visual.layers import checked_layers
 from rbd.visual.marks import contacts as marks
 from rbd.visual.marks.contacts import Push, ShownForce, ground_under, pushes, shown_forces, support_outline
 from rbd.visual.marks.statics import Drawn, legend_of, marks_of
-from rbd.visual.pages.page import offline_page, write_page
+from rbd.visual.pages.browser import Browser
+from rbd.visual.pages.page import offline_page, photograph, write_page
 from rbd.visual.pages.recorder import Recorder
 from rbd.visual.pages.server import LiveServer
 from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
 from rbd.visual.shapes import outermost, round_number
-from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, contact_colors, distinct_colors
+from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, a_picture, contact_colors, distinct_colors
 
 if TYPE_CHECKING:
     from rbd.robots.robot import Robot
@@ -261,6 +262,24 @@ class Scene:
         target = a_page(path)
         write_page(target, self.page())
         return target
+
+    def screenshot(
+        self, path: str | PathLike[str], *, width: int = 1280, height: int = 960, browser: Browser | None = None
+    ) -> Path:
+        """Draw the scene in headless Chromium and write it as a PNG; returns the picture's path.
+
+        Args:
+            path: Of the picture.
+            width: Pixels across.
+            height: Pixels down.
+            browser: An open browser, for many pictures; by default one is started for this picture.
+
+        Raises:
+            InputError: if the size is no number of pixels.
+            PictureError: nothing has been shown, no browser, or the file cannot be written.
+        """
+        self._shown()
+        return photograph(self.page(), a_picture(path), width, height, browser)
 
     def page(self, title: str | None = None) -> str:
         """The page that `export` writes, as text; its title is the robot's name unless one is given."""

@@ -5,7 +5,8 @@ from __future__ import annotations
 import base64
 import shutil
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -119,20 +120,23 @@ class Browser:
         self.close()
 
 
-def a_browser(browser: object) -> Browser | None:
-    """The browser that was given, or None.
+@contextmanager
+def one_browser(browser: object = None) -> Iterator[Browser]:
+    """A context with the browser that was given, which stays open; or with a new one, which is closed at its end.
 
     Raises:
-        InputError: what is none.
-        PictureError: one that is closed.
+        InputError: what is no browser.
+        PictureError: one that is closed, or none on PATH.
     """
     if browser is None:
-        return None
+        with Browser() as new:
+            yield new
+        return
     if not isinstance(browser, Browser):
         raise InputError(f"browser is {browser!r:.80}; expected a rbd.visual.Browser, or None.")
     if browser.closed:
         raise PictureError("the browser is closed; open another one: rbd.visual.Browser().")
-    return browser
+    yield browser
 
 
 class BrowserPage:
