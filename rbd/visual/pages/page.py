@@ -55,7 +55,7 @@ $start
 </body>
 </html>
 """)
-SCRIPTS = ("stage.js", "layers.js", "animation.js", "curves.js", "timeline.js")
+SCRIPTS = ("stage.js", "layers.js", "support.js", "animation.js", "curves.js", "reel.js", "timeline.js")
 STYLES = ("stage.css", "animation.css")
 
 
