@@ -57,7 +57,7 @@ $start
 """)
 SCRIPTS = (
     *("stage.js", "layers.js", "legend.js", "labels.js", "naming.js", "views.js", "gauges.js", "toolbar.js"),
-    *("animation.js", "curves.js", "timeline.js"),
+    *("support.js", "animation.js", "curves.js", "reel.js", "timeline.js"),
 )
 STYLES = ("stage.css", "toolbar.css", "animation.css")
 
