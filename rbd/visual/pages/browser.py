@@ -37,7 +37,12 @@ FLAGS = (
 )
 TIMEOUT_SECONDS = 120.0
 # A page without a stage, such as a contact sheet, is drawn when it is loaded.
-_DRAWN = "document.readyState === 'complete' && (typeof stage === 'undefined' || document.body.dataset.ready === 'true')"
+_DRAWN = """(() => {
+  if (document.readyState !== "complete") return false;
+  const { stage, ready, failed } = document.body.dataset;
+  if (failed) throw new Error(failed);
+  return stage === undefined || ready === "true";
+})()"""
 
 
 def find_browser() -> str | None:
