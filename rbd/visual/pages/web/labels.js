@@ -45,8 +45,7 @@ class Labels {
     }
     this.bodies.forEach((body, i) => add(layers.object(`robot/${i}`), "meshes", () => bodyLabel(body)));
     this.shapes.forEach((body, i) => add(layers.object(`collision/${i}`), "collision shapes", () => bodyLabel(body)));
-    const frames = layers.object("frames");
-    if (frames) for (const each of frames.children) add(each, "frames", each.userData.label);
+    for (const each of this.stage.frames) add(each, "frames", each.userData.label);
     return found;
   }
 

@@ -16,6 +16,7 @@ class Stage {
     this.gauges = new Gauges(this);
     this.views = new Views(this);
     this.toolbar = new Toolbar(this);
+    this.frames = [];
     this.touched = false;
     this.carried = [0, 0, 0];
     for (const path of [["Grid"], ["Axes"], ["Lights"]]) this.viewer.set_property(path, "visible", false);
@@ -257,6 +258,7 @@ class Stage {
     const root = new T.Group();
     for (const frame of listed) root.add(triad(frame, length));
     this.viewer.set_object(["meshcat", "frames"], root);
+    this.frames = root.children;
   }
 }
 
