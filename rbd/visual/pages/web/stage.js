@@ -67,14 +67,14 @@ class Stage {
   }
 
   note(message) {
-    if (message.legend) writeLegend(this.legend, message.legend);
+    if (message.legend) writeLegend(this, message.legend);
     if (message.bodies) this.labels.name(message);
     if (message.frames) this.triads(message.frames);
     if (message.marks) this.layers.set(message.marks);
     if ("motion" in message) this.move(message.motion);
     if (message.moment && this.cast) {
       this.cast.set(floats(message.moment.row));
-      this.cues.set(message.moment.codes, this.cast.tracks.map((track) => track.force));
+      this.cues.set(message.moment.codes, this.cast.tracks);
     }
     if (message.view) {
       this.light(message.view);
@@ -85,10 +85,7 @@ class Stage {
 
   // A motion with its frames gets a bar to play it; one without waits for its moments; null ends it.
   move(motion) {
-    if (this.cast) {
-      this.cast.remove();
-      this.layers.clear();
-    }
+    if (this.cast) this.cast.remove();
     this.cast = this.cues = null;
     this.carried = [0, 0, 0];
     if (!motion) {
