@@ -5,6 +5,7 @@ const RANK = {
 };
 // What has no tag of its own: it would say again what the others say.
 const UNTAGGED = ["meshes", "collision shapes", "other poses", "frames", "cones", "corner forces"];
+const OBSTACLES = "#legend, .toolbar .row, .toolbar .panel:not([hidden]), .player, .curves, .controls";
 const MOST_TAGS = 40;
 // Pixels around the pointer in which a thin mark is found; a finger is thicker.
 const REACH = { mouse: 5, touch: 16 };
@@ -166,7 +167,7 @@ class Labels {
     const list = [...named.values()].sort((a, b) => a.rank - b.rank).slice(0, MOST_TAGS);
     while (this.tags.children.length < list.length) this.tags.append(document.createElement("span"));
     while (this.tags.children.length > list.length) this.tags.lastChild.remove();
-    const taken = [...document.querySelectorAll("#legend, .toolbar, .player, .curves")].map((node) => edgesOf(node.getBoundingClientRect()));
+    const taken = [...document.querySelectorAll(OBSTACLES)].map((node) => edgesOf(node.getBoundingClientRect()));
     list.forEach((label, i) => this.tag(this.tags.children[i], label, taken));
   }
 

@@ -32,7 +32,6 @@ function writeLegend(stage, { title, entries, notes }) {
   const { legend } = stage;
   heading(legend, title);
   const table = document.createElement("table");
-  if (entries.some(({ value, layer }) => value && layer === "forces")) columnNames(table, ["|f|"], 2);
   for (const entry of entries) {
     const rows = [table.insertRow()];
     const swatch = document.createElement("i");

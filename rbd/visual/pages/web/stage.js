@@ -17,6 +17,7 @@ class Stage {
     this.views = new Views(this);
     this.toolbar = new Toolbar(this);
     this.frames = [];
+    this.foot = 0;
     this.touched = false;
     this.carried = [0, 0, 0];
     for (const path of [["Grid"], ["Axes"], ["Lights"]]) this.viewer.set_property(path, "visible", false);
@@ -194,6 +195,7 @@ class Stage {
     const drop = !shift && taken && below < 0.5 * height ? below : 0;
     // The bar of a motion takes the foot of the window, its curves the right side of a wide one.
     const { beside, foot } = this.player ? this.player.room() : { beside: 0, foot: 0 };
+    this.foot = foot ? foot - 12 : 0;
     const margin = 0.93;
     const full = margin * Math.tan((Math.PI / 180) * this.view.fov / 2);
     const up = (full * (height - drop - foot)) / height;
