@@ -61,7 +61,7 @@ class Gauges {
       return { group, depth: v.z };
     });
     // What points at the viewer is drawn last.
-    for (const { group } of drawn.sort((a, b) => a.depth - b.depth)) group.parent.append(group);
+    for (const { group } of drawn.sort((a, b) => a.depth - b.depth)) group.parentNode.append(group);
     const perMetre = this.pixelsPerMetre();
     const metres = rounded(110 / perMetre);
     const pixels = metres * perMetre;

@@ -13,7 +13,7 @@ class Labels {
   constructor(stage, pane) {
     this.stage = stage;
     this.bodies = [];
-    this.frames = [];
+    this.shapes = [];
     this.caster = new MeshCat.THREE.Raycaster();
     const make = (kind) => {
       const node = Object.assign(document.createElement("div"), { className: `chrome ${kind}` });
@@ -25,6 +25,11 @@ class Labels {
     this.tip.hidden = true;
     this.tip.setAttribute("role", "status");
     this.watch(pane);
+  }
+
+  // Of the robot's parts and collision shapes, in the order in which they were sent.
+  name({ bodies, shapes }) {
+    [this.bodies, this.shapes] = [bodies, shapes];
   }
 
   // Everything that can be named: [{object, layer, label}].
@@ -39,10 +44,9 @@ class Labels {
       }
     }
     this.bodies.forEach((body, i) => add(layers.object(`robot/${i}`), "meshes", () => bodyLabel(body)));
-    for (const [layer, path] of [["collision shapes", "collision"], ["frames", "frames"]]) {
-      const root = layers.object(path);
-      if (root) root.traverse((each) => { if (each.userData.label) add(each, layer, each.userData.label); });
-    }
+    this.shapes.forEach((body, i) => add(layers.object(`collision/${i}`), "collision shapes", () => bodyLabel(body)));
+    const frames = layers.object("frames");
+    if (frames) for (const each of frames.children) add(each, "frames", each.userData.label);
     return found;
   }
 

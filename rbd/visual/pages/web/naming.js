@@ -33,9 +33,9 @@ function comLabel(com) {
   return { title: "centre of mass", lines: [`(x, y, z) ${inThree(com, "m")}`], at: com };
 }
 
-function bodyLabel({ link, joint, mass }) {
-  const lines = [];
-  if (joint) lines.push(`moved by ${joint}`);
-  if (mass) lines.push(`${fewDigits(mass)} kg moves with this joint's body`);
+function bodyLabel({ link, joint, mass, shape }) {
+  const lines = shape ? [shape] : [];
+  lines.push(joint ? `moved by ${joint}` : "fixed to the world");
+  if (mass) lines.push(`${fewDigits(mass, 5)} kg, with all that this joint moves alone`);
   return { title: link, lines, at: null };
 }

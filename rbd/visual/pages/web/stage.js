@@ -67,7 +67,7 @@ class Stage {
 
   note(message) {
     if (message.legend) writeLegend(this.legend, message.legend);
-    if (message.bodies) this.labels.bodies = message.bodies;
+    if (message.bodies) this.labels.name(message);
     if (message.frames) this.triads(message.frames);
     if (message.marks) this.layers.set(message.marks);
     if ("motion" in message) this.move(message.motion);
@@ -77,6 +77,7 @@ class Stage {
     }
     if (message.view) {
       this.light(message.view);
+      if (!document.body.dataset.ready) this.views.name = message.view.opens;
       if (document.body.dataset.ready) this.fit();
     }
   }

@@ -85,7 +85,7 @@ class Views {
     const parts = [];
     if (player) parts.push(`t=${Number(player.t.toFixed(6))}`);
     if (!this.name) parts.push(`camera=${this.camera().join(",")}`);
-    else if (this.name !== "start") parts.push(`view=${this.name}`);
+    else if (this.name !== this.stage.view.opens) parts.push(`view=${this.name}`);
     for (const [word, wanted] of [["on", true], ["off", false]]) {
       const names = Object.keys(layers.first).filter((name) => layers.on[name] === wanted && layers.first[name] !== wanted);
       if (names.length) parts.push(`${word}=${names.map(encodeURIComponent).join(",")}`);
