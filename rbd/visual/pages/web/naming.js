@@ -14,10 +14,10 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 const moved = (point, shift) => point.map((x, i) => x + shift[i]);
 
 // Of a track of Cast: its force at the present time; null while there is none.
-function trackLabel({ name, force, normal, mode, centre }, shift) {
+function trackLabel({ name, force, normal, mode, centre, layer }, shift) {
   const size = Math.hypot(...force);
   if (!(size > 1e-9)) return null;
-  const lines = [`|f| ${fewDigits(size)} N`, `force on the robot ${inThree(force, "N")}`];
+  const lines = [`|f| ${fewDigits(size)} N`, `${layer === "pushes" ? "force" : "force on the robot"} ${inThree(force, "N")}`];
   if (normal) {
     const along = dot(force, normal);
     const across = Math.sqrt(Math.max(0, size * size - along * along));
