@@ -354,6 +354,15 @@ def test_what_moves_is_in_layers(browser: Browser, slide: rbd.Trajectory, tmp_pa
         assert shown.evaluate(drawn % "thin[0]") is False
 
 
+def test_a_picture_at_rest_takes_bar_and_curves_away(browser: Browser, page: Path) -> None:
+    """As a live page gets it after a motion; the keys of the motion are then without effect."""
+    with browser.open(page, width=600, height=500) as shown:
+        shown.evaluate("stage.note({ motion: null })")
+        assert shown.evaluate("document.querySelectorAll('.player, .curves').length") == 0
+        shown.key(" ")
+        assert shown.evaluate("stage.player") is None
+
+
 def test_slices_of_a_trajectory_have_charts(slide: rbd.Trajectory) -> None:
     """Two samples are enough; a trajectory without residuals worth a line shows the law's only."""
     charts = charts_of(slide[3:5], True)
