@@ -304,7 +304,7 @@ class Cast {
   }
 
   remove() {
-    for (const [name, group] of this.layers) this.stage.layers.members.get(name).delete(group);
+    for (const [name, group] of this.layers) this.stage.layers.members.get(name)?.delete(group);
     this.stage.viewer.delete_path([this.where]);
     this.stage.viewer.set_dirty();
   }
