@@ -106,7 +106,7 @@ def table_html(table: Table) -> str:
     above = "text-align:left;caption-side:top;padding:0"
     title = f'<caption style="{above}">{escaped(table.title)}</caption>' if table.title else ""
     missing = max(table.whole, len(table.rows)) - len(rows)
-    where = f": {escaped(table.rest)}" if table.rest else ""
+    where = f", in {escaped(table.rest)}" if table.rest else ""
     more = f'<p style="margin:0 0 0.4em">and {missing} more{where}</p>' if missing > 0 else ""
     style = "border-collapse:collapse;margin:0.2em 0 0.5em 0;font-variant-numeric:tabular-nums"
     return f'<table style="{style}">{title}{head}<tbody>{body}</tbody></table>{more}'

@@ -16,7 +16,7 @@ from rbd.visual.notebook.card import Card, Fold, Table, joined
 from rbd.visual.notebook.registry import card_of
 from rbd.visual.notebook.values import number, words
 
-_SINGULARITY_HEADS = ("kind", "singular", "distance (ratio of singular values)", "joints that move", "what it means")
+_SINGULARITY_HEADS = ("kind", "singular", "ratio of singular values", "joints that move", "singular means")
 
 
 @card_of.register
@@ -60,7 +60,7 @@ def _branches(record: Branches) -> Card:
 
 
 def _row(s: Singularity) -> tuple[str, ...]:
-    return s.kind, "yes" if s.singular else "no", number(s.distance, 3), joined(s.joints) or "none", KINDS[s.kind]
+    return s.kind, "yes" if s.singular else "no", number(s.distance, 3), joined(s.joints) if s.singular else "-", KINDS[s.kind]
 
 
 @card_of.register

@@ -129,9 +129,8 @@ def _motion(record: Motion) -> Card:
 def _motion_report(record: MotionReport) -> Card:
     m, possible = record.motion, record.possible
     whole = bool(possible.all())
-    said = f"{m.source}: {m.robot.name} can do " + (
-        f"all {record.n} frames" if whole else f"{int(possible.sum())} of {record.n} frames ({share(record.share_possible)})"
-    )
+    part = f"{int(possible.sum())} of {record.n} frames ({share(record.share_possible)})"
+    said = f"{m.robot.name} can do {f'all {record.n} frames' if whole else part} of the motion ({m.source})"
     rows, bars = [], {}
     for i, cause in enumerate(CAUSES):
         mask = record.causes[:, i]
@@ -153,7 +152,7 @@ def _motion_report(record: MotionReport) -> Card:
         numbers.insert(0, ("possible before", share(record.before.share_possible), "of the frames"))
     groups, touches = record.lanes.points.group, record.lanes.touches
     feet = {str(c.name): np.asarray(touches[:, groups == g].any(axis=1)) for g, c in enumerate(record.lanes.contacts)}
-    drawing = curves("missing wrench [% of the weight]", m.t, {"": 100.0 * record.missing_scaled})
+    drawing = curves("missing wrench [% of the weight]", m.t, {"": 100.0 * record.missing_scaled}, least=1.0)
     drawing += lanes("touching the floor", m.t, feet) + (lanes("not possible because", m.t, bars) if bars else "")
     tables = [Table(rows, heads), Table(numbers, ("of the motion", "value", "unit"))]
     notes = (*m.notes, *record.lanes.notes)

@@ -68,7 +68,7 @@ def _robot(record: CheckedModel) -> Card:
         rows += [("wheels", joined(wheel.name for wheel in record.wheels()), "")] if record.wheels() else []
         if record.report is not None:
             good = record.report.ok
-            notes.append(f"Doctor: {str(record.report).split(chr(10), 1)[0]}.")
+            notes.append(f"Doctor: {str(record.report).split(chr(10), 1)[0].removesuffix('.')}.")
     folds = [Fold(f"Joints and their limits, {len(record.joints)}", [joint_table(record)])]
     return Card(said, good if good is False else None, [Table(rows, ("of the robot", "value", "unit"))], notes, folds)
 

@@ -23,19 +23,20 @@ LANE = 16
 _FAINT = 'stroke="currentColor" stroke-opacity="0.35" fill="none"'
 
 
-def curves(title: str, t: Array, lines: Mapping[str, Array]) -> str:
+def curves(title: str, t: Array, lines: Mapping[str, Array], *, least: float = 0.0) -> str:
     """Curves over time as SVG, the first `MOST_CURVES` of them, with a legend.
 
     Args:
         title: What is drawn, with its unit.
         t: Times, shape (n,) [s].
         lines: {name: values, shape (n,)}.
+        least: The axis reaches at least up to here, so that rounding does not look like a curve.
     """
     shown = dict(list(lines.items())[:MOST_CURVES])
     values = np.concatenate([np.asarray(x, float)[np.isfinite(x)] for x in shown.values()] or [np.zeros(1)])
     if not values.size or len(t) < 2:
         return ""
-    low, high = min(0.0, float(values.min())), max(0.0, float(values.max()))
+    low, high = min(0.0, float(values.min())), max(least, float(values.max()))
     high = high if high > low else low + 1.0
     across, down = _scales(t, low, high)
     parts = [_frame(t, low, high, down)]

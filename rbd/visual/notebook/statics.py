@@ -73,8 +73,9 @@ def _pushes(record: PushLimits) -> Card:
     limits = record.gives_way
     why = joined(map(str, limits[weakest])) or f"no limit met up to {number(record.at_most)} N"
     way = vector(record.directions[weakest], 2)
-    most = f"withstands pushes of {number(record.forces[weakest], 4)} N at {record.frame}"
-    said = f"{most}, the least along {way}; then gives way: {why}"
+    most = f"withstands {number(record.forces[weakest], 4)} N at {record.frame} along {way}"
+    weak = ", its weakest direction" if len(record.forces) > 1 else ""
+    said = f"{most}{weak}; what gives way there: {why}"
     order = np.argsort(record.forces, kind="stable")
     rows = [
         (
