@@ -25,7 +25,7 @@ from rbd.visual.marks import contacts as marks
 from rbd.visual.marks.contacts import Push, ShownForce, ground_under, pushes, shown_forces, support_outline
 from rbd.visual.marks.statics import Drawn, legend_of, marks_of
 from rbd.visual.pages.page import offline_page, write_page
-from rbd.visual.pages.recorder import Recorder
+from rbd.visual.pages.recorder import Recorder, drawn_together
 from rbd.visual.pages.server import LiveServer
 from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
 from rbd.visual.shapes import outermost, round_number
@@ -131,6 +131,11 @@ class Scene:
         return self._shown()
 
     @property
+    def recorder(self) -> Recorder:
+        """The messages of the scene, to its pages and from them."""
+        return self._recorder
+
+    @property
     def url(self) -> str:
         """Address of the live scene; starts its server, which listens on 127.0.0.1 only."""
         if self._server is None:
@@ -143,6 +148,7 @@ class Scene:
         webbrowser.open(address, new=2)
         return address
 
+    @drawn_together
     def show(
         self, state: State, solution: Solution | Actuation | None = None, *, external: Iterable[Push] | Push | None = None
     ) -> None:
@@ -195,6 +201,7 @@ class Scene:
         if reframed:
             self._recorder.post("view", self._view(self._data))
 
+    @drawn_together
     def draw(self, *statics: Drawn) -> None:
         """Draw regions, largest pushes, wrench cones and footprints around the robot shown, until the next `draw`.
 
@@ -212,6 +219,7 @@ class Scene:
         if self._legend:
             self._write_legend(self._pushed)
 
+    @drawn_together
     def beside(self, states: Mapping[str, State], *, shown: str = "") -> None:
         """Draw the robot in further poses at the same place, each in one translucent colour: branches, steps of a motion.
 

@@ -55,8 +55,8 @@ $start
 </body>
 </html>
 """)
-SCRIPTS = ("stage.js", "layers.js", "animation.js", "curves.js", "timeline.js")
-STYLES = ("stage.css", "animation.css")
+SCRIPTS = ("stage.js", "layers.js", "live.js", "controls.js", "backdrop.js", "animation.js", "curves.js", "timeline.js")
+STYLES = ("stage.css", "animation.css", "controls.css")
 
 
 def offline_page(title: str, messages: Iterable[bytes | str]) -> str:

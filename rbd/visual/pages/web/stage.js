@@ -11,6 +11,7 @@ class Stage {
       put(path, object);
     };
     this.layers = new Layers(this);
+    this.controls = new Controls(this);
     this.touched = false;
     this.carried = [0, 0, 0];
     for (const path of [["Grid"], ["Axes"], ["Lights"]]) this.viewer.set_property(path, "visible", false);
@@ -34,6 +35,8 @@ class Stage {
       this.cast.set(floats(message.moment.row));
       this.cues.set(message.moment.codes, this.cast.tracks.map((track) => track.force));
     }
+    if (message.controls) this.controls.build(message.controls);
+    if (message.answer) this.controls.answer(message.answer);
     if (message.view) {
       this.light(message.view);
       if (document.body.dataset.ready) this.fit();
@@ -85,12 +88,21 @@ class Stage {
   }
 
   connect(address) {
-    const socket = new WebSocket(address);
-    socket.binaryType = "arraybuffer";
-    socket.onmessage = (event) => {
-      if (typeof event.data !== "string") this.viewer.handle_command_bytearray(new Uint8Array(event.data));
-      else this.note(JSON.parse(event.data));
-    };
+    this.live = new Live(this, address);
+  }
+
+  // Whether the robot is drawn in a grey red: what is shown cannot be.
+  tint(on) {
+    if (on === Boolean(this.tinted)) return;
+    this.tinted = on;
+    const refused = new MeshCat.THREE.Color("#9a6b68");
+    this.viewer.scene_tree.find(["meshcat", "robot"]).object.traverse(({ isMesh, material }) => {
+      if (!isMesh) return;
+      if (!material.userData.color) material.userData.color = material.color.clone();
+      material.color.copy(material.userData.color);
+      if (on) material.color.lerp(refused, 0.75);
+    });
+    this.viewer.set_dirty();
   }
 
   // Lamps, shadow and ground, sized to the scene.
@@ -145,8 +157,9 @@ class Stage {
     const shift = taken > 0.4 * width ? 0 : taken;
     const below = this.legend.offsetTop + this.legend.offsetHeight;
     const drop = !shift && taken && below < 0.5 * height ? below : 0;
-    // The bar of a motion takes the foot of the window.
-    const bar = this.player && this.player.footer.offsetHeight;
+    // The bar of a motion, or sliders, take the foot of the window.
+    const atFoot = this.player ? this.player.footer : this.footer;
+    const bar = atFoot && atFoot.offsetHeight;
     const foot = bar ? bar + 12 : 0;
     const margin = 0.93;
     // Curves take the right side of a wide window.
