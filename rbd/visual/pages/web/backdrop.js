@@ -1,11 +1,16 @@
-// While only marks change, and the camera rests, a live page draws the robot once: its picture and its depth are kept, and each
-// frame is that picture with the marks drawn into it. Without a graphics card a frame of Talos then takes a twentieth.
+// While only forces change, and the camera rests, a live page draws the robot once: its picture and its depth are kept, and each
+// frame is that picture with the forces drawn into it. Without a graphics card a frame of Talos then takes a twentieth.
+
+// Marks that stay where they are while the pose does; one that changes all the same is drawn in each frame from then on.
+const STILL = /^(com|support|surfaces)\/|\/(patch|outline|ends|point)(_seen_through)?$/;
+
 class Backdrop {
   constructor(stage) {
     this.stage = stage;
     this.viewer = stage.viewer;
     this.kept = new Map();  // key -> {color, target}, at most two: as it is, and tinted
     this.changes = 0;
+    this.moving = new Set();  // paths of marks that have changed, of those that might have stayed
     this.last = "";
     this.frames = { full: 0, quick: 0 };
     this.full = this.viewer.render.bind(this.viewer);
@@ -13,7 +18,9 @@ class Backdrop {
     for (const name of ["set_object", "set_transform", "set_property", "delete_path"]) {
       const given = this.viewer[name].bind(this.viewer);
       this.viewer[name] = (path, ...rest) => {
-        if (path[1] !== "marks") this.changes += 1;
+        const mark = path[1] === "marks" ? path.slice(2).join("/") : null;
+        if (mark === null || (STILL.test(mark) && !this.moving.has(mark))) this.changes += 1;
+        if (mark !== null && STILL.test(mark)) this.moving.add(mark);
         return given(path, ...rest);
       };
     }
@@ -25,7 +32,7 @@ class Backdrop {
     const size = renderer.getDrawingBufferSize(new MeshCat.THREE.Vector2());
     const { on } = this.stage.layers;
     const seen = [...camera.matrixWorld.elements, ...camera.projectionMatrix.elements].map((x) => x.toPrecision(9));
-    return [this.changes, size.x, size.y, ...seen, on.meshes, on["other poses"], Boolean(this.stage.tinted)].join(" ");
+    return [this.changes, size.x, size.y, ...seen, JSON.stringify(on), Boolean(this.stage.tinted)].join(" ");
   }
 
   render() {
@@ -62,12 +69,23 @@ class Backdrop {
     }, 50);
   }
 
-  // What belongs to the kept picture: robot, other poses, ground. Lamps stay on.
+  // What belongs to the kept picture: robot, other poses, ground, marks that stay. Lamps stay on.
   base() {
+    const still = [];
+    const walk = (node, path) => {
+      for (const [name, child] of Object.entries(node.children)) {
+        const here = path ? `${path}/${name}` : name;
+        if (name === "<object>") continue;
+        if (child.children["<object>"] && STILL.test(here) && !this.moving.has(here)) still.push(child.object);
+        else walk(child, here);
+      }
+    };
+    walk(this.viewer.scene_tree.find(["meshcat", "marks"]), "");
     const tree = this.viewer.scene_tree;
     const lamps = this.stage.lamps ? this.stage.lamps.children : [];
     return [
       ...["robot", "beside"].map((name) => tree.find(["meshcat", name]).object),
+      ...still,
       ...lamps.filter((each) => !each.isLight && (each.isMesh || each.isLine)),
     ];
   }

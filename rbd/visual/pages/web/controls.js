@@ -102,10 +102,7 @@ class Controls {
     this.said.classList.toggle("good", good === true);
     this.said.classList.toggle("bad", good === false);
     const make = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
-    const before = this.panel.offsetHeight;
     this.said.replaceChildren(make("h2", title), ...lines.map((line) => make("p", line)));
-    // A panel that grows must not hide the feet; the camera moves only if nobody has moved it.
-    if (document.body.dataset.ready && !this.stage.touched && this.panel.offsetHeight > before) this.stage.fit();
   }
 
   enable(on) {
