@@ -12,7 +12,8 @@ from rbd.visual.live.explorer import Explorer, Verdict, explore
 from rbd.visual.pages.browser import find_browser
 from rbd.visual.pages.page import screenshot
 from rbd.visual.playback.animation import export_motion, motion_sheet, replay
-from rbd.visual.playback.report_page import export_report, plot_report, show_report
+from rbd.visual.playback.report_curves import plot_report
+from rbd.visual.playback.report_page import export_report, show_report
 from rbd.visual.robot_sheet import contact_sheet
 from rbd.visual.scene import Scene
 from rbd.visual.style import contact_colors

@@ -278,16 +278,20 @@ class Scene:
         messages = [*self._recorder.messages()[0], self._view(self._data)]
         return offline_page(title or self._robot.name, messages)
 
-    def stage_motion(self, motion: str, around: Array) -> None:
+    def stage_motion(self, motion: str, around: Array, further: Mapping[str, Sequence[RobotPart]] | None = None) -> None:
         """Send the page the data to move the robot by itself, in place of the marks, until the next `show`.
 
         Args:
             motion: JSON, as `MotionPage` writes it.
             around: Points in W that the camera is to see, shape (n, 3) [m].
+            further: {path in the viewer: pieces of another robot, which the motion moves too}.
         """
         self._shown()
         assert self._data is not None
         self._viewer["marks"].delete()
+        for path, parts in (further or {}).items():
+            for i, part in enumerate(parts):
+                send_part(self._viewer, f"{path}/{i}", part)
         self._drawn, self._around, self._moving = [], around, True
         self._recorder.post("motion", motion)
         self._recorder.post("view", self._view(self._data))

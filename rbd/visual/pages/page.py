@@ -55,7 +55,10 @@ $start
 </body>
 </html>
 """)
-SCRIPTS = ("stage.js", "layers.js", "live.js", "controls.js", "backdrop.js", "animation.js", "curves.js", "timeline.js")
+SCRIPTS = (
+    *("stage.js", "layers.js", "support.js", "animation.js", "curves.js", "reel.js", "timeline.js"),
+    *("live.js", "controls.js", "backdrop.js"),
+)
 STYLES = ("stage.css", "animation.css", "controls.css")
 
 

@@ -25,7 +25,6 @@ class Controls {
     // Keys of the page (views, layers) do not hear what is typed here.
     this.panel.addEventListener("keydown", (event) => event.stopPropagation());
     document.body.append(this.panel);
-    this.stage.footer = this.panel;
     this.enable(Boolean(this.stage.live && this.stage.live.open));
     if (document.body.dataset.ready) this.stage.fit();
   }
@@ -103,6 +102,11 @@ class Controls {
     this.said.classList.toggle("bad", good === false);
     const make = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
     this.said.replaceChildren(make("h2", title), ...lines.map((line) => make("p", line)));
+  }
+
+  // What the sliders take of the window, in pixels.
+  room() {
+    return { beside: 0, foot: this.panel ? this.panel.offsetHeight + 12 : 0 };
   }
 
   enable(on) {
