@@ -14,7 +14,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import rbd
@@ -148,9 +147,9 @@ def see_motion(page: BrowserPage) -> None:
 
 
 SHOWN = {
-    "stand": (["stand", "bolt"], see_standing),
+    "stand": (["stand", "solo12"], see_standing),
     "mechanism": (["mechanism", str(URDF / "four_bar.urdf"), "--tries", "20"], see_mechanism),
-    "simulate": (["simulate", "bolt", "--duration", "0.2"], see_motion),
+    "simulate": (["simulate", str(URDF / "box.urdf"), "--duration", "0.05"], see_motion),
     "check": (["check", "{motion}", "--robot", "solo12", "--least-possible", "0"], see_motion),
 }
 
@@ -179,6 +178,7 @@ def test_a_scene_is_served_drawn_and_ended(name: str, browser: Browser, motion: 
             assert served.interrupt() == 0
             page.wait("document.querySelector('.ended') !== null")
         assert refused(served.port)
-    assert served.lines[-1] == "ended\n", served.lines[-5:]
-    assert not np.any(["Traceback" in line for line in served.lines])
+    told = "".join(served.lines)
+    assert told.endswith("ended\n") or "ended\nwarning: " in told  # warnings come last
+    assert "Traceback" not in told
     assert {path.name for path in tmp_path.iterdir()} == {motion.name}

@@ -29,8 +29,8 @@ from rbd.cli.terminal import (
     names_of,
     open_console,
     print_path,
-    serve,
     save_figure,
+    serve,
     write_json,
 )
 from rbd.errors import InputError, RbdError

@@ -101,8 +101,9 @@ class Standing:
         held = many[0] if possible and values["motors"] == BRACED else free
         solution = solve(self.state, held.tau, feet, law=values["law of slip"], external=external)
         self.scene.show(self.state, solution, external=external)
-        friction = {name: c.friction_used for name, c in solution.contacts.items() if c.friction_used is not None}
-        used = [f"friction used: {', '.join(f'{name} {100.0 * share:.0f} %' for name, share in friction.items())}"] if friction else []
+        shares = {name: c.friction_used for name, c in solution.contacts.items() if c.friction_used is not None}
+        told = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares.items())
+        used = [f"friction used: {told}"] if told else []
         braced = possible and values["motors"] == BRACED
         total = sum((c.force for c in solution.contacts.values()), push) / self.robot.mass + self.robot.gravity
         moves = _moves(total, braced)
@@ -128,7 +129,8 @@ class Standing:
             limits = [limit for limit in getattr(error, "limits", ()) if limit.kind not in _ALWAYS]
             gives = list(dict.fromkeys(_GIVES.get(limit.kind, limit.kind) for limit in limits))
             names = ", ".join(dict.fromkeys(limit.name for limit in limits if limit.name))
-            title = "Cannot be held: " + (" and ".join(gives) if gives else "the reason was not found")
+            proved = "no forces of its contacts balance it" if getattr(error, "limits", ()) else "the reason was not found"
+            title = f"Cannot be held: {' and '.join(gives) or proved}"
             lack = getattr(error, "missing", None)
             missing = () if lack is None or not lack.size else (f"missing: a force of ({rounded(lack.force, 1)}) N",)
             named = (f"what gives way: {names}",) if names else (in_options(str(error)),)

@@ -134,7 +134,16 @@ def test_pages_elsewhere_get_no_socket(scene: Scene, origin: str, fetch: dict[st
     "path",
     [
         *("/../../etc/passwd", "/..%2f..%2fetc%2fpasswd", "/%2e%2e/pyproject.toml", "//etc/passwd", "/etc/passwd", "/static/x"),
-        *("/web/stage.js", "/index.html", "/changes/..", "/changes/x", "/favicon.ico/../changes", "/\\..\\x", "/%00", "/?/../x"),
+        *(
+            "/web/stage.js",
+            "/index.html",
+            "/changes/..",
+            "/changes/x",
+            "/favicon.ico/../changes",
+            "/\\..\\x",
+            "/%00",
+            "/?/../x",
+        ),
         "http://elsewhere.example/",
     ],
 )

@@ -57,8 +57,8 @@ class Slider:
             object.__setattr__(self, what, number)
         if not self.low < self.high or not self.low <= self.value <= self.high:
             raise InputError(
-                f"{self.name!r} goes from {self.low:g} to {self.high:g} and starts at {self.value:g}; expected low < high and a "
-                "value between them."
+                f"{self.name!r} goes from {self.low:g} to {self.high:g} and starts at {self.value:g}; expected low < high and "
+                "a value between them."
             )
         step = _round_step((self.high - self.low) / _STEPS) if self.step is None else as_float(self.step)
         if not 0.0 < step <= self.high - self.low:
