@@ -9,7 +9,7 @@ from rbd.visual.figures.statics_plots import plot_pushes, plot_region, plot_wren
 from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint
 from rbd.visual.live.controls import Choice, Slider
 from rbd.visual.live.explorer import Explorer, Verdict, explore
-from rbd.visual.pages.browser import find_browser
+from rbd.visual.pages.browser import Browser, find_browser
 from rbd.visual.pages.page import screenshot
 from rbd.visual.playback.animation import export_motion, motion_sheet, replay
 from rbd.visual.playback.report_curves import plot_report
@@ -19,6 +19,7 @@ from rbd.visual.scene import Scene
 from rbd.visual.style import contact_colors
 
 __all__ = [
+    "Browser",
     "Choice",
     "Explorer",
     "Scene",

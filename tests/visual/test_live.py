@@ -299,9 +299,8 @@ def test_an_exported_page_has_the_sliders_as_they_were(browser: Browser, scene: 
         written = scene.export(tmp_path / "page.html")
     assert re.search(r"connect-src 'none'", written.read_text())
     with browser.open(written, width=500, height=400) as shown:
-        assert shown.evaluate(
-            "[...stage.controls.inputs.values()].map(({input}) => [input.disabled, input.valueAsNumber])"
-        ) == [[True, 80.0]]
+        seen = shown.evaluate("[...stage.controls.inputs.values()].map(({ input }) => [input.disabled, input.valueAsNumber])")
+        assert seen == [[True, 80.0]]
         assert "well" in shown.evaluate(SAID)
 
 

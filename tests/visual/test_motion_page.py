@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import rbd
-from rbd.visual import Scene, export_report, find_browser, plot_report, screenshot, show_report
+from rbd.visual import Scene, export_report, plot_report, screenshot, show_report
 from rbd.visual.playback.report_page import MOMENT_ARM, Played, cause_colors
 
 UP = 24
@@ -139,13 +139,11 @@ def test_contacts_that_never_touch_are_left_out(report):
     assert len(every.lanes.contacts) > 2 and set(Played.of(every).points) == {c.name for c in report.lanes.contacts}
 
 
-def test_a_browser_draws_the_curves(page, tmp_path):
+def test_a_browser_draws_the_curves(page, tmp_path, browser):
     """The panel is on the right side of a wide window: text and curves there, which a page without them has not."""
-    if find_browser() is None:
-        pytest.skip("Chromium is not installed: no picture")
     from matplotlib.image import imread
 
-    picture = imread(screenshot(page, tmp_path / "page.png", width=1200, height=700))
+    picture = imread(screenshot(page, tmp_path / "page.png", width=1200, height=700, browser=browser))
     panel = picture[20:440, 830:1180, :3]
     assert (np.ptp(panel, axis=2) > 0.4).sum() > 200  # coloured lines; walls and robot are grey
     assert (panel.max(axis=2) < 0.3).sum() > 200  # headings and the line of the present time

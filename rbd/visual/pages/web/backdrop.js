@@ -45,6 +45,8 @@ class Backdrop {
     if (rests && !this.kept.has(key)) this.keep(key);
     if (rests) {
       this.quick(this.kept.get(key));
+      stage.labels.place();
+      stage.gauges.place();
     } else {
       this.frames.full += 1;
       this.full();

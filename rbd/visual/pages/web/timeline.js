@@ -6,7 +6,7 @@ const GLOW_SECONDS = 0.25;  // of playback
 class Player {
   constructor(stage, motion) {
     this.motion = motion;
-    stage.legend.replaceChildren(Object.assign(document.createElement("h1"), { textContent: motion.title }));
+    heading(stage.legend, motion.title);
     const second = motion.second ? [{ ...motion.second, trace: motion.trace, note: "" }] : [];
     this.reels = [motion, ...second].map((each) => new Reel(stage, each, stage.legend));
     const [reel] = this.reels;
@@ -92,6 +92,7 @@ class Player {
 
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.target.closest && event.target.closest(".toolbar")) return;  // it has keys of its own
     const step = this.step * (event.shiftKey ? 10 : 1);
     const { speeds } = this.motion, { events } = this;
     const faster = (by) => this.setSpeed(speeds[Math.min(speeds.length - 1, Math.max(0, speeds.indexOf(this.speed) + by))]);
