@@ -150,7 +150,7 @@ def pushed_links(state: State) -> list[str]:
     """Links to push, from the top down: the heaviest ones, one for each joint."""
     model = state.robot.model
     masses = np.array([inertia.mass for inertia in model.inertias])
-    first = {}
+    first: dict[int, str] = {}
     for frame in model.frames:
         if frame.type == pin.BODY and frame.parentJoint:
             first.setdefault(frame.parentJoint, frame.name)

@@ -312,10 +312,14 @@ def test_a_quick_frame_is_the_same_picture(browser: Browser, talos_on_feet: Simp
       const backdrop = stage.live.backdrop, gl = stage.viewer.renderer.getContext();
       const [w, h] = [gl.drawingBufferWidth, gl.drawingBufferHeight];
       const drawn = (draw) => {
-        const began = performance.now(), pixels = new Uint8Array(4 * w * h);
-        draw();
-        gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
-        return [pixels, performance.now() - began];
+        const pixels = new Uint8Array(4 * w * h), took = [];
+        for (let i = 0; i < 4; i++) {
+          const began = performance.now();
+          draw();
+          gl.readPixels(0, 0, w, h, gl.RGBA, gl.UNSIGNED_BYTE, pixels);
+          took.push(performance.now() - began);
+        }
+        return [pixels, Math.min(...took)];
       };
       backdrop.last = backdrop.key();
       backdrop.render();
@@ -333,4 +337,4 @@ def test_a_quick_frame_is_the_same_picture(browser: Browser, talos_on_feet: Simp
         shown.wait("stage.live.open")
         found = shown.evaluate(script)
     assert found["mean"] < 0.3 and found["far"] < 2e-3 and found["frames"]["quick"] >= 2
-    assert found["ratio"] > 3.0  # 10 to 25 on an idle machine
+    assert found["ratio"] > 3.0  # about 15

@@ -193,9 +193,13 @@ def read_request(message: str, controls: Mapping[str, Control]) -> Request | Non
     for name, given in wanted.items():
         if name in controls and (value := controls[name].read(given)) is not None:
             values[name] = value
-    asked = told.get("asked")
-    valid = isinstance(asked, list) and len(asked) == 2 and all(type(n) is int and 0 <= n < 2**32 for n in asked)
-    return Request(values, (asked[0], asked[1]) if valid else (0, 0)) if values else None
+    return Request(values, _asked(told.get("asked"))) if values else None
+
+
+def _asked(given: Any) -> tuple[int, int]:
+    if isinstance(given, list) and len(given) == 2 and all(type(n) is int and 0 <= n < 2**32 for n in given):
+        return given[0], given[1]
+    return 0, 0
 
 
 def _round_step(step: float) -> float:

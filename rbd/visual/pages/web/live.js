@@ -32,5 +32,6 @@ class Live {
       textContent: "The program that served this page has ended: the picture stays as it is.",
     });
     (this.stage.controls.panel || document.body).prepend(words);
+    if (!this.stage.touched) this.stage.fit();
   }
 }
