@@ -14,7 +14,8 @@ import pinocchio as pin
 from rbd.arrays import Array, lazy
 from rbd.model.checked_model import CheckedModel
 from rbd.simulation.motion import OPEN, Event
-from rbd.visual.marks.contacts import Sizes, scale_note
+from rbd.visual.marks.legend import scale_note
+from rbd.visual.marks.mark import Sizes
 from rbd.visual.playback.contact_planes import carries_weight
 from rbd.visual.playback.frames import Frames, Track
 from rbd.visual.playback.posed_bodies import checked_ghost, ghost_poses
