@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_vector3
+from rbd.displayed import Displayed
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, ExternalForce
@@ -47,7 +48,7 @@ FRONT_LEFT = (1.0, 0.62, 0.34)
 BESIDE_OPACITY = 0.55
 
 
-class Scene:
+class Scene(Displayed):
     """A picture of a robot in contact: meshes, forces, friction cones, support polygon, centre of mass.
 
     Every arrow starts where its force acts and points along the force on the robot; its length is the force times one
@@ -118,6 +119,16 @@ class Scene:
         self._moving = False
         self._cloud: Array | None = None
         self._statics: tuple[Drawn, ...] = ()
+
+    @property
+    def robot(self) -> Robot:
+        """The robot whose scene it is."""
+        return self._robot
+
+    @property
+    def shown(self) -> bool:
+        """Whether a state has been shown."""
+        return self._sizes is not None
 
     @property
     def contacts(self) -> tuple[ShownForce, ...]:

@@ -46,14 +46,6 @@ function twice(geometry, color, opacity = 1, through = 0.5) {
   return node;
 }
 
-function floats(base64) {
-  return new Float32Array(bytes(base64).buffer);
-}
-
-function bytes(base64) {
-  return Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
-}
-
 // All that moves. A row has poses of the bodies, centre of mass, then point and force of every point: see Frames.rows.
 // A second motion is displaced by `shift`; its pieces are those of the first robot, copied, or those at the path `tree`.
 class Cast {
@@ -312,7 +304,7 @@ class Cast {
   }
 
   remove() {
-    for (const [name, group] of this.layers) this.stage.layers.members.get(name).delete(group);
+    for (const [name, group] of this.layers) this.stage.layers.members.get(name)?.delete(group);
     this.stage.viewer.delete_path([this.where]);
     this.stage.viewer.set_dirty();
   }
