@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_float
 from rbd.control.schedules import ExternalAt
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Trajectory:
+class Trajectory(Displayed):
     """A motion, as `rbd.simulate` returns it: n samples, read-only arrays, SI units, world axes, forces on the robot.
 
     `trajectory[i]` is a `Sample`, `trajectory[a:b:c]` a Trajectory, `print(trajectory)` its certificate.

@@ -7,6 +7,7 @@ from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
 from rbd.visual.figures.plots import plot_ranges
 from rbd.visual.figures.statics_plots import plot_pushes, plot_region, plot_wrench_cone
 from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint
+from rbd.visual.notebook.frames import notebook_page
 from rbd.visual.pages.browser import Browser, find_browser
 from rbd.visual.pages.page import screenshot
 from rbd.visual.playback.animation import export_motion, motion_sheet, replay
@@ -28,6 +29,7 @@ __all__ = [
     "export_video",
     "find_browser",
     "motion_sheet",
+    "notebook_page",
     "plot_directions",
     "plot_ellipses",
     "plot_energy",
