@@ -15,6 +15,7 @@ from rbd.visual.pages.page import screenshot
 from rbd.visual.playback.animation import export_motion, motion_sheet, replay
 from rbd.visual.playback.report_curves import plot_report
 from rbd.visual.playback.report_page import export_report, show_report
+from rbd.visual.playback.video import export_video
 from rbd.visual.robot_sheet import contact_sheet
 from rbd.visual.scene import Scene
 from rbd.visual.style import contact_colors
@@ -32,6 +33,7 @@ __all__ = [
     "export_motion",
     "export_planar",
     "export_report",
+    "export_video",
     "find_browser",
     "motion_sheet",
     "notebook_page",
