@@ -796,7 +796,13 @@ CASES: dict[str, Case] = {
     "visual.export_motion": Case(
         export_motion,
         {"trajectory": TRAJECTORY, "path": "/nowhere/x.html", "fps": 30, "speed": 1.0, "title": "x", "start": 0.0}
-        | {"seen_from": (1, 0.6, 0.3), "arrow_per_weight": 0.3, "ghost": TRAJECTORY},
+        | {
+            "seen_from": (1, 0.6, 0.3),
+            "arrow_per_weight": 0.3,
+            "ghost": TRAJECTORY,
+            "beside": TRAJECTORY,
+            "charts": ["energy"],
+        },
         20,
     ),
     "visual.motion_sheet": Case(

@@ -12,10 +12,10 @@ from rbd.model.forks import renewed_after_fork
 
 
 class Command(Protocol):
-    """A Meshcat command."""
+    """A Meshcat command, or one of ours."""
 
     def lower(self) -> dict[str, Any]:
-        """The command as plain data."""
+        """The command as plain data; ours has its bytes as "packed"."""
 
 
 class Recorder:
@@ -37,13 +37,13 @@ class Recorder:
         self._lock, self._listener = threading.Lock(), None
 
     def send(self, command: Command) -> None:
-        """Store a Meshcat command; a newer one of the same kind on the same path replaces it.
+        """Store a Meshcat command, or one of ours that is packed already; a newer one of its kind on its path replaces it.
 
         A deletion removes all commands at and below its path, and is stored for viewers that have received them.
         """
         data = command.lower()
         path, kind = data["path"], data["type"]
-        packed = umsgpack.packb(data)
+        packed = data["packed"] if "packed" in data else umsgpack.packb(data)
         with self._lock:
             if kind == "delete":
                 below = path.rstrip("/") + "/"
