@@ -14,12 +14,14 @@ from rbd.visual.shapes import Mesh
 from rbd.visual.style import rgb_number
 
 
-def send_part(viewer: meshcat.Visualizer, path: str, part: RobotPart) -> None:
-    """Send a piece of a robot, in its own frame."""
+def send_part(viewer: meshcat.Visualizer, path: str, part: RobotPart, *, nearer: int = 0) -> None:
+    """Send a piece of a robot, in its own frame; of surfaces in one plane the one with the largest `nearer` is seen."""
     shine = MeshPhongMaterial(color=rgb_number(part.color), opacity=part.opacity)
     shine.properties.update(specular=0x222222, shininess=20)
     if part.opacity < 0.5:  # inner parts must be drawn, in any order
         shine.properties.update(depthWrite=False)
+    if nearer:
+        shine.properties.update(polygonOffset=True, polygonOffsetFactor=-nearer, polygonOffsetUnits=-nearer)
     _send_mesh(viewer, path, part.mesh, shine)
 
 

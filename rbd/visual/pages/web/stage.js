@@ -226,7 +226,7 @@ class Stage {
         const cell = more.insertCell();
         cell.colSpan = 2;
         cell.className = "detail";
-        cell.textContent = entry.detail;
+        cell.textContent = [entry.detail].flat().join(", ");
       }
     }
     this.legend.append(table);
