@@ -248,9 +248,10 @@ class Scene:
     def _draw_poses(self) -> None:
         states, shown, *_ = self._poses
         self._viewer["beside"].delete()
+        assert self._data is not None
         if self._others:  # the robot gets its own colours back
             self._send_parts()
-        assert self._data is not None
+            self._place_parts(self._data)
         found = {name: self._robot.model.createData() for name in states}
         for name, data in found.items():
             pin.forwardKinematics(self._robot.model, data, np.asarray(states[name].q, float))
