@@ -19,17 +19,19 @@ from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.visual.drawing import described, send_mark, send_part
-from rbd.visual.layers import checked_layers
+from rbd.visual.layers import checked_layers, checked_view
 from rbd.visual.marks import contacts as marks
 from rbd.visual.marks.contacts import Push, ShownForce, ground_under, pushes, shown_forces, support_outline
 from rbd.visual.marks.statics import Drawn, legend_of, marks_of
 from rbd.visual.other_poses import check_poses, send_poses
-from rbd.visual.pages.page import offline_page, write_page
+from rbd.visual.pages.browser import Browser
+from rbd.visual.pages.page import offline_page, photograph, write_page
 from rbd.visual.pages.recorder import Recorder
 from rbd.visual.pages.server import LiveServer
+from rbd.visual.robot_layers import bodies, collision_parts, frames, front_of
 from rbd.visual.robot_meshes import RobotPart, robot_parts
 from rbd.visual.shapes import outermost, round_number
-from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, contact_colors
+from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, a_picture, contact_colors
 
 if TYPE_CHECKING:
     from rbd.robots.robot import Robot
@@ -60,6 +62,7 @@ class Scene:
         legend: Whether to write names, forces and the scale next to the picture.
         layers: {layer: whether it is shown at first}, where that is to differ from `rbd.visual.layers.LAYERS`; the page can
             change it.
+        view: Where the camera stands at first: "start", which is `seen_from`, "front", "side" or "top"; the page can change it.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
@@ -78,6 +81,7 @@ class Scene:
         seen_from: Sequence[float] | Array | None = None,
         legend: bool = True,
         layers: Mapping[str, bool] | None = None,
+        view: str = "start",
     ) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"Scene wants a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
@@ -89,6 +93,7 @@ class Scene:
         self._seen_from = None if seen_from is None else seen
         self._legend = legend
         self._layers = checked_layers(layers)
+        self._opens = checked_view(view)
         self._robot = robot
         self._arrow_per_weight = arrow_per_weight
         self._ground = ground
@@ -272,6 +277,24 @@ class Scene:
         write_page(target, self.page())
         return target
 
+    def screenshot(
+        self, path: str | PathLike[str], *, width: int = 1280, height: int = 960, browser: Browser | None = None
+    ) -> Path:
+        """Draw the scene in headless Chromium and write it as a PNG; returns the picture's path.
+
+        Args:
+            path: Of the picture.
+            width: Pixels across.
+            height: Pixels down.
+            browser: An open browser, for many pictures; by default one is started for this picture.
+
+        Raises:
+            InputError: if the size is no number of pixels.
+            PictureError: nothing has been shown, no browser, or the file cannot be written.
+        """
+        self._shown()
+        return photograph(self.page(), a_picture(path), width, height, browser)
+
     def page(self, title: str | None = None) -> str:
         """The page that `export` writes, as text; its title is the robot's name unless one is given."""
         self._shown()
@@ -280,16 +303,20 @@ class Scene:
         messages = [*self._recorder.messages()[0], self._view(self._data)]
         return offline_page(title or self._robot.name, messages)
 
-    def stage_motion(self, motion: str, around: Array) -> None:
+    def stage_motion(self, motion: str, around: Array, further: Mapping[str, Sequence[RobotPart]] | None = None) -> None:
         """Send the page the data to move the robot by itself, in place of the marks, until the next `show`.
 
         Args:
             motion: JSON, as `MotionPage` writes it.
             around: Points in W that the camera is to see, shape (n, 3) [m].
+            further: {path in the viewer: pieces of another robot, which the motion moves too}.
         """
         self._shown()
         assert self._data is not None
         self._viewer["marks"].delete()
+        for path, parts in (further or {}).items():
+            for i, part in enumerate(parts):
+                send_part(self._viewer, f"{path}/{i}", part)
         self._drawn, self._around, self._moving = [], around, True
         self._recorder.post("motion", motion)
         self._recorder.post("view", self._view(self._data))
@@ -332,11 +359,15 @@ class Scene:
     def _send_parts(self) -> None:
         for i, part in enumerate(self._parts):
             send_part(self._viewer, f"robot/{i}", part)
+        for i, shape in enumerate(collision_parts(self._robot)):
+            send_part(self._viewer, f"collision/{i}", shape.part)
+        self._recorder.post("bodies", bodies(self._robot, self._parts))
 
     def _place_parts(self, data: pin.Data) -> None:
-        for i, part in enumerate(self._parts):
-            X_WG = data.oMi[part.joint] * part.placement
-            self._viewer[f"robot/{i}"].set_transform(X_WG.homogeneous)
+        placed = [(f"robot/{i}", part) for i, part in enumerate(self._parts)]
+        placed += [(f"collision/{i}", shape.part) for i, shape in enumerate(collision_parts(self._robot))]
+        for path, part in placed:
+            self._viewer[path].set_transform((data.oMi[part.joint] * part.placement).homogeneous)
 
     def _extremes(self, data: pin.Data) -> Array:
         """The outermost points of the robot in W, shape (n, 3) [m]: all that is needed to measure and frame it."""
@@ -358,7 +389,9 @@ class Scene:
         return [mark for mark in drawn if len(mark.mesh.faces)]
 
     def _describe(self) -> None:
-        """Send the layers, and the layer and label of every mark."""
+        """Send the frames, the layers, and the layer and label of every mark."""
+        assert self._data is not None
+        self._recorder.post("frames", frames(self._robot, self._data, self._contacts, self._shown().body))
         self._recorder.post("marks", described(self._drawn, self._layers))
 
     def _write_legend(self, pushed: list[tuple[str, Array, Array]]) -> None:
@@ -391,6 +424,8 @@ class Scene:
         across = float(np.linalg.norm(high - low))
         view = {
             "direction": marks.seen_from(self._contacts, FRONT_LEFT) if self._seen_from is None else self._seen_from.tolist(),
+            "front": front_of(self._robot, data, self._contacts),
+            "opens": self._opens,
             "fov": 30.0,
             "points": np.round(fit, 4).tolist(),
             "centre": np.round((low + high) / 2.0, 4).tolist(),
