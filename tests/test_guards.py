@@ -34,6 +34,7 @@ from rbd.visual import (
     export_planar,
     export_report,
     motion_sheet,
+    notebook_page,
     plot_directions,
     plot_ellipses,
     plot_energy,
@@ -810,6 +811,9 @@ CASES: dict[str, Case] = {
         | {"ghost": None},
         20,
     ),
+    "visual.notebook_page": Case(
+        notebook_page, {"shown": "/nowhere/x.html", "height": 300, "still": False, "browser": None}, 20
+    ),
     "visual.replay": Case(replay, {"trajectory": "none", "speed": 1.0, "scene": "none"}, 20),
     "visual.plot_forces": Case(
         lambda **given: use_plots(plot_forces, **given),
@@ -1197,6 +1201,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
     refused |= {
         "visual.export_motion",
         "visual.motion_sheet",
+        "visual.notebook_page",
         "visual.replay",
         "visual.export_planar",
         "visual.replay_planar",

@@ -33,8 +33,12 @@ FLAGS = (
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )
 # A page without a stage, such as a contact sheet, is drawn when it is loaded.
-_DRAWN = """document.readyState === 'complete'
-  && (!document.getElementById('meshcat-pane') || document.body.dataset.ready === 'true')"""
+_DRAWN = """(() => {
+  if (document.readyState !== "complete") return false;
+  const { stage, ready, failed } = document.body.dataset;
+  if (failed) throw new Error(failed);
+  return stage === undefined || ready === "true";
+})()"""
 
 
 def find_browser() -> str | None:
@@ -148,6 +152,7 @@ class BrowserPage:
         try:
             self._session = str(browser.call("Target.attachToTarget", targetId=self._target, flatten=True)["sessionId"])
             self.resize(width, height)
+            self._call("Page.enable")
             self._call("Inspector.enable")
             self._call("Runtime.enable")
             if before:
