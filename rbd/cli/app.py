@@ -121,13 +121,14 @@ def mechanism(
         q = loaded.at().q if name is None else loaded.at(name).q
         report = report_mechanism(loaded, q, seed=seed, tries=tries)
         write_json(json_, report)
-        console.print(str(report), highlight=False, soft_wrap=True)
+        console.print(report.text(console.width), highlight=False, soft_wrap=True)
         if html is not None or show:
             from rbd.visual import Scene
 
-            with Scene(loaded) as scene:
+            with Scene(loaded, seen_from=report.seen_from) as scene:
                 scene.show(report.state)
-                scene.beside(report.poses(), shown=report.shown)
+                details, note = report.legend()
+                scene.beside(report.poses(), shown=report.shown, details=details, note=note)
                 if html is not None:
                     print_path(console, "picture", scene.export(html))
                 if show:
