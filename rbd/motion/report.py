@@ -284,6 +284,12 @@ class MotionReport(Displayed):
 
         return export_report(path, self, **settings)
 
+    def video(self, path: str | os.PathLike[str], **settings: Any) -> Path:
+        """Write it as a video, .mp4 or .gif; returns its path. Settings are those of `rbd.visual.export_video`."""
+        from rbd.visual.playback.video import export_video
+
+        return export_video(self, path, **settings)
+
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> list[Artist]:
         """Curves of the missing wrench and of torques on axes, or on a new figure; see `rbd.visual.plot_report`."""
         from rbd.visual.playback.report_curves import plot_report

@@ -322,6 +322,15 @@ class Trajectory(Displayed):
 
         return export_motion(self, path, fps=fps, speed=speed, title=title, external=cast(Any, external), **options)
 
+    def video(self, path: str | os.PathLike[str], *, fps: float = 30.0, speed: float = 1.0, **options: Any) -> Path:
+        """Write a video, .mp4 (by the ffmpeg on PATH) or .gif, with the legend and the time; forces move along.
+
+        See `rbd.visual.export_video`, which has the other options: `external`, `ghost`, `follow`, `width`, `height`, ...
+        """
+        from rbd.visual.playback.video import export_video
+
+        return export_video(self, path, fps=fps, speed=speed, **options)
+
     def _index(self, i: int) -> int:
         if isinstance(i, bool) or not isinstance(i, int | np.integer):
             raise InputError(f"sample {i!r:.80} of a trajectory; expected a whole number or a slice. `at(t)` takes a time.")

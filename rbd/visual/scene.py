@@ -30,7 +30,7 @@ from rbd.visual.marks.picture import Picture
 from rbd.visual.marks.statics import Drawn, legend_of, marks_of
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import offline_page, photograph, write_page
-from rbd.visual.pages.recorder import Recorder
+from rbd.visual.pages.recorder import Recorder, drawn_together
 from rbd.visual.pages.server import LiveServer
 from rbd.visual.robot_layers import bodies, collision_parts, frames, front_of
 from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
@@ -156,6 +156,11 @@ class Scene(Displayed):
         return self._shown()
 
     @property
+    def recorder(self) -> Recorder:
+        """The messages of the scene, to its pages and from them."""
+        return self._recorder
+
+    @property
     def url(self) -> str:
         """Address of the live scene; starts its server, which listens on 127.0.0.1 only."""
         if self._server is None:
@@ -168,6 +173,7 @@ class Scene(Displayed):
         webbrowser.open(address, new=2)
         return address
 
+    @drawn_together
     def show(
         self, state: State, solution: Solution | Actuation | None = None, *, external: External | Iterable[ExternalForce] = None
     ) -> None:
@@ -219,6 +225,7 @@ class Scene(Displayed):
         if reframed:
             self._recorder.post("view", self._view(self._data))
 
+    @drawn_together
     def draw(self, *statics: Drawn) -> None:
         """Draw regions, largest pushes, wrench cones and footprints around the robot shown, until the next `draw`.
 
@@ -236,6 +243,7 @@ class Scene(Displayed):
         if self._legend:
             self._write_legend()
 
+    @drawn_together
     def beside(self, states: Mapping[str, State], *, shown: str = "") -> None:
         """Draw the robot in further poses at the same place, each in one translucent colour: branches, steps of a motion.
 

@@ -150,6 +150,21 @@ def test_a_sole_that_tips_keeps_the_normal_of_its_ground() -> None:
     assert edge_distances(np.array([corners, corners]), np.array([up, 0.0 * up]))[1:] == pytest.approx([np.nan], nan_ok=True)  # type: ignore[index]
 
 
+def test_points_that_are_in_no_plane_have_no_normal() -> None:
+    """As those of a body's collision shapes that touch here and there: the chart then says vertical."""
+    corners = np.random.default_rng(1).normal(size=(1, 6, 3))
+    up = np.tile([0.0, 0.0, 5.0], (1, 6, 1))
+    assert normals_of(corners, up) is None
+    assert edge_distances(corners, up) is None
+    assert carries_weight(corners, up)
+    box = np.array([[[x, y, z] for x in (-0.2, 0.2) for y in (-0.2, 0.2) for z in (0.0, 0.2)]])
+    below = np.where(box[..., 2:] == 0.0, up[0, 0], 0.0)
+    normal = normals_of(box, below)
+    assert normal is not None
+    assert normal[0] == pytest.approx([0.0, 0.0, 1.0])
+    assert edge_distances(box, below) is None  # a body, no sole
+
+
 def test_of_a_motion_without_forces_there_are_positions_speeds_and_height(solo: rbd.Robot) -> None:
     """In % of the limits that the robot's file states."""
     low = solo.standing().q
