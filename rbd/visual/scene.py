@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import webbrowser
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -116,6 +116,7 @@ class Scene:
         self._further = np.zeros((0, 3))
         self._around = np.zeros((0, 3))
         self._moving = False
+        self._q = np.zeros(0)
         self._cloud: Array | None = None
         self._statics: tuple[Drawn, ...] = ()
 
@@ -164,7 +165,12 @@ class Scene:
 
     @drawn_together
     def show(
-        self, state: State, solution: Solution | Actuation | None = None, *, external: External | Iterable[ExternalForce] = None
+        self,
+        state: State,
+        solution: Solution | Actuation | None = None,
+        *,
+        external: External | Iterable[ExternalForce] = None,
+        without: Collection[str] = (),
     ) -> None:
         """Draw the robot in this state with the forces of this solution, in place of what was shown.
 
@@ -173,6 +179,7 @@ class Scene:
             solution: Its forces, from `solve` or `hold`; None draws the robot and its centre of mass only.
             external: What was given to `solve`: each `ExternalForce` is drawn from the point it acts on. A generalised force
                 has no such point: `left_out` and the legend tell it.
+            without: Layers whose marks are not made, which saves time: "joint torques" takes half of it.
 
         Raises:
             InputError: if the state is of a robot with other joints, or `external` is not what `solve` takes.
@@ -196,15 +203,17 @@ class Scene:
             for topic in ("motion", "moment"):
                 self._recorder.post(topic, json.dumps({topic: None}))
             self._around, self._moving = np.zeros((0, 3)), False
-        pin.forwardKinematics(model, self._data, np.asarray(state.q, float))
-        self._place_parts(self._data)
-        self._cloud = None
+        if reframed or not np.array_equal(state.q, self._q):
+            self._q, self._cloud = np.array(state.q, float), None
+            pin.forwardKinematics(model, self._data, self._q)
+            self._place_parts(self._data)
         if self._sizes is None:
             self._cloud = self._extremes(self._data)
             self._sizes = self._measure(self._cloud)
         self._picture = Picture.of(state, solution, external)
         self._seen += [name for name in self._picture.colored if name not in self._seen]
-        self._drawn = self._picture.marks(contact_colors(self._seen), self._sizes) + marks_of(self._statics, self._sizes)
+        self._drawn = self._picture.marks(contact_colors(self._seen), self._sizes, without)
+        self._drawn += marks_of(self._statics, self._sizes)
         self._viewer["marks"].delete()
         for mark in self._drawn:
             send_mark(self._viewer, mark)
