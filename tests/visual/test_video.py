@@ -111,7 +111,7 @@ def test_forces_keep_their_colours(held: tuple[rbd.Trajectory, list[str]], brows
 
 
 def test_ffmpeg_is_given_every_picture(swing: rbd.Trajectory, browser: Browser, tmp_path: Path, on_path: Path) -> None:
-    """Whole JPEG pictures through a pipe, the rate, the best codec that it has; the file replaces an old one, nothing is left."""
+    """Whole JPEG pictures through a pipe, the rate, the best codec that it has; the file replaces an old one."""
     put_fake(on_path, "libopenh264")
     folder = tmp_path / "out"
     folder.mkdir()

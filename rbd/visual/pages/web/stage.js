@@ -145,7 +145,7 @@ class Stage {
   }
 
   connect(address) {
-    this.live = new Live(this, address);
+    this.live = new Live(this, address, (message) => this.note(message));
   }
 
   // Whether the robot is drawn in a grey red: what is shown cannot be.
