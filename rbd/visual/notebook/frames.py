@@ -17,14 +17,15 @@ from rbd.motion.motion import Motion
 from rbd.motion.report import MotionReport
 from rbd.simulation.trajectory import Trajectory
 from rbd.visual.notebook.card import escaped
-from rbd.visual.pages.browser import Browser, find_browser
+from rbd.visual.pages.browser import Browser, find_browser, one_browser
+from rbd.visual.pages.link import page_link
 from rbd.visual.playback.animation import export_motion
 from rbd.visual.playback.report_page import export_report
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_path, is_there
 
-WIDTH, HEIGHT = 700, 420
-"""Size of a frame, in pixels; in narrow notebooks it is narrower."""
+WIDTH, HEIGHT = 860, 420
+"""Size of a picture, in pixels; a frame is as wide as the notebook."""
 LEAST, MOST = 120, 4000
 NO_PICTURE = "No Chromium was found on this machine, so there is no picture for viewers without scripts."
 # Without scripts the frame's page is empty: it lets the picture behind it through.
@@ -62,6 +63,7 @@ def notebook_page(
     *,
     height: int = HEIGHT,
     still: bool = False,
+    browser: Browser | None = None,
     **options: Any,
 ) -> NotebookPage:
     """A page inside a notebook: put it at the end of a cell. A scene at the end of a cell does the same with its defaults.
@@ -73,7 +75,9 @@ def notebook_page(
         shown: A scene, a motion, the report of `rbd.check_motion`, or the path of a page.
         height: Of the frame [pixels].
         still: Whether to show the picture alone.
-        **options: Of a motion those of `rbd.visual.export_motion`, of a report those of `rbd.visual.export_report`.
+        browser: An open browser, to take many pictures; by default one is started for this picture, which takes longer.
+        **options: Of a motion those of `rbd.visual.export_motion`, of a report those of `rbd.visual.export_report`. Charts are
+            left out unless `charts` is given: a frame is low.
 
     Raises:
         InputError: nothing that has a page, or invalid options.
@@ -93,7 +97,7 @@ def notebook_page(
     title, page = _page_of(shown, options)
     if still and find_browser() is None:
         raise PictureError("still=True wants a picture, and no browser was found. Install Chromium, or leave it out.")
-    return NotebookPage("" if still else page, _picture(page, height), title, height)
+    return NotebookPage("" if still else page, _picture(page, height, browser), title, height)
 
 
 def _page_of(shown: object, options: dict[str, Any]) -> tuple[str, str]:
@@ -102,9 +106,9 @@ def _page_of(shown: object, options: dict[str, Any]) -> tuple[str, str]:
         with tempfile.TemporaryDirectory(prefix="rbd-notebook-") as folder:
             target = Path(folder) / "page.html"
             if isinstance(shown, MotionReport):
-                export_report(target, shown, **options)
+                export_report(target, shown, **{"charts": False, **options})
                 return shown.motion.source, target.read_text(encoding="utf-8")
-            export_motion(shown, target, **options)
+            export_motion(shown, target, **{"charts": False, **options})
             return shown.robot.name, target.read_text(encoding="utf-8")
     if options:
         raise InputError(f"options {', '.join(options)} are for motions and reports alone.")
@@ -156,12 +160,13 @@ def frame_html(page: str, picture: bytes, title: str, height: int) -> str:
     return f'<div style="position:relative;max-width:64em;height:{height}px;overflow:hidden">{image}{frame}</div>{note}'
 
 
-def _picture(page: str, height: int) -> bytes:
-    """A PNG of a page; empty where this machine has no browser."""
-    if find_browser() is None:
+def _picture(page: str, height: int, browser: Browser | None = None) -> bytes:
+    """A PNG of a page, without its buttons; empty where this machine has no browser."""
+    if browser is None and find_browser() is None:
         return b""
     with tempfile.TemporaryDirectory(prefix="rbd-notebook-") as folder:
         target = Path(folder) / "page.html"
         target.write_text(page, encoding="utf-8")
-        with Browser() as browser, browser.open(target, width=WIDTH, height=height) as opened:
+        link = page_link(controls=False)
+        with one_browser(browser) as used, used.open(target, width=WIDTH, height=height, fragment=link) as opened:
             return opened.picture()

@@ -20,7 +20,8 @@ def _scene(record: Scene) -> Card:
         return Card(f"{name}: the scene is empty; call scene.show(state, solution) first")
     contacts = record.contacts
     upward = sum(float(c.force[2]) for c in contacts)
-    carries = f"{len(contacts)} contacts push it up by {fixed(upward, 2)} N" if contacts else "no contact forces are shown"
+    who = "1 contact pushes" if len(contacts) == 1 else f"{len(contacts)} contacts push"
+    carries = f"{who} it up by {fixed(upward, 2)} N" if contacts else "no contact forces are shown"
     rows = [(c.name, vector(c.force, 2), fixed(float(np.linalg.norm(c.force)), 2)) for c in contacts]
     forces = Table(rows, ("contact", "force on the robot, in W [N]", "|f| [N]"))
     layers = Counter(mark.layer for mark in record.drawn)
