@@ -72,8 +72,8 @@ def put_fake(folder: Path, codec: str = "libx264", fails: bool = False) -> None:
 def pictures(path: Path) -> tuple[list[np.ndarray], list[int]]:
     """Pictures of a GIF, each of shape (height, width, 3) from 0 to 255, and their times [ms]."""
     with Image.open(path) as image:
-        frames = list(ImageSequence.Iterator(image))
-        return [np.asarray(f.convert("RGB"), float) for f in frames], [int(f.info["duration"]) for f in frames]
+        frames = [(np.asarray(f.convert("RGB"), float), int(f.info["duration"])) for f in ImageSequence.Iterator(image)]
+    return [each for each, _ in frames], [ms for _, ms in frames]
 
 
 def test_pictures_are_evenly_spaced_to_the_end() -> None:
