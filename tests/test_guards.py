@@ -33,6 +33,7 @@ from rbd.visual import (
     export_motion,
     export_planar,
     export_report,
+    export_video,
     motion_sheet,
     notebook_page,
     plot_directions,
@@ -811,6 +812,27 @@ CASES: dict[str, Case] = {
         | {"ghost": None},
         20,
     ),
+    "visual.export_video": Case(
+        export_video,
+        {
+            "trajectory": TRAJECTORY,
+            "path": "/nowhere/x.gif",
+            "fps": 30,
+            "width": 96,
+            "height": 64,
+            "speed": 1.0,
+            "view": "front",
+        }
+        | {
+            "title": "x",
+            "ghost": None,
+            "beside": None,
+            "seen_from": (1, 0.6, 0.3),
+            "layers": {"cones": False},
+            "browser": None,
+        },
+        20,
+    ),
     "visual.notebook_page": Case(
         notebook_page, {"shown": "/nowhere/x.html", "height": 300, "still": False, "browser": None}, 20
     ),
@@ -1200,6 +1222,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
     refused = {"visual.Scene.export", "visual.screenshot", "visual.contact_sheet", "Robot.soles", "mechanism.four_bar, no file"}
     refused |= {
         "visual.export_motion",
+        "visual.export_video",
         "visual.motion_sheet",
         "visual.notebook_page",
         "visual.replay",
