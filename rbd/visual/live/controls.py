@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 from rbd.arrays import as_float
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 
 LARGEST_MESSAGE = 4000
@@ -19,7 +20,7 @@ _STEPS = 200
 
 
 @dataclass(frozen=True, slots=True)
-class Slider:
+class Slider(Displayed):
     """A number that the page's visitor sets between two bounds.
 
     Attributes:
@@ -81,7 +82,7 @@ class Slider:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
+class Choice(Displayed):
     """One of some names that the page's visitor picks.
 
     Attributes:

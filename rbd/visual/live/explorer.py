@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, TypeAlias
 
+from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
 from rbd.model.forks import renewed_after_fork
 from rbd.visual.live.controls import Control, Request, checked_controls, read_request
@@ -22,7 +23,7 @@ _OURSELVES = (0, 0)
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Verdict(Displayed):
     """What the page says next to its sliders.
 
     Attributes:
