@@ -24,13 +24,14 @@ from rbd.visual.layers import checked_layers, checked_view
 from rbd.visual.marks import contacts as marks
 from rbd.visual.marks.contacts import Push, ShownForce, ground_under, pushes, shown_forces, support_outline
 from rbd.visual.marks.statics import Drawn, legend_of, marks_of
-from rbd.visual.pages.page import offline_page, write_page
+from rbd.visual.pages.browser import Browser
+from rbd.visual.pages.page import offline_page, photograph, write_page
 from rbd.visual.pages.recorder import Recorder
 from rbd.visual.pages.server import LiveServer
 from rbd.visual.robot_layers import bodies, collision_parts, frames, front_of
 from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
 from rbd.visual.shapes import outermost, round_number
-from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, contact_colors, distinct_colors
+from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, a_picture, contact_colors, distinct_colors
 
 if TYPE_CHECKING:
     from rbd.robots.robot import Robot
@@ -266,6 +267,24 @@ class Scene:
         write_page(target, self.page())
         return target
 
+    def screenshot(
+        self, path: str | PathLike[str], *, width: int = 1280, height: int = 960, browser: Browser | None = None
+    ) -> Path:
+        """Draw the scene in headless Chromium and write it as a PNG; returns the picture's path.
+
+        Args:
+            path: Of the picture.
+            width: Pixels across.
+            height: Pixels down.
+            browser: An open browser, for many pictures; by default one is started for this picture.
+
+        Raises:
+            InputError: if the size is no number of pixels.
+            PictureError: nothing has been shown, no browser, or the file cannot be written.
+        """
+        self._shown()
+        return photograph(self.page(), a_picture(path), width, height, browser)
+
     def page(self, title: str | None = None) -> str:
         """The page that `export` writes, as text; its title is the robot's name unless one is given."""
         self._shown()
@@ -274,16 +293,20 @@ class Scene:
         messages = [*self._recorder.messages()[0], self._view(self._data)]
         return offline_page(title or self._robot.name, messages)
 
-    def stage_motion(self, motion: str, around: Array) -> None:
+    def stage_motion(self, motion: str, around: Array, further: Mapping[str, Sequence[RobotPart]] | None = None) -> None:
         """Send the page the data to move the robot by itself, in place of the marks, until the next `show`.
 
         Args:
             motion: JSON, as `MotionPage` writes it.
             around: Points in W that the camera is to see, shape (n, 3) [m].
+            further: {path in the viewer: pieces of another robot, which the motion moves too}.
         """
         self._shown()
         assert self._data is not None
         self._viewer["marks"].delete()
+        for path, parts in (further or {}).items():
+            for i, part in enumerate(parts):
+                send_part(self._viewer, f"{path}/{i}", part)
         self._drawn, self._around, self._moving = [], around, True
         self._recorder.post("motion", motion)
         self._recorder.post("view", self._view(self._data))

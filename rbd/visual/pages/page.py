@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import html
 import json
+import tempfile
 import zlib
 from collections.abc import Iterable, Mapping
 from functools import cache
@@ -19,7 +20,7 @@ from string import Template
 from rbd.errors import PictureError
 from rbd.model.output_files import check_place, write_file, write_text
 from rbd.visual.packed_meshes import MARK, split
-from rbd.visual.pages.browser import Browser
+from rbd.visual.pages.browser import Browser, one_browser
 from rbd.visual.pages.link import page_link
 from rbd.visual.style import a_count, a_path, is_there
 
@@ -40,7 +41,7 @@ _PAGE = Template("""<!DOCTYPE html>
 $style
 </style>
 </head>
-<body data-stage="">
+<body>
 <noscript>This page is a picture to turn and play: it needs JavaScript, which is off here.</noscript>
 <div id="meshcat-pane"></div>
 <aside id="legend"></aside>
@@ -61,7 +62,7 @@ $start
 """)
 SCRIPTS = (
     *("stage.js", "meshes.js", "layers.js", "legend.js", "labels.js", "naming.js", "views.js", "gauges.js", "toolbar.js"),
-    *("animation.js", "curves.js", "timeline.js"),
+    *("support.js", "animation.js", "curves.js", "reel.js", "timeline.js"),
 )
 LEVEL = 6
 """Of zlib: level 9 takes four times as long, for a hundredth less."""
@@ -154,6 +155,7 @@ def screenshot(
     at: float | None = None,
     view: str | None = None,
     layers: Mapping[str, bool] | None = None,
+    browser: Browser | None = None,
 ) -> Path:
     """Draw a page in headless Chromium and write it as a PNG; returns the picture's path.
 
@@ -165,10 +167,11 @@ def screenshot(
         at: Time to show [s], of a page that `export_motion` wrote; by default where it starts.
         view: Where the camera stands: "start", "front", "side" or "top"; by default as the page opens.
         layers: {layer: whether it is shown}, of `rbd.visual.layers.LAYERS`; the others are shown as the page has them.
+        browser: An open browser, to draw many pictures; by default one is started for this picture, which takes longer.
 
     Raises:
         InputError: if the size is no number of pixels, the time is none, or there is no such view or layer.
-        PictureError: if there is no page, no browser, or it made no picture.
+        PictureError: if there is no page, no browser, a closed one, or it made no picture.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
@@ -184,7 +187,15 @@ def screenshot(
     if not is_there(page):
         raise PictureError(f"no page {str(html_path)!r}; write one with scene.export(...) first.")
     check_place(picture, PictureError)
-    with Browser() as browser, browser.open(page, width=width, height=height, fragment=fragment) as shown:
+    with one_browser(browser) as used, used.open(page, width=width, height=height, fragment=fragment) as shown:
         taken = shown.picture()
     write_file(picture, lambda file: file.write(taken), PictureError)
     return picture
+
+
+def photograph(text: str, picture: Path, width: int, height: int, browser: Browser | None = None) -> Path:
+    """`screenshot` of a page that is no file, by its text."""
+    with tempfile.TemporaryDirectory(prefix="rbd-page-") as folder:
+        page = Path(folder) / "page.html"
+        write_page(page, text)
+        return screenshot(page, picture, width=width, height=height, browser=browser)

@@ -107,6 +107,7 @@ class Stage {
     } else {
       this.cast = new Cast(this, motion);
       this.cast.follow = motion.follow;
+      heading(this.legend, motion.title);
       this.cues = new Cues(this.legend, motion);
     }
   }
@@ -199,13 +200,9 @@ class Stage {
     const shift = taken > 0.4 * width ? 0 : taken;
     const below = this.legend.offsetTop + this.legend.offsetHeight;
     const drop = !shift && taken && below < 0.5 * height ? below : 0;
-    // The bar of a motion takes the foot of the window.
-    const bar = this.player && this.player.footer.offsetHeight;
-    const foot = bar ? bar + 12 : 0;
+    // The bar of a motion takes the foot of the window, its curves the right side of a wide one.
+    const { beside, foot } = this.player ? this.player.room() : { beside: 0, foot: 0 };
     const margin = 0.93;
-    // Curves take the right side of a wide window.
-    const curves = this.player && this.player.curves && this.player.curves.panel.offsetWidth;
-    const beside = curves ? curves + 14 : 0;
     const full = margin * Math.tan((Math.PI / 180) * this.view.fov / 2);
     const up = (full * (height - drop - foot)) / height;
     const side = (full * (width - shift - beside)) / height;
