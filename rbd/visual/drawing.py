@@ -31,7 +31,7 @@ def described(marks: Sequence[Mark], layers: Mapping[str, bool]) -> str:
         one: dict[str, object] = {"path": mark.path, "layer": mark.layer}
         if mark.label is not None:
             at = [round(float(x), 5) for x in mark.label.at]
-            one["label"] = {"title": mark.label.title, "lines": list(mark.label.lines), "at": at}
+            one["label"] = {"title": mark.label.title, "lines": list(mark.label.lines), "at": at, "tag": mark.label.tag}
         listed.append(one)
     return json.dumps({"marks": {"layers": dict(layers), "listed": listed}})
 

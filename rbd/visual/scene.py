@@ -18,11 +18,14 @@ import pinocchio as pin
 from rbd.arrays import Array, as_vector3
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.dynamics import External, ExternalForce
 from rbd.model.state import State
 from rbd.visual.drawing import described, send_mark, send_part
 from rbd.visual.layers import checked_layers, checked_view
-from rbd.visual.marks import contacts as marks
-from rbd.visual.marks.contacts import Push, ShownForce, ground_under, pushes, shown_forces, support_outline
+from rbd.visual.marks.contacts import ShownForce
+from rbd.visual.marks.legend import entry, legend_data, seen_from
+from rbd.visual.marks.mark import Mark, Sizes
+from rbd.visual.marks.picture import Picture
 from rbd.visual.marks.statics import Drawn, legend_of, marks_of
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import offline_page, photograph, write_page
@@ -31,7 +34,7 @@ from rbd.visual.pages.server import LiveServer
 from rbd.visual.robot_layers import bodies, collision_parts, frames, front_of
 from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
 from rbd.visual.shapes import outermost, round_number
-from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, a_picture, contact_colors, distinct_colors
+from rbd.visual.style import a_length, a_page, a_picture, contact_colors, distinct_colors
 
 if TYPE_CHECKING:
     from rbd.robots.robot import Robot
@@ -50,8 +53,10 @@ class Scene:
     Every arrow starts where its force acts and points along the force on the robot; its length is the force times one
     scale for the whole scene, stated in the legend. A sole's big arrow is the resultant at the centre of pressure, its
     thin ones are the corner forces; an arrow that leaves its translucent cone slips. Between two bodies, the thin pale
-    opposite arrow is the force on the second. Marks shine faintly through the robot. Moments, joint torques and the
-    forces of loops and limits are not drawn.
+    opposite arrow is the force on the second; so it is of a loop. Moments and the torques of stops, brakes and gears are bent
+    arrows about their axes. Motor torques are arcs too, whose length and colour tell the share of the limit: layer "joint
+    torques", off at first. Walls, slopes and moving ground that contacts touch are drawn as pieces of their planes. Marks
+    shine faintly through the robot. The legend tells in words what is left out.
 
     Args:
         robot: Whose meshes to draw; without visual shapes a skeleton with inertia ellipsoids and collision shapes.
@@ -102,12 +107,11 @@ class Scene:
         self._viewer = meshcat.Visualizer(window=self._recorder)
         self._parts: tuple[RobotPart, ...] = ()
         self._data: pin.Data | None = None
-        self._sizes: marks.Sizes | None = None
+        self._sizes: Sizes | None = None
         self._seen: list[str] = []
-        self._drawn: list[marks.Mark] = []
-        self._contacts: list[ShownForce] = []
+        self._drawn: list[Mark] = []
+        self._picture = Picture(np.zeros(3))
         self._server: LiveServer | None = None
-        self._pushed: list[tuple[str, Array, Array]] = []
         self._others: dict[str, str] = {}
         self._further = np.zeros((0, 3))
         self._around = np.zeros((0, 3))
@@ -118,12 +122,17 @@ class Scene:
     @property
     def contacts(self) -> tuple[ShownForce, ...]:
         """The contact forces now in the picture."""
-        return tuple(self._contacts)
+        return self._picture.contacts
 
     @property
-    def drawn(self) -> tuple[marks.Mark, ...]:
+    def drawn(self) -> tuple[Mark, ...]:
         """The marks now in the picture: arrows, cones, patches, polygon and centre of mass, as triangles in W."""
         return tuple(self._drawn)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What the picture does not show, or not in full, in words; the legend has them too."""
+        return tuple(self._picture.left_out(self._shown()))
 
     @property
     def metres_per_newton(self) -> float:
@@ -131,7 +140,7 @@ class Scene:
         return self._shown().metres_per_newton
 
     @property
-    def sizes(self) -> marks.Sizes:
+    def sizes(self) -> Sizes:
         """Sizes of the marks; constant from the first `show` on."""
         return self._shown()
 
@@ -149,18 +158,18 @@ class Scene:
         return address
 
     def show(
-        self, state: State, solution: Solution | Actuation | None = None, *, external: Iterable[Push] | Push | None = None
+        self, state: State, solution: Solution | Actuation | None = None, *, external: External | Iterable[ExternalForce] = None
     ) -> None:
         """Draw the robot in this state with the forces of this solution, in place of what was shown.
 
         Args:
             state: Where the robot is. Velocities are not drawn.
-            solution: Its contact forces, from `solve` or `hold`; None draws the robot and its centre of mass only.
-            external: The forces (`ExternalForce`) that were given to `solve`, drawn from the points they act on.
+            solution: Its forces, from `solve` or `hold`; None draws the robot and its centre of mass only.
+            external: What was given to `solve`: each `ExternalForce` is drawn from the point it acts on. A generalised force
+                has no such point: `left_out` and the legend tell it.
 
         Raises:
-            InputError: if the state is of a robot with other joints, or `external` is a generalised force: that has no
-                place in the picture.
+            InputError: if the state is of a robot with other joints, or `external` is not what `solve` takes.
         """
         model = self._robot.model
         if not isinstance(state, State):
@@ -187,16 +196,15 @@ class Scene:
         if self._sizes is None:
             self._cloud = self._extremes(self._data)
             self._sizes = self._measure(self._cloud)
-        self._contacts = [] if solution is None else shown_forces(solution)
-        self._seen += [c.name for c in self._contacts if c.name not in self._seen]
-        self._pushed = pushed = pushes(state, external)
-        self._drawn = self._marks(np.asarray(state.com, float), pushed)
+        self._picture = Picture.of(state, solution, external)
+        self._seen += [name for name in self._picture.colored if name not in self._seen]
+        self._drawn = self._picture.marks(contact_colors(self._seen), self._sizes) + marks_of(self._statics, self._sizes)
         self._viewer["marks"].delete()
         for mark in self._drawn:
             send_mark(self._viewer, mark)
         self._describe()
         if self._legend:
-            self._write_legend(pushed)
+            self._write_legend()
         if reframed:
             self._recorder.post("view", self._view(self._data))
 
@@ -215,7 +223,7 @@ class Scene:
             send_mark(self._viewer, mark)
         self._describe()
         if self._legend:
-            self._write_legend(self._pushed)
+            self._write_legend()
 
     def beside(self, states: Mapping[str, State], *, shown: str = "") -> None:
         """Draw the robot in further poses at the same place, each in one translucent colour: branches, steps of a motion.
@@ -252,7 +260,7 @@ class Scene:
             points.append(self._extremes(data))
         self._further = np.vstack(points)
         if self._legend:
-            self._write_legend(self._pushed)
+            self._write_legend()
 
     def export(self, path: str | PathLike[str]) -> Path:
         """Write the scene as one HTML file that needs no network and no server; returns its path.
@@ -308,6 +316,7 @@ class Scene:
             for i, part in enumerate(parts):
                 send_part(self._viewer, f"{path}/{i}", part)
         self._drawn, self._around, self._moving = [], around, True
+        self._describe()
         self._recorder.post("motion", motion)
         self._recorder.post("view", self._view(self._data))
 
@@ -332,19 +341,16 @@ class Scene:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
-    def _shown(self) -> marks.Sizes:
+    def _shown(self) -> Sizes:
         if self._sizes is None:
             raise PictureError("the scene is empty: call scene.show(state, solution) first.")
         return self._sizes
 
-    def _measure(self, cloud: Array) -> marks.Sizes:
+    def _measure(self, cloud: Array) -> Sizes:
         body = float(np.ptp(cloud, axis=0).max()) or 1.0
         length = self._arrow_per_weight or round_number(0.5 * body)
-        weight = self._weight()
-        return marks.Sizes(body, length / (weight or WEIGHTLESS_N))
-
-    def _weight(self) -> float:
-        return float(self._robot.mass * np.linalg.norm(self._robot.model.gravity.linear))
+        weight = float(self._robot.mass * np.linalg.norm(self._robot.model.gravity.linear))
+        return Sizes(body, length / (weight or WEIGHTLESS_N), weight)
 
     def _send_parts(self) -> None:
         for i, part in enumerate(self._parts):
@@ -367,39 +373,19 @@ class Scene:
             points.append(part.mesh.placed(X_WG.rotation, X_WG.translation).vertices)
         return outermost(np.vstack(points)) if self._parts else np.zeros((1, 3))
 
-    def _marks(self, com: Array, pushed: list[tuple[str, Array, Array]]) -> list[marks.Mark]:
-        sizes = self._shown()
-        colors = contact_colors(self._seen)
-        drawn = marks.com_marks(com, sizes, ground_under(com, self._contacts))
-        drawn += marks.support_marks(support_outline(self._contacts), sizes)
-        for contact in self._contacts:
-            drawn += marks.contact_marks(contact, colors[contact.name], sizes)
-        drawn += marks_of(self._statics, sizes)
-        drawn += [marks.push_mark(i, point, force, sizes) for i, (_, point, force) in enumerate(pushed)]
-        return [mark for mark in drawn if len(mark.mesh.faces)]
-
     def _describe(self) -> None:
         """Send the frames, the layers, and the layer and label of every mark."""
         assert self._data is not None
-        self._recorder.post("frames", frames(self._robot, self._data, self._contacts, self._shown().body))
+        self._recorder.post("frames", frames(self._robot, self._data, self._picture.contacts, self._shown().body))
         self._recorder.post("marks", described(self._drawn, self._layers))
 
-    def _write_legend(self, pushed: list[tuple[str, Array, Array]]) -> None:
-        colors = contact_colors(self._seen)
-        sizes = [(name, float(np.linalg.norm(force))) for name, _, force in pushed]
-        what = marks.legend(self._robot.name, self._contacts, colors, sizes)
-        rest = [*self._others.items(), ("centre of mass, drop line", COM_COLOR)]
-        rest += legend_of(self._statics)
-        if len(support_outline(self._contacts)):
-            rest.append(("support polygon", SUPPORT_COLOR))
-        entries = [{"color": color, "name": name, "value": "", "detail": ""} for name, color in rest]
-        notes = []
-        if self._contacts or pushed:
-            notes.append(marks.scale_note(self._shown().metres_per_newton, self._weight()))
-        notes.append("Drag to turn, wheel to zoom, right button to shift.")
-        listed = what["entries"]
-        assert isinstance(listed, list)
-        self._recorder.post("legend", json.dumps({"legend": {**what, "entries": listed + entries, "notes": notes}}))
+    def _write_legend(self) -> None:
+        what = legend_data(self._robot.name, self._picture, contact_colors(self._seen), self._shown())
+        poses = [entry(color, name, layer="other poses") for name, color in self._others.items()]
+        statics = [entry(color, name, layer="regions") for name, color in legend_of(self._statics)]
+        what["entries"] = [*what["entries"], *poses, *statics]  # type: ignore[misc]
+        what["notes"] = [*what["notes"], "Drag to turn, wheel to zoom, right button to shift."]  # type: ignore[misc]
+        self._recorder.post("legend", json.dumps({"legend": what}))
 
     def _view(self, data: pin.Data) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
@@ -410,8 +396,8 @@ class Scene:
         low, high = fit.min(axis=0), fit.max(axis=0)
         across = float(np.linalg.norm(high - low))
         view = {
-            "direction": marks.seen_from(self._contacts, FRONT_LEFT) if self._seen_from is None else self._seen_from.tolist(),
-            "front": front_of(self._robot, data, self._contacts),
+            "direction": seen_from(self._picture.contacts, FRONT_LEFT) if self._seen_from is None else self._seen_from.tolist(),
+            "front": front_of(self._robot, data, self._picture.contacts),
             "opens": self._opens,
             "fov": 30.0,
             "points": np.round(fit, 4).tolist(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -14,8 +15,8 @@ from rbd.statics.regions import SupportRegion
 from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
 from rbd.visual import shapes
-from rbd.visual.marks.contacts import Mark, Sizes
 from rbd.visual.marks.footprints import Footprints
+from rbd.visual.marks.mark import Label, Mark, Sizes
 from rbd.visual.shapes import Mesh
 from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR
 
@@ -52,7 +53,16 @@ def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
             out += _footprints(at, one, sizes)
         else:
             raise InputError(f"{one!r:.80} cannot be drawn; expected a region, push limits or a wrench cone of rbd.statics.")
-    return out
+    titles = [name for name, _ in legend_of(drawn)]
+    return [_labelled(mark, titles[int(mark.path.split("/")[1])]) for mark in out]
+
+
+def _labelled(mark: Mark, title: str) -> Mark:
+    """The mark in the layer of regions, with its name; an area or a cone has a tag."""
+    at = mark.mesh.vertices.mean(axis=0) if len(mark.mesh.vertices) else np.zeros(3)
+    kind = mark.path.rsplit("/", 1)[1]
+    words = (f"limit: {LIMIT_COLORS[kind][1]}",) if kind in LIMIT_COLORS else ()
+    return replace(mark, layer="regions", label=Label(title, words, at, tag=kind in ("area", "cone")))
 
 
 def legend_of(drawn: Sequence[Drawn]) -> list[tuple[str, str]]:

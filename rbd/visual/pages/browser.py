@@ -153,6 +153,7 @@ class BrowserPage:
             self._session = str(browser.call("Target.attachToTarget", targetId=self._target, flatten=True)["sessionId"])
             self.resize(width, height)
             self._call("Inspector.enable")
+            self._call("Runtime.enable")
             if before:
                 self._call("Page.addScriptToEvaluateOnNewDocument", source=before)
             moved = self._call("Page.navigate", url=address)
@@ -193,6 +194,8 @@ class BrowserPage:
         seconds = devtools.TIMEOUT_SECONDS if seconds is None else seconds
         until = time.monotonic() + seconds
         while not self.evaluate(condition):
+            if failed := self._browser._tools.thrown(self._session):
+                raise PictureError(f"a script of the page failed: {failed:.500}")
             if time.monotonic() > until:
                 raise PictureError(f"the page was not ready within {seconds:g} s: {condition}")
             time.sleep(0.005)

@@ -1,6 +1,6 @@
 // Curves of a motion: charts over time with the present moment marked; a click goes to a time. Beside the robot, in narrow
 // windows below it. The panel folds, and a row of buttons chooses charts.
-const NARROW = 900, LOW = 480;  // pixels
+const NARROW_WINDOW = 900, LOW = 480;  // pixels
 
 class Curves {
   constructor(described, [first, last], names, go, changed) {
@@ -26,7 +26,7 @@ class Curves {
 
   // Whether the panel is below the robot: in a narrow window.
   get below() {
-    return window.innerWidth <= NARROW;
+    return window.innerWidth <= NARROW_WINDOW;
   }
 
   // Until one chooses: all charts beside the robot, as many as fit in a row below it, none in a small frame.

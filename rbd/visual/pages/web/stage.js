@@ -11,6 +11,8 @@ class Stage {
     this.gauges = new Gauges(this);
     this.views = new Views(this);
     this.toolbar = new Toolbar(this);
+    this.frames = [];
+    this.foot = 0;
     this.touched = false;
     this.carried = [0, 0, 0];
     for (const path of [["Grid"], ["Axes"], ["Lights"]]) this.viewer.set_property(path, "visible", false);
@@ -72,14 +74,14 @@ class Stage {
   }
 
   note(message) {
-    if (message.legend) writeLegend(this.legend, message.legend);
+    if (message.legend) writeLegend(this, message.legend);
     if (message.bodies) this.labels.name(message);
     if (message.frames) this.triads(message.frames);
     if (message.marks) this.layers.set(message.marks);
     if ("motion" in message) this.move(message.motion);
     if (message.moment && this.cast) {
       this.cast.set(floats(message.moment.row));
-      this.cues.set(message.moment.codes, this.cast.tracks.map((track) => track.force));
+      this.cues.set(message.moment.codes, this.cast.tracks);
     }
     if (message.view) {
       this.light(message.view);
@@ -90,10 +92,7 @@ class Stage {
 
   // A motion with its frames gets a bar to play it; one without waits for its moments; null ends it.
   move(motion) {
-    if (this.cast) {
-      this.cast.remove();
-      this.layers.clear();
-    }
+    if (this.cast) this.cast.remove();
     this.cast = this.cues = null;
     this.carried = [0, 0, 0];
     if (!motion) {
@@ -202,6 +201,7 @@ class Stage {
     const drop = !shift && taken && below < 0.5 * height ? below : 0;
     // The bar of a motion takes the foot of the window, its curves the right side of a wide one.
     const { beside, foot } = this.player ? this.player.room() : { beside: 0, foot: 0 };
+    this.foot = foot ? foot - 12 : 0;
     const margin = 0.93;
     const full = margin * Math.tan((Math.PI / 180) * this.view.fov / 2);
     const up = (full * (height - drop - foot)) / height;
@@ -260,6 +260,7 @@ class Stage {
     const root = new T.Group();
     for (const frame of listed) root.add(triad(frame, length));
     this.viewer.set_object(["meshcat", "frames"], root);
+    this.frames = root.children;
   }
 }
 
