@@ -13,9 +13,10 @@ from rbd.visual.robot_meshes import RobotPart
 from rbd.visual.shapes import Mesh
 
 
-def send_part(viewer: meshcat.Visualizer, path: str, part: RobotPart) -> None:
-    """Send a piece of a robot, in its own frame."""
-    _send(viewer[path], part.mesh, {"kind": "part", "color": part.color, "opacity": part.opacity})
+def send_part(viewer: meshcat.Visualizer, path: str, part: RobotPart, *, nearer: int = 0) -> None:
+    """Send a piece of a robot, in its own frame; of surfaces in one plane the one with the largest `nearer` is seen."""
+    told = {"kind": "part", "color": part.color, "opacity": part.opacity}
+    _send(viewer[path], part.mesh, told | {"nearer": nearer} if nearer else told)
 
 
 def send_mark(viewer: meshcat.Visualizer, mark: Mark) -> None:
