@@ -333,6 +333,7 @@ class Scene:
             for i, part in enumerate(parts):
                 send_part(self._viewer, f"{path}/{i}", part)
         self._drawn, self._around, self._moving = [], around, True
+        self._describe()
         self._recorder.post("motion", motion)
         self._recorder.post("view", self._view(self._data))
 

@@ -33,8 +33,12 @@ FLAGS = (
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )
 # A page without a stage, such as a contact sheet, is drawn when it is loaded.
-_DRAWN = """document.readyState === 'complete'
-  && (!document.getElementById('meshcat-pane') || document.body.dataset.ready === 'true')"""
+_DRAWN = """(() => {
+  if (document.readyState !== "complete") return false;
+  const { ready, failed } = document.body.dataset;
+  if (failed) throw new Error(failed);
+  return !document.getElementById("meshcat-pane") || ready === "true";
+})()"""
 
 
 def find_browser() -> str | None:

@@ -21,10 +21,10 @@ _MOTION: _Key = ("", "motion")
 
 
 class Command(Protocol):
-    """A Meshcat command."""
+    """A Meshcat command, or one of ours."""
 
     def lower(self) -> dict[str, Any]:
-        """The command as plain data."""
+        """The command as plain data; ours has its bytes as "packed"."""
 
 
 class Recorder:
@@ -49,12 +49,13 @@ class Recorder:
         self._lock, self._turn, self._listener = threading.Lock(), threading.RLock(), None
 
     def send(self, command: Command) -> None:
-        """Store a Meshcat command; a newer one of the same kind on the same path replaces it.
+        """Store a Meshcat command, or one of ours that is packed already; a newer one of its kind on its path replaces it.
 
         A deletion removes all commands at and below its path, and is stored for viewers that have received them.
         """
         data = command.lower()
-        self._put((data["path"], data["type"] + "/" + data.get("property", "")), umsgpack.packb(data))
+        packed = data["packed"] if "packed" in data else umsgpack.packb(data)
+        self._put((data["path"], data["type"] + "/" + data.get("property", "")), packed)
 
     def post(self, topic: str, text: str) -> None:
         """Store a message for our page; a newer one on the same topic replaces it."""

@@ -12,7 +12,7 @@ class Live {
       stage.controls.enable(true);
     };
     socket.onmessage = (event) => {
-      if (typeof event.data !== "string") stage.viewer.handle_command_bytearray(new Uint8Array(event.data));
+      if (typeof event.data !== "string") stage.receive(new Uint8Array(event.data));
       else note(JSON.parse(event.data));
     };
     socket.onclose = () => {

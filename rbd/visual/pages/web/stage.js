@@ -1,22 +1,19 @@
 // The stage on which Meshcat's viewer shows a scene of rbd: light, ground, camera and legend.
 // World is z up, x forward; the camera lives in three.js's own axes, y up: (x, y, z) -> (x, z, -y).
 class Stage {
-  constructor(pane, legend) {
+  constructor(pane, legend, pieces) {
     this.legend = legend;
     this.pane = pane;
     this.viewer = new MeshCat.Viewer(pane);
-    // Meshcat lets everything cast and take shadows; marks are not things.
-    const put = this.viewer.set_object.bind(this.viewer);
-    this.viewer.set_object = (path, object) => {
-      if (path[1] === "marks") object.castShadow = object.receiveShadow = false;
-      put(path, object);
-    };
+    this.meshes = new Meshes(this.viewer, pieces);
     this.layers = new Layers(this);
     this.controls = new Controls(this);
     this.labels = new Labels(this, pane);
     this.gauges = new Gauges(this);
     this.views = new Views(this);
     this.toolbar = new Toolbar(this);
+    this.frames = [];
+    this.foot = 0;
     this.touched = false;
     this.carried = [0, 0, 0];
     for (const path of [["Grid"], ["Axes"], ["Lights"]]) this.viewer.set_property(path, "visible", false);
@@ -62,19 +59,30 @@ class Stage {
     return p.z < 1 ? [(width * (1 + p.x)) / 2, (height * (1 - p.y)) / 2] : null;
   }
 
-  command(base64) {
-    this.viewer.handle_command_bytearray(Uint8Array.from(atob(base64), (c) => c.charCodeAt(0)));
+  // A piece of the page: a command of Meshcat's.
+  command(number) {
+    this.viewer.handle_command_bytearray(this.meshes.pieces[number]);
+  }
+
+  // A piece of the page: triangles, as an object at a path.
+  place(header, number) {
+    this.meshes.place(header, number);
+  }
+
+  // Bytes from the socket of a live scene.
+  receive(data) {
+    this.meshes.receive(data);
   }
 
   note(message) {
-    if (message.legend) writeLegend(this.legend, message.legend);
+    if (message.legend) writeLegend(this, message.legend);
     if (message.bodies) this.labels.name(message);
     if (message.frames) this.triads(message.frames);
     if (message.marks) this.layers.set(message.marks);
     if ("motion" in message) this.move(message.motion);
     if (message.moment && this.cast) {
       this.cast.set(floats(message.moment.row));
-      this.cues.set(message.moment.codes, this.cast.tracks.map((track) => track.force));
+      this.cues.set(message.moment.codes, this.cast.tracks);
     }
     if (message.controls) this.controls.build(message.controls);
     if (message.answer) this.controls.answer(message.answer);
@@ -87,10 +95,7 @@ class Stage {
 
   // A motion with its frames gets a bar to play it; one without waits for its moments; null ends it.
   move(motion) {
-    if (this.cast) {
-      this.cast.remove();
-      this.layers.clear();
-    }
+    if (this.cast) this.cast.remove();
     this.cast = this.cues = null;
     this.carried = [0, 0, 0];
     if (!motion) {
@@ -184,7 +189,7 @@ class Stage {
       const grid = new T.GridHelper(cells * view.cell, cells, 0x9aa5b1, 0xcbd2d9);
       grid.rotateX(Math.PI / 2);
       grid.position.set(Math.round(x / view.cell) * view.cell, Math.round(y / view.cell) * view.cell, 0);
-      const floor = new T.Mesh(new T.PlaneGeometry(cells * view.cell, cells * view.cell), new T.ShadowMaterial({ opacity: 0.22 }));
+      const floor = new T.Mesh(new T.PlaneGeometry(cells * view.cell, cells * view.cell), new T.ShadowMaterial({ opacity: 0.22, depthWrite: false }));
       floor.position.set(grid.position.x, grid.position.y, -0.001 * r);
       floor.receiveShadow = true;
       group.add(grid, floor);
@@ -208,6 +213,7 @@ class Stage {
     const drop = !shift && taken && below < 0.5 * height ? below : 0;
     // The bar of a motion, or sliders, take the foot of the window; curves the right side of a wide one.
     const { beside, foot } = this.player ? this.player.room() : this.controls.room();
+    this.foot = foot ? foot - 12 : 0;
     const margin = 0.93;
     const full = margin * Math.tan((Math.PI / 180) * this.view.fov / 2);
     const up = (full * (height - drop - foot)) / height;
@@ -266,6 +272,7 @@ class Stage {
     const root = new T.Group();
     for (const frame of listed) root.add(triad(frame, length));
     this.viewer.set_object(["meshcat", "frames"], root);
+    this.frames = root.children;
   }
 }
 
