@@ -95,8 +95,12 @@ class Stage {
 
   // A motion with its frames gets a bar to play it; one without waits for its moments; null ends it.
   move(motion) {
-    if (this.cast) this.cast.remove();
-    this.cast = this.cues = null;
+    const shown = this.player || this.cast;
+    if (shown) {
+      shown.remove();
+      this.layers.clear();
+    }
+    this.cast = this.cues = this.player = null;
     this.carried = [0, 0, 0];
     if (!motion) {
       this.legend.replaceChildren();
