@@ -178,6 +178,13 @@ def use_scene(state: Any, solution: Any, external: Any, arrow_per_weight: Any, s
     return scene.metres_per_newton, [mark.mesh.vertices for mark in scene.drawn]
 
 
+def use_explore(controls: Any, values: Any) -> Any:
+    """A page with a slider: its values after it has been set."""
+    with Scene(BOX) as scene, rbd.visual.explore(scene, controls, lambda values: rbd.visual.Verdict("Holds")) as page:
+        page.set(values)
+        return page.wait(), page.values
+
+
 def use_export(path: Any) -> Any:
     """An exported page; only odd paths come here, and none of them can be written."""
     scene = Scene(BOX)
@@ -675,6 +682,19 @@ CASES: dict[str, Case] = {
         {"state": STATE, "solution": SOLUTION, "external": PUSH, "arrow_per_weight": 0.3, "seen_from": (1, 0.6, 0.3)},
         40,
     ),
+    "visual.Slider": Case(
+        rbd.visual.Slider, {"name": "push", "low": 0.0, "high": 9.0, "value": 2.0, "unit": "N", "step": 0.5}, 20
+    ),
+    "visual.Choice": Case(rbd.visual.Choice, {"name": "law", "options": ("a", "b"), "value": "b"}, 20),
+    "visual.Verdict": Case(rbd.visual.Verdict, {"title": "Holds", "lines": ("well",), "good": True}, 20),
+    "visual.explore": Case(
+        use_explore,
+        {
+            "controls": [rbd.visual.Slider("push", 0.0, 9.0, 2.0)],
+            "values": {"push": 3.0},
+        },
+        10,
+    ),
     "visual.Scene.export": Case(use_export, {"path": "/nowhere/x.html"}, 40),
     "visual.plot_ranges": Case(use_plot, {"ax": Figure().subplots(), "uniqueness": SOLUTION.uniqueness()}, 20),
     "simulate": Case(
@@ -993,6 +1013,7 @@ CASES |= {
     ),
 }
 MADE_BY_RBD = {
+    "Explorer",
     "Motion",
     "MotionDifference",
     "Derivation",

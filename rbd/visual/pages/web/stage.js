@@ -193,7 +193,7 @@ class Stage {
       const grid = new T.GridHelper(cells * view.cell, cells, 0x9aa5b1, 0xcbd2d9);
       grid.rotateX(Math.PI / 2);
       grid.position.set(Math.round(x / view.cell) * view.cell, Math.round(y / view.cell) * view.cell, 0);
-      const floor = new T.Mesh(new T.PlaneGeometry(cells * view.cell, cells * view.cell), new T.ShadowMaterial({ opacity: 0.22 }));
+      const floor = new T.Mesh(new T.PlaneGeometry(cells * view.cell, cells * view.cell), new T.ShadowMaterial({ opacity: 0.22, depthWrite: false }));
       floor.position.set(grid.position.x, grid.position.y, -0.001 * r);
       floor.receiveShadow = true;
       group.add(grid, floor);
