@@ -26,7 +26,7 @@ from rbd.visual.marks.contacts import ShownForce
 from rbd.visual.marks.legend import entry, legend_data, seen_from
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture
-from rbd.visual.marks.statics import Drawn, legend_of, marks_of
+from rbd.visual.marks.statics import Drawn, left_out_of, legend_of, marks_of
 from rbd.visual.pages.page import offline_page, write_page
 from rbd.visual.pages.recorder import Recorder
 from rbd.visual.pages.server import LiveServer
@@ -127,7 +127,7 @@ class Scene:
     @property
     def left_out(self) -> tuple[str, ...]:
         """What the picture does not show, or not in full, in words; the legend has them too."""
-        return tuple(self._picture.left_out(self._shown()))
+        return (*self._picture.left_out(self._shown()), *left_out_of(self._statics, self._shown()))
 
     @property
     def metres_per_newton(self) -> float:
@@ -187,11 +187,10 @@ class Scene:
             self._around, self._moving = np.zeros((0, 3)), False
         pin.forwardKinematics(model, self._data, np.asarray(state.q, float))
         self._place_parts(self._data)
-        self._cloud = None
+        self._picture, self._cloud = Picture.of(state, solution, external), None
         if self._sizes is None:
             self._cloud = self._extremes(self._data)
-            self._sizes = self._measure(self._cloud)
-        self._picture = Picture.of(state, solution, external)
+            self._sizes = self._measure(self._cloud, self._picture.largest_moment)
         self._seen += [name for name in self._picture.colored if name not in self._seen]
         self._drawn = self._picture.marks(contact_colors(self._seen), self._sizes) + marks_of(self._statics, self._sizes)
         self._viewer["marks"].delete()
@@ -318,11 +317,11 @@ class Scene:
             raise PictureError("the scene is empty: call scene.show(state, solution) first.")
         return self._sizes
 
-    def _measure(self, cloud: Array) -> Sizes:
+    def _measure(self, cloud: Array, largest_moment: float) -> Sizes:
         body = float(np.ptp(cloud, axis=0).max()) or 1.0
         length = self._arrow_per_weight or round_number(0.5 * body)
         weight = float(self._robot.mass * np.linalg.norm(self._robot.model.gravity.linear))
-        return Sizes(body, length / (weight or WEIGHTLESS_N), weight)
+        return Sizes(body, length / (weight or WEIGHTLESS_N), weight, largest_moment)
 
     def _send_parts(self) -> None:
         for i, part in enumerate(self._parts):
@@ -346,7 +345,8 @@ class Scene:
         self._recorder.post("marks", described(self._drawn, self._layers))
 
     def _write_legend(self) -> None:
-        what = legend_data(self._robot.name, self._picture, contact_colors(self._seen), self._shown())
+        colors, sizes = contact_colors(self._seen), self._shown()
+        what = legend_data(self._robot.name, self._picture, colors, sizes, left_out_of(self._statics, sizes))
         poses = [entry(color, name, layer="other poses") for name, color in self._others.items()]
         statics = [entry(color, name, layer="regions") for name, color in legend_of(self._statics)]
         what["entries"] = [*what["entries"], *poses, *statics]  # type: ignore[misc]

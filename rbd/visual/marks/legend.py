@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 Entry = dict[str, str]
 """A line of the legend: color, name, value, detail, and the layer with which it is shown and hidden."""
+LEAST_LISTED = 0.01
+"""Motors below this share of their limit are not listed."""
 LISTED = 6
 """Of more loops, stops or torques than this the largest are listed."""
 
@@ -29,7 +31,9 @@ def entry(color: str, name: str, value: str = "", detail: str = "", layer: str =
     return {"color": color, "name": name, "value": value, "detail": detail, "layer": layer}
 
 
-def legend_data(title: str, picture: Picture, colors: Mapping[str, str], sizes: Sizes) -> dict[str, object]:
+def legend_data(
+    title: str, picture: Picture, colors: Mapping[str, str], sizes: Sizes, left_out: Sequence[str] = ()
+) -> dict[str, object]:
     """The legend of a picture: {title, entries, notes}.
 
     Args:
@@ -37,8 +41,10 @@ def legend_data(title: str, picture: Picture, colors: Mapping[str, str], sizes: 
         picture: What is shown.
         colors: {contact: '#rrggbb'}.
         sizes: Of the marks.
+        left_out: What else the picture does not show, in words.
     """
-    return {"title": title, "entries": [*_forces(picture, colors), *_rest(picture)], "notes": notes(picture, sizes)}
+    entries = [*_forces(picture, colors), *_rest(picture)]
+    return {"title": title, "entries": entries, "notes": [*left_out, *notes(picture, sizes)]}
 
 
 def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
@@ -63,7 +69,16 @@ def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
         words = [f"({numbers(push.force)[1:-1]}) N"]
         words += [f"moment {numbers(push.moment)} N m"] if push.moment.any() else []
         entries.append(entry(PUSH_COLOR, f"push on {push.name}", _size(push.force), ", ".join(words), "pushes"))
-    for t in _largest([t for t in picture.torques if t.share is not None])[:3]:
+    return [*entries, *_torques(picture.torques)]
+
+
+def _torques(torques: Sequence[ShownTorque]) -> list[Entry]:
+    """What the arcs of the motors mean, and the motors that are nearest to their limits."""
+    if not torques:
+        return []
+    scale = f"{np.degrees(FULL_TURN):.0f} degrees of arc are a motor's limit; green 0 %, amber 50 %, red 100 %"
+    entries = [entry(share_color(0.0), "joint torques", "", scale, "joint torques")]
+    for t in _largest([t for t in torques if t.share is not None and t.share >= LEAST_LISTED])[:3]:
         assert t.share is not None
         value = f"{number(t.value)} {t.unit}"
         entries.append(entry(share_color(t.share), t.name, value, f"{100.0 * t.share:.0f} % of its limit", "joint torques"))
