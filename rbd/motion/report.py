@@ -285,7 +285,7 @@ class MotionReport:
 
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> list[Artist]:
         """Curves of the missing wrench and of torques on axes, or on a new figure; see `rbd.visual.plot_report`."""
-        from rbd.visual.playback.report_page import plot_report
+        from rbd.visual.playback.report_curves import plot_report
 
         return plot_report(axes, self)
 

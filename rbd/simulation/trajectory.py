@@ -311,14 +311,15 @@ class Trajectory:
         speed: float = 1.0,
         title: str | None = None,
         external: External | ExternalAt = None,
+        **options: Any,
     ) -> Path:
-        """Write one HTML page with the motion, a play button and a scrub bar, which needs no network; forces move along.
+        """Write one HTML page with the motion, a play button, a scrub bar and charts, which needs no network.
 
-        See `rbd.visual.export_motion`, which has more options.
+        Forces move along. `options` are the others of `rbd.visual.export_motion`, such as charts=["forces"], ghost= or beside=.
         """
         from rbd.visual.playback.animation import export_motion
 
-        return export_motion(self, path, fps=fps, speed=speed, title=title, external=cast(Any, external))
+        return export_motion(self, path, fps=fps, speed=speed, title=title, external=cast(Any, external), **options)
 
     def _index(self, i: int) -> int:
         if isinstance(i, bool) or not isinstance(i, int | np.integer):

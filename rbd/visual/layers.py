@@ -29,18 +29,42 @@ LAYERS: Mapping[str, bool] = {
 """{name: whether it is shown at first}, in the order of the page's list."""
 
 
+VIEWS = ("start", "front", "side", "top")
+"""Where the camera stands: as the page opened it, before the face, on the left of the robot, above with x upwards."""
+
+
 def checked_layers(layers: object) -> dict[str, bool]:
     """{name: whether it is shown at first} of all layers, where `layers` says so for some.
 
     Raises:
         InputError: what is no mapping of names of layers to True or False.
     """
+    return {**LAYERS, **only_layers(layers)}
+
+
+def only_layers(layers: object) -> dict[str, bool]:
+    """{name: whether it is shown} of those layers that `layers` names; none of None.
+
+    Raises:
+        InputError: what is no mapping of names of layers to True or False.
+    """
     if layers is None:
-        return dict(LAYERS)
+        return {}
     given: Any = layers
     if not isinstance(layers, Mapping) or not all(isinstance(on, bool) for on in given.values()):
         raise InputError(f"layers are {layers!r:.80}; expected {{name: True or False}}, of {', '.join(LAYERS)}.")
     unknown = [name for name in given if name not in LAYERS]
     if unknown:
         raise InputError(f"there is no layer {unknown[0]!r:.80}; expected {', '.join(LAYERS)}.")
-    return {**LAYERS, **given}
+    return dict(given)
+
+
+def checked_view(view: object) -> str:
+    """The name of a view.
+
+    Raises:
+        InputError: what is none.
+    """
+    if view not in VIEWS:
+        raise InputError(f"view is {view!r:.80}; expected one of {', '.join(VIEWS)}.")
+    return str(view)

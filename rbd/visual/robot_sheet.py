@@ -14,6 +14,7 @@ from rbd.errors import InputError
 from rbd.least_constraint import solve
 from rbd.robots.robot import Robot, load_robot
 from rbd.statics.equilibrium import hold
+from rbd.visual.pages.browser import Browser, one_browser
 from rbd.visual.pages.page import screenshot
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_picture
@@ -52,6 +53,7 @@ def contact_sheet(
     width: int = 440,
     height: int = 440,
     friction: float = 0.7,
+    browser: Browser | None = None,
 ) -> Path:
     """Draw robots side by side, each at rest on its feet with the contact forces that carry it; returns the picture's path.
 
@@ -65,6 +67,7 @@ def contact_sheet(
         width: Of one robot's picture, in pixels.
         height: Of one robot's picture without its caption, in pixels.
         friction: Coulomb's coefficient at the feet.
+        browser: An open browser; by default one is started for all these pictures.
 
     Raises:
         InputError: no robots, or sizes that are not positive.
@@ -89,24 +92,23 @@ def contact_sheet(
         raise InputError("a contact sheet of no robots; give some, or their names: ['talos', 'go2'].")
     columns = min(columns, len(loaded))
     rows = -(-len(loaded) // columns)
-    with tempfile.TemporaryDirectory(prefix="rbd-sheet-") as folder:
-        figures = [_figure(robot, Path(folder), width, height, friction) for robot in loaded]
+    with tempfile.TemporaryDirectory(prefix="rbd-sheet-") as folder, one_browser(browser) as used:
+        figures = [_figure(robot, Path(folder), width, height, friction, used) for robot in loaded]
         page = Path(folder) / "sheet.html"
         text = _PAGE.substitute(
             columns=columns, width=width, height=height, caption=CAPTION_HEIGHT, gap=GAP, figures="\n".join(figures)
         )
         page.write_text(text, encoding="utf-8")
         whole = columns * (width + GAP) + GAP, rows * (height + CAPTION_HEIGHT + GAP) + GAP
-        return screenshot(page, png_path, width=whole[0], height=whole[1])
+        return screenshot(page, png_path, width=whole[0], height=whole[1], browser=used)
 
 
-def _figure(robot: Robot, folder: Path, width: int, height: int, friction: float) -> str:
+def _figure(robot: Robot, folder: Path, width: int, height: int, friction: float, browser: Browser) -> str:
     state, feet = robot.standing(), robot.feet(friction)
     solution = solve(state, hold(state, feet).tau, feet)
     with Scene(robot, legend=False) as scene:
         scene.show(state, solution)
-        page = scene.export(folder / "robot.html")
-    picture = screenshot(page, folder / "robot.png", width=width, height=height)
+        picture = scene.screenshot(folder / "robot.png", width=width, height=height, browser=browser)
     data = base64.b64encode(picture.read_bytes()).decode("ascii")
     kind = "soles" if len(feet[0].corners) > 1 else "points"
     facts = f"{robot.mass:.3g} kg on {len(feet)} {kind}"

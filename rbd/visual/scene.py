@@ -21,18 +21,21 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, ExternalForce
 from rbd.model.state import State
 from rbd.visual.drawing import described, send_mark, send_part
-from rbd.visual.layers import checked_layers
+from rbd.visual.framing import FRONT_LEFT, camera_and_ground, seen_from
+from rbd.visual.layers import checked_layers, checked_view
 from rbd.visual.marks.contacts import ShownForce
-from rbd.visual.marks.legend import entry, legend_data, seen_from
+from rbd.visual.marks.legend import entry, legend_data
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture
-from rbd.visual.marks.statics import Drawn, left_out_of, legend_of, marks_of
-from rbd.visual.pages.page import offline_page, write_page
+from rbd.visual.marks.statics import Drawn, left_out_of, marks_of
+from rbd.visual.pages.browser import Browser
+from rbd.visual.pages.page import offline_page, photograph, write_page
 from rbd.visual.pages.recorder import Recorder
 from rbd.visual.pages.server import LiveServer
+from rbd.visual.robot_layers import bodies, collision_parts, frames, front_of
 from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
 from rbd.visual.shapes import outermost, round_number
-from rbd.visual.style import a_length, a_page, contact_colors, distinct_colors
+from rbd.visual.style import a_length, a_page, a_picture, contact_colors, distinct_colors
 
 if TYPE_CHECKING:
     from rbd.robots.robot import Robot
@@ -41,7 +44,6 @@ if TYPE_CHECKING:
 
 # Newtons for one metre of arrow if a robot has no weight (no mass, or no gravity).
 WEIGHTLESS_N = 100.0
-FRONT_LEFT = (1.0, 0.62, 0.34)
 BESIDE_OPACITY = 0.55
 
 
@@ -66,6 +68,7 @@ class Scene:
         legend: Whether to write names, forces and the scale next to the picture.
         layers: {layer: whether it is shown at first}, where that is to differ from `rbd.visual.layers.LAYERS`; the page can
             change it.
+        view: Where the camera stands at first: "start", which is `seen_from`, "front", "side" or "top"; the page can change it.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
@@ -84,6 +87,7 @@ class Scene:
         seen_from: Sequence[float] | Array | None = None,
         legend: bool = True,
         layers: Mapping[str, bool] | None = None,
+        view: str = "start",
     ) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"Scene wants a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
@@ -95,6 +99,7 @@ class Scene:
         self._seen_from = None if seen_from is None else seen
         self._legend = legend
         self._layers = checked_layers(layers)
+        self._opens = checked_view(view)
         self._robot = robot
         self._arrow_per_weight = arrow_per_weight
         self._ground = ground
@@ -269,6 +274,24 @@ class Scene:
         write_page(target, self.page())
         return target
 
+    def screenshot(
+        self, path: str | PathLike[str], *, width: int = 1280, height: int = 960, browser: Browser | None = None
+    ) -> Path:
+        """Draw the scene in headless Chromium and write it as a PNG; returns the picture's path.
+
+        Args:
+            path: Of the picture.
+            width: Pixels across.
+            height: Pixels down.
+            browser: An open browser, for many pictures; by default one is started for this picture.
+
+        Raises:
+            InputError: if the size is no number of pixels.
+            PictureError: nothing has been shown, no browser, or the file cannot be written.
+        """
+        self._shown()
+        return photograph(self.page(), a_picture(path), width, height, browser)
+
     def page(self, title: str | None = None) -> str:
         """The page that `export` writes, as text; its title is the robot's name unless one is given."""
         self._shown()
@@ -277,16 +300,20 @@ class Scene:
         messages = [*self._recorder.messages()[0], self._view(self._data)]
         return offline_page(title or self._robot.name, messages)
 
-    def stage_motion(self, motion: str, around: Array) -> None:
+    def stage_motion(self, motion: str, around: Array, further: Mapping[str, Sequence[RobotPart]] | None = None) -> None:
         """Send the page the data to move the robot by itself, in place of the marks, until the next `show`.
 
         Args:
             motion: JSON, as `MotionPage` writes it.
             around: Points in W that the camera is to see, shape (n, 3) [m].
+            further: {path in the viewer: pieces of another robot, which the motion moves too}.
         """
         self._shown()
         assert self._data is not None
         self._viewer["marks"].delete()
+        for path, parts in (further or {}).items():
+            for i, part in enumerate(parts):
+                send_part(self._viewer, f"{path}/{i}", part)
         self._drawn, self._around, self._moving = [], around, True
         self._recorder.post("motion", motion)
         self._recorder.post("view", self._view(self._data))
@@ -326,11 +353,15 @@ class Scene:
     def _send_parts(self) -> None:
         for i, part in enumerate(self._parts):
             send_part(self._viewer, f"robot/{i}", part)
+        for i, shape in enumerate(collision_parts(self._robot)):
+            send_part(self._viewer, f"collision/{i}", shape.part)
+        self._recorder.post("bodies", bodies(self._robot, self._parts))
 
     def _place_parts(self, data: pin.Data) -> None:
-        for i, part in enumerate(self._parts):
-            X_WG = data.oMi[part.joint] * part.placement
-            self._viewer[f"robot/{i}"].set_transform(X_WG.homogeneous)
+        placed = [(f"robot/{i}", part) for i, part in enumerate(self._parts)]
+        placed += [(f"collision/{i}", shape.part) for i, shape in enumerate(collision_parts(self._robot))]
+        for path, part in placed:
+            self._viewer[path].set_transform((data.oMi[part.joint] * part.placement).homogeneous)
 
     def _extremes(self, data: pin.Data) -> Array:
         """The outermost points of the robot in W, shape (n, 3) [m]: all that is needed to measure and frame it."""
@@ -341,33 +372,22 @@ class Scene:
         return outermost(np.vstack(points)) if self._parts else np.zeros((1, 3))
 
     def _describe(self) -> None:
-        """Send the layers, and the layer and label of every mark."""
+        """Send the frames, the layers, and the layer and label of every mark."""
+        assert self._data is not None
+        self._recorder.post("frames", frames(self._robot, self._data, self._picture.contacts, self._shown().body))
         self._recorder.post("marks", described(self._drawn, self._layers))
 
     def _write_legend(self) -> None:
-        colors, sizes = contact_colors(self._seen), self._shown()
-        what = legend_data(self._robot.name, self._picture, colors, sizes, left_out_of(self._statics, sizes))
-        poses = [entry(color, name, layer="other poses") for name, color in self._others.items()]
-        statics = [entry(color, name, layer="regions") for name, color in legend_of(self._statics)]
-        what["entries"] = [*what["entries"], *poses, *statics]  # type: ignore[misc]
-        what["notes"] = [*what["notes"], "Drag to turn, wheel to zoom, right button to shift."]  # type: ignore[misc]
+        colors, poses = contact_colors(self._seen), [entry(c, name, layer="other poses") for name, c in self._others.items()]
+        what = legend_data(self._robot.name, self._picture, colors, self._shown(), self._statics, poses)
         self._recorder.post("legend", json.dumps({"legend": what}))
 
     def _view(self, data: pin.Data) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
-        drawn = [mark.mesh.vertices for mark in self._drawn]
+        drawn = [mark.mesh.vertices for mark in self._drawn if self._layers[mark.layer]]
         if self._cloud is None:  # costly, and the same until the next state
             self._cloud = self._extremes(data)
-        fit = outermost(np.vstack([self._cloud, self._further, self._around, *drawn]))
-        low, high = fit.min(axis=0), fit.max(axis=0)
-        across = float(np.linalg.norm(high - low))
-        view = {
-            "direction": seen_from(self._picture.contacts, FRONT_LEFT) if self._seen_from is None else self._seen_from.tolist(),
-            "fov": 30.0,
-            "points": np.round(fit, 4).tolist(),
-            "centre": np.round((low + high) / 2.0, 4).tolist(),
-            "radius": round(across / 2.0, 4),
-            # A motion over a long way has a coarser grid: no more than some hundred lines.
-            "cell": round_number(max(0.2 * self._shown().body, across / 60.0)) if self._ground else 0.0,
-        }
-        return json.dumps({"view": view})
+        contacts = self._picture.contacts
+        direction = seen_from(contacts) if self._seen_from is None else self._seen_from.tolist()
+        front, clouds = front_of(self._robot, data, contacts), [self._cloud, self._further, self._around, *drawn]
+        return camera_and_ground(clouds, direction, front, opens=self._opens, body=self._shown().body, ground=self._ground)

@@ -11,14 +11,13 @@ from PIL import Image
 
 import rbd
 from rbd.errors import InputError, ModelError
-from rbd.visual import Scene, contact_colors, contact_sheet, find_browser
+from rbd.visual import Scene, contact_colors, contact_sheet
 
 
-def test_two_robots_stand_side_by_side(tmp_path):
+def test_two_robots_stand_side_by_side(tmp_path, browser):
     """Each cell has a robot that fills it, arrows in the colours of its contacts, and a caption below."""
-    if find_browser() is None:
-        pytest.skip("Chromium is not installed: no picture to look at")
-    picture = contact_sheet(["bolt", rbd.load_robot("solo12")], tmp_path / "two.png", columns=3, width=240, height=260)
+    robots = ["bolt", rbd.load_robot("solo12")]
+    picture = contact_sheet(robots, tmp_path / "two.png", columns=3, width=240, height=260, browser=browser)
     with Image.open(picture) as image:
         pixels = np.asarray(image.convert("RGB"), float)
     assert pixels.shape == (260 + 46 + 2 * 10, 2 * 240 + 3 * 10, 3)

@@ -5,19 +5,18 @@ from __future__ import annotations
 import base64
 import json
 import re
-import subprocess
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
-from test_animation import FLAGS, FROM_THREE
+from test_animation import FROM_THREE
 
 import rbd
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.visual import export_motion, export_report, find_browser, motion_sheet
+from rbd.visual import Browser, export_motion, export_report, find_browser, motion_sheet
 from rbd.visual.robot_meshes import robot_parts
 
 SINGLE = 1e-5
@@ -149,8 +148,7 @@ def test_a_ghost_of_another_robot_is_refused(still: rbd.Motion, rises: rbd.Motio
     assert export_report(tmp_path / "x.html", report, ghost=same).exists()
 
 
-ASK = """
-<script>
+ASK = """(() => {
 stage.player.seek(0.1);
 const cast = stage.player.cast;
 const world = (node) => { node.updateWorldMatrix(true, false); return node.matrixWorld.toArray(); };
@@ -161,27 +159,17 @@ const firsts = cast.parts.slice(0, half).map(({ object }) => {
   object.traverse((each) => each.isMesh && found.push(each.geometry.uuid, each.geometry.uuid));
   return found;
 });
-const pre = document.createElement("pre");
-pre.id = "told";
-pre.textContent = JSON.stringify({
+return {
   parts: cast.parts.map((part) => world(part.object)), meshes, firsts,
   legend: document.getElementById("legend").textContent,
-});
-document.body.append(pre);
-</script>
-"""
+};
+})()"""
 
 
-def test_the_browser_places_it_and_shares_the_meshes(pages: tuple[Path, Path], rises: rbd.Motion) -> None:
+def test_the_browser_places_it_and_shares_the_meshes(pages: tuple[Path, Path], rises: rbd.Motion, browser: Browser) -> None:
     """World poses of both in the viewer's own tree; geometries are the same objects."""
-    browser = find_browser()
-    if browser is None:
-        pytest.skip("Chromium is not installed: nothing to ask")
-    asked = pages[1].with_name("asked.html")
-    asked.write_text(pages[1].read_text(encoding="utf-8").replace("</body>", ASK + "</body>"), encoding="utf-8")
-    command = [browser, *FLAGS, f"--user-data-dir={asked.parent}/profile", "--dump-dom", asked.as_uri()]
-    run = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    said = json.loads(re.search(r'<pre id="told">(.*?)</pre>', run.stdout, flags=re.DOTALL)[1])  # type: ignore[index]
+    with browser.open(pages[1], width=800, height=600) as page:
+        said = page.evaluate(ASK)
     parts = [part for part in robot_parts(rises.robot) if part.joint]
     assert len(said["parts"]) == 2 * len(parts)
     assert said["meshes"] == said["firsts"]

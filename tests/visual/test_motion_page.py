@@ -11,7 +11,7 @@ import pytest
 from matplotlib.figure import Figure
 
 import rbd
-from rbd.visual import Scene, export_report, find_browser, plot_report, screenshot, show_report
+from rbd.visual import Scene, export_report, plot_report, screenshot, show_report
 from rbd.visual.playback.report_page import MOMENT_ARM, Played, cause_colors
 
 UP = 24
@@ -98,20 +98,24 @@ def test_lanes_tell_when_a_contact_touches_and_a_cause_holds(report, told):
 
 def test_curves_are_those_of_the_report(report, told):
     """Missing wrench in percent, the most used motors by name, friction of each sole."""
-    assert np.allclose(numbers(told["charts"]["times"]), report.motion.t)
-    missing, torque, friction = told["charts"]["charts"]
+    assert np.allclose(numbers(told["charts"]["times"][0]), report.motion.t)
+    missing, torque, friction, pressure = told["charts"]["charts"]
     by_name = {line["name"]: numbers(line["values"]) for line in missing["lines"]}
-    assert np.allclose(by_name["missing"], 100.0 * report.missing_scaled, atol=1e-4) and missing["limit"] == 2.0
+    assert np.allclose(by_name["missing"], 100.0 * report.missing_scaled, atol=1e-4)
+    assert missing["limits"] == [{"name": "threshold", "value": 2.0}]
     names = [name.removesuffix("_joint") for name in report.motion.robot.actuated_names]
     curves = {line["name"]: numbers(line["values"]) for line in torque["lines"]}
     rest = curves.pop("largest of the others")
     peaks = report.used_torque.max(axis=0)
-    assert set(curves) == {names[j] for j in np.argsort(-peaks, kind="stable")[:4]} and torque["limit"] == 100.0
+    assert set(curves) == {names[j] for j in np.argsort(-peaks, kind="stable")[:4]}
+    assert torque["limits"] == [{"name": "limit", "value": 100.0}]
     for name, values in curves.items():
         assert np.allclose(values, 100.0 * report.used_torque[:, names.index(name)], atol=1e-3)
         assert values.max() >= rest.max() - 1e-3
     assert [line["name"] for line in friction["lines"]] == [contact.name for contact in report.lanes.contacts]
     assert all(np.isnan(numbers(line["values"])[UP:]).all() for line in friction["lines"])
+    for line, edge in zip(pressure["lines"], report.edge_margin.T, strict=True):
+        assert np.array_equal(numbers(line["values"]), (1e3 * edge).astype("<f4"), equal_nan=True)
 
 
 def test_a_robot_without_limits_has_no_curve_of_torques(report, tmp_path):
@@ -135,13 +139,11 @@ def test_contacts_that_never_touch_are_left_out(report):
     assert len(every.lanes.contacts) > 2 and set(Played.of(every).points) == {c.name for c in report.lanes.contacts}
 
 
-def test_a_browser_draws_the_curves(page, tmp_path):
+def test_a_browser_draws_the_curves(page, tmp_path, browser):
     """The panel is on the right side of a wide window: text and curves there, which a page without them has not."""
-    if find_browser() is None:
-        pytest.skip("Chromium is not installed: no picture")
     from matplotlib.image import imread
 
-    picture = imread(screenshot(page, tmp_path / "page.png", width=1200, height=700))
+    picture = imread(screenshot(page, tmp_path / "page.png", width=1200, height=700, browser=browser))
     panel = picture[20:440, 830:1180, :3]
     assert (np.ptp(panel, axis=2) > 0.4).sum() > 200  # coloured lines; walls and robot are grey
     assert (panel.max(axis=2) < 0.3).sum() > 200  # headings and the line of the present time

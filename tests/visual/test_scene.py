@@ -24,7 +24,7 @@ from rbd.model.dynamics import ExternalForce
 from rbd.problem.rows import Patch
 from rbd.robots.robot import load_robot
 from rbd.statics.equilibrium import hold
-from rbd.visual import Scene, contact_colors, find_browser, screenshot
+from rbd.visual import Scene, contact_colors, screenshot
 from rbd.visual.pages.recorder import Recorder
 from rbd.visual.robot_meshes import robot_parts, skeleton
 
@@ -63,11 +63,9 @@ def page(talos, standing, held, tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def picture(page):
-    """A screenshot of the page, shape (720, 960, 3), 0 to 255; skipped where there is no Chromium."""
-    if find_browser() is None:
-        pytest.skip("Chromium is not installed: no screenshot to look at")
-    with Image.open(screenshot(page, page.with_suffix(".png"), width=960, height=720)) as image:
+def picture(page, browser):
+    """A screenshot of the page, shape (720, 960, 3), 0 to 255."""
+    with Image.open(screenshot(page, page.with_suffix(".png"), width=960, height=720, browser=browser)) as image:
         return np.asarray(image.convert("RGB"), float)
 
 
@@ -248,12 +246,19 @@ def test_without_a_browser_there_is_no_picture(monkeypatch, tmp_path):
         screenshot(page, tmp_path / "x.png")
     browser = tmp_path / "chromium"
     both = "echo one >&2; echo no screen >&2; exit 1"
-    for says, words in (("exit 3", "exit 3.: it said nothing"), (both, "exit 1.: no screen")):
+    for says, words in (
+        ("exit 3", "exit 3.: it said nothing"),
+        (both, "exit 1.: no screen"),
+        ("kill -9 $$", "exit -9.: it said"),
+    ):
         browser.write_text(f"#!/bin/sh\n{says}\n")
         browser.chmod(0o755)
-        with pytest.raises(PictureError, match=f"the browser made no picture of .*{words}"):
+        with pytest.raises(PictureError, match=f"the browser has ended .{words}"):
             screenshot(page, tmp_path / "x.png")
-    monkeypatch.setitem(screenshot.__globals__, "TIMEOUT_SECONDS", 0.05)
+    browser.write_text("no program")
+    with pytest.raises(PictureError, match="the browser .* cannot be started: "):
+        screenshot(page, tmp_path / "x.png")
+    monkeypatch.setattr("rbd.visual.pages.devtools.TIMEOUT_SECONDS", 0.05)
     browser.write_text("#!/bin/sh\nread nothing < fifo\n")
     os.mkfifo(tmp_path / "fifo")
     monkeypatch.chdir(tmp_path)

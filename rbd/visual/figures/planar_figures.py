@@ -19,7 +19,8 @@ from rbd.errors import InputError, ModelWarning, nearest
 from rbd.robots.robot import Robot, load_robot
 from rbd.visual.figures.planar_plots import PATH_COLOR, check_motion
 from rbd.visual.figures.plots import an_axis, frame
-from rbd.visual.playback.animation import checked, export_motion, replay
+from rbd.visual.playback.animation import export_motion, replay
+from rbd.visual.playback.staging import checked
 from rbd.visual.style import CONTACT_COLORS, a_count, rgb
 
 if TYPE_CHECKING:
@@ -308,7 +309,8 @@ def export_planar(
     title = title if title is not None else f"{motion.chain.n} link{'s' * (motion.chain.n > 1)}, minimum jerk"
     with _played(motion) as played:
         return export_motion(
-            played, path, title=title, speed=speed, start=start, follow=False, trace=False, ground=False, seen_from=SEEN_FROM
+            played, path, title=title, speed=speed, start=start, follow=False, trace=False, ground=False, charts=False,
+            seen_from=SEEN_FROM,
         )  # fmt: skip
 
 

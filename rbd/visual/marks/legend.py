@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rbd.visual.marks.arrows import share_color
-from rbd.visual.marks.contacts import ShownForce
 from rbd.visual.marks.joints import ShownTorque
 from rbd.visual.marks.mark import FULL_TURN, Sizes, number, numbers
 from rbd.visual.marks.others import LOOP_COLOR
+from rbd.visual.marks.statics import Drawn, left_out_of, legend_of
 from rbd.visual.marks.surfaces import surface_entries
 from rbd.visual.style import COM_COLOR, LIMITED_COLOR, PUSH_COLOR, SUPPORT_COLOR
 
@@ -32,7 +32,7 @@ def entry(color: str, name: str, value: str = "", detail: str = "", layer: str =
 
 
 def legend_data(
-    title: str, picture: Picture, colors: Mapping[str, str], sizes: Sizes, left_out: Sequence[str] = ()
+    title: str, picture: Picture, colors: Mapping[str, str], sizes: Sizes, statics: Sequence[Drawn], poses: Sequence[Entry]
 ) -> dict[str, object]:
     """The legend of a picture: {title, entries, notes}.
 
@@ -41,10 +41,13 @@ def legend_data(
         picture: What is shown.
         colors: {contact: '#rrggbb'}.
         sizes: Of the marks.
-        left_out: What else the picture does not show, in words.
+        statics: Regions and largest pushes in it.
+        poses: Entries of other poses in it.
     """
-    entries = [*_forces(picture, colors), *_rest(picture)]
-    return {"title": title, "entries": entries, "notes": [*left_out, *notes(picture, sizes)]}
+    regions = [entry(color, name, layer="regions") for name, color in legend_of(statics)]
+    entries = [*_forces(picture, colors), *_rest(picture), *poses, *regions]
+    lines = [*left_out_of(statics, sizes), *notes(picture, sizes), "Drag to turn, wheel to zoom, right button to shift."]
+    return {"title": title, "entries": entries, "notes": lines}
 
 
 def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
@@ -109,15 +112,6 @@ def scale_note(metres_per_newton: float, weight_N: float) -> str:
     times = per_metre / weight_N if weight_N else 0.0
     share = ", the weight" if abs(times - 1.0) < 1e-9 else f", {times:.3g} times the weight"
     return f"1 m of arrow is {per_metre:.4g} N{share if times else ''}."
-
-
-def seen_from(contacts: Iterable[ShownForce], front_left: Sequence[float]) -> list[float]:
-    """From the robot to the camera, in W: in front, on the left, above; the front is where the x axes of the soles point."""
-    toes = sum((c.patch.axes[:2, 0] for c in contacts if len(c.corners) > 2), start=np.zeros(2))
-    length = float(np.linalg.norm(toes))
-    ahead = toes / length if length > 1e-3 else np.array([1.0, 0.0])
-    left = np.array([-ahead[1], ahead[0]])
-    return np.round([*(front_left[0] * ahead + front_left[1] * left), front_left[2]], 4).tolist()
 
 
 def _size(force: np.ndarray) -> str:

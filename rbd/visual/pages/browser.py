@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import base64
-import fcntl
-import json
-import os
-import select
 import shutil
-import signal
-import tempfile
 import time
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from rbd.errors import PictureError
+from rbd.errors import InputError, PictureError
+from rbd.visual.pages import devtools
+from rbd.visual.pages.devtools import DevTools
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # Quiet, without a graphics card (SwiftShader draws in software), and unable to reach any other machine.
@@ -33,11 +30,11 @@ FLAGS = (
     "--enable-unsafe-swiftshader",
     "--hide-scrollbars",
     "--force-device-scale-factor=1",
-    "--host-resolver-rules=MAP * ~NOTFOUND",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )
-TIMEOUT_SECONDS = 120.0
 # A page without a stage, such as a contact sheet, is drawn when it is loaded.
-_DRAWN = "document.readyState === 'complete' && (typeof stage === 'undefined' || document.body.dataset.ready === 'true')"
+_DRAWN = """document.readyState === 'complete'
+  && (!document.getElementById('meshcat-pane') || document.body.dataset.ready === 'true')"""
 
 
 def find_browser() -> str | None:
@@ -51,23 +48,43 @@ def find_browser() -> str | None:
 
 
 class Browser:
-    """One headless browser for many pages: starting it takes longer than a picture.
+    """One headless Chromium for many pages: to start it takes longer than a picture. Use it as a context.
 
-    It is driven through a pipe with the DevTools protocol: no port is opened. Use it as a context.
+    Pictures of many scenes are made faster with one: give it to `Scene.screenshot`, `screenshot`, `contact_sheet`,
+    `motion_sheet` and `export_video` as `browser`. It is driven through a pipe with the DevTools protocol: no port is opened.
+    It ends with its context, when it is no longer used, and when Python ends; a forked child cannot use it.
 
     Raises:
         PictureError: no browser on PATH, or it does not start.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> with rbd.visual.Browser() as browser, rbd.visual.Scene(robot) as scene:  # doctest: +SKIP
+        ...     for name in robot.postures:
+        ...         scene.show(robot.at(name))
+        ...         scene.screenshot(f"{name}.png", browser=browser)
     """
 
     def __init__(self) -> None:
         path = find_browser()
         if path is None:
             raise PictureError(f"no browser found; looked on PATH for {', '.join(BROWSERS)}. Install Chromium.")
-        self._profile = tempfile.TemporaryDirectory(prefix="rbd-browser-")
-        command = [path, *FLAGS, "--remote-debugging-pipe", f"--user-data-dir={self._profile.name}", "about:blank"]
-        self._pid, self._to, self._from = _spawned(command)
-        self._buffer, self._count = b"", 0
-        self.call("Browser.getVersion")
+        self._tools = DevTools([path, *FLAGS, "--remote-debugging-pipe"])
+        try:
+            self.call("Browser.getVersion")
+        except BaseException:
+            self._tools.kill()
+            raise
+
+    @property
+    def pid(self) -> int:
+        """Number of the browser's process, and of the group of all its processes."""
+        return self._tools.pid
+
+    @property
+    def closed(self) -> bool:
+        """Whether it has been closed."""
+        return self._tools.closed
 
     def call(self, method: str, *, session: str | None = None, **params: Any) -> dict[str, Any]:
         """The result of a method of the DevTools protocol.
@@ -75,25 +92,11 @@ class Browser:
         Raises:
             PictureError: if the browser refuses it, has ended, or does not answer.
         """
-        self._count += 1
-        message: dict[str, Any] = {"id": self._count, "method": method, "params": params}
-        if session is not None:
-            message["sessionId"] = session
-        packed = json.dumps(message).encode() + b"\0"
-        try:
-            while packed:
-                packed = packed[os.write(self._to, packed) :]
-        except OSError as error:
-            raise PictureError(f"the browser has ended: {error}.") from error
-        until = time.monotonic() + TIMEOUT_SECONDS
-        while True:
-            answer = self._read(until)
-            if answer.get("id") == self._count:
-                if "error" in answer:
-                    raise PictureError(f"the browser refused {method}: {answer['error'].get('message', answer['error'])}.")
-                return dict(answer["result"])
+        return self._tools.call(method, session=session, **params)
 
-    def open(self, page: Path | str, *, width: int = 1280, height: int = 960, fragment: str = "") -> BrowserPage:
+    def open(
+        self, page: Path | str, *, width: int = 1280, height: int = 960, fragment: str = "", before: str = ""
+    ) -> BrowserPage:
         """A page in a tab of its own, as soon as it is drawn.
 
         Args:
@@ -101,24 +104,14 @@ class Browser:
             width: Of the window, in pixels.
             height: Of the window, in pixels.
             fragment: What follows # in the address, as in "t=0.5&view=front".
+            before: A script that runs before those of the page.
         """
         address = page.resolve().as_uri() if isinstance(page, Path) else page
-        return BrowserPage(self, address + (f"#{fragment}" if fragment else ""), width, height)
+        return BrowserPage(self, address + (f"#{fragment}" if fragment else ""), width, height, before)
 
     def close(self) -> None:
         """End the browser."""
-        with suppress(PictureError):
-            self.call("Browser.close")
-        with suppress(OSError):
-            os.close(self._to)
-            os.close(self._from)
-        until = time.monotonic() + 10.0
-        while os.waitpid(self._pid, os.WNOHANG) == (0, 0):
-            if time.monotonic() > until:
-                os.kill(self._pid, signal.SIGKILL)
-            time.sleep(0.005)
-        with suppress(OSError):
-            self._profile.cleanup()
+        self._tools.close()
 
     def __enter__(self) -> Browser:
         return self
@@ -126,48 +119,45 @@ class Browser:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
-    def _read(self, until: float) -> dict[str, Any]:
-        while b"\0" not in self._buffer:
-            ready, _, _ = select.select([self._from], [], [], max(0.0, until - time.monotonic()))
-            if not ready:
-                raise PictureError(f"the browser took over {TIMEOUT_SECONDS:g} s.")
-            more = os.read(self._from, 1 << 20)
-            if not more:
-                raise PictureError("the browser has ended.")
-            self._buffer += more
-        one, _, self._buffer = self._buffer.partition(b"\0")
-        return dict(json.loads(one))
 
+@contextmanager
+def one_browser(browser: object = None) -> Iterator[Browser]:
+    """A context with the browser that was given, which stays open; or with a new one, which is closed at its end.
 
-def _spawned(command: list[str]) -> tuple[int, int, int]:
-    """Start a process that reads commands from descriptor 3 and answers on 4: its number, and our ends of the two pipes."""
-    pipes = [os.pipe(), os.pipe()]
-    (theirs_in, ours_out), (ours_in, theirs_out) = pipes
-    # Copies above 9, so that putting one on 3 does not overwrite the other.
-    high = [fcntl.fcntl(fd, fcntl.F_DUPFD_CLOEXEC, 10) for fd in (theirs_in, theirs_out)]
-    actions: list[tuple[Any, ...]] = [(os.POSIX_SPAWN_OPEN, fd, os.devnull, os.O_RDWR, 0) for fd in (0, 1, 2)]
-    actions += [(os.POSIX_SPAWN_DUP2, high[0], 3), (os.POSIX_SPAWN_DUP2, high[1], 4)]
-    try:
-        pid = os.posix_spawn(command[0], command, os.environ, file_actions=actions)
-    finally:
-        for fd in (theirs_in, theirs_out, *high):
-            os.close(fd)
-    return pid, ours_out, ours_in
+    Raises:
+        InputError: what is no browser.
+        PictureError: one that is closed, or none on PATH.
+    """
+    if browser is None:
+        with Browser() as new:
+            yield new
+        return
+    if not isinstance(browser, Browser):
+        raise InputError(f"browser is {browser!r:.80}; expected a rbd.visual.Browser, or None.")
+    if browser.closed:
+        raise PictureError("the browser is closed; open another one: rbd.visual.Browser().")
+    yield browser
 
 
 class BrowserPage:
     """A page open in a `Browser`."""
 
-    def __init__(self, browser: Browser, address: str, width: int, height: int) -> None:
+    def __init__(self, browser: Browser, address: str, width: int, height: int, before: str = "") -> None:
         self._browser = browser
         self._target = str(browser.call("Target.createTarget", url="about:blank")["targetId"])
-        self._session = str(browser.call("Target.attachToTarget", targetId=self._target, flatten=True)["sessionId"])
-        self.resize(width, height)
-        self._call("Page.enable")
-        moved = self._call("Page.navigate", url=address)
-        if "errorText" in moved:
-            raise PictureError(f"the browser could not open {address}: {moved['errorText']}.")
-        self.wait(_DRAWN)
+        try:
+            self._session = str(browser.call("Target.attachToTarget", targetId=self._target, flatten=True)["sessionId"])
+            self.resize(width, height)
+            self._call("Inspector.enable")
+            if before:
+                self._call("Page.addScriptToEvaluateOnNewDocument", source=before)
+            moved = self._call("Page.navigate", url=address)
+            if "errorText" in moved:
+                raise PictureError(f"the browser could not open {address}: {moved['errorText']}.")
+            self.wait(_DRAWN)
+        except BaseException:
+            self.close()
+            raise
 
     def evaluate(self, script: str) -> Any:
         """The value of an expression in JavaScript, as plain data; a promise's when it is kept.
@@ -175,18 +165,28 @@ class BrowserPage:
         Raises:
             PictureError: if the script throws.
         """
-        got = self._call("Runtime.evaluate", expression=script, returnByValue=True, awaitPromise=True)
+        return self.value(self.begin(script))
+
+    def begin(self, script: str) -> int:
+        """Start the work of `evaluate` and do not wait for it; returns its number, for `value`."""
+        given = {"expression": script, "returnByValue": True, "awaitPromise": True}
+        return self._browser._tools.send("Runtime.evaluate", session=self._session, **given)
+
+    def value(self, number: int) -> Any:
+        """What `evaluate` would return, of a script that `begin` started."""
+        got = self._browser._tools.answer(number, "Runtime.evaluate")
         if "exceptionDetails" in got:
             details = got["exceptionDetails"]
             raise PictureError(f"a script failed in the page: {details.get('exception', details).get('description', details)}")
         return got["result"].get("value")
 
-    def wait(self, condition: str, *, seconds: float = TIMEOUT_SECONDS) -> None:
+    def wait(self, condition: str, *, seconds: float | None = None) -> None:
         """Wait until an expression in JavaScript is true.
 
         Raises:
             PictureError: if it is not in time.
         """
+        seconds = devtools.TIMEOUT_SECONDS if seconds is None else seconds
         until = time.monotonic() + seconds
         while not self.evaluate(condition):
             if time.monotonic() > until:

@@ -8,18 +8,18 @@ from __future__ import annotations
 import base64
 import html
 import json
-import math
-from collections.abc import Iterable
+import tempfile
+from collections.abc import Iterable, Mapping
 from functools import cache
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
 from string import Template
 
-from rbd.arrays import as_float
-from rbd.errors import InputError, PictureError
+from rbd.errors import PictureError
 from rbd.model.output_files import check_place, write_file, write_text
-from rbd.visual.pages.browser import Browser
+from rbd.visual.pages.browser import Browser, one_browser
+from rbd.visual.pages.link import page_link
 from rbd.visual.style import a_count, a_path, is_there
 
 # The page forbids all requests of the browser: only the contents of the file are loaded.
@@ -55,8 +55,11 @@ $start
 </body>
 </html>
 """)
-SCRIPTS = ("stage.js", "layers.js", "animation.js", "curves.js", "timeline.js")
-STYLES = ("stage.css", "animation.css")
+SCRIPTS = (
+    *("stage.js", "layers.js", "legend.js", "labels.js", "naming.js", "views.js", "gauges.js", "toolbar.js"),
+    *("support.js", "animation.js", "curves.js", "reel.js", "timeline.js"),
+)
+STYLES = ("stage.css", "toolbar.css", "animation.css")
 
 
 def offline_page(title: str, messages: Iterable[bytes | str]) -> str:
@@ -123,6 +126,9 @@ def screenshot(
     width: int = 1280,
     height: int = 960,
     at: float | None = None,
+    view: str | None = None,
+    layers: Mapping[str, bool] | None = None,
+    browser: Browser | None = None,
 ) -> Path:
     """Draw a page in headless Chromium and write it as a PNG; returns the picture's path.
 
@@ -132,10 +138,13 @@ def screenshot(
         width: Pixels across.
         height: Pixels down.
         at: Time to show [s], of a page that `export_motion` wrote; by default where it starts.
+        view: Where the camera stands: "start", "front", "side" or "top"; by default as the page opens.
+        layers: {layer: whether it is shown}, of `rbd.visual.layers.LAYERS`; the others are shown as the page has them.
+        browser: An open browser, to draw many pictures; by default one is started for this picture, which takes longer.
 
     Raises:
-        InputError: if the size is no number of pixels, or the time is none.
-        PictureError: if there is no page, no browser, or it made no picture.
+        InputError: if the size is no number of pixels, the time is none, or there is no such view or layer.
+        PictureError: if there is no page, no browser, a closed one, or it made no picture.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
@@ -147,13 +156,19 @@ def screenshot(
     """
     page, picture = a_path("the page", html_path), a_path("the picture", png_path)
     width, height = a_count("width", width), a_count("height", height)
-    if at is not None and not math.isfinite(as_float(at)):
-        raise InputError(f"at is {at!r:.80}; expected a time in seconds.")
+    fragment = page_link(at=at, view=view, layers=layers, controls=False)
     if not is_there(page):
         raise PictureError(f"no page {str(html_path)!r}; write one with scene.export(...) first.")
     check_place(picture, PictureError)
-    fragment = "" if at is None else f"t={float(at)!r}"
-    with Browser() as browser, browser.open(page, width=width, height=height, fragment=fragment) as shown:
+    with one_browser(browser) as used, used.open(page, width=width, height=height, fragment=fragment) as shown:
         taken = shown.picture()
     write_file(picture, lambda file: file.write(taken), PictureError)
     return picture
+
+
+def photograph(text: str, picture: Path, width: int, height: int, browser: Browser | None = None) -> Path:
+    """`screenshot` of a page that is no file, by its text."""
+    with tempfile.TemporaryDirectory(prefix="rbd-page-") as folder:
+        page = Path(folder) / "page.html"
+        write_page(page, text)
+        return screenshot(page, picture, width=width, height=height, browser=browser)

@@ -6,24 +6,24 @@ import contextlib
 import math
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float
+from rbd.arrays import Array, as_array
 from rbd.errors import InputError, PictureError
-from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State
-from rbd.robots.robot import Robot
-from rbd.simulation.motion import Event
+from rbd.visual.framing import FRONT_LEFT
 from rbd.visual.marks.footprints import footprints_of
 from rbd.visual.pages.page import screenshot, write_page
-from rbd.visual.playback.frames import MotionPage, Pushes, PushesAt, frames_of
-from rbd.visual.robot_meshes import robot_parts
+from rbd.visual.playback.curves import Choice, described, together
+from rbd.visual.playback.frames import Pushes, PushesAt
+from rbd.visual.playback.motion_page import MotionPage
+from rbd.visual.playback.staging import a_second, a_time, checked, displaced, staged
+from rbd.visual.playback.trajectory_charts import charts_of
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_page, a_path, a_picture
 
@@ -31,10 +31,7 @@ if TYPE_CHECKING:
     from rbd.motion.motion import Motion
     from rbd.simulation.trajectory import Trajectory
 
-MOST_FPS, LEAST_SPEED, MOST_SPEED = 1000.0, 1e-3, 1000.0
 MOST_PICTURES = 100
-FORCES = ("points", "point_forces", "modes", "events")
-WANTED = ("robot", "t", "q", "v", *FORCES)
 CAPTION_HEIGHT = 34
 """Size of a picture in a strip, in pixels, as in animation.css."""
 GAP = 6
@@ -43,20 +40,6 @@ VIEWER_SECONDS = 20.0
 """Time that a replay waits for the browser that it opened [s]."""
 FAR = 5.0
 """By default the camera follows a robot that travels more than this many times its size."""
-
-
-@dataclass(frozen=True, eq=False)
-class Forceless:
-    """A motion of which no forces are known, an `rbd.Motion`, in the form of a trajectory that can be shown."""
-
-    robot: CheckedModel
-    t: Array
-    q: Array
-    v: Array
-    points: Mapping[str, Array] = field(default_factory=dict)
-    point_forces: Mapping[str, Array] = field(default_factory=dict)
-    modes: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    events: tuple[Event, ...] = ()
 
 
 def export_motion(
@@ -69,6 +52,9 @@ def export_motion(
     start: float | None = None,
     external: Pushes | PushesAt = None,
     ghost: Trajectory | Motion | None = None,
+    beside: Trajectory | Motion | None = None,
+    beside_external: Pushes | PushesAt = None,
+    charts: Choice = True,
     follow: bool | None = None,
     trace: bool = True,
     footprints: bool = True,
@@ -80,9 +66,11 @@ def export_motion(
 
     The page has the robot's meshes once and its poses at every frame; between two frames bodies go straight and turn
     evenly (slerp). An arrow's length is the force times one scale for the whole motion, stated in the legend; what is
-    longer than the robot is cut, and has two heads. Above the bar each contact has a lane: filled while it touches,
-    striped while it slips, with a mark at each event. Keys: space plays, left and right step (shift: ten frames), up and
-    down change the speed, page up and page down go from event to event, f follows the robot. `x.html#t=0.5` opens at 0.5 s.
+    longer than the robot is cut, and has two heads. The support polygon is the hull of the points that carry load. Above the
+    bar each contact has a lane: filled while it touches, striped while it slips, with a mark at each event. Beside the robot,
+    in narrow windows below it, are charts over time with a cursor at the present; a click on one goes to that time. Keys: space
+    plays, left and right step (shift: ten frames), up and down change the speed, page up and page down go from event to event,
+    f follows the robot, c folds the charts. `x.html#t=0.5` opens at 0.5 s.
 
     Args:
         trajectory: What `rbd.simulate` returned, or an `rbd.Motion`, which has no forces; two samples at least.
@@ -94,6 +82,11 @@ def export_motion(
         external: The external forces that were given to `rbd.simulate`: constant, or as a function of state and time.
         ghost: A second motion of the same robot, an `rbd.Motion` or a trajectory, drawn translucent in one colour at the same
             times.
+        beside: A second motion, of this robot or another, drawn to the right of the first at the same times with its own
+            forces; its curves are dashed.
+        beside_external: The external forces of `beside`.
+        charts: Whether to draw the charts that there are numbers for; or the names of some: "forces", "torques",
+            "centre of pressure", "energy", "residuals"; "angles", "speeds", "height", which an `rbd.Motion` has too.
         follow: Whether the camera initially follows the robot; by default if it travels far.
         trace: Whether to draw the path of the centre of mass.
         footprints: Whether to draw the outlines of soles where they stood, of those that stood in two places or more.
@@ -102,28 +95,90 @@ def export_motion(
         arrow_per_weight: Length of an arrow as large as the robot's weight [m].
 
     Raises:
-        InputError: not a trajectory, fewer than two samples, invalid settings.
+        InputError: not a trajectory, fewer than two samples, invalid settings, charts that it has no numbers for.
         PictureError: the file cannot be written.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
         >>> swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.1, step=1e-2)
-        >>> print(rbd.visual.export_motion(swing, "swing.html", speed=0.5).name)
+        >>> print(rbd.visual.export_motion(swing, "swing.html", speed=0.5, charts=["energy"]).name)
         swing.html
     """
     target = a_page(path)
+    scene = motion_scene(
+        trajectory, fps=fps, speed=speed, title=title, start=start, external=external, ghost=ghost, beside=beside,
+        beside_external=beside_external, charts=charts, follow=follow, trace=trace, footprints=footprints, ground=ground,
+        seen_from=seen_from, arrow_per_weight=arrow_per_weight,
+    )  # fmt: skip
+    write_page(target, scene.page(title))
+    return target
+
+
+def motion_scene(
+    trajectory: Trajectory | Motion,
+    *,
+    fps: float | None = None,
+    speed: float = 1.0,
+    title: str | None = None,
+    start: float | None = None,
+    playing: bool = False,
+    external: Pushes | PushesAt = None,
+    ghost: Trajectory | Motion | None = None,
+    beside: Trajectory | Motion | None = None,
+    beside_external: Pushes | PushesAt = None,
+    charts: Choice = True,
+    follow: bool | None = None,
+    trace: bool = True,
+    footprints: bool = True,
+    ground: bool = True,
+    seen_from: Sequence[float] | Array | None = None,
+    arrow_per_weight: float | None = None,
+) -> Scene:
+    """The scene of `export_motion`, with all frames: to be written as a page, or served live.
+
+    Args:
+        trajectory: As for `export_motion`, and so are all others but one.
+        fps: Frames a second of playback.
+        speed: Seconds of motion a second at first.
+        title: Headline.
+        start: Time at which the page opens [s].
+        playing: Whether the page plays as it opens.
+        external: The external forces.
+        ghost: A second motion, drawn translucent.
+        beside: A second motion, drawn to the right of the first.
+        beside_external: Its external forces.
+        charts: Which charts.
+        follow: Whether the camera follows the robot.
+        trace: Whether to draw the path of the centre of mass.
+        footprints: Whether to draw footprints.
+        ground: Whether to draw the ground.
+        seen_from: Direction from the robot to the camera.
+        arrow_per_weight: Length of an arrow as large as the weight [m].
+
+    Raises:
+        InputError: as `export_motion`.
+    """
     shown = checked(trajectory)
     motion, scene = staged(shown, fps, speed, external, ground, seen_from, arrow_per_weight)
     motion = motion.with_ghost(ghost)
+    drawn, times = charts_of(shown, charts), [np.asarray(shown.t)]
+    second = None
+    if beside is not None:
+        second = checked(beside)
+        camera = FRONT_LEFT if seen_from is None else seen_from
+        motion = motion.with_second(a_second(second, motion, fps, speed, beside_external), camera)
+        drawn = together(drawn, charts_of(second, True if isinstance(charts, bool) and charts else [c.name for c in drawn]))
+        times.append(np.asarray(second.t))
     first, last = float(motion.frames.times[0]), float(motion.frames.times[-1])
     begin = first if start is None else a_time("start", start, first, last)
     follows = motion.goes_far(FAR) if follow is None else bool(follow)
     settings = {"title": _a_title(title, shown), "start": begin, "speed": float(speed), "follow": follows, "trace": bool(trace)}
-    scene.stage_motion(motion.whole(shown.events, settings), motion.around(follows))
-    if footprints and (outlines := footprints_of(shown)):
+    settings |= {"playing": bool(playing), "charts": described(times, drawn) if drawn else None}
+    scene.stage_motion(motion.whole(settings), motion.around(follows), motion.further_parts())
+    outlines = footprints_of(shown) + ([] if second is None else displaced(footprints_of(second), motion))
+    if footprints and outlines:
         scene.draw(*outlines)
-    write_page(target, scene.page(title))
-    return target
+    return scene
 
 
 def motion_sheet(
@@ -183,7 +238,7 @@ def motion_sheet(
     follows = motion.goes_far(FAR) if follow is None else bool(follow)
     settings = {"title": "", "start": at[0], "speed": 1.0, "follow": follows, "trace": bool(trace)}
     sheet = {"times": at, "columns": in_a_row, "width": width, "height": height, "gap": GAP}
-    scene.stage_motion(motion.whole((), {**settings, "sheet": sheet}), motion.around(follows))
+    scene.stage_motion(replace(motion, events=()).whole({**settings, "sheet": sheet}), motion.around(follows))
     if footprints and (outlines := footprints_of(shown)):
         scene.draw(*outlines)
     with tempfile.TemporaryDirectory(prefix="rbd-motion-") as folder:
@@ -246,50 +301,6 @@ def play_live(motion: MotionPage, scene: Scene, title: str, speed: float, *, ope
             scene.close()
 
 
-def checked(trajectory: object) -> Trajectory:
-    """A trajectory that can be shown.
-
-    Raises:
-        InputError: if it is none, has fewer than two samples, or its times do not increase.
-    """
-    missing = {name for name in WANTED if not hasattr(trajectory, name)}
-    if missing - set(FORCES) or not isinstance(getattr(trajectory, "robot", None), CheckedModel):
-        raise InputError(f"{trajectory!r:.80} is no trajectory; expected what rbd.simulate returned, or an rbd.Motion.")
-    given: Any = trajectory
-    shown: Trajectory = Forceless(given.robot, given.t, given.q, given.v) if missing else given  # type: ignore[assignment]
-    n = len(shown.t)
-    if n < 2:
-        some = "no sample" if n == 0 else "one sample only"
-        raise InputError(f"the trajectory has {some}; a motion wants two. Show a single state with rbd.visual.Scene.")
-    if not np.all(np.isfinite(shown.t)) or np.min(np.diff(shown.t)) <= 0.0:
-        raise InputError("the times of the trajectory do not increase; expected those that rbd.simulate gave.")
-    finite = np.isfinite(shown.q).all(axis=1)
-    if not finite.all():
-        i = int(np.argmin(finite))
-        raise InputError(f"q is not finite at {shown.t[i]:.6g} s; show what is before it: trajectory[:{i}].")
-    return shown
-
-
-def robot_of(trajectory: Trajectory) -> Robot:
-    """The trajectory's robot, with its meshes."""
-    robot = trajectory.robot
-    if not isinstance(robot, Robot):
-        raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
-    return robot
-
-
-def positive(what: str, value: object, most: float, unit: str) -> float:
-    """A finite number above zero, `most` at most.
-
-    Raises:
-        InputError: if it is not.
-    """
-    number = as_float(value)
-    if not 0.0 < number <= most:
-        raise InputError(f"{what} is {value!r:.80}; expected a number above 0, at most {most:g}{unit}.")
-    return number
-
-
 def _pace(motion: MotionPage, scene: Scene, speed: float) -> None:
     times = motion.frames.times
     began = time.monotonic()
@@ -303,49 +314,10 @@ def _pace(motion: MotionPage, scene: Scene, speed: float) -> None:
         time.sleep(max(0.0, (times[i] - times[0]) / speed - (time.monotonic() - began)))
 
 
-def staged(
-    trajectory: Trajectory,
-    fps: float | None,
-    speed: float,
-    external: Pushes | PushesAt,
-    ground: bool = True,
-    seen_from: Sequence[float] | Array | None = None,
-    arrow_per_weight: float | None = None,
-    scene: Scene | None = None,
-) -> tuple[MotionPage, Scene]:
-    """The frames of a motion, and a scene with the robot at its start."""
-    speed = positive("speed", speed, MOST_SPEED, "")
-    if speed < LEAST_SPEED:
-        raise InputError(f"speed is {speed:.3g}; expected at least {LEAST_SPEED:g}.")
-    fps = None if fps is None else positive("fps", fps, MOST_FPS, " frames a second")
-    robot = robot_of(trajectory)
-    if scene is None:
-        scene = Scene(robot, ground=ground, seen_from=seen_from, arrow_per_weight=arrow_per_weight, legend=False)
-    scene.show(State(robot, np.array(trajectory.q[0], float)))
-    parts = robot_parts(robot)
-    joints = sorted({part.joint for part in parts} - {0})
-    weight = float(robot.mass * np.linalg.norm(robot.gravity))
-    frames = frames_of(trajectory, joints, fps=fps, speed=speed, external=external)
-    return MotionPage(frames, parts, scene.sizes, bool(ground), weight, robot), scene
-
-
 def _a_title(title: str | None, trajectory: Trajectory) -> str:
     if title is not None and not isinstance(title, str):
         raise InputError(f"title is {title!r:.80}; expected text.")
     return title or str(trajectory.robot.name)
-
-
-def a_time(what: str, value: object, first: float, last: float) -> float:
-    """A time from the first to the last of a motion [s].
-
-    Raises:
-        InputError: if it is outside, or none.
-    """
-    t = as_float(value)
-    # A time that was computed as the end may lie a rounding beyond it.
-    if not first - 1e-9 <= t <= last + 1e-9:
-        raise InputError(f"{what} is {value!r:.80}; the motion runs from {first:g} s to {last:g} s.")
-    return min(max(t, first), last)
 
 
 def _picture_times(times: Sequence[float] | Array | int, first: float, last: float) -> list[float]:

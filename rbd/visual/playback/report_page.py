@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,16 +16,20 @@ from rbd.model.checked_model import CheckedModel
 from rbd.motion.causes import CAUSES
 from rbd.motion.report import MotionReport
 from rbd.simulation.motion import OPEN, SLIPS, STICKS, Event
-from rbd.visual.figures.plots import an_axis, frame
 from rbd.visual.pages.page import write_page
-from rbd.visual.playback.animation import FAR, a_time, checked, play_live, staged
-from rbd.visual.playback.frames import MOST_NUMBERS, MotionPage, Track
-from rbd.visual.style import CONTACT_COLORS, WRENCH_COLOR, a_page, contact_colors, distinct_colors
+from rbd.visual.playback.animation import FAR, play_live
+from rbd.visual.playback.curves import (
+    Choice,
+    described,
+)
+from rbd.visual.playback.frames import MOST_NUMBERS, Track
+from rbd.visual.playback.motion_page import MotionPage
+from rbd.visual.playback.report_curves import report_charts
+from rbd.visual.playback.staging import a_time, checked, staged
+from rbd.visual.scene import Scene
+from rbd.visual.style import CONTACT_COLORS, WRENCH_COLOR, a_page, distinct_colors
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-
     from rbd.motion.motion import Motion
     from rbd.simulation.trajectory import Trajectory
 
@@ -35,10 +38,6 @@ MOMENT_ARM = 0.3
 MOMENT_COLOR = "#8a2f4f"
 MOST_FPS = 120.0
 """Motions of a higher rate are shown at the page's own."""
-MOTORS = 4
-"""Motors with a curve of their own: those that are used most. Of all others the largest is drawn."""
-_GREY = "#9aa5b1"
-_CURVE, _FINE = 1.6, 0.9
 _YES = "yes"
 
 
@@ -116,6 +115,7 @@ def export_report(
     title: str | None = None,
     start: float | None = None,
     ghost: Trajectory | Motion | None = None,
+    charts: Choice = True,
     follow: bool | None = None,
     trace: bool = False,
     seen_from: Sequence[float] | Array | None = None,
@@ -136,6 +136,8 @@ def export_report(
         title: Headline; by default the motion's source and how many frames are possible.
         start: Time at which the page opens [s]; by default the frame in which most is missing, the first if nothing is.
         ghost: A second motion of the same robot, drawn translucent in one colour, as the reference of a nearest motion.
+        charts: Whether to draw the charts, or the names of some: "missing wrench", "torques", "friction", "centre of pressure",
+            "angles", "speeds", "height".
         follow: Whether the camera initially follows the robot; by default if it travels far.
         trace: Whether to draw the path of the centre of mass.
         seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
@@ -153,6 +155,48 @@ def export_report(
         hop.html
     """
     target = a_page(path)
+    scene = report_scene(
+        report, fps=fps, speed=speed, title=title, start=start, ghost=ghost, charts=charts, follow=follow, trace=trace,
+        seen_from=seen_from, arrow_per_weight=arrow_per_weight,
+    )  # fmt: skip
+    write_page(target, scene.page(title or headline_of(report)))
+    return target
+
+
+def report_scene(
+    report: MotionReport,
+    *,
+    fps: float | None = None,
+    speed: float = 1.0,
+    title: str | None = None,
+    start: float | None = None,
+    playing: bool = False,
+    ghost: Trajectory | Motion | None = None,
+    charts: Choice = True,
+    follow: bool | None = None,
+    trace: bool = False,
+    seen_from: Sequence[float] | Array | None = None,
+    arrow_per_weight: float | None = None,
+) -> Scene:
+    """The scene of `export_report`, with all frames: to be written as a page, or served live.
+
+    Args:
+        report: As for `export_report`, and so are all others but one.
+        fps: Frames a second of playback.
+        speed: Seconds of motion a second at first.
+        title: Headline.
+        start: Time at which the page opens [s].
+        playing: Whether the page plays as it opens.
+        ghost: A second motion, drawn translucent.
+        charts: Which charts.
+        follow: Whether the camera follows the robot.
+        trace: Whether to draw the path of the centre of mass.
+        seen_from: Direction from the robot to the camera.
+        arrow_per_weight: Length of an arrow as large as the weight [m].
+
+    Raises:
+        InputError: as `export_report`.
+    """
     played = checked_report(report)
     page, scene = _staged(report, played, _fps(report) if fps is None else fps, speed, seen_from, arrow_per_weight)
     page = page.with_ghost(ghost, report.lanes.ground)
@@ -161,12 +205,17 @@ def export_report(
     worst = float(played.t[int(np.argmax(np.where(bad, report.missing_scaled, -1.0)))]) if bad.any() else first
     begin = worst if start is None else a_time("start", start, first, last)
     follows = page.goes_far(FAR) if follow is None else bool(follow)
-    headline = title or f"{report.motion.source}: {int(report.possible.sum())} of {report.n} frames possible"
-    settings = {"title": headline, "start": begin, "speed": float(speed), "follow": follows, "trace": bool(trace)}
-    around = page.around(follows)
-    scene.stage_motion(page.whole(played.events, {**settings, "charts": charts(report)}), around)
-    write_page(target, scene.page(headline))
-    return target
+    drawn = report_charts(report, charts)
+    settings = {"title": title or headline_of(report), "start": begin, "speed": float(speed), "follow": follows}
+    settings |= {"trace": bool(trace), "playing": bool(playing)}
+    settings["charts"] = described([report.motion.t], drawn) if drawn else None
+    scene.stage_motion(page.whole(settings), page.around(follows))
+    return scene
+
+
+def headline_of(report: MotionReport) -> str:
+    """The motion's source, and how many of its frames are possible."""
+    return f"{report.motion.source}: {int(report.possible.sum())} of {report.n} frames possible"
 
 
 def show_report(report: MotionReport, *, speed: float = 1.0) -> None:
@@ -202,102 +251,11 @@ def checked_report(report: object) -> Played:
     return played
 
 
-def charts(report: MotionReport) -> dict[str, object]:
-    """The curves of a page: titles, limits and packed values over the times of the report."""
-    threshold = 100.0 * report.settings.threshold
-    missing = 100.0 * report.missing_scaled
-    shown = [
-        _chart(
-            "missing wrench, % of the weight", threshold, 5.0 * threshold, 98.0,
-            [("3 × noise", _GREY, 300.0 * report.open, _FINE), ("missing", WRENCH_COLOR, missing, _CURVE)],
-        )
-    ]  # fmt: skip
-    if motors := _motors(report):
-        shown.append(_chart("motor torques, % of their limits", 100.0, 120.0, 99.5, motors))
-    names = [str(contact.name) for contact in report.lanes.contacts]
-    colors = contact_colors(Played.of(report).points)
-    soles = [(name, colors[name], 100.0 * report.used_friction[:, g], _CURVE) for g, name in enumerate(names) if name in colors]
-    if soles:
-        shown.append(_chart(f"friction used, % (coefficient {report.friction:g})", 100.0, 120.0, 99.5, soles))
-    return {"times": _packed(report.motion.t), "charts": shown}
-
-
-def plot_report(axes: Axes | Sequence[Axes] | None, report: MotionReport) -> list[Artist]:
-    """Curves over time: the missing wrench with its threshold and its noise, and the torques in % of their limits.
-
-    Frames that are not possible are shaded.
-
-    Args:
-        axes: Matplotlib axes for the missing wrench, or two, the second for the torques; None: both on a new figure, that of
-            `artists[0].figure`.
-        report: What `rbd.check_motion` returned.
-
-    Returns:
-        The lines of the missing wrench, three times the noise and the threshold, then those of the torques and their limit,
-        then the shades.
-
-    Raises:
-        InputError: no report, or what are no axes; no Matplotlib.
-
-    Example:
-        >>> solo = rbd.load_robot("solo12")
-        >>> low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
-        >>> hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=20.0)
-        >>> artists = rbd.visual.plot_report(None, rbd.check_motion(hop))
-        >>> [axes.get_ylabel() for axes in artists[0].figure.axes]
-        ['missing wrench [% of the weight]', 'torque [% of its limit]']
-    """
-    if not isinstance(report, MotionReport):
-        raise InputError(f"report is {report!r:.80}; expected what rbd.check_motion returned.")
-    given = _two_axes(axes)
-    t, missing = report.motion.t, given[0]
-    drawn: list[Artist] = [
-        *missing.plot(t, 100.0 * report.missing_scaled, color=WRENCH_COLOR, lw=_CURVE, label="missing", zorder=3),
-        *missing.plot(t, 300.0 * report.open, color=_GREY, lw=1.2, label="three times the noise", zorder=2),
-        missing.axhline(threshold := 100.0 * report.settings.threshold, color="0.2", lw=_FINE, ls="--", label="threshold"),
-    ]
-    missing.set_ylim(0.0, _top(100.0 * report.missing_scaled, 3.0 * threshold, 100.0))
-    missing.set_ylabel("missing wrench [% of the weight]")
-    if len(given) > 1:
-        for name, color, values, width in _motors(report):
-            drawn += given[1].plot(t, values, color=color, lw=width, label=name, zorder=2 if color == _GREY else 3)
-        drawn.append(given[1].axhline(100.0, color="0.2", lw=_FINE, ls="--", label="limit"))
-        given[1].set_ylabel("torque [% of its limit]")
-        given[1].set_ylim(bottom=0.0)
-    for ax in given:
-        low, high = ax.get_ylim()
-        drawn.append(
-            ax.fill_between(t, low, high, where=~report.possible, color="#d55e00", alpha=0.10, lw=0.0, step="mid",
-                            label="not possible")
-        )  # fmt: skip
-        ax.set_ylim(low, high)
-        ax.set_xlim(float(t[0]), float(t[-1]))
-        frame(ax, "y")
-        ax.legend(frameon=False, fontsize=8, ncols=2)
-    given[-1].set_xlabel("time [s]")
-    return drawn
-
-
 def _fps(report: MotionReport) -> float | None:
     """The motion's own rate, so that each picture is one of its frames; None where those would be too many."""
     rate = report.motion.rate
     width = 8 * report.motion.robot.model.njoints + 6 * len(report.lanes.names)
     return rate if rate <= MOST_FPS and report.n * width <= MOST_NUMBERS else None
-
-
-def _two_axes(axes: Any) -> list[Axes]:
-    if axes is None:
-        try:
-            from matplotlib.figure import Figure
-        except ImportError:
-            raise InputError("plots need Matplotlib. Install the extra: pip install 'rbd-contact[plot]'") from None
-        return list(Figure(figsize=(8.0, 5.6), layout="constrained").subplots(2, sharex=True))
-    given = list(np.ravel(np.asarray(axes, dtype=object)))
-    if not 1 <= len(given) <= 2:
-        raise InputError(f"axes are {len(given)}; expected one, or two.")
-    for ax in given:
-        an_axis(ax)
-    return given
 
 
 def _staged(
@@ -307,7 +265,7 @@ def _staged(
     speed: float,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
-) -> tuple[MotionPage, Any]:
+) -> tuple[MotionPage, Scene]:
     """The frames with the missing wrench beside the contact forces, and a scene with the robot at its start."""
     page, scene = staged(played, fps, speed, None, True, seen_from, arrow_per_weight)  # type: ignore[arg-type]
     frames = page.frames
@@ -341,43 +299,5 @@ def _worst(report: MotionReport, cause: str) -> WorstFrame:
     return WorstFrame(t, cause, cause, words=told)
 
 
-def _motors(report: MotionReport) -> list[tuple[str, str, Array, float]]:
-    """Curves of the motors that are used most, and the largest of all others; none without limits."""
-    used = 100.0 * report.used_torque
-    if not np.isfinite(report.limit).any():
-        return []
-    order = np.argsort(-used.max(axis=0), kind="stable")
-    most, others = order[:MOTORS], order[MOTORS:]
-    names = report.motion.robot.actuated_names
-    rest = [("largest of the others", _GREY, used[:, others].max(axis=1), _FINE)] if len(others) else []
-    return rest + [
-        (names[j].removesuffix("_joint"), color, used[:, j], _CURVE) for j, color in zip(most, CONTACT_COLORS, strict=False)
-    ]
-
-
-def _chart(
-    title: str, limit: float, least_top: float, percentile: float, lines: Sequence[tuple[str, str, Array, float]]
-) -> dict[str, object]:
-    values = np.concatenate([line[2] for line in lines])
-    return {
-        "title": title,
-        "limit": limit,
-        "top": _top(values, least_top, percentile),
-        "lines": [{"name": n, "color": c, "values": _packed(x), "width": w} for n, c, x, w in lines],
-    }
-
-
-def _top(values: Array, least: float, percentile: float) -> float:
-    """Where an axis ends: a peak that would hide all else, four times the percentile, is cut off."""
-    finite = values[np.isfinite(values)]
-    if not len(finite):
-        return least
-    return max(least, 1.08 * min(float(finite.max()), 4.0 * max(float(np.percentile(finite, percentile)), least)))
-
-
 def _percent(value: float) -> str:
     return f"{value:.0f}" if value >= 10.0 or value == 0.0 else f"{value:.2g}"
-
-
-def _packed(values: Array) -> str:
-    return base64.b64encode(np.ascontiguousarray(values, "<f4").tobytes()).decode("ascii")

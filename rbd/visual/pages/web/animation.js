@@ -55,27 +55,66 @@ function bytes(base64) {
 }
 
 // All that moves. A row has poses of the bodies, centre of mass, then point and force of every point: see Frames.rows.
+// A second motion is displaced by `shift`; its pieces are those of the first robot, copied, or those at the path `tree`.
 class Cast {
   constructor(stage, motion) {
     const T = MeshCat.THREE;
     this.stage = stage;
     this.motion = motion;
     const { sizes } = motion;
+    this.shift = motion.shift || [0, 0, 0];
+    this.where = motion.shift ? "Second motion" : "Motion";
     this.group = new T.Group();
-    stage.viewer.set_object(["Motion"], this.group);
-    this.parts = motion.parts.map(({ node, body, at }) => ({
-      object: stage.viewer.scene_tree.find(["meshcat", "robot", String(node)]).object,
-      body,
-      position: new T.Vector3(...at.slice(0, 3)),
-      turn: new T.Quaternion(...at.slice(3)),
+    stage.viewer.set_object([this.where], this.group);
+    this.group.position.set(...this.shift);
+    this.layers = new Map();
+    this.parts = motion.parts.map((part) => ({
+      object: this.piece(part.node),
+      body: part.body,
+      position: new T.Vector3(...part.at.slice(0, 3)),
+      turn: new T.Quaternion(...part.at.slice(3)),
     }));
+    if (motion.shift) this.place(motion.fixed);
     this.ghost = motion.ghost ? motion.parts.map((part) => ({ ...part, body: part.body + motion.ghost.bodies })) : [];
     this.start = null;
     if (motion.com) this.makeCom(sizes);
     this.halo = twice(new T.SphereGeometry(1, 24, 16), "#000000", 0.5, 0);
     this.halo.visible = false;
-    this.group.add(this.halo);
-    this.tracks = [...motion.contacts, ...motion.pushes].map((track) => this.makeTrack(track, sizes));
+    this.layer("forces").add(this.halo);
+    this.tracks = [...motion.contacts.map((track) => ({ ...track, layer: "forces" })),
+      ...motion.pushes.map((track) => ({ ...track, layer: "pushes" }))].map((track) => this.makeTrack(track, sizes));
+    const most = this.tracks.reduce((sum, track) => sum + (track.supports ? track.points : 0), 0);
+    this.support = most ? new Support(this.layer("support polygon"), most, sizes, motion.support) : null;
+  }
+
+  // What is shown and hidden with a layer.
+  layer(name) {
+    if (!this.layers.has(name)) {
+      const group = new MeshCat.THREE.Group();
+      this.layers.set(name, group);
+      this.group.add(group);
+      this.stage.layers.put(name, group);
+    }
+    return this.layers.get(name);
+  }
+
+  // A piece of the robot in the viewer's tree; for a second motion of the same robot a copy that shares its meshes.
+  piece(node) {
+    const { tree = "robot", shift } = this.motion;
+    const { object } = this.stage.viewer.scene_tree.find(["meshcat", tree, String(node)]);
+    if (!shift) return object;
+    const piece = tree === "robot" ? object.clone() : object;
+    this.layer("meshes").add(piece);
+    return piece;
+  }
+
+  // Puts pieces that are fixed to the world where they are.
+  place(fixed) {
+    for (const { node, at } of fixed) {
+      const piece = this.piece(node);
+      piece.position.set(...at.slice(0, 3));
+      piece.quaternion.set(...at.slice(3));
+    }
   }
 
   // A second motion of the same robot: its meshes are those of the first, in one translucent colour. The first pass writes
@@ -99,7 +138,7 @@ class Cast {
       });
       part.position = new T.Vector3(...part.at.slice(0, 3));
       part.turn = new T.Quaternion(...part.at.slice(3));
-      this.group.add(part.object);
+      this.layer("other poses").add(part.object);
     }
     this.parts = [...this.parts, ...this.ghost];
     this.ghost = [];
@@ -109,7 +148,8 @@ class Cast {
     const T = MeshCat.THREE;
     const color = this.motion.com;
     this.ball = twice(new T.SphereGeometry(0.02 * body, 24, 16), color);
-    this.group.add(this.ball);
+    const group = this.layer("centre of mass");
+    group.add(this.ball);
     if (!this.motion.ground) return;
     this.drop = twice(new T.CylinderGeometry(line, line, 1, 10).rotateX(Math.PI / 2), color);
     this.foot = new T.Group();
@@ -118,23 +158,25 @@ class Cast {
     for (const turn of [0, Math.PI / 2]) {
       this.foot.add(twice(new T.CylinderGeometry(0.8 * line, 0.8 * line, 3 * r, 10).rotateZ(turn), color));
     }
-    this.group.add(this.drop, this.foot);
+    group.add(this.drop, this.foot);
   }
 
-  makeTrack({ name, color, points }, { shaft }) {
+  makeTrack({ name, color, points, layer, supports }, { shaft }) {
     const T = MeshCat.THREE;
-    const many = points > 1;
-    const isPush = this.motion.pushes.some((push) => push.name === name);
+    const many = points > 1, isPush = layer === "pushes";
+    const corners = this.layer(many ? "corner forces" : layer);
     const ball = new T.SphereGeometry((many ? 1.4 : 2) * shaft, 20, 14);
     const dots = [], thin = [];
     for (let i = 0; i < points; i++) {
-      if (many) thin.push(new Arrow(this.group, color, 0.45 * shaft));
+      if (many) thin.push(new Arrow(corners, color, 0.45 * shaft));
       if (isPush) continue;
       const dot = { closed: twice(ball, color), open: twice(ball, color, 0.3, 0) };
-      this.group.add(dot.closed, dot.open);
+      corners.add(dot.closed, dot.open);
       dots.push(dot);
     }
-    return { points, dots, thin, big: new Arrow(this.group, color, shaft), force: [0, 0, 0] };
+    const big = new Arrow(this.layer(layer), color, shaft);
+    // `force` [N] acts at `centre` [m], both in W; NaN where there is none.
+    return { name, color, layer, supports, points, dots, thin, big, force: [0, 0, 0], centre: [NaN, NaN, NaN] };
   }
 
   // The path of the centre of mass: pale where it goes, dark where it has been.
@@ -154,7 +196,7 @@ class Cast {
     curve.arcLengthDivisions = 2 * segments;
     const tube = new T.TubeGeometry(curve, segments, 1.2 * line, sides, false);
     const past = tube.clone();
-    this.group.add(twice(tube, this.motion.com, 0.2, 0.4), twice(past, this.motion.com, 0.9, 0.4));
+    this.layer("centre of mass").add(twice(tube, this.motion.com, 0.2, 0.4), twice(past, this.motion.com, 0.9, 0.4));
     this.been = (position) => {
       const i = Math.min(Math.floor(position), along.length - 2);
       const share = (along[i] + (position - i) * (along[i + 1] - along[i])) / length;
@@ -179,6 +221,7 @@ class Cast {
     const com = [row[k], row[k + 1], row[k + 2]];
     if (this.ball) this.showCom(com, sizes);
     k += 3;
+    const loaded = [];
     for (const track of this.tracks) {
       const force = [0, 0, 0], centre = [0, 0, 0];
       let total = 0;
@@ -190,15 +233,18 @@ class Cast {
         if (track.dots[i]) this.showDot(track.dots[i], p, there, closed);
         if (track.thin[i]) track.thin[i].set(p, f.map((x) => x * sizes.metresPerNewton), sizes.longest);
         if (!there) continue;
+        if (closed && track.supports) loaded.push([...p]);
         total += size;
         for (let j = 0; j < 3; j++) {
           force[j] += f[j];
           centre[j] += size * p[j];
         }
       }
-      track.big.set(centre.map((x) => x / total), force.map((x) => x * sizes.metresPerNewton), sizes.longest);
+      track.centre = centre.map((x) => x / total);
+      track.big.set(track.centre, force.map((x) => x * sizes.metresPerNewton), sizes.longest);
       track.force = force;
     }
+    if (this.support) this.support.set(loaded);
     if (this.follow && this.ball) {
       this.start = this.start || com;  // the view was measured for where the robot starts
       this.stage.carry([com[0] - this.start[0], com[1] - this.start[1], 0]);
@@ -241,7 +287,8 @@ class Cast {
   }
 
   remove() {
-    this.stage.viewer.delete_path(["Motion"]);
+    for (const [name, group] of this.layers) this.stage.layers.members.get(name).delete(group);
+    this.stage.viewer.delete_path([this.where]);
     this.stage.viewer.set_dirty();
   }
 }
@@ -251,7 +298,7 @@ class Cues {
   constructor(legend, motion) {
     this.motion = motion;
     const make = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
-    legend.replaceChildren(make("h1", motion.title));
+    if (motion.name) legend.append(make("h2", motion.name));
     const table = make("table", "");
     const row = (name, color) => {
       const line = table.insertRow();
@@ -270,7 +317,7 @@ class Cues {
     if (motion.com) row("centre of mass", motion.com);
     if (motion.ghost) row(motion.ghost.name, motion.ghost.color);
     legend.append(table);
-    for (const note of [motion.note, "Drag to turn, wheel to zoom, right button to shift."]) {
+    for (const note of motion.shift ? [] : [motion.note, "Drag to turn, wheel to zoom, right button to shift."]) {
       if (note) legend.append(make("p", note));
     }
     this.happened = make("p", "");

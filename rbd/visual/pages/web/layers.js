@@ -1,24 +1,36 @@
-// The layers of a scene, and the list that shows and hides them. A mark's layer is told by Python, see drawing.described;
-// what moves (Cast) puts its own objects into a layer by `put`.
+// The layers of a scene: what is shown and hidden together. Python tells the layer of a mark, see drawing.described; what
+// moves (Cast) puts its own objects into a layer by `put`.
 class Layers {
   constructor(stage) {
     this.stage = stage;
     this.on = {};
+    this.first = {};  // as the page was written
     this.members = new Map();  // layer -> Set of three.js objects
     this.listed = [];
+    this.changed = () => {};
   }
 
   // {layers: {name: on}, listed: [{path, layer, label}]}
   set({ layers, listed }) {
+    this.first = layers;
     for (const name of Object.keys(layers)) if (!(name in this.on)) this.on[name] = layers[name];
     this.listed = listed;
     this.apply();
   }
 
-  put(layer, object) {
+  // `label` returns {title, lines, at} at the present time, or null: what the page says of the object.
+  put(layer, object, label) {
     if (!this.members.has(layer)) this.members.set(layer, new Set());
     this.members.get(layer).add(object);
+    if (label) object.userData.label = label;
     object.visible = this.on[layer] !== false;
+    this.changed();
+  }
+
+  // Forgets what was put, of a motion that has ended.
+  clear() {
+    this.members.clear();
+    this.changed();
   }
 
   show(layer, on) {
@@ -26,15 +38,40 @@ class Layers {
     this.apply();
   }
 
+  // The object at a path below Meshcat's root; null if there is none.
+  object(path) {
+    let node = this.stage.viewer.scene_tree.children.meshcat;
+    for (const name of path.split("/")) node = node && node.children[name];
+    return node ? node.object : null;
+  }
+
+  // The layers in which the page has something, in Python's order.
+  present() {
+    const has = new Set(this.listed.map(({ layer }) => layer));
+    for (const [layer, objects] of this.members) if (objects.size) has.add(layer);
+    for (const [layer, path] of TREES) {
+      const object = this.object(path);
+      if (object && object.children.length) has.add(layer);
+    }
+    if (this.stage.labels.some()) has.add("labels");
+    if (this.stage.view) has.add("axes");
+    return Object.keys(this.first).filter((name) => has.has(name));
+  }
+
   apply() {
-    const tree = this.stage.viewer.scene_tree;
-    const set = (path, on) => { tree.find(["meshcat", ...path.split("/")]).object.visible = on; };
-    if ("meshes" in this.on) set("robot", this.on.meshes);
-    if ("other poses" in this.on) set("beside", this.on["other poses"]);
+    const set = (path, on) => {
+      const object = this.object(path);
+      if (object) object.visible = on;
+    };
+    for (const [layer, path] of TREES) set(path, this.on[layer] !== false);
     for (const { path, layer } of this.listed) {
       for (const each of [path, `${path}_seen_through`]) set(`marks/${each}`, this.on[layer] !== false);
     }
     for (const [layer, objects] of this.members) for (const object of objects) object.visible = this.on[layer] !== false;
     this.stage.viewer.set_dirty();
+    this.changed();
   }
 }
+
+// Layers that are a branch of the tree.
+const TREES = [["meshes", "robot"], ["other poses", "beside"], ["collision shapes", "collision"], ["frames", "frames"]];

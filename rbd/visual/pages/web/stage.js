@@ -3,6 +3,7 @@
 class Stage {
   constructor(pane, legend) {
     this.legend = legend;
+    this.pane = pane;
     this.viewer = new MeshCat.Viewer(pane);
     // Meshcat lets everything cast and take shadows; marks are not things.
     const put = this.viewer.set_object.bind(this.viewer);
@@ -11,6 +12,10 @@ class Stage {
       put(path, object);
     };
     this.layers = new Layers(this);
+    this.labels = new Labels(this, pane);
+    this.gauges = new Gauges(this);
+    this.views = new Views(this);
+    this.toolbar = new Toolbar(this);
     this.touched = false;
     this.carried = [0, 0, 0];
     for (const path of [["Grid"], ["Axes"], ["Lights"]]) this.viewer.set_property(path, "visible", false);
@@ -20,6 +25,40 @@ class Stage {
       pane.addEventListener(event, () => { this.touched = true; }, { passive: true });
     }
     window.addEventListener("resize", () => { if (!this.touched) this.fit(); });
+    legend.addEventListener("fold", () => { if (!this.touched) this.fit(); });
+    window.addEventListener("beforeprint", () => this.viewer.render());
+    this.afterEachPicture();
+  }
+
+  // What lies over the picture follows it: labels, axes, scale; and the address keeps time and camera.
+  afterEachPicture() {
+    const render = this.viewer.render.bind(this.viewer);
+    let before = null;
+    this.viewer.render = () => {
+      render();
+      this.labels.place();
+      this.gauges.place();
+      const now = this.player && !this.player.playing ? this.player.t : before;
+      if (before !== null && now !== before) this.views.keep();
+      before = now ?? before;
+    };
+    for (const event of ["pointerup", "wheel", "touchend"]) {
+      this.pane.addEventListener(event, () => {
+        const moved = this.touched && document.body.dataset.ready && this.placed !== this.views.camera().join();
+        if (!moved) return;
+        this.views.name = "";
+        this.toolbar.refresh();
+        this.views.keep();
+      }, { passive: true });
+    }
+  }
+
+  // Where a point of W is in the window, in pixels; null behind the camera.
+  project(point) {
+    const { camera } = this.viewer;
+    const p = new MeshCat.THREE.Vector3(point[0], point[2], -point[1]).project(camera);
+    const [width, height] = this.size();
+    return p.z < 1 ? [(width * (1 + p.x)) / 2, (height * (1 - p.y)) / 2] : null;
   }
 
   command(base64) {
@@ -27,7 +66,9 @@ class Stage {
   }
 
   note(message) {
-    if (message.legend) this.write(message.legend);
+    if (message.legend) writeLegend(this.legend, message.legend);
+    if (message.bodies) this.labels.name(message);
+    if (message.frames) this.triads(message.frames);
     if (message.marks) this.layers.set(message.marks);
     if ("motion" in message) this.move(message.motion);
     if (message.moment && this.cast) {
@@ -36,13 +77,17 @@ class Stage {
     }
     if (message.view) {
       this.light(message.view);
+      if (!document.body.dataset.ready) this.views.name = message.view.opens;
       if (document.body.dataset.ready) this.fit();
     }
   }
 
   // A motion with its frames gets a bar to play it; one without waits for its moments; null ends it.
   move(motion) {
-    if (this.cast) this.cast.remove();
+    if (this.cast) {
+      this.cast.remove();
+      this.layers.clear();
+    }
     this.cast = this.cues = null;
     this.carried = [0, 0, 0];
     if (!motion) {
@@ -56,6 +101,7 @@ class Stage {
     } else {
       this.cast = new Cast(this, motion);
       this.cast.follow = motion.follow;
+      heading(this.legend, motion.title);
       this.cues = new Cues(this.legend, motion);
     }
   }
@@ -77,11 +123,13 @@ class Stage {
 
   ready() {
     this.viewer.set_3d_pane_size(...this.size());
-    this.fit();
+    this.views.open();
+    if (this.views.name) this.fit();
     this.viewer.render();
     const sheet = this.player && this.player.motion.sheet;
     if (sheet) this.player.sheet(sheet);
     document.body.dataset.ready = "true";
+    this.toolbar.refresh();
   }
 
   connect(address) {
@@ -131,6 +179,7 @@ class Stage {
     }
     this.lamps = group;
     this.viewer.set_object(["Stage"], group);
+    this.gauges.origin();
     this.viewer.set_dirty();
   }
 
@@ -145,18 +194,14 @@ class Stage {
     const shift = taken > 0.4 * width ? 0 : taken;
     const below = this.legend.offsetTop + this.legend.offsetHeight;
     const drop = !shift && taken && below < 0.5 * height ? below : 0;
-    // The bar of a motion takes the foot of the window.
-    const bar = this.player && this.player.footer.offsetHeight;
-    const foot = bar ? bar + 12 : 0;
+    // The bar of a motion takes the foot of the window, its curves the right side of a wide one.
+    const { beside, foot } = this.player ? this.player.room() : { beside: 0, foot: 0 };
     const margin = 0.93;
-    // Curves take the right side of a wide window.
-    const curves = this.player && this.player.curves && this.player.curves.panel.offsetWidth;
-    const beside = curves ? curves + 14 : 0;
     const full = margin * Math.tan((Math.PI / 180) * this.view.fov / 2);
     const up = (full * (height - drop - foot)) / height;
     const side = (full * (width - shift - beside)) / height;
     const three = (p) => new T.Vector3(p[0], p[2], -p[1]);
-    const back = three(this.view.direction).normalize();
+    const back = three(this.views.direction(this.views.name)).normalize();
     const right = new T.Vector3(0, 1, 0).cross(back).normalize();
     const top = back.clone().cross(right);
     const points = this.view.points.map(three);
@@ -199,37 +244,40 @@ class Stage {
     this.carry(carried);
     this.viewer.controls.update();
     camera.updateProjectionMatrix();
+    this.placed = this.views.camera().join();
     this.viewer.set_dirty();
   }
 
-  write(legend) {
-    const make = (tag, text, kind) => {
-      const element = document.createElement(tag);
-      if (text) element.textContent = text;
-      if (kind) element.className = kind;
-      return element;
-    };
-    this.legend.replaceChildren(make("h1", legend.title));
-    const table = make("table");
-    for (const entry of legend.entries) {
-      const row = table.insertRow();
-      const swatch = make("i");
-      swatch.style.background = entry.color;
-      row.insertCell().append(swatch);
-      row.insertCell().textContent = entry.name;
-      const value = row.insertCell();
-      value.className = "value";
-      value.textContent = entry.value;
-      if (entry.detail) {
-        const more = table.insertRow();
-        more.insertCell();
-        const cell = more.insertCell();
-        cell.colSpan = 2;
-        cell.className = "detail";
-        cell.textContent = entry.detail;
-      }
-    }
-    this.legend.append(table);
-    for (const line of legend.notes) this.legend.append(make("p", line));
+  // The joints' and contacts' frames as arrows along x, y, z: [{name, lines, at: pose in W}], of one length.
+  triads({ length, listed }) {
+    const T = MeshCat.THREE;
+    const root = new T.Group();
+    for (const frame of listed) root.add(triad(frame, length));
+    this.viewer.set_object(["meshcat", "frames"], root);
   }
+}
+
+// Three thin sticks in the colours of W's axes; named when pointed at.
+function triad({ name, lines, at }, length) {
+  const T = MeshCat.THREE;
+  const node = new T.Group();
+  triad.stick ??= new T.CylinderGeometry(0.03, 0.03, 1, 8).translate(0, 0.5, 0);
+  triad.colors ??= AXES.map(([, color, axis]) => ({
+    turn: new T.Quaternion().setFromUnitVectors(new T.Vector3(0, 1, 0), new T.Vector3(...axis)),
+    material: new T.MeshBasicMaterial({ color, depthTest: false, transparent: true }),
+  }));
+  for (const { turn, material } of triad.colors) {
+    const stick = new T.Mesh(triad.stick, material);
+    stick.quaternion.copy(turn);
+    stick.scale.setScalar(length);
+    stick.renderOrder = 3;
+    node.add(stick);
+  }
+  if (at) {
+    node.position.set(...at.slice(0, 3));
+    node.quaternion.set(...at.slice(3));
+  }
+  const label = { title: name, lines, at: null };
+  node.userData.label = () => label;
+  return node;
 }

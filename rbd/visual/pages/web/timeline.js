@@ -6,29 +6,25 @@ const GLOW_SECONDS = 0.25;  // of playback
 class Player {
   constructor(stage, motion) {
     this.motion = motion;
-    this.times = motion.times;
-    this.rows = floats(motion.rows);
-    this.codes = bytes(motion.codes);
-    this.width = this.rows.length / this.times.length;
-    this.names = motion.contacts.length + motion.others.length;
-    this.cast = new Cast(stage, motion);
+    heading(stage.legend, motion.title);
+    const second = motion.second ? [{ ...motion.second, trace: motion.trace, note: "" }] : [];
+    this.reels = [motion, ...second].map((each) => new Reel(stage, each, stage.legend));
+    const [reel] = this.reels;
+    Object.assign(this, { times: reel.times, cast: reel.cast, cues: reel.cues });
     this.cast.follow = motion.follow;
-    this.cues = new Cues(stage.legend, motion);
-    if (motion.com && motion.trace) {
-      const k = 7 * motion.bodies;
-      this.cast.path(this.times.map((_, i) => Array.from(this.row(i).subarray(k, k + 3))));
-    }
-    this.first = this.times[0];
-    // The page frames the robot as it starts; a camera that follows must have seen it there.
-    this.cast.set(this.row(0));
-    this.last = this.times[this.times.length - 1];
-    this.step = (this.last - this.first) / (this.times.length - 1);
+    this.first = Math.min(...this.reels.map(({ times }) => times[0]));
+    this.last = Math.max(...this.reels.map(({ times }) => times[times.length - 1]));
+    this.step = (this.times[this.times.length - 1] - this.times[0]) / (this.times.length - 1);
     this.speed = motion.speed;
     this.playing = false;
     this.digits = Math.max(2, Math.min(6, 2 - Math.floor(Math.log10(this.last - this.first))));
     this.build();
-    this.curves = motion.charts ? new Curves(motion, (t) => this.go(t), this.footer) : null;
+    const fit = () => { if (!stage.touched) stage.fit(); };
+    const names = this.reels.map((each) => each.motion.name);
+    const charts = motion.sheet ? null : motion.charts;
+    this.curves = charts ? new Curves(charts, [this.first, this.last], names, (t) => this.go(t), fit) : null;
     this.seek(this.asked() ?? motion.start);
+    if (motion.playing) this.play(true);
     window.addEventListener("keydown", (event) => this.key(event), { capture: true });
     window.addEventListener("hashchange", () => this.seek(this.asked() ?? this.t));
     requestAnimationFrame((now) => this.tick(now));
@@ -40,47 +36,9 @@ class Player {
     return found && Number.isFinite(Number(found[1])) ? Number(found[1]) : null;
   }
 
-  row(i) {
-    return this.rows.subarray(i * this.width, (i + 1) * this.width);
-  }
-
-  // Frame number of a time, with its fraction.
-  position(t) {
-    let low = 0, high = this.times.length - 1;
-    while (high - low > 1) {
-      const middle = (low + high) >> 1;
-      if (this.times[middle] <= t) low = middle;
-      else high = middle;
-    }
-    return low + Math.min(1, Math.max(0, (t - this.times[low]) / (this.times[high] - this.times[low])));
-  }
-
-  // The row at a frame number: straight between two frames, quaternions along the shorter arc.
-  between(position) {
-    const T = MeshCat.THREE;
-    const low = Math.min(Math.floor(position), this.times.length - 2), w = position - low;
-    const a = this.row(low), b = this.row(low + 1);
-    if (w === 0 || w === 1) return w ? b : a;
-    // A point that is there in one frame only is shown in the nearer one.
-    const row = a.map((x, i) => {
-      const y = (1 - w) * x + w * b[i];
-      return Number.isFinite(y) ? y : w < 0.5 ? x : b[i];
-    });
-    for (let k = 3; k < 7 * this.motion.bodies; k += 7) {
-      new T.Quaternion().fromArray(a, k).slerp(new T.Quaternion().fromArray(b, k), w).toArray(row, k);
-    }
-    return row;
-  }
-
   seek(t) {
     this.t = Math.min(this.last, Math.max(this.first, t));
-    const position = this.position(this.t);
-    const nearest = Math.round(position);
-    const codes = this.codes.subarray(nearest * this.names, (nearest + 1) * this.names);
-    this.cast.set(this.between(position));
-    if (this.cast.been) this.cast.been(position);
-    this.glow();
-    this.cues.set(codes, this.cast.tracks.map((track) => track.force));
+    for (const reel of this.reels) reel.show(this.t, GLOW_SECONDS * this.speed);
     const share = 100 * (this.t - this.first) / (this.last - this.first);
     this.done.style.width = `${share}%`;
     this.knob.style.left = `${share}%`;
@@ -88,24 +46,13 @@ class Player {
     if (this.curves) this.curves.set(this.t);
     this.bar.setAttribute("aria-valuenow", this.t.toFixed(6));
     this.bar.setAttribute("aria-valuetext", `${this.t.toFixed(this.digits)} seconds`);
-    const past = this.motion.events.filter((event) => event.t <= this.t + 1e-9);
-    this.cues.happened.textContent = past.length ? past[past.length - 1].words[0] : "";
   }
 
-  // A touch may last no longer than a step: it glows for a moment, at the point that touched.
-  glow() {
-    const { events, contacts, bodies } = this.motion;
-    const window = GLOW_SECONDS * this.speed;
-    const touched = events.filter((e) => e.kind === "touches" && e.t <= this.t + 1e-9 && e.t > this.t - window).pop();
-    const c = touched ? contacts.findIndex((contact) => contact.name === touched.name) : -1;
-    if (c < 0 || touched.point >= contacts[c].points) {
-      this.cast.glow([NaN], NaN, "");
-      return;
-    }
-    const before = contacts.slice(0, c).reduce((sum, contact) => sum + contact.points, 0);
-    const k = 7 * bodies + 3 + 6 * (before + touched.point);
-    const where = this.row(Math.round(this.position(touched.t))).subarray(k, k + 3);
-    this.cast.glow(where, (this.t - touched.t) / window, contacts[c].color);
+  // What bar and curves take of the window [pixels]: {beside, foot}.
+  room() {
+    const bar = this.footer.offsetHeight;
+    const { beside, below } = this.curves ? this.curves.place(bar) : { beside: 0, below: 0 };
+    return { beside, foot: (bar ? bar + 12 : 0) + below };
   }
 
   tick(now) {
@@ -137,15 +84,17 @@ class Player {
   }
 
   setFollow(on) {
-    this.cast.followFrom(on, this.row(Math.round(this.position(this.t))));
+    const [reel] = this.reels;
+    this.cast.followFrom(on, reel.row(Math.round(reel.position(this.t))));
     this.following.checked = on;
     this.seek(this.t);
   }
 
   key(event) {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
+    if (event.target.closest && event.target.closest(".toolbar")) return;  // it has keys of its own
     const step = this.step * (event.shiftKey ? 10 : 1);
-    const { speeds, events } = this.motion;
+    const { speeds } = this.motion, { events } = this;
     const faster = (by) => this.setSpeed(speeds[Math.min(speeds.length - 1, Math.max(0, speeds.indexOf(this.speed) + by))]);
     const near = 1e-6 * (this.last - this.first);
     const actions = {
@@ -159,6 +108,7 @@ class Player {
       PageUp: () => this.go(events.filter((e) => e.t < this.t - near).pop()?.t ?? this.first),
       PageDown: () => this.go(events.find((e) => e.t > this.t + near)?.t ?? this.last),
       f: () => this.setFollow(!this.cast.follow),
+      c: () => this.curves && this.curves.fold(!this.curves.folded),
     };
     if (!actions[event.key]) return;
     event.preventDefault();
@@ -224,21 +174,21 @@ class Player {
     hint.hidden = true;
     const lanes = make("div", "lanes", parent);
     const where = new Map();
-    this.motion.contacts.slice(0, MOST_LANES).forEach(({ name, color, stretches }) => {
-      const lane = make("div", "lane", lanes);
-      lane.title = name;
-      where.set(name, { lane, color });
+    this.reels.forEach(({ motion }, i) => motion.contacts.slice(0, MOST_LANES).forEach(({ name, color, stretches }) => {
+      const lane = make("div", i ? "lane second" : "lane", lanes);
+      lane.title = motion.name ? `${name} (${motion.name})` : name;
+      where.set(i + name, { lane, color });
       for (const [from, to, code] of stretches) {
-        const stretch = make("div", this.motion.words[code], lane);
+        const stretch = make("div", motion.words[code], lane);
         stretch.style.color = color;
         stretch.style.left = `${percent(from)}%`;
         stretch.style.width = `${percent(to) - percent(from)}%`;
       }
-    });
+    }));
     for (const { name, color, stretches } of this.motion.lanes) {
       const lane = make("div", "lane named", lanes);
       lane.title = name;
-      where.set(name, { lane, color });
+      where.set(0 + name, { lane, color });
       for (const [from, to] of stretches) {
         const stretch = make("div", "", lane);
         stretch.style.color = color;
@@ -247,9 +197,11 @@ class Player {
       }
       make("span", "", lane, name);
     }
-    const rest = this.motion.events.some((event) => !where.has(event.name)) ? make("div", "lane", lanes) : null;
-    for (const event of this.motion.events) {
-      const { lane, color } = where.get(event.name) || { lane: rest, color: "#1f2933" };
+    const told = this.reels.flatMap(({ motion }, i) => motion.events.map((event) => ({ event, key: i + event.name })));
+    this.events = told.map(({ event }) => event).sort((a, b) => a.t - b.t);
+    const rest = told.some(({ key }) => !where.has(key)) ? make("div", "lane", lanes) : null;
+    for (const { event, key } of told) {
+      const { lane, color } = where.get(key) || { lane: rest, color: "#1f2933" };
       const mark = make("button", "event", lane, GLYPHS[event.kind] || "●");
       mark.tabIndex = -1;
       mark.style.left = `${percent(event.t)}%`;

@@ -1,0 +1,63 @@
+// The legend: a title that folds the rest, a row for each name, notes below.
+const NARROW = 500;  // pixels: the legend of a smaller window starts folded
+
+// A title with a button that folds what is below it; kept when the legend is written anew.
+function heading(legend, title) {
+  if (!legend.dataset.fold) legend.dataset.fold = window.innerWidth < NARROW ? "folded" : "open";
+  const h1 = document.createElement("h1");
+  const button = Object.assign(document.createElement("button"), { type: "button", textContent: title });
+  button.title = "Fold or unfold (h)";
+  button.onclick = () => { foldLegend(legend); button.blur(); };
+  h1.append(button);
+  legend.replaceChildren(h1);
+  button.setAttribute("aria-expanded", String(legend.dataset.fold === "open"));
+}
+
+function foldLegend(legend, folded = legend.dataset.fold === "open") {
+  legend.dataset.fold = folded ? "folded" : "open";
+  const button = legend.querySelector("h1 button");
+  if (button) button.setAttribute("aria-expanded", String(!folded));
+  legend.dispatchEvent(new Event("fold"));
+}
+
+// The row above columns of newtons: the force along the normal is told apart from the whole.
+function columnNames(table, names, skip) {
+  const row = table.insertRow();
+  row.className = "columns";
+  for (let i = 0; i < skip; i++) row.insertCell();
+  for (const name of names) row.insertCell().append(name);
+}
+
+function writeLegend(legend, { title, entries, notes }) {
+  heading(legend, title);
+  const table = document.createElement("table");
+  const normals = entries.some((entry) => entry.normal);
+  if (normals) columnNames(table, ["normal", "|f|"], 2);
+  for (const entry of entries) {
+    const row = table.insertRow();
+    const swatch = document.createElement("i");
+    swatch.style.background = entry.color;
+    row.insertCell().append(swatch);
+    row.insertCell().textContent = entry.name;
+    for (const text of normals ? [entry.normal || "", entry.value] : [entry.value]) {
+      const value = row.insertCell();
+      value.className = "value";
+      value.textContent = text;
+    }
+    if (entry.normal === undefined && normals && !entry.value) {
+      row.cells[1].colSpan = 3;
+      row.deleteCell(3);
+      row.deleteCell(2);
+    }
+    for (const detail of [entry.detail || []].flat()) {
+      const more = table.insertRow();
+      more.insertCell();
+      const cell = more.insertCell();
+      cell.colSpan = normals ? 3 : 2;
+      cell.className = "detail";
+      cell.textContent = detail;
+    }
+  }
+  legend.append(table);
+  for (const line of notes) legend.append(Object.assign(document.createElement("p"), { textContent: line }));
+}

@@ -1,0 +1,283 @@
+"""A motion in the form that the page needs: bodies, contacts, frames and events as JSON, and what the camera is to see."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, lazy
+from rbd.model.checked_model import CheckedModel
+from rbd.simulation.motion import OPEN, Event
+from rbd.visual.marks.legend import scale_note
+from rbd.visual.marks.mark import Sizes
+from rbd.visual.playback.contact_planes import carries_weight
+from rbd.visual.playback.frames import Frames, Track
+from rbd.visual.playback.posed_bodies import checked_ghost, ghost_poses
+from rbd.visual.robot_meshes import RobotPart, hull_of
+from rbd.visual.shapes import outermost
+from rbd.visual.style import COM_COLOR, GHOST_COLOR, SUPPORT_COLOR, contact_colors
+
+LONGEST_ARROW = 0.8
+"""Longest arrow in sizes of the robot: the arrow of an impact of a millisecond would leave the picture."""
+LONGEST_WEIGHT = 1.5
+"""Arrows of up to so many weights are not cut."""
+SPEEDS = (0.1, 0.25, 0.5, 1.0, 2.0)
+BINS = 100
+"""Marks along the bar: events of one contact in the same hundredth of it share one."""
+MOST_WORDS = 8
+"""Events named by one mark; of more, the first ones and how many there are."""
+EVENT_KINDS = ("touches", "slips", "sticks", "leaves")
+"""The most telling first: what a mark of several events looks like."""
+MOST_POSES_FRAMED = 100
+APART = 0.12
+"""Two motions beside each other are this share of the robot's size apart."""
+SECOND = "second"
+"""Path of the second robot's pieces in the viewer, if it is another robot."""
+
+
+@dataclass(frozen=True, eq=False)
+class MotionPage:
+    """A motion in the form that the page needs.
+
+    Attributes:
+        frames: Its pictures.
+        parts: Pieces of the robot, in the order in which the scene sent them.
+        sizes: Of the scene's marks.
+        ground: Whether there is a ground for the centre of mass to drop a line to.
+        weight_N: The robot's weight [N].
+        robot: The robot.
+        lanes: {mode of the frames that is no contact's: its colour}, of those with a lane above the bar.
+        events: Beginnings and ends of contact, as marks on the bar.
+        second: A second motion in the same page, of this robot or another.
+        shift: By how much it is drawn beside where it is, in W, shape (3,) [m]: numbers on the page are those of where it is.
+        name: What it is called beside another one.
+    """
+
+    frames: Frames
+    parts: Sequence[RobotPart]
+    sizes: Sizes
+    ground: bool
+    weight_N: float
+    robot: CheckedModel
+    lanes: Mapping[str, str] = field(default_factory=dict)
+    events: Sequence[Event] = ()
+    second: MotionPage | None = None
+    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    name: str = ""
+
+    @lazy
+    def words(self) -> list[str]:
+        """The modes that occur, "open" first."""
+        shown = {mode for modes in self.frames.modes.values() for mode in modes}
+        between = {mode for some in self.frames.stretches.values() for _, _, mode in some}
+        return [OPEN, *sorted((shown | between) - {OPEN})]
+
+    @lazy
+    def codes(self) -> Array:
+        """Mode of each constraint at each frame, as its index in `words`, shape (n, number of constraints)."""
+        place = {word: i for i, word in enumerate(self.words)}
+        columns = [[place[mode] for mode in modes] for modes in self.frames.modes.values()]
+        return np.array(columns, int).reshape(len(columns), len(self.frames.times)).T
+
+    @property
+    def longest(self) -> float:
+        """Largest length of an arrow [m]."""
+        return max(LONGEST_ARROW * self.sizes.body, LONGEST_WEIGHT * self.weight_N * self.sizes.metres_per_newton)
+
+    def with_ghost(self, ghost: Any, down: float = 0.0) -> MotionPage:
+        """With a second motion of the same robot, which is drawn in one translucent colour; without one if it is None.
+
+        Args:
+            ghost: With robot, t and q; at times that it does not have, as at the nearest that it has.
+            down: By how much it is lowered [m].
+
+        Raises:
+            InputError: what is no motion, or one of another robot.
+        """
+        if ghost is None:
+            return self
+        f = self.frames
+        second = checked_ghost(ghost, self.robot)
+        poses = np.concatenate([f.poses, ghost_poses(second, f.times, f.joints, down)], axis=1)
+        name = f"{getattr(ghost, 'source', '') or 'other motion'} (translucent)"
+        return replace(self, frames=replace(f, joints=f.joints * 2, poses=poses, ghost=name))
+
+    def with_second(self, second: MotionPage, seen_from: Sequence[float] | Array) -> MotionPage:
+        """With a second motion beside it: displaced along x or y of W, to the right of the first on the page, clear of it.
+
+        Args:
+            second: Its forces are drawn at the scale of the first.
+            seen_from: From the robot to the camera, in W.
+        """
+        right = np.array([-seen_from[1], seen_from[0]])
+        axis = int(np.abs(right).argmax())
+        side = float(np.sign(right[axis]))
+        other = replace(second, sizes=self.sizes)
+        mine, its = (side * page.around(False)[:, axis] for page in (self, other))
+        apart = side * (mine.max() - its.min() + APART * self.sizes.body)
+        shift = [0.0, 0.0, 0.0]
+        shift[axis] = round(apart, 3)
+        first_name, second_name = f"1: {self.robot.name}", f"2: {other.robot.name}, dashed curves"
+        placed = replace(other, shift=(shift[0], shift[1], shift[2]), name=second_name)
+        return replace(self, second=placed, name=first_name)
+
+    @property
+    def same_meshes(self) -> bool:
+        """Whether the second motion is one of the same robot, whose meshes are in the page already."""
+        second = self.second
+        if second is None:
+            return False
+        return second.parts is self.parts
+
+    def further_parts(self) -> dict[str, Sequence[RobotPart]]:
+        """{path in the viewer: pieces of a robot to be sent}: those of a second robot that is not the first."""
+        return {} if self.second is None or self.same_meshes else {SECOND: self.second.parts}
+
+    def goes_far(self, times: float) -> bool:
+        """Whether the centre of mass travels farther along the ground than so many sizes of the robot."""
+        com = self.frames.com[:, :2]
+        return len(com) > 0 and float(np.ptp(com, axis=0).max()) > times * self.sizes.body
+
+    def around(self, follow: bool) -> Array:
+        """Points in W that the camera is to see, shape (n, 3) [m].
+
+        With a camera that follows, as if the centre of mass stayed over where it starts.
+        """
+        frames = self.frames
+        shift = np.zeros((len(frames.times), 3))
+        if follow and len(frames.com):
+            shift[:, :2] = frames.com[:, :2] - frames.com[0, :2]
+        picked = np.unique(np.linspace(0, len(frames.times) - 1, MOST_POSES_FRAMED).astype(int))
+        hulls = [hull_of(joint, self.parts) for joint in frames.joints]
+        clouds = [np.zeros((0, 3))]
+        for i in picked if hulls else ():
+            placed = [pin.XYZQUATToSE3(pose) for pose in frames.poses[i]]
+            pose = [hull @ X.rotation.T + X.translation for hull, X in zip(hulls, placed, strict=True)]
+            clouds.append(outermost(np.vstack(pose)) - shift[i])  # pose by pose: all together would fill the memory
+        for track in (*frames.contacts, *frames.pushes):
+            clouds += [ends - shift for ends in self._arrow_ends(track)]
+        if self.second is not None:  # that goes along with a camera that follows
+            clouds.append(self.second.around(follow) + self.second.shift)
+        points = np.vstack(clouds)
+        points = points[np.isfinite(points).all(axis=1)]
+        return outermost(points) if len(points) else points
+
+    def _arrow_ends(self, track: Track) -> list[Array]:
+        """Starts and tips of a track's resultant arrows, each of shape (n, 3) [m]; NaN where there is none."""
+        size = np.linalg.norm(track.forces, axis=2, keepdims=True)
+        total = size.sum(axis=1)
+        weight = np.where(total > 0.0, total, np.nan)
+        starts = np.sum(np.nan_to_num(track.points) * size, axis=1) / weight
+        vectors = self.sizes.metres_per_newton * track.forces.sum(axis=1)
+        lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
+        return [starts, starts + vectors * np.minimum(1.0, self.longest / np.maximum(lengths, 1e-12))]
+
+    def whole(self, settings: Mapping[str, object]) -> str:
+        """The motion with all its frames, as JSON."""
+        speeds = sorted({*SPEEDS, float(settings["speed"])})  # type: ignore[arg-type]
+        told: dict[str, object] = {**self._played(), **settings, "speeds": speeds}
+        if self.second is not None:
+            tree = "robot" if self.same_meshes else SECOND
+            told["second"] = {**self.second._played(), "title": "", "tree": tree, "shift": self.second.shift}  # noqa: SLF001
+        return json.dumps({"motion": told})
+
+    def _played(self) -> dict[str, object]:
+        frames = self.frames
+        return {
+            **self._setup(),
+            "times": [round(float(t), 9) for t in frames.times],
+            "rows": _packed(frames.rows.astype("<f4")),
+            "codes": _packed(self.codes.astype("u1")),
+            "events": self.marks(self.events),
+        }
+
+    def opening(self, settings: Mapping[str, object]) -> str:
+        """The motion without its frames, as JSON: they follow one by one, see `moment`."""
+        return json.dumps({"motion": {**self._setup(), **settings}})
+
+    def moment(self, i: int) -> str:
+        """One frame, as JSON."""
+        row = _packed(self.frames.rows[i].astype("<f4"))
+        codes = [int(c) for c in self.codes[i]]
+        return json.dumps({"moment": {"t": round(float(self.frames.times[i]), 9), "row": row, "codes": codes}})
+
+    def marks(self, events: Sequence[Event]) -> list[dict[str, object]]:
+        """Marks on the bar, in order of time: {t, name, kind, point, words}; events close together share one."""
+        first, last = float(self.frames.times[0]), float(self.frames.times[-1])
+        bins: dict[tuple[str, int], list[Event]] = {}
+        for event in sorted(events, key=lambda e: e.t):
+            if first - 1e-9 <= event.t <= last + 1e-9:
+                bins.setdefault((event.name, int(BINS * (event.t - first) / (last - first))), []).append(event)
+        marks: list[dict[str, object]] = []
+        for (name, _), some in bins.items():
+            kinds = {e.kind for e in some}
+            kind = next((k for k in EVENT_KINDS if k in kinds), some[0].kind)
+            words = [str(e) for e in some[:MOST_WORDS]]
+            if len(some) > MOST_WORDS:
+                words.append(f"and {len(some) - MOST_WORDS} more till {some[-1].t:.6f} s")
+            point = next(e.point for e in some if e.kind == kind)
+            marks.append({"t": round(float(some[0].t), 9), "name": name, "kind": kind, "point": point, "words": words})
+        return sorted(marks, key=lambda mark: float(mark["t"]))  # type: ignore[arg-type]
+
+    def _stretches(self, name: str) -> list[tuple[float, float, int]]:
+        """(from, to, code) of each time in one mode other than "open", for its lane above the bar."""
+        code = {word: i for i, word in enumerate(self.words)}
+        return [(round(a, 9), round(b, 9), code[mode]) for a, b, mode in self.frames.stretches[name] if mode != OPEN]
+
+    def _setup(self) -> dict[str, object]:
+        """Bodies, contacts, sizes: the same for a page and for a live scene."""
+        frames, sizes = self.frames, self.sizes
+        own = len(frames.joints) // 2 if frames.ghost else len(frames.joints)
+        body = {joint: j for j, joint in enumerate(frames.joints[:own])}
+        parts = [
+            {"node": i, "body": body[part.joint], "at": [round(float(x), 9) for x in pin.SE3ToXYZQUAT(part.placement)]}
+            for i, part in enumerate(self.parts)
+            if part.joint
+        ]
+        colors = contact_colors(t.name for t in frames.contacts)
+        contacts = [
+            {
+                "name": t.name,
+                "color": colors[t.name],
+                "points": t.points.shape[1],
+                "supports": carries_weight(t.points, t.forces),
+                "stretches": self._stretches(t.name),
+            }
+            for t in frames.contacts
+        ]
+        fixed = [
+            {"node": i, "at": [round(float(x), 9) for x in pin.SE3ToXYZQUAT(part.placement)]}
+            for i, part in enumerate(self.parts)
+            if not part.joint
+        ]
+        pushes = [{"name": t.name, "color": t.color, "points": 1} for t in frames.pushes]
+        lanes = [{"name": name, "color": color, "stretches": self._stretches(name)} for name, color in self.lanes.items()]
+        drawn = {name: getattr(sizes, name) for name in ("body", "shaft", "line", "lift")}
+        note = f"{scale_note(sizes.metres_per_newton, self.weight_N)} Two heads: longer than drawn."
+        return {
+            "name": self.name,
+            "parts": parts,
+            "fixed": fixed,
+            "bodies": len(frames.joints),
+            "ghost": {"name": frames.ghost, "color": GHOST_COLOR, "bodies": own} if frames.ghost else None,
+            "contacts": contacts,
+            "pushes": pushes,
+            "others": list(frames.modes)[len(contacts) :],
+            "lanes": lanes,
+            "words": self.words,
+            "com": COM_COLOR if len(frames.com) else "",
+            "support": SUPPORT_COLOR,
+            "ground": self.ground,
+            "sizes": {**drawn, "longest": self.longest, "metresPerNewton": sizes.metres_per_newton},
+            "note": note if contacts or pushes else "",
+        }
+
+
+def _packed(numbers: Array) -> str:
+    return base64.b64encode(np.ascontiguousarray(numbers).tobytes()).decode("ascii")

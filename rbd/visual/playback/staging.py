@@ -1,0 +1,154 @@
+"""What is checked and made before a motion is shown: its samples, its frames, and a scene with the robot at its start."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rbd.arrays import Array, as_float
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+from rbd.robots.robot import Robot
+from rbd.simulation.motion import Event
+from rbd.visual.marks.footprints import Footprints
+from rbd.visual.playback.frames import Pushes, PushesAt, frames_of
+from rbd.visual.playback.motion_page import MotionPage
+from rbd.visual.robot_meshes import RobotPart, robot_parts
+from rbd.visual.scene import Scene
+
+if TYPE_CHECKING:
+    from rbd.simulation.trajectory import Trajectory
+
+MOST_FPS, LEAST_SPEED, MOST_SPEED = 1000.0, 1e-3, 1000.0
+FORCES = ("points", "point_forces", "modes", "events")
+WANTED = ("robot", "t", "q", "v", *FORCES)
+
+
+@dataclass(frozen=True, eq=False)
+class Forceless:
+    """A motion of which no forces are known, an `rbd.Motion`, in the form of a trajectory that can be shown."""
+
+    robot: CheckedModel
+    t: Array
+    q: Array
+    v: Array
+    points: Mapping[str, Array] = field(default_factory=dict)
+    point_forces: Mapping[str, Array] = field(default_factory=dict)
+    modes: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    events: tuple[Event, ...] = ()
+
+
+def checked(trajectory: object) -> Trajectory:
+    """A trajectory that can be shown.
+
+    Raises:
+        InputError: if it is none, has fewer than two samples, or its times do not increase.
+    """
+    missing = {name for name in WANTED if not hasattr(trajectory, name)}
+    if missing - set(FORCES) or not isinstance(getattr(trajectory, "robot", None), CheckedModel):
+        raise InputError(f"{trajectory!r:.80} is no trajectory; expected what rbd.simulate returned, or an rbd.Motion.")
+    given: Any = trajectory
+    shown: Trajectory = Forceless(given.robot, given.t, given.q, given.v) if missing else given  # type: ignore[assignment]
+    n = len(shown.t)
+    if n < 2:
+        some = "no sample" if n == 0 else "one sample only"
+        raise InputError(f"the trajectory has {some}; a motion wants two. Show a single state with rbd.visual.Scene.")
+    if not np.all(np.isfinite(shown.t)) or np.min(np.diff(shown.t)) <= 0.0:
+        raise InputError("the times of the trajectory do not increase; expected those that rbd.simulate gave.")
+    finite = np.isfinite(shown.q).all(axis=1)
+    if not finite.all():
+        i = int(np.argmin(finite))
+        raise InputError(f"q is not finite at {shown.t[i]:.6g} s; show what is before it: trajectory[:{i}].")
+    return shown
+
+
+def robot_of(trajectory: Trajectory) -> Robot:
+    """The trajectory's robot, with its meshes."""
+    robot = trajectory.robot
+    if not isinstance(robot, Robot):
+        raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
+    return robot
+
+
+def positive(what: str, value: object, most: float, unit: str) -> float:
+    """A finite number above zero, `most` at most.
+
+    Raises:
+        InputError: if it is not.
+    """
+    number = as_float(value)
+    if not 0.0 < number <= most:
+        raise InputError(f"{what} is {value!r:.80}; expected a number above 0, at most {most:g}{unit}.")
+    return number
+
+
+def staged(
+    trajectory: Trajectory,
+    fps: float | None,
+    speed: float,
+    external: Pushes | PushesAt,
+    ground: bool = True,
+    seen_from: Sequence[float] | Array | None = None,
+    arrow_per_weight: float | None = None,
+    scene: Scene | None = None,
+) -> tuple[MotionPage, Scene]:
+    """The frames of a motion, and a scene with the robot at its start."""
+    speed = positive("speed", speed, MOST_SPEED, "")
+    if speed < LEAST_SPEED:
+        raise InputError(f"speed is {speed:.3g}; expected at least {LEAST_SPEED:g}.")
+    fps = None if fps is None else positive("fps", fps, MOST_FPS, " frames a second")
+    robot = robot_of(trajectory)
+    if scene is None:
+        scene = Scene(robot, ground=ground, seen_from=seen_from, arrow_per_weight=arrow_per_weight, legend=False)
+    scene.show(State(robot, np.array(trajectory.q[0], float)))
+    parts = robot_parts(robot)
+    joints = sorted({part.joint for part in parts} - {0})
+    weight = float(robot.mass * np.linalg.norm(robot.gravity))
+    frames = frames_of(trajectory, joints, fps=fps, speed=speed, external=external)
+    page = MotionPage(frames, parts, scene.sizes, bool(ground), weight, robot, events=tuple(trajectory.events))
+    return page, scene
+
+
+def a_second(
+    trajectory: Trajectory, first: MotionPage, fps: float | None, speed: float, external: Pushes | PushesAt
+) -> MotionPage:
+    """The frames of a motion that is to be shown beside a first one, of its robot or another."""
+    robot = robot_of(trajectory)
+    parts: Sequence[RobotPart] = robot_parts(robot)
+    if len(parts) == len(first.parts) and all(map(_alike, parts, first.parts)):
+        parts = first.parts  # their meshes are in the page already
+    joints = sorted({part.joint for part in parts} - {0})
+    weight = float(robot.mass * np.linalg.norm(robot.gravity))
+    frames = frames_of(trajectory, joints, fps=fps, speed=speed, external=external)
+    return MotionPage(frames, parts, first.sizes, first.ground, weight, robot, events=tuple(trajectory.events))
+
+
+def _alike(one: RobotPart, other: RobotPart) -> bool:
+    """Whether two pieces have the same place, look and mesh."""
+    if (one.joint, one.color, one.opacity) != (other.joint, other.color, other.opacity) or one.placement != other.placement:
+        return False
+    pairs = ((one.mesh.vertices, other.mesh.vertices), (one.mesh.faces, other.mesh.faces))
+    return one.mesh is other.mesh or all(np.array_equal(x, y) for x, y in pairs)
+
+
+def displaced(footprints: Sequence[Footprints], motion: MotionPage) -> list[Footprints]:
+    """The footprints of the second motion, where that is drawn."""
+    shift = motion.second.shift if motion.second is not None else (0.0, 0.0, 0.0)
+    return [replace(stood, name=f"{stood.name}, 2", outlines=stood.outlines + shift) for stood in footprints]
+
+
+def a_time(what: str, value: object, first: float, last: float) -> float:
+    """A time from the first to the last of a motion [s].
+
+    Raises:
+        InputError: if it is outside, or none.
+    """
+    t = as_float(value)
+    # A time that was computed as the end may lie a rounding beyond it.
+    if not first - 1e-9 <= t <= last + 1e-9:
+        raise InputError(f"{what} is {value!r:.80}; the motion runs from {first:g} s to {last:g} s.")
+    return min(max(t, first), last)

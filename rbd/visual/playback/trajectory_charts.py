@@ -1,0 +1,209 @@
+"""The charts of a trajectory, or of a motion without forces: which there are, and their numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.errors import InputError, nearest
+from rbd.model.checked_model import CheckedModel
+from rbd.model.joints import FORCE_OF
+from rbd.problem.residuals import USABLE
+from rbd.simulation.trajectory_fields import RESIDUALS
+from rbd.visual.playback.contact_planes import edge_distances, normals_of
+from rbd.visual.playback.curves import FINE, GREY, Chart, Choice, Line, a_list, chart, most_used
+from rbd.visual.style import COM_COLOR, CONTACT_COLORS, contact_colors
+
+CHARTS: Mapping[str, str] = {
+    "forces": "contact forces: normal (bold) and |f| (fine)",
+    "torques": "motor torques in % of their limits",
+    "centre of pressure": "distance of the centre of pressure from the edge of its sole",
+    "energy": "kinetic, potential, total, and the motors' work",
+    "residuals": "residuals of the contact law and of the constraints, on a logarithmic axis",
+    "angles": "joint positions, in % of the way from the middle to a limit",
+    "speeds": "joint speeds in % of their limits",
+    "height": "height of the centre of mass",
+}
+"""{name: what the chart shows}: those of a trajectory. The first five are drawn where forces are known, else the last three."""
+OF_FORCES, OF_POSES = tuple(CHARTS)[:5], tuple(CHARTS)[5:]
+NAMED_CONTACTS = 6
+_DARK = "#1a1a1a"
+_SMALLEST = 1e-16
+"""Residuals below it are drawn at the foot of their axis."""
+
+
+def charts_of(shown: Any, choice: Choice) -> list[Chart]:
+    """The charts of a motion, in the order of `CHARTS`, or as they are chosen.
+
+    Args:
+        shown: With robot, t, q and v, and as much of a `Trajectory` as there is.
+        choice: True: those that there are numbers for; False: none; or names of `CHARTS`.
+
+    Raises:
+        InputError: an unknown name, or one of which the motion knows nothing.
+    """
+    if isinstance(choice, bool | np.bool_):
+        if not choice:
+            return []
+        found = [chart for name in OF_FORCES if (chart := _MAKERS[name](shown)) is not None]
+        return found or [chart for name in OF_POSES if (chart := _MAKERS[name](shown)) is not None]
+    charts = []
+    for name in a_list(choice):
+        if not isinstance(name, str) or name not in CHARTS:
+            raise InputError(f"there is no chart {name!r:.80}; {nearest(name, CHARTS)}. Charts: {', '.join(CHARTS)}.")
+        chart = _MAKERS[name](shown)
+        if chart is None:
+            raise InputError(
+                f"this motion of {shown.robot.name} has no numbers for the chart {name!r} ({CHARTS[name]}); leave it out, or "
+                "charts=True for those that there are."
+            )
+        charts.append(chart)
+    return charts
+
+
+def _forces(shown: Any) -> Chart | None:
+    contacts = {name: forces.sum(axis=1) for name, forces in shown.point_forces.items()}
+    if not contacts:
+        return _constraint_forces(shown)
+    colors = contact_colors(contacts)
+    size = {name: np.linalg.norm(force, axis=1) for name, force in contacts.items()}
+    order = sorted(contacts, key=lambda name: -float(size[name].max()))
+    lines = []
+    for name in [name for name in contacts if name in order[:NAMED_CONTACTS]]:
+        normal = normals_of(shown.points[name], shown.point_forces[name])
+        along = contacts[name][:, 2] if normal is None else np.einsum("ij,ij->i", contacts[name], normal)
+        lines += [
+            Line(f"{name} {'vertical' if normal is None else 'normal'}", colors[name], along),
+            Line("|f|", colors[name], size[name], FINE),
+        ]
+    if rest := order[NAMED_CONTACTS:]:
+        lines.insert(0, Line("largest |f| of the others", GREY, np.max([size[name] for name in rest], axis=0), FINE))
+    robot = shown.robot
+    weight = float(robot.mass * np.linalg.norm(robot.gravity))
+    carried = max(float(np.nan_to_num(s).max()) for s in size.values())
+    limits = {"weight": weight} if robot.floating and 0.4 * weight < carried < 20.0 * weight else {}
+    words = {line.name.rpartition(" ")[2] for line in lines} & {"normal", "vertical"}
+    title = f"contact forces, N: {' or '.join(sorted(words))} (bold), |f| (fine)"
+    return chart("forces", title, lines, limits=limits, least_top=1.05 * max(limits.values(), default=0.0), percentile=98.0)
+
+
+def _constraint_forces(shown: Any) -> Chart | None:
+    """Of constraints that are no contacts, such as loops: |f| of those with a resultant, else each row."""
+    lines, words = [], set()
+    for name, force in getattr(shown, "forces", {}).items():
+        if force.shape[1] in (3, 6):
+            lines.append((f"|f| {name}", np.linalg.norm(force[:, :3], axis=1)))
+            words.add("N")
+        else:
+            lines += [(name if force.shape[1] == 1 else f"{name} row {k + 1}", row) for k, row in enumerate(force.T)]
+            words.add("N or N m")
+    if not lines:
+        return None
+    lines.sort(key=lambda line: -float(np.abs(line[1]).max()))
+    drawn = [Line(name, color, row) for (name, row), color in zip(lines, CONTACT_COLORS, strict=False)]
+    signed = bool(min(line.values.min() for line in drawn) < 0.0)
+    return chart("forces", f"forces of constraints, {' or '.join(sorted(words))}", drawn, percentile=98.0, signed=signed)
+
+
+def _torques(shown: Any) -> Chart | None:
+    robot: CheckedModel = shown.robot
+    tau = np.abs(getattr(shown, "tau", np.zeros((len(shown.t), 0))))
+    if not tau.shape[1]:
+        return None
+    if np.isfinite(robot.effort_limit).any():
+        share = 100.0 * tau / robot.effort_limit
+        return most_used("torques", "motor torques, % of their limits", robot.actuated_names, share, limit=100.0)
+    if not tau.any():
+        return None
+    units = sorted({FORCE_OF[c.unit] for c in robot.motor_coordinates})
+    return most_used(
+        "torques", f"motor torques, {' or '.join(units)} (no limits are known)", robot.actuated_names, tau, limit=None
+    )
+
+
+def _pressure(shown: Any) -> Chart | None:
+    colors = contact_colors(shown.points)
+    found = {name: edge_distances(points, shown.point_forces[name]) for name, points in shown.points.items()}
+    lines = [Line(name, colors[name], 1e3 * far) for name, far in found.items() if far is not None]
+    if not lines:
+        return None
+    return chart("centre of pressure", "centre of pressure: distance from the sole's edge, mm", lines[:NAMED_CONTACTS])
+
+
+def _energy(shown: Any) -> Chart | None:
+    if not all(hasattr(shown, name) for name in ("kinetic", "potential", "motor_work")):
+        return None
+    potential = shown.potential - shown.potential[0]
+    lines = [
+        Line("kinetic", CONTACT_COLORS[0], shown.kinetic),
+        Line("potential", CONTACT_COLORS[2], potential),
+        Line("total", _DARK, shown.kinetic + potential),
+    ]
+    if np.any(shown.motor_work):
+        lines.append(Line("work of the motors", CONTACT_COLORS[1], shown.motor_work - shown.motor_work[0]))
+    return chart("energy", "energy, J (potential from its start)", lines, signed=True)
+
+
+def _residuals(shown: Any) -> Chart | None:
+    if not hasattr(shown, "residuals"):
+        return None
+    lines = []
+    for known, color in zip(RESIDUALS, CONTACT_COLORS, strict=False):
+        values = np.abs(shown.residuals[known.name])
+        if known.name == "law" or values.any():
+            unit = "scaled" if known.unit == "1" else known.unit
+            lines.append(Line(f"{known.name.replace('_', ' ')}, {unit}", color, values))
+    values = np.concatenate([np.maximum(line.values, _SMALLEST) for line in lines])
+    low, top = 10.0 ** np.floor(np.log10(values.min())), 10.0 ** np.ceil(np.log10(max(values.max(), 2.0 * USABLE)))
+    return Chart(
+        "residuals", "residuals, logarithmic", tuple(lines), {f"law: a warning above {USABLE:g}": USABLE}, low, top, True
+    )
+
+
+def _angles(shown: Any) -> Chart | None:
+    robot = shown.robot
+    joints = [j for j in robot.joints.values() if j.nv == 1 and not j.is_continuous and np.isfinite([j.lower, j.upper]).all()]
+    joints = [j for j in joints if j.upper > j.lower]
+    if not joints:
+        return None
+    q = np.column_stack([shown.q[:, j.q.start] for j in joints])
+    middle = np.array([0.5 * (j.lower + j.upper) for j in joints])
+    half = np.array([0.5 * (j.upper - j.lower) for j in joints])
+    title = "joint positions, % of the way from the middle to a limit"
+    return most_used("angles", title, [j.name for j in joints], 100.0 * np.abs(q - middle) / half, limit=100.0)
+
+
+def _speeds(shown: Any) -> Chart | None:
+    joints = [j for j in shown.robot.joints.values() if np.isfinite(j.speed)]
+    if not joints:
+        return None
+    v = np.abs(np.column_stack([shown.v[:, j.v.start] for j in joints]))
+    share = 100.0 * v / np.array([j.speed for j in joints])
+    return most_used("speeds", "joint speeds, % of their limits", [j.name for j in joints], share, limit=100.0)
+
+
+def _height(shown: Any) -> Chart | None:
+    robot: CheckedModel = shown.robot
+    if robot.mass <= 0.0:
+        return None
+    if hasattr(shown, "com"):
+        height = np.asarray(shown.com)[:, 2]
+    else:
+        model, data = robot.model, robot.model.createData()
+        height = np.array([pin.centerOfMass(model, data, np.array(q, float))[2] for q in shown.q])
+    return chart("height", "height of the centre of mass, m", [Line("height", COM_COLOR, height)], signed=True)
+
+
+_MAKERS: Mapping[str, Callable[[Any], Chart | None]] = {
+    "forces": _forces,
+    "torques": _torques,
+    "centre of pressure": _pressure,
+    "energy": _energy,
+    "residuals": _residuals,
+    "angles": _angles,
+    "speeds": _speeds,
+    "height": _height,
+}

@@ -1,0 +1,189 @@
+"""What a page shows of a robot besides its meshes: names of bodies, frames, collision shapes, and where its front is."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
+
+import coal
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.errors import RbdError
+from rbd.visual.robot_meshes import RobotPart, triangles
+from rbd.visual.shapes import Mesh
+from rbd.visual.style import COLLISION_COLOR
+
+if TYPE_CHECKING:
+    from rbd.model.checked_model import CheckedModel
+    from rbd.robots.robot import Robot
+    from rbd.visual.marks.contacts import ShownForce
+
+DIRECTIONS = 64
+"""The hull that stands for the collision shape of a mesh begins with the outermost points in so many directions."""
+CLOSE_M = 2e-3
+"""Points farther outside than this are added to it, in so many rounds."""
+ROUNDS = 3
+HULL_OPACITY = 0.35
+FRAME_LENGTH = 0.06
+"""Length of the axes of a frame, over the robot's size."""
+_HULLS: WeakKeyDictionary[CheckedModel, tuple[CollisionPart, ...]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class CollisionPart:
+    """A collision shape of the robot as it is drawn.
+
+    Attributes:
+        part: Its triangles.
+        link: Frame of the robot's file that carries it.
+        outside: How far points of the shape lie outside of what is drawn, at most [m].
+        hull: Whether the convex hull of a mesh is drawn.
+    """
+
+    part: RobotPart
+    link: str
+    outside: float
+    hull: bool
+
+
+def collision_parts(robot: Robot) -> tuple[CollisionPart, ...]:
+    """The collision shapes to draw: boxes, cylinders, balls as they are, of meshes the convex hull of a few outermost points.
+
+    Hulls are what contacts and self-collision are computed with. Those drawn have few corners, so that they add little to a
+    page; `outside` tells what that costs. Shapes without triangles, and boxes that stand in for meshes that could not be
+    loaded, are left out.
+    """
+    if robot not in _HULLS:
+        _HULLS[robot] = tuple(_collision_parts(robot))
+    return _HULLS[robot]
+
+
+def _collision_parts(robot: Robot) -> list[CollisionPart]:
+    model = getattr(robot, "collision_model", None)
+    stand_ins: frozenset[str] = getattr(robot, "collision_stand_ins", frozenset())
+    found = []
+    for shape in () if model is None else model.geometryObjects:
+        if shape.name in stand_ins or isinstance(shape.geometry, coal.Plane | coal.Halfspace):
+            continue
+        outside, hull = 0.0, isinstance(shape.geometry, coal.BVHModelBase | coal.ConvexBase)
+        if hull:
+            mesh, outside = _small_hull(_points(shape.geometry))
+        else:
+            mesh = triangles(shape.geometry) or Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+        if len(mesh.faces):
+            part = RobotPart(shape.name, shape.parentJoint, shape.placement, mesh, COLLISION_COLOR, HULL_OPACITY)
+            found.append(CollisionPart(part, _frame_name(robot, shape.parentFrame), outside, hull))
+    return found
+
+
+def _points(geometry: coal.CollisionGeometry) -> Array:
+    if isinstance(geometry, coal.BVHModelBase):
+        return np.array(geometry.vertices(), float).reshape(-1, 3)
+    return np.array([geometry.point(i) for i in range(geometry.num_points)], float).reshape(-1, 3)
+
+
+def _small_hull(points: Array) -> tuple[Mesh, float]:
+    """The hull of the outermost of some points, and how far others lie outside of it [m]; no triangles of a flat set."""
+    from scipy.spatial import ConvexHull, QhullError  # import takes a tenth of a second
+
+    k = np.arange(DIRECTIONS) + 0.5  # even over the sphere: Fibonacci's lattice
+    height, angle = 1.0 - 2.0 * k / DIRECTIONS, np.pi * (1.0 + 5.0**0.5) * k
+    flat = np.sqrt(1.0 - height**2)
+    directions = np.column_stack([flat * np.cos(angle), flat * np.sin(angle), height])
+    few = np.unique((points @ directions.T).argmax(axis=0)) if len(points) else np.zeros(0, int)
+    for round_ in range(ROUNDS + 1):
+        try:
+            hull = ConvexHull(points[few])
+        except (QhullError, ValueError):
+            return Mesh(np.zeros((0, 3)), np.zeros((0, 3), int)), 0.0
+        planes = np.unique(np.round(hull.equations, 9), axis=0)
+        far = points @ planes[:, :3].T + planes[:, 3]
+        outermost, by = far.argmax(axis=0), far.max(axis=0)
+        if round_ == ROUNDS or by.max() < CLOSE_M:
+            break
+        few = np.unique([*few, *outermost[by > CLOSE_M]])
+    corners, faces = points[few], np.array(hull.simplices)
+    a, b, c = (corners[faces[:, i]] for i in range(3))
+    inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0.0
+    faces[inward] = faces[inward][:, ::-1]
+    return Mesh(corners, faces), max(0.0, float(by.max()))
+
+
+def bodies(robot: Robot, parts: Sequence[RobotPart]) -> str:
+    """Names of what is drawn of a robot, for the page, as JSON: {link, joint, mass [kg]} of each part and collision shape."""
+    visual = getattr(robot, "visual_model", None)
+    links = {} if visual is None else {g.name: _frame_name(robot, g.parentFrame) for g in visual.geometryObjects}
+    told = [_body(robot, links.get(part.name, part.name), part.joint) for part in parts]
+    shapes = []
+    for shape in collision_parts(robot):
+        what = f"convex hull of its collision mesh, to {1e3 * shape.outside:.2g} mm" if shape.hull else "its collision shape"
+        shapes.append({**_body(robot, shape.link, shape.part.joint), "shape": what})
+    return json.dumps({"bodies": told, "shapes": shapes})
+
+
+def _body(robot: Robot, link: str, joint: int) -> dict[str, object]:
+    mass = float(robot.model.inertias[joint].mass) if joint else 0.0
+    return {"link": link, "joint": robot.model.names[joint] if joint else "", "mass": float(f"{mass:.5g}")}
+
+
+def _frame_name(robot: CheckedModel, number: int) -> str:
+    return str(robot.model.frames[number].name) if number < len(robot.model.frames) else ""
+
+
+def frames(robot: CheckedModel, data: pin.Data, contacts: Iterable[ShownForce], size: float) -> str:
+    """The frames of joints and of contacts, for the page, as JSON.
+
+    Args:
+        robot: The robot.
+        data: With the joints' poses.
+        contacts: Whose axes are drawn too, z along the normal.
+        size: Of the robot [m].
+    """
+    listed = []
+    for joint in range(1, robot.model.njoints):
+        kind = robot.model.joints[joint].shortname().removeprefix("JointModel")
+        lines = [f"frame of the joint ({kind})", "x red, y green, z blue"]
+        listed.append({"name": robot.model.names[joint], "lines": lines, "at": _pose(data.oMi[joint]), "joint": joint})
+    for contact in contacts:
+        pose = pin.SE3(np.array(contact.patch.axes), np.array(contact.patch.point))
+        lines = ["frame of the contact", "x red, y green, z (normal) blue"]
+        listed.append({"name": contact.name, "lines": lines, "at": _pose(pose), "joint": 0})
+    return json.dumps({"frames": {"length": float(f"{FRAME_LENGTH * size:.4g}"), "listed": listed}})
+
+
+def _pose(X: pin.SE3) -> list[float]:
+    return [round(float(x), 6) for x in pin.SE3ToXYZQUAT(X)]
+
+
+def front_of(robot: CheckedModel, data: pin.Data, contacts: Iterable[ShownForce]) -> list[float]:
+    """Where the robot's face is: a horizontal unit vector in W, shape (2,).
+
+    That of the x axes of the soles in touch, else of those that are known of the robot, else of its floating base, else W's x.
+    """
+    toes = [c.patch.axes[:2, 0] for c in contacts if len(c.corners) > 2]
+    if not toes:
+        toes = _known_toes(robot, data)
+    if not toes and robot.model.njoints > 1 and robot.model.joints[1].nq == 7:
+        toes = [data.oMi[1].rotation[:2, 0]]
+    ahead = np.sum(toes, axis=0) if toes else np.zeros(2)
+    length = float(np.linalg.norm(ahead))
+    return np.round(ahead / length, 4).tolist() if length > 1e-3 else [1.0, 0.0]
+
+
+def _known_toes(robot: CheckedModel, data: pin.Data) -> list[Array]:
+    """The x axes of the robot's soles in W, along the ground, each of shape (2,)."""
+    try:
+        soles = robot.soles()  # type: ignore[attr-defined]
+    except (RbdError, AttributeError):
+        return []
+    toes = []
+    for sole in soles:
+        frame = robot.model.frames[robot.model.getFrameId(sole.frame)]
+        X_WF = data.oMi[frame.parentJoint] * frame.placement
+        toes.append((X_WF * sole.placement).rotation[:2, 0] if sole.placement is not None else X_WF.rotation[:2, 0])
+    return toes
