@@ -1,9 +1,9 @@
 // The legend: a title that folds the rest, a row for each name, notes below.
-const NARROW = 500;  // pixels: the legend of a smaller window starts folded
+const FOLDED_BELOW = 500;  // pixels: the legend of a smaller window starts folded
 
 // A title with a button that folds what is below it; kept when the legend is written anew.
 function heading(legend, title) {
-  if (!legend.dataset.fold) legend.dataset.fold = window.innerWidth < NARROW ? "folded" : "open";
+  if (!legend.dataset.fold) legend.dataset.fold = window.innerWidth < FOLDED_BELOW ? "folded" : "open";
   const h1 = document.createElement("h1");
   const button = Object.assign(document.createElement("button"), { type: "button", textContent: title });
   button.title = "Fold or unfold (h)";
