@@ -16,6 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_vector3
+from rbd.displayed import Displayed
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, ExternalForce
@@ -30,7 +31,7 @@ from rbd.visual.marks.picture import Picture
 from rbd.visual.marks.statics import Drawn, left_out_of, marks_of
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import offline_page, photograph, write_page
-from rbd.visual.pages.recorder import Recorder
+from rbd.visual.pages.recorder import Recorder, drawn_together
 from rbd.visual.pages.server import LiveServer
 from rbd.visual.robot_layers import bodies, collision_parts, frames, front_of
 from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
@@ -47,7 +48,7 @@ WEIGHTLESS_N = 100.0
 BESIDE_OPACITY = 0.55
 
 
-class Scene:
+class Scene(Displayed):
     """A picture of a robot in contact: meshes, forces, friction cones, support polygon, centre of mass.
 
     Every arrow starts where its force acts and points along the force on the robot; its length is the force times one
@@ -120,6 +121,16 @@ class Scene:
         self._statics: tuple[Drawn, ...] = ()
 
     @property
+    def robot(self) -> Robot:
+        """The robot whose scene it is."""
+        return self._robot
+
+    @property
+    def shown(self) -> bool:
+        """Whether a state has been shown."""
+        return self._sizes is not None
+
+    @property
     def contacts(self) -> tuple[ShownForce, ...]:
         """The contact forces now in the picture."""
         return self._picture.contacts
@@ -145,6 +156,11 @@ class Scene:
         return self._shown()
 
     @property
+    def recorder(self) -> Recorder:
+        """The messages of the scene, to its pages and from them."""
+        return self._recorder
+
+    @property
     def url(self) -> str:
         """Address of the live scene; starts its server, which listens on 127.0.0.1 only."""
         if self._server is None:
@@ -157,6 +173,7 @@ class Scene:
         webbrowser.open(address, new=2)
         return address
 
+    @drawn_together
     def show(
         self, state: State, solution: Solution | Actuation | None = None, *, external: External | Iterable[ExternalForce] = None
     ) -> None:
@@ -207,6 +224,7 @@ class Scene:
         if reframed:
             self._recorder.post("view", self._view(self._data))
 
+    @drawn_together
     def draw(self, *statics: Drawn) -> None:
         """Draw regions, largest pushes, wrench cones and footprints around the robot shown, until the next `draw`.
 
@@ -224,6 +242,7 @@ class Scene:
         if self._legend:
             self._write_legend()
 
+    @drawn_together
     def beside(self, states: Mapping[str, State], *, shown: str = "") -> None:
         """Draw the robot in further poses at the same place, each in one translucent colour: branches, steps of a motion.
 
@@ -315,6 +334,7 @@ class Scene:
             for i, part in enumerate(parts):
                 send_part(self._viewer, f"{path}/{i}", part)
         self._drawn, self._around, self._moving = [], around, True
+        self._describe()
         self._recorder.post("motion", motion)
         self._recorder.post("view", self._view(self._data))
 
