@@ -10,7 +10,6 @@ import math
 import os
 import platform
 import warnings
-from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -162,7 +161,7 @@ def simulate(
     plot: Annotated[Path | None, typer.Option(help="Draw forces and energy over time, .png, .svg or .pdf.")] = None,
     html: Motion = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers of the report.")] = None,
-    show: Annotated[bool, typer.Option("--show", help="Replay it in the browser.")] = False,
+    show: Annotated[bool, typer.Option("--show", help="Play it at 127.0.0.1 until Ctrl-C.")] = False,
 ) -> None:
     """Simulate a robot: on its feet, holding its posture; a mechanism, swinging; an arm, held; with pushes.
 
@@ -215,13 +214,10 @@ def simulate(
         if html is not None and len(trajectory) > 1:
             print_path(console, "picture", trajectory.export(html, external=external))
         if show and len(trajectory) > 1:
-            from rbd.visual import Scene, replay
-            from rbd.visual.playback.animation import VIEWER_SECONDS
+            from rbd.visual.playback.animation import motion_scene
 
-            with Scene(found, legend=False) as scene, suppress(KeyboardInterrupt):
-                console.print(f"replaying at {scene.open()}", soft_wrap=True, highlight=False)
-                scene.wait_for_viewer(VIEWER_SECONDS)
-                replay(trajectory, scene=scene, external=external)
+            with motion_scene(trajectory, external=external, playing=True) as scene:
+                serve(console, scene.open())
         if stopped is not None:
             raise stopped
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from rbd.arrays import Array, check_flag, check_seed, check_whole
 from rbd.constraints.constraint import Constraint
+from rbd.displayed import Displayed
 from rbd.errors import CannotAssemble, InputError
 from rbd.mechanism.assembly import TOLERANCE, check_descent, distances
 from rbd.mechanism.bilateral_velocities import independent_columns
@@ -23,7 +24,7 @@ MOST_TRIES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class Branch(Displayed):
     """One assembly mode of a mechanism, as `branches` finds it.
 
     Attributes:
@@ -50,7 +51,7 @@ class Branch:
 
 
 @dataclass(frozen=True, eq=False)
-class Branches:
+class Branches(Displayed):
     """All assembly modes that `branches` found, without proof of completeness.
 
     Attributes:

@@ -12,6 +12,7 @@ from scipy.linalg import qr
 from rbd.arrays import Array, check_positive, check_seed
 from rbd.constraints.constraint import Constraint, loop_dof
 from rbd.constraints.manifold import CLOSED, RANK, ConstraintManifold, RowName, null_space
+from rbd.displayed import Displayed
 from rbd.mechanism.local_dimension import FAR, FiniteMotion, finite_motion
 from rbd.model.state import State
 
@@ -19,7 +20,7 @@ _PARALLEL = 1e-9
 
 
 @dataclass(frozen=True)
-class Count:
+class Count(Displayed):
     """Mobility by Gruebler's count: M = k (N - 1 - j) + sum of f - others.
 
     It uses no lengths and no directions, except whether all motion is in parallel planes.
@@ -69,7 +70,7 @@ class RedundantRow:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mobility:
+class Mobility(Displayed):
     """How many degrees of freedom a mechanism has at a configuration: counted, instantaneous, and of finite motions.
 
     Attributes:

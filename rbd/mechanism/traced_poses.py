@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.displayed import Displayed
 from rbd.mechanism.poses import LimitViolation, measured
 from rbd.model.joints import ANGLE
 
@@ -44,7 +45,7 @@ class Bifurcation:
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class Trace(Displayed):
     """Poses of a mechanism while one joint is driven, in order, with the limits and singular poses that it passes.
 
     Attributes:

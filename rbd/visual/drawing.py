@@ -6,36 +6,23 @@ import json
 from collections.abc import Mapping, Sequence
 
 import meshcat
-from meshcat.geometry import MeshLambertMaterial, MeshPhongMaterial, TriangularMeshGeometry
 
 from rbd.visual.marks.mark import Mark
+from rbd.visual.packed_meshes import Placed
 from rbd.visual.robot_meshes import RobotPart
 from rbd.visual.shapes import Mesh
-from rbd.visual.style import rgb_number
 
 
 def send_part(viewer: meshcat.Visualizer, path: str, part: RobotPart, *, nearer: int = 0) -> None:
     """Send a piece of a robot, in its own frame; of surfaces in one plane the one with the largest `nearer` is seen."""
-    shine = MeshPhongMaterial(color=rgb_number(part.color), opacity=part.opacity)
-    shine.properties.update(specular=0x222222, shininess=20)
-    if part.opacity < 0.5:  # inner parts must be drawn, in any order
-        shine.properties.update(depthWrite=False)
-    if nearer:
-        shine.properties.update(polygonOffset=True, polygonOffsetFactor=-nearer, polygonOffsetUnits=-nearer)
-    _send_mesh(viewer, path, part.mesh, shine)
+    told = {"kind": "part", "color": part.color, "opacity": part.opacity}
+    _send(viewer[path], part.mesh, told | ({"nearer": nearer} if nearer else {}))
 
 
 def send_mark(viewer: meshcat.Visualizer, mark: Mark) -> None:
-    """Send a mark, and its ghost if it shines through what hides it."""
-    glow = rgb_number(mark.color, share=0.15)
-    solid = MeshLambertMaterial(color=rgb_number(mark.color), opacity=mark.opacity, emissive=glow)
-    if mark.opacity < 1.0:
-        solid.properties.update(depthWrite=False)
-    _send_mesh(viewer, f"marks/{mark.path}", mark.mesh, solid)
-    if mark.seen_through:
-        ghost = MeshLambertMaterial(color=rgb_number(mark.color), opacity=0.6 * mark.opacity, emissive=glow)
-        ghost.properties.update(depthTest=False, depthWrite=False)
-        _send_mesh(viewer, f"marks/{mark.path}_seen_through", mark.mesh, ghost)
+    """Send a mark; the page also draws its ghost if it shines through what hides it, at the path and "_seen_through"."""
+    told = {"kind": "mark", "color": mark.color, "opacity": mark.opacity, "through": mark.seen_through}
+    _send(viewer[f"marks/{mark.path}"], mark.mesh, told)
 
 
 def described(marks: Sequence[Mark], layers: Mapping[str, bool]) -> str:
@@ -45,15 +32,10 @@ def described(marks: Sequence[Mark], layers: Mapping[str, bool]) -> str:
         one: dict[str, object] = {"path": mark.path, "layer": mark.layer}
         if mark.label is not None:
             at = [round(float(x), 5) for x in mark.label.at]
-            one["label"] = {"title": mark.label.title, "lines": list(mark.label.lines), "at": at}
+            one["label"] = {"title": mark.label.title, "lines": list(mark.label.lines), "at": at, "tag": mark.label.tag}
         listed.append(one)
     return json.dumps({"marks": {"layers": dict(layers), "listed": listed}})
 
 
-def _send_mesh(viewer: meshcat.Visualizer, path: str, mesh: Mesh, material: MeshLambertMaterial | MeshPhongMaterial) -> None:
-    geometry = TriangularMeshGeometry(mesh.vertices, mesh.faces)
-    # Meshcat's names contain the network card's number and the clock: these make pages reproducible and private.
-    geometry.uuid, material.uuid = f"{path}#geometry", f"{path}#material"
-    node = meshcat.geometry.Mesh(geometry, material)
-    node.uuid = f"{path}#mesh"
-    viewer[path].set_object(node)
+def _send(node: meshcat.Visualizer, mesh: Mesh, told: Mapping[str, object]) -> None:
+    node.window.send(Placed(node.path.lower(), told, mesh))

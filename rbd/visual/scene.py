@@ -15,23 +15,28 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_vector3
+from rbd.displayed import Displayed
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.dynamics import External, ExternalForce
 from rbd.model.state import State
 from rbd.visual.drawing import described, send_mark, send_part
+from rbd.visual.framing import FRONT_LEFT, camera_and_ground, seen_from
 from rbd.visual.layers import checked_layers, checked_view
-from rbd.visual.marks import contacts as marks
-from rbd.visual.marks.contacts import Push, ShownForce, ground_under, pushes, shown_forces, support_outline
-from rbd.visual.marks.statics import Drawn, legend_of, marks_of
-from rbd.visual.other_poses import check_poses, send_poses
+from rbd.visual.marks.contacts import ShownForce
+from rbd.visual.marks.legend import legend_data
+from rbd.visual.marks.mark import Mark, Sizes
+from rbd.visual.marks.picture import Picture
+from rbd.visual.marks.statics import Drawn, left_out_of, marks_of
+from rbd.visual.other_poses import Details, OtherPoses, check_poses
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import offline_page, photograph, write_page
-from rbd.visual.pages.recorder import Recorder
+from rbd.visual.pages.recorder import Recorder, drawn_together
 from rbd.visual.pages.server import LiveServer
 from rbd.visual.robot_layers import bodies, collision_parts, frames, front_of
 from rbd.visual.robot_meshes import RobotPart, robot_parts
 from rbd.visual.shapes import outermost, round_number
-from rbd.visual.style import COM_COLOR, SUPPORT_COLOR, a_length, a_page, a_picture, contact_colors
+from rbd.visual.style import a_length, a_page, a_picture, contact_colors
 
 if TYPE_CHECKING:
     from rbd.robots.robot import Robot
@@ -40,17 +45,19 @@ if TYPE_CHECKING:
 
 # Newtons for one metre of arrow if a robot has no weight (no mass, or no gravity).
 WEIGHTLESS_N = 100.0
-FRONT_LEFT = (1.0, 0.62, 0.34)
+BESIDE_OPACITY = 0.55
 
 
-class Scene:
+class Scene(Displayed):
     """A picture of a robot in contact: meshes, forces, friction cones, support polygon, centre of mass.
 
     Every arrow starts where its force acts and points along the force on the robot; its length is the force times one
     scale for the whole scene, stated in the legend. A sole's big arrow is the resultant at the centre of pressure, its
     thin ones are the corner forces; an arrow that leaves its translucent cone slips. Between two bodies, the thin pale
-    opposite arrow is the force on the second. Marks shine faintly through the robot. Moments, joint torques and the
-    forces of loops and limits are not drawn.
+    opposite arrow is the force on the second; so it is of a loop. Moments and the torques of stops, brakes and gears are bent
+    arrows about their axes. Motor torques are arcs too, whose length and colour tell the share of the limit: layer "joint
+    torques", off at first. Walls, slopes and moving ground that contacts touch are drawn as pieces of their planes. Marks
+    shine faintly through the robot. The legend tells in words what is left out.
 
     Args:
         robot: Whose meshes to draw; without visual shapes a skeleton with inertia ellipsoids and collision shapes.
@@ -101,14 +108,12 @@ class Scene:
         self._viewer = meshcat.Visualizer(window=self._recorder)
         self._parts: tuple[RobotPart, ...] = ()
         self._data: pin.Data | None = None
-        self._sizes: marks.Sizes | None = None
+        self._sizes: Sizes | None = None
         self._seen: list[str] = []
-        self._drawn: list[marks.Mark] = []
-        self._contacts: list[ShownForce] = []
+        self._drawn: list[Mark] = []
+        self._picture = Picture(np.zeros(3))
         self._server: LiveServer | None = None
-        self._pushed: list[tuple[str, Array, Array]] = []
-        self._others: dict[str, str] = {}
-        self._poses: tuple[dict[str, State], str, dict[str, list[str]], str] = {}, "", {}, ""
+        self._poses = OtherPoses({})
         self._further = np.zeros((0, 3))
         self._around = np.zeros((0, 3))
         self._moving = False
@@ -116,14 +121,29 @@ class Scene:
         self._statics: tuple[Drawn, ...] = ()
 
     @property
-    def contacts(self) -> tuple[ShownForce, ...]:
-        """The contact forces now in the picture."""
-        return tuple(self._contacts)
+    def robot(self) -> Robot:
+        """The robot whose scene it is."""
+        return self._robot
 
     @property
-    def drawn(self) -> tuple[marks.Mark, ...]:
+    def shown(self) -> bool:
+        """Whether a state has been shown."""
+        return self._sizes is not None
+
+    @property
+    def contacts(self) -> tuple[ShownForce, ...]:
+        """The contact forces now in the picture."""
+        return self._picture.contacts
+
+    @property
+    def drawn(self) -> tuple[Mark, ...]:
         """The marks now in the picture: arrows, cones, patches, polygon and centre of mass, as triangles in W."""
         return tuple(self._drawn)
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """What the picture does not show, or not in full, in words; the legend has them too."""
+        return (*self._picture.left_out(self._shown()), *left_out_of(self._statics, self._shown()))
 
     @property
     def metres_per_newton(self) -> float:
@@ -131,9 +151,14 @@ class Scene:
         return self._shown().metres_per_newton
 
     @property
-    def sizes(self) -> marks.Sizes:
+    def sizes(self) -> Sizes:
         """Sizes of the marks; constant from the first `show` on."""
         return self._shown()
+
+    @property
+    def recorder(self) -> Recorder:
+        """The messages of the scene, to its pages and from them."""
+        return self._recorder
 
     @property
     def url(self) -> str:
@@ -148,19 +173,20 @@ class Scene:
         webbrowser.open(address, new=2)
         return address
 
+    @drawn_together
     def show(
-        self, state: State, solution: Solution | Actuation | None = None, *, external: Iterable[Push] | Push | None = None
+        self, state: State, solution: Solution | Actuation | None = None, *, external: External | Iterable[ExternalForce] = None
     ) -> None:
         """Draw the robot in this state with the forces of this solution, in place of what was shown.
 
         Args:
             state: Where the robot is. Velocities are not drawn.
-            solution: Its contact forces, from `solve` or `hold`; None draws the robot and its centre of mass only.
-            external: The forces (`ExternalForce`) that were given to `solve`, drawn from the points they act on.
+            solution: Its forces, from `solve` or `hold`; None draws the robot and its centre of mass only.
+            external: What was given to `solve`: each `ExternalForce` is drawn from the point it acts on. A generalised force
+                has no such point: `left_out` and the legend tell it.
 
         Raises:
-            InputError: if the state is of a robot with other joints, or `external` is a generalised force: that has no
-                place in the picture.
+            InputError: if the state is of a robot with other joints, or `external` is not what `solve` takes.
         """
         model = self._robot.model
         if not isinstance(state, State):
@@ -183,25 +209,24 @@ class Scene:
             self._around, self._moving = np.zeros((0, 3)), False
         pin.forwardKinematics(model, self._data, np.asarray(state.q, float))
         self._place_parts(self._data)
-        if self._others:
+        if self._poses:
             self._draw_poses()
-        self._cloud = None
+        self._picture, self._cloud = Picture.of(state, solution, external), None
         if self._sizes is None:
             self._cloud = self._extremes(self._data)
-            self._sizes = self._measure(self._cloud)
-        self._contacts = [] if solution is None else shown_forces(solution)
-        self._seen += [c.name for c in self._contacts if c.name not in self._seen]
-        self._pushed = pushed = pushes(state, external)
-        self._drawn = self._marks(np.asarray(state.com, float), pushed)
+            self._sizes = self._measure(self._cloud, self._picture.largest_moment)
+        self._seen += [name for name in self._picture.colored if name not in self._seen]
+        self._drawn = self._picture.marks(contact_colors(self._seen), self._sizes) + marks_of(self._statics, self._sizes)
         self._viewer["marks"].delete()
         for mark in self._drawn:
             send_mark(self._viewer, mark)
         self._describe()
         if self._legend:
-            self._write_legend(pushed)
+            self._write_legend()
         if reframed:
             self._recorder.post("view", self._view(self._data))
 
+    @drawn_together
     def draw(self, *statics: Drawn) -> None:
         """Draw regions, largest pushes, wrench cones and footprints around the robot shown, until the next `draw`.
 
@@ -217,25 +242,17 @@ class Scene:
             send_mark(self._viewer, mark)
         self._describe()
         if self._legend:
-            self._write_legend(self._pushed)
+            self._write_legend()
 
-    def beside(
-        self,
-        states: Mapping[str, State],
-        *,
-        shown: str = "",
-        details: Mapping[str, Sequence[str]] | None = None,
-        note: str = "",
-    ) -> None:
-        """Draw the robot in further poses at the same place, each in one colour: branches, steps of a motion.
+    @drawn_together
+    def beside(self, states: Mapping[str, State], *, shown: str = "", details: Details = None, note: str = "") -> None:
+        """Draw the robot in further poses at the same place, each in one colour, until the next call: branches, for example.
 
-        They stay until the next call; `{}` takes them away. The legend names them. Bars that have one place in several poses
-        are striped in the colours of all these. Without `shown` the robot keeps its colours, and the poses are translucent.
+        Bars at one place in several poses have stripes of all their colours. Without `shown` the poses are translucent.
 
         Args:
-            states: {name: where the robot is}, of the scene's robot.
-            shown: Name of the pose that `show` drew: it gets one colour too, and its place in the legend among `states`, if it
-                is one of these.
+            states: {name: where the robot is}, of the scene's robot; `{}` takes them away. The legend names them.
+            shown: Name of the pose that `show` drew, which then has one colour too; it may be one of `states`.
             details: {name: lines below the name in the legend}, such as joint angles.
             note: A line below the legend.
 
@@ -245,24 +262,19 @@ class Scene:
         """
         self._shown()
         check_poses(self._robot, states, shown)
-        self._poses = dict(states), shown, {name: list(lines) for name, lines in (details or {}).items()}, note
-        self._draw_poses()
+        before, self._poses = bool(self._poses), OtherPoses(states, shown, details or {}, note)
+        self._draw_poses(before)
         if self._legend:
-            self._write_legend(self._pushed)
+            self._write_legend()
 
-    def _draw_poses(self) -> None:
-        states, shown, *_ = self._poses
-        self._viewer["beside"].delete()
+    def _draw_poses(self, again: bool = True) -> None:
         assert self._data is not None
-        if self._others:  # the robot gets its own colours back
+        self._viewer["beside"].delete()
+        if again:  # the robot gets its own colours back
             self._send_parts()
             self._place_parts(self._data)
-        found = {name: self._robot.model.createData() for name in states}
-        for name, data in found.items():
-            pin.forwardKinematics(self._robot.model, data, np.asarray(states[name].q, float))
-        named = bool(states or shown)
-        self._others = send_poses(self._viewer, self._parts, self._data, found, shown) if named else {}
-        self._further = np.vstack([np.zeros((0, 3)), *(self._extremes(data) for data in found.values())])
+        found = self._poses.send(self._viewer, self._parts, self._data, self._robot.model)
+        self._further = np.vstack([np.zeros((0, 3)), *map(self._extremes, found)])
 
     def export(self, path: str | PathLike[str]) -> Path:
         """Write the scene as one HTML file that needs no network and no server; returns its path.
@@ -318,6 +330,7 @@ class Scene:
             for i, part in enumerate(parts):
                 send_part(self._viewer, f"{path}/{i}", part)
         self._drawn, self._around, self._moving = [], around, True
+        self._describe()
         self._recorder.post("motion", motion)
         self._recorder.post("view", self._view(self._data))
 
@@ -342,19 +355,16 @@ class Scene:
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         self.close()
 
-    def _shown(self) -> marks.Sizes:
+    def _shown(self) -> Sizes:
         if self._sizes is None:
             raise PictureError("the scene is empty: call scene.show(state, solution) first.")
         return self._sizes
 
-    def _measure(self, cloud: Array) -> marks.Sizes:
+    def _measure(self, cloud: Array, largest_moment: float) -> Sizes:
         body = float(np.ptp(cloud, axis=0).max()) or 1.0
         length = self._arrow_per_weight or round_number(0.5 * body)
-        weight = self._weight()
-        return marks.Sizes(body, length / (weight or WEIGHTLESS_N))
-
-    def _weight(self) -> float:
-        return float(self._robot.mass * np.linalg.norm(self._robot.model.gravity.linear))
+        weight = float(self._robot.mass * np.linalg.norm(self._robot.model.gravity.linear))
+        return Sizes(body, length / (weight or WEIGHTLESS_N), weight, largest_moment)
 
     def _send_parts(self) -> None:
         for i, part in enumerate(self._parts):
@@ -377,60 +387,23 @@ class Scene:
             points.append(part.mesh.placed(X_WG.rotation, X_WG.translation).vertices)
         return outermost(np.vstack(points)) if self._parts else np.zeros((1, 3))
 
-    def _marks(self, com: Array, pushed: list[tuple[str, Array, Array]]) -> list[marks.Mark]:
-        sizes = self._shown()
-        colors = contact_colors(self._seen)
-        drawn = marks.com_marks(com, sizes, ground_under(com, self._contacts))
-        drawn += marks.support_marks(support_outline(self._contacts), sizes)
-        for contact in self._contacts:
-            drawn += marks.contact_marks(contact, colors[contact.name], sizes)
-        drawn += marks_of(self._statics, sizes)
-        drawn += [marks.push_mark(i, point, force, sizes) for i, (_, point, force) in enumerate(pushed)]
-        return [mark for mark in drawn if len(mark.mesh.faces)]
-
     def _describe(self) -> None:
         """Send the frames, the layers, and the layer and label of every mark."""
         assert self._data is not None
-        self._recorder.post("frames", frames(self._robot, self._data, self._contacts, self._shown().body))
+        self._recorder.post("frames", frames(self._robot, self._data, self._picture.contacts, self._shown().body))
         self._recorder.post("marks", described(self._drawn, self._layers))
 
-    def _write_legend(self, pushed: list[tuple[str, Array, Array]]) -> None:
-        colors = contact_colors(self._seen)
-        sizes = [(name, float(np.linalg.norm(force))) for name, _, force in pushed]
-        what = marks.legend(self._robot.name, self._contacts, colors, sizes)
-        rest = [("centre of mass, drop line", COM_COLOR)]
-        rest += legend_of(self._statics)
-        if len(support_outline(self._contacts)):
-            rest.append(("support polygon", SUPPORT_COLOR))
-        entries = [
-            {"color": color, "name": name, "value": "", "detail": self._poses[2].get(name, "")}
-            for name, color in [*self._others.items(), *rest]
-        ]
-        notes = [self._poses[3]] if self._poses[3] else []
-        if self._contacts or pushed:
-            notes.append(marks.scale_note(self._shown().metres_per_newton, self._weight()))
-        notes.append("Drag to turn, wheel to zoom, right button to shift.")
-        listed = what["entries"]
-        assert isinstance(listed, list)
-        self._recorder.post("legend", json.dumps({"legend": {**what, "entries": listed + entries, "notes": notes}}))
+    def _write_legend(self) -> None:
+        colors, poses = contact_colors(self._seen), self._poses
+        what = legend_data(self._robot.name, self._picture, colors, self._shown(), self._statics, poses.entries(), poses.note)
+        self._recorder.post("legend", json.dumps({"legend": what}))
 
     def _view(self, data: pin.Data) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
-        drawn = [mark.mesh.vertices for mark in self._drawn]
+        drawn = [mark.mesh.vertices for mark in self._drawn if self._layers[mark.layer]]
         if self._cloud is None:  # costly, and the same until the next state
             self._cloud = self._extremes(data)
-        fit = outermost(np.vstack([self._cloud, self._further, self._around, *drawn]))
-        low, high = fit.min(axis=0), fit.max(axis=0)
-        across = float(np.linalg.norm(high - low))
-        view = {
-            "direction": marks.seen_from(self._contacts, FRONT_LEFT) if self._seen_from is None else self._seen_from.tolist(),
-            "front": front_of(self._robot, data, self._contacts),
-            "opens": self._opens,
-            "fov": 30.0,
-            "points": np.round(fit, 4).tolist(),
-            "centre": np.round((low + high) / 2.0, 4).tolist(),
-            "radius": round(across / 2.0, 4),
-            # A motion over a long way has a coarser grid: no more than some hundred lines.
-            "cell": round_number(max(0.2 * self._shown().body, across / 60.0)) if self._ground else 0.0,
-        }
-        return json.dumps({"view": view})
+        contacts = self._picture.contacts
+        direction = seen_from(contacts) if self._seen_from is None else self._seen_from.tolist()
+        front, clouds = front_of(self._robot, data, contacts), [self._cloud, self._further, self._around, *drawn]
+        return camera_and_ground(clouds, direction, front, opens=self._opens, body=self._shown().body, ground=self._ground)

@@ -167,20 +167,81 @@ def clustered(mesh: Mesh, cell: float) -> Mesh:
     return creased(Mesh(vertices, faces))
 
 
-def arrow(start: Array, vector: Array, *, radius: float) -> Mesh:
+def arrow(start: Array, vector: Array, *, radius: float, longest: float = np.inf) -> Mesh:
     """An arrow from `start` along `vector`, both of shape (3,) [m]: its tip is at start + vector.
 
-    The head is six shaft radii long, less on arrows too short for that. A zero vector gives no triangles.
+    The head is six shaft radii long, less on arrows too short for that. A zero vector gives no triangles. An arrow that would
+    be longer than `longest` [m] is cut there, and has two heads.
     """
-    length = float(np.linalg.norm(vector))
-    if length == 0.0:
+    wanted = float(np.linalg.norm(vector))
+    if wanted == 0.0:
         return joined([])
+    length = min(wanted, longest)
     head = min(6.0 * radius, 0.5 * length)
     neck = length - head
     wide = 2.6 * radius * min(1.0, head / (6.0 * radius) + 0.25)
     thin = min(radius, 0.6 * wide)
     profile = [(0.0, 0.0), (thin, 0.0), (thin, neck), (wide, neck), (0.0, length)]
-    return revolved(profile, segments=24).placed(axes_along(vector), start)
+    axes = axes_along(vector)
+    mesh = revolved(profile, segments=24).placed(axes, start)
+    if wanted <= longest:
+        return mesh
+    low = neck - 0.8 * head
+    return joined([mesh, revolved([(0.0, low), (wide, low), (0.0, low + head)], segments=24).placed(axes, start)])
+
+
+def arc_arrow(centre: Array, axes: Array, radius: float, angle: float, *, thickness: float, heads: int = 1) -> Mesh:
+    """A bent arrow about the third axis of `axes`: it begins on the first one, and its tip is on the circle at `angle` [rad].
+
+    Args:
+        centre: Of the circle, in W, shape (3,) [m].
+        axes: R_WA; positive angles turn from the first axis to the second, negative ones the other way.
+        radius: Of the circle [m].
+        angle: From the start to the tip [rad]. Zero gives no triangles.
+        thickness: Radius of the bent shaft [m].
+        heads: How many heads it has at its end.
+    """
+    if angle == 0.0:
+        return joined([])
+    way, size = np.sign(angle), abs(angle)
+    head = min(6.0 * thickness / radius, 0.6 * size)  # the angle that a head takes
+    end = way * (size - head)
+    steps = max(2, int(np.ceil(abs(end) / 0.12)) + 1)
+    turns, around = np.linspace(0.0, end, steps), np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    thin = min(thickness, 0.4 * radius * head)
+    outward = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(steps)])
+    rings = outward[:, None] * (radius + thin * np.cos(around))[None, :, None] + np.array([0.0, 0.0, 1.0]) * (
+        thin * np.sin(around)[None, :, None]
+    )
+    here = np.arange(12)
+    after = (here + 1) % 12
+    faces = []
+    for k in range(steps - 1):
+        low, high = 12 * k, 12 * (k + 1)
+        faces += [
+            np.column_stack([low + here, low + after, high + after]),
+            np.column_stack([low + here, high + after, high + here]),
+        ]
+    pieces = [Mesh(rings.reshape(-1, 3), np.vstack(faces)), ball(thin, centre=np.array([radius, 0.0, 0.0]))]
+    for i in range(heads):
+        back = end - way * 0.8 * head * i
+        foot, tip = (radius * np.array([np.cos(a), np.sin(a), 0.0]) for a in (back, back + way * head))
+        along = tip - foot
+        length = float(np.linalg.norm(along))
+        wide = 2.6 * thin
+        pieces.append(revolved([(0.0, 0.0), (wide, 0.0), (0.0, length)], segments=20).placed(axes_along(along), foot))
+    return joined(pieces).placed(axes, centre)
+
+
+def ribbon(start: Array, end: Array, normal: Array, width: float) -> Mesh:
+    """A flat line from `start` to `end`, shape (3,) [m], in the plane with this normal, so wide [m]: two triangles."""
+    along = end - start
+    side = np.cross(normal, along)
+    length = float(np.linalg.norm(side))
+    if length == 0.0:
+        return joined([])
+    half = 0.5 * width / length * side
+    return Mesh(np.array([start - half, end - half, end + half, start + half]), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
 def friction_cone(apex: Array, axes: Array, friction: float, *, slant: float) -> Mesh:

@@ -4,8 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from rbd.arrays import Array
-from rbd.visual.shapes import Mesh
+from rbd.visual.shapes import Mesh, round_number
+
+FULL_TURN = np.radians(300.0)
+"""Angle of the arc of a torque at its limit, and of a moment at the full scale [rad]."""
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -14,13 +19,15 @@ class Label:
 
     Attributes:
         title: Its name, as "left_sole".
-        lines: Numbers with units, as "force (1.2, 0.3, 448.1) N"; the first is shown when labels are on.
+        lines: Numbers with units; the first is the shortest, and is shown when labels are on.
         at: Point in W where the label stands, shape (3,) [m].
+        tag: Whether it is shown next to the mark when labels are on; else only when one points at the mark.
     """
 
     title: str
     lines: tuple[str, ...]
     at: Array
+    tag: bool = True
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -53,10 +60,14 @@ class Sizes:
     Attributes:
         body: Largest side of the box around the robot [m].
         metres_per_newton: Length of an arrow over its force [m/N].
+        weight_N: The robot's weight [N]; zero where nothing weighs.
+        largest_moment: Of the first picture [N m]: the scale of moments reaches to it.
     """
 
     body: float
     metres_per_newton: float
+    weight_N: float = 0.0
+    largest_moment: float = 0.0
 
     @property
     def shaft(self) -> float:
@@ -77,3 +88,47 @@ class Sizes:
     def lift(self) -> float:
         """Height of marks above the ground, so that the two do not flicker [m]."""
         return 0.0012 * self.body
+
+    @property
+    def arc(self) -> float:
+        """Radius of the arc of a torque or a moment [m]."""
+        return 0.05 * self.body
+
+    @property
+    def full_moment(self) -> float:
+        """The moment whose arc has the angle `FULL_TURN` [N m]: 1, 2 or 5 times a power of ten.
+
+        At least that of a force with an arrow of half the robot's size, at a tenth of that size.
+        """
+        full = round_number(0.05 * self.body**2 / self.metres_per_newton)
+        if self.largest_moment <= full:
+            return full
+        up = round_number(self.largest_moment)
+        return up if up >= self.largest_moment else round_number(2.2 * up)
+
+    @property
+    def longest(self) -> float:
+        """Largest length of an arrow [m]; what is longer is cut, and has two heads."""
+        return max(3.0 * self.body, 1.5 * self.weight_N * self.metres_per_newton)
+
+
+def numbers(values: Array, digits: int = 4) -> str:
+    """Some numbers in parentheses, with so many digits of the largest: '(0, 12.3, 448.1)'."""
+    values = np.atleast_1d(np.asarray(values, float))
+    most = float(np.abs(values).max(initial=0.0))
+    places = max(0, digits - 1 - int(np.floor(np.log10(most)))) if 1e-12 < most < 1e12 else 0
+    if most >= 1e12:
+        return "(" + ", ".join(f"{x:.{digits}g}" for x in values) + ")"
+    rounded = np.round(values, places) + 0.0  # + 0.0 turns the -0 of rounding into 0
+    words = [f"{x:.{places}f}" for x in rounded]
+    return "(" + ", ".join(word.rstrip("0").rstrip(".") if "." in word else word for word in words) + ")"
+
+
+def number(value: float) -> str:
+    """A number with four digits; zero where it is below a millionth."""
+    return f"{value:.4g}" if abs(value) >= 1e-6 else "0"
+
+
+def node(name: str) -> str:
+    """A name for a Meshcat path, where a slash would open a new level."""
+    return name.replace("/", "|") or "unnamed"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
@@ -14,8 +15,8 @@ from rbd.statics.regions import SupportRegion
 from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
 from rbd.visual import shapes
-from rbd.visual.marks.contacts import Mark, Sizes
 from rbd.visual.marks.footprints import Footprints
+from rbd.visual.marks.mark import Label, Mark, Sizes, number
 from rbd.visual.shapes import Mesh
 from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR
 
@@ -52,6 +53,28 @@ def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
             out += _footprints(at, one, sizes)
         else:
             raise InputError(f"{one!r:.80} cannot be drawn; expected a region, push limits or a wrench cone of rbd.statics.")
+    titles = [name for name, _ in legend_of(drawn)]
+    return [_labelled(mark, titles[int(mark.path.split("/")[1])]) for mark in out]
+
+
+def _labelled(mark: Mark, title: str) -> Mark:
+    """The mark in the layer of regions, with its name; an area or a cone has a tag."""
+    at = mark.mesh.vertices.mean(axis=0) if len(mark.mesh.vertices) else np.zeros(3)
+    kind = mark.path.rsplit("/", 1)[1]
+    words = (f"limit: {LIMIT_COLORS[kind][1]}",) if kind in LIMIT_COLORS else ()
+    return replace(mark, layer="regions", label=Label(title, words, at, tag=kind in ("area", "cone")))
+
+
+def left_out_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[str]:
+    """What of them is cut at the edge of the picture, in words."""
+    reach, out = _FARTHEST * sizes.body, []
+    for one in drawn:
+        if isinstance(one, PushLimits) and (sizes.metres_per_newton * one.forces > reach).any():
+            most = "" if not np.isfinite(one.forces).all() else f"; the largest is {number(float(one.forces.max()))} N"
+            out.append(f"Two heads: largest pushes longer than drawn ({reach / sizes.metres_per_newton:.4g} N{most}).")
+        elif isinstance(one, SupportRegion | ZmpRegion) and len(one.vertices):
+            if (np.abs(one.vertices[:, :2] - one.state.com[:2]) > reach).any():
+                out.append(f"The {_NAMES[type(one)]} is cut {number(reach)} m from the centre of mass.")
     return out
 
 
@@ -98,11 +121,13 @@ def _footprints(at: str, stood: Footprints, sizes: Sizes) -> list[Mark]:
 def _pushes(at: str, limits: PushLimits, sizes: Sizes) -> list[Mark]:
     point, tips = limits.point, sizes.metres_per_newton * limits.forces[:, None] * limits.directions
     reach = _FARTHEST * sizes.body
+    whole = tips.copy()
     tips *= np.minimum(1.0, reach / np.maximum(np.linalg.norm(tips, axis=1), 1e-12))[:, None]
     marks = []
     kinds = [given[0].kind if given else "none" for given in limits.gives_way]
     for kind, (color, _) in LIMIT_COLORS.items():
-        arrows = [shapes.arrow(point, tip, radius=0.3 * sizes.shaft) for tip, k in zip(tips, kinds, strict=True) if k == kind]
+        own = [tip for tip, k in zip(whole, kinds, strict=True) if k == kind]
+        arrows = [shapes.arrow(point, tip, radius=0.3 * sizes.shaft, longest=reach) for tip in own]
         if arrows:
             marks.append(Mark(f"{at}/{kind}", shapes.joined(arrows), color, seen_through=True))
     if len(tips) > 2 and rank_of(limits.directions) == 2:

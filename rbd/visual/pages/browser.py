@@ -33,8 +33,12 @@ FLAGS = (
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",
 )
 # A page without a stage, such as a contact sheet, is drawn when it is loaded.
-_DRAWN = """document.readyState === 'complete'
-  && (!document.getElementById('meshcat-pane') || document.body.dataset.ready === 'true')"""
+_DRAWN = """(() => {
+  if (document.readyState !== "complete") return false;
+  const { stage, ready, failed } = document.body.dataset;
+  if (failed) throw new Error(failed);
+  return stage === undefined || ready === "true";
+})()"""
 
 
 def find_browser() -> str | None:
@@ -148,7 +152,9 @@ class BrowserPage:
         try:
             self._session = str(browser.call("Target.attachToTarget", targetId=self._target, flatten=True)["sessionId"])
             self.resize(width, height)
+            self._call("Page.enable")
             self._call("Inspector.enable")
+            self._call("Runtime.enable")
             if before:
                 self._call("Page.addScriptToEvaluateOnNewDocument", source=before)
             moved = self._call("Page.navigate", url=address)
@@ -189,6 +195,8 @@ class BrowserPage:
         seconds = devtools.TIMEOUT_SECONDS if seconds is None else seconds
         until = time.monotonic() + seconds
         while not self.evaluate(condition):
+            if failed := self._browser._tools.thrown(self._session):
+                raise PictureError(f"a script of the page failed: {failed:.500}")
             if time.monotonic() > until:
                 raise PictureError(f"the page was not ready within {seconds:g} s: {condition}")
             time.sleep(0.005)

@@ -43,6 +43,7 @@ class DevTools:
         self._buffer, self._looked_at = bytearray(), 0
         self._answers: dict[int, dict[str, Any]] = {}
         self._count, self._in_order = 0, True
+        self._thrown: dict[str, str] = {}
         profile = tempfile.TemporaryDirectory(prefix="rbd-browser-")
         told = Path(profile.name) / "stderr.txt"
         try:
@@ -103,6 +104,10 @@ class DevTools:
                 one = self._read(until)
                 if one.get("method") == "Inspector.targetCrashed":
                     raise PictureError(f"the page crashed at {method}: it may need more memory than there is.")
+                if one.get("method") == "Runtime.exceptionThrown":
+                    details = one["params"]["exceptionDetails"]
+                    what = details.get("exception", {}).get("description", details.get("text", ""))
+                    self._thrown.setdefault(one.get("sessionId", ""), str(what))
                 if "id" in one:
                     self._answers[one["id"]] = one
             answer = self._answers.pop(number)
@@ -114,6 +119,10 @@ class DevTools:
         """Send a message and wait for its answer, see `send` and `answer`."""
         with self._lock:
             return self.answer(self.send(method, session=session, **params), method)
+
+    def thrown(self, session: str) -> str:
+        """The first error of a page's own scripts since `Runtime.enable`; empty without one."""
+        return self._thrown.get(session, "")
 
     def close(self) -> None:
         """End the process: ask it to, and kill it if it does not."""

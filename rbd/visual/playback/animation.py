@@ -6,7 +6,7 @@ import contextlib
 import math
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -16,6 +16,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array
 from rbd.errors import InputError, PictureError
+from rbd.visual.framing import FRONT_LEFT
 from rbd.visual.marks.footprints import footprints_of
 from rbd.visual.pages.page import screenshot, write_page
 from rbd.visual.playback.curves import Choice, described, together
@@ -23,7 +24,7 @@ from rbd.visual.playback.frames import Pushes, PushesAt
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.playback.staging import a_second, a_time, checked, displaced, staged
 from rbd.visual.playback.trajectory_charts import charts_of
-from rbd.visual.scene import FRONT_LEFT, Scene
+from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_page, a_path, a_picture
 
 if TYPE_CHECKING:
@@ -60,6 +61,8 @@ def export_motion(
     ground: bool = True,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
+    layers: Mapping[str, bool] | None = None,
+    view: str = "start",
 ) -> Path:
     """Write a motion as one HTML page that needs no network and no server; returns its path.
 
@@ -92,6 +95,9 @@ def export_motion(
         ground: Whether to draw the ground z = 0 as a grid.
         seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m].
+        layers: {layer: whether it is shown at first}, where that is to differ from `rbd.visual.layers.LAYERS`; the page can
+            change it.
+        view: Where the camera stands at first: "start", "front", "side" or "top".
 
     Raises:
         InputError: not a trajectory, fewer than two samples, invalid settings, charts that it has no numbers for.
@@ -107,7 +113,7 @@ def export_motion(
     scene = motion_scene(
         trajectory, fps=fps, speed=speed, title=title, start=start, external=external, ghost=ghost, beside=beside,
         beside_external=beside_external, charts=charts, follow=follow, trace=trace, footprints=footprints, ground=ground,
-        seen_from=seen_from, arrow_per_weight=arrow_per_weight,
+        seen_from=seen_from, arrow_per_weight=arrow_per_weight, layers=layers, view=view,
     )  # fmt: skip
     write_page(target, scene.page(title))
     return target
@@ -132,6 +138,8 @@ def motion_scene(
     ground: bool = True,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
+    layers: Mapping[str, bool] | None = None,
+    view: str = "start",
 ) -> Scene:
     """The scene of `export_motion`, with all frames: to be written as a page, or served live.
 
@@ -153,12 +161,14 @@ def motion_scene(
         ground: Whether to draw the ground.
         seen_from: Direction from the robot to the camera.
         arrow_per_weight: Length of an arrow as large as the weight [m].
+        layers: Which layers are shown at first.
+        view: Where the camera stands at first.
 
     Raises:
         InputError: as `export_motion`.
     """
     shown = checked(trajectory)
-    motion, scene = staged(shown, fps, speed, external, ground, seen_from, arrow_per_weight)
+    motion, scene = staged(shown, fps, speed, external, ground, seen_from, arrow_per_weight, None, layers, view)
     motion = motion.with_ghost(ghost)
     drawn, times = charts_of(shown, charts), [np.asarray(shown.t)]
     second = None

@@ -12,7 +12,7 @@ import pinocchio as pin
 from rbd.arrays import Array, lazy
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.visual.marks.contacts import Push, pushes
+from rbd.visual.marks.external_forces import Push, pushes
 from rbd.visual.playback.posed_bodies import body_poses, configuration_between
 from rbd.visual.style import PUSH_COLOR
 
@@ -185,9 +185,9 @@ def _pushed(robot: CheckedModel, q: Sequence[Array], times: Array, external: Pus
         state = State(robot, q_i)
         given = external(state, float(t)) if callable(external) else external
         count: dict[str, int] = {}
-        for name, point, force in pushes(state, given):
-            count[name] = number = count.get(name, 0) + 1
-            found.setdefault((name, number), []).append((i, point, force))
+        for push in pushes(state, given)[0]:
+            count[push.name] = number = count.get(push.name, 0) + 1
+            found.setdefault((push.name, number), []).append((i, push.point, push.force))
     tracks = []
     for (name, _), seen in found.items():
         points, forces = np.full((len(q), 1, 3), np.nan), np.zeros((len(q), 1, 3))

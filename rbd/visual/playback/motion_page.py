@@ -13,11 +13,14 @@ import pinocchio as pin
 
 from rbd.arrays import Array, lazy
 from rbd.model.checked_model import CheckedModel
+from rbd.robots.robot import Robot
 from rbd.simulation.motion import OPEN, Event
-from rbd.visual.marks.contacts import Sizes, scale_note
-from rbd.visual.playback.contact_planes import carries_weight
+from rbd.visual.marks.legend import scale_note
+from rbd.visual.marks.mark import Sizes
+from rbd.visual.playback.contact_planes import carries_weight, normals_of
 from rbd.visual.playback.frames import Frames, Track
 from rbd.visual.playback.posed_bodies import checked_ghost, ghost_poses
+from rbd.visual.robot_layers import collision_parts
 from rbd.visual.robot_meshes import RobotPart, hull_of
 from rbd.visual.shapes import outermost
 from rbd.visual.style import COM_COLOR, GHOST_COLOR, SUPPORT_COLOR, contact_colors
@@ -34,6 +37,8 @@ MOST_WORDS = 8
 EVENT_KINDS = ("touches", "slips", "sticks", "leaves")
 """The most telling first: what a mark of several events looks like."""
 MOST_POSES_FRAMED = 100
+STILL = 1e-4
+"""The normal of a contact that changes by less is sent once."""
 APART = 0.12
 """Two motions beside each other are this share of the robot's size apart."""
 SECOND = "second"
@@ -143,15 +148,16 @@ class MotionPage:
         com = self.frames.com[:, :2]
         return len(com) > 0 and float(np.ptp(com, axis=0).max()) > times * self.sizes.body
 
-    def around(self, follow: bool) -> Array:
+    def around(self, follow: bool, leader: Frames | None = None) -> Array:
         """Points in W that the camera is to see, shape (n, 3) [m].
 
-        With a camera that follows, as if the centre of mass stayed over where it starts.
+        With a camera that follows, as if the centre of mass stayed over where it starts: its own, or that of a leader.
         """
-        frames = self.frames
+        frames, lead = self.frames, self.frames if leader is None else leader
         shift = np.zeros((len(frames.times), 3))
-        if follow and len(frames.com):
-            shift[:, :2] = frames.com[:, :2] - frames.com[0, :2]
+        if follow and len(lead.com):
+            for axis in (0, 1):
+                shift[:, axis] = np.interp(frames.times, lead.times, lead.com[:, axis]) - lead.com[0, axis]
         picked = np.unique(np.linspace(0, len(frames.times) - 1, MOST_POSES_FRAMED).astype(int))
         hulls = [hull_of(joint, self.parts) for joint in frames.joints]
         clouds = [np.zeros((0, 3))]
@@ -161,8 +167,8 @@ class MotionPage:
             clouds.append(outermost(np.vstack(pose)) - shift[i])  # pose by pose: all together would fill the memory
         for track in (*frames.contacts, *frames.pushes):
             clouds += [ends - shift for ends in self._arrow_ends(track)]
-        if self.second is not None:  # that goes along with a camera that follows
-            clouds.append(self.second.around(follow) + self.second.shift)
+        if self.second is not None:
+            clouds.append(self.second.around(follow, frames) + self.second.shift)
         points = np.vstack(clouds)
         points = points[np.isfinite(points).all(axis=1)]
         return outermost(points) if len(points) else points
@@ -229,6 +235,17 @@ class MotionPage:
         code = {word: i for i, word in enumerate(self.words)}
         return [(round(a, 9), round(b, 9), code[mode]) for a, b, mode in self.frames.stretches[name] if mode != OPEN]
 
+    def _riders(self, body: Mapping[int, int]) -> list[dict[str, object]]:
+        """Frames of joints and collision shapes: which body takes each along, None of those without a pose, and X_BG."""
+        robot = self.robot
+        shapes = collision_parts(robot) if isinstance(robot, Robot) else ()
+        frames = [("frames", i, joint, pin.SE3.Identity()) for i, joint in enumerate(range(1, robot.model.njoints))]
+        parts = [("collision", i, s.part.joint, s.part.placement) for i, s in enumerate(shapes) if s.part.joint]
+        return [
+            {"tree": tree, "node": i, "body": body.get(joint), "at": [round(float(x), 9) for x in pin.SE3ToXYZQUAT(X)]}
+            for tree, i, joint, X in [*frames, *parts]
+        ]
+
     def _setup(self) -> dict[str, object]:
         """Bodies, contacts, sizes: the same for a page and for a live scene."""
         frames, sizes = self.frames, self.sizes
@@ -246,6 +263,7 @@ class MotionPage:
                 "color": colors[t.name],
                 "points": t.points.shape[1],
                 "supports": carries_weight(t.points, t.forces),
+                "normals": _normals(t),
                 "stretches": self._stretches(t.name),
             }
             for t in frames.contacts
@@ -263,6 +281,7 @@ class MotionPage:
             "name": self.name,
             "parts": parts,
             "fixed": fixed,
+            "riders": self._riders(body),
             "bodies": len(frames.joints),
             "ghost": {"name": frames.ghost, "color": GHOST_COLOR, "bodies": own} if frames.ghost else None,
             "contacts": contacts,
@@ -276,6 +295,14 @@ class MotionPage:
             "sizes": {**drawn, "longest": self.longest, "metresPerNewton": sizes.metres_per_newton},
             "note": note if contacts or pushes else "",
         }
+
+
+def _normals(track: Track) -> str:
+    """The normals of a contact, packed, shape (n, 3), or (1, 3) where they stay the same; empty where they are not known."""
+    found = normals_of(track.points, track.forces)
+    if found is None or not np.isfinite(found).all():
+        return ""
+    return _packed((found[:1] if np.ptp(found, axis=0).max() < STILL else found).astype("<f4"))
 
 
 def _packed(numbers: Array) -> str:

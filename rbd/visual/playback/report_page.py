@@ -120,6 +120,8 @@ def export_report(
     trace: bool = False,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
+    layers: Mapping[str, bool] | None = None,
+    view: str = "start",
 ) -> Path:
     """Write the report as one HTML page that needs no network and no server; returns its path.
 
@@ -142,6 +144,9 @@ def export_report(
         trace: Whether to draw the path of the centre of mass.
         seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m].
+        layers: {layer: whether it is shown at first}, where that is to differ from `rbd.visual.layers.LAYERS`; the page can
+            change it.
+        view: Where the camera stands at first: "start", "front", "side" or "top".
 
     Raises:
         InputError: no report, one of a single frame, invalid settings.
@@ -157,7 +162,7 @@ def export_report(
     target = a_page(path)
     scene = report_scene(
         report, fps=fps, speed=speed, title=title, start=start, ghost=ghost, charts=charts, follow=follow, trace=trace,
-        seen_from=seen_from, arrow_per_weight=arrow_per_weight,
+        seen_from=seen_from, arrow_per_weight=arrow_per_weight, layers=layers, view=view,
     )  # fmt: skip
     write_page(target, scene.page(title or headline_of(report)))
     return target
@@ -177,6 +182,8 @@ def report_scene(
     trace: bool = False,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
+    layers: Mapping[str, bool] | None = None,
+    view: str = "start",
 ) -> Scene:
     """The scene of `export_report`, with all frames: to be written as a page, or served live.
 
@@ -193,12 +200,15 @@ def report_scene(
         trace: Whether to draw the path of the centre of mass.
         seen_from: Direction from the robot to the camera.
         arrow_per_weight: Length of an arrow as large as the weight [m].
+        layers: Which layers are shown at first.
+        view: Where the camera stands at first.
 
     Raises:
         InputError: as `export_report`.
     """
     played = checked_report(report)
-    page, scene = _staged(report, played, _fps(report) if fps is None else fps, speed, seen_from, arrow_per_weight)
+    rate = _fps(report) if fps is None else fps
+    page, scene = _staged(report, played, rate, speed, seen_from, arrow_per_weight, layers, view)
     page = page.with_ghost(ghost, report.lanes.ground)
     first, last = float(played.t[0]), float(played.t[-1])
     bad = ~report.possible
@@ -265,9 +275,11 @@ def _staged(
     speed: float,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
+    layers: Mapping[str, bool] | None = None,
+    view: str = "start",
 ) -> tuple[MotionPage, Scene]:
     """The frames with the missing wrench beside the contact forces, and a scene with the robot at its start."""
-    page, scene = staged(played, fps, speed, None, True, seen_from, arrow_per_weight)  # type: ignore[arg-type]
+    page, scene = staged(played, fps, speed, None, True, seen_from, arrow_per_weight, None, layers, view)  # type: ignore[arg-type]
     frames = page.frames
     at = frames.times
     missing = np.column_stack([np.interp(at, played.t, column) for column in report.missing.T])

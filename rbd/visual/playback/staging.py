@@ -95,6 +95,8 @@ def staged(
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
     scene: Scene | None = None,
+    layers: Mapping[str, bool] | None = None,
+    view: str = "start",
 ) -> tuple[MotionPage, Scene]:
     """The frames of a motion, and a scene with the robot at its start."""
     speed = positive("speed", speed, MOST_SPEED, "")
@@ -103,7 +105,9 @@ def staged(
     fps = None if fps is None else positive("fps", fps, MOST_FPS, " frames a second")
     robot = robot_of(trajectory)
     if scene is None:
-        scene = Scene(robot, ground=ground, seen_from=seen_from, arrow_per_weight=arrow_per_weight, legend=False)
+        scene = Scene(
+            robot, ground=ground, seen_from=seen_from, arrow_per_weight=arrow_per_weight, legend=False, layers=layers, view=view
+        )
     scene.show(State(robot, np.array(trajectory.q[0], float)))
     parts = robot_parts(robot)
     joints = sorted({part.joint for part in parts} - {0})

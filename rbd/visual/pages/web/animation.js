@@ -46,14 +46,6 @@ function twice(geometry, color, opacity = 1, through = 0.5) {
   return node;
 }
 
-function floats(base64) {
-  return new Float32Array(bytes(base64).buffer);
-}
-
-function bytes(base64) {
-  return Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
-}
-
 // All that moves. A row has poses of the bodies, centre of mass, then point and force of every point: see Frames.rows.
 // A second motion is displaced by `shift`; its pieces are those of the first robot, copied, or those at the path `tree`.
 class Cast {
@@ -75,6 +67,7 @@ class Cast {
       turn: new T.Quaternion(...part.at.slice(3)),
     }));
     if (motion.shift) this.place(motion.fixed);
+    else this.takeAlong(motion.riders || []);
     this.ghost = motion.ghost ? motion.parts.map((part) => ({ ...part, body: part.body + motion.ghost.bodies })) : [];
     this.start = null;
     if (motion.com) this.makeCom(sizes);
@@ -104,6 +97,8 @@ class Cast {
     const { object } = this.stage.viewer.scene_tree.find(["meshcat", tree, String(node)]);
     if (!shift) return object;
     const piece = tree === "robot" ? object.clone() : object;
+    const body = tree === "robot" ? this.stage.labels.bodies[node] : null;
+    if (body) piece.userData.label = () => bodyLabel(body);
     this.layer("meshes").add(piece);
     return piece;
   }
@@ -114,6 +109,17 @@ class Cast {
       const piece = this.piece(node);
       piece.position.set(...at.slice(0, 3));
       piece.quaternion.set(...at.slice(3));
+    }
+  }
+
+  // Frames and collision shapes go with their bodies; those of bodies that have no pose here are hidden.
+  takeAlong(riders) {
+    const T = MeshCat.THREE;
+    for (const { tree, node, body, at } of riders) {
+      const object = tree === "frames" ? this.stage.frames[node] : this.stage.layers.object(`${tree}/${node}`);
+      if (!object) continue;
+      if (body === null) object.visible = false;
+      else this.parts.push({ object, body, position: new T.Vector3(...at.slice(0, 3)), turn: new T.Quaternion(...at.slice(3)) });
     }
   }
 
@@ -150,6 +156,7 @@ class Cast {
     this.ball = twice(new T.SphereGeometry(0.02 * body, 24, 16), color);
     const group = this.layer("centre of mass");
     group.add(this.ball);
+    this.ball.userData.label = () => comLabel(this.ball.position.toArray(), this.shift);
     if (!this.motion.ground) return;
     this.drop = twice(new T.CylinderGeometry(line, line, 1, 10).rotateX(Math.PI / 2), color);
     this.foot = new T.Group();
@@ -161,7 +168,7 @@ class Cast {
     group.add(this.drop, this.foot);
   }
 
-  makeTrack({ name, color, points, layer, supports }, { shaft }) {
+  makeTrack({ name, color, points, layer, supports, normals }, { shaft }) {
     const T = MeshCat.THREE;
     const many = points > 1, isPush = layer === "pushes";
     const corners = this.layer(many ? "corner forces" : layer);
@@ -176,7 +183,14 @@ class Cast {
     }
     const big = new Arrow(this.layer(layer), color, shaft);
     // `force` [N] acts at `centre` [m], both in W; NaN where there is none.
-    return { name, color, layer, supports, points, dots, thin, big, force: [0, 0, 0], centre: [NaN, NaN, NaN] };
+    const track = { name, color, layer, supports, points, dots, thin, big, force: [0, 0, 0], centre: [NaN, NaN, NaN] };
+    // Unit vectors from the surroundings to the robot, one for each frame, or one for all.
+    track.normals = normals ? floats(normals) : new Float32Array(0);
+    track.normal = null;
+    track.corners = [];
+    big.node.userData.label = () => trackLabel(track, this.shift);
+    thin.forEach((arrow, i) => { arrow.node.userData.label = () => cornerLabel(track, i, this.shift); });
+    return track;
   }
 
   // The path of the centre of mass: pale where it goes, dark where it has been.
@@ -191,7 +205,7 @@ class Cast {
     }
     const length = along[along.length - 1];
     if (kept.length < 3 || length < 0.05 * body) return;
-    const segments = Math.min(4 * kept.length, 3000), sides = 6;
+    const segments = Math.min(4 * kept.length, window.mostSegments || 3000), sides = 6;
     const curve = new T.CatmullRomCurve3(kept, false, "centripetal");
     curve.arcLengthDivisions = 2 * segments;
     const tube = new T.TubeGeometry(curve, segments, 1.2 * line, sides, false);
@@ -204,8 +218,8 @@ class Cast {
     };
   }
 
-  // Shows a row; returns the force of each track [N].
-  set(row) {
+  // Shows a row of the frame with this number.
+  set(row, frame = 0) {
     const T = MeshCat.THREE;
     const { sizes, bodies } = this.motion;
     const turn = new T.Quaternion(), at = new T.Vector3();
@@ -225,10 +239,13 @@ class Cast {
     for (const track of this.tracks) {
       const force = [0, 0, 0], centre = [0, 0, 0];
       let total = 0;
+      const first = 3 * Math.min(frame, track.normals.length / 3 - 1);
+      track.normal = first >= 0 ? track.normals.subarray(first, first + 3) : null;
       for (let i = 0; i < track.points; i++, k += 6) {
         const p = row.subarray(k, k + 3), f = row.subarray(k + 3, k + 6);
         const size = Math.hypot(...f);
         const there = Number.isFinite(p[0]);
+        track.corners[i] = [p, f];
         const closed = there && size * sizes.metresPerNewton > 1e-5 * sizes.body;
         if (track.dots[i]) this.showDot(track.dots[i], p, there, closed);
         if (track.thin[i]) track.thin[i].set(p, f.map((x) => x * sizes.metresPerNewton), sizes.longest);
@@ -287,7 +304,7 @@ class Cast {
   }
 
   remove() {
-    for (const [name, group] of this.layers) this.stage.layers.members.get(name).delete(group);
+    for (const [name, group] of this.layers) this.stage.layers.members.get(name)?.delete(group);
     this.stage.viewer.delete_path([this.where]);
     this.stage.viewer.set_dirty();
   }
@@ -300,17 +317,20 @@ class Cues {
     const make = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
     if (motion.name) legend.append(make("h2", motion.name));
     const table = make("table", "");
+    const normals = motion.contacts.some((c) => c.normals);
     const row = (name, color) => {
       const line = table.insertRow();
       const swatch = make("i", "");
       swatch.style.background = color || "none";
       line.insertCell().append(swatch);
       line.insertCell().textContent = name;
-      const mode = line.insertCell(), value = line.insertCell();
+      const mode = line.insertCell(), normal = normals ? line.insertCell() : null, value = line.insertCell();
       mode.className = "mode";
       value.className = "value";
-      return { line, mode, value };
+      if (normal) normal.className = "value";
+      return { line, mode, normal, value };
     };
+    if (motion.contacts.length) columnNames(table, normals ? ["normal", "|f|"] : ["|f|"], 3);
     this.contacts = motion.contacts.map((c) => row(c.name, c.color));
     this.others = motion.others.map((name) => row(name, ""));
     this.pushes = motion.pushes.map((c) => row(c.name, c.color));
@@ -326,16 +346,17 @@ class Cues {
     legend.append(this.happened);
   }
 
-  set(codes, forces) {
+  // Modes by their codes, and the tracks of Cast as it is now.
+  set(codes, tracks) {
     const n = this.contacts.length;
-    const newtons = (f) => {
-      const size = Math.hypot(...f);
-      return `${size < 5e-4 ? 0 : Number(size.toPrecision(3))} N`;
-    };
+    const newtons = (size) => `${Math.abs(size) < 5e-4 ? 0 : Number(size.toPrecision(3))} N`;
     this.contacts.forEach((cell, i) => {
       cell.mode.textContent = this.motion.words[codes[i]];
-      cell.value.textContent = newtons(forces[i]);
+      const { force, normal } = tracks[i];
+      cell.value.textContent = newtons(Math.hypot(...force));
+      if (cell.normal) cell.normal.textContent = normal ? newtons(dot(force, normal)) : "";
       cell.line.className = codes[i] ? "" : "idle";
+      tracks[i].mode = this.motion.words[codes[i]];
     });
     let shown = 0;
     this.others.forEach((cell, i) => {
@@ -343,8 +364,9 @@ class Cues {
       cell.line.hidden = !codes[n + i] || ++shown > 8;
     });
     this.pushes.forEach((cell, i) => {
-      cell.value.textContent = newtons(forces[n + i]);
-      cell.line.className = Math.hypot(...forces[n + i]) ? "" : "idle";
+      const size = Math.hypot(...tracks[n + i].force);
+      cell.value.textContent = newtons(size);
+      cell.line.className = size ? "" : "idle";
     });
   }
 }

@@ -1,6 +1,6 @@
 // Curves of a motion: charts over time with the present moment marked; a click goes to a time. Beside the robot, in narrow
 // windows below it. The panel folds, and a row of buttons chooses charts.
-const NARROW = 900, LOW = 480;  // pixels
+const NARROW_WINDOW = 900, LOW = 480;  // pixels
 
 class Curves {
   constructor(described, [first, last], names, go, changed) {
@@ -26,7 +26,7 @@ class Curves {
 
   // Whether the panel is below the robot: in a narrow window.
   get below() {
-    return window.innerWidth <= NARROW;
+    return window.innerWidth <= NARROW_WINDOW;
   }
 
   // Until one chooses: all charts beside the robot, as many as fit in a row below it, none in a small frame.
@@ -115,7 +115,7 @@ class Curves {
     };
     svg.onpointerdown = (event) => { svg.setPointerCapture(event.pointerId); seek(event); };
     svg.onpointermove = (event) => { if (event.buttons) seek(event); };
-    const made = { name, node, button, svg, shown, now, x, left, log };
+    const made = { name, node, button, svg, shown, now, x, log, span: top - low };
     button.title = title;
     button.onclick = () => {
       this.chosen = true;
@@ -137,10 +137,10 @@ class Curves {
   // Marks a time, and writes the values of the nearest sample.
   set(t) {
     const at = this.nearest(t);
-    for (const { shown, now, x, log } of this.charts) {
+    for (const { shown, now, x, log, span } of this.charts) {
       now.setAttribute("x1", x(t));
       now.setAttribute("x2", x(t));
-      for (const { name, numbers, motion, key } of shown) key.textContent = `${name} ${inWords(numbers[at[motion]], log)}`;
+      for (const { name, numbers, motion, key } of shown) key.textContent = `${name} ${inWords(numbers[at[motion]], log, span)}`;
     }
   }
 
@@ -156,10 +156,10 @@ class Curves {
   }
 }
 
-// Three digits of a number.
-function inWords(value, log) {
+// Three digits of a number; zero where it is a rounding error on an axis of this length.
+function inWords(value, log, span) {
   if (!Number.isFinite(value)) return "–";
   if (log) return value ? value.toExponential(1) : "0";
-  if (Math.abs(value) < 5e-4) return "0";
+  if (Math.abs(value) < 5e-5 * span) return "0";
   return String(Math.abs(value) >= 1000 ? Math.round(value) : Number(value.toPrecision(3)));
 }

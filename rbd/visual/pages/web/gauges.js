@@ -48,8 +48,7 @@ class Gauges {
     this.node.hidden = !on;
     if (this.group) this.group.visible = on;
     if (!on) return;
-    const player = document.querySelector(".player");
-    this.node.style.bottom = `${14 + (player && !player.hidden ? player.offsetHeight + 12 : 0)}px`;
+    this.node.style.bottom = `${14 + stage.foot}px`;
     const T = MeshCat.THREE;
     const { camera } = stage.viewer;
     const turn = new T.Quaternion();

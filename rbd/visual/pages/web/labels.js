@@ -3,7 +3,9 @@ const RANK = {
   forces: 0, pushes: 0, "loop forces": 0, moments: 0, "joint torques": 0, "corner forces": 1, "centre of mass": 1, frames: 1,
   cones: 2, "support polygon": 3, regions: 3, surfaces: 4, meshes: 5, "collision shapes": 5, "other poses": 6,
 };
-const TAGGED = 3;  // higher ranks have no tag of their own
+// What has no tag of its own: it would say again what the others say.
+const UNTAGGED = ["meshes", "collision shapes", "other poses", "frames", "cones", "corner forces"];
+const OBSTACLES = "#legend, .toolbar .row, .toolbar .panel:not([hidden]), .player, .curves, .controls";
 const MOST_TAGS = 40;
 // Pixels around the pointer in which a thin mark is found; a finger is thicker.
 const REACH = { mouse: 5, touch: 16 };
@@ -45,8 +47,7 @@ class Labels {
     }
     this.bodies.forEach((body, i) => add(layers.object(`robot/${i}`), "meshes", () => bodyLabel(body)));
     this.shapes.forEach((body, i) => add(layers.object(`collision/${i}`), "collision shapes", () => bodyLabel(body)));
-    const frames = layers.object("frames");
-    if (frames) for (const each of frames.children) add(each, "frames", each.userData.label);
+    for (const each of this.stage.frames) add(each, "frames", each.userData.label);
     return found;
   }
 
@@ -156,17 +157,17 @@ class Labels {
     if (!on) return;
     const named = new Map();
     for (const { object, layer, label } of this.things()) {
-      const rank = RANK[layer] ?? 2;
-      if (rank > TAGGED || layer === "frames" || !seen(object)) continue;
+      if (UNTAGGED.includes(layer) || !seen(object)) continue;
       const told = label();
       if (!told || !told.at || !told.at.every(Number.isFinite)) continue;
-      const key = told.title;
-      if (!named.has(key) || named.get(key).rank > rank) named.set(key, { ...told, rank });
+      // Several marks may say the same: arrow and patch, ball and drop line. The highest one has the tag.
+      const key = told.lines.join();
+      if (!named.has(key) || named.get(key).at[2] < told.at[2]) named.set(key, { ...told, rank: RANK[layer] ?? 2 });
     }
     const list = [...named.values()].sort((a, b) => a.rank - b.rank).slice(0, MOST_TAGS);
     while (this.tags.children.length < list.length) this.tags.append(document.createElement("span"));
     while (this.tags.children.length > list.length) this.tags.lastChild.remove();
-    const taken = [...document.querySelectorAll("#legend, .toolbar, .player, .curves")].map((node) => edgesOf(node.getBoundingClientRect()));
+    const taken = [...document.querySelectorAll(OBSTACLES)].map((node) => edgesOf(node.getBoundingClientRect()));
     list.forEach((label, i) => this.tag(this.tags.children[i], label, taken));
   }
 

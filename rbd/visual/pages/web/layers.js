@@ -7,7 +7,6 @@ class Layers {
     this.first = {};  // as the page was written
     this.members = new Map();  // layer -> Set of three.js objects
     this.listed = [];
-    this.changed = () => {};
   }
 
   // {layers: {name: on}, listed: [{path, layer, label}]}
@@ -18,19 +17,16 @@ class Layers {
     this.apply();
   }
 
-  // `label` returns {title, lines, at} at the present time, or null: what the page says of the object.
-  put(layer, object, label) {
+  // An object may have `userData.label`, which returns {title, lines, at} at the present time, or null: what the page says of it.
+  put(layer, object) {
     if (!this.members.has(layer)) this.members.set(layer, new Set());
     this.members.get(layer).add(object);
-    if (label) object.userData.label = label;
     object.visible = this.on[layer] !== false;
-    this.changed();
   }
 
-  // Forgets what was put, of a motion that has ended.
+  // What moved by itself has gone.
   clear() {
     this.members.clear();
-    this.changed();
   }
 
   show(layer, on) {
@@ -68,8 +64,9 @@ class Layers {
       for (const each of [path, `${path}_seen_through`]) set(`marks/${each}`, this.on[layer] !== false);
     }
     for (const [layer, objects] of this.members) for (const object of objects) object.visible = this.on[layer] !== false;
+    // The legend has no line for what is hidden.
+    for (const row of this.stage.legend.querySelectorAll("tr[data-layer]")) row.hidden = this.on[row.dataset.layer] === false;
     this.stage.viewer.set_dirty();
-    this.changed();
   }
 }
 

@@ -1,9 +1,9 @@
 // The legend: a title that folds the rest, a row for each name, notes below.
-const NARROW = 500;  // pixels: the legend of a smaller window starts folded
+const FOLDS_BELOW = 500;  // pixels: the legend of a smaller window starts folded
 
 // A title with a button that folds what is below it; kept when the legend is written anew.
 function heading(legend, title) {
-  if (!legend.dataset.fold) legend.dataset.fold = window.innerWidth < NARROW ? "folded" : "open";
+  if (!legend.dataset.fold) legend.dataset.fold = window.innerWidth < FOLDS_BELOW ? "folded" : "open";
   const h1 = document.createElement("h1");
   const button = Object.assign(document.createElement("button"), { type: "button", textContent: title });
   button.title = "Fold or unfold (h)";
@@ -28,34 +28,31 @@ function columnNames(table, names, skip) {
   for (const name of names) row.insertCell().append(name);
 }
 
-function writeLegend(legend, { title, entries, notes }) {
+function writeLegend(stage, { title, entries, notes }) {
+  const { legend } = stage;
   heading(legend, title);
   const table = document.createElement("table");
-  const normals = entries.some((entry) => entry.normal);
-  if (normals) columnNames(table, ["normal", "|f|"], 2);
   for (const entry of entries) {
-    const row = table.insertRow();
+    const rows = [table.insertRow()];
     const swatch = document.createElement("i");
     swatch.style.background = entry.color;
-    row.insertCell().append(swatch);
-    row.insertCell().textContent = entry.name;
-    for (const text of normals ? [entry.normal || "", entry.value] : [entry.value]) {
-      const value = row.insertCell();
-      value.className = "value";
-      value.textContent = text;
-    }
-    if (entry.normal === undefined && normals && !entry.value) {
-      row.cells[1].colSpan = 3;
-      row.deleteCell(3);
-      row.deleteCell(2);
-    }
+    rows[0].insertCell().append(swatch);
+    const name = rows[0].insertCell(), value = rows[0].insertCell();
+    name.textContent = entry.name;
+    value.className = "value";
+    value.textContent = entry.value;
     for (const detail of [entry.detail || []].flat()) {
       const more = table.insertRow();
       more.insertCell();
       const cell = more.insertCell();
-      cell.colSpan = normals ? 3 : 2;
+      cell.colSpan = 2;
       cell.className = "detail";
       cell.textContent = detail;
+      rows.push(more);
+    }
+    for (const row of entry.layer ? rows : []) {
+      row.dataset.layer = entry.layer;
+      row.hidden = stage.layers.on[entry.layer] === false;
     }
   }
   legend.append(table);

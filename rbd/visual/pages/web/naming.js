@@ -10,27 +10,49 @@ const inThree = (v, unit) => {
   return `(${v.map((x) => x.toFixed(places).replace(/^-(0(\.0*)?)$/, "$1")).join(", ")}) ${unit}`;
 };
 
+const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+const moved = (point, shift) => point.map((x, i) => x + shift[i]);
+
 // Of a track of Cast: its force at the present time; null while there is none.
-function trackLabel(track, word) {
-  const f = Array.from(track.force), size = Math.hypot(...f);
+function trackLabel({ name, force, normal, mode, centre, layer }, shift) {
+  const size = Math.hypot(...force);
   if (!(size > 1e-9)) return null;
-  const push = track.kind === "push";
-  const lines = [push ? `force (x, y, z) ${inThree(f, "N")}` : `force on the robot (x, y, z) ${inThree(f, "N")}`];
-  lines.push(`|f| ${fewDigits(size)} N`);
-  if (track.normal) {
-    const along = f.reduce((sum, x, i) => sum + x * track.normal[i], 0);
+  const lines = [`|f| ${fewDigits(size)} N`, `${layer === "pushes" ? "force" : "force on the robot"} ${inThree(force, "N")}`];
+  if (normal) {
+    const along = dot(force, normal);
     const across = Math.sqrt(Math.max(0, size * size - along * along));
     lines.push(`normal ${fewDigits(along)} N, tangential ${fewDigits(across)} N`);
-    if (track.friction && along > 0) {
-      lines.push(`friction used ${Math.round((100 * across) / (track.friction * along))} % of mu ${track.friction}`);
-    }
+    if (along > 0) lines.push(`tangential / normal ${(across / along).toFixed(2)}`);
   }
-  if (word) lines.push(word);
-  return { title: track.name, lines, at: track.centre };
+  lines.push(`acts at ${inThree(centre, "m")}`);
+  if (mode) lines.push(mode);
+  return { title: name, lines, at: moved(centre, shift) };
 }
 
-function comLabel(com) {
-  return { title: "centre of mass", lines: [`(x, y, z) ${inThree(com, "m")}`], at: com };
+// Of the force at one point of a contact.
+function cornerLabel({ name, corners }, i, shift) {
+  const [p, f] = corners[i] || [[NaN], [0]];
+  const size = Math.hypot(...f);
+  if (!(size > 1e-9) || !Number.isFinite(p[0])) return null;
+  const lines = [`|f| ${fewDigits(size)} N`, `force on the robot ${inThree([...f], "N")}`, `acts at ${inThree([...p], "m")}`];
+  return { title: `${name}: corner ${i + 1}`, lines, at: moved([...p], shift) };
+}
+
+function comLabel(com, shift) {
+  return { title: "centre of mass", lines: [inThree(com, "m")], at: moved(com, shift) };
+}
+
+// Of the moving support polygon, by its corners.
+function polygonLabel(outline) {
+  if (outline.length < 3) return null;
+  let twice = 0;
+  outline.forEach((p, i) => {
+    const q = outline[(i + 1) % outline.length];
+    twice += p[0] * q[1] - p[1] * q[0];
+  });
+  const at = [0, 1, 2].map((k) => outline.reduce((sum, p) => sum + p[k], 0) / outline.length);
+  const lines = [`area ${fewDigits(twice / 2)} m2`, `${outline.length} corners, seen along z; of the loaded contacts with the ground`];
+  return { title: "support polygon", lines, at };
 }
 
 function bodyLabel({ link, joint, mass, shape }) {

@@ -47,11 +47,11 @@ class Reel {
   // Shows a time; touches of the last `window` seconds glow.
   show(t, window) {
     const position = this.position(t), nearest = Math.round(position);
-    this.cast.set(this.between(position));
+    this.cast.set(this.between(position), nearest);
     if (this.cast.been) this.cast.been(position);
     this.glow(t, window);
     const codes = this.codes.subarray(nearest * this.names, (nearest + 1) * this.names);
-    this.cues.set(codes, this.cast.tracks.map((track) => track.force));
+    this.cues.set(codes, this.cast.tracks);
     const past = this.motion.events.filter((event) => event.t <= t + 1e-9);
     this.cues.happened.textContent = past.length ? past[past.length - 1].words[0] : "";
   }

@@ -1,21 +1,19 @@
 // The stage on which Meshcat's viewer shows a scene of rbd: light, ground, camera and legend.
 // World is z up, x forward; the camera lives in three.js's own axes, y up: (x, y, z) -> (x, z, -y).
 class Stage {
-  constructor(pane, legend) {
+  constructor(pane, legend, pieces) {
     this.legend = legend;
     this.pane = pane;
     this.viewer = new MeshCat.Viewer(pane);
-    // Meshcat lets everything cast and take shadows; marks are not things.
-    const put = this.viewer.set_object.bind(this.viewer);
-    this.viewer.set_object = (path, object) => {
-      if (path[1] === "marks") object.castShadow = object.receiveShadow = false;
-      put(path, object);
-    };
+    this.meshes = new Meshes(this.viewer, pieces);
     this.layers = new Layers(this);
+    this.controls = new Controls(this);
     this.labels = new Labels(this, pane);
     this.gauges = new Gauges(this);
     this.views = new Views(this);
     this.toolbar = new Toolbar(this);
+    this.frames = [];
+    this.foot = 0;
     this.touched = false;
     this.carried = [0, 0, 0];
     for (const path of [["Grid"], ["Axes"], ["Lights"]]) this.viewer.set_property(path, "visible", false);
@@ -61,20 +59,33 @@ class Stage {
     return p.z < 1 ? [(width * (1 + p.x)) / 2, (height * (1 - p.y)) / 2] : null;
   }
 
-  command(base64) {
-    this.viewer.handle_command_bytearray(Uint8Array.from(atob(base64), (c) => c.charCodeAt(0)));
+  // A piece of the page: a command of Meshcat's.
+  command(number) {
+    this.viewer.handle_command_bytearray(this.meshes.pieces[number]);
+  }
+
+  // A piece of the page: triangles, as an object at a path.
+  place(header, number) {
+    this.meshes.place(header, number);
+  }
+
+  // Bytes from the socket of a live scene.
+  receive(data) {
+    this.meshes.receive(data);
   }
 
   note(message) {
-    if (message.legend) writeLegend(this.legend, message.legend);
+    if (message.legend) writeLegend(this, message.legend);
     if (message.bodies) this.labels.name(message);
     if (message.frames) this.triads(message.frames);
     if (message.marks) this.layers.set(message.marks);
     if ("motion" in message) this.move(message.motion);
     if (message.moment && this.cast) {
       this.cast.set(floats(message.moment.row));
-      this.cues.set(message.moment.codes, this.cast.tracks.map((track) => track.force));
+      this.cues.set(message.moment.codes, this.cast.tracks);
     }
+    if (message.controls) this.controls.build(message.controls);
+    if (message.answer) this.controls.answer(message.answer);
     if (message.view) {
       this.light(message.view);
       if (!document.body.dataset.ready) this.views.name = message.view.opens;
@@ -84,11 +95,12 @@ class Stage {
 
   // A motion with its frames gets a bar to play it; one without waits for its moments; null ends it.
   move(motion) {
-    if (this.cast) {
-      this.cast.remove();
+    const shown = this.player || this.cast;
+    if (shown) {
+      shown.remove();
       this.layers.clear();
     }
-    this.cast = this.cues = null;
+    this.cast = this.cues = this.player = null;
     this.carried = [0, 0, 0];
     if (!motion) {
       this.legend.replaceChildren();
@@ -133,12 +145,21 @@ class Stage {
   }
 
   connect(address) {
-    const socket = new WebSocket(address);
-    socket.binaryType = "arraybuffer";
-    socket.onmessage = (event) => {
-      if (typeof event.data !== "string") this.viewer.handle_command_bytearray(new Uint8Array(event.data));
-      else this.note(JSON.parse(event.data));
-    };
+    this.live = new Live(this, address);
+  }
+
+  // Whether the robot is drawn in a grey red: what is shown cannot be.
+  tint(on) {
+    if (on === Boolean(this.tinted)) return;
+    this.tinted = on;
+    const refused = new MeshCat.THREE.Color("#9a6b68");
+    this.viewer.scene_tree.find(["meshcat", "robot"]).object.traverse(({ isMesh, material }) => {
+      if (!isMesh) return;
+      if (!material.userData.color) material.userData.color = material.color.clone();
+      material.color.copy(material.userData.color);
+      if (on) material.color.lerp(refused, 0.75);
+    });
+    this.viewer.set_dirty();
   }
 
   // Lamps, shadow and ground, sized to the scene.
@@ -194,8 +215,9 @@ class Stage {
     const shift = taken > 0.4 * width ? 0 : taken;
     const below = this.legend.offsetTop + this.legend.offsetHeight;
     const drop = !shift && taken && below < 0.5 * height ? below : 0;
-    // The bar of a motion takes the foot of the window, its curves the right side of a wide one.
-    const { beside, foot } = this.player ? this.player.room() : { beside: 0, foot: 0 };
+    // The bar of a motion, or sliders, take the foot of the window; curves the right side of a wide one.
+    const { beside, foot } = this.player ? this.player.room() : this.controls.room();
+    this.foot = foot ? foot - 12 : 0;
     const margin = 0.93;
     const full = margin * Math.tan((Math.PI / 180) * this.view.fov / 2);
     const up = (full * (height - drop - foot)) / height;
@@ -254,6 +276,7 @@ class Stage {
     const root = new T.Group();
     for (const frame of listed) root.add(triad(frame, length));
     this.viewer.set_object(["meshcat", "frames"], root);
+    this.frames = root.children;
   }
 }
 

@@ -20,6 +20,7 @@ class Support {
     const rod = new T.CylinderGeometry(1.2 * line, 1.2 * line, 1, 10).rotateX(Math.PI / 2).translate(0, 0, 0.5);
     this.edges = Array.from({ length: most }, () => twice(rod, color));
     this.group.add(...this.areas, ...this.edges);
+    this.group.userData.label = () => polygonLabel(this.outline);
   }
 
   // Shows the hull of points [[x, y, z], ...].

@@ -65,7 +65,7 @@ class Views {
       for (const name of (names || "").split(",")) if (name in layers.on) layers.on[name] = wanted;
     }
     document.body.classList.toggle("bare", controls === "off");
-    if (player && (follow === "on" || follow === "off")) player.setFollow(follow === "on");
+    if (player && (follow === "on" || follow === "off" || view === "follow")) player.setFollow(follow !== "off");
     layers.apply();
     const numbers = (camera || "").split(",").map(Number);
     if (VIEWS.includes(view)) this.name = view;

@@ -1,0 +1,112 @@
+"""Triangles as few bytes that deflate well, for our page: see web/meshes.js, which reads them.
+
+Coordinates are whole numbers of 65535ths of the mesh's box, each axis by itself: a point moves by less than
+1/131070 of a side. Vertices are numbered in the order in which the triangles use them; then each coordinate is sent as its
+difference from the one before, and each corner as how far its vertex lies below the next new one, 0 for a new one. All lowest
+bytes come first, then the next ones, because equal bytes side by side deflate best.
+"""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.visual.shapes import Mesh
+
+MARK = b"\xc1"
+"""First byte of our messages: Meshcat's, which are msgpack, never begin with it."""
+STEPS = 65535
+"""Steps of a coordinate across the mesh's box."""
+CORNER_BYTES = 3
+MOST_VERTICES = 1 << (8 * CORNER_BYTES)
+
+
+@dataclass(frozen=True, slots=True)
+class Placed:
+    """A command that sets the object at a path of the viewer's tree, as Meshcat's set_object does.
+
+    Attributes:
+        path: In the viewer's tree, as "/meshcat/robot/3".
+        told: How the page is to draw it, see `place` in web/meshes.js.
+        mesh: Its triangles.
+    """
+
+    path: str
+    told: Mapping[str, object]
+    mesh: Mesh
+
+    def lower(self) -> dict[str, object]:
+        """Type and path, and the packed message."""
+        return {"type": "set_object", "path": self.path, "packed": message({"path": self.path} | dict(self.told), self.mesh)}
+
+
+def message(told: Mapping[str, object], mesh: Mesh) -> bytes:
+    """A message for our page: our first byte, the length of the header, the header as JSON, the packed triangles.
+
+    Args:
+        told: What the header holds besides the counts and the box.
+        mesh: Triangles, 16 million vertices at most.
+
+    Raises:
+        ValueError: more vertices than that.
+    """
+    mesh = in_order(mesh)
+    if len(mesh.vertices) > MOST_VERTICES:
+        raise ValueError(f"a mesh has {len(mesh.vertices)} vertices; expected at most {MOST_VERTICES}")
+    low = mesh.vertices.min(axis=0) if len(mesh.vertices) else np.zeros(3)
+    side = np.ptp(mesh.vertices, axis=0) if len(mesh.vertices) else np.zeros(3)
+    # Nine digits: the page's numbers have 32 bits.
+    low, side = (np.array([float(f"{x:.9g}") for x in each]) for each in (low, side))
+    box = {"vertices": len(mesh.vertices), "faces": len(mesh.faces), "low": low.tolist(), "side": side.tolist()}
+    text = json.dumps({**told, **box}, separators=(",", ":")).encode()
+    return MARK + struct.pack("<I", len(text)) + text + _coordinates(mesh.vertices, low, side) + _corners(mesh.faces)
+
+
+def split(data: bytes) -> tuple[str, bytes]:
+    """The header, JSON, and the packed triangles of a message."""
+    length = struct.unpack_from("<I", data, 1)[0]
+    return data[5 : 5 + length].decode(), data[5 + length :]
+
+
+def unpacked(header: Mapping[str, Any], data: bytes) -> Mesh:
+    """The triangles, as the page reads them."""
+    n, m = header["vertices"], header["faces"]
+    body = np.frombuffer(data, np.uint8).astype(np.int64)
+    planes = body[: 6 * n].reshape(3, 2, n)
+    zigzag = planes[:, 0] + 256 * planes[:, 1]
+    places = np.cumsum((zigzag >> 1) ^ -(zigzag & 1), axis=1) % (STEPS + 1)
+    vertices = np.array(header["low"]) + places.T * (np.array(header["side"]) / STEPS)
+    below = (body[6 * n :].reshape(CORNER_BYTES, 3 * m) << (8 * np.arange(CORNER_BYTES))[:, None]).sum(axis=0)
+    new = below == 0
+    return Mesh(vertices, (np.cumsum(new) - new - below).reshape(-1, 3))
+
+
+def in_order(mesh: Mesh) -> Mesh:
+    """The same triangles with the vertices numbered as the triangles first use them, and none that no triangle uses."""
+    corners = mesh.faces.ravel()
+    used, first, place = np.unique(corners, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    number = np.empty(len(used), int)
+    number[order] = np.arange(len(used))
+    return Mesh(mesh.vertices[used[order]], number[place].reshape(-1, 3))
+
+
+def _coordinates(vertices: Array, low: Array, side: Array) -> bytes:
+    whole = np.rint((vertices - low) * (STEPS / np.where(side > 0.0, side, 1.0)))
+    places = np.clip(whole, 0, STEPS).astype(np.int64)
+    step = (np.diff(places, axis=0, prepend=0) + 32768) % (STEPS + 1) - 32768
+    zigzag = ((step << 1) ^ (step >> 63)).T  # small steps of either sign are small numbers
+    return np.stack([zigzag & 255, zigzag >> 8], axis=1).astype(np.uint8).tobytes()
+
+
+def _corners(faces: Array) -> bytes:
+    corners = faces.ravel()
+    before = np.maximum.accumulate(np.concatenate([[-1], corners[:-1]])) if len(corners) else corners
+    below = before + 1 - corners
+    return np.stack([(below >> (8 * i)) & 255 for i in range(CORNER_BYTES)]).astype(np.uint8).tobytes()

@@ -1,0 +1,165 @@
+"""Pages are small: meshes travel once, as whole numbers, deflated; and look as the meshes do."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from page_contents import block, contents, meshes
+from PIL import Image
+
+import rbd
+from rbd.errors import PictureError
+from rbd.visual import Scene, export_motion, shapes
+from rbd.visual.packed_meshes import STEPS, in_order, message, split, unpacked
+from rbd.visual.robot_meshes import robot_parts
+from rbd.visual.shapes import Mesh
+
+MM = 1e-3
+MOST_BYTES = {"talos": 3_200_000, "g1": 4_000_000}
+
+
+@pytest.fixture(scope="module")
+def standing_page(tmp_path_factory):
+    """A page of a robot that stands on its feet, by the robot's name."""
+    made = {}
+
+    def page(name: str) -> Path:
+        if name not in made:
+            robot = rbd.load_robot(name)
+            with Scene(robot) as scene:
+                scene.show(robot.standing(), rbd.hold(robot.standing(), robot.feet()))
+                made[name] = scene.export(tmp_path_factory.mktemp("page") / f"{name}.html")
+        return made[name]
+
+    return page
+
+
+def read_back(mesh: Mesh) -> Mesh:
+    """A mesh as a page would draw it."""
+    header, triangles = split(message({"path": "/meshcat/it"}, mesh))
+    return unpacked(json.loads(header), triangles)
+
+
+# What is sent
+
+
+@pytest.mark.parametrize("name", ["talos", "g1"])
+def test_a_page_is_small_and_its_meshes_are_right_to_a_fiftieth_of_a_millimetre(name, standing_page):
+    """Every triangle of the robot is there; a point moves by at most half a step on each axis, a 65535th of its box."""
+    page = standing_page(name)
+    assert page.stat().st_size < MOST_BYTES[name]
+    sent = meshes(page)
+    for i, part in enumerate(robot_parts(rbd.load_robot(name))):
+        whole, drawn = in_order(part.mesh), sent[f"/meshcat/robot/{i}"]
+        assert np.array_equal(drawn.faces, whole.faces)
+        moved = np.abs(drawn.vertices - whole.vertices)
+        assert (moved <= 0.501 * np.ptp(whole.vertices, axis=0) / STEPS + 1e-9).all()
+        assert np.linalg.norm(moved, axis=1).max() < 0.02 * MM
+
+
+def test_a_page_of_a_motion_is_as_small(standing_page, tmp_path):
+    """Two seconds of Talos at 30 frames a second."""
+    talos = rbd.load_robot("talos")
+    still = np.tile(talos.standing().q, (61, 1))
+    motion = rbd.Motion(talos, np.linspace(0.0, 2.0, 61), still, np.zeros((61, talos.model.nv)), np.zeros((61, talos.model.nv)))
+    assert export_motion(motion, tmp_path / "motion.html").stat().st_size < MOST_BYTES["talos"]
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [
+        shapes.ball(0.3, centre=np.array([5.0, -2.0, 1.0])),
+        shapes.polygon(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])),
+        Mesh(np.eye(3), np.array([[2, 1, 0], [0, 1, 2]])),
+        Mesh(np.zeros((0, 3)), np.zeros((0, 3), int)),
+        shapes.revolved([(1.0, z) for z in np.linspace(0.0, 9.0, 400)], smooth=True, segments=200),
+        Mesh(np.full((3, 3), 1e6), np.array([[0, 1, 2]])),
+    ],
+    ids=["ball", "flat", "out of order", "empty", "over 65536 vertices", "a point, far away"],
+)
+def test_triangles_are_read_back(mesh):
+    """Same triangles in the same order, turned the same way; coordinates up to half a step."""
+    whole, back = in_order(mesh), read_back(mesh)
+    assert np.array_equal(back.faces, whole.faces)
+    side = np.ptp(mesh.vertices, axis=0) if len(mesh.vertices) else np.zeros(3)
+    assert (np.abs(back.vertices - whole.vertices) <= 0.501 * side / STEPS + 1e-9 * np.abs(whole.vertices) + 1e-12).all()
+
+
+def test_equal_meshes_travel_once(tmp_path):
+    """Two poses beside the robot, in other colours: the page grows by their headers alone."""
+    robot = rbd.load_robot("ur5", root="fixed")
+    with Scene(robot) as scene:
+        scene.show(robot.at())
+        alone = scene.export(tmp_path / "alone.html")
+        scene.beside({"one": robot.at(np.full(6, 0.5)), "two": robot.at(np.full(6, -0.5))})
+        three = scene.export(tmp_path / "three.html")
+    assert len(meshes(three)) >= len(meshes(alone)) + 2 * 5
+    assert three.stat().st_size - alone.stat().st_size < 25_000
+    sent = meshes(three)
+    assert np.array_equal(sent["/meshcat/beside/0/3"].vertices, sent["/meshcat/robot/3"].vertices)
+
+
+def test_a_mark_that_shines_through_the_robot_is_sent_once(standing_page):
+    """The page makes the second copy itself."""
+    paths = [told["path"] for told in contents(standing_page("talos"))]
+    assert any("/marks/" in path for path in paths) and not any(path.endswith("_seen_through") for path in paths)
+
+
+# What the browser makes of it
+
+
+def test_the_browser_reads_the_same_triangles_as_python(standing_page, browser):
+    """Vertices and triangle corners of a part and of an arrow, read back from three.js."""
+    page = standing_page("talos")
+    sent = meshes(page)
+    with browser.open(page, width=160, height=120) as shown:
+        for path in ("robot/3", next(p for p in sent if "/marks/" in p and "force" in p).removeprefix("/meshcat/")):
+            found = f"stage.layers.object({json.dumps(path)}).children[0].geometry"
+            vertices = np.reshape(shown.evaluate(f"Array.from({found}.attributes.position.array)"), (-1, 3))
+            corners = np.reshape(shown.evaluate(f"Array.from({found}.index.array)"), (-1, 3))
+            mesh = sent[f"/meshcat/{path}"]
+            assert np.array_equal(corners, mesh.faces)
+            assert np.abs(vertices - mesh.vertices).max() < 1e-6
+
+
+def test_equal_meshes_share_one_geometry_in_the_browser(tmp_path, browser):
+    """A pose beside the robot, and the copy of an arrow that is seen through the robot, use the robot's and the arrow's."""
+    robot = rbd.load_robot("ur5", root="fixed")
+    with Scene(robot) as scene:
+        scene.show(robot.at())
+        scene.beside({"one": robot.at(np.full(6, 0.5))})
+        page = scene.export(tmp_path / "two.html")
+    at = "(path) => stage.layers.object(path).children[0].geometry"
+    with browser.open(page, width=160, height=120) as shown:
+        assert shown.evaluate(f"(at => at('robot/2') === at('beside/0/2'))({at})")
+        assert not shown.evaluate(f"(at => at('robot/2') === at('robot/3'))({at})")
+
+
+def test_an_old_browser_is_told_in_words(standing_page, browser, tmp_path):
+    """Without DecompressionStream the page says what is missing, and in which browsers it is there."""
+    text = standing_page("talos").read_text(encoding="utf-8")
+    old = tmp_path / "old.html"
+    old.write_text(text.replace("<head>", "<head><script>delete globalThis.DecompressionStream;</script>", 1), encoding="utf-8")
+    with pytest.raises(PictureError, match="This picture could not be drawn. This browser is too old .* Firefox 113"):
+        browser.open(old, width=160, height=120)
+
+
+def test_the_page_draws_before_it_says_that_it_is_ready(standing_page, browser):
+    """The first picture after `ready` shows Talos: a dark and a white robot before a pale background."""
+    with browser.open(standing_page("talos"), width=320, height=240) as shown:
+        assert shown.evaluate("stage.viewer.renderer.info.render.frame") >= 1
+        with Image.open(io.BytesIO(shown.picture())) as image:
+            grey = np.asarray(image.convert("L"), float)
+    assert (grey < 60.0).mean() > 0.03
+
+
+def test_the_library_in_the_page_is_meshcats_own(standing_page):
+    """Byte for byte: nothing is patched."""
+    from importlib.resources import files
+
+    text = standing_page("talos").read_text(encoding="utf-8")
+    assert block(text, "library") == files("meshcat").joinpath("viewer/dist/main.min.js").read_bytes()
