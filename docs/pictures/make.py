@@ -17,11 +17,12 @@ import task_pictures
 import walk_pictures
 from matplotlib.figure import Figure
 from matplotlib.font_manager import findfont
+from photographs import contact_sheet, motion_sheet, screenshot
 from PIL import Image, ImageDraw, ImageFont
 
 import rbd
 from rbd.cli.mechanism_report import MechanismReport, report_mechanism
-from rbd.visual import Scene, contact_sheet, motion_sheet, plot_region, screenshot
+from rbd.visual import Scene, plot_region
 from rbd.visual.figures.plots import frame
 from rbd.visual.pages.browser import Browser
 

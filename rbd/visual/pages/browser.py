@@ -35,9 +35,9 @@ FLAGS = (
 # A page without a stage, such as a contact sheet, is drawn when it is loaded.
 _DRAWN = """(() => {
   if (document.readyState !== "complete") return false;
-  const { stage, ready, failed } = document.body.dataset;
+  const { ready, failed } = document.body.dataset;
   if (failed) throw new Error(failed);
-  return stage === undefined || ready === "true";
+  return !document.getElementById("meshcat-pane") || ready === "true";
 })()"""
 
 
@@ -49,6 +49,18 @@ def find_browser() -> str | None:
         '/usr/bin/chromium'
     """
     return next((found for name in BROWSERS if (found := shutil.which(name))), None)
+
+
+def a_browser() -> str:
+    """Path of Chromium or Chrome.
+
+    Raises:
+        PictureError: if there is none.
+    """
+    path = find_browser()
+    if path is None:
+        raise PictureError(f"no browser found; looked on PATH for {', '.join(BROWSERS)}. Install Chromium.")
+    return path
 
 
 class Browser:
@@ -70,10 +82,7 @@ class Browser:
     """
 
     def __init__(self) -> None:
-        path = find_browser()
-        if path is None:
-            raise PictureError(f"no browser found; looked on PATH for {', '.join(BROWSERS)}. Install Chromium.")
-        self._tools = DevTools([path, *FLAGS, "--remote-debugging-pipe"])
+        self._tools = DevTools([a_browser(), *FLAGS, "--remote-debugging-pipe"])
         try:
             self.call("Browser.getVersion")
         except BaseException:

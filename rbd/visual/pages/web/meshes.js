@@ -47,6 +47,12 @@ class Meshes {
   constructor(viewer, pieces) {
     this.viewer = viewer;
     this.pieces = pieces;
+    // A mark's ghost goes with it.
+    const remove = viewer.delete_path.bind(viewer);
+    viewer.delete_path = (path) => {
+      remove(path);
+      if (path[1] === "marks" && path.length > 2) remove([...path.slice(0, -1), `${path[path.length - 1]}_seen_through`]);
+    };
     this.made = new Map();  // piece and box -> geometry: equal triangles are unpacked once
   }
 
@@ -79,9 +85,9 @@ class Meshes {
     if (header.kind === "part") {
       // Inner parts of glass must be drawn, in any order.
       const shine = { specular: 0x222222, shininess: 20, side: T.DoubleSide, depthWrite: opacity >= 0.5 };
-      // Of surfaces in one plane the one nearer by a step of depth is seen.
-      const step = { polygonOffset: true, polygonOffsetFactor: -header.nearer, polygonOffsetUnits: -header.nearer };
-      add("", new T.MeshPhongMaterial({ ...glass, ...shine, ...(header.nearer ? step : {}) }), true);
+      const { nearer } = header;
+      const offset = nearer ? { polygonOffset: true, polygonOffsetFactor: -nearer, polygonOffsetUnits: -nearer } : {};
+      add("", new T.MeshPhongMaterial({ ...glass, ...shine, ...offset }), true);
     } else {
       const glow = { emissive: new T.Color(color).multiplyScalar(0.15), side: T.DoubleSide };
       add("", new T.MeshLambertMaterial({ ...glass, ...glow, depthWrite: opacity === 1 }), false);
