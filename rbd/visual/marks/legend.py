@@ -58,7 +58,8 @@ def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
             words.insert(0, f"against {c.patch.against}")
         entries.append(entry(colors[c.name], c.name, _size(c.force), ", ".join(filter(None, words)), "forces"))
     for points in picture.others.points:
-        entries.append(entry(colors[points.name], points.name, "", f"{len(points.points)} points", "forces"))
+        detail = f"sum of {len(points.points)} points"
+        entries.append(entry(colors[points.name], points.name, _size(points.forces.sum(axis=0)), detail, "forces"))
     loops = sorted(picture.others.loops, key=lambda loop: -float(np.linalg.norm(loop.force)))
     for loop in loops[:LISTED]:
         detail = f"on {loop.on}" + (f", {loop.against} gets the opposite" if loop.against else "")
@@ -68,6 +69,8 @@ def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
     for t in _largest(picture.others.torques):
         layer = "forces" if t.slides else "moments"
         entries.append(entry(LIMITED_COLOR, t.by, f"{number(t.value)} {t.unit}", f"on joint {t.name}", layer))
+    if (more := len(picture.others.torques) - LISTED) > 0:
+        entries.append(entry(LIMITED_COLOR, f"and {more} more torques at joints", layer="moments"))
     for push in picture.pushes:
         words = [f"({numbers(push.force)[1:-1]}) N"]
         words += [f"moment {numbers(push.moment)} N m"] if push.moment.any() else []
