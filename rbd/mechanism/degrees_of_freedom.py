@@ -171,15 +171,15 @@ class Mobility(Displayed):
         how = f"{looked.tried} directions tried {FAR:g} far, {len(looked.points) - 1} extended; seed {self.seed}"
         if not looked.tried:
             how = "J has full rank here" if self.rank == self.rows else "J allows nothing"
-        lines = [
+        lines = [self.verdict[0].upper() + self.verdict[1:] + "."]
+        if self.over_constrained:
+            lines.append(f"It is over-constrained: it moves although the count gives {self.count.value}.")
+        lines += [
             f"counted        {self.count.value:>3}   {self.count.formula}",
             f"instantaneous  {self.instantaneous:>3}   n - rank J = {self.velocities} - {self.rank}, of {self.rows} rows; "
             f"zero is {self.zero:.2g} of the largest singular value",
             f"finite         {self.finite:>3}   {how}; numerical, not a proof",
-            self.verdict,
         ]
-        if self.over_constrained:
-            lines.append(f"over-constrained: it moves although the count gives {self.count.value}")
         if len(s):
             lines.append("singular values " + np.array2string(s, precision=3, max_line_width=110, threshold=12))
         if self.redundant:

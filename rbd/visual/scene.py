@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import webbrowser
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -15,37 +14,33 @@ import meshcat
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_vector3
+from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, ExternalForce
 from rbd.model.state import State
-from rbd.visual.drawing import described, send_mark, send_part
-from rbd.visual.framing import FRONT_LEFT, camera_and_ground, seen_from
+from rbd.visual.drawing import described, place_parts, send_mark, send_parts
+from rbd.visual.framing import a_direction, camera_and_ground, extremes, seen_from
 from rbd.visual.layers import checked_layers, checked_view
 from rbd.visual.marks.contacts import ShownForce
 from rbd.visual.marks.legend import entry, legend_data
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture
 from rbd.visual.marks.statics import Drawn, left_out_of, marks_of
+from rbd.visual.other_poses import check_poses, send_poses
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import offline_page, photograph, write_page
 from rbd.visual.pages.recorder import Recorder, drawn_together
 from rbd.visual.pages.server import LiveServer
 from rbd.visual.robot_layers import bodies, collision_parts, frames, front_of
-from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
-from rbd.visual.shapes import outermost, round_number
-from rbd.visual.style import a_length, a_page, a_picture, contact_colors, distinct_colors
+from rbd.visual.robot_meshes import RobotPart, robot_parts
+from rbd.visual.style import a_length, a_page, a_picture, contact_colors
 
 if TYPE_CHECKING:
     from rbd.robots.robot import Robot
     from rbd.solution import Solution
     from rbd.statics.actuation import Actuation
-
-# Newtons for one metre of arrow if a robot has no weight (no mass, or no gravity).
-WEIGHTLESS_N = 100.0
-BESIDE_OPACITY = 0.55
 
 
 class Scene(Displayed):
@@ -94,10 +89,7 @@ class Scene(Displayed):
             raise InputError(f"Scene wants a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
         if arrow_per_weight is not None:
             arrow_per_weight = a_length("arrow_per_weight", arrow_per_weight)
-        seen = as_vector3("seen_from", FRONT_LEFT if seen_from is None else seen_from)
-        if not seen[:2].any():
-            raise InputError(f"seen_from is {seen_from}; expected (x, y, z) from robot to camera, not straight up or down.")
-        self._seen_from = None if seen_from is None else seen
+        self._seen_from = a_direction(seen_from)
         self._legend = legend
         self._layers = checked_layers(layers)
         self._opens = checked_view(view)
@@ -114,6 +106,7 @@ class Scene(Displayed):
         self._picture = Picture(np.zeros(3))
         self._server: LiveServer | None = None
         self._others: dict[str, str] = {}
+        self._poses: tuple[dict[str, State], str, dict[str, list[str]], str] = {}, "", {}, ""
         self._further = np.zeros((0, 3))
         self._around = np.zeros((0, 3))
         self._moving = False
@@ -209,10 +202,12 @@ class Scene(Displayed):
             self._around, self._moving = np.zeros((0, 3)), False
         pin.forwardKinematics(model, self._data, np.asarray(state.q, float))
         self._place_parts(self._data)
+        if self._others:
+            self._draw_poses()
         self._picture, self._cloud = Picture.of(state, solution, external), None
         if self._sizes is None:
-            self._cloud = self._extremes(self._data)
-            self._sizes = self._measure(self._cloud, self._picture.largest_moment)
+            self._cloud = extremes(self._parts, self._data)
+            self._sizes = Sizes.of(self._robot, self._cloud, self._arrow_per_weight, self._picture.largest_moment)
         self._seen += [name for name in self._picture.colored if name not in self._seen]
         self._drawn = self._picture.marks(contact_colors(self._seen), self._sizes) + marks_of(self._statics, self._sizes)
         self._viewer["marks"].delete()
@@ -243,42 +238,50 @@ class Scene(Displayed):
             self._write_legend()
 
     @drawn_together
-    def beside(self, states: Mapping[str, State], *, shown: str = "") -> None:
-        """Draw the robot in further poses at the same place, each in one translucent colour: branches, steps of a motion.
+    def beside(
+        self,
+        states: Mapping[str, State],
+        *,
+        shown: str = "",
+        details: Mapping[str, Sequence[str]] | None = None,
+        note: str = "",
+    ) -> None:
+        """Draw the robot in further poses at the same place, each in one colour: branches, steps of a motion.
 
-        They stay until the next call; `{}` takes them away. The legend names them.
+        They stay until the next call; `{}` takes them away. The legend names them. Bars that have one place in several poses
+        are striped in the colours of all these. Without `shown` the robot keeps its colours, and the poses are translucent.
 
         Args:
             states: {name: where the robot is}, of the scene's robot.
-            shown: Name of the pose that `show` drew, which the legend then lists too, in the colour of its largest part.
+            shown: Name of the pose that `show` drew: it gets one colour too, and its place in the legend among `states`, if it
+                is one of these.
+            details: {name: lines below the name in the legend}, such as joint angles.
+            note: A line below the legend.
 
         Raises:
             InputError: if an entry is not a state, or has another size.
             PictureError: if nothing has been shown yet.
         """
         self._shown()
-        if not isinstance(states, Mapping) or not all(isinstance(name, str) for name in (*states, shown)):
-            raise InputError(f"states are {states!r:.80}, shown is {shown!r:.80}; expected {{name: rbd.State}} and a name.")
-        model = self._robot.model
-        for name, state in states.items():
-            if not isinstance(state, State) or len(state.q) != model.nq:
-                raise InputError(f"{name!r} is no state of {self._robot.name!r}; expected rbd.State(robot, q).")
-        self._viewer["beside"].delete()
-        colors = dict(zip(states, distinct_colors(len(states) + 1)[1:], strict=True))  # blue is for contacts
-        self._others = {shown: largest_color(self._parts)} | colors if shown else colors
-        points = [np.zeros((0, 3))]
-        for i, (name, state) in enumerate(states.items()):
-            data = model.createData()
-            pin.forwardKinematics(model, data, np.asarray(state.q, float))
-            for j, part in enumerate(self._parts):
-                if part.joint:  # shapes fixed to the world are already in the picture
-                    path = f"beside/{i}/{j}"
-                    send_part(self._viewer, path, replace(part, color=colors[name], opacity=BESIDE_OPACITY))
-                    self._viewer[path].set_transform((data.oMi[part.joint] * part.placement).homogeneous)
-            points.append(self._extremes(data))
-        self._further = np.vstack(points)
+        check_poses(self._robot, states, shown)
+        self._poses = dict(states), shown, {name: list(lines) for name, lines in (details or {}).items()}, note
+        self._draw_poses()
         if self._legend:
             self._write_legend()
+
+    def _draw_poses(self) -> None:
+        states, shown, *_ = self._poses
+        self._viewer["beside"].delete()
+        assert self._data is not None
+        if self._others:  # the robot gets its own colours back
+            self._send_parts()
+            self._place_parts(self._data)
+        found = {name: self._robot.model.createData() for name in states}
+        for name, data in found.items():
+            pin.forwardKinematics(self._robot.model, data, np.asarray(states[name].q, float))
+        named = bool(states or shown)
+        self._others = send_poses(self._viewer, self._parts, self._data, found, shown) if named else {}
+        self._further = np.vstack([np.zeros((0, 3)), *(extremes(self._parts, data) for data in found.values())])
 
     def export(self, path: str | PathLike[str]) -> Path:
         """Write the scene as one HTML file that needs no network and no server; returns its path.
@@ -331,8 +334,7 @@ class Scene(Displayed):
         assert self._data is not None
         self._viewer["marks"].delete()
         for path, parts in (further or {}).items():
-            for i, part in enumerate(parts):
-                send_part(self._viewer, f"{path}/{i}", part)
+            send_parts(self._viewer, path, parts)
         self._drawn, self._around, self._moving = [], around, True
         self._describe()
         self._recorder.post("motion", motion)
@@ -349,9 +351,9 @@ class Scene(Displayed):
 
     def close(self) -> None:
         """Stop the live server, if one runs. The scene can still be exported."""
-        if self._server is not None:
-            self._server.close()
-            self._server = None
+        server, self._server = self._server, None
+        if server is not None:
+            server.close()
 
     def __enter__(self) -> Scene:
         return self
@@ -364,32 +366,14 @@ class Scene(Displayed):
             raise PictureError("the scene is empty: call scene.show(state, solution) first.")
         return self._sizes
 
-    def _measure(self, cloud: Array, largest_moment: float) -> Sizes:
-        body = float(np.ptp(cloud, axis=0).max()) or 1.0
-        length = self._arrow_per_weight or round_number(0.5 * body)
-        weight = float(self._robot.mass * np.linalg.norm(self._robot.model.gravity.linear))
-        return Sizes(body, length / (weight or WEIGHTLESS_N), weight, largest_moment)
-
     def _send_parts(self) -> None:
-        for i, part in enumerate(self._parts):
-            send_part(self._viewer, f"robot/{i}", part)
-        for i, shape in enumerate(collision_parts(self._robot)):
-            send_part(self._viewer, f"collision/{i}", shape.part)
+        send_parts(self._viewer, "robot", self._parts)
+        send_parts(self._viewer, "collision", [shape.part for shape in collision_parts(self._robot)])
         self._recorder.post("bodies", bodies(self._robot, self._parts))
 
     def _place_parts(self, data: pin.Data) -> None:
-        placed = [(f"robot/{i}", part) for i, part in enumerate(self._parts)]
-        placed += [(f"collision/{i}", shape.part) for i, shape in enumerate(collision_parts(self._robot))]
-        for path, part in placed:
-            self._viewer[path].set_transform((data.oMi[part.joint] * part.placement).homogeneous)
-
-    def _extremes(self, data: pin.Data) -> Array:
-        """The outermost points of the robot in W, shape (n, 3) [m]: all that is needed to measure and frame it."""
-        points = [np.zeros((0, 3))]
-        for part in self._parts:
-            X_WG = data.oMi[part.joint] * part.placement
-            points.append(part.mesh.placed(X_WG.rotation, X_WG.translation).vertices)
-        return outermost(np.vstack(points)) if self._parts else np.zeros((1, 3))
+        place_parts(self._viewer, "robot", self._parts, data)
+        place_parts(self._viewer, "collision", [shape.part for shape in collision_parts(self._robot)], data)
 
     def _describe(self) -> None:
         """Send the frames, the layers, and the layer and label of every mark."""
@@ -398,16 +382,18 @@ class Scene(Displayed):
         self._recorder.post("marks", described(self._drawn, self._layers))
 
     def _write_legend(self) -> None:
-        colors, poses = contact_colors(self._seen), [entry(c, name, layer="other poses") for name, c in self._others.items()]
-        what = legend_data(self._robot.name, self._picture, colors, self._shown(), self._statics, poses)
+        _, _, details, note = self._poses
+        poses = [entry(color, name, detail=details.get(name, ""), layer="other poses") for name, color in self._others.items()]
+        colors, sizes = contact_colors(self._seen), self._shown()
+        what = legend_data(self._robot.name, self._picture, colors, sizes, self._statics, poses, note)
         self._recorder.post("legend", json.dumps({"legend": what}))
 
     def _view(self, data: pin.Data) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
         drawn = [mark.mesh.vertices for mark in self._drawn if self._layers[mark.layer]]
         if self._cloud is None:  # costly, and the same until the next state
-            self._cloud = self._extremes(data)
+            self._cloud = extremes(self._parts, data)
         contacts = self._picture.contacts
-        direction = seen_from(contacts) if self._seen_from is None else self._seen_from.tolist()
+        direction = seen_from(contacts) if self._seen_from is None else self._seen_from
         front, clouds = front_of(self._robot, data, contacts), [self._cloud, self._further, self._around, *drawn]
         return camera_and_ground(clouds, direction, front, opens=self._opens, body=self._shown().body, ground=self._ground)

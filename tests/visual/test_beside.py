@@ -51,7 +51,7 @@ def stands() -> rbd.Trajectory:
 
 def told(page: Path) -> dict[str, Any]:
     """The motion that a page holds."""
-    notes = [json.loads(n) for n in re.findall(r"stage\.note\((.*)\);", page.read_text(encoding="utf-8"))]
+    notes = [json.loads(n) for n in re.findall(r"stage\.note\((\{.*)\);", page.read_text(encoding="utf-8"))]
     found: dict[str, Any] = next(n["motion"] for n in notes if "motion" in n)
     return found
 

@@ -60,7 +60,7 @@ def page(run: rbd.Trajectory, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def told(page: Path) -> dict[str, Any]:
     """The motion that a page holds."""
-    notes = [json.loads(n) for n in re.findall(r"stage\.note\((.*)\);", page.read_text(encoding="utf-8"))]
+    notes = [json.loads(n) for n in re.findall(r"stage\.note\((\{.*)\);", page.read_text(encoding="utf-8"))]
     found: dict[str, Any] = next(n["motion"] for n in notes if "motion" in n)
     return found
 
@@ -276,20 +276,18 @@ def test_the_cursor_is_at_the_present_time(browser: Browser, page: Path, run: rb
         )
 
 
-def test_values_at_the_cursor_are_those_of_the_sample(browser: Browser, page: Path, run: rbd.Trajectory) -> None:
-    """Three digits of each curve's number at the nearest sample."""
+def test_values_at_the_cursor_are_those_of_the_trajectory(browser: Browser, page: Path, run: rbd.Trajectory) -> None:
+    """Three digits of each curve's number: at a sample, and between two as the line is drawn."""
     with browser.open(page, width=1200, height=800) as shown:
-        for t in (0.0, 0.1001, 0.2):
+        for t in (0.0, 0.1, 0.1017, 0.2):
             shown.evaluate(f"stage.player.seek({t})")
             text = shown.evaluate("stage.player.curves.charts.map((c) => c.shown.map((x) => x.key.textContent))")
-            i = int(np.abs(run.t - t).argmin())
             name = run.contacts[0]
-            force = run.forces[name][i]
-            assert text[0][:2] == [
-                f"{name} vertical {float(f'{force[2]:.3g}'):g}",
-                f"|f| {float(f'{np.linalg.norm(force):.3g}'):g}",
-            ]
-            law = run.residuals["law"][i]
+            force = [np.interp(t, run.t, column) for column in run.forces[name].T]
+            size = np.interp(t, run.t, np.linalg.norm(run.forces[name], axis=1))
+            assert text[0][0] == f"{name} vertical {float(f'{force[2]:.3g}'):g}"
+            assert text[0][1] == f"|f| {float(f'{size:.3g}'):g}"
+            law = np.interp(t, run.t, run.residuals["law"])
             assert text[3][0].startswith("law, scaled ")
             assert float(text[3][0].removeprefix("law, scaled ")) == pytest.approx(law, rel=0.06)
 

@@ -17,10 +17,11 @@ import rbd
 from rbd.errors import PictureError
 from rbd.visual import Scene, notebook_page
 from rbd.visual.notebook import frames
-from rbd.visual.notebook.frames import HEIGHT, NO_PICTURE, WIDTH, NotebookPage, frame_html
+from rbd.visual.notebook.frames import HEIGHT, NO_PICTURE, NotebookPage, frame_html
 from rbd.visual.pages.browser import Browser, BrowserPage
 
 URDF = Path(__file__).parents[2] / "urdf"
+WIDTH = 700
 RED = (200, 30, 30)
 
 
@@ -111,7 +112,7 @@ def test_a_scene_at_the_end_of_a_cell_is_drawn_with_its_forces(browser: Browser,
         assert f"1 contact pushes it up by {9.81 * box.mass:.2f} N" in html
         [taken] = re.findall(r'src="data:image/png;base64,([^"]*)"', html)
         picture = Image.open(io.BytesIO(base64.b64decode(taken)))
-        assert picture.size == (WIDTH, HEIGHT) and len(np.unique(np.asarray(picture.convert("L")))) > 50
+        assert picture.size == (frames.WIDTH, HEIGHT) and len(np.unique(np.asarray(picture.convert("L")))) > 50
         begin = time.thread_time()
         assert scene._repr_html_() == html
         assert time.thread_time() - begin < 1.0

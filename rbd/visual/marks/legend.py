@@ -18,7 +18,7 @@ from rbd.visual.style import COM_COLOR, LIMITED_COLOR, PUSH_COLOR, SUPPORT_COLOR
 if TYPE_CHECKING:
     from rbd.visual.marks.picture import Picture
 
-Entry = dict[str, str]
+Entry = dict[str, str | list[str]]
 """A line of the legend: color, name, value, detail, and the layer with which it is shown and hidden."""
 LEAST_LISTED = 0.01
 """Motors below this share of their limit are not listed."""
@@ -26,13 +26,19 @@ LISTED = 6
 """Of more loops, stops or torques than this the largest are listed."""
 
 
-def entry(color: str, name: str, value: str = "", detail: str = "", layer: str = "") -> Entry:
+def entry(color: str, name: str, value: str = "", detail: str | list[str] = "", layer: str = "") -> Entry:
     """One line of the legend."""
     return {"color": color, "name": name, "value": value, "detail": detail, "layer": layer}
 
 
 def legend_data(
-    title: str, picture: Picture, colors: Mapping[str, str], sizes: Sizes, statics: Sequence[Drawn], poses: Sequence[Entry]
+    title: str,
+    picture: Picture,
+    colors: Mapping[str, str],
+    sizes: Sizes,
+    statics: Sequence[Drawn] = (),
+    poses: Sequence[Entry] = (),
+    note: str = "",
 ) -> dict[str, object]:
     """The legend of a picture: {title, entries, notes}.
 
@@ -43,11 +49,12 @@ def legend_data(
         sizes: Of the marks.
         statics: Regions and largest pushes in it.
         poses: Entries of other poses in it.
+        note: About these poses.
     """
     regions = [entry(color, name, layer="regions") for name, color in legend_of(statics)]
-    entries = [*_forces(picture, colors), *_rest(picture), *poses, *regions]
-    lines = [*left_out_of(statics, sizes), *notes(picture, sizes), "Drag to turn, wheel to zoom, right button to shift."]
-    return {"title": title, "entries": entries, "notes": lines}
+    entries = [*poses, *_forces(picture, colors), *_rest(picture), *regions]
+    lines = [note, *left_out_of(statics, sizes), *notes(picture, sizes), "Drag to turn, wheel to zoom, right button to shift."]
+    return {"title": title, "entries": entries, "notes": [line for line in lines if line]}
 
 
 def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:

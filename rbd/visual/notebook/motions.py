@@ -55,7 +55,7 @@ def _trajectory(record: Trajectory) -> Card:
     ]
     drawing = curves("force |f| [N]", record.t, sizes) if sizes else ""
     limit = record.robot.effort_limit
-    if record.robot.nu and np.isfinite(limit).any():
+    if record.tau.any() and np.isfinite(limit).any():
         drawing += curves("most used motor [% of its limit]", record.t, {"": 100.0 * (np.abs(record.tau) / limit).max(axis=1)})
     events = [(number(e.t, 6), e.name, str(e.point), e.kind) for e in record.events[:_EVENTS]]
     named = Table(events, ("at [s]", "contact", "point", "event"), whole=len(record.events), rest="trajectory.events")

@@ -18,8 +18,8 @@ from rbd.arrays import Array
 from rbd.errors import InputError, PictureError
 from rbd.model.output_files import check_place, write_file
 from rbd.simulation.run import progress_of
-from rbd.visual.pages.browser import Browser, BrowserPage, one_browser
-from rbd.visual.pages.encoders import QUALITY, encoder_of
+from rbd.visual.pages.browser import Browser, BrowserPage, a_browser, one_browser
+from rbd.visual.pages.encoders import QUALITY, Encoder, encoder_of
 from rbd.visual.pages.link import page_link
 from rbd.visual.pages.page import write_page
 from rbd.visual.playback.animation import motion_scene
@@ -115,14 +115,9 @@ def export_video(
         >>> rbd.visual.export_video(swing, "swing.gif", fps=20, speed=0.1)  # doctest: +SKIP
         PosixPath('swing.gif')
     """
-    target = a_path("the video", path)
-    for what, size in (("width", width), ("height", height)):
-        if a_count(what, size, MOST_SIZE) < LEAST_SIZE:
-            raise InputError(f"{what} is {size}; expected at least {LEAST_SIZE} pixels.")
-    fps, speed = positive("fps", fps, MOST_FPS, " pictures a second"), positive("speed", speed, 1000.0, "")
+    target, write = _checked(path, fps, width, height)
+    fps, speed = float(fps), positive("speed", speed, 1000.0, "")
     link = page_link(view=view, layers=layers, controls=False)
-    write = encoder_of(target, fps, width, height)
-    check_place(target, PictureError)
     scene = _scene(
         trajectory, speed=speed, title=title, external=external, ghost=ghost, beside=beside, beside_external=beside_external,
         follow=follow, trace=trace, footprints=footprints, ground=ground, seen_from=seen_from,
@@ -139,6 +134,26 @@ def export_video(
                 samples = _frames(shown, times[:: max(1, len(times) // SAMPLES)])
                 write_file(target, lambda file: write(file, _frames(shown, times, reached), samples), PictureError)
     return target
+
+
+def check_video(path: str | PathLike[str]) -> None:
+    """Refuse, before a long motion is computed, a video that could not be made afterwards.
+
+    Raises:
+        PictureError: another ending, no ffmpeg, no Pillow, no browser, or a file that cannot be written.
+    """
+    _checked(path, 30.0, 960, 540)
+    a_browser()
+
+
+def _checked(path: str | PathLike[str], fps: float, width: int, height: int) -> tuple[Path, Encoder]:
+    target = a_path("the video", path)
+    for what, size in (("width", width), ("height", height)):
+        if a_count(what, size, MOST_SIZE) < LEAST_SIZE:
+            raise InputError(f"{what} is {size}; expected at least {LEAST_SIZE} pixels.")
+    write = encoder_of(target, positive("fps", fps, MOST_FPS, " pictures a second"), width, height)
+    check_place(target, PictureError)
+    return target, write
 
 
 def frame_times(first: float, last: float, fps: float, speed: float) -> list[float]:

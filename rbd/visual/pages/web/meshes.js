@@ -79,7 +79,9 @@ class Meshes {
     if (header.kind === "part") {
       // Inner parts of glass must be drawn, in any order.
       const shine = { specular: 0x222222, shininess: 20, side: T.DoubleSide, depthWrite: opacity >= 0.5 };
-      add("", new T.MeshPhongMaterial({ ...glass, ...shine }), true);
+      const { nearer } = header;
+      const offset = nearer ? { polygonOffset: true, polygonOffsetFactor: -nearer, polygonOffsetUnits: -nearer } : {};
+      add("", new T.MeshPhongMaterial({ ...glass, ...shine, ...offset }), true);
     } else {
       const glow = { emissive: new T.Color(color).multiplyScalar(0.15), side: T.DoubleSide };
       add("", new T.MeshLambertMaterial({ ...glass, ...glow, depthWrite: opacity === 1 }), false);
