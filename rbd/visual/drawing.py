@@ -6,7 +6,6 @@ import json
 from collections.abc import Mapping, Sequence
 
 import meshcat
-import pinocchio as pin
 
 from rbd.visual.marks.mark import Mark
 from rbd.visual.packed_meshes import Placed
@@ -18,18 +17,6 @@ def send_part(viewer: meshcat.Visualizer, path: str, part: RobotPart, *, nearer:
     """Send a piece of a robot, in its own frame; of surfaces in one plane the one with the largest `nearer` is seen."""
     look = {"kind": "part", "color": part.color, "opacity": part.opacity}
     _send(viewer[path], part.mesh, {**look, "nearer": nearer} if nearer else look)
-
-
-def send_parts(viewer: meshcat.Visualizer, path: str, parts: Sequence[RobotPart]) -> None:
-    """Send pieces of a robot, numbered below a path."""
-    for i, part in enumerate(parts):
-        send_part(viewer, f"{path}/{i}", part)
-
-
-def place_parts(viewer: meshcat.Visualizer, path: str, parts: Sequence[RobotPart], data: pin.Data) -> None:
-    """Put pieces that `send_parts` sent where the joints are: `data` has their poses."""
-    for i, part in enumerate(parts):
-        viewer[f"{path}/{i}"].set_transform((data.oMi[part.joint] * part.placement).homogeneous)
 
 
 def send_mark(viewer: meshcat.Visualizer, mark: Mark) -> None:

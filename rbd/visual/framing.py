@@ -6,12 +6,10 @@ import json
 from collections.abc import Iterable, Sequence
 
 import numpy as np
-import pinocchio as pin
 
 from rbd.arrays import Array, as_vector3
 from rbd.errors import InputError
 from rbd.visual.marks.contacts import ShownForce
-from rbd.visual.robot_meshes import RobotPart
 from rbd.visual.shapes import outermost, round_number
 
 FRONT_LEFT = (1.0, 0.62, 0.34)
@@ -30,20 +28,6 @@ def a_direction(seen_from: Sequence[float] | Array | None) -> list[float] | None
     if not seen[:2].any():
         raise InputError(f"seen_from is {seen_from}; expected (x, y, z) from robot to camera, not straight up or down.")
     return list(seen.tolist())
-
-
-def extremes(parts: Sequence[RobotPart], data: pin.Data) -> Array:
-    """The outermost points of a robot in W, shape (n, 3) [m]: all that is needed to measure and frame it.
-
-    Args:
-        parts: Its pieces.
-        data: With the poses of its joints.
-    """
-    points = [np.zeros((0, 3))]
-    for part in parts:
-        X_WG = data.oMi[part.joint] * part.placement
-        points.append(part.mesh.placed(X_WG.rotation, X_WG.translation).vertices)
-    return outermost(np.vstack(points)) if parts else np.zeros((1, 3))
 
 
 def seen_from(contacts: Iterable[ShownForce]) -> list[float]:

@@ -10,7 +10,6 @@ import pytest
 
 import rbd
 from rbd.visual import Scene
-from rbd.visual.framing import extremes
 from rbd.visual.marks.contacts import acting_point, shown_forces
 from rbd.visual.marks.support import support_polygon
 
@@ -100,6 +99,6 @@ def test_two_robots_are_drawn_where_they_stand(stack):
     pair, state, _ = stack
     with Scene(pair) as scene:
         scene.show(state)
-        cloud = extremes(scene._parts, scene._data)
+        cloud = scene._body.cloud
     assert cloud[:, 2].min() == pytest.approx(0.0, abs=1e-12) and cloud[:, 2].max() == pytest.approx(0.4)
     assert cloud[:, 0].max() == pytest.approx(0.35)

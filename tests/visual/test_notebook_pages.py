@@ -119,14 +119,14 @@ def test_a_scene_at_the_end_of_a_cell_is_drawn_with_its_forces(browser: Browser,
 
 
 def test_a_motion_and_a_report_are_put_inline() -> None:
-    """With the options of their pages; `still=True` is a picture alone, below a tenth of the page."""
+    """With the options of their pages; `still=True` is a picture alone, a third of the smallest page or less."""
     robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
     swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.1, step=1e-2)
     inline = notebook_page(swing, height=300, speed=0.5)
     assert '"speed": 0.5' in inline.page and inline.height == 300
     still = notebook_page(swing, still=True)
     assert not still.page and "<iframe" not in still._repr_html_()
-    assert 10 * len(still._repr_html_()) < len(inline._repr_html_()) and "kB" in repr(still)
+    assert 3 * len(still._repr_html_()) < len(inline._repr_html_()) and "kB" in repr(still)
     solo = rbd.load_robot("solo12")
     low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
     hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=50.0)

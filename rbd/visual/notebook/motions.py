@@ -34,7 +34,7 @@ def _trajectory(record: Trajectory) -> Card:
         ("samples", f"{len(record)}, steps of {number(1e3 * record.step)} ms" if record.step else str(len(record)), ""),
         ("centre of mass moved by", vector(moved), "m"),
         ("energy, first and last", f"{number(energy[0])}, {number(energy[-1])}", "J"),
-        ("energy, range", number(np.ptp(energy), 4), "J"),
+        ("energy, range", fixed(np.ptp(energy), 5), "J"),
         ("work of the motors", number(record.motor_work[-1] - record.motor_work[0], 4), "J"),
         ("contact law", record.law or "-", ""),
         ("events", str(len(record.events)), ""),
