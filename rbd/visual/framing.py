@@ -7,12 +7,27 @@ from collections.abc import Iterable, Sequence
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, as_vector3
+from rbd.errors import InputError
 from rbd.visual.marks.contacts import ShownForce
 from rbd.visual.shapes import outermost, round_number
 
 FRONT_LEFT = (1.0, 0.62, 0.34)
 """From the robot to the camera, where no direction is given: ahead, left, up."""
+
+
+def a_direction(seen_from: Sequence[float] | Array | None) -> list[float] | None:
+    """A direction from the robot to the camera; None for None.
+
+    Raises:
+        InputError: if it is no vector, or straight up or down.
+    """
+    if seen_from is None:
+        return None
+    seen = as_vector3("seen_from", seen_from)
+    if not seen[:2].any():
+        raise InputError(f"seen_from is {seen_from}; expected (x, y, z) from robot to camera, not straight up or down.")
+    return list(seen.tolist())
 
 
 def seen_from(contacts: Iterable[ShownForce]) -> list[float]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import meshcat
 import numpy as np
 
-from rbd.arrays import Array, as_vector3
+from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
@@ -21,7 +21,7 @@ from rbd.model.dynamics import External, ExternalForce
 from rbd.model.state import State
 from rbd.visual.drawing import described, send_mark, send_part
 from rbd.visual.drawn_robot import DrawnRobot
-from rbd.visual.framing import FRONT_LEFT, camera_and_ground, seen_from
+from rbd.visual.framing import a_direction, camera_and_ground, seen_from
 from rbd.visual.layers import checked_layers, checked_view
 from rbd.visual.marks.contacts import ShownForce
 from rbd.visual.marks.legend import legend_data
@@ -35,17 +35,12 @@ from rbd.visual.pages.recorder import Recorder, drawn_together
 from rbd.visual.pages.server import LiveServer
 from rbd.visual.robot_layers import frames, front_of
 from rbd.visual.robot_meshes import RobotPart
-from rbd.visual.shapes import round_number
 from rbd.visual.style import a_length, a_page, a_picture, contact_colors
 
 if TYPE_CHECKING:
     from rbd.robots.robot import Robot
     from rbd.solution import Solution
     from rbd.statics.actuation import Actuation
-
-# Newtons for one metre of arrow if a robot has no weight (no mass, or no gravity).
-WEIGHTLESS_N = 100.0
-BESIDE_OPACITY = 0.55
 
 
 class Scene(Displayed):
@@ -94,10 +89,7 @@ class Scene(Displayed):
             raise InputError(f"Scene wants a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
         if arrow_per_weight is not None:
             arrow_per_weight = a_length("arrow_per_weight", arrow_per_weight)
-        seen = as_vector3("seen_from", FRONT_LEFT if seen_from is None else seen_from)
-        if not seen[:2].any():
-            raise InputError(f"seen_from is {seen_from}; expected (x, y, z) from robot to camera, not straight up or down.")
-        self._seen_from = None if seen_from is None else seen
+        self._seen_from = a_direction(seen_from)
         self._legend = legend
         self._layers = checked_layers(layers)
         self._opens = checked_view(view)
@@ -208,7 +200,8 @@ class Scene(Displayed):
         self._body.place(np.asarray(state.q, float), again=reframed)
         self._picture = Picture.of(state, solution, external)
         if self._sizes is None:
-            self._sizes = self._measure(self._body.cloud, self._picture.largest_moment)
+            moment = self._picture.largest_moment
+            self._sizes = Sizes.of(self._robot, self._body.cloud, self._arrow_per_weight, moment)
         self._seen += [name for name in self._picture.colored if name not in self._seen]
         self._drawn = self._picture.marks(contact_colors(self._seen), self._sizes, without)
         self._drawn += marks_of(self._statics, self._sizes)
@@ -243,11 +236,13 @@ class Scene(Displayed):
     def beside(self, states: Mapping[str, State], *, shown: str = "", details: Details = None, note: str = "") -> None:
         """Draw the robot in further poses at the same place, each in one colour, until the next call: branches, for example.
 
-        Bars at one place in several poses have stripes of all their colours. Without `shown` the poses are translucent.
+        They stay until the next call; `{}` takes them away. The legend names them. Bars that have one place in several poses
+        are striped in the colours of all these. Without `shown` the robot keeps its colours, and the poses are translucent.
 
         Args:
-            states: {name: where the robot is}, of the scene's robot; `{}` takes them away. The legend names them.
-            shown: Name of the pose that `show` drew, which then has one colour too; it may be one of `states`.
+            states: {name: where the robot is}, of the scene's robot.
+            shown: Name of the pose that `show` drew: it gets one colour too, and its place in the legend among `states`, if it
+                is one of these.
             details: {name: lines below the name in the legend}, such as joint angles.
             note: A line below the legend.
 
@@ -343,12 +338,6 @@ class Scene(Displayed):
             raise PictureError("the scene is empty: call scene.show(state, solution) first.")
         return self._sizes
 
-    def _measure(self, cloud: Array, largest_moment: float) -> Sizes:
-        body = float(np.ptp(cloud, axis=0).max()) or 1.0
-        length = self._arrow_per_weight or round_number(0.5 * body)
-        weight = float(self._robot.mass * np.linalg.norm(self._robot.model.gravity.linear))
-        return Sizes(body, length / (weight or WEIGHTLESS_N), weight, largest_moment)
-
     def _describe(self) -> None:
         """Send the frames, the layers, and the layer and label of every mark."""
         self._recorder.post("frames", frames(self._robot, self._body.data, self._picture.contacts, self._shown().body))
@@ -363,6 +352,6 @@ class Scene(Displayed):
         """Camera, light and ground for the present scene, in the page's format."""
         drawn = [mark.mesh.vertices for mark in self._drawn if self._layers[mark.layer]]
         contacts, body = self._picture.contacts, self._body
-        direction = seen_from(contacts) if self._seen_from is None else self._seen_from.tolist()
+        direction = seen_from(contacts) if self._seen_from is None else self._seen_from
         front, clouds = front_of(self._robot, body.data, contacts), [body.cloud, body.further, self._around, *drawn]
         return camera_and_ground(clouds, direction, front, opens=self._opens, body=self._shown().body, ground=self._ground)

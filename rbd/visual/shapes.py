@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -58,21 +59,28 @@ def revolved(profile: Sequence[tuple[float, float]], *, smooth: bool = False, se
         smooth: Whether the profile's corners are rounded by the shading; sharp by default.
         segments: Number of facets around the axis.
     """
+    return _revolved(tuple((float(r), float(z)) for r, z in profile), smooth, segments)
+
+
+@lru_cache(maxsize=64)
+def _revolved(profile: tuple[tuple[float, float], ...], smooth: bool, segments: int) -> Mesh:
+    """The same, kept: balls and rings of one size are in a scene many times."""
     angles = 2.0 * np.pi * np.arange(segments) / segments
-    circle = np.column_stack([np.cos(angles), np.sin(angles)])
+    radius, height = np.array(profile).T
+    strips, n = np.arange(len(profile) - 1), len(profile)
     # A sharp edge owns two rings of vertices: shading averages normals over shared vertices only.
-    pairs = [(i, i + 1) for i in range(len(profile) - 1)]
-    rings = range(len(profile)) if smooth else [i for pair in pairs for i in pair]
-    vertices = [np.column_stack([profile[i][0] * circle, np.full(segments, profile[i][1])]) for i in rings]
-    here = np.arange(segments)
+    rings = np.arange(n) if smooth else np.repeat(np.arange(n), 2)[1:-1]
+    vertices = np.empty((len(rings), segments, 3))
+    vertices[:, :, 0], vertices[:, :, 1] = np.outer(radius[rings], np.cos(angles)), np.outer(radius[rings], np.sin(angles))
+    vertices[:, :, 2] = height[rings, None]
+    here, low = np.arange(segments), (segments * (strips if smooth else 2 * strips))[:, None]
     after = (here + 1) % segments
-    faces = []
-    for k in range(len(pairs)):
-        low = segments * (k if smooth else 2 * k)
-        high = low + segments
-        faces.append(np.column_stack([low + here, low + after, high + after]))
-        faces.append(np.column_stack([low + here, high + after, high + here]))
-    return Mesh(np.vstack(vertices), np.vstack(faces))
+    high = low + segments
+    first = np.stack([low + here, low + after, high + after], axis=-1)
+    second = np.stack([low + here, high + after, high + here], axis=-1)
+    out = Mesh(vertices.reshape(-1, 3), np.stack([first, second], axis=1).reshape(-1, 3))
+    out.vertices.flags.writeable = out.faces.flags.writeable = False
+    return out
 
 
 def ball(radius: float, *, centre: Array | None = None) -> Mesh:
@@ -213,16 +221,10 @@ def arc_arrow(centre: Array, axes: Array, radius: float, angle: float, *, thickn
     rings = outward[:, None] * (radius + thin * np.cos(around))[None, :, None] + np.array([0.0, 0.0, 1.0]) * (
         thin * np.sin(around)[None, :, None]
     )
-    here = np.arange(12)
-    after = (here + 1) % 12
-    faces = []
-    for k in range(steps - 1):
-        low, high = 12 * k, 12 * (k + 1)
-        faces += [
-            np.column_stack([low + here, low + after, high + after]),
-            np.column_stack([low + here, high + after, high + here]),
-        ]
-    pieces = [Mesh(rings.reshape(-1, 3), np.vstack(faces)), ball(thin, centre=np.array([radius, 0.0, 0.0]))]
+    here, low = np.arange(12), 12 * np.arange(steps - 1)[:, None]
+    after, high = (here + 1) % 12, low + 12
+    faces = [np.stack([low + here, low + after, high + after], -1), np.stack([low + here, high + after, high + here], -1)]
+    pieces = [Mesh(rings.reshape(-1, 3), np.concatenate(faces).reshape(-1, 3)), _knee(thin, np.array([radius, 0.0, 0.0]))]
     for i in range(heads):
         back = end - way * 0.8 * head * i
         foot, tip = (radius * np.array([np.cos(a), np.sin(a), 0.0]) for a in (back, back + way * head))
@@ -263,11 +265,11 @@ def rim_of(friction: float, slant: float) -> tuple[float, float]:
     return friction * height, height
 
 
-def ring(centre: Array, axes: Array, radius: float, *, thickness: float) -> Mesh:
-    """A ring about the third axis of `axes`, drawn as a tube of radius `thickness` [m]."""
-    angles = np.linspace(-np.pi, np.pi, 11)
+def ring(centre: Array, axes: Array, radius: float, *, thickness: float, facets: int = 10) -> Mesh:
+    """A ring about the third axis of `axes`, drawn as a tube of radius `thickness` [m] with so many facets around it."""
+    angles = np.linspace(-np.pi, np.pi, facets + 1)
     section = [(radius + thickness * np.cos(a), thickness * np.sin(a)) for a in angles]
-    return revolved(section, smooth=True, segments=64).placed(axes, centre)
+    return revolved(section, smooth=True, segments=64 if facets > 8 else 40).placed(axes, centre)
 
 
 def tube(points: Array, *, radius: float, closed: bool = False) -> Mesh:

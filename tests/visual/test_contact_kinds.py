@@ -99,6 +99,6 @@ def test_two_robots_are_drawn_where_they_stand(stack):
     pair, state, _ = stack
     with Scene(pair) as scene:
         scene.show(state)
-        cloud = scene._extremes(scene._data)
+        cloud = scene._body.cloud
     assert cloud[:, 2].min() == pytest.approx(0.0, abs=1e-12) and cloud[:, 2].max() == pytest.approx(0.4)
     assert cloud[:, 0].max() == pytest.approx(0.35)

@@ -18,6 +18,7 @@ from rbd.visual.marks.mark import FULL_TURN, Sizes
 from rbd.visual.marks.picture import Picture
 from rbd.visual.marks.support import not_supporting
 from rbd.visual.marks.surfaces import surface_marks
+from rbd.visual.playback.frames import frames_of
 from rbd.visual.shapes import axes_along
 
 PUSH = rbd.ExternalForce("torso_2_link", [0.0, 60.0, 0.0], moment=[0.0, 0.0, 12.0])
@@ -337,3 +338,43 @@ class TestLeftOut:
         picture = Picture.of(rolls, rbd.solve(rolls, [], [rbd.RollingDisk("coin", "box", radius=0.25)]), None)
         assert picture.contacts[0].start == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
         assert picture.contacts[0].force == pytest.approx([0.0, 0.0, 9.81])
+
+    def test_a_motion_tells_what_it_does_not_draw(self):
+        """A loop's forces have no recorded point, a generalised force has none at all."""
+        robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.02, step=1e-2, progress=False)
+        joints = [1, 2, 3]
+        assert frames_of(swing, joints).left_out == ("Not drawn: the forces of coupler_pin.",)
+        words = frames_of(swing, joints, external=np.array([1.0, 0.0, 0.0])).left_out
+        assert words[0] == "The generalised external force is not drawn: it has no point of application."
+
+
+def test_the_page_draws_the_polygon_in_the_plane_of_the_soles(browser, talos, tmp_path):
+    """On a slope of 10 degrees, read back from the browser: all corners within the rounding of a packed mesh of one plane."""
+    X = pin.SE3(pin.rpy.rpyToMatrix(0.0, np.radians(10.0), 0.0), np.array([0.0, 0.0, 0.3]))
+    q = talos.standing().q.copy()
+    q[:7] = pin.SE3ToXYZQUAT(X * pin.XYZQUATToSE3(q[:7]))
+    state = rbd.State(talos, q)
+    ramp = rbd.Ground(point=X.translation, normal=X.rotation[:, 2])
+    _, scene = shown(talos, state, rbd.solve(state, np.zeros(talos.nu), talos.soles(friction=1.0, on=ramp)))
+    script = """(() => {
+      const points = [];
+      stage.layers.object("marks/support/area").traverse((each) => {
+        if (!each.isMesh) return;
+        each.updateWorldMatrix(true, false);
+        const at = each.geometry.attributes.position;
+        for (let i = 0; i < at.count; i++) {
+          const p = new MeshCat.THREE.Vector3().fromBufferAttribute(at, i).applyMatrix4(each.matrixWorld);
+          points.push([p.x, -p.z, p.y]);
+        }
+      });
+      return {points, surfaces: stage.layers.listed.filter((one) => one.layer === "surfaces").length,
+              shown: stage.layers.object("marks/torques/leg_left_4_joint/limit").visible};
+    })()"""
+    with browser.open(scene.export(tmp_path / "slope.html"), width=400, height=300) as page:
+        found = page.evaluate(script)
+        page.evaluate("stage.layers.show('joint torques', true)")
+        torques = page.evaluate('stage.layers.object("marks/torques/leg_left_4_joint/limit").visible')
+    off = ramp.distances(np.array(found["points"]))
+    assert len(off) >= 4 and 0.0 < off.min() and np.ptp(off) < 2e-4 and off.max() < 0.01
+    assert found["surfaces"] == 3 and not found["shown"] and torques

@@ -73,20 +73,20 @@ def pushes(state: State, external: object) -> tuple[list[ShownPush], list[str]]:
     model, given = state.robot, external
     if isinstance(given, Push):
         given = [given]
-    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable) or (isinstance(given, np.ndarray) and not given.ndim):
         raise InputError(f"external is {external!r:.80}; expected ExternalForces, or one generalised force (nv,).")
     entries = given if isinstance(given, np.ndarray) else list(given)
     if all(isinstance(push, Push) for push in entries):
         return [_shown(state, push) for push in entries], []
     try:
         generalised = np.asarray(entries, float)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         generalised = np.zeros(0)
-    if generalised.shape != (model.nv,):
+    if generalised.shape != (model.nv,) or not np.isfinite(generalised).all():
         odd = next((push for push in entries if not isinstance(push, Push)), entries)
         raise InputError(
             f"external holds {type(odd).__name__} {odd!r:.80}; expected ExternalForces, or one generalised force "
-            f"of shape ({model.nv},)."
+            f"of shape ({model.nv},), finite."
         )
     if not generalised.any():
         return [], []

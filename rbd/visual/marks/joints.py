@@ -178,7 +178,7 @@ def _arc(t: ShownTorque, share: float, heads: int, sizes: Sizes) -> tuple[Mesh, 
     """The arc of a share of the limit in [-1, 1], and the ring of the whole limit."""
     axes, thickness = shapes.axes_along(t.axis), 0.75 * sizes.shaft
     angle = share * FULL_TURN if abs(share) * FULL_TURN > SMALLEST_ARC else 0.0
-    ring = shapes.ring(t.point, axes, sizes.arc, thickness=0.5 * sizes.line)
+    ring = shapes.ring(t.point, axes, sizes.arc, thickness=0.5 * sizes.line, facets=5)
     return shapes.arc_arrow(t.point, axes, sizes.arc, angle, thickness=thickness, heads=heads), ring
 
 

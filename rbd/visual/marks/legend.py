@@ -36,8 +36,8 @@ def legend_data(
     picture: Picture,
     colors: Mapping[str, str],
     sizes: Sizes,
-    statics: Sequence[Drawn],
-    poses: Sequence[Entry],
+    statics: Sequence[Drawn] = (),
+    poses: Sequence[Entry] = (),
     note: str = "",
 ) -> dict[str, object]:
     """The legend of a picture: {title, entries, notes}.
@@ -49,17 +49,12 @@ def legend_data(
         sizes: Of the marks.
         statics: Regions and largest pushes in it.
         poses: Entries of other poses in it.
-        note: On the poses.
+        note: About these poses.
     """
     regions = [entry(color, name, layer="regions") for name, color in legend_of(statics)]
-    entries = [*_forces(picture, colors), *poses, *_rest(picture), *regions]
-    lines = [
-        *filter(None, [note]),
-        *left_out_of(statics, sizes),
-        *notes(picture, sizes),
-        "Drag to turn, wheel to zoom, right button to shift.",
-    ]
-    return {"title": title, "entries": entries, "notes": lines}
+    entries = [*poses, *_forces(picture, colors), *_rest(picture), *regions]
+    lines = [note, *left_out_of(statics, sizes), *notes(picture, sizes), "Drag to turn, wheel to zoom, right button to shift."]
+    return {"title": title, "entries": entries, "notes": [line for line in lines if line]}
 
 
 def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
@@ -70,7 +65,8 @@ def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
             words.insert(0, f"against {c.patch.against}")
         entries.append(entry(colors[c.name], c.name, _size(c.force), ", ".join(filter(None, words)), "forces"))
     for points in picture.others.points:
-        entries.append(entry(colors[points.name], points.name, "", f"{len(points.points)} points", "forces"))
+        detail = f"sum of {len(points.points)} points"
+        entries.append(entry(colors[points.name], points.name, _size(points.forces.sum(axis=0)), detail, "forces"))
     loops = sorted(picture.others.loops, key=lambda loop: -float(np.linalg.norm(loop.force)))
     for loop in loops[:LISTED]:
         detail = f"on {loop.on}" + (f", {loop.against} gets the opposite" if loop.against else "")
@@ -80,6 +76,8 @@ def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
     for t in _largest(picture.others.torques):
         layer = "forces" if t.slides else "moments"
         entries.append(entry(LIMITED_COLOR, t.by, f"{number(t.value)} {t.unit}", f"on joint {t.name}", layer))
+    if (more := len(picture.others.torques) - LISTED) > 0:
+        entries.append(entry(LIMITED_COLOR, f"and {more} more torques at joints", layer="moments"))
     for push in picture.pushes:
         words = [f"({numbers(push.force)[1:-1]}) N"]
         words += [f"moment {numbers(push.moment)} N m"] if push.moment.any() else []

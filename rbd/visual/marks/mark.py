@@ -7,8 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.model.checked_model import CheckedModel
 from rbd.visual.shapes import Mesh, round_number
 
+WEIGHTLESS_N = 100.0
+"""Newtons for one arrow of the usual length if a robot has no weight (no mass, or no gravity)."""
 FULL_TURN = np.radians(300.0)
 """Angle of the arc of a torque at its limit, and of a moment at the full scale [rad]."""
 
@@ -69,6 +72,21 @@ class Sizes:
     weight_N: float = 0.0
     largest_moment: float = 0.0
 
+    @classmethod
+    def of(cls, robot: CheckedModel, cloud: Array, arrow_per_weight: float | None, largest_moment: float) -> Sizes:
+        """The sizes for a robot.
+
+        Args:
+            robot: Which.
+            cloud: Its outermost points in W, shape (n, 3) [m].
+            arrow_per_weight: Length of an arrow as large as its weight [m]; None: half its size, rounded.
+            largest_moment: Of the first picture [N m].
+        """
+        body = float(np.ptp(cloud, axis=0).max()) or 1.0
+        length = arrow_per_weight or round_number(0.5 * body)
+        weight = float(robot.mass * np.linalg.norm(robot.model.gravity.linear))
+        return cls(body, length / (weight or WEIGHTLESS_N), weight, largest_moment)
+
     @property
     def shaft(self) -> float:
         """Radius of an arrow's shaft [m]."""
@@ -100,8 +118,8 @@ class Sizes:
 
         At least that of a force with an arrow of half the robot's size, at a tenth of that size.
         """
-        full = round_number(0.05 * self.body**2 / self.metres_per_newton)
-        if self.largest_moment <= full:
+        full = round_number(min(max(0.05 * self.body**2 / self.metres_per_newton, 1e-200), 1e200))
+        if not full < self.largest_moment < 1e200:
             return full
         up = round_number(self.largest_moment)
         return up if up >= self.largest_moment else round_number(2.2 * up)

@@ -19,7 +19,7 @@ from rbd.visual.style import PUSH_COLOR
 if TYPE_CHECKING:
     from rbd.simulation.trajectory import Trajectory
 
-Pushes: TypeAlias = Iterable[Push] | Push | None
+Pushes: TypeAlias = Iterable[Push] | Push | Array | None
 PushesAt: TypeAlias = Callable[[State, float], Pushes]
 
 FPS = 30.0
@@ -32,6 +32,7 @@ MOST_NUMBERS = 4_000_000
 NEAR = 0.25
 """A sample this share of a frame's interval away is taken as the frame; else the motion is interpolated there."""
 MOST_STRETCHES = 400
+MOST_NAMED = 6
 MOST_SAMPLES_LOOKED_AT = 400
 
 
@@ -70,6 +71,7 @@ class Frames:
         modes: {constraint: its mode at each frame}, contacts first.
         stretches: {constraint: (from [s], to [s], mode) of each time it is in one mode}, as fine as the samples.
         ghost: Name of a second motion, whose poses of the same joints follow in `joints` and `poses`; empty if there is none.
+        left_out: What of the forces has no picture, in words.
     """
 
     times: Array
@@ -81,6 +83,7 @@ class Frames:
     modes: Mapping[str, Sequence[str]]
     stretches: Mapping[str, Sequence[tuple[float, float, str]]]
     ghost: str = ""
+    left_out: tuple[str, ...] = ()
 
     @lazy
     def rows(self) -> Array:
@@ -113,7 +116,7 @@ def frames_of(
         external: The external forces of the motion, as `rbd.simulate` was given them: not known to a trajectory.
 
     Raises:
-        InputError: if `external` contains other than forces at frames.
+        InputError: if `external` is not what `rbd.simulate` takes.
     """
     times = np.asarray(trajectory.t, float)
     if fps is None:
@@ -138,8 +141,19 @@ def frames_of(
     for name in ordered:  # chatter is listed as coarsely as it is shown
         if len(stretches[name]) > MOST_STRETCHES:
             stretches[name] = _stretches(at, modes[name])
-    pushed = _pushed(trajectory.robot, q, at, external)
-    return Frames(at, tuple(joints), poses, com, contacts, pushed, modes, stretches)
+    pushed, words = _pushed(trajectory.robot, q, at, external)
+    left_out = (*words, *_without_points(trajectory))
+    return Frames(at, tuple(joints), poses, com, contacts, pushed, modes, stretches, left_out=left_out)
+
+
+def _without_points(trajectory: Trajectory) -> list[str]:
+    """Which constraints carry forces that a motion does not show, in words: their points are not recorded."""
+    forces: Mapping[str, Array] = getattr(trajectory, "forces", {})
+    names = [name for name, f in forces.items() if name not in trajectory.points and np.any(f)]
+    if not names:
+        return []
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return [f"Not drawn: the forces of {', '.join(names[:MOST_NAMED])}{more}."]
 
 
 def frame_times(times: Array, interval: float) -> Array:
@@ -176,16 +190,22 @@ def _fastest_turn(trajectory: Trajectory, joints: Sequence[int]) -> float:
     return fastest
 
 
-def _pushed(robot: CheckedModel, q: Sequence[Array], times: Array, external: Pushes | PushesAt) -> tuple[Track, ...]:
-    """External forces at every frame; one that is not given at some times is zero then."""
+def _pushed(
+    robot: CheckedModel, q: Sequence[Array], times: Array, external: Pushes | PushesAt
+) -> tuple[tuple[Track, ...], list[str]]:
+    """(external forces at every frame, what of them is not drawn); one that is not given at some times is zero then."""
     if external is None:
-        return ()
+        return (), []
     found: dict[tuple[str, int], list[tuple[int, Array, Array]]] = {}
+    generalised = moments = False
     for i, (q_i, t) in enumerate(zip(q, times, strict=True)):
         state = State(robot, q_i)
         given = external(state, float(t)) if callable(external) else external
         count: dict[str, int] = {}
-        for push in pushes(state, given)[0]:
+        drawn, missing = pushes(state, given)
+        generalised = generalised or bool(missing)
+        for push in drawn:
+            moments = moments or bool(push.moment.any())
             count[push.name] = number = count.get(push.name, 0) + 1
             found.setdefault((push.name, number), []).append((i, push.point, push.force))
     tracks = []
@@ -194,4 +214,5 @@ def _pushed(robot: CheckedModel, q: Sequence[Array], times: Array, external: Pus
         for i, point, force in seen:
             points[i, 0], forces[i, 0] = point, force
         tracks.append(Track(f"push on {name}", points, forces))
-    return tuple(tracks)
+    words = ["The generalised external force is not drawn: it has no point of application."] * generalised
+    return tuple(tracks), words + ["Moments of pushes are not drawn."] * moments

@@ -276,7 +276,8 @@ class MotionPage:
         pushes = [{"name": t.name, "color": t.color, "points": 1} for t in frames.pushes]
         lanes = [{"name": name, "color": color, "stretches": self._stretches(name)} for name, color in self.lanes.items()]
         drawn = {name: getattr(sizes, name) for name in ("body", "shaft", "line", "lift")}
-        note = f"{scale_note(sizes.metres_per_newton, self.weight_N)} Two heads: longer than drawn."
+        scale = f"{scale_note(sizes.metres_per_newton, self.weight_N)} Two heads: longer than drawn."
+        note = " ".join([*[scale] * bool(contacts or pushes), *frames.left_out])
         return {
             "name": self.name,
             "parts": parts,
@@ -293,7 +294,7 @@ class MotionPage:
             "support": SUPPORT_COLOR,
             "ground": self.ground,
             "sizes": {**drawn, "longest": self.longest, "metresPerNewton": sizes.metres_per_newton},
-            "note": note if contacts or pushes else "",
+            "note": note,
         }
 
 
