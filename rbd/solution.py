@@ -16,6 +16,7 @@ from rbd.analysis.sensitivity import Derivatives
 from rbd.analysis.uniqueness import Uniqueness, motion_freedom, uniqueness_of
 from rbd.arrays import Array, lazy, max_abs, without_lazies
 from rbd.constraints.stabilisation import feedback_acceleration
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution, Unsupported
 from rbd.prepared.contact_dynamics import Found
 from rbd.problem.answer import Answer, Status, corner_split
@@ -312,7 +313,7 @@ def solution_of(problem: GaussProblem, solver: Solver) -> Solution:
 
 
 @dataclass(frozen=True, eq=False)
-class NearestMotion:
+class NearestMotion(Displayed):
     """The motion that violates the constraints least, and of these the one nearest to free motion.
 
     Attributes:

@@ -34,6 +34,7 @@ from rbd.visual import (
     export_planar,
     export_report,
     motion_sheet,
+    notebook_page,
     plot_directions,
     plot_ellipses,
     plot_energy,
@@ -795,7 +796,13 @@ CASES: dict[str, Case] = {
     "visual.export_motion": Case(
         export_motion,
         {"trajectory": TRAJECTORY, "path": "/nowhere/x.html", "fps": 30, "speed": 1.0, "title": "x", "start": 0.0}
-        | {"seen_from": (1, 0.6, 0.3), "arrow_per_weight": 0.3, "ghost": TRAJECTORY},
+        | {
+            "seen_from": (1, 0.6, 0.3),
+            "arrow_per_weight": 0.3,
+            "ghost": TRAJECTORY,
+            "beside": TRAJECTORY,
+            "charts": ["energy"],
+        },
         20,
     ),
     "visual.motion_sheet": Case(
@@ -803,6 +810,9 @@ CASES: dict[str, Case] = {
         {"trajectory": TRAJECTORY, "times": [0.0], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9}
         | {"ghost": None},
         20,
+    ),
+    "visual.notebook_page": Case(
+        notebook_page, {"shown": "/nowhere/x.html", "height": 300, "still": False, "browser": None}, 20
     ),
     "visual.replay": Case(replay, {"trajectory": "none", "speed": 1.0, "scene": "none"}, 20),
     "visual.plot_forces": Case(
@@ -1191,6 +1201,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
     refused |= {
         "visual.export_motion",
         "visual.motion_sheet",
+        "visual.notebook_page",
         "visual.replay",
         "visual.export_planar",
         "visual.replay_planar",

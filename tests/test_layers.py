@@ -18,6 +18,7 @@ import rbd
 PACKAGE = Path(__file__).parent.parent / "rbd"
 
 ORDER = """
+displayed
 errors
 arrays compiled installation kernels modules
 model problem

@@ -21,6 +21,7 @@ import numpy as np
 
 from rbd.analysis.conditions import Conditions, conditions_of
 from rbd.arrays import RANK, Array, max_abs, null_space, range_of
+from rbd.displayed import Displayed
 from rbd.problem.force_set import at_rest
 from rbd.problem.problem import CONVEX, GaussProblem, Law, checked
 from rbd.problem.programs import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS, linear_program
@@ -33,7 +34,7 @@ _NAMED = 8  # constraints named in a message
 
 
 @dataclass(frozen=True, eq=False)
-class Contradiction:
+class Contradiction(Displayed):
     """Rows that no acceleration satisfies together, though any proper subset can be satisfied.
 
     Other rows of the problem may contradict each other, too: leave one of these out and search again.

@@ -20,6 +20,7 @@ from rbd.analysis.held_rows import HeldRows
 from rbd.arrays import RANK, Array
 from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
 from rbd.constraints.loop_stack import rows_function
+from rbd.displayed import Displayed
 from rbd.errors import NotDifferentiable, Unsupported
 from rbd.model.dynamics import External, ExternalForce, HasRows
 from rbd.model.pose_derivatives import FixedPose, state_derivatives
@@ -48,7 +49,7 @@ class ForceDerivatives:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Derivatives:
+class Derivatives(Displayed):
     """Derivatives of an answer by q, v, torques and external forces, contact modes fixed; None for what is not unique.
 
     A change dq is in the tangent space: q becomes pin.integrate(q, dq), dq of a floating base linear then angular in the

@@ -18,6 +18,7 @@ from rbd.analysis.admissible_forces import Admissible
 from rbd.analysis.extent import End, Reach
 from rbd.analysis.modes import modes_of
 from rbd.arrays import Array, rank_of
+from rbd.displayed import Displayed
 from rbd.problem.answer import CARRIES_NOTHING_N, Answer
 from rbd.problem.problem import Law
 from rbd.problem.programs import ENDS_WORK, Work
@@ -73,7 +74,7 @@ class Range:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactUniqueness:
+class ContactUniqueness(Displayed):
     """Uniqueness of one contact's forces, with their ranges.
 
     Attributes:
@@ -111,7 +112,7 @@ class ContactUniqueness:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Uniqueness:
+class Uniqueness(Displayed):
     """Which forces of one motion are unique, and the ranges of the others; from `solution.uniqueness()`.
 
     Attributes:

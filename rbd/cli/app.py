@@ -10,7 +10,6 @@ import math
 import os
 import platform
 import warnings
-from contextlib import suppress
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -122,13 +121,14 @@ def mechanism(
         q = loaded.at().q if name is None else loaded.at(name).q
         report = report_mechanism(loaded, q, seed=seed, tries=tries)
         write_json(json_, report)
-        console.print(str(report), highlight=False, soft_wrap=True)
+        console.print(report.text(console.width), highlight=False, soft_wrap=True)
         if html is not None or show:
             from rbd.visual import Scene
 
-            with Scene(loaded) as scene:
+            with Scene(loaded, seen_from=report.seen_from) as scene:
                 scene.show(report.state)
-                scene.beside(report.poses(), shown=report.shown)
+                details, note = report.legend()
+                scene.beside(report.poses(), shown=report.shown, details=details, note=note)
                 if html is not None:
                     print_path(console, "picture", scene.export(html))
                 if show:
@@ -161,7 +161,7 @@ def simulate(
     plot: Annotated[Path | None, typer.Option(help="Draw forces and energy over time, .png, .svg or .pdf.")] = None,
     html: Motion = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers of the report.")] = None,
-    show: Annotated[bool, typer.Option("--show", help="Replay it in the browser.")] = False,
+    show: Annotated[bool, typer.Option("--show", help="Play it at 127.0.0.1 until Ctrl-C.")] = False,
 ) -> None:
     """Simulate a robot: on its feet, holding its posture; a mechanism, swinging; an arm, held; with pushes.
 
@@ -214,13 +214,10 @@ def simulate(
         if html is not None and len(trajectory) > 1:
             print_path(console, "picture", trajectory.export(html, external=external))
         if show and len(trajectory) > 1:
-            from rbd.visual import Scene, replay
-            from rbd.visual.playback.animation import VIEWER_SECONDS
+            from rbd.visual.playback.animation import motion_scene
 
-            with Scene(found, legend=False) as scene, suppress(KeyboardInterrupt):
-                console.print(f"replaying at {scene.open()}", soft_wrap=True, highlight=False)
-                scene.wait_for_viewer(VIEWER_SECONDS)
-                replay(trajectory, scene=scene, external=external)
+            with motion_scene(trajectory, external=external, playing=True) as scene:
+                serve(console, scene.open())
         if stopped is not None:
             raise stopped
 

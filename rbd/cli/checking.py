@@ -30,6 +30,7 @@ from rbd.cli.terminal import (
     open_console,
     print_path,
     save_figure,
+    serve,
     write_json,
 )
 from rbd.errors import InputError, RbdError
@@ -74,7 +75,7 @@ def check(
     json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers of the report.")] = None,
     save: Annotated[Path | None, typer.Option(help="Write all arrays, .npz or .nc (one motion).")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw curves, .png, .svg or .pdf (one motion).")] = None,
-    show: Annotated[bool, typer.Option("--show", help="Replay it in the browser (one motion).")] = False,
+    show: Annotated[bool, typer.Option("--show", help="Play it at 127.0.0.1 until Ctrl-C (one motion).")] = False,
     feet_: Feet = None,
     package_dir: PackageDirs = None,
 ) -> None:
@@ -125,7 +126,10 @@ def check(
         for what, path in written:
             print_path(console, what, path)
         if show:
-            report.show()
+            from rbd.visual.playback.report_page import report_scene
+
+            with report_scene(report, playing=True) as scene:
+                serve(console, scene.open())
         if ranking.code:
             raise typer.Exit(ranking.code)
 

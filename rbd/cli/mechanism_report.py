@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
@@ -10,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, check_seed, check_whole
-from rbd.cli.terminal import in_options
+from rbd.cli.terminal import WIDTH, counted, in_options
 from rbd.constraints.constraint import Constraint
 from rbd.errors import RbdError
 from rbd.mechanism import (
@@ -32,6 +33,8 @@ from rbd.mechanism import (
     trace,
 )
 from rbd.mechanism.assembly_modes import MOST_TRIES, SAME
+from rbd.mechanism.poses import measured
+from rbd.mechanism.singular_configurations import KINDS
 from rbd.model.state import State
 from rbd.robots.robot import Robot
 
@@ -72,29 +75,101 @@ class MechanismReport:
     left_out: dict[str, str]
 
     def __str__(self) -> str:
+        return self.text()
+
+    def text(self, width: int = WIDTH) -> str:
+        """What it does and its branches, then the numbers, then how they were found; lines of at most `width` letters."""
         robot = self.robot
         joints = ", ".join(name for name in list(robot.model.names)[1:])
         loops = (
             ", ".join(f"{c.name} ({getattr(c, 'kind', type(c).__name__)})" for c in (*robot.loops(), *robot.wheels())) or "none"
         )
-        held = ", ".join(f"{name} = {value:.6g}" for name, value in self.fixed.items())
+        found = self.branches
+        told = {
+            name: ", ".join(words) + marks for (name, words), marks in zip(self.angles().items(), self._marks(), strict=True)
+        }
         parts = [
-            ("topology", str(self.topology)),
-            ("parts", f"joints: {joints}\nloops and wheels: {loops}"),
+            (
+                f"branches{self._where()}",
+                None if found is None else "\n".join(f"{name}: {text}" for name, text in told.items()),
+            ),
             ("mobility", str(self.mobility)),
-            ("branches" + (f" with {held}" if held else ""), None if self.branches is None else str(self.branches)),
-            ("singularities of this pose", str(self.here)),
             ("motion", None if self.motion is None else str(self.motion)),
-            ("singularities along it", None if self.along is None else str(self.along)),
+            ("singular poses along it", None if self.along is None else self._passed(self.along)),
             ("integrability", None if self.integrable is None else str(self.integrable)),
+            ("parts", f"{self.topology}\njoints: {joints}\nloops and wheels: {loops}"),
+            ("left out", "\n".join(f"{what}: {why}" for what, why in self.left_out.items()) or None),
+            ("how the branches were found", None if found is None else _first_line(found)),
+            ("distance from singular poses (least singular value over the largest, 0 is singular)", str(self.here)),
         ]
-        lines = [robot.name]
+        lines = self.verdict
         for title, text in parts:
             if text is not None:
                 lines += ["", f"{title}:", *("  " + line for line in text.splitlines())]
-        if self.left_out:
-            lines += ["", "left out:", *(f"  {what}: {why}" for what, why in self.left_out.items())]
-        return "\n".join(lines)
+        return "\n".join("\n".join(_wrapped(line, width)) for line in lines)
+
+    @property
+    def verdict(self) -> list[str]:
+        """In how many degrees of freedom it moves, how many branches it has, and whether this pose is singular; a line each."""
+        m, name = self.mobility, self.robot.name
+        if m.velocity_only:
+            lines = [f"{name} has {counted(m.instantaneous, 'degree')} of freedom of velocity."]
+            if (known := self.integrable) is not None:
+                kind = "holonomic" if known.holonomic else "nonholonomic"
+                lines[0] = f"{lines[0][:-1]} and {known.configuration_dof} of configuration: its constraints are {kind}."
+        else:
+            lines = [f"{name} moves with {counted(m.finite, 'degree')} of freedom." if m.moves else f"{name} does not move."]
+        if self.branches is not None:
+            count = len(self.branches)
+            shown = f"; this pose is {self.shown}" if self.shown else ""
+            lines.append(f"{count} branch{'es' * (count != 1)} found{self._where()}{shown}.")
+        if self.here.singular:
+            lines.append(f"This pose is singular: {'; '.join(KINDS[kind] for kind in self.here.singular)}.")
+        else:
+            lines.append("This pose is not singular.")
+        return lines
+
+    def angles(self) -> dict[str, tuple[str, ...]]:
+        """{branch: its joints in words, angles in degrees}, without those that were fixed."""
+        found = () if self.branches is None else self.branches.found
+        return {f"branch {i}": b.joints for i, b in enumerate(found)}
+
+    def legend(self) -> tuple[dict[str, list[str]], str]:
+        """({branch: its line in the legend}, note): joint angles; of more than two joints the note names them, once."""
+        told = self.angles()
+        names = [words.rpartition(" ")[0].rpartition(" ")[0] for words in next(iter(told.values()), ())]
+        where = f"Branches{self._where()}." if told else ""
+        if len(names) < 3 or any(" at (" in words for words in next(iter(told.values()))):
+            return {name: [", ".join(words)] for name, words in told.items()}, where
+        values = {name: [w[len(joint) + 1 :] for joint, w in zip(names, words, strict=True)] for name, words in told.items()}
+        if all(v.endswith(" deg") for each in values.values() for v in each):
+            values = {name: [v.removesuffix(" deg") for v in each[:-1]] + each[-1:] for name, each in values.items()}
+        return {name: [", ".join(each)] for name, each in values.items()}, f"{where} In order: {', '.join(names)}."
+
+    def _where(self) -> str:
+        """The joint values that were fixed in the search for branches, in words."""
+        joints = self.robot.joints
+        held = ", ".join(f"{name} at {measured(value, joints[name].unit)}" for name, value in self.fixed.items())
+        return f" with {held}" if held else ""
+
+    def _marks(self) -> list[str]:
+        """What is special about each branch."""
+        found = () if self.branches is None else self.branches.found
+        shown = self.shown
+        return [
+            "".join(["; singular" * b.singular, *(f"; beyond its limits: {joint}" for joint in b.beyond_limits)])
+            + "; this pose" * (f"branch {i}" == shown)
+            for i, b in enumerate(found)
+        ]
+
+    def _passed(self, along: SingularitiesAlong) -> str:
+        """The singular poses on the way, at the values of the driven joint."""
+        assert self.motion is not None
+        at = [float(np.interp(s.at, np.arange(len(self.motion)), self.motion.input)) for s in along.found]
+        name, unit = self.motion.joint, self.motion.unit
+        lines = [f"{name} at {measured(value, unit)}: {s}" for value, s in zip(at, along.found, strict=True)]
+        nearest = ", ".join(f"{kind} {float(d.min()):.3g}" for kind, d in along.distances.items())
+        return "\n".join([*(lines or ["none found"]), f"smallest distances at the poses computed: {nearest}"])
 
     def data(self) -> dict[str, object]:
         """The numbers, for JSON."""
@@ -121,10 +196,23 @@ class MechanismReport:
         return f"branch {here}" if away and away[here] < SAME else ""
 
     def poses(self) -> dict[str, State]:
-        """{name: every branch but the one shown}, for the picture."""
+        """{name: every branch}, for the picture."""
         found = () if self.branches is None else self.branches.found
-        every = {f"branch {i}": State(self.robot, b.q) for i, b in enumerate(found)}
-        return {name: state for name, state in every.items() if name != self.shown}
+        return {f"branch {i}": State(self.robot, b.q) for i, b in enumerate(found)}
+
+    @property
+    def seen_from(self) -> Array | None:
+        """From where its picture shows all bars: nearly across the plane of a vertical planar mechanism; None for others."""
+        robot = self.robot
+        J = pin.computeJointJacobians(robot.model, robot.model.createData(), self.state.q)
+        axes = np.array([J[3:, joint.v.start] for joint in robot.joints.values() if joint.nv == 1 and joint.is_angle])
+        if robot.floating or not robot.loops() or not len(axes):
+            return None
+        normal = axes[0] / np.linalg.norm(axes[0])
+        if np.abs(np.cross(axes, normal)).max() > 1e-6 or abs(normal[2]) > 0.5:
+            return None
+        up = np.array([0.0, 0.0, 1.0])
+        return np.asarray(normal - 0.15 * np.cross(up, normal) + 0.1 * up)
 
     def _away(self, q: Array) -> float:
         """Largest difference from the examined pose, modulo whole turns [m, rad]."""
@@ -132,6 +220,18 @@ class MechanismReport:
         angles = self.robot.joints.angular
         change[angles] = np.remainder(change[angles] + np.pi, 2.0 * np.pi) - np.pi
         return float(np.abs(change).max(initial=0.0))
+
+
+def _wrapped(line: str, width: int) -> list[str]:
+    """A line in pieces of at most `width` letters, where its words allow; the later ones are indented by four more."""
+    indent = " " * (len(line) - len(line.lstrip()) + 4)
+    return textwrap.wrap(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False,
+                         drop_whitespace=True, replace_whitespace=False) or [""]  # fmt: skip
+
+
+def _first_line(found: Branches) -> str:
+    """How many tries there were, and what was not asked; without the branches."""
+    return "\n".join(line for line in str(found).splitlines() if not line.startswith("  branch "))
 
 
 def check_tries(seed: int, tries: int) -> None:

@@ -99,7 +99,12 @@ def stand(
                 if written is not None:
                     print_path(console, "picture", written)
                 if show:
-                    serve(console, scene.open())
+                    from rbd.cli.live_standing import Standing
+                    from rbd.visual.live.explorer import explore
+
+                    live = Standing(scene, loaded, state, facets)
+                    with explore(scene, live.controls(force, at, friction, law, braced), live.answer) as page:
+                        serve(console, page.open())
         else:
             write_json(json_, report)
             console.print(report)

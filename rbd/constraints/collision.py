@@ -16,6 +16,7 @@ from rbd.constraints.contact_kinematics import Between, Bodies, Touching, joined
 from rbd.constraints.contact_points import MARGIN, ContactPoints, Measured, Structure
 from rbd.constraints.plane_contact import OnPlane
 from rbd.constraints.surface import check_state, contact_axes
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.forks import renewed_after_fork
@@ -31,7 +32,7 @@ _MOST_STRUCTURES = 1000
 
 
 @dataclass(frozen=True, eq=False)
-class CollisionContacts:
+class CollisionContacts(Displayed):
     """Contacts at all points where a robot's collision shapes touch a plane or each other, three rows a point.
 
     The points are computed at each state; where none is within the margin there are no rows. Boxes and meshes touch

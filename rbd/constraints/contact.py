@@ -29,6 +29,7 @@ from rbd.constraints.surface import (
     edge_axes,
     rigid_placement,
 )
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, check_friction
@@ -42,7 +43,7 @@ Seen = tuple[pin.SE3, Array, Array, Array, Array, Array | None]
 
 
 @dataclass(frozen=True, eq=False, init=False)
-class Contact:
+class Contact(Displayed):
     """A contact of the robot at one corner point, at two (an edge), or at k >= 3 (a patch): what the three kinds share.
 
     Its rows, by the number of corners::

@@ -20,6 +20,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite
 from rbd.constraints.constraint import Constraint, anchored, member, rows_of
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, HalfLine, Interval, Line, NonNegative, SecondOrderCone
@@ -33,7 +34,7 @@ MARGIN = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class ContactPoints:
+class ContactPoints(Displayed):
     """The contact points of a constraint at one state, for simulation: k points, touching or near, with p rows in all.
 
     Attributes:

@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_array, is_finite
 from rbd.constraints.surface import check_state
+from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
 from rbd.model.dynamics import polarised
 from rbd.model.state import State
@@ -31,7 +32,7 @@ _FIRST = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0
 
 
 @dataclass(frozen=True, eq=False)
-class FunctionConstraint:
+class FunctionConstraint(Displayed):
     """Constraint phi(q) = 0, or >= 0, for any function of the configuration: loops, distances, couplings, a wire on a path.
 
     Its rows::

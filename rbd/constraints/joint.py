@@ -15,6 +15,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, check_finite
 from rbd.constraints.constraint import PerRobot
 from rbd.constraints.surface import check_number, check_state, check_words
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import Joint
@@ -24,7 +25,7 @@ from rbd.problem.rows import Rows
 
 
 @dataclass(frozen=True, eq=False)
-class JointLock:
+class JointLock(Displayed):
     """A locked joint: a brake, a pin, a joint that does not take part in the motion.
 
     Bilateral rows, one a degree of freedom of the joint (a floating base has six). Without `position` it is locked in place:
@@ -98,7 +99,7 @@ class JointLock:
 
 
 @dataclass(frozen=True, eq=False)
-class JointCoupling:
+class JointCoupling(Displayed):
     """Linear coupling of two joints, e.g. by a gear: q_joint = ratio q_to + offset.
 
     One bilateral row: `y = q_joint'' - ratio q_to''`, J_dot v = 0, error = q_joint - ratio q_to - offset. Its force f is
@@ -174,7 +175,7 @@ class JointCoupling:
 
 
 @dataclass(frozen=True, eq=False)
-class JointFriction:
+class JointFriction(Displayed):
     """Dry friction in a joint: at most `torque` at rest, `torque` against the motion when it moves.
 
     Its force f::

@@ -16,6 +16,7 @@ from rbd.arrays import Array, as_float
 from rbd.constraints.constraint import PerRobot
 from rbd.constraints.contact_points import Group, Measured, Structure
 from rbd.constraints.surface import check_number, check_state, check_words
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import UNLIMITED
@@ -27,7 +28,7 @@ _SIDES = {(True, False): "lower", (False, True): "upper", (True, True): "both", 
 
 
 @dataclass(frozen=True, eq=False)
-class JointLimit:
+class JointLimit(Displayed):
     """A joint limit: at a bound it pushes the joint back, and never pulls.
 
     One row where the joint is at a bound or beyond it, none elsewhere (two where its range is as narrow as `margin`)::

@@ -15,6 +15,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_vector3, cross_matrix
 from rbd.constraints.surface import check_state, check_words, contact_axes
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -31,7 +32,7 @@ _OPPOSITE = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class LoopClosure:
+class LoopClosure(Displayed):
     """A joint between two frames of a robot: a ball joint, a hinge, a weld, or a pin of a planar mechanism.
 
     The kinds, each with its rows::

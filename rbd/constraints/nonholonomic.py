@@ -12,6 +12,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_array, as_vector3, check_finite, cross_matrix
 from rbd.constraints.function import check_function, hessian_by_rates, matrix_of, rate, vector_of
 from rbd.constraints.surface import check_state, check_words
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.dynamics import polarised
 from rbd.model.state import State
@@ -27,7 +28,7 @@ for _array in (_ONE_CORNER, _NO_ERROR, _VELOCITY_ONLY):
 
 
 @dataclass(frozen=True, eq=False)
-class VelocityConstraint:
+class VelocityConstraint(Displayed):
     """Velocity constraint A(q) v = 0: m Pfaffian rows, integrable or not.
 
     Its rows::
@@ -122,7 +123,7 @@ class VelocityConstraint:
 
 
 @dataclass(frozen=True, eq=False)
-class KnifeEdge:
+class KnifeEdge(Displayed):
     """A knife edge (skate constraint): its point moves along it and turns, and does not slip sideways.
 
     Its row::

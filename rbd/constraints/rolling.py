@@ -26,6 +26,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_float, cross_matrix
 from rbd.constraints.nonholonomic import unit_direction
 from rbd.constraints.surface import HERE, UP, check_state, check_two_bodies, check_words, contact_axes, motion_of
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative, check_friction
@@ -85,7 +86,7 @@ class Rolling:
 
 
 @dataclass(frozen=True, eq=False)
-class RollingBall(Rolling):
+class RollingBall(Rolling, Displayed):
     """A ball that rolls on a plane, or slips on it with friction.
 
     Three rows (tangent, tangent, normal) of the plane's axes. `friction=None` rolls: it neither slips nor separates, and may
@@ -127,7 +128,7 @@ class RollingBall(Rolling):
 
 
 @dataclass(frozen=True, eq=False)
-class RollingDisk(Rolling):
+class RollingDisk(Rolling, Displayed):
     """A thin disk that rolls on a plane, upright or leaning: a coin, a hoop, a wheel of a bicycle.
 
     Three rows (heading, side, normal): the heading is that of rolling by positive spin about `axis`, axis x normal, the side

@@ -9,6 +9,7 @@ from scipy.linalg import blas
 
 from rbd.arrays import RANK, Array, as_float, zeros
 from rbd.constraints.constraint import Constraint, frames_of, made
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.dynamics import constraint_hessian
 from rbd.model.state import State
@@ -21,7 +22,7 @@ CARRIES = 1e-9
 
 
 @dataclass(frozen=True)
-class Baumgarte:
+class Baumgarte(Displayed):
     """Feedback that makes the error of a constraint decay like a damped oscillator [Baumgarte1972].
 
     It is added to y = J a + J_dot v::

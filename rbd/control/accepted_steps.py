@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from rbd.arrays import Array, as_float, lazy
+from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
 from rbd.model.state import State
 
@@ -17,7 +18,7 @@ free of it."""
 
 
 @dataclass(frozen=True, eq=False)
-class ContactTouch:
+class ContactTouch(Displayed):
     """Which points of a constraint are in contact at the beginning of a step, and what they carried in the step before.
 
     Attributes:
@@ -48,7 +49,7 @@ class ContactTouch:
 
 
 @dataclass(frozen=True, eq=False)
-class AcceptedStep:
+class AcceptedStep(Displayed):
     """The beginning of a step that is taken: state, time, and what touches.
 
     The end of a motion is told too, as if a step began there: its torques are recorded.

@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 from rbd.arrays import as_float, check_flag
 from rbd.control.accepted_steps import INSTANT
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 
 Interval: TypeAlias = tuple[float, float]
@@ -21,7 +22,7 @@ def smooth(x: float) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class ContactSchedule:
+class ContactSchedule(Displayed):
     """Times at which contacts are wanted; a contact that is not named is always wanted.
 
     Before the end of an interval the force that the contact may carry falls to zero, and after its start it rises from zero,

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.displayed import Displayed
 
 MEANING = {
     "late": "planned, and does not touch",
@@ -35,7 +36,7 @@ class ControlStep(NamedTuple):
     different: Iterable[tuple[str, str]]
 
 
-class ControlLog:
+class ControlLog(Displayed):
     """What a `WholeBodyController` did since the start of a motion: arrays with one entry a step of control.
 
     Args:

@@ -23,12 +23,13 @@ from rbd.control.task_terms import (
     reference_at,
     target_of,
 )
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State, check_state
 
 
 @dataclass(frozen=True, eq=False)
-class MomentumTask:
+class MomentumTask(Displayed):
     """The momentum about the centre of mass follows a target: its error e decays as e' + k e = 0.
 
     Linear and angular momentum, in world axes; a target of zero damps a robot's rotation. Its rows A = A_g / m are the
@@ -99,7 +100,7 @@ class MomentumTask:
 
 
 @dataclass(frozen=True, eq=False)
-class ForceTask:
+class ForceTask(Displayed):
     """The force of a contact, or its wrench, is as wanted where the contacts allow it.
 
     On the robot, in world axes, the moment about the contact's point. Its rows A = 1 / m make costs compare with those

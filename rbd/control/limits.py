@@ -21,6 +21,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rbd.arrays import Array, as_float, check_flag
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, check_state
@@ -33,7 +34,7 @@ _RETURN = 0.5
 
 
 @dataclass(frozen=True)
-class Limits:
+class Limits(Displayed):
     """Limits that a step of whole-body control keeps.
 
     Attributes:

@@ -36,6 +36,7 @@ import scipy.linalg
 from rbd.arrays import Array, as_float
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.contact_points import Source, Structure, sources_of
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -124,7 +125,7 @@ def _tipping(state: State, rows_at: Callable[[State], Array], C: Array, Z: Array
 
 
 @dataclass(frozen=True, eq=False)
-class HoldPosture:
+class HoldPosture(Displayed):
     """Controller that holds a posture: gravity compensation through the contacts, PD on the joints, within effort limits.
 
     It looks at which points touch, as a robot with switches in its soles would, and changes its gains with them: a leg in the

@@ -24,13 +24,14 @@ from rbd.control.task_terms import (
     reference_at,
     target_of,
 )
+from rbd.displayed import Displayed
 from rbd.errors import InputError, JointNotFound, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, check_state
 
 
 @dataclass(frozen=True, eq=False)
-class PostureTask:
+class PostureTask(Displayed):
     """The joints with motors follow a posture.
 
     With k the gain and zeta the damping ratio, the errors e of sliding joints and of hinges decay by

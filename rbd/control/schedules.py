@@ -11,6 +11,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_finite
 from rbd.control.accepted_steps import INSTANT, AcceptedStep, hook, sample_at, told
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.dynamics import External, ExternalForce
 from rbd.model.state import State
@@ -34,7 +35,7 @@ def asked(what: str, given: Callable[[State, float], Any], state: State, t: floa
 
 
 @dataclass(frozen=True, eq=False)
-class TorqueSchedule:
+class TorqueSchedule(Displayed):
     """Controller that gives torques from a table over time, independent of the state.
 
     Attributes:
@@ -93,7 +94,7 @@ class TorqueSchedule:
 
 
 @dataclass(frozen=True, eq=False)
-class ZeroOrderHold:
+class ZeroOrderHold(Displayed):
     """Controller evaluated once a period, its torques constant in between: a zero-order hold, as in a real robot.
 
     It is evaluated at the first step that begins in a period. So the period should be a whole number of steps, where these have
@@ -163,7 +164,7 @@ class ZeroOrderHold:
 
 
 @dataclass(frozen=True, eq=False)
-class Push:
+class Push(Displayed):
     """A constant force from one time to another: give it to `rbd.simulate` as `external`.
 
     It acts at start <= t < start + duration. With both on the edges of steps its impulse is force * duration; else it is right
@@ -231,7 +232,7 @@ class Push:
 
 
 @dataclass(frozen=True, eq=False)
-class Pushes:
+class Pushes(Displayed):
     """Several pushes, and loads that always act, as `external` of `rbd.simulate`: those that act at a time add up.
 
     Attributes:

@@ -10,6 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.control.limits import Limits, joints_at_bounds
+from rbd.displayed import Displayed
 from rbd.problem.answer import Status
 from rbd.problem.residuals import SOLVED, USABLE
 from rbd.statics.actuation import Actuation
@@ -19,7 +20,7 @@ _AT = 1e-6
 
 
 @dataclass(frozen=True)
-class StepCertificate:
+class StepCertificate(Displayed):
     """How far a step is from its equations, its limits and the least cost: computed in every step, zero for an exact one.
 
     Attributes:
@@ -67,7 +68,7 @@ class StepCertificate:
 
 
 @dataclass(frozen=True, eq=False)
-class Violation:
+class Violation(Displayed):
     """By how much contacts and joint limits are violated, where no torques and forces within their limits keep them.
 
     Attributes:

@@ -10,6 +10,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_finite, zeros
+from rbd.displayed import Displayed
 from rbd.errors import DuplicateName, InputError, RbdError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -41,6 +42,9 @@ class Reference(NamedTuple):
     velocity: Any = None
     acceleration: Any = None
 
+    def _repr_html_(self) -> str:
+        return Displayed._repr_html_(self)  # type: ignore[arg-type]  # a named tuple has no other base
+
 
 Target: TypeAlias = Any | Reference | Callable[[float], Any]
 """A value, a `Reference`, or a function of time that gives one of them."""
@@ -48,7 +52,7 @@ Cost: TypeAlias = float | Sequence[float] | Array
 
 
 @dataclass(frozen=True, eq=False)
-class TaskTerms:
+class TaskTerms(Displayed):
     """A task at one state and time: m rows A, what they are wanted to be, and what missing them costs.
 
     The step of a whole-body controller minimises the sum over all tasks of::

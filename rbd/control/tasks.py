@@ -36,6 +36,7 @@ from rbd.control.task_terms import (
     reference_at,
     target_of,
 )
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, check_state
@@ -44,7 +45,7 @@ _WORLD = pin.LOCAL_WORLD_ALIGNED
 
 
 @dataclass(frozen=True, eq=False)
-class ComTask:
+class ComTask(Displayed):
     """The centre of mass follows a point, in world axes.
 
     With k the gain and zeta the damping ratio, its error e = c* - c decays by e'' + 2 zeta sqrt(k) e' + k e = 0. Its rows are
@@ -109,7 +110,7 @@ class ComTask:
 
 
 @dataclass(frozen=True, eq=False)
-class FrameTask:
+class FrameTask(Displayed):
     """A frame of the robot, or a point fixed to it, follows a pose, a position or an orientation.
 
     With k the gain and zeta the damping ratio, the position error e = p* - p decays by e'' + 2 zeta sqrt(k) e' + k e = 0. The

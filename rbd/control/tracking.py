@@ -21,6 +21,7 @@ from rbd.constraints.contact_points import Source, sources_of
 from rbd.control.accepted_steps import AcceptedStep
 from rbd.control.feed_forward import TorqueReference, reference_of, sampled, touching_contacts
 from rbd.control.posture import Gains, holding_points, posture_gains, touching_points
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import SampledAccelerations
@@ -32,7 +33,7 @@ TORQUES = ("exact", "nearest", "weight", "none")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class TrackingController:
+class TrackingController(Displayed):
     """Controller that follows a motion: feed-forward torques from inverse dynamics, PD on the joints, within effort limits.
 
     Torques at times `every` apart make the motion on the contacts that touch then; velocities and accelerations of contacts are

@@ -19,6 +19,7 @@ from rbd.control.limits import Limits
 from rbd.control.stepping import DAMPING, complaints, silent_step
 from rbd.control.task_actuation import TaskActuation
 from rbd.control.task_terms import Task, checked_tasks, robot_of
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.errors.warned import stacklevel_of_user
@@ -47,7 +48,7 @@ class _Memory:
 
 
 @dataclass(frozen=True, eq=False)
-class WholeBodyController:
+class WholeBodyController(Displayed):
     """Controller of `rbd.simulate` that meets tasks as well as limits allow, with the contacts that a schedule wants.
 
     At the beginning of a step it looks at what touches, and computes torques by `rbd.control.step`; they are held until the

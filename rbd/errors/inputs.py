@@ -5,8 +5,10 @@ from __future__ import annotations
 import difflib
 from collections.abc import Iterable, Sequence
 
+from rbd.displayed import Displayed
 
-class RbdError(Exception):
+
+class RbdError(Displayed, Exception):
     """The root of all errors that `rbd` raises on purpose.
 
     Example:

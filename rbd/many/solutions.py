@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from rbd.arrays import Array
+from rbd.displayed import Displayed
 from rbd.many.answers import ManyAnswers
 from rbd.many.blocks import of_row
 from rbd.many.one_state import answer_at
@@ -14,7 +15,7 @@ from rbd.solution import Solution
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Solutions(ManyAnswers):
+class Solutions(ManyAnswers, Displayed):
     """The answers of `rbd.solve_many`: accelerations and contact forces at n states as arrays, each with its residuals.
 
     `solutions[i]` is the whole `Solution` of state i, with everything that can be asked of one.

@@ -10,6 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_float, check_flag, check_whole, max_abs
 from rbd.constraints.constraint import Constraint
+from rbd.displayed import Displayed
 from rbd.errors import CannotAssemble, InputError
 from rbd.mechanism.closure import Closure, ConstraintResidual, Descent, descend, minimise, position_residual
 from rbd.mechanism.poses import LimitViolation, beyond_limits, displacement, draw
@@ -22,7 +23,7 @@ STARTS = 24
 
 
 @dataclass(frozen=True, eq=False)
-class Assembly:
+class Assembly(Displayed):
     """A configuration that satisfies the constraints, as `assemble` finds it, with its residual.
 
     Attributes:

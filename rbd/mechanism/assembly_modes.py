@@ -9,11 +9,12 @@ import numpy as np
 
 from rbd.arrays import Array, check_flag, check_seed, check_whole
 from rbd.constraints.constraint import Constraint
+from rbd.displayed import Displayed
 from rbd.errors import CannotAssemble, InputError
 from rbd.mechanism.assembly import TOLERANCE, check_descent, distances
 from rbd.mechanism.bilateral_velocities import independent_columns
 from rbd.mechanism.closure import ASIDE, Closure, ConstraintResidual, around, descend, minimise
-from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, distance, draw
+from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, distance, draw, joints_in_words
 from rbd.model.state import State, check_state
 
 SAME = 1e-5
@@ -23,7 +24,7 @@ MOST_TRIES = 1_000_000
 
 
 @dataclass(frozen=True, eq=False)
-class Branch:
+class Branch(Displayed):
     """One assembly mode of a mechanism, as `branches` finds it.
 
     Attributes:
@@ -32,12 +33,13 @@ class Branch:
         residual: Largest entry of the errors [m, rad].
         singular: Whether the constraints lose rank there: another branch meets it, or it is flat.
         beyond_limits: Joints outside the limits of the robot's file.
+        joints: The joints that were not fixed in words, such as "coupler_joint -19.70 deg".
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
         >>> first = rbd.mechanism.branches(robot.at(), fixed={"crank_joint": 1.0}, tries=20).found[0]
-        >>> first.q.round(3), first.singular
-        (array([ 0.54 ,  0.841, -0.567, -0.823, -0.767, -0.642]), False)
+        >>> first.joints, first.singular
+        (('coupler_joint -124.57 deg', 'rocker_joint -140.07 deg'), False)
     """
 
     q: Array
@@ -45,10 +47,11 @@ class Branch:
     residual: float
     singular: bool
     beyond_limits: tuple[LimitViolation, ...]
+    joints: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
-class Branches:
+class Branches(Displayed):
     """All assembly modes that `branches` found, without proof of completeness.
 
     Attributes:
@@ -89,7 +92,7 @@ class Branches:
         ]
         for i, b in enumerate(self.found):
             marks = "".join([", singular" * b.singular, *(f"; beyond its limits: {joint}" for joint in b.beyond_limits)])
-            lines.append(f"  {i}: q = {np.array2string(b.q, precision=6, suppress_small=True)}, {b.hits} hits{marks}")
+            lines.append(f"  branch {i}: {', '.join(b.joints)}; {b.hits} hit{'s' * (b.hits != 1)}{marks}")
         lines += [f"  not asked: {why}" for why in self.skipped]
         return "\n".join(lines)
 
@@ -173,7 +176,8 @@ def branches(
     out = []
     for pose, n, flat in zip(poses, hits, singular, strict=True):
         q = canonical(robot, pose.q, closure.held)
-        out.append(Branch(q, n, pose.residual, flat, beyond_limits(robot, q)))
+        words = joints_in_words(robot, q, without=closure.fixed)
+        out.append(Branch(q, n, pose.residual, flat, beyond_limits(robot, q), words))
     out.sort(key=lambda b: tuple(np.round(b.q, 5) + 0.0))
     return Branches(tuple(out), tries, closed, tries - 1 - last_new, seed, closure.skipped)
 

@@ -117,6 +117,7 @@ def _found(motion: DrivenMotion, moved: float) -> Trace:
         tuple(beyond.values()),
         moved,
         motion.curve.steps,
+        motion.drive.place.unit,
     )
 
 

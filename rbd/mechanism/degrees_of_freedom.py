@@ -12,6 +12,7 @@ from scipy.linalg import qr
 from rbd.arrays import Array, check_positive, check_seed
 from rbd.constraints.constraint import Constraint, loop_dof
 from rbd.constraints.manifold import CLOSED, RANK, ConstraintManifold, RowName, null_space
+from rbd.displayed import Displayed
 from rbd.mechanism.local_dimension import FAR, FiniteMotion, finite_motion
 from rbd.model.state import State
 
@@ -19,7 +20,7 @@ _PARALLEL = 1e-9
 
 
 @dataclass(frozen=True)
-class Count:
+class Count(Displayed):
     """Mobility by Gruebler's count: M = k (N - 1 - j) + sum of f - others.
 
     It uses no lengths and no directions, except whether all motion is in parallel planes.
@@ -69,7 +70,7 @@ class RedundantRow:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Mobility:
+class Mobility(Displayed):
     """How many degrees of freedom a mechanism has at a configuration: counted, instantaneous, and of finite motions.
 
     Attributes:
@@ -170,15 +171,15 @@ class Mobility:
         how = f"{looked.tried} directions tried {FAR:g} far, {len(looked.points) - 1} extended; seed {self.seed}"
         if not looked.tried:
             how = "J has full rank here" if self.rank == self.rows else "J allows nothing"
-        lines = [
+        lines = [self.verdict[0].upper() + self.verdict[1:] + "."]
+        if self.over_constrained:
+            lines.append(f"It is over-constrained: it moves although the count gives {self.count.value}.")
+        lines += [
             f"counted        {self.count.value:>3}   {self.count.formula}",
             f"instantaneous  {self.instantaneous:>3}   n - rank J = {self.velocities} - {self.rank}, of {self.rows} rows; "
             f"zero is {self.zero:.2g} of the largest singular value",
             f"finite         {self.finite:>3}   {how}; numerical, not a proof",
-            self.verdict,
         ]
-        if self.over_constrained:
-            lines.append(f"over-constrained: it moves although the count gives {self.count.value}")
         if len(s):
             lines.append("singular values " + np.array2string(s, precision=3, max_line_width=110, threshold=12))
         if self.redundant:

@@ -23,6 +23,7 @@ from scipy.linalg import qr
 from rbd.arrays import Array, as_array, check_positive, check_seed, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, check_state
@@ -66,7 +67,7 @@ class PointReport:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Integrability:
+class Integrability(Displayed):
     """Whether velocity constraints are holonomic, with the numbers of degrees of freedom of velocity and configuration.
 
     Attributes:

@@ -19,6 +19,7 @@ import numpy as np
 
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint
+from rbd.displayed import Displayed
 from rbd.errors import InputError, SingularPose
 from rbd.mechanism.bilateral_velocities import BilateralVelocities, Rates, independent_columns
 from rbd.mechanism.closure import Closure, branches_meet, rank_of
@@ -30,7 +31,7 @@ _CONSISTENT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class VelocityPartition:
+class VelocityPartition(Displayed):
     """All velocities of a mechanism from some of them, as `velocity_partition` finds them.
 
     Attributes:
@@ -66,7 +67,7 @@ class VelocityPartition:
 
 
 @dataclass(frozen=True, eq=False)
-class AccelerationPartition:
+class AccelerationPartition(Displayed):
     """All accelerations of a mechanism from some of them, as `acceleration_partition` finds them.
 
     Attributes:

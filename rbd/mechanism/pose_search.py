@@ -18,6 +18,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint
+from rbd.displayed import Displayed
 from rbd.errors import CannotReach, InputError, ModelError
 from rbd.mechanism.bounded_descent import Bounded, Minimum, Reached
 from rbd.mechanism.closure import position_residual
@@ -62,7 +63,7 @@ _BASE = 0.03
 
 
 @dataclass(frozen=True, eq=False)
-class FoundPose:
+class FoundPose(Displayed):
     """A pose that satisfies its targets, as `find_pose` finds it.
 
     Attributes:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,7 +11,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, max_abs
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joints import Piece
+from rbd.model.joints import ANGLE, Piece
 
 
 @dataclass(frozen=True)
@@ -22,15 +23,50 @@ class LimitViolation:
         value: Angle [rad] or displacement [m].
         lower: Lower limit.
         upper: Upper limit.
+        unit: Of the three: "rad" or "m".
     """
 
     joint: str
     value: float
     lower: float
     upper: float
+    unit: str = ANGLE
 
     def __str__(self) -> str:
-        return f"{self.joint} at {self.value:.6g}, limits {self.lower:.6g} to {self.upper:.6g}"
+        value, lower, upper = (measured(x, self.unit) for x in (self.value, self.lower, self.upper))
+        return f"{self.joint} at {value}, limits {lower} to {upper}"
+
+
+def measured(value: float, unit: str) -> str:
+    """A joint's coordinate as text: an angle of `unit` "rad" in degrees, else the number with its unit."""
+    # Rounding before adding zero turns -0.00 into 0.00
+    return f"{round(math.degrees(value), 2) + 0.0:.2f} deg" if unit == ANGLE else f"{value + 0.0:.5g} {unit}"
+
+
+def joints_in_words(robot: CheckedModel, q: Array, without: Collection[str] = ()) -> tuple[str, ...]:
+    """Each joint with its angle in degrees or its displacement, such as "coupler_joint -19.70 deg".
+
+    A joint with several degrees of freedom is told by the position and the rotation vector of its body.
+
+    Args:
+        robot: The robot.
+        q: Configuration, shape (nq,).
+        without: Joints that are left out.
+    """
+    out = []
+    for joint in robot.joints.values():
+        if joint.name in without:
+            continue
+        if joint.nv == 1:
+            out.append(f"{joint.name} {measured(joint.coordinate(q), joint.unit)}")
+            continue
+        model = robot.model.joints[joint.id]
+        data = model.createData()
+        model.calc(data, np.asarray(q[joint.q], float))
+        turn = np.degrees(pin.log3(data.M.rotation))
+        place, turned = (", ".join(f"{x:.4g}" for x in np.round(each, 6) + 0.0) for each in (data.M.translation, turn))
+        out.append(f"{joint.name} at ({place}) m, turned by ({turned}) deg")
+    return tuple(out)
 
 
 def displacement(robot: CheckedModel, q: Array, to: Array) -> Array:
@@ -75,7 +111,7 @@ def beyond_limits(robot: CheckedModel, q: Array, margin: float = 1e-9) -> tuple[
         if not (least == -math.inf and most == math.inf):
             x = joint.coordinate(q)
             if not least - margin <= x <= most + margin:
-                out.append(LimitViolation(joint.name, x, least, most))
+                out.append(LimitViolation(joint.name, x, least, most, joint.unit))
     return tuple(out)
 
 

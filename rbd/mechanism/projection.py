@@ -30,6 +30,7 @@ from scipy.linalg import blas, lapack
 from rbd.arrays import Array, as_float, inertia_factor, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import StackedRows, own_or
+from rbd.displayed import Displayed
 from rbd.errors import DuplicateName, InputError, SingularInertia
 from rbd.model.state import State, check_state
 from rbd.problem.cones import Box
@@ -48,7 +49,7 @@ Equations: TypeAlias = Callable[[State], tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
-class Projection:
+class Projection(Displayed):
     """Stabilisation by projection after every step: q to the nearest configuration on the bilateral constraints, v likewise.
 
     Attributes:
@@ -180,7 +181,7 @@ def project_velocity(state: State, constraints: Sequence[Constraint] | None = No
 
 
 @dataclass(frozen=True, eq=False)
-class ProjectedAcceleration:
+class ProjectedAcceleration(Displayed):
     """The nearest acceleration that satisfies constraints, as `project_acceleration` finds it.
 
     Attributes:

@@ -19,6 +19,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, check_positive, check_seed, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import RANK, ConstraintManifold, Linearised, rank_of
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
 from rbd.mechanism.poses import displacement
@@ -36,7 +37,7 @@ SINGULAR = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Singularity:
+class Singularity(Displayed):
     """One kind of singularity at one configuration, or the distance from it.
 
     Attributes:
@@ -67,7 +68,7 @@ class Singularity:
 
 
 @dataclass(frozen=True, eq=False)
-class Singularities:
+class Singularities(Displayed):
     """The kinds of singularity at one configuration, each with its distance and the velocities that show it.
 
     Attributes:
@@ -94,7 +95,7 @@ class Singularities:
 
 
 @dataclass(frozen=True, eq=False)
-class SingularitiesAlong:
+class SingularitiesAlong(Displayed):
     """The singularities that a motion passes, and the distance from each kind along it.
 
     Attributes:

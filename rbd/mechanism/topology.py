@@ -11,6 +11,7 @@ import pinocchio as pin
 from rbd.arrays import Array, check_seed, max_abs
 from rbd.constraints.constraint import Constraint, frames_of
 from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space, rank_of
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
 from rbd.model.checked_model import CheckedModel
@@ -63,7 +64,7 @@ class EndPoint:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MechanismClass:
+class MechanismClass(Displayed):
     """Classification of a mechanism: serial, branched, parallel or hybrid, with its mobility, as `classify` finds it.
 
     Attributes:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.mechanism.poses import LimitViolation
+from rbd.displayed import Displayed
+from rbd.mechanism.poses import LimitViolation, measured
+from rbd.model.joints import ANGLE
 
 _SHOWN = 6
 
@@ -43,7 +45,7 @@ class Bifurcation:
 
 
 @dataclass(frozen=True, eq=False)
-class Trace:
+class Trace(Displayed):
     """Poses of a mechanism while one joint is driven, in order, with the limits and singular poses that it passes.
 
     Attributes:
@@ -61,6 +63,7 @@ class Trace:
         beyond_limits: Joints outside the limits of the robot's file somewhere along the motion, at the first such pose.
         moved: Distance of the first pose from the start, as in `Assembly`.
         steps: Steps tried.
+        unit: Of the driven joint's values: "rad" or "m".
 
     Example:
         >>> robot = rbd.mechanism.four_bar(2.0, 2.0, 2.0, 3.0)  # its crank does not turn round
@@ -83,6 +86,7 @@ class Trace:
     beyond_limits: tuple[LimitViolation, ...]
     moved: float
     steps: int
+    unit: str = ANGLE
 
     def __len__(self) -> int:
         return len(self.input)
@@ -93,23 +97,26 @@ class Trace:
         return not len(self.unreached)
 
     def __str__(self) -> str:
+        def told(value: float) -> str:
+            return measured(value, self.unit)
+
         worst = int(np.argmin(self.sigma_min))
         start = f"; it began {self.moved:.3g} from the start given" if self.moved > 0.1 else ""
         lines = [
-            f"{self.joint} from {self.input[0]:.6g} to {self.input[-1]:.6g}: {len(self)} poses, off {self.residual.max():.0e}"
-            + start,
-            f"  nearest to singular at {self.input[worst]:.6g}: least singular value of J2 {self.sigma_min[worst]:.3g}",
+            f"{self.joint} from {told(self.input[0])} to {told(self.input[-1])}: {len(self)} poses, each closed to "
+            f"{self.residual.max():.0e} m or rad{start}",
+            f"  nearest to singular at {told(self.input[worst])}: least singular value of J2 {self.sigma_min[worst]:.3g}",
         ]
         for limit in self.limits[:_SHOWN]:
-            lines.append(f"  limit: {'at most' if limit.greatest else 'at least'} {limit.value:.9g}")
-        lines += [f"  passes a singular pose at {crossing.value:.6g}: branches meet" for crossing in self.crossings[:_SHOWN]]
+            lines.append(f"  limit: {'at most' if limit.greatest else 'at least'} {told(limit.value)}")
+        lines += [f"  passes a singular pose at {told(crossing.value)}: branches meet" for crossing in self.crossings[:_SHOWN]]
         more = max(0, len(self.limits) - _SHOWN) + max(0, len(self.crossings) - _SHOWN)
         lines += [f"  and {more} more of these"] * bool(more)
         if self.stopped_by:
-            lines.append(f"  stopped by {self.stopped_by!r} at {self.input[-1]:.6g}")
+            lines.append(f"  stopped by {self.stopped_by!r} at {told(self.input[-1])}")
         if len(self.unreached):
             first, last = self.unreached[0], self.unreached[-1]
-            lines.append(f"  not reached: {first:.6g}" + f" to {last:.6g}" * (len(self.unreached) > 1))
+            lines.append(f"  not reached: {told(first)}" + f" to {told(last)}" * (len(self.unreached) > 1))
         lines += ["  back where it began"] * self.closed
         lines += [f"  beyond its limits: {joint}" for joint in self.beyond_limits]
         return "\n".join(lines)

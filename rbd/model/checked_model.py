@@ -18,6 +18,7 @@ import pinocchio as pin
 from scipy.linalg import blas
 
 from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
+from rbd.displayed import Displayed
 from rbd.errors import FrameNotFound, InputError, ModelError, nearest
 from rbd.installation import check_whole
 from rbd.model.forks import renewed_after_fork
@@ -32,7 +33,7 @@ FARTHEST = 1e5
 _tickets = itertools.count(1)
 
 
-class CheckedModel:
+class CheckedModel(Displayed):
     """A pin.Model whose names, sizes and numbers are checked before Pinocchio sees them.
 
     Args:

@@ -15,6 +15,7 @@ import pinocchio as pin
 from scipy.linalg import lapack
 
 from rbd.arrays import Array, add_wrench, as_array, as_vector3, inertia_factor, zeros
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State
 
@@ -36,7 +37,7 @@ __all__ = [
 
 
 @dataclass(frozen=True, eq=False)
-class ExternalForce:
+class ExternalForce(Displayed):
     """A force and a moment on the robot at a named frame, in world axes: a push, a load, wind.
 
     Attributes:

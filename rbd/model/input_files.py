@@ -17,6 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError
 
 _BODY = re.compile(rb"<(?:link|body)[\s/>]")
@@ -36,7 +37,7 @@ _MAYBE_NO_NUMBER = tuple(word.encode() for word in ("nan", "NaN", "NAN", "Nan", 
 
 
 @dataclass(frozen=True, kw_only=True)
-class FileLimits:
+class FileLimits(Displayed):
     """Limits of the size of a robot's file; raise the one in question: `load_robot(path, limits=FileLimits(max_dof=400))`.
 
     Attributes:

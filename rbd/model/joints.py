@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, block_diagonal, lazy
+from rbd.displayed import Displayed
 from rbd.errors import InputError, JointNotFound, nearest
 from rbd.model.joint_errors import UNIT_TOLERANCE, position_error
 
@@ -80,7 +81,7 @@ class Piece:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Joint:
+class Joint(Displayed):
     """A joint of a robot: indices of its coordinates, units, limits.
 
     Attributes:
@@ -227,7 +228,7 @@ class Joint:
         return self.name, self.kind, *places, self.unit, bounds, effort
 
 
-class Joints(Mapping[str, Joint]):
+class Joints(Mapping[str, Joint], Displayed):
     """The joints of a robot by name, in the order of its model: `robot.joints["knee"].v`.
 
     Args:

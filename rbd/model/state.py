@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_array, as_vector3, check_finite, lazy
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel, DataPool, Slot
 
@@ -31,7 +32,7 @@ class FrameKinematics:
     bias: Array
 
 
-class State:
+class State(Displayed):
     """A robot at configuration q with velocity v: what all terms, constraints and answers are computed from.
 
     q and v are checked and copied at once; its terms are computed when one is first asked for, and never change. It creates no

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.linalg import solveh_banded
 
 from rbd.arrays import Array, as_array, as_float, check_finite, check_positive
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.rotations import conjugate, logarithm, product, rotated
@@ -33,7 +34,7 @@ LOWEST = 0.005
 
 
 @dataclass(frozen=True, eq=False)
-class Derivation:
+class Derivation(Displayed):
     """How v and a of a motion came from q, and the noise in them.
 
     Attributes:

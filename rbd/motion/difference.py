@@ -9,6 +9,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.motion.frame_terms import placements
 from rbd.motion.motion import Motion
@@ -18,7 +19,7 @@ _SMALL = 1e-6  # rad or m: no difference to tell
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MotionDifference:
+class MotionDifference(Displayed):
     """How far a motion is from its reference, at the n times of the motion.
 
     Attributes:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, add_wrench, lazy, null_space
+from rbd.displayed import Displayed
 from rbd.model.state import State
 from rbd.motion.force_fit import ForceFit
 from rbd.motion.sensor_noise import force_scale
@@ -21,7 +22,7 @@ DETERMINED = 1e-7
 
 
 @dataclass(frozen=True)
-class OpenComponents:
+class OpenComponents(Displayed):
     """Force components of some constraints that no measured coordinate feels.
 
     Attributes:
@@ -44,7 +45,7 @@ class OpenComponents:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ForceEstimate:
+class ForceEstimate(Displayed):
     """Contact forces estimated from measurements, with what they leave unexplained and what is not known of them.
 
     M a + h - tau_ext - S^T tau = J^T f by least squares, f in the contacts' sets.

@@ -9,12 +9,13 @@ import numpy as np
 
 from rbd.arrays import Array, as_float
 from rbd.constraints.constraint import Constraint
+from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
 from rbd.motion.floor_points import FloorPoints
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Lanes:
+class Lanes(Displayed):
     """Which contact points touch and slide, when: a lane for each of k points, in n frames.
 
     Attributes:

@@ -12,6 +12,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite
 from rbd.constraints.constraint import Constraint, listed, rows_of
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, checked, generalised
@@ -157,7 +158,7 @@ def check_measured(robot: CheckedModel, tau: object) -> None:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class ForceHistory:
+class ForceHistory(Displayed):
     """Contact forces estimated at each time of a motion, as arrays over time.
 
     Attributes:

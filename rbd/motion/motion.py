@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_flag
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.interpolation import cubic, interpolated_q
@@ -39,7 +40,7 @@ STENCIL = 1e-3
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Motion:
+class Motion(Displayed):
     """A motion to check, edit and follow: q, v and a of a robot at n frames, read or made, in read-only arrays; SI units.
 
     Made by `Motion.of_arrays` and its kin, which check what they are given; the constructor takes its fields as they are.
@@ -361,13 +362,10 @@ class Motion:
         """
         where = a_motion_path(path)
         check_flag("header", header)
-        if (
-            not isinstance(kind, str)
-            or kind not in ("motion", "bodies")
-            or (kind == "bodies" and where.suffix.lower() == ".csv")
-        ):
+        csv = where.suffix.lower() == ".csv"
+        if not isinstance(kind, str) or kind not in (["motion"] if csv else ["motion", "bodies"]):
             raise InputError(f"kind is {kind!r:.80}; expected 'motion', or 'bodies' for an .npz.")
-        if where.suffix.lower() == ".csv":
+        if csv:
             write_csv(where, self.robot, self.t, self.q, header=header, decimals=decimals)
         elif kind == "motion":
             arrays = {name: getattr(self, name) for name in ("t", "q", "v", "a")}

@@ -22,6 +22,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_float, check_positive
 from rbd.constraints.constraint import Constraint, check_on, listed
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, checked, coriolis_matrix, generalised, gravity_torque
@@ -36,7 +37,7 @@ from rbd.statics.loads import contact_rows
 MOST_BANDWIDTH = 1e6
 
 
-class MomentumObserver:
+class MomentumObserver(Displayed):
     """Contact forces from measured configuration, velocity and motor torques: their low-pass of a known bandwidth.
 
     A step of the contact force is seen as 1 - exp(-K t), with K = 2 pi bandwidth; a sinusoid of frequency f is smaller by

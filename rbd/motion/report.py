@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_flag
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.motion import report_contents
 from rbd.motion.causes import CAUSES
@@ -32,7 +33,7 @@ THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 
 
 @dataclass(frozen=True)
-class CheckSettings:
+class CheckSettings(Displayed):
     """What a motion was checked with; as the arguments of `check_motion`."""
 
     friction: float
@@ -46,7 +47,7 @@ class CheckSettings:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class MotionReport:
+class MotionReport(Displayed):
     """The report of `check_motion`: which of n frames are possible, and why the others are not; k points, c contacts.
 
     Attributes:
@@ -282,6 +283,12 @@ class MotionReport:
         from rbd.visual.playback.report_page import export_report
 
         return export_report(path, self, **settings)
+
+    def video(self, path: str | os.PathLike[str], **settings: Any) -> Path:
+        """Write it as a video, .mp4 or .gif; returns its path. Settings are those of `rbd.visual.export_video`."""
+        from rbd.visual.playback.video import export_video
+
+        return export_video(self, path, **settings)
 
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> list[Artist]:
         """Curves of the missing wrench and of torques on axes, or on a new figure; see `rbd.visual.plot_report`."""

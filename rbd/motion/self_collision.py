@@ -11,6 +11,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.constraints.convex.solids import convex_shape
+from rbd.displayed import Displayed
 from rbd.errors import ModelError
 from rbd.model.checked_model import CheckedModel
 
@@ -19,7 +20,7 @@ DEEP_M = 2e-3
 
 
 @dataclass(frozen=True, eq=False)
-class SelfCollisions:
+class SelfCollisions(Displayed):
     """Where bodies overlap.
 
     Attributes:

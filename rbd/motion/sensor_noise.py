@@ -18,6 +18,7 @@ import pinocchio as pin
 from scipy.linalg import solve_triangular
 
 from rbd.arrays import Array, as_array, check_finite
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -30,7 +31,7 @@ _STEP = 1e-5  # of the central differences [rad, m]: they are then right to ten 
 
 
 @dataclass(frozen=True, eq=False)
-class SensorNoise:
+class SensorNoise(Displayed):
     """Standard deviations of measured q, v, a and tau, independent of each other; zero is exact.
 
     Attributes:

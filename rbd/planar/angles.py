@@ -22,6 +22,7 @@ import numpy as np
 import sympy
 
 from rbd.arrays import Array, as_array, check_finite, lazy
+from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
 
 JOINT, SEGMENT, VERTICAL = "joint", "segment", "vertical"
@@ -55,7 +56,7 @@ def _from_segments(n: int, angles: str) -> Symbols:
 
 
 @dataclass(frozen=True)
-class AngleMap:
+class AngleMap(Displayed):
     """The map between two ways to measure a chain's angles: q_to = matrix q_from + offset, without wrapping.
 
     Attributes:

@@ -11,6 +11,7 @@ import sympy as sp
 from sympy.core.function import AppliedUndef
 
 from rbd.arrays import Array
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.expressions import exact
@@ -21,7 +22,7 @@ MOST = 1e12
 
 
 @dataclass(frozen=True)
-class Bodies:
+class Bodies(Displayed):
     """Masses, centres of mass and inertias of a chain's links; one entry a link, from the base outward.
 
     Attributes:

@@ -17,6 +17,7 @@ from sympy.core.function import AppliedUndef
 from sympy.physics.mechanics import dynamicsymbols
 
 from rbd.arrays import Array, as_float, lazy
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.planar import expressions
 from rbd.planar.angles import JOINT, AngleMap, Symbols, angle_map, check_convention
@@ -31,7 +32,7 @@ SHORTEST, LONGEST = 1e-30, 1e30
 
 
 @dataclass(frozen=True, init=False)
-class Chain:
+class Chain(Displayed):
     """A planar chain of n links, hinged end to end, the base at the origin: its kinematics in symbols and numbers.
 
     Joint 0 is the base, joint i the far end of link i, joint n the end point P. In all methods with `i`, None is the

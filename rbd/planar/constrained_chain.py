@@ -20,6 +20,7 @@ import numpy as np
 import sympy
 
 from rbd.arrays import Array, as_array, lazy
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.planar import expressions
 from rbd.planar.angles import Symbols, plain
@@ -41,7 +42,7 @@ class ConstrainedSplit(Split[Symbols]):
 
 
 @dataclass(frozen=True, eq=False)
-class ConstrainedChain:
+class ConstrainedChain(Displayed):
     """A planar chain under relations of its angles: its kinematics in the angles that remain free.
 
     Attributes:

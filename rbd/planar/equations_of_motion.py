@@ -23,6 +23,7 @@ import numpy as np
 import sympy as sp
 
 from rbd.arrays import Array, lazy
+from rbd.displayed import Displayed
 from rbd.errors import InputError, SingularInertia
 from rbd.planar.angles import Symbols, samples
 from rbd.planar.bodies import Bodies, Shapes, bodies_of, constant, refuse_symbols, replacements, symbols_of
@@ -36,7 +37,7 @@ SINGULAR = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
-class Dynamics:
+class Dynamics(Displayed):
     """The equations of motion of a planar chain, M(q) qdd + C(q, qd) qd + g(q) = tau, in symbols.
 
     tau are the forces of the chain's own coordinates [N m]: motor torques for joint angles; for angles from x or from the

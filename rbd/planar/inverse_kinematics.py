@@ -25,6 +25,7 @@ import numpy as np
 import sympy
 
 from rbd.arrays import Array, as_float
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.planar.angles import nearest_turn, plain, wrapped
 from rbd.planar.chain import Chain, check_chain
@@ -39,7 +40,7 @@ SINGULAR = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class Inverse:
+class Inverse(Displayed):
     """Angles that bring the end point to a target, or how far the target is out of reach.
 
     Attributes:

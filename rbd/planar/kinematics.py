@@ -33,6 +33,7 @@ import sympy
 from sympy.physics.mechanics import dynamicsymbols
 
 from rbd.arrays import Array, lazy
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.planar import expressions
 from rbd.planar.angles import JOINT, Symbols, to_segments
@@ -59,7 +60,7 @@ def check_joint(n: int, i: object, *, first: int = 0) -> int:
 
 
 @dataclass(frozen=True, eq=False)
-class Split(Generic[Value]):
+class Split(Generic[Value], Displayed):
     """An acceleration in three parts: tangential, centripetal, Coriolis [m/s^2]; shape (2, 1), (2,) or (samples, 2).
 
     Attributes:

@@ -15,6 +15,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from rbd.arrays import Array, as_array, check_finite, lazy
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution, SingularPose
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.inverse_kinematics import TOLERANCE, inverse
@@ -37,7 +38,7 @@ MOST_RATES = 10_000
 
 
 @dataclass(frozen=True, eq=False)
-class PlanarMotion:
+class PlanarMotion(Displayed):
     """A motion of a planar chain over time, of its end point and of its angles.
 
     Attributes:

@@ -21,6 +21,7 @@ import numpy as np
 import sympy
 
 from rbd.arrays import Array, as_float, lazy
+from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
 from rbd.planar.angles import JOINT, SEGMENT, VERTICAL, AngleMap, angle_map, samples, units
 from rbd.planar.expressions import check_motion
@@ -35,7 +36,7 @@ Block = Callable[..., Array]
 
 
 @dataclass(frozen=True, eq=False)
-class Ellipse:
+class Ellipse(Displayed):
     """The ellipse of velocities, or of forces, that a point of a chain can have.
 
     Attributes:

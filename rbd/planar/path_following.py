@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.planar.angles import nearest_turn, plain, wrapped
 from rbd.planar.chain import Chain, check_chain
@@ -29,7 +30,7 @@ WIDE = 0.5 * np.pi
 
 
 @dataclass(frozen=True, eq=False)
-class InversePath:
+class InversePath(Displayed):
     """Angles of a chain along a path of its end point, as `inverse_path` finds them.
 
     Attributes:

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, is_finite
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 
 SHAPE = (0.0, 0.0, 0.0, 10.0, -15.0, 6.0)
@@ -19,7 +20,7 @@ DERIVATIVES = 3
 
 
 @dataclass(frozen=True)
-class Peaks:
+class Peaks(Displayed):
     """The largest values of a minimum-jerk motion, and when.
 
     Attributes:
@@ -45,7 +46,7 @@ class Peaks:
 
 
 @dataclass(frozen=True, eq=False)
-class MinimumJerk:
+class MinimumJerk(Displayed):
     """A straight motion from rest to rest whose integral of squared jerk is the least.
 
     `x(t) = x0 + (x1 - x0) (10 u^3 - 15 u^4 + 6 u^5)`, `u = t/d`, [Flash1985], [Duarte2021] "Let's plot some simulated data".

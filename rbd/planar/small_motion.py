@@ -11,6 +11,7 @@ import scipy.linalg
 import sympy as sp
 
 from rbd.arrays import Array
+from rbd.displayed import Displayed
 from rbd.errors import InputError, SingularInertia
 from rbd.planar.bodies import constant, refuse_symbols, symbols_of
 from rbd.planar.chain import Chain
@@ -19,7 +20,7 @@ _SINGULAR = "M is singular at this posture: a link turns without moving any mass
 
 
 @dataclass(frozen=True, eq=False)
-class Modes:
+class Modes(Displayed):
     """Modes of small motion: x(t) = shape cos(w t + phase), all angles together.
 
     Attributes:
@@ -51,7 +52,7 @@ class Modes:
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
+class Linearised(Displayed):
     """Small motion about a posture, `M x'' + K x = 0` for x = q - at, with constant forces that keep the posture.
 
     Attributes:

@@ -14,6 +14,7 @@ import numpy as np
 import sympy
 
 from rbd.arrays import Array
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.constrained_chain import ConstrainedChain
@@ -50,7 +51,7 @@ class Word:
 
 
 @dataclass(frozen=True)
-class ChainClass:
+class ChainClass(Displayed):
     """Classification of a planar chain, with its mobility; ranks are generic: singular poses do not count.
 
     Attributes:

@@ -26,6 +26,7 @@ from typing import Any, Literal
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model.output_files import new_folder, write_text
 from rbd.planar.angles import JOINT, AngleMap, samples
@@ -47,7 +48,7 @@ _LINKS = ("orange", "blue", "green", "red", "violet")
 
 
 @dataclass(frozen=True, eq=False)
-class RobotCoordinates:
+class RobotCoordinates(Displayed):
     """Between a chain's angles and those of its robot, which are measured from the previous link: q_robot = A q + b.
 
     Rates and accelerations go with A; forces the other way, tau = A^T tau_robot, so that their power is the same.

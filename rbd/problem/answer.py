@@ -13,6 +13,7 @@ from enum import StrEnum
 import numpy as np
 
 from rbd.arrays import Array, lazy, rank_of
+from rbd.displayed import Displayed
 from rbd.problem.cones import NonNegative, Product, WrenchCone
 from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
@@ -23,7 +24,7 @@ CARRIES_NOTHING_N = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class ContactForce:
+class ContactForce(Displayed):
     """One contact's force and where it acts.
 
     Attributes:
@@ -128,7 +129,7 @@ class Gauss(float):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Answer:
+class Answer(Displayed):
     """What a solver gives: acceleration and constraint forces of one `GaussProblem`.
 
     Attributes:

@@ -15,6 +15,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, block_diagonal, cross_matrix, is_finite, lazy
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.problem.programs import nonnegative
 
@@ -71,7 +72,7 @@ class Cone(Protocol):
 
 
 @dataclass(frozen=True)
-class Free:
+class Free(Displayed):
     """Force set of a bilateral constraint of `dim` rows: all of R^dim.
 
     Example:
@@ -95,7 +96,7 @@ class Free:
 
 
 @dataclass(frozen=True)
-class NonNegative:
+class NonNegative(Displayed):
     """Force set of `dim` rows that only push, e.g. of a joint limit: every component >= 0.
 
     Example:
@@ -118,7 +119,7 @@ class NonNegative:
 
 
 @dataclass(frozen=True)
-class FrictionCone:
+class FrictionCone(Displayed):
     """Force set of a contact with Coulomb friction: `|f_t| <= mu f_n` on (tangent, tangent, normal).
 
     Solvers with true cones use it as it is; the QP uses its circumscribed pyramid of `facets` facets.
@@ -150,7 +151,7 @@ class FrictionCone:
 
 
 @dataclass(frozen=True, eq=False)
-class Box:
+class Box(Displayed):
     """Force set between bounds `lo` and `hi`, shape (dim,) [N, N m], e.g. of dry friction in a joint.
 
     Example:
@@ -185,7 +186,7 @@ class Box:
 
 
 @dataclass(frozen=True, eq=False)
-class WrenchCone:
+class WrenchCone(Displayed):
     """Force set of a patch: wrenches about its centre that forces in friction cones at its corners can make.
 
     Corner force p_i at corner c_i gives force p_i and moment c_i x p_i; all in contact axes.
@@ -237,7 +238,7 @@ class WrenchCone:
 
 
 @dataclass(frozen=True)
-class LineCone:
+class LineCone(Displayed):
     """Force set of an edge: the wrenches that forces in friction cones at the two ends of a line can make.
 
     The line is along the contact's x axis. Components (fx, fy, fz, moment about y, moment about z), about its middle:
@@ -304,7 +305,7 @@ def _nearest_of_corners(cone: WrenchCone | LineCone, force: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Product:
+class Product(Displayed):
     """Cartesian product of several force sets `cones`, their components stacked.
 
     Example:

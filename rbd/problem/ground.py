@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite
+from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
 
 TOUCHES = 1e-3
@@ -29,7 +30,7 @@ def unit_normal(what: str, normal: Sequence[float] | Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Ground:
+class Ground(Displayed):
     """The ground that a contact touches, for `on=`: a floor, a step, a ramp, a belt, a lift, a turntable, a cart.
 
     Attributes:
@@ -106,7 +107,7 @@ class Ground:
 
 
 @dataclass(frozen=True, eq=False)
-class Body:
+class Body(Displayed):
     """Another body of the same model that a contact touches, for `on=` in place of the ground.
 
     The contact's force is the one on the contact's body; the other body receives the opposite.

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, as_array, as_float, check_finite, inertia_factor, is_finite, lazy
+from rbd.displayed import Displayed
 from rbd.errors import DuplicateName, InputError
 from rbd.problem.cones import Cone, Product
 from rbd.problem.contact_motion import REST_SPEED, Opening
@@ -98,7 +99,7 @@ class Origin(Protocol):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class GaussProblem:
+class GaussProblem(Displayed):
     """The least-constraint problem in arrays: `argmin 1/2 |a - a_free|_M^2` for y = J a + offset in K*, forces f in K.
 
     M a = rhs + J^T f are the equations of motion; rhs = S^T tau + tau_ext - h. It can be built by hand, without a robot.

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, add_wrench, is_finite, lazy, max_abs
+from rbd.displayed import Displayed
 from rbd.problem.force_set import ForceSet
 from rbd.problem.law_distance import STILLEST, bound_distances, largest_distance, points_of
 from rbd.problem.problem import CONVEX, GaussProblem, Law
@@ -48,7 +49,7 @@ class Residual(float):
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Residuals:
+class Residuals(Displayed):
     """How far an answer is from the equations of its law; largest entries, zero for an exact answer.
 
     Each is a float in physical units with an attribute `scaled`, the largest entry over its scale; see

@@ -8,6 +8,7 @@ from math import hypot, inf
 import numpy as np
 
 from rbd.arrays import Array, as_array, is_finite, zeros
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.problem.cones import Cone
 from rbd.problem.ground import TOUCHES, Ground
@@ -68,7 +69,7 @@ class Patch:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Rows:
+class Rows(Displayed):
     """A constraint at one state, in arrays: m rows y = J a + bias + feedback, with forces in a cone.
 
     Attributes:

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import RobotFile
@@ -57,7 +58,7 @@ SUMMARY = {
 
 
 @dataclass(frozen=True)
-class ModelIssue:
+class ModelIssue(Displayed):
     """One issue that `rbd.doctor` found in a model, with the joint, link or file that has it.
 
     Attributes:
@@ -77,7 +78,7 @@ class ModelIssue:
 
 
 @dataclass(frozen=True)
-class ModelReport:
+class ModelReport(Displayed):
     """What `rbd.doctor` found in a model: errors, warnings and notes, each with the name of its joint, link or file.
 
     Attributes:

@@ -18,6 +18,7 @@ from scipy.integrate import DOP853
 from rbd.arrays import Array, as_float, max_abs, zeros
 from rbd.constraints.constraint import Constraint, ground_of, member, rows_of
 from rbd.control.accepted_steps import INSTANT, sample_at
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.contact_points import slide, stopping
@@ -36,7 +37,7 @@ SHORTEST = 1e-9
 
 
 @dataclass(frozen=True)
-class RungeKutta4:
+class RungeKutta4(Displayed):
     """Integrator of smooth motion at a fixed step, with an error of h^4; for bilateral constraints.
 
     Every step has a separate chart, q = q0 (+) xi, in which Kutta's method of 1901 is applied to (xi, v); controllers and
@@ -94,7 +95,7 @@ def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Sta
 
 
 @dataclass(frozen=True)
-class DormandPrince8:
+class DormandPrince8(Displayed):
     """Integrator of smooth motion to a tolerance: steps as long as their error allows, dense output of order 7 between them.
 
     SciPy's DOP853 [Hairer1993] on (xi, v) in a chart q = q0 (+) xi that is recentred after each step, when the constraints
@@ -228,7 +229,7 @@ class _AdaptiveStep:
 
 
 @dataclass(frozen=True)
-class TimeStepping:
+class TimeStepping(Displayed):
     """Integrator of motion with contacts: sticking, slipping, rolling, lift-off, impacts; order 2 between and across impacts.
 
     Attributes:

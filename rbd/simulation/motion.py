@@ -14,6 +14,7 @@ from rbd.constraints.constraint import Constraint
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.accepted_steps import AcceptedStep, ContactTouch, TouchesWhenRead, hook, sample_period, told
 from rbd.control.schedules import Controller, ExternalAt, asked
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
@@ -160,7 +161,7 @@ class ConstraintForce:
 
 
 @dataclass(frozen=True)
-class Event:
+class Event(Displayed):
     """An event of a simulated motion: a contact begins, ends, slips or sticks.
 
     Attributes:
@@ -193,7 +194,7 @@ class Event:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Sample:
+class Sample(Displayed):
     """A motion at one time: yielded by integrators, and an entry of a `Trajectory`.
 
     Attributes:

@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_float
 from rbd.control.schedules import ExternalAt
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External
@@ -41,7 +42,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, eq=False, repr=False, kw_only=True)
-class Trajectory:
+class Trajectory(Displayed):
     """A motion, as `rbd.simulate` returns it: n samples, read-only arrays, SI units, world axes, forces on the robot.
 
     `trajectory[i]` is a `Sample`, `trajectory[a:b:c]` a Trajectory, `print(trajectory)` its certificate.
@@ -320,6 +321,15 @@ class Trajectory:
         from rbd.visual.playback.animation import export_motion
 
         return export_motion(self, path, fps=fps, speed=speed, title=title, external=cast(Any, external), **options)
+
+    def video(self, path: str | os.PathLike[str], *, fps: float = 30.0, speed: float = 1.0, **options: Any) -> Path:
+        """Write a video, .mp4 (by the ffmpeg on PATH) or .gif, with the legend and the time; forces move along.
+
+        See `rbd.visual.export_video`, which has the other options: `external`, `ghost`, `follow`, `width`, `height`, ...
+        """
+        from rbd.visual.playback.video import export_video
+
+        return export_video(self, path, fps=fps, speed=speed, **options)
 
     def _index(self, i: int) -> int:
         if isinstance(i, bool) or not isinstance(i, int | np.integer):

@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from rbd.arrays import Array, lazy, max_abs
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.problem.answer import Answer
 from rbd.problem.cones import pyramid
@@ -42,7 +43,7 @@ _FIXED_POINT_STEPS = 12
 
 
 @dataclass(frozen=True, kw_only=True)
-class ConeSolver:
+class ConeSolver(Displayed):
     """Solver with circular friction cones, for Coulomb's law or its convex relaxation, on the Delassus form of the problem.
 
     Weights w in the product of the sets (`problem.force_set`) with::

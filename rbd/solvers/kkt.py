@@ -10,6 +10,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import RANK, Array, max_abs
+from rbd.displayed import Displayed
 from rbd.problem.answer import Answer
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.problem import BILATERAL, GaussProblem, Law, checked
@@ -24,7 +25,7 @@ _ROUNDS = 6
 
 
 @dataclass(frozen=True)
-class KKT:
+class KKT(Displayed):
     """Solver of bilateral constraints in closed form: f = -(J M^-1 J^T)^+ (J a_free + offset), a = a_free + M^-1 J^T f.
 
     For bilateral constraints. Where rows are redundant f has minimum norm, and where they contradict each other a is

@@ -11,6 +11,7 @@ from functools import lru_cache
 import numpy as np
 
 from rbd.arrays import Array, identity, is_finite, max_abs, zeros
+from rbd.displayed import Displayed
 from rbd.problem.answer import Answer
 from rbd.problem.force_set import ForceSet
 from rbd.problem.problem import BILATERAL, CONVEX, GaussProblem, Law, checked
@@ -31,7 +32,7 @@ _STEEP = 1e4
 
 
 @dataclass(frozen=True)
-class ProxQP:
+class ProxQP(Displayed):
     """Solver of Gauss's least-constraint problem, minimise `1/2 |a - a_free|_M^2`, as a QP; forces are its multipliers.
 
     Bilateral constraints are equalities; for every ray r of a force cone, r . (J a + offset) >= 0 is one inequality, its

@@ -11,6 +11,7 @@ import numpy as np
 from rbd.arrays import Array, lazy, null_space, rank_of
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
+from rbd.displayed import Displayed
 from rbd.least_constraint import momentum_balance
 from rbd.model.dynamics import External, free_force
 from rbd.model.state import State
@@ -32,7 +33,7 @@ _INSIDE = 1e-6  # of a force that is inside its cone, or a torque within its lim
 
 
 @dataclass(frozen=True, eq=False)
-class Margins:
+class Margins(Displayed):
     """How far torques and forces of an actuation are from each limit; zero is at the limit.
 
     Attributes:
@@ -56,7 +57,7 @@ class Margins:
 
 
 @dataclass(frozen=True)
-class ActuationUniqueness:
+class ActuationUniqueness(Displayed):
     """In how many directions torques and forces can change without another motion, everything inside its limits.
 
     Attributes:
@@ -88,7 +89,7 @@ class ActuationUniqueness:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Actuation:
+class Actuation(Displayed):
     """Motor torques and contact forces of a wanted motion, as `hold` and `inverse_dynamics` give them, with their margins.
 
     They satisfy M a + h = S^T tau + tau_ext + J^T f.

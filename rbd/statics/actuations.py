@@ -9,6 +9,7 @@ import numpy as np
 
 from rbd.arrays import Array, zeros
 from rbd.constraints.constraint import rows_of
+from rbd.displayed import Displayed
 from rbd.errors import CannotMove, RbdError
 from rbd.many.answers import ManyAnswers, Sheet
 from rbd.many.blocks import external_of, friction_of, write
@@ -56,7 +57,7 @@ class Asked:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Actuations(ManyAnswers):
+class Actuations(ManyAnswers, Displayed):
     """Torques and contact forces at n states as arrays, each with its residuals: of `hold_many`, `inverse_dynamics_many`.
 
     `actuations[i]` is the whole `Actuation` of state i, or raises why there is none.

@@ -15,6 +15,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, as_float
 from rbd.constraints.convex.polygons import convex_hull, half_planes
+from rbd.displayed import Displayed
 from rbd.errors import InputError, JointNotFound, UnknownName, nearest
 from rbd.problem.conic import Conic
 from rbd.problem.rows import Rows
@@ -41,7 +42,7 @@ def checked_bounds(name: str, bounds: object) -> tuple[float, float]:
 
 
 @dataclass(frozen=True, eq=False)
-class Effort:
+class Effort(Displayed):
     """What `hold` and `inverse_dynamics` minimise, and bounds on normal forces and centres of pressure.
 
     Attributes:

@@ -23,6 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, lazy
+from rbd.displayed import Displayed
 from rbd.problem import programs
 from rbd.problem.conic import Certificate, Conic
 from rbd.problem.force_set import Element, ForceSet, at_rest
@@ -35,7 +36,7 @@ _ZERO = 1e-9  # of multipliers, the largest being one
 
 
 @dataclass(frozen=True)
-class Limit:
+class Limit(Displayed):
     """One limit in the way of a motion, of a motor, of friction, of an edge: as `CannotMove.limits` names them.
 
     Attributes:

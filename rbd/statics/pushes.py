@@ -10,6 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite, check_positive, lazy, rank_of
 from rbd.constraints.constraint import Constraint
+from rbd.displayed import Displayed
 from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.force_set import at_rest
@@ -35,7 +36,7 @@ _CARRIES = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
-class PushLimits:
+class PushLimits(Displayed):
     """The largest pushes that a robot withstands, torques within limits and contact forces within friction.
 
     Attributes:

@@ -11,6 +11,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, check_flag, is_finite, lazy
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.convex.polygons import inside_distance
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.programs import Outcome
@@ -38,7 +39,7 @@ _SHARE = 1e-2
 
 
 @dataclass(frozen=True, eq=False)
-class SupportRegion(Region):
+class SupportRegion(Region, Displayed):
     """Where the centre of mass may be, seen from above, for the robot to be at rest on its contacts.
 
     Attributes:

@@ -9,6 +9,7 @@ import numpy as np
 from scipy.linalg import blas
 
 from rbd.arrays import Array, cross_matrix, inertia_factor, max_abs
+from rbd.displayed import Displayed
 from rbd.problem.conic import Conic
 from rbd.problem.programs import Outcome
 from rbd.solvers.conic import solve_conic
@@ -22,7 +23,7 @@ _ANY = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Missing:
+class Missing(Displayed):
     """The least help that would let contact forces balance a motion, torque limits aside.
 
     It is the least of `sqrt(sum over bases of |F|^2 + |m|^2 / L^2 + sum over passive joints of (torque / L)^2)`; of a joint

@@ -17,6 +17,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, check_positive, is_finite, null_space, range_of, rank_of
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.convex.polygons import clipped, convex_hull
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.programs import linear_program
@@ -36,7 +37,7 @@ _FLAT = 1e-8
 
 
 @dataclass(frozen=True, eq=False)
-class ContactWrenchCone:
+class ContactWrenchCone(Displayed):
     """All wrenches (force, moment about a point), on the robot, world axes, that contacts can apply within friction pyramids.
 
     Attributes:

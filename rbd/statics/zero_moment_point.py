@@ -19,6 +19,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, check_flag, cross_matrix, is_finite
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.convex.polygons import inside_distance
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.dynamics import External, checked, generalised
 from rbd.model.state import State
@@ -76,7 +77,7 @@ def zmp(state: State, a: Array, *, on: On = 0.0, external: External = None) -> A
 
 
 @dataclass(frozen=True, eq=False)
-class ZmpRegion(Region):
+class ZmpRegion(Region, Displayed):
     """Where the zero-moment point may be for forces at the contacts to make the motion.
 
     Attributes:

@@ -12,6 +12,7 @@ import numpy as np
 
 from rbd.arrays import Array, max_abs, range_of
 from rbd.constraints.constraint import Constraint
+from rbd.displayed import Displayed
 from rbd.errors import NoSolution
 from rbd.least_constraint import answered, assembled
 from rbd.model.dynamics import External
@@ -57,7 +58,7 @@ class SolverAnswer:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class SolverComparison:
+class SolverComparison(Displayed):
     """The answers of all solvers to one problem, and their differences.
 
     Attributes:
@@ -244,7 +245,7 @@ class ContactUnderLaw:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class LawComparison:
+class LawComparison(Displayed):
     """The answers of the convex and of Coulomb's law at one state, both with circular cones, and how they differ.
 
     Attributes:

@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.rows import Patch, Rows
@@ -45,7 +46,7 @@ class Times:
 
 
 @dataclass(frozen=True)
-class ConstraintReport:
+class ConstraintReport(Displayed):
     """What `check_constraint` compared, and the largest deviations found, scaled as the tolerance is.
 
     Attributes:

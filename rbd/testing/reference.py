@@ -14,6 +14,7 @@ from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.constraints.loop import LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge
 from rbd.constraints.rolling import RollingBall
+from rbd.displayed import Displayed
 from rbd.least_constraint import gauss_problem
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import ExternalForce
@@ -28,7 +29,7 @@ GRAVITY = 9.81
 
 
 @dataclass(frozen=True, eq=False)
-class ReferenceProblem:
+class ReferenceProblem(Displayed):
     """A least-constraint problem with its known answer, to test a solver.
 
     Attributes:

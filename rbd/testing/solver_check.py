@@ -9,6 +9,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from rbd.arrays import Array
+from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
@@ -61,7 +62,7 @@ class TaskWrong(ContractBroken):
 
 
 @dataclass(frozen=True)
-class SolverReport:
+class SolverReport(Displayed):
     """What `check_solver` found: the problems that a solver passed, with its residuals, and those that it skipped.
 
     Attributes:

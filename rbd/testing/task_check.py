@@ -10,6 +10,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_array
 from rbd.control.task_terms import Task, TaskTerms
+from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State, check_state
 from rbd.testing.constraint_check import STEPS, Times, deviations
@@ -17,7 +18,7 @@ from rbd.testing.solver_check import TaskWrong
 
 
 @dataclass(frozen=True)
-class TaskReport:
+class TaskReport(Displayed):
     """What `check_task` compared, and the largest deviations found, scaled as the tolerance is.
 
     Attributes:

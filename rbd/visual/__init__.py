@@ -7,25 +7,36 @@ from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
 from rbd.visual.figures.plots import plot_ranges
 from rbd.visual.figures.statics_plots import plot_pushes, plot_region, plot_wrench_cone
 from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint
+from rbd.visual.live.controls import Choice, Slider
+from rbd.visual.live.explorer import Explorer, Verdict, explore
+from rbd.visual.notebook.frames import notebook_page
 from rbd.visual.pages.browser import Browser, find_browser
 from rbd.visual.pages.page import screenshot
 from rbd.visual.playback.animation import export_motion, motion_sheet, replay
 from rbd.visual.playback.report_curves import plot_report
 from rbd.visual.playback.report_page import export_report, show_report
+from rbd.visual.playback.video import export_video
 from rbd.visual.robot_sheet import contact_sheet
 from rbd.visual.scene import Scene
 from rbd.visual.style import contact_colors
 
 __all__ = [
     "Browser",
+    "Choice",
+    "Explorer",
     "Scene",
+    "Slider",
+    "Verdict",
     "contact_colors",
     "contact_sheet",
+    "explore",
     "export_motion",
     "export_planar",
     "export_report",
+    "export_video",
     "find_browser",
     "motion_sheet",
+    "notebook_page",
     "plot_directions",
     "plot_ellipses",
     "plot_energy",

@@ -15,8 +15,8 @@ from rbd.visual.shapes import Mesh
 
 def send_part(viewer: meshcat.Visualizer, path: str, part: RobotPart, *, nearer: int = 0) -> None:
     """Send a piece of a robot, in its own frame; of surfaces in one plane the one with the largest `nearer` is seen."""
-    told = {"kind": "part", "color": part.color, "opacity": part.opacity}
-    _send(viewer[path], part.mesh, told | {"nearer": nearer} if nearer else told)
+    look = {"kind": "part", "color": part.color, "opacity": part.opacity}
+    _send(viewer[path], part.mesh, {**look, "nearer": nearer} if nearer else look)
 
 
 def send_mark(viewer: meshcat.Visualizer, mark: Mark) -> None:

@@ -242,13 +242,6 @@ def hull_of(joint: int, parts: Sequence[RobotPart]) -> Array:
     return outermost(np.vstack(placed))
 
 
-def largest_color(parts: Sequence[RobotPart]) -> str:
-    """Colour of the largest moving part, for the legend."""
-    moving = [part for part in parts if part.joint] or list(parts)
-    largest = max(moving, key=lambda part: float(np.ptp(part.mesh.vertices, axis=0).max(initial=0.0)), default=None)
-    return SKELETON_COLOR if largest is None else largest.color
-
-
 @dataclass(frozen=True, eq=False, slots=True)
 class ColoredMesh:
     """Triangles of one colour; None where the file gives none, or a texture."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import webbrowser
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -16,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_vector3
+from rbd.displayed import Displayed
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, ExternalForce
@@ -27,14 +27,15 @@ from rbd.visual.marks.legend import entry, legend_data, seen_from
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture
 from rbd.visual.marks.statics import Drawn, legend_of, marks_of
+from rbd.visual.other_poses import check_poses, send_poses
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import offline_page, photograph, write_page
-from rbd.visual.pages.recorder import Recorder
+from rbd.visual.pages.recorder import Recorder, drawn_together
 from rbd.visual.pages.server import LiveServer
 from rbd.visual.robot_layers import bodies, collision_parts, frames, front_of
-from rbd.visual.robot_meshes import RobotPart, largest_color, robot_parts
+from rbd.visual.robot_meshes import RobotPart, robot_parts
 from rbd.visual.shapes import outermost, round_number
-from rbd.visual.style import a_length, a_page, a_picture, contact_colors, distinct_colors
+from rbd.visual.style import a_length, a_page, a_picture, contact_colors
 
 if TYPE_CHECKING:
     from rbd.robots.robot import Robot
@@ -44,10 +45,9 @@ if TYPE_CHECKING:
 # Newtons for one metre of arrow if a robot has no weight (no mass, or no gravity).
 WEIGHTLESS_N = 100.0
 FRONT_LEFT = (1.0, 0.62, 0.34)
-BESIDE_OPACITY = 0.55
 
 
-class Scene:
+class Scene(Displayed):
     """A picture of a robot in contact: meshes, forces, friction cones, support polygon, centre of mass.
 
     Every arrow starts where its force acts and points along the force on the robot; its length is the force times one
@@ -113,11 +113,22 @@ class Scene:
         self._picture = Picture(np.zeros(3))
         self._server: LiveServer | None = None
         self._others: dict[str, str] = {}
+        self._poses: tuple[dict[str, State], str, dict[str, list[str]], str] = {}, "", {}, ""
         self._further = np.zeros((0, 3))
         self._around = np.zeros((0, 3))
         self._moving = False
         self._cloud: Array | None = None
         self._statics: tuple[Drawn, ...] = ()
+
+    @property
+    def robot(self) -> Robot:
+        """The robot whose scene it is."""
+        return self._robot
+
+    @property
+    def shown(self) -> bool:
+        """Whether a state has been shown."""
+        return self._sizes is not None
 
     @property
     def contacts(self) -> tuple[ShownForce, ...]:
@@ -145,6 +156,11 @@ class Scene:
         return self._shown()
 
     @property
+    def recorder(self) -> Recorder:
+        """The messages of the scene, to its pages and from them."""
+        return self._recorder
+
+    @property
     def url(self) -> str:
         """Address of the live scene; starts its server, which listens on 127.0.0.1 only."""
         if self._server is None:
@@ -157,6 +173,7 @@ class Scene:
         webbrowser.open(address, new=2)
         return address
 
+    @drawn_together
     def show(
         self, state: State, solution: Solution | Actuation | None = None, *, external: External | Iterable[ExternalForce] = None
     ) -> None:
@@ -192,6 +209,8 @@ class Scene:
             self._around, self._moving = np.zeros((0, 3)), False
         pin.forwardKinematics(model, self._data, np.asarray(state.q, float))
         self._place_parts(self._data)
+        if self._others:
+            self._draw_poses()
         self._cloud = None
         if self._sizes is None:
             self._cloud = self._extremes(self._data)
@@ -208,6 +227,7 @@ class Scene:
         if reframed:
             self._recorder.post("view", self._view(self._data))
 
+    @drawn_together
     def draw(self, *statics: Drawn) -> None:
         """Draw regions, largest pushes, wrench cones and footprints around the robot shown, until the next `draw`.
 
@@ -225,42 +245,51 @@ class Scene:
         if self._legend:
             self._write_legend()
 
-    def beside(self, states: Mapping[str, State], *, shown: str = "") -> None:
-        """Draw the robot in further poses at the same place, each in one translucent colour: branches, steps of a motion.
+    @drawn_together
+    def beside(
+        self,
+        states: Mapping[str, State],
+        *,
+        shown: str = "",
+        details: Mapping[str, Sequence[str]] | None = None,
+        note: str = "",
+    ) -> None:
+        """Draw the robot in further poses at the same place, each in one colour: branches, steps of a motion.
 
-        They stay until the next call; `{}` takes them away. The legend names them.
+        They stay until the next call; `{}` takes them away. The legend names them. Bars that have one place in several poses
+        are striped in the colours of all these. Without `shown` the robot keeps its colours, and the poses are translucent.
 
         Args:
             states: {name: where the robot is}, of the scene's robot.
-            shown: Name of the pose that `show` drew, which the legend then lists too, in the colour of its largest part.
+            shown: Name of the pose that `show` drew: it gets one colour too, and its place in the legend among `states`, if it
+                is one of these.
+            details: {name: lines below the name in the legend}, such as joint angles.
+            note: A line below the legend.
 
         Raises:
             InputError: if an entry is not a state, or has another size.
             PictureError: if nothing has been shown yet.
         """
         self._shown()
-        if not isinstance(states, Mapping) or not all(isinstance(name, str) for name in (*states, shown)):
-            raise InputError(f"states are {states!r:.80}, shown is {shown!r:.80}; expected {{name: rbd.State}} and a name.")
-        model = self._robot.model
-        for name, state in states.items():
-            if not isinstance(state, State) or len(state.q) != model.nq:
-                raise InputError(f"{name!r} is no state of {self._robot.name!r}; expected rbd.State(robot, q).")
-        self._viewer["beside"].delete()
-        colors = dict(zip(states, distinct_colors(len(states) + 1)[1:], strict=True))  # blue is for contacts
-        self._others = {shown: largest_color(self._parts)} | colors if shown else colors
-        points = [np.zeros((0, 3))]
-        for i, (name, state) in enumerate(states.items()):
-            data = model.createData()
-            pin.forwardKinematics(model, data, np.asarray(state.q, float))
-            for j, part in enumerate(self._parts):
-                if part.joint:  # shapes fixed to the world are already in the picture
-                    path = f"beside/{i}/{j}"
-                    send_part(self._viewer, path, replace(part, color=colors[name], opacity=BESIDE_OPACITY))
-                    self._viewer[path].set_transform((data.oMi[part.joint] * part.placement).homogeneous)
-            points.append(self._extremes(data))
-        self._further = np.vstack(points)
+        check_poses(self._robot, states, shown)
+        self._poses = dict(states), shown, {name: list(lines) for name, lines in (details or {}).items()}, note
+        self._draw_poses()
         if self._legend:
             self._write_legend()
+
+    def _draw_poses(self) -> None:
+        states, shown, *_ = self._poses
+        self._viewer["beside"].delete()
+        assert self._data is not None
+        if self._others:  # the robot gets its own colours back
+            self._send_parts()
+            self._place_parts(self._data)
+        found = {name: self._robot.model.createData() for name in states}
+        for name, data in found.items():
+            pin.forwardKinematics(self._robot.model, data, np.asarray(states[name].q, float))
+        named = bool(states or shown)
+        self._others = send_poses(self._viewer, self._parts, self._data, found, shown) if named else {}
+        self._further = np.vstack([np.zeros((0, 3)), *(self._extremes(data) for data in found.values())])
 
     def export(self, path: str | PathLike[str]) -> Path:
         """Write the scene as one HTML file that needs no network and no server; returns its path.
@@ -381,10 +410,12 @@ class Scene:
 
     def _write_legend(self) -> None:
         what = legend_data(self._robot.name, self._picture, contact_colors(self._seen), self._shown())
-        poses = [entry(color, name, layer="other poses") for name, color in self._others.items()]
+        _, _, details, note = self._poses
+        poses = [entry(color, name, detail=details.get(name, ""), layer="other poses") for name, color in self._others.items()]
         statics = [entry(color, name, layer="regions") for name, color in legend_of(self._statics)]
-        what["entries"] = [*what["entries"], *poses, *statics]  # type: ignore[misc]
-        what["notes"] = [*what["notes"], "Drag to turn, wheel to zoom, right button to shift."]  # type: ignore[misc]
+        what["entries"] = [*poses, *what["entries"], *statics]  # type: ignore[misc]
+        help_ = "Drag to turn, wheel to zoom, right button to shift."
+        what["notes"] = [*([note] if note else []), *what["notes"], help_]  # type: ignore[misc]
         self._recorder.post("legend", json.dumps({"legend": what}))
 
     def _view(self, data: pin.Data) -> str:

@@ -91,7 +91,7 @@ def page(motion, tmp_path_factory):
 
 def score_of(page):
     """(the motion in a page, its rows, its codes)."""
-    notes = [json.loads(n) for n in re.findall(r"stage\.note\((.*)\);", page.read_text(encoding="utf-8"))]
+    notes = [json.loads(n) for n in re.findall(r"stage\.note\((\{.*)\);", page.read_text(encoding="utf-8"))]
     score = next(n["motion"] for n in notes if "motion" in n)
     n = len(score["times"])
     rows = np.frombuffer(base64.b64decode(score["rows"]), "<f4").reshape(n, -1)
@@ -258,7 +258,7 @@ def test_without_bodies_the_centre_of_mass_alone_moves(box):
 
 def test_the_camera_sees_all_of_the_motion(motion, page):
     """The box at its start and its end, and the longest arrow, are within what is framed."""
-    notes = [json.loads(n) for n in re.findall(r"stage\.note\((.*)\);", page.read_text(encoding="utf-8"))]
+    notes = [json.loads(n) for n in re.findall(r"stage\.note\((\{.*)\);", page.read_text(encoding="utf-8"))]
     points = np.array([n["view"]["points"] for n in notes if "view" in n][-1])
     assert points[:, 0].min() < 0.0 and points[:, 0].max() > 0.5 and points[:, 2].min() < 1e-3
 

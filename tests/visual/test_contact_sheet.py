@@ -38,7 +38,7 @@ def test_the_camera_stands_where_the_toes_point(name, ahead, tmp_path):
     with Scene(robot, legend=False) as scene:
         scene.show(state, rbd.hold(state, robot.soles()))
         text = scene.export(tmp_path / "page.html").read_text(encoding="utf-8")
-    notes = [json.loads(note) for note in re.findall(r"stage\.note\((.*)\);", text)]
+    notes = [json.loads(note) for note in re.findall(r"stage\.note\((\{.*)\);", text)]
     direction = [note["view"]["direction"] for note in notes if "view" in note][-1]
     assert direction == pytest.approx([ahead, 0.62 * ahead, 0.34], abs=1e-3)
     assert not any("legend" in note for note in notes)

@@ -53,7 +53,7 @@ def pages(still: rbd.Motion, rises: rbd.Motion, tmp_path_factory: pytest.TempPat
 
 def told(page: Path) -> dict[str, Any]:
     """The motion that a page holds."""
-    notes = [json.loads(n) for n in re.findall(r"stage\.note\((.*)\);", page.read_text(encoding="utf-8"))]
+    notes = [json.loads(n) for n in re.findall(r"stage\.note\((\{.*)\);", page.read_text(encoding="utf-8"))]
     found: dict[str, Any] = next(n["motion"] for n in notes if "motion" in n)
     return found
 

@@ -39,7 +39,7 @@ def page(report, tmp_path_factory):
 @pytest.fixture(scope="module")
 def told(page):
     """The motion that the page holds."""
-    notes = [json.loads(n) for n in re.findall(r"stage\.note\((.*)\);", page.read_text(encoding="utf-8"))]
+    notes = [json.loads(n) for n in re.findall(r"stage\.note\((\{.*)\);", page.read_text(encoding="utf-8"))]
     return next(n["motion"] for n in notes if "motion" in n)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +23,7 @@ from rbd.visual.robot_layers import CLOSE_M, collision_parts, front_of
 
 PUSH_N = np.array([0.0, 60.0, 0.0])
 WIDTH, HEIGHT = 700, 520
+TAGS = "[...document.querySelectorAll('.tags span')]"
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +67,14 @@ def pixels(page: BrowserPage) -> np.ndarray:
 def visible(page: BrowserPage, path: str) -> bool:
     """Whether an object and all above it are visible."""
     return bool(page.evaluate(f"seen(stage.layers.object({json.dumps(path)}))"))
+
+
+def point_at(page: BrowserPage, point: np.ndarray) -> list[str]:
+    """What the page says, line by line, of what it draws at a point of W [m]."""
+    x, y = page.evaluate(f"stage.project({np.asarray(point).tolist()})")
+    page.mouse("mouseMoved", x, y)
+    page.wait("!stage.labels.tip.hidden")
+    return str(page.evaluate("stage.labels.tip.innerText")).split("\n")
 
 
 def rest(page: BrowserPage) -> str:
@@ -228,6 +238,69 @@ def test_a_body_is_named_where_it_is_seen(page: BrowserPage, shown: Shown):
     assert told[:2] == ["torso_2_link", "moved by torso_2_joint"] and told[2].startswith(f"{mass:.5g} kg")
     page.mouse("mouseMoved", WIDTH - 10, HEIGHT - 60)
     page.wait("stage.labels.tip.hidden")
+
+
+@pytest.mark.parametrize("name", ["left_sole", "right_sole"])
+def test_an_arrow_is_named_with_its_force(page: BrowserPage, shown: Shown, name: str):
+    """The pointer on the middle of a contact's arrow, before or behind the robot, tells the numbers of the solution."""
+    force, arrow = shown.held.forces[name][:3], shown.held.contacts[name]
+    with Scene(shown.robot) as scene:
+        scene.show(shown.state)
+        middle = arrow.centre_of_pressure + 0.5 * scene.metres_per_newton * force
+    told = point_at(page, middle)
+    assert told[:2] == [name, f"|f| {np.linalg.norm(force):.4g} N"]
+    written = re.search(r"force on the robot \((.*), (.*), (.*)\) N", told[2])
+    assert written is not None and np.abs(np.array([float(x) for x in written.groups()]) - force).max() < 0.06
+    assert told[3].startswith(f"normal {force[2]:.4g} N") and f"of mu {0.7:g}" in told[4]
+    page.key("Escape")
+    assert page.evaluate("stage.labels.tip.hidden")
+
+
+def test_a_push_is_named_and_in_the_legend(page: BrowserPage, shown: Shown):
+    """With its vector."""
+    at = shown.state.frame("torso_2_link", [0.0, 0.0, 0.2]).X_WF.translation + [0.0, 0.03, 0.0]
+    told = point_at(page, at)
+    assert told[0] == "push on torso_2_link" and "|f| 60 N" in told and any("(0, 60, 0) N" in line for line in told)
+    legend = page.evaluate("document.getElementById('legend').innerText")
+    assert "push on torso_2_link" in legend and "(0, 60, 0) N" in legend
+
+
+def test_nothing_hidden_is_named(page: BrowserPage, shown: Shown):
+    """A hidden arrow gives way to what is behind it; the legend's line goes with the layer."""
+    at = shown.state.frame("torso_2_link", [0.0, 0.0, 0.2]).X_WF.translation + [0.0, 0.03, 0.0]
+    page.evaluate("stage.toolbar.show('pushes', false)")
+    assert point_at(page, at)[0] == "torso_2_link"
+    lines = page.evaluate("[...document.querySelectorAll('#legend tr:not([hidden])')].map((r) => r.innerText).join()")
+    assert "push" not in lines and "left_sole" in lines
+
+
+def test_labels_stand_where_their_marks_are(page: BrowserPage, shown: Shown):
+    """Switched on, each contact has one tag with its |f| at the solution's number; no tag covers another."""
+    page.key("n")
+    page.evaluate("stage.viewer.render()")
+    tags = page.evaluate(f"{TAGS}.map((s) => [s.textContent, ...edgesOf(s.getBoundingClientRect())])")
+    texts = [tag[0] for tag in tags]
+    for name, force in shown.held.forces.items():
+        assert texts.count(f"{name}: |f| {np.linalg.norm(force[:3]):.4g} N") == 1
+    assert any(text.startswith("centre of mass: ") for text in texts)
+    for i, (_, left, top, right, bottom) in enumerate(tags):
+        for _, x0, y0, x1, y1 in tags[:i]:
+            assert right <= x0 + 0.5 or x1 <= left + 0.5 or bottom <= y0 + 0.5 or y1 <= top + 0.5
+    page.evaluate("stage.toolbar.show('forces', false); stage.viewer.render()")
+    assert not any("sole: |f|" in text for text in page.evaluate(f"{TAGS}.map((s) => s.textContent)"))
+
+
+def test_a_finger_taps(page: BrowserPage, shown: Shown):
+    """A tap names what is near; one elsewhere takes the name away; a drag names nothing."""
+    x, y = page.evaluate(f"stage.project({shown.state.frame('torso_2_link', [0.1, 0.1, 0.1]).X_WF.translation.tolist()})")
+    tap = (
+        "(([x, y, dx]) => { const send = (kind, x, y) => document.querySelector('#meshcat-pane canvas').dispatchEvent("
+        "new PointerEvent(kind, { clientX: x, clientY: y, pointerType: 'touch', pointerId: 7, bubbles: true }));"
+        "send('pointerdown', x, y); send('pointerup', x + dx, y); return stage.labels.tip.hidden; })"
+    )
+    assert page.evaluate(f"{tap}([{x}, {y}, 40])") is True
+    assert page.evaluate(f"{tap}([{x}, {y}, 2])") is False
+    assert page.evaluate(f"{tap}([{WIDTH - 8}, {HEIGHT - 60}, 0])") is True
 
 
 # What lies over the picture

@@ -71,7 +71,7 @@ def picture(page, browser):
 def legend_of(scene, folder):
     """The legend that a page of this scene shows: (value by name, colour by name, lines below)."""
     text = scene.export(folder / "legend.html").read_text(encoding="utf-8")
-    notes = [json.loads(note) for note in re.findall(r"stage\.note\((.*)\);", text)]
+    notes = [json.loads(note) for note in re.findall(r"stage\.note\((\{.*)\);", text)]
     legend = next(note["legend"] for note in notes if "legend" in note)
     values = {entry["name"]: entry["value"] for entry in legend["entries"]}
     return values, {entry["name"]: entry["color"] for entry in legend["entries"]}, legend["notes"]
@@ -327,12 +327,14 @@ def test_a_live_viewer_is_told_what_changes(scene, standing):
     """A browser whose page is older than the scene gets the difference on its socket."""
     import asyncio
 
+    from tornado.httpclient import HTTPRequest
     from tornado.websocket import websocket_connect
 
     async def watch():
         with urllib.request.urlopen(scene.url, timeout=10) as answer:
             text = answer.read().decode()
-        socket = await websocket_connect(json.loads(re.search(r'stage\.connect\((".*?")\)', text)[1]))
+        address = json.loads(re.search(r'stage\.connect\((".*?")\)', text)[1])
+        socket = await websocket_connect(HTTPRequest(address, headers={"Origin": scene.url.rstrip("/")}))
         scene.show(standing)
         told = []
         while not (told and isinstance(told[-1], str) and "legend" in told[-1]):

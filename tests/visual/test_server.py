@@ -9,9 +9,11 @@ import re
 import socket
 import urllib.request
 from collections.abc import Iterator
+from contextlib import suppress
 
 import pytest
-from tornado.websocket import websocket_connect
+from tornado.httpclient import HTTPRequest
+from tornado.websocket import WebSocketClientConnection, WebSocketClosedError, websocket_connect
 
 import rbd
 from rbd.errors import PictureError
@@ -46,13 +48,24 @@ def answer(scene: Scene, request: str, *, body: bytes = b"") -> tuple[int, str]:
 
 
 def upgrade(scene: Scene, after: str, **headers: str) -> int:
-    """Status of the answer to a browser that wants what comes after so many messages; 101 is a socket."""
-    given = {"Host": f"127.0.0.1:{port_of(scene)}", "Upgrade": "websocket", "Connection": "Upgrade"} | headers
+    """Status of the answer to a browser that wants what comes after so many messages; 101 is a socket.
+
+    Headers replace or add to those of our own page; one that is empty is left out.
+    """
+    host = headers.get("Host", f"127.0.0.1:{port_of(scene)}")
+    given = {"Host": host, "Upgrade": "websocket", "Connection": "Upgrade", "Origin": f"http://{host}"} | headers
+    given = {name: value for name, value in given.items() if value}
     given |= {"Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Version": "13"}
     lines = "".join(f"{name}: {value}\n" for name, value in given.items())
     with socket.create_connection(("127.0.0.1", port_of(scene)), timeout=10) as connection:
         connection.sendall(f"GET /changes{after} HTTP/1.1\n{lines}\n".replace("\n", "\r\n").encode())
         return int(connection.recv(12).split()[1])
+
+
+async def ours(port: int, *, after: int = 0) -> WebSocketClientConnection:
+    """A socket as our own page opens it."""
+    address = f"ws://127.0.0.1:{port}/changes?after={after}"
+    return await websocket_connect(HTTPRequest(address, headers={"Origin": f"http://127.0.0.1:{port}"}))
 
 
 @pytest.mark.parametrize(
@@ -102,10 +115,45 @@ def test_other_names_are_refused(scene: Scene, host: str):
     assert status in (400, 404) and "stage" not in text and "<script>" not in text
 
 
-@pytest.mark.parametrize("origin", ["http://elsewhere.example", "null", "http://127.0.0.1:1", "file://"])
-def test_pages_elsewhere_get_no_socket(scene: Scene, origin: str):
-    """A browser tells whose page asks."""
-    assert upgrade(scene, "?after=0", Origin=origin) == 403
+@pytest.mark.parametrize(
+    "origin",
+    [
+        *("http://elsewhere.example", "null", "http://127.0.0.1:1", "http://127.0.0.1", "file://", ""),
+        *("https://127.0.0.1:{port}", "http://localhost:{port}", "http://127.0.0.1:{port}/", "http://127.0.0.1:{port}.example"),
+        "http://127.0.0.1:{port}\nOrigin: http://elsewhere.example",
+    ],
+)
+@pytest.mark.parametrize("fetch", [{}, {"Sec-Fetch-Site": "same-origin"}])
+def test_pages_elsewhere_get_no_socket(scene: Scene, origin: str, fetch: dict[str, str]):
+    """A browser tells whose page asks: exactly our own gets a socket; another port, name or scheme, null or none does not."""
+    assert upgrade(scene, "?after=0", Origin=origin.format(port=port_of(scene)), **fetch) == 403
+    assert upgrade(scene, "?after=0", **fetch) == 101
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        *("/../../etc/passwd", "/..%2f..%2fetc%2fpasswd", "/%2e%2e/pyproject.toml", "//etc/passwd", "/etc/passwd", "/static/x"),
+        *(
+            "/web/stage.js",
+            "/index.html",
+            "/changes/..",
+            "/changes/x",
+            "/favicon.ico/../changes",
+            "/\\..\\x",
+            "/%00",
+            "/?/../x",
+        ),
+        "http://elsewhere.example/",
+    ],
+)
+def test_nothing_else_is_served(scene: Scene, path: str):
+    """Three addresses and no files: every other path is unknown; a query changes nothing."""
+    status, text = answer(scene, f"GET {path} HTTP/1.1\nHost: 127.0.0.1:{port_of(scene)}\n\n")
+    if path.startswith("/?"):
+        assert status == 200 and "stage" in text
+    else:
+        assert status in (400, 404) and "root:" not in text and "stage" not in text
 
 
 def test_a_page_elsewhere_cannot_show_or_load_it(scene: Scene):
@@ -122,17 +170,20 @@ def test_what_is_too_long_is_not_kept(scene: Scene):
     assert answer(scene, f"GET /?{'x' * 20_000} HTTP/1.1\n{host}\n")[0] in (0, 400, 431)
     assert answer(scene, f"POST / HTTP/1.1\n{host}Content-Length: 100000000\n\n")[0] in (0, 400, 405, 413)
     assert answer(scene, f"POST / HTTP/1.1\n{host}Content-Length: 2\n\n", body=b"{}")[0] == 405
-    assert answer(scene, f"GET /changes HTTP/1.1\n{host}\n")[0] == 400
+    assert answer(scene, f"GET /changes HTTP/1.1\n{host}\n")[0] == 403
     assert answer(scene, "nonsense\n\n")[0] in (0, 400)
     assert answer(scene, f"GET / HTTP/1.1\n{host}\n")[0] == 200
 
 
-def test_a_browser_that_sends_much_is_sent_away(scene: Scene):
-    """Browsers only listen."""
+@pytest.mark.parametrize(("size", "count"), [(100_000, 1), (2, server.MOST_A_SECOND + 1)], ids=["long", "many"])
+def test_a_browser_that_sends_much_is_sent_away(scene: Scene, size: int, count: int):
+    """A long message, or a thousand in a second."""
 
     async def send() -> object:
-        found = await websocket_connect(f"ws://127.0.0.1:{port_of(scene)}/changes?after=999999")
-        await found.write_message("x" * 100_000)
+        found = await ours(port_of(scene), after=999999)
+        with suppress(WebSocketClosedError):
+            for _ in range(count):
+                await found.write_message("x" * size)
         told = await asyncio.wait_for(found.read_message(), 10)
         found.close()
         return told
@@ -145,7 +196,7 @@ def test_a_browser_that_does_not_read_is_sent_away(scene: Scene, g1: rbd.Robot, 
     monkeypatch.setattr(server, "MOST_UNREAD", 1000)
 
     async def watch() -> list[object]:
-        found = await websocket_connect(f"ws://127.0.0.1:{port_of(scene)}/changes?after=0")
+        found = await ours(port_of(scene))
         told = [await asyncio.wait_for(found.read_message(), 10)]
         while told[-1] is not None:
             told.append(await asyncio.wait_for(found.read_message(), 10))
@@ -175,7 +226,7 @@ def test_a_server_closes_once_and_takes_its_browsers_along(g1: rbd.Robot):
     live = server.LiveServer(recorder := server.Recorder(), "closing")
 
     async def watch() -> object:
-        found = await websocket_connect(f"ws://127.0.0.1:{live.port}/changes?after=0")
+        found = await ours(live.port)
         await asyncio.get_running_loop().run_in_executor(None, lambda: (live.wait_for_viewer(10.0), live.close()))
         told = await asyncio.wait_for(found.read_message(), 10)
         found.close()

@@ -13,6 +13,7 @@ from docutils import nodes
 from sphinx.application import Sphinx
 
 from rbd.arrays import lazy
+from rbd.displayed import Displayed
 from rbd_site.pages import TOP
 from rbd_site.public import GROUPS, PACKAGES, Public, homes, module_of, names_of
 
@@ -75,7 +76,7 @@ def name_page(public: Public) -> str:
     made = [":orphan:\n", heading(public.name), f"In :doc:`{package}`.\n", f".. auto{public.kind}:: {public.name}"]
     if public.kind in ("class", "exception"):
         made += ["   :members:", f"   :inherited-members: {STOP}"]
-        if getattr(public.value, "__bases__", ()) != (object,):
+        if not set(getattr(public.value, "__bases__", ())) <= {object, Displayed}:
             made.append("   :show-inheritance:")
     return "\n".join(made) + "\n"
 

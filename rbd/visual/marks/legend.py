@@ -24,7 +24,7 @@ LISTED = 6
 """Of more loops, stops or torques than this the largest are listed."""
 
 
-def entry(color: str, name: str, value: str = "", detail: str = "", layer: str = "") -> Entry:
+def entry(color: str, name: str, value: str = "", detail: str | list[str] = "", layer: str = "") -> Entry:
     """One line of the legend."""
     return {"color": color, "name": name, "value": value, "detail": detail, "layer": layer}
 

@@ -152,6 +152,7 @@ class BrowserPage:
         try:
             self._session = str(browser.call("Target.attachToTarget", targetId=self._target, flatten=True)["sessionId"])
             self.resize(width, height)
+            self._call("Page.enable")
             self._call("Inspector.enable")
             self._call("Runtime.enable")
             if before:

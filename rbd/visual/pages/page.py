@@ -63,10 +63,11 @@ $start
 SCRIPTS = (
     *("stage.js", "meshes.js", "layers.js", "legend.js", "labels.js", "naming.js", "views.js", "gauges.js", "toolbar.js"),
     *("support.js", "animation.js", "curves.js", "reel.js", "timeline.js"),
+    *("live.js", "controls.js", "backdrop.js"),
 )
 LEVEL = 6
 """Of zlib: level 9 takes four times as long, for a hundredth less."""
-STYLES = ("stage.css", "toolbar.css", "animation.css")
+STYLES = ("stage.css", "toolbar.css", "animation.css", "controls.css")
 
 
 def offline_page(title: str, messages: Iterable[bytes | str]) -> str:

@@ -3,12 +3,21 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Callable
-from typing import Any, Protocol
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import wraps
+from typing import Any, Concatenate, ParamSpec, Protocol, TypeVar
 
 import umsgpack
 
 from rbd.model.forks import renewed_after_fork
+
+_Given = ParamSpec("_Given")
+_Got = TypeVar("_Got")
+_Key = tuple[str, str]
+"""Path and kind of a Meshcat command; "" and the topic of a message for our own page."""
+_DELETE = "delete/"
+_MOTION: _Key = ("", "motion")
 
 
 class Command(Protocol):
@@ -22,19 +31,22 @@ class Recorder:
     """The `window` of a `meshcat.Visualizer` that needs no server.
 
     It stores the messages that a viewer needs to show the present scene, oldest first, and passes every new message to
-    one listener, such as a live server. Messages are bytes (packed Meshcat commands) or text (JSON for our own page).
+    one listener, such as a live server. Messages are bytes (packed Meshcat commands) or text (JSON for our own page). What
+    live pages send comes back through `receive`.
     """
 
     def __init__(self) -> None:
-        self._lock = threading.Lock()
-        self._kept: dict[tuple[str, str], tuple[int, bytes | str]] = {}
+        self._lock, self._turn = threading.Lock(), threading.RLock()
+        self._kept: dict[_Key, tuple[int, bytes | str]] = {}
         self._count = 0
         self._listener: Callable[[bytes | str], None] | None = None
+        self._draft: list[tuple[_Key, bytes | str]] | None = None
+        self._receiver: Callable[[str], None] | None = None
         renewed_after_fork(self)
 
     def renew_after_fork(self) -> None:
-        """In a forked child: a new lock, and no listener, because a live server's thread stays with the parent."""
-        self._lock, self._listener = threading.Lock(), None
+        """In a forked child: new locks, and no listener, because a live server's thread stays with the parent."""
+        self._lock, self._turn, self._listener = threading.Lock(), threading.RLock(), None
 
     def send(self, command: Command) -> None:
         """Store a Meshcat command, or one of ours that is packed already; a newer one of its kind on its path replaces it.
@@ -42,18 +54,30 @@ class Recorder:
         A deletion removes all commands at and below its path, and is stored for viewers that have received them.
         """
         data = command.lower()
-        path, kind = data["path"], data["type"]
         packed = data["packed"] if "packed" in data else umsgpack.packb(data)
-        with self._lock:
-            if kind == "delete":
-                below = path.rstrip("/") + "/"
-                self._kept = {key: m for key, m in self._kept.items() if not (key[0] + "/").startswith(below)}
-            self._keep((path, kind + "/" + data.get("property", "")), packed)
+        self._put((data["path"], data["type"] + "/" + data.get("property", "")), packed)
 
     def post(self, topic: str, text: str) -> None:
         """Store a message for our page; a newer one on the same topic replaces it."""
-        with self._lock:
-            self._keep(("", topic), text)
+        self._put(("", topic), text)
+
+    @contextmanager
+    def together(self) -> Iterator[None]:
+        """Compare what is sent inside with what viewers have, and pass on only the difference, at the end.
+
+        What is deleted and sent again unchanged is not passed on, and does not flicker. Other threads wait.
+        """
+        with self._turn:
+            if self._draft is not None:  # inside another one
+                yield
+                return
+            self._draft = []
+            try:
+                yield
+            finally:
+                draft, self._draft = self._draft, None
+                with self._lock:
+                    self._keep_difference(draft)
 
     def messages(self, *, after: int = 0) -> tuple[list[bytes | str], int]:
         """Messages for a viewer that has received the first `after` of them, oldest first, and their count so far."""
@@ -65,9 +89,66 @@ class Recorder:
         with self._lock:
             self._listener = listener
 
-    def _keep(self, key: tuple[str, str], message: bytes | str) -> None:
+    def answer_by(self, receiver: Callable[[str], None] | None) -> None:
+        """Pass what live pages send to `receiver`, in the server's thread; None: to none."""
+        self._receiver = receiver
+
+    def receive(self, message: str) -> None:
+        """A message of a live page, of any content."""
+        if (receiver := self._receiver) is not None:
+            receiver(message)
+
+    def _put(self, key: _Key, message: bytes | str) -> None:
+        with self._turn:
+            if self._draft is not None:
+                self._draft.append((key, message))
+                return
+            with self._lock:
+                if key[1] == _DELETE:
+                    self._kept = {k: m for k, m in self._kept.items() if not _is_below(k[0], key[0])}
+                self._keep(key, message)
+
+    def _keep(self, key: _Key, message: bytes | str) -> None:
         self._count += 1
         self._kept.pop(key, None)
         self._kept[key] = (self._count, message)
         if self._listener is not None:
             self._listener(message)
+
+    def _keep_difference(self, draft: list[tuple[_Key, bytes | str]]) -> None:
+        wanted: dict[_Key, bytes | str] = {key: m for key, (_, m) in self._kept.items() if key[1] != _DELETE}
+        for key, message in draft:
+            if key[1] == _DELETE:
+                wanted = {k: m for k, m in wanted.items() if not _is_below(k[0], key[0])}
+            else:
+                wanted[key] = message
+        gone = {path for path, kind in self._kept if kind != _DELETE and (path, kind) not in wanted}
+        for path in sorted(gone):  # a path comes before those below it
+            if path not in gone:
+                continue
+            gone -= {each for each in gone if each != path and _is_below(each, path)}
+            for key in [k for k in self._kept if _is_below(k[0], path)]:
+                del self._kept[key]
+            self._keep((path, _DELETE), umsgpack.packb({"type": "delete", "path": path}))
+        # A motion that has run in the page has moved the robot and written the legend there: all is sent again.
+        sent = {key for key, _ in draft}
+        anew = _MOTION in sent and self._kept.get(_MOTION, (0, wanted[_MOTION]))[1] != wanted[_MOTION]
+        for key, message in wanted.items():
+            if self._kept.get(key, (0, None))[1] != message or (anew and key in sent):
+                self._keep(key, message)
+
+
+def drawn_together(method: Callable[Concatenate[Any, _Given], _Got]) -> Callable[Concatenate[Any, _Given], _Got]:
+    """A method of an object with a `recorder`, all of whose messages are one change: see `Recorder.together`."""
+
+    @wraps(method)
+    def drawn(self: Any, *arguments: _Given.args, **settings: _Given.kwargs) -> _Got:
+        with self.recorder.together():
+            return method(self, *arguments, **settings)
+
+    return drawn
+
+
+def _is_below(path: str, top: str) -> bool:
+    """Whether a path is `top`, or below it."""
+    return (path + "/").startswith(top.rstrip("/") + "/")

@@ -28,14 +28,18 @@ ALLOWED_HOSTS = r"^(127\.0\.0\.1|localhost)$"
 _WITH_PORT = re.compile(r"(127\.0\.0\.1|localhost)(:[0-9]{1,5})?", re.ASCII)
 _COUNT = re.compile(r"[0-9]{1,15}", re.ASCII)
 LARGEST_REQUEST = 10_000
-"""Largest message of a browser [bytes]: browsers request a page and listen, and send nothing."""
+"""Largest message of a browser [bytes]: it asks for the page, and then sends what its sliders are set to."""
+MOST_A_SECOND = 1000
+"""Messages of one browser in a second; one that sends more is disconnected. A slider that is dragged sends 60."""
 MOST_UNREAD = 400_000_000
 """Largest backlog of one browser [bytes]; one that stops reading is disconnected. Talos is 12 MB."""
 START_SECONDS = 10.0
 
 
 class LiveServer:
-    """Serves a recorder's messages to any number of browsers, from a separate thread.
+    """Serves a recorder's messages to any number of browsers, from a separate thread, and passes on what they send.
+
+    Only pages that this server gave out get its socket: their origin must be the address under which they were asked for.
 
     Args:
         recorder: Whose messages to pass on.
@@ -139,6 +143,10 @@ class LiveServer:
             browser.pass_on(message)
         self._watched.set()
 
+    def receive(self, message: str) -> None:
+        """Pass on what a browser sends."""
+        self._recorder.receive(message)
+
     def farewell(self, browser: _Socket) -> None:
         """Remove a browser that has disconnected."""
         self._sockets.discard(browser)
@@ -167,10 +175,18 @@ class _NoIcon(RequestHandler):
 class _Socket(WebSocketHandler):
     def initialize(self, server: LiveServer) -> None:
         self._server = server
-        self._after = self._unread = 0
+        self._after = self._unread = self._sent_lately = 0
+        self._second = 0.0
+
+    def check_origin(self, origin: str) -> bool:
+        """Whether a page that this server gave out asks, under the name that it was asked for."""
+        host = self.request.host.lower()
+        return _WITH_PORT.fullmatch(host) is not None and self.request.headers.get_list("Origin") == [f"http://{host}"]
 
     def prepare(self) -> None:
-        """Refuse an invalid count, before the connection becomes a socket."""
+        """Refuse pages elsewhere, who does not say whose page asks, and an invalid count, before there is a socket."""
+        if not self.check_origin(self.request.headers.get("Origin", "")):  # Tornado asks for some requests only
+            raise HTTPError(403)
         after = self.get_query_argument("after", "0")
         if not _COUNT.fullmatch(after):
             raise HTTPError(400)
@@ -180,7 +196,16 @@ class _Socket(WebSocketHandler):
         self._server.welcome(self, self._after)
 
     def on_message(self, message: Any) -> None:
-        """Browsers only listen."""
+        """Pass on what the page's sliders are set to; what is not text is ignored."""
+        now = asyncio.get_running_loop().time()
+        if now - self._second >= 1.0:
+            self._second, self._sent_lately = now, 0
+        self._sent_lately += 1
+        if self._sent_lately > MOST_A_SECOND:
+            self._server.farewell(self)
+            self.close(1008, "too many messages")
+        elif isinstance(message, str):
+            self._server.receive(message)
 
     def on_close(self) -> None:
         self._server.farewell(self)

@@ -10,14 +10,15 @@ from rbd.constraints.convex.polygons import convex_hull
 UPRIGHT = float(np.cos(np.pi / 4.0))
 """Contacts whose normal leans more than 45 degrees do not carry weight from below."""
 _FLAT = 1e-6
-"""Points whose triangle is smaller than this share of their distance squared lie on a line."""
+"""Points whose spread along one axis is less than this share of their largest, both squared, are in a plane or on a line."""
 
 
 def normals_of(points: Array, forces: Array) -> Array | None:
     """Unit normal of a contact at each time, shape (n, 3), on the side to which it mostly pushes the robot; None if unknown.
 
     It is that of the plane through the loaded points. Where fewer than three are loaded, or they lie on a line, it is the one
-    of the nearest time before that had one, else of the first such time: a foot that tips does not turn the ground.
+    of the nearest time before that had one, else of the first such time: a foot that tips does not turn the ground. Unknown
+    are those of single points, of edges, and of contacts whose loaded points are not in one plane.
 
     Args:
         points: Of the contact in W, shape (n, k, 3) [m]; NaN where there is none.
@@ -38,7 +39,7 @@ def normals_of(points: Array, forces: Array) -> Array | None:
         return None
     sizes, axes = np.linalg.eigh(np.where(known[:, None, None], spread, np.eye(3)))
     known &= sizes[:, 1] > _FLAT * sizes[:, 2]
-    if not known.any():
+    if not known.any() or (sizes[known, 0] > _FLAT * sizes[known, 2]).any():
         return None
     normal = axes[:, :, 0]
     normal = normal * np.where(normal @ normal[int(known.argmax())] < 0.0, -1.0, 1.0)[:, None]
@@ -50,7 +51,7 @@ def normals_of(points: Array, forces: Array) -> Array | None:
 
 
 def edge_distances(points: Array, forces: Array) -> Array | None:
-    """Distance of the centre of pressure from the edge of its sole at each time, shape (n,) [m]; None if it is no sole.
+    """Distance of the centre of pressure from the edge of its sole at each time, shape (n,) [m]; None if it is no flat sole.
 
     NaN while it carries no load. The edge is the convex hull of its points, the centre of pressure the mean of the points
     weighted by their normal forces; a pull counts as none.
@@ -64,11 +65,13 @@ def edge_distances(points: Array, forces: Array) -> Array | None:
         return None
     complete = np.isfinite(points).all(axis=(1, 2))
     i = int(complete.argmax())
+    if not complete.any():
+        return None
     arms = points[i] - points[i].mean(axis=0)
-    axes = np.linalg.svd(arms)[2]
+    _, sizes, axes = np.linalg.svd(arms)
     flat = arms @ axes[:2].T
     hull = convex_hull(flat)
-    if not complete.any() or len(hull) < 3:
+    if len(hull) < 3 or sizes[2] ** 2 > _FLAT * sizes[0] ** 2:
         return None
     around = [int(((flat - corner) ** 2).sum(axis=1).argmin()) for corner in hull]
     load = np.maximum(np.einsum("nki,ni->nk", forces, normal), 0.0)

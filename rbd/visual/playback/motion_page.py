@@ -148,15 +148,16 @@ class MotionPage:
         com = self.frames.com[:, :2]
         return len(com) > 0 and float(np.ptp(com, axis=0).max()) > times * self.sizes.body
 
-    def around(self, follow: bool) -> Array:
+    def around(self, follow: bool, leader: Frames | None = None) -> Array:
         """Points in W that the camera is to see, shape (n, 3) [m].
 
-        With a camera that follows, as if the centre of mass stayed over where it starts.
+        With a camera that follows, as if the centre of mass stayed over where it starts: its own, or that of a leader.
         """
-        frames = self.frames
+        frames, lead = self.frames, self.frames if leader is None else leader
         shift = np.zeros((len(frames.times), 3))
-        if follow and len(frames.com):
-            shift[:, :2] = frames.com[:, :2] - frames.com[0, :2]
+        if follow and len(lead.com):
+            for axis in (0, 1):
+                shift[:, axis] = np.interp(frames.times, lead.times, lead.com[:, axis]) - lead.com[0, axis]
         picked = np.unique(np.linspace(0, len(frames.times) - 1, MOST_POSES_FRAMED).astype(int))
         hulls = [hull_of(joint, self.parts) for joint in frames.joints]
         clouds = [np.zeros((0, 3))]
@@ -166,8 +167,8 @@ class MotionPage:
             clouds.append(outermost(np.vstack(pose)) - shift[i])  # pose by pose: all together would fill the memory
         for track in (*frames.contacts, *frames.pushes):
             clouds += [ends - shift for ends in self._arrow_ends(track)]
-        if self.second is not None:  # that goes along with a camera that follows
-            clouds.append(self.second.around(follow) + self.second.shift)
+        if self.second is not None:
+            clouds.append(self.second.around(follow, frames) + self.second.shift)
         points = np.vstack(clouds)
         points = points[np.isfinite(points).all(axis=1)]
         return outermost(points) if len(points) else points

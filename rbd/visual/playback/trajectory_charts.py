@@ -48,8 +48,8 @@ def charts_of(shown: Any, choice: Choice) -> list[Chart]:
     if isinstance(choice, bool | np.bool_):
         if not choice:
             return []
-        found = [chart for name in OF_FORCES if (chart := _MAKERS[name](shown)) is not None]
-        return found or [chart for name in OF_POSES if (chart := _MAKERS[name](shown)) is not None]
+        found = [made for name in OF_FORCES if (made := _MAKERS[name](shown)) is not None and not _idle(made)]
+        return found or [made for name in OF_POSES if (made := _MAKERS[name](shown)) is not None]
     charts = []
     for name in a_list(choice):
         if not isinstance(name, str) or name not in CHARTS:
@@ -64,8 +64,13 @@ def charts_of(shown: Any, choice: Choice) -> list[Chart]:
     return charts
 
 
+def _idle(made: Chart) -> bool:
+    """Whether it shows torques of motors that do nothing."""
+    return made.name == "torques" and not any(line.values.any() for line in made.lines)
+
+
 def _forces(shown: Any) -> Chart | None:
-    contacts = {name: forces.sum(axis=1) for name, forces in shown.point_forces.items()}
+    contacts = {name: forces.sum(axis=1) for name, forces in getattr(shown, "point_forces", {}).items()}
     if not contacts:
         return _constraint_forces(shown)
     colors = contact_colors(contacts)
@@ -125,8 +130,9 @@ def _torques(shown: Any) -> Chart | None:
 
 
 def _pressure(shown: Any) -> Chart | None:
-    colors = contact_colors(shown.points)
-    found = {name: edge_distances(points, shown.point_forces[name]) for name, points in shown.points.items()}
+    points = getattr(shown, "points", {})
+    colors = contact_colors(points)
+    found = {name: edge_distances(places, shown.point_forces[name]) for name, places in points.items()}
     lines = [Line(name, colors[name], 1e3 * far) for name, far in found.items() if far is not None]
     if not lines:
         return None

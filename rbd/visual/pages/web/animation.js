@@ -205,7 +205,7 @@ class Cast {
     }
     const length = along[along.length - 1];
     if (kept.length < 3 || length < 0.05 * body) return;
-    const segments = Math.min(4 * kept.length, 3000), sides = 6;
+    const segments = Math.min(4 * kept.length, window.mostSegments || 3000), sides = 6;
     const curve = new T.CatmullRomCurve3(kept, false, "centripetal");
     curve.arcLengthDivisions = 2 * segments;
     const tube = new T.TubeGeometry(curve, segments, 1.2 * line, sides, false);
@@ -304,7 +304,7 @@ class Cast {
   }
 
   remove() {
-    for (const [name, group] of this.layers) this.stage.layers.members.get(name).delete(group);
+    for (const [name, group] of this.layers) this.stage.layers.members.get(name)?.delete(group);
     this.stage.viewer.delete_path([this.where]);
     this.stage.viewer.set_dirty();
   }

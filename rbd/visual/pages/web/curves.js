@@ -115,7 +115,7 @@ class Curves {
     };
     svg.onpointerdown = (event) => { svg.setPointerCapture(event.pointerId); seek(event); };
     svg.onpointermove = (event) => { if (event.buttons) seek(event); };
-    const made = { name, node, button, svg, shown, now, x, left, log };
+    const made = { name, node, button, svg, shown, now, x, log, span: top - low };
     button.title = title;
     button.onclick = () => {
       this.chosen = true;
@@ -126,21 +126,21 @@ class Curves {
     return made;
   }
 
-  // Of each motion the index of the sample nearest to a time.
-  nearest(t) {
+  // Of each motion where a time is among its samples: the index of the one before, and the share of the way to the next.
+  among(t) {
     return this.times.map((times) => {
       const low = before(times, t);
-      return times.length > 1 && t - times[low] >= times[low + 1] - t ? low + 1 : low;
+      return [low, Math.min(1, Math.max(0, (t - times[low]) / (times[low + 1] - times[low])))];
     });
   }
 
-  // Marks a time, and writes the values of the nearest sample.
+  // Marks a time, and writes the values of the curves there: straight between two samples, as they are drawn.
   set(t) {
-    const at = this.nearest(t);
-    for (const { shown, now, x, log } of this.charts) {
+    const at = this.among(t);
+    for (const { shown, now, x, log, span } of this.charts) {
       now.setAttribute("x1", x(t));
       now.setAttribute("x2", x(t));
-      for (const { name, numbers, motion, key } of shown) key.textContent = `${name} ${inWords(numbers[at[motion]], log)}`;
+      for (const { name, numbers, motion, key } of shown) key.textContent = `${name} ${inWords(valueAt(numbers, at[motion]), log, span)}`;
     }
   }
 
@@ -151,15 +151,25 @@ class Curves {
     this.panel.classList.toggle("below", below);
     this.panel.style.bottom = below ? `${footer + 20}px` : "auto";
     this.panel.style.maxHeight = below ? `${Math.round(0.42 * (window.innerHeight - footer))}px` : `calc(100vh - ${footer + 64}px)`;
+    const high = this.panel.offsetHeight;
+    // The legend ends above the charts.
+    document.getElementById("legend").style.maxHeight = below ? `${Math.max(40, window.innerHeight - footer - high - 90)}px` : "";
     if (this.folded && !below) return { beside: 0, below: 0 };
-    return below ? { beside: 0, below: this.panel.offsetHeight + 8 } : { beside: this.panel.offsetWidth + 14, below: 0 };
+    return below ? { beside: 0, below: high + 8 } : { beside: this.panel.offsetWidth + 14, below: 0 };
   }
 }
 
-// Three digits of a number.
-function inWords(value, log) {
+// Between two samples; where one of them is none, the nearer.
+function valueAt(numbers, [low, share]) {
+  const [a, b] = [numbers[low], numbers[low + 1]];
+  if (share === 0 || share === 1 || !Number.isFinite(a + b)) return share < 0.5 ? a : b;
+  return a + share * (b - a);
+}
+
+// Three digits of a number; zero where it is a rounding error on an axis of this length.
+function inWords(value, log, span) {
   if (!Number.isFinite(value)) return "–";
   if (log) return value ? value.toExponential(1) : "0";
-  if (Math.abs(value) < 5e-4) return "0";
+  if (Math.abs(value) < 5e-5 * span) return "0";
   return String(Math.abs(value) >= 1000 ? Math.round(value) : Number(value.toPrecision(3)));
 }

@@ -24,6 +24,11 @@ class Layers {
     object.visible = this.on[layer] !== false;
   }
 
+  // What moved by itself has gone.
+  clear() {
+    this.members.clear();
+  }
+
   show(layer, on) {
     this.on[layer] = on;
     this.apply();

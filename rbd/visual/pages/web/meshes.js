@@ -79,9 +79,8 @@ class Meshes {
     if (header.kind === "part") {
       // Inner parts of glass must be drawn, in any order.
       const shine = { specular: 0x222222, shininess: 20, side: T.DoubleSide, depthWrite: opacity >= 0.5 };
-      // Of surfaces in one plane, the one with the largest `nearer` is seen.
-      const nearer = header.nearer || 0;
-      const offset = { polygonOffset: nearer !== 0, polygonOffsetFactor: -nearer, polygonOffsetUnits: -nearer };
+      const { nearer } = header;
+      const offset = nearer ? { polygonOffset: true, polygonOffsetFactor: -nearer, polygonOffsetUnits: -nearer } : {};
       add("", new T.MeshPhongMaterial({ ...glass, ...shine, ...offset }), true);
     } else {
       const glow = { emissive: new T.Color(color).multiplyScalar(0.15), side: T.DoubleSide };

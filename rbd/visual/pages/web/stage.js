@@ -7,6 +7,7 @@ class Stage {
     this.viewer = new MeshCat.Viewer(pane);
     this.meshes = new Meshes(this.viewer, pieces);
     this.layers = new Layers(this);
+    this.controls = new Controls(this);
     this.labels = new Labels(this, pane);
     this.gauges = new Gauges(this);
     this.views = new Views(this);
@@ -83,6 +84,8 @@ class Stage {
       this.cast.set(floats(message.moment.row));
       this.cues.set(message.moment.codes, this.cast.tracks);
     }
+    if (message.controls) this.controls.build(message.controls);
+    if (message.answer) this.controls.answer(message.answer);
     if (message.view) {
       this.light(message.view);
       if (!document.body.dataset.ready) this.views.name = message.view.opens;
@@ -92,8 +95,12 @@ class Stage {
 
   // A motion with its frames gets a bar to play it; one without waits for its moments; null ends it.
   move(motion) {
-    if (this.cast) this.cast.remove();
-    this.cast = this.cues = null;
+    const shown = this.player || this.cast;
+    if (shown) {
+      shown.remove();
+      this.layers.clear();
+    }
+    this.cast = this.cues = this.player = null;
     this.carried = [0, 0, 0];
     if (!motion) {
       this.legend.replaceChildren();
@@ -138,12 +145,21 @@ class Stage {
   }
 
   connect(address) {
-    const socket = new WebSocket(address);
-    socket.binaryType = "arraybuffer";
-    socket.onmessage = (event) => {
-      if (typeof event.data !== "string") this.receive(new Uint8Array(event.data));
-      else this.note(JSON.parse(event.data));
-    };
+    this.live = new Live(this, address);
+  }
+
+  // Whether the robot is drawn in a grey red: what is shown cannot be.
+  tint(on) {
+    if (on === Boolean(this.tinted)) return;
+    this.tinted = on;
+    const refused = new MeshCat.THREE.Color("#9a6b68");
+    this.viewer.scene_tree.find(["meshcat", "robot"]).object.traverse(({ isMesh, material }) => {
+      if (!isMesh) return;
+      if (!material.userData.color) material.userData.color = material.color.clone();
+      material.color.copy(material.userData.color);
+      if (on) material.color.lerp(refused, 0.75);
+    });
+    this.viewer.set_dirty();
   }
 
   // Lamps, shadow and ground, sized to the scene.
@@ -199,8 +215,8 @@ class Stage {
     const shift = taken > 0.4 * width ? 0 : taken;
     const below = this.legend.offsetTop + this.legend.offsetHeight;
     const drop = !shift && taken && below < 0.5 * height ? below : 0;
-    // The bar of a motion takes the foot of the window, its curves the right side of a wide one.
-    const { beside, foot } = this.player ? this.player.room() : { beside: 0, foot: 0 };
+    // The bar of a motion, or sliders, take the foot of the window; curves the right side of a wide one.
+    const { beside, foot } = this.player ? this.player.room() : this.controls.room();
     this.foot = foot ? foot - 12 : 0;
     const margin = 0.93;
     const full = margin * Math.tan((Math.PI / 180) * this.view.fov / 2);

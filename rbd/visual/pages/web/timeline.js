@@ -25,8 +25,10 @@ class Player {
     this.curves = charts ? new Curves(charts, [this.first, this.last], names, (t) => this.go(t), fit) : null;
     this.seek(this.asked() ?? motion.start);
     if (motion.playing) this.play(true);
-    window.addEventListener("keydown", (event) => this.key(event), { capture: true });
-    window.addEventListener("hashchange", () => this.seek(this.asked() ?? this.t));
+    this.ending = new AbortController();
+    const { signal } = this.ending;
+    window.addEventListener("keydown", (event) => this.key(event), { capture: true, signal });
+    window.addEventListener("hashchange", () => this.seek(this.asked() ?? this.t), { signal });
     requestAnimationFrame((now) => this.tick(now));
   }
 
@@ -55,7 +57,17 @@ class Player {
     return { beside, foot: (bar ? bar + 12 : 0) + below };
   }
 
+  // Ends it, for another motion or a picture at rest.
+  remove() {
+    this.ending.abort();
+    this.playing = false;
+    for (const { cast } of this.reels) cast.remove();
+    this.footer.remove();
+    if (this.curves) this.curves.panel.remove();
+  }
+
   tick(now) {
+    if (this.ending.signal.aborted) return;
     requestAnimationFrame((later) => this.tick(later));
     // A tab that was hidden does not jump ahead.
     const passed = Math.min(0.2, (now - (this.before ?? now)) / 1000);

@@ -1,0 +1,1 @@
+"""Live scenes with sliders and choices on their page: values come from the browser, the answer goes back as a picture."""

@@ -1,0 +1,236 @@
+"""A live scene that answers what its page's sliders ask."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any, TypeAlias
+
+from rbd.errors import InputError, RbdError
+from rbd.model.forks import renewed_after_fork
+from rbd.visual.live.controls import Control, Request, checked_controls, read_request
+from rbd.visual.scene import Scene
+
+SETTLE_SECONDS = 0.06
+"""Later steps of an answer are computed when nothing new has been asked for so long [s]."""
+LONGEST_TEXT = 2000
+_OURSELVES = (0, 0)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """What the page says next to its sliders.
+
+    Attributes:
+        title: In a few words, as "Holds".
+        lines: More, below it.
+        good: Whether it is well: green; False: red, and the robot is drawn in grey; None: neither.
+
+    Example:
+        >>> rbd.visual.Verdict("Holds", ("friction used: 41 %",), True).title
+        'Holds'
+    """
+
+    title: str
+    lines: tuple[str, ...] = ()
+    good: bool | None = None
+
+    def data(self) -> dict[str, object]:
+        """What the page needs."""
+        lines = [str(line)[:LONGEST_TEXT] for line in self.lines]
+        return {"title": str(self.title)[:LONGEST_TEXT], "lines": lines, "good": self.good}
+
+
+Values: TypeAlias = Mapping[str, Any]
+Answered: TypeAlias = Verdict | Iterator[Verdict | None] | None
+
+
+class Explorer:
+    """A scene with sliders: made by `explore`. Use it as a context, or close it; the scene stays open.
+
+    Args:
+        scene: Where the answers are drawn.
+        controls: What the page shows.
+        answer: See `explore`.
+    """
+
+    def __init__(self, scene: Scene, controls: Mapping[str, Control], answer: Callable[[Values], Answered]) -> None:
+        self._scene, self._controls, self._answer = scene, controls, answer
+        self._values: dict[str, float | str] = {name: control.value for name, control in controls.items()}
+        self._news = threading.Condition()
+        self._asked: tuple[int, int] | None = None
+        self._busy = self._closed = False
+        self._verdict: Verdict | None = None
+        self._said = ""
+        self._renew()
+        for _ in self._steps(dict(self._values), _OURSELVES):  # an answer that fails now is the caller's error
+            pass
+        listed = [control.data() for control in controls.values()]
+        scene.recorder.post("controls", json.dumps({"controls": {"listed": listed}}))
+        scene.recorder.post("answer", self._said)  # after its controls, for pages that are opened later
+        scene.recorder.answer_by(self._receive)
+        renewed_after_fork(self)
+        self._thread = threading.Thread(target=self._work, name="rbd-explorer", daemon=True)
+        self._thread.start()
+
+    @property
+    def values(self) -> dict[str, float | str]:
+        """{control: its value}, as it is now set."""
+        with self._news:
+            return dict(self._values)
+
+    @property
+    def verdict(self) -> Verdict | None:
+        """What the last answer said."""
+        return self._verdict
+
+    @property
+    def url(self) -> str:
+        """Address of the page, on 127.0.0.1 only."""
+        return self._scene.url
+
+    def open(self) -> str:
+        """Open the page in the default browser; returns its address."""
+        return self._scene.open()
+
+    def set(self, values: Values) -> None:
+        """Set controls as a page would; all pages follow. The answer comes later: see `wait`.
+
+        Raises:
+            InputError: there is no such control, or it does not take the value.
+        """
+        if not isinstance(values, Mapping):
+            raise InputError(f"values are {values!r:.80}; expected {{name: value}}.")
+        read = {}
+        for name, given in values.items():
+            if name not in self._controls:
+                raise InputError(f"there is no control {name!r:.80}; expected {', '.join(self._controls)}.")
+            value = self._controls[name].read(given)
+            if value is None:
+                raise InputError(f"{name} is {given!r:.80}; expected a value that the page could set.")
+            read[name] = value
+        self._ask(Request(read, _OURSELVES))
+
+    def wait(self, seconds: float = 10.0) -> bool:
+        """Wait until everything asked for is answered; whether it is."""
+        with self._news:
+            return self._news.wait_for(lambda: self._closed or (self._asked is None and not self._busy), seconds)
+
+    def close(self) -> None:
+        """Answer no more. The page keeps its picture."""
+        self._scene.recorder.answer_by(None)
+        with self._news:
+            self._closed = True
+            self._news.notify_all()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join()
+
+    def renew_after_fork(self) -> None:
+        """In a forked child: the thread that answers stays with the parent."""
+        self._renew()
+        self._closed = True
+
+    def __enter__(self) -> Explorer:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def _renew(self) -> None:
+        self._news = threading.Condition()
+
+    def _receive(self, message: str) -> None:
+        if (request := read_request(message, self._controls)) is not None:
+            self._ask(request)
+
+    def _ask(self, request: Request) -> None:
+        """Newer values replace those that wait."""
+        with self._news:
+            self._values.update(request.values)
+            self._asked = request.asked
+            self._news.notify_all()
+
+    def _work(self) -> None:
+        while True:
+            with self._news:
+                self._news.wait_for(lambda: self._closed or self._asked is not None)
+                if self._closed:
+                    return
+                values, asked = dict(self._values), self._asked
+                self._asked, self._busy = None, True
+            assert asked is not None
+            try:
+                for _ in self._steps(values, asked):
+                    with self._news:
+                        if self._news.wait_for(lambda: self._closed or self._asked is not None, SETTLE_SECONDS):
+                            break
+            except RbdError as error:
+                self._tell(values, asked, Verdict("No answer", (str(error),), False))
+            except Exception as error:  # the page says it: nobody looks at this thread
+                self._tell(values, asked, Verdict("The answer failed", (f"{type(error).__name__}: {error}",), False))
+            with self._news:
+                self._busy = False
+                self._news.notify_all()
+
+    def _steps(self, values: Values, asked: tuple[int, int]) -> Iterator[None]:
+        """Computes and sends an answer, step by step."""
+        started = time.perf_counter()
+        found = self._answer(values)
+        steps: Iterable[Verdict | None] = found if isinstance(found, Iterator) else (found,)
+        for verdict in steps:
+            if verdict is not None and not isinstance(verdict, Verdict):
+                raise InputError(f"the answer is {verdict!r:.80}; expected a rbd.visual.Verdict, or None.")
+            self._tell(values, asked, verdict, 1e3 * (time.perf_counter() - started))
+            yield
+
+    def _tell(self, values: Values, asked: tuple[int, int], verdict: Verdict | None, took_ms: float = 0.0) -> None:
+        self._verdict = verdict
+        said = None if verdict is None else verdict.data()
+        answer = {"values": dict(values), "asked": asked, "verdict": said, "ms": round(took_ms, 2)}
+        self._said = json.dumps({"answer": answer})
+        self._scene.recorder.post("answer", self._said)
+
+
+def explore(scene: Scene, controls: Iterable[Control] | Control, answer: Callable[[Values], Answered]) -> Explorer:
+    """Put sliders and choices onto the page of a live scene; `answer` draws what they ask for, while they move.
+
+    Only the newest values are answered. What is drawn is compared with what the page has: little is sent. Values of pages are
+    checked; names that there are not, and what is no number, are ignored.
+
+    Args:
+        scene: Where the answers are drawn; show something first, or let the first answer do it.
+        controls: `Slider` and `Choice`, of different names.
+        answer: Of {name: value}: draws, with `scene.show` and its kin, and returns a `Verdict` or None. It runs in a thread of
+            its own, once at a time. As a generator it answers in steps: what it yields is sent, and when newer values have come
+            meanwhile it is not continued. An error is told on the page; that of the first answer is raised here.
+
+    Returns:
+        The explorer; `url` is its address on 127.0.0.1, `open()` shows it in the browser, `close()` ends it.
+
+    Raises:
+        InputError: no scene, no controls, no function, or an answer that is none.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> state, feet = solo.standing(), solo.feet(friction=0.7)
+        >>> def answer(values):
+        ...     wind = rbd.ExternalForce("base_link", (0.0, values["wind"], 0.0))
+        ...     held = rbd.hold(state, feet, external=wind)
+        ...     scene.show(state, held, external=wind)
+        ...     return rbd.visual.Verdict(f"Holds with {abs(held.tau).max():.2f} N m", (), True)
+        >>> with rbd.visual.Scene(solo) as scene:
+        ...     wind = rbd.visual.Slider("wind", -5.0, 5.0, 0.0, unit="N")
+        ...     with rbd.visual.explore(scene, [wind], answer) as page:
+        ...         page.set({"wind": 4.0})
+        ...         print(page.wait(), page.values, page.verdict.title)
+        True {'wind': 4.0} Holds with 0.76 N m
+    """
+    if not isinstance(scene, Scene):
+        raise InputError(f"scene is {scene!r:.80}; expected a rbd.visual.Scene.")
+    if not callable(answer):
+        raise InputError(f"answer is {answer!r:.80}; expected a function of the controls' values.")
+    return Explorer(scene, checked_controls(controls), answer)

@@ -1,0 +1,196 @@
+"""A motion as a video: one browser draws all its pictures, which go to ffmpeg or into a GIF as they come."""
+
+from __future__ import annotations
+
+import base64
+import json
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from functools import cache
+from importlib.resources import files
+from os import PathLike
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.errors import InputError, PictureError
+from rbd.model.output_files import check_place, write_file
+from rbd.simulation.run import progress_of
+from rbd.visual.pages.browser import Browser, BrowserPage, one_browser
+from rbd.visual.pages.encoders import QUALITY, encoder_of
+from rbd.visual.pages.link import page_link
+from rbd.visual.pages.page import write_page
+from rbd.visual.playback.animation import motion_scene
+from rbd.visual.playback.frames import Pushes, PushesAt
+from rbd.visual.playback.staging import positive
+from rbd.visual.scene import Scene
+from rbd.visual.style import a_count, a_path
+
+if TYPE_CHECKING:
+    from rbd.motion.motion import Motion
+    from rbd.motion.report import MotionReport
+    from rbd.simulation.trajectory import Trajectory
+
+MOST_FPS = 240.0
+MOST_FRAMES = 20_000
+LEAST_SIZE, MOST_SIZE = 16, 4000
+SAMPLES = 6
+"""Pictures from which a .gif takes its colours."""
+BATCH = 6
+"""Pictures that the browser draws at a time, while those before them are written."""
+# The page's own canvas without smoothed edges, whose cost is that of all triangles: video.js smooths the picture.
+_BEFORE = """
+window.mostSegments = 300;
+const plain = HTMLCanvasElement.prototype.getContext;
+HTMLCanvasElement.prototype.getContext = function (kind, given) {
+  const quick = { ...given, antialias: false, preserveDrawingBuffer: true };
+  return plain.call(this, kind, kind.includes("webgl") ? quick : given);
+};
+"""
+
+
+def export_video(
+    trajectory: Trajectory | Motion | MotionReport,
+    path: str | PathLike[str],
+    *,
+    fps: float = 30.0,
+    width: int = 960,
+    height: int = 540,
+    speed: float = 1.0,
+    title: str | None = None,
+    external: Pushes | PushesAt = None,
+    ghost: Trajectory | Motion | None = None,
+    beside: Trajectory | Motion | None = None,
+    beside_external: Pushes | PushesAt = None,
+    follow: bool | None = None,
+    trace: bool = True,
+    footprints: bool = True,
+    ground: bool = True,
+    seen_from: Sequence[float] | Array | None = None,
+    arrow_per_weight: float | None = None,
+    view: str | None = None,
+    layers: Mapping[str, bool] | None = None,
+    browser: Browser | None = None,
+    progress: bool = True,
+) -> Path:
+    """Write a motion as a video, with its legend and the time; returns its path.
+
+    The name's ending is the kind: .mp4 is made by the `ffmpeg` on PATH, .gif by Pillow. A headless browser draws the pictures,
+    coarser than a page does: details below a pixel are merged, and bodies cast shadows on the ground alone. Neither a screen
+    nor a graphics card is needed. Ctrl-C ends it; the file is written whole or not at all.
+
+    Args:
+        trajectory: What `rbd.simulate` or `rbd.check_motion` returned, or an `rbd.Motion`, which has no forces; two samples at
+            least.
+        path: Of the video, ends in .mp4 or .gif.
+        fps: Pictures a second; at most 240, in a .gif 50.
+        width: Pixels across, even for .mp4.
+        height: Pixels down, even for .mp4.
+        speed: Seconds of motion a second.
+        title: Headline; the robot's name by default.
+        external: The external forces that were given to `rbd.simulate`: constant, or as a function of state and time.
+        ghost: A second motion of the same robot, drawn translucent in one colour at the same times.
+        beside: A second motion, of this robot or another, drawn to the right of the first; not of a report.
+        beside_external: The external forces of `beside`.
+        follow: Whether the camera follows the robot; by default if it travels far.
+        trace: Whether to draw the path of the centre of mass.
+        footprints: Whether to draw the outlines of soles where they stood.
+        ground: Whether to draw the ground z = 0 as a grid.
+        seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
+        arrow_per_weight: Length of an arrow as large as the robot's weight [m].
+        view: Where the camera stands: "start", "front", "side" or "top".
+        layers: {layer: whether it is shown}, of `rbd.visual.layers.LAYERS`.
+        browser: An open browser; by default one is started.
+        progress: Whether to draw a bar on a terminal while it works.
+
+    Raises:
+        InputError: no motion, fewer than two samples, invalid settings, more than 20,000 pictures.
+        PictureError: another ending, no ffmpeg, no Pillow, no browser, or the file cannot be written.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.1, step=1e-2)
+        >>> rbd.visual.export_video(swing, "swing.gif", fps=20, speed=0.1)  # doctest: +SKIP
+        PosixPath('swing.gif')
+    """
+    target = a_path("the video", path)
+    for what, size in (("width", width), ("height", height)):
+        if a_count(what, size, MOST_SIZE) < LEAST_SIZE:
+            raise InputError(f"{what} is {size}; expected at least {LEAST_SIZE} pixels.")
+    fps, speed = positive("fps", fps, MOST_FPS, " pictures a second"), positive("speed", speed, 1000.0, "")
+    link = page_link(view=view, layers=layers, controls=False)
+    write = encoder_of(target, fps, width, height)
+    check_place(target, PictureError)
+    scene = _scene(
+        trajectory, speed=speed, title=title, external=external, ghost=ghost, beside=beside, beside_external=beside_external,
+        follow=follow, trace=trace, footprints=footprints, ground=ground, seen_from=seen_from,
+        arrow_per_weight=arrow_per_weight,
+    )  # fmt: skip
+    times = frame_times(*_span(trajectory, beside), fps, speed)
+    settings = {"width": width, "height": height, "quality": QUALITY[target.suffix.lower()], "speed": speed}
+    with tempfile.TemporaryDirectory(prefix="rbd-video-") as folder, one_browser(browser) as used:
+        page = Path(folder) / "page.html"
+        write_page(page, scene.page(title))
+        with used.open(page, width=width, height=height, fragment=link, before=_BEFORE) as shown:
+            shown.evaluate(f"{_script()}\nvoid (window.video = new Video(stage, {json.dumps(settings)}))")
+            with progress_of(times, shown=progress, doing="drawing the video") as reached:
+                samples = _frames(shown, times[:: max(1, len(times) // SAMPLES)])
+                write_file(target, lambda file: write(file, _frames(shown, times, reached), samples), PictureError)
+    return target
+
+
+def frame_times(first: float, last: float, fps: float, speed: float) -> list[float]:
+    """Times of the pictures [s]: evenly from the first on; the last picture is at or beyond the last time.
+
+    Raises:
+        InputError: if there are too many.
+    """
+    n = int(np.ceil((last - first) * fps / speed - 1e-9)) + 1
+    if n > MOST_FRAMES:
+        raise InputError(f"a video of {n} pictures; expected at most {MOST_FRAMES}: give a lower fps or a higher speed.")
+    return [min(last, first + i * speed / fps) for i in range(n)]
+
+
+def _span(trajectory: object, beside: object) -> tuple[float, float]:
+    """First and last time of what is shown [s]."""
+    times = [np.asarray(getattr(each, "motion", each).t) for each in (trajectory, beside) if each is not None]  # type: ignore[attr-defined]
+    return min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
+
+
+def _scene(trajectory: Trajectory | Motion | MotionReport, **options: object) -> Scene:
+    """The scene of a motion or of a report, without charts."""
+    from rbd.motion.report import MotionReport
+    from rbd.visual.playback.report_page import report_scene
+
+    if not isinstance(trajectory, MotionReport):
+        return motion_scene(trajectory, charts=False, **options)  # type: ignore[arg-type]
+    for name in ("external", "beside", "beside_external"):
+        if options.pop(name) is not None:
+            raise InputError(f"{name} was given with a report; expected it with a trajectory or a motion.")
+    for name in ("footprints", "ground"):
+        if options.pop(name) is not True:
+            raise InputError(
+                f"{name} was given with a report, which has its ground; expected it with a trajectory or a motion."
+            )
+    return report_scene(trajectory, charts=False, **options)  # type: ignore[arg-type]
+
+
+@cache
+def _script() -> str:
+    return files("rbd.visual.pages").joinpath("web/video.js").read_text(encoding="utf-8")
+
+
+def _frames(page: BrowserPage, times: Sequence[float], reached: Callable[[float], None] | None = None) -> Iterator[bytes]:
+    """The pictures (JPEG); a batch is drawn while the one before it is used."""
+    batches = [list(times[i : i + BATCH]) for i in range(0, len(times), BATCH)]
+    asked = page.begin(f"video.frames({json.dumps(batches[0])})")
+    for batch, after in zip(batches, [*batches[1:], None], strict=True):
+        drawn = page.value(asked)
+        if after is not None:
+            asked = page.begin(f"video.frames({json.dumps(after)})")
+        for t, picture in zip(batch, drawn, strict=True):
+            yield base64.b64decode(picture)
+            if reached is not None:
+                reached(t)

@@ -1,0 +1,384 @@
+"""Charts beside a motion: their numbers are the trajectory's, their cursor is at the present time."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import rbd
+from rbd.arrays import Array
+from rbd.constraints.convex.polygons import convex_hull, inside_distance
+from rbd.errors import InputError
+from rbd.visual import export_motion
+from rbd.visual.pages.browser import Browser, BrowserPage
+from rbd.visual.playback.contact_planes import carries_weight, edge_distances, normals_of
+from rbd.visual.playback.curves import MOST_POINTS, Chart, kept_samples, top_of
+from rbd.visual.playback.trajectory_charts import CHARTS, charts_of
+
+SLOPE = 0.2
+"""Angle of the slope about y [rad]."""
+
+
+@pytest.fixture(scope="module")
+def solo() -> rbd.Robot:
+    return rbd.load_robot("solo12")
+
+
+@pytest.fixture(scope="module")
+def run(solo: rbd.Robot) -> rbd.Trajectory:
+    """It holds its posture on four feet, and is pushed."""
+    stand, feet = solo.standing(), solo.feet()
+    hold = rbd.control.HoldPosture(stand, feet)
+    push = rbd.control.Push("base_link", (0.0, 4.0, 0.0), start=0.05, duration=0.05)
+    return rbd.simulate(stand, feet, duration=0.3, step=5e-3, controller=hold, external=push, progress=False)
+
+
+@pytest.fixture(scope="module")
+def slide() -> rbd.Trajectory:
+    """A box slides down a slope: the contact's normal is not vertical."""
+    R = pin.exp3(np.array([0.0, SLOPE, 0.0]))
+    start = rbd.State(rbd.load_robot("urdf/box.urdf"), [*(0.1 * R[:, 2]), *pin.Quaternion(R).coeffs()], [1.0, 0, 0, 0, 0, 0])
+    below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
+    face = rbd.SurfaceContact(
+        "face", "box", half_lengths=(0.2, 0.2), placement=below, friction=0.5, on=rbd.Ground(normal=R[:, 2])
+    )
+    return rbd.simulate(start, [face], duration=0.3, step=5e-3, progress=False)
+
+
+@pytest.fixture(scope="module")
+def page(run: rbd.Trajectory, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return export_motion(run, tmp_path_factory.mktemp("curves") / "solo.html")
+
+
+def told(page: Path) -> dict[str, Any]:
+    """The motion that a page holds."""
+    notes = [json.loads(n) for n in re.findall(r"stage\.note\((\{.*)\);", page.read_text(encoding="utf-8"))]
+    found: dict[str, Any] = next(n["motion"] for n in notes if "motion" in n)
+    return found
+
+
+def numbers(packed: str) -> Array:
+    return np.frombuffer(base64.b64decode(packed), "<f4")
+
+
+def named(charts: list[Chart], name: str) -> dict[str, Array]:
+    """{curve: its values} of a chart whose curves have different names."""
+    return {line.name: line.values for chart in charts if chart.name == name for line in chart.lines}
+
+
+# Numbers
+
+
+def test_numbers_of_the_page_are_those_of_the_trajectory(run: rbd.Trajectory, page: Path) -> None:
+    """Every curve at every sample, exactly in single precision: forces, torques, energies, residuals."""
+    given = told(page)["charts"]
+    charts = {chart["name"]: {x["name"]: numbers(x["values"]) for x in chart["lines"]} for chart in given["charts"]}
+    assert np.array_equal(numbers(given["times"][0]), run.t.astype("<f4"))
+    assert list(charts) == ["forces", "torques", "energy", "residuals"]  # its feet are points: no centre of pressure
+    for name in run.contacts:
+        force = run.forces[name]
+        assert np.array_equal(charts["forces"][f"{name} vertical"], force[:, 2].astype("<f4"))
+    energy = charts["energy"]
+    assert np.array_equal(energy["kinetic"], run.kinetic.astype("<f4"))
+    assert np.array_equal(energy["potential"], (run.potential - run.potential[0]).astype("<f4"))
+    assert np.array_equal(energy["work of the motors"], (run.motor_work - run.motor_work[0]).astype("<f4"))
+    assert np.array_equal(energy["total"], (run.kinetic + (run.potential - run.potential[0])).astype("<f4"))
+    assert np.array_equal(charts["residuals"]["law, scaled"], run.residuals["law"].astype("<f4"))
+    share = 100.0 * np.abs(run.tau) / run.robot.effort_limit
+    names = [name.removesuffix("_joint") for name in run.robot.actuated_names]
+    rest = charts["torques"].pop("largest of the others")
+    assert len(charts["torques"]) == 4
+    for name, values in charts["torques"].items():
+        assert np.array_equal(values, share[:, names.index(name)].astype("<f4"))
+        assert values.max() >= rest.max()
+    others = [j for j, name in enumerate(names) if name not in charts["torques"]]
+    assert np.array_equal(rest, share[:, others].max(axis=1).astype("<f4"))
+
+
+def test_each_contact_has_its_normal_force_and_the_size_of_its_force(slide: rbd.Trajectory) -> None:
+    """On a slope: m g cos, and with friction m g cos sqrt(1 + mu^2), in closed form."""
+    chart = charts_of(slide, ["forces"])[0]
+    normal, size = chart.lines
+    assert [line.name for line in chart.lines] == ["face normal", "|f|"]
+    across = 10.0 * 9.81 * np.cos(SLOPE)
+    assert np.abs(normal.values[1:] - across).max() < 1e-6
+    assert np.abs(size.values[1:] - across * np.hypot(1.0, 0.5)).max() < 1e-6
+    assert chart.limits["weight"] == pytest.approx(98.1)
+
+
+def test_the_centre_of_pressure_is_as_far_from_the_edge_as_the_wrench_says(slide: rbd.Trajectory) -> None:
+    """Friction at the bottom moves it forward by mu times the height of the centre of mass: 0.2 - 0.05 m of 0.2 remain."""
+    values = named(charts_of(slide, ["centre of pressure"]), "centre of pressure")["face"]
+    assert np.abs(values[1:] - 150.0).max() < 1e-4
+
+
+def test_any_load_on_any_sole() -> None:
+    """Against the distance inside the polygon, for random soles of five points, turned, loaded at random."""
+    draw = np.random.default_rng(3)
+    for _ in range(20):
+        flat, load = draw.normal(size=(5, 2)), draw.uniform(0.1, 1.0, 5)
+        R, p = pin.exp3(draw.normal(size=3)), draw.normal(size=3)
+        points = (p + np.column_stack([flat, np.zeros(5)]) @ R.T)[None]
+        forces = (load[:, None] * R[:, 2])[None]
+        expected = inside_distance(load @ flat / load.sum(), convex_hull(flat))
+        found, normal = edge_distances(points, forces), normals_of(points, forces)
+        assert found is not None
+        assert normal is not None
+        assert found[0] == pytest.approx(expected, abs=1e-12)
+        assert np.abs(normal[0] - R[:, 2]).max() < 1e-12
+        assert carries_weight(points, forces) == bool(R[2, 2] > np.cos(np.pi / 4))
+
+
+def test_a_sole_that_tips_keeps_the_normal_of_its_ground() -> None:
+    """From the moment at which it stands on two corners only, its own plane is not the ground's."""
+    corners = np.array([[0.1, 0.1, 0.0], [-0.1, 0.1, 0.0], [-0.1, -0.1, 0.0], [0.1, -0.1, 0.0]])
+    tipped = corners @ pin.exp3(np.array([0.0, 0.3, 0.0])).T
+    up = np.tile([0.0, 0.0, 5.0], (4, 1))
+    two = up * np.array([1.0, 0.0, 0.0, 1.0])[:, None]
+    normal = normals_of(np.array([tipped, corners, tipped]), np.array([two, up, two]))
+    assert normal is not None
+    assert np.abs(normal - [0.0, 0.0, 1.0]).max() < 1e-12
+    assert normals_of(np.array([tipped]), np.array([two])) is None
+    assert edge_distances(np.array([corners, corners]), np.array([up, 0.0 * up]))[1:] == pytest.approx([np.nan], nan_ok=True)  # type: ignore[index]
+
+
+def test_points_that_are_in_no_plane_have_no_normal() -> None:
+    """As those of a body's collision shapes that touch here and there: the chart then says vertical."""
+    corners = np.random.default_rng(1).normal(size=(1, 6, 3))
+    up = np.tile([0.0, 0.0, 5.0], (1, 6, 1))
+    assert normals_of(corners, up) is None
+    assert edge_distances(corners, up) is None
+    assert carries_weight(corners, up)
+    box = np.array([[[x, y, z] for x in (-0.2, 0.2) for y in (-0.2, 0.2) for z in (0.0, 0.2)]])
+    below = np.where(box[..., 2:] == 0.0, up[0, 0], 0.0)
+    normal = normals_of(box, below)
+    assert normal is not None
+    assert normal[0] == pytest.approx([0.0, 0.0, 1.0])
+    assert edge_distances(box, below) is None  # a body, no sole
+
+
+def test_of_a_motion_without_forces_there_are_positions_speeds_and_height(solo: rbd.Robot) -> None:
+    """In % of the limits that the robot's file states."""
+    low = solo.standing().q
+    high = low + 0.1 * np.eye(solo.nq)[2]
+    high[7] += 0.2
+    rises = rbd.motion.minimum_jerk(solo, [low, high], [0.0, 0.2], rate=50.0)
+    charts = charts_of(rises, True)
+    assert [chart.name for chart in charts] == ["angles", "speeds", "height"]
+    joint = solo.joints[solo.actuated_names[0]]
+    speeds = named(charts, "speeds")
+    assert np.allclose(speeds[joint.name.removesuffix("_joint")], 100.0 * np.abs(rises.v[:, joint.v.start]) / joint.speed)
+    half = 0.5 * (joint.upper - joint.lower)
+    angles = named(charts_of(rises, ["angles"]), "angles")
+    expected = 100.0 * np.abs(rises.q[:, joint.q.start] - 0.5 * (joint.lower + joint.upper)) / half
+    assert (
+        any(np.allclose(values, expected) for values in angles.values())
+        or expected.max() <= angles["largest of the others"].max()
+    )
+    height = named(charts, "height")["height"]
+    assert height == pytest.approx([rises.state(i).com[2] for i in range(rises.n)], abs=1e-12)
+
+
+def test_a_chart_that_there_are_no_numbers_for_is_refused(run: rbd.Trajectory, tmp_path: Path) -> None:
+    """By name, and nothing is written."""
+    for choice, words in (
+        (["forcs"], "nearest: 'forces'"),
+        (["centre of pressure"], "no numbers for the chart"),
+        ("forces", "a list of names"),
+        (3, "a list of names"),
+    ):
+        with pytest.raises(InputError, match=words):
+            export_motion(run, tmp_path / "x.html", charts=choice)  # type: ignore[arg-type]
+    assert not list(tmp_path.iterdir())
+    assert charts_of(run, False) == []
+    assert [c.name for c in charts_of(run, ["height", "forces", "height"])] == ["height", "forces"]
+    assert set(CHARTS) == {"forces", "torques", "centre of pressure", "energy", "residuals", "angles", "speeds", "height"}
+
+
+def test_long_motions_keep_their_peaks() -> None:
+    """Of 100,000 samples 2,000, among them the impact of a single one; where a curve begins and ends too."""
+    wave = np.sin(np.linspace(0.0, 20.0, 100_000))
+    hit, gap = wave.copy(), wave.copy()
+    hit[33_333] = 50.0
+    gap[40_000:40_010] = np.nan
+    kept = kept_samples(len(wave), [wave, hit, gap])
+    assert len(kept) == MOST_POINTS
+    assert (np.diff(kept) > 0).all()
+    assert {0, 33_333, 40_005, 99_999} <= set(kept.tolist())
+    assert np.array_equal(kept_samples(2000, [wave]), np.arange(2000))
+
+
+def test_a_peak_that_would_hide_all_else_is_cut_off() -> None:
+    """An axis ends at four times the usual; of nothing at all at 1."""
+    values = np.ones(1000)
+    values[7] = 1e6
+    assert top_of(values, 0.0, 98.0) == pytest.approx(4.32)
+    assert top_of(values[:7], 0.0, 98.0) == pytest.approx(1.08)
+    assert top_of(np.full(3, np.nan), 0.0, 98.0) == 1.0
+
+
+def test_curves_of_a_long_motion_take_little_room(run: rbd.Trajectory, tmp_path: Path) -> None:
+    """Ten minutes: at most 2,000 numbers a curve."""
+    n = 60_000
+    again = np.arange(n) % len(run)
+    fields = {k: v[again] if isinstance(v, np.ndarray) else v for k, v in vars(run).items()}
+    fields = {k: {a: b[again] for a, b in v.items()} if isinstance(v, dict) else v for k, v in fields.items()}
+    long = rbd.Trajectory(**{**fields, "t": np.arange(n) * 0.01, "events": ()})
+    given = told(export_motion(long, tmp_path / "x.html", fps=1.0))["charts"]
+    assert {len(numbers(x["values"])) for chart in given["charts"] for x in chart["lines"]} == {MOST_POINTS}
+
+
+# In a browser
+
+BOX = "((b) => [b.left, b.top, b.right, b.bottom])(stage.player.curves.%s.getBoundingClientRect())"
+
+
+def cursor(shown: BrowserPage, chart: int) -> float:
+    """Where the cursor of a chart is on the screen [pixels]."""
+    found: float = shown.evaluate(f"stage.player.curves.charts[{chart}].now.getBoundingClientRect().x")
+    return found
+
+
+def place(shown: BrowserPage, chart: int, share: float) -> tuple[float, float]:
+    """Where a share of the time axis of a chart is on the screen [pixels]: 30 of its 300 units are left of it, 2 right."""
+    box = shown.evaluate(
+        f"(() => {{ const b = stage.player.curves.charts[{chart}].svg.getBoundingClientRect();"
+        " return [b.x, b.y, b.width, b.height]; })()"
+    )
+    return box[0] + box[2] * (30.0 + share * 268.0) / 300.0, box[1] + 0.4 * box[3]
+
+
+def test_the_cursor_is_at_the_present_time(browser: Browser, page: Path, run: rbd.Trajectory) -> None:
+    """Within a pixel: after a seek, and after a click on a curve, which goes to the time there."""
+    with browser.open(page, width=1200, height=800, fragment="t=0.12") as shown:
+        for chart in range(4):
+            assert cursor(shown, chart) == pytest.approx(place(shown, chart, 0.4)[0], abs=1.0)
+        shown.evaluate("stage.player.seek(0.21)")
+        assert cursor(shown, 2) == pytest.approx(place(shown, 2, 0.7)[0], abs=1.0)
+        shown.click(*place(shown, 0, 0.25))
+        assert shown.evaluate("stage.player.t") == pytest.approx(0.25 * run.t[-1], abs=run.t[-1] / 268.0)
+        assert cursor(shown, 0) == pytest.approx(place(shown, 0, 0.25)[0], abs=1.0)
+        assert float(shown.evaluate("stage.player.knob.style.left").removesuffix("%")) == pytest.approx(25.0, abs=0.5)
+        shown.mouse("mousePressed", *place(shown, 1, 0.5), button="left")
+        shown.mouse("mouseMoved", *place(shown, 1, 0.9), button="left")
+        shown.mouse("mouseReleased", *place(shown, 1, 0.9), button="left")
+        assert shown.evaluate("stage.player.t") in (
+            pytest.approx(0.5 * run.t[-1], abs=2e-3),
+            pytest.approx(0.9 * run.t[-1], abs=2e-3),
+        )
+
+
+def test_values_at_the_cursor_are_those_of_the_trajectory(browser: Browser, page: Path, run: rbd.Trajectory) -> None:
+    """Three digits of each curve's number: at a sample, and between two as the line is drawn."""
+    with browser.open(page, width=1200, height=800) as shown:
+        for t in (0.0, 0.1, 0.1017, 0.2):
+            shown.evaluate(f"stage.player.seek({t})")
+            text = shown.evaluate("stage.player.curves.charts.map((c) => c.shown.map((x) => x.key.textContent))")
+            name = run.contacts[0]
+            force = [np.interp(t, run.t, column) for column in run.forces[name].T]
+            size = np.interp(t, run.t, np.linalg.norm(run.forces[name], axis=1))
+            assert text[0][0] == f"{name} vertical {float(f'{force[2]:.3g}'):g}"
+            assert text[0][1] == f"|f| {float(f'{size:.3g}'):g}"
+            law = np.interp(t, run.t, run.residuals["law"])
+            assert text[3][0].startswith("law, scaled ")
+            assert float(text[3][0].removeprefix("law, scaled ")) == pytest.approx(law, rel=0.06)
+
+
+def test_the_panel_folds_and_charts_are_chosen(browser: Browser, page: Path) -> None:
+    """By its button, by c, and by a button for each chart; the robot then has the room."""
+    hidden = "stage.player.curves.charts.map((c) => c.node.offsetHeight === 0)"
+    target = "stage.viewer.camera.view.offsetX"
+    with browser.open(page, width=1200, height=800) as shown:
+        assert shown.evaluate(hidden) == [False] * 4
+        wide = shown.evaluate(target)
+        shown.key("c")
+        assert shown.evaluate(hidden) == [True] * 4
+        assert shown.evaluate(target) < wide
+        assert shown.evaluate("stage.player.curves.folder.getAttribute('aria-expanded')") == "false"
+        x, y = shown.evaluate(
+            "(() => { const b = stage.player.curves.folder.getBoundingClientRect(); return [b.x + 5, b.y + 5]; })()"
+        )
+        shown.click(x, y)
+        assert shown.evaluate(hidden) == [False] * 4
+        shown.evaluate("stage.player.curves.charts[2].button.click()")
+        assert shown.evaluate(hidden) == [False, False, True, False]
+        assert shown.evaluate("stage.player.curves.charts[2].button.getAttribute('aria-pressed')") == "false"
+
+
+def test_in_a_narrow_window_charts_are_below(browser: Browser, page: Path) -> None:
+    """Across the window, above the bar, with as many charts as fit in a row; folded at first in a small frame."""
+    hidden = "stage.player.curves.charts.map((c) => c.node.offsetHeight === 0)"
+    with browser.open(page, width=1200, height=800) as shown:
+        left, top, right, _ = shown.evaluate(BOX % "panel")
+        assert (left, top, right) == pytest.approx((826.0, 14.0, 1186.0), abs=4.0)
+        for width, expected in ((900, [False, False, False, True]), (420, [False, True, True, True])):
+            shown.resize(width, 700)
+            shown.wait("stage.player.curves.below && stage.viewer.camera.view.fullWidth === window.innerWidth")
+            left, top, right, bottom = shown.evaluate(BOX % "panel")
+            assert (left, right) == pytest.approx((14.0, width - 14.0), abs=1.0)
+            assert 250.0 < top < bottom < shown.evaluate("stage.player.footer.getBoundingClientRect().top")
+            assert shown.evaluate(hidden) == expected
+    with browser.open(page, width=420, height=320) as small:
+        assert small.evaluate("stage.player.curves.folded")
+
+
+def test_a_page_without_charts_has_no_panel(browser: Browser, run: rbd.Trajectory, tmp_path: Path) -> None:
+    """charts=False: as before there were any."""
+    with browser.open(export_motion(run, tmp_path / "x.html", charts=False), width=800, height=600) as shown:
+        assert shown.evaluate("stage.player.curves") is None
+        assert shown.evaluate("document.querySelector('.curves')") is None
+
+
+def test_the_support_polygon_goes_along(browser: Browser, page: Path, run: rbd.Trajectory) -> None:
+    """Its corners are the hull of the points that carry load at the time; its layer shows and hides it."""
+    with browser.open(page, width=600, height=500) as shown:
+        for t in (0.0, 0.1, 0.3):
+            shown.evaluate(f"stage.player.seek({t})")
+            i = int(np.abs(run.t - t).argmin())
+            points = np.array([run.points[name][i, 0] for name in run.contacts if np.linalg.norm(run.forces[name][i]) > 1e-2])
+            outline = np.array(shown.evaluate("stage.player.cast.support.outline"))
+            assert len(outline) == len(convex_hull(points[:, :2]))
+            for corner in convex_hull(points[:, :2]):
+                assert np.abs(outline[:, :2] - corner).max(axis=1).min() < 1e-6
+        seen = "stage.player.cast.layers.get('support polygon').visible"
+        shown.evaluate("stage.layers.show('support polygon', false)")
+        assert shown.evaluate(seen) is False
+        shown.evaluate("stage.player.seek(0.2)")
+        assert shown.evaluate(seen) is False
+
+
+def test_what_moves_is_in_layers(browser: Browser, slide: rbd.Trajectory, tmp_path: Path) -> None:
+    """Arrows of forces, those of corners, the centre of mass: each is hidden with its layer, and stays hidden as it moves."""
+    with browser.open(export_motion(slide, tmp_path / "x.html"), width=600, height=500) as shown:
+        names = shown.evaluate("[...stage.player.cast.layers.keys()]")
+        assert {"forces", "corner forces", "centre of mass", "support polygon"} <= set(names)
+        shown.evaluate("stage.layers.show('corner forces', false)")
+        shown.evaluate("stage.player.seek(0.2)")
+        drawn = "((n) => { while (n && n.visible) n = n.parent; return !n; })(stage.player.cast.tracks[0].%s.node)"
+        assert shown.evaluate(drawn % "big") is True
+        assert shown.evaluate(drawn % "thin[0]") is False
+
+
+def test_a_picture_at_rest_takes_bar_and_curves_away(browser: Browser, page: Path) -> None:
+    """As a live page gets it after a motion; the keys of the motion are then without effect."""
+    with browser.open(page, width=600, height=500) as shown:
+        shown.evaluate("stage.note({ motion: null })")
+        assert shown.evaluate("document.querySelectorAll('.player, .curves').length") == 0
+        shown.key(" ")
+        assert shown.evaluate("stage.player") is None
+
+
+def test_slices_of_a_trajectory_have_charts(slide: rbd.Trajectory) -> None:
+    """Two samples are enough; a trajectory without residuals worth a line shows the law's only."""
+    charts = charts_of(slide[3:5], True)
+    assert [len(chart.lines[0].values) for chart in charts] == [2] * len(charts)
+    still = replace(slide, residuals={name: np.zeros(len(slide)) for name in slide.residuals})
+    assert list(named(charts_of(still, ["residuals"]), "residuals")) == ["law, scaled"]
