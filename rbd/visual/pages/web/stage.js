@@ -151,6 +151,7 @@ class Stage {
     // Reading a pixel waits until all is drawn.
     const gl = this.viewer.renderer.getContext();
     gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    performance.mark("drawn");
     document.body.dataset.ready = "true";
     this.toolbar.refresh();
   }
