@@ -1,6 +1,7 @@
 """The pictures of docs/tasks/*.md, drawn from what the code of each page computes; `make.py` calls `pictures()`."""
 
 import contextlib
+import html
 import io
 import re
 import tempfile
@@ -11,9 +12,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from photographs import motion_sheet, screenshot
 
 import rbd
-from rbd.visual import Scene, motion_sheet, plot_energy, plot_forces, screenshot
+from rbd.visual import Scene, notebook_page, plot_energy, plot_forces
 from rbd.visual.figures.plots import frame
 
 PICTURES = Path(__file__).resolve().parent
@@ -24,7 +26,7 @@ BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "0.5"
 def pictures() -> Iterator[Path]:
     """All of them."""
     makers = (task_walker, task_hold, task_wall, task_loop, task_sweep, task_many, task_forces, task_swing, task_figure)
-    for make in (*makers, task_reach):
+    for make in (*makers, task_reach, task_notebook):
         yield make()
 
 
@@ -174,3 +176,23 @@ def task_figure() -> Path:
     plot_forces(upper, moved)
     plot_energy(lower, moved)
     return saved(drawn, "task_figure")
+
+
+def task_notebook() -> Path:
+    """Three outputs of a notebook: what holds a robot, the scene, the largest pushes."""
+    names = computed("use_it_in_a_notebook")
+    state, soles, held = names["state"], names["soles"], names["held"]
+    with Scene(state.robot) as scene, tempfile.TemporaryDirectory() as folder:
+        scene.show(state, held)
+        pushes = rbd.statics.push_limits(state, soles, "torso_2_link", ((1, 0, 0), (-1, 0, 0), (0, 1, 0)))
+        cells = {
+            "held": held._repr_html_(),
+            "notebook_page(scene)": notebook_page(scene, still=True, height=380)._repr_html_(),
+            'rbd.statics.push_limits(state, soles, "torso_2_link", ways)': pushes._repr_html_(),
+        }
+        style = "margin:10px 0;padding:6px 8px;background:#f3f4f6;border:1px solid #d5dbe1"
+        shown = "".join(f"<pre style='{style}'>{html.escape(code)}</pre>{output}" for code, output in cells.items())
+        page = Path(folder) / "notebook.html"
+        body = "margin:16px 24px;font:14px/1.4 'DejaVu Sans',sans-serif"
+        page.write_text(f'<!DOCTYPE html><meta charset="utf-8"><body style="{body}">{shown}', encoding="utf-8")
+        return screenshot(page, PICTURES / "task_notebook.png", width=1000, height=1080)

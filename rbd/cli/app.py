@@ -17,12 +17,13 @@ import typer
 from rich.progress import track
 
 from rbd.cli.checking import check
-from rbd.cli.options import Feet, Friction, Json, Law, Motion, PackageDirs, RobotName, Show
+from rbd.cli.options import Feet, Friction, Json, Law, Motion, PackageDirs, RobotName, Show, Video
 from rbd.cli.standing import region, stand
 from rbd.cli.terminal import (
     FIGURES,
     PAGES,
     TRAJECTORIES,
+    VIDEOS,
     answering,
     check_outputs,
     names_of,
@@ -160,6 +161,7 @@ def simulate(
     save: Annotated[Path | None, typer.Option(help="Write the trajectory, .npz or .nc.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw forces and energy over time, .png, .svg or .pdf.")] = None,
     html: Motion = None,
+    video: Video = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers of the report.")] = None,
     show: Annotated[bool, typer.Option("--show", help="Play it at 127.0.0.1 until Ctrl-C.")] = False,
 ) -> None:
@@ -182,7 +184,11 @@ def simulate(
         pushed = pushes(push or (), at or (), from_ or (), for_ or ())
         save = None if save is None else Path(os.path.expanduser(save))  # a shell leaves the ~ of --save=~/x.npz
         files = {"--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES), "--html": (html, PAGES), "--json": (json_, ())}
-        check_outputs(files, reads=robot)
+        check_outputs({**files, "--video": (video, VIDEOS)}, reads=robot)
+        if video is not None:
+            from rbd.visual.playback.video import check_video
+
+            check_video(video)
         check_friction(friction, 4)
         slip_law(law)
         seconds: dict[str, float] = {}
@@ -213,6 +219,8 @@ def simulate(
             print_path(console, "plot", draw(trajectory, plot))
         if html is not None and len(trajectory) > 1:
             print_path(console, "picture", trajectory.export(html, external=external))
+        if video is not None and len(trajectory) > 1:
+            print_path(console, "video", trajectory.video(video, external=external))
         if show and len(trajectory) > 1:
             from rbd.visual.playback.animation import motion_scene
 

@@ -21,6 +21,7 @@ from rbd.cli.terminal import (
     NO_SOLUTION,
     PAGES,
     TRAJECTORIES,
+    VIDEOS,
     Table,
     answering,
     check_outputs,
@@ -76,6 +77,7 @@ def check(
     save: Annotated[Path | None, typer.Option(help="Write all arrays, .npz or .nc (one motion).")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw curves, .png, .svg or .pdf (one motion).")] = None,
     show: Annotated[bool, typer.Option("--show", help="Play it at 127.0.0.1 until Ctrl-C (one motion).")] = False,
+    video: Annotated[Path | None, typer.Option(help="Write a video, .mp4 (wants ffmpeg) or .gif (one motion).")] = None,
     feet_: Feet = None,
     package_dir: PackageDirs = None,
 ) -> None:
@@ -95,7 +97,7 @@ def check(
         one = len(chosen) == 1
         if not 0.0 <= least_possible <= 1.0:
             raise InputError(f"--least-possible is {least_possible:g}; expected a share from 0 to 1.")
-        _check_outputs(chosen, html=html, json_=json_, save=save, plot=plot, show=show)
+        _check_outputs(chosen, html=html, json_=json_, save=save, plot=plot, video=video, show=show)
         # What Motion.read and check_motion refuse, they refuse by the names of these options.
         reading = {"rate": rate, "quaternion": quaternion, "units": units, "joints": names_of("--joints", joints)}
         settings = {
@@ -119,7 +121,7 @@ def check(
                 ranking.failed[file] = in_options(str(error), check)
         if one:
             console.print(str(report), highlight=False, soft_wrap=True)
-            written += _one_report(report, save, plot)
+            written += _one_report(report, save, plot, video)
         else:
             ranking.print(console)
         write_json(json_, ranking)
@@ -268,13 +270,25 @@ def motion_files(given: Sequence[str]) -> list[str]:
 
 
 def _check_outputs(
-    files: Sequence[str], *, html: Path | None, json_: Path | None, save: Path | None, plot: Path | None, show: bool
+    files: Sequence[str],
+    *,
+    html: Path | None,
+    json_: Path | None,
+    save: Path | None,
+    plot: Path | None,
+    video: Path | None,
+    show: bool,
 ) -> None:
     if len(files) == 1:
         outputs = {"--html": (html, PAGES), "--json": (json_, ()), "--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES)}
-        check_outputs(outputs, reads=files[0])
+        check_outputs({**outputs, "--video": (video, VIDEOS)}, reads=files[0])
+        if video is not None:
+            from rbd.visual.playback.video import check_video
+
+            check_video(video)
         return
-    for option, given in (("--save", save is not None), ("--plot", plot is not None), ("--show", show)):
+    given_one = {"--save": save, "--plot": plot, "--video": video, "--show": show or None}
+    for option, given in ((name, value is not None) for name, value in given_one.items()):
         if given:
             raise InputError(f"{option} is for one motion; {len(files)} were given.")
     for file in files:
@@ -310,7 +324,7 @@ def pages_of(html: Path, files: Sequence[str]) -> dict[str, Path]:
     return pages
 
 
-def _one_report(report: MotionReport, save: Path | None, plot: Path | None) -> list[tuple[str, Path]]:
+def _one_report(report: MotionReport, save: Path | None, plot: Path | None, video: Path | None) -> list[tuple[str, Path]]:
     written: list[tuple[str, Path]] = []
     if save is not None:
         report.save(save)
@@ -321,6 +335,8 @@ def _one_report(report: MotionReport, save: Path | None, plot: Path | None) -> l
         figure = Figure(figsize=(8.0, 5.6), layout="constrained")
         report.plot(list(figure.subplots(2, sharex=True)))
         written.append(("plot", save_figure(figure, plot, dpi=150)))
+    if video is not None:
+        written.append(("video", report.video(video)))
     return written
 
 

@@ -17,3 +17,4 @@ Friction = Annotated[float, typer.Option(help="Coulomb's coefficient at the feet
 Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")]
 Law = Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")]
 RobotName = Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")]
+Video = Annotated[Path | None, typer.Option(help="Write a video, .mp4 (wants ffmpeg) or .gif.")]

@@ -40,6 +40,7 @@ NO_SOLUTION, BAD_INPUT = 1, 2
 WIDTH = 140
 """Width for files and pipes: tables cut at 80 columns would lose numbers."""
 PAGES, FIGURES, TRAJECTORIES = (".html", ".htm"), (".png", ".svg", ".pdf"), (".npz", ".nc")
+VIDEOS = (".mp4", ".gif")
 _SILENT = (DeprecationWarning, PendingDeprecationWarning, ResourceWarning)
 _PYTHON = {
     "rbd.robots.catalogue.names()": "`rbd robots`",

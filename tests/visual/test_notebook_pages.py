@@ -17,10 +17,11 @@ import rbd
 from rbd.errors import PictureError
 from rbd.visual import Scene, notebook_page
 from rbd.visual.notebook import frames
-from rbd.visual.notebook.frames import HEIGHT, NO_PICTURE, WIDTH, NotebookPage, frame_html
+from rbd.visual.notebook.frames import HEIGHT, NO_PICTURE, NotebookPage, frame_html
 from rbd.visual.pages.browser import Browser, BrowserPage
 
 URDF = Path(__file__).parents[2] / "urdf"
+WIDTH = 700
 RED = (200, 30, 30)
 
 
@@ -111,21 +112,21 @@ def test_a_scene_at_the_end_of_a_cell_is_drawn_with_its_forces(browser: Browser,
         assert f"1 contact pushes it up by {9.81 * box.mass:.2f} N" in html
         [taken] = re.findall(r'src="data:image/png;base64,([^"]*)"', html)
         picture = Image.open(io.BytesIO(base64.b64decode(taken)))
-        assert picture.size == (WIDTH, HEIGHT) and len(np.unique(np.asarray(picture.convert("L")))) > 50
+        assert picture.size == (frames.WIDTH, HEIGHT) and len(np.unique(np.asarray(picture.convert("L")))) > 50
         begin = time.thread_time()
         assert scene._repr_html_() == html
         assert time.thread_time() - begin < 1.0
 
 
 def test_a_motion_and_a_report_are_put_inline() -> None:
-    """With the options of their pages; `still=True` is a picture alone, below a tenth of the page."""
+    """With the options of their pages; `still=True` is a picture alone, a third of the smallest page or less."""
     robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
     swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.1, step=1e-2)
     inline = notebook_page(swing, height=300, speed=0.5)
     assert '"speed": 0.5' in inline.page and inline.height == 300
     still = notebook_page(swing, still=True)
     assert not still.page and "<iframe" not in still._repr_html_()
-    assert 10 * len(still._repr_html_()) < len(inline._repr_html_()) and "kB" in repr(still)
+    assert 3 * len(still._repr_html_()) < len(inline._repr_html_()) and "kB" in repr(still)
     solo = rbd.load_robot("solo12")
     low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
     hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=50.0)

@@ -337,7 +337,7 @@ def test_a_live_viewer_is_told_what_changes(scene, standing):
         socket = await websocket_connect(HTTPRequest(address, headers={"Origin": scene.url.rstrip("/")}))
         scene.show(standing)
         told = []
-        while not (told and isinstance(told[-1], str) and "legend" in told[-1]):
+        while not (told and isinstance(told[-1], str) and '"legend"' in told[-1]):
             told.append(await asyncio.wait_for(socket.read_message(), 10))
         socket.close()
         return told

@@ -18,7 +18,7 @@ from rbd.visual.style import COM_COLOR, LIMITED_COLOR, PUSH_COLOR, SUPPORT_COLOR
 if TYPE_CHECKING:
     from rbd.visual.marks.picture import Picture
 
-Entry = dict[str, str]
+Entry = dict[str, str | list[str]]
 """A line of the legend: color, name, value, detail, and the layer with which it is shown and hidden."""
 LISTED = 6
 """Of more loops, stops or torques than this the largest are listed."""

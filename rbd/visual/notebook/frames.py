@@ -24,8 +24,8 @@ from rbd.visual.playback.report_page import export_report
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_path, is_there
 
-WIDTH, HEIGHT = 700, 420
-"""Size of a frame, in pixels; in narrow notebooks it is narrower."""
+WIDTH, HEIGHT = 860, 420
+"""Size of a picture, in pixels; a frame is as wide as the notebook."""
 LEAST, MOST = 120, 4000
 NO_PICTURE = "No Chromium was found on this machine, so there is no picture for viewers without scripts."
 # Without scripts the frame's page is empty: it lets the picture behind it through.
@@ -76,7 +76,8 @@ def notebook_page(
         height: Of the frame [pixels].
         still: Whether to show the picture alone.
         browser: An open browser, to take many pictures; by default one is started for this picture, which takes longer.
-        **options: Of a motion those of `rbd.visual.export_motion`, of a report those of `rbd.visual.export_report`.
+        **options: Of a motion those of `rbd.visual.export_motion`, of a report those of `rbd.visual.export_report`. Charts are
+            left out unless `charts` is given: a frame is low.
 
     Raises:
         InputError: nothing that has a page, or invalid options.
@@ -105,9 +106,9 @@ def _page_of(shown: object, options: dict[str, Any]) -> tuple[str, str]:
         with tempfile.TemporaryDirectory(prefix="rbd-notebook-") as folder:
             target = Path(folder) / "page.html"
             if isinstance(shown, MotionReport):
-                export_report(target, shown, **options)
+                export_report(target, shown, **{"charts": False, **options})
                 return shown.motion.source, target.read_text(encoding="utf-8")
-            export_motion(shown, target, **options)
+            export_motion(shown, target, **{"charts": False, **options})
             return shown.robot.name, target.read_text(encoding="utf-8")
     if options:
         raise InputError(f"options {', '.join(options)} are for motions and reports alone.")

@@ -52,8 +52,8 @@ def _branches(record: Branches) -> Card:
     rows = []
     for i, branch in enumerate(record.found):
         marks = ["singular"] * branch.singular + [f"beyond its limits: {joint}" for joint in branch.beyond_limits]
-        rows.append((f"branch {i}", words(branch.q), "m, rad", f"{branch.hits}", f"{branch.residual:.1e}", joined(marks)))
-    heads = ("branch", "q", "unit", "hits", "residual [m, rad]", "remarks")
+        rows.append((f"branch {i}", joined(branch.joints, 5), f"{branch.hits}", f"{branch.residual:.1e}", joined(marks)))
+    heads = ("branch", "joints", "hits", "residual [m, rad]", "remarks")
     counts = [("starts that closed", str(record.closed)), ("starts since the last new branch", str(record.since_new))]
     counts += [("seed", str(record.seed))]
     return Card(said, None, [Table(rows, heads, rest="branches.found")], record.skipped, [Fold("Search", [Table(counts)])])

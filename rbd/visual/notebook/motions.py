@@ -34,7 +34,7 @@ def _trajectory(record: Trajectory) -> Card:
         ("samples", f"{len(record)}, steps of {number(1e3 * record.step)} ms" if record.step else str(len(record)), ""),
         ("centre of mass moved by", vector(moved), "m"),
         ("energy, first and last", f"{number(energy[0])}, {number(energy[-1])}", "J"),
-        ("energy, range", number(np.ptp(energy), 4), "J"),
+        ("energy, range", fixed(np.ptp(energy), 5), "J"),
         ("work of the motors", number(record.motor_work[-1] - record.motor_work[0], 4), "J"),
         ("contact law", record.law or "-", ""),
         ("events", str(len(record.events)), ""),
@@ -55,7 +55,7 @@ def _trajectory(record: Trajectory) -> Card:
     ]
     drawing = curves("force |f| [N]", record.t, sizes) if sizes else ""
     limit = record.robot.effort_limit
-    if record.robot.nu and np.isfinite(limit).any():
+    if record.tau.any() and np.isfinite(limit).any():
         drawing += curves("most used motor [% of its limit]", record.t, {"": 100.0 * (np.abs(record.tau) / limit).max(axis=1)})
     events = [(number(e.t, 6), e.name, str(e.point), e.kind) for e in record.events[:_EVENTS]]
     named = Table(events, ("at [s]", "contact", "point", "event"), whole=len(record.events), rest="trajectory.events")

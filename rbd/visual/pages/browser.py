@@ -51,6 +51,18 @@ def find_browser() -> str | None:
     return next((found for name in BROWSERS if (found := shutil.which(name))), None)
 
 
+def a_browser() -> str:
+    """Path of Chromium or Chrome.
+
+    Raises:
+        PictureError: if there is none.
+    """
+    path = find_browser()
+    if path is None:
+        raise PictureError(f"no browser found; looked on PATH for {', '.join(BROWSERS)}. Install Chromium.")
+    return path
+
+
 class Browser:
     """One headless Chromium for many pages: to start it takes longer than a picture. Use it as a context.
 
@@ -70,10 +82,7 @@ class Browser:
     """
 
     def __init__(self) -> None:
-        path = find_browser()
-        if path is None:
-            raise PictureError(f"no browser found; looked on PATH for {', '.join(BROWSERS)}. Install Chromium.")
-        self._tools = DevTools([path, *FLAGS, "--remote-debugging-pipe"])
+        self._tools = DevTools([a_browser(), *FLAGS, "--remote-debugging-pipe"])
         try:
             self.call("Browser.getVersion")
         except BaseException:

@@ -17,6 +17,7 @@ import numpy as np
 from rbd.arrays import Array, as_array
 from rbd.errors import InputError, PictureError
 from rbd.visual.marks.footprints import footprints_of
+from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import screenshot, write_page
 from rbd.visual.playback.curves import Choice, described, together
 from rbd.visual.playback.frames import Pushes, PushesAt
@@ -205,6 +206,7 @@ def motion_sheet(
     ground: bool = True,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
+    browser: Browser | None = None,
 ) -> Path:
     """Draw a motion at some times side by side, all from one camera, with the time under each; returns the picture's path.
 
@@ -223,6 +225,7 @@ def motion_sheet(
         ground: Whether to draw the ground.
         seen_from: Direction from the robot to the camera.
         arrow_per_weight: Length of an arrow as large as the weight [m].
+        browser: An open browser; by default one is started.
 
     Raises:
         InputError: not a trajectory, times outside it, invalid sizes.
@@ -254,7 +257,7 @@ def motion_sheet(
         write_page(page, scene.page())
         across = in_a_row * (width + GAP) - GAP
         down = math.ceil(len(at) / in_a_row) * (height + CAPTION_HEIGHT + GAP) - GAP
-        return screenshot(page, picture, width=across, height=down)
+        return screenshot(page, picture, width=across, height=down, browser=browser)
 
 
 def replay(

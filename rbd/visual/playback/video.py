@@ -18,8 +18,8 @@ from rbd.arrays import Array
 from rbd.errors import InputError, PictureError
 from rbd.model.output_files import check_place, write_file
 from rbd.simulation.run import progress_of
-from rbd.visual.pages.browser import Browser, BrowserPage, one_browser
-from rbd.visual.pages.encoders import QUALITY, encoder_of
+from rbd.visual.pages.browser import Browser, BrowserPage, a_browser, one_browser
+from rbd.visual.pages.encoders import QUALITY, Encoder, encoder_of
 from rbd.visual.pages.link import page_link
 from rbd.visual.pages.page import write_page
 from rbd.visual.playback.animation import motion_scene
@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 MOST_FPS = 240.0
 MOST_FRAMES = 20_000
 LEAST_SIZE, MOST_SIZE = 16, 4000
+LAID_OUT = 960
+"""Width of the window of all pictures that are neither very small nor very large."""
+SMALLEST_SCALE, LARGEST_SCALE = 0.5, 4.0
 SAMPLES = 6
 """Pictures from which a .gif takes its colours."""
 BATCH = 6
@@ -115,14 +118,9 @@ def export_video(
         >>> rbd.visual.export_video(swing, "swing.gif", fps=20, speed=0.1)  # doctest: +SKIP
         PosixPath('swing.gif')
     """
-    target = a_path("the video", path)
-    for what, size in (("width", width), ("height", height)):
-        if a_count(what, size, MOST_SIZE) < LEAST_SIZE:
-            raise InputError(f"{what} is {size}; expected at least {LEAST_SIZE} pixels.")
-    fps, speed = positive("fps", fps, MOST_FPS, " pictures a second"), positive("speed", speed, 1000.0, "")
+    target, write = _checked(path, fps, width, height)
+    fps, speed = float(fps), positive("speed", speed, 1000.0, "")
     link = page_link(view=view, layers=layers, controls=False)
-    write = encoder_of(target, fps, width, height)
-    check_place(target, PictureError)
     scene = _scene(
         trajectory, speed=speed, title=title, external=external, ghost=ghost, beside=beside, beside_external=beside_external,
         follow=follow, trace=trace, footprints=footprints, ground=ground, seen_from=seen_from,
@@ -133,12 +131,33 @@ def export_video(
     with tempfile.TemporaryDirectory(prefix="rbd-video-") as folder, one_browser(browser) as used:
         page = Path(folder) / "page.html"
         write_page(page, scene.page(title))
-        with used.open(page, width=width, height=height, fragment=link, before=_BEFORE) as shown:
+        across, down = _window(width, height)
+        with used.open(page, width=across, height=down, fragment=link, before=_BEFORE) as shown:
             shown.evaluate(f"{_script()}\nvoid (window.video = new Video(stage, {json.dumps(settings)}))")
             with progress_of(times, shown=progress, doing="drawing the video") as reached:
                 samples = _frames(shown, times[:: max(1, len(times) // SAMPLES)])
                 write_file(target, lambda file: write(file, _frames(shown, times, reached), samples), PictureError)
     return target
+
+
+def check_video(path: str | PathLike[str]) -> None:
+    """Refuse, before a long motion is computed, a video that could not be made afterwards.
+
+    Raises:
+        PictureError: another ending, no ffmpeg, no Pillow, no browser, or a file that cannot be written.
+    """
+    _checked(path, 30.0, 960, 540)
+    a_browser()
+
+
+def _checked(path: str | PathLike[str], fps: float, width: int, height: int) -> tuple[Path, Encoder]:
+    target = a_path("the video", path)
+    for what, size in (("width", width), ("height", height)):
+        if a_count(what, size, MOST_SIZE) < LEAST_SIZE:
+            raise InputError(f"{what} is {size}; expected at least {LEAST_SIZE} pixels.")
+    write = encoder_of(target, positive("fps", fps, MOST_FPS, " pictures a second"), width, height)
+    check_place(target, PictureError)
+    return target, write
 
 
 def frame_times(first: float, last: float, fps: float, speed: float) -> list[float]:
@@ -175,6 +194,12 @@ def _scene(trajectory: Trajectory | Motion | MotionReport, **options: object) ->
                 f"{name} was given with a report, which has its ground; expected it with a trajectory or a motion."
             )
     return report_scene(trajectory, charts=False, **options)  # type: ignore[arg-type]
+
+
+def _window(width: int, height: int) -> tuple[int, int]:
+    """Size of the window in which legend and time are laid out: they take the same share of pictures of all sizes."""
+    scale = min(max(width / LAID_OUT, SMALLEST_SCALE), LARGEST_SCALE)
+    return round(width / scale), round(height / scale)
 
 
 @cache

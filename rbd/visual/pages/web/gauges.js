@@ -49,6 +49,10 @@ class Gauges {
     if (this.group) this.group.visible = on;
     if (!on) return;
     this.node.style.bottom = `${14 + stage.foot}px`;
+    // Beside a legend that comes down to it.
+    const { offsetLeft, offsetTop, offsetWidth, offsetHeight } = stage.legend;
+    const covers = offsetWidth && offsetTop + offsetHeight > this.node.offsetTop;
+    this.node.style.left = `${covers ? offsetLeft + offsetWidth + 12 : 14}px`;
     const T = MeshCat.THREE;
     const { camera } = stage.viewer;
     const turn = new T.Quaternion();

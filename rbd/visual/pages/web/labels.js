@@ -7,6 +7,7 @@ const RANK = {
 const UNTAGGED = ["meshes", "collision shapes", "other poses", "frames", "cones", "corner forces"];
 const OBSTACLES = "#legend, .toolbar .row, .toolbar .panel:not([hidden]), .player, .curves, .controls";
 const MOST_TAGS = 40;
+const STEPS = 5;  // heights of a tag by which it may be moved from its mark; a line then leads back
 // Pixels around the pointer in which a thin mark is found; a finger is thicker.
 const REACH = { mouse: 5, touch: 16 };
 const TAP_MS = 500;
@@ -23,6 +24,9 @@ class Labels {
       return node;
     };
     this.tags = make("tags");
+    this.tags.innerHTML = "<svg></svg>";
+    this.svg = this.tags.firstChild;
+    [this.spans, this.lines] = [[], []];
     this.tip = make("tip");
     this.tip.hidden = true;
     this.tip.setAttribute("role", "status");
@@ -162,26 +166,37 @@ class Labels {
       if (!told || !told.at || !told.at.every(Number.isFinite)) continue;
       // Several marks may say the same: arrow and patch, ball and drop line. The highest one has the tag.
       const key = told.lines.join();
-      if (!named.has(key) || named.get(key).at[2] < told.at[2]) named.set(key, { ...told, rank: RANK[layer] ?? 2 });
+      if (!named.has(key) || named.get(key).at[2] < told.at[2]) named.set(key, { ...told, rank: layer === "joint torques" ? 9 : RANK[layer] ?? 2 });
     }
     const list = [...named.values()].sort((a, b) => a.rank - b.rank).slice(0, MOST_TAGS);
-    while (this.tags.children.length < list.length) this.tags.append(document.createElement("span"));
-    while (this.tags.children.length > list.length) this.tags.lastChild.remove();
+    while (this.spans.length < list.length) {
+      this.spans.push(this.tags.appendChild(document.createElement("span")));
+      this.lines.push(this.svg.appendChild(document.createElementNS(this.svg.namespaceURI, "line")));
+    }
+    while (this.spans.length > list.length) {
+      this.spans.pop().remove();
+      this.lines.pop().remove();
+    }
     const taken = [...document.querySelectorAll(OBSTACLES)].map((node) => edgesOf(node.getBoundingClientRect()));
-    list.forEach((label, i) => this.tag(this.tags.children[i], label, taken));
+    list.forEach((label, i) => this.tag(this.spans[i], this.lines[i], label, taken));
   }
 
-  tag(span, { title, lines, at }, taken) {
+  // A tag has no place where all are taken: it is left out rather than laid over another.
+  tag(span, line, { title, lines, at }, taken) {
     const text = lines.length ? `${title}: ${lines[0]}` : title;
     if (span.textContent !== text) span.textContent = text;
     const spot = this.stage.project(at);
     const [width, height] = this.stage.size();
-    span.hidden = !spot || spot[0] < 0 || spot[1] < 0 || spot[0] > width || spot[1] > height;
-    if (span.hidden) return;
+    span.hidden = false;
+    line.setAttribute("visibility", "hidden");
+    if (!spot || spot[0] < 0 || spot[1] < 0 || spot[0] > width || spot[1] > height) {
+      span.hidden = true;
+      return;
+    }
     const w = span.offsetWidth, h = span.offsetHeight;
     const [x, y] = spot;
     let placed = null;
-    for (let step = 0; step < 12 && !placed; step++) {
+    for (let step = 0; step < STEPS && !placed; step++) {
       for (const up of step ? [-1, 1] : [1]) {
         for (const left of [x + 10, x - w - 10]) {
           const top = y - h / 2 + up * step * (h + 2);
@@ -191,8 +206,12 @@ class Labels {
         }
       }
     }
-    placed = placed || [x + 10, y - h / 2, x + 10 + w, y + h / 2];
+    span.hidden = !placed;
+    if (!placed) return;
     taken.push(placed);
+    const end = placed[0] > x ? placed[0] : placed[2], middle = (placed[1] + placed[3]) / 2;
+    for (const [name, value] of [["x1", x], ["y1", y], ["x2", end], ["y2", middle]]) line.setAttribute(name, value.toFixed(1));
+    line.setAttribute("visibility", "visible");
     span.style.transform = `translate(${placed[0].toFixed(1)}px, ${placed[1].toFixed(1)}px)`;
   }
 }
