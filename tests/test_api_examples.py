@@ -26,7 +26,8 @@ PACKAGES = [
 SHOWN = [package for package in PACKAGES if package not in ("rbd.cli", "rbd.prepared")]
 """Those that list names for users; the last two are modules."""
 BROWSER = {
-    *("Browser", "contact_sheet", "find_browser", "motion_sheet", "replay", "replay_planar", "screenshot", "show_report"),
+    *("Browser", "contact_sheet", "export_video", "find_browser", "motion_sheet", "replay", "replay_planar"),
+    *("screenshot", "show_report"),
 }
 """Of `rbd.visual`: what wants a browser on this machine, whose calls are not run here but in `tests/visual`."""
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE

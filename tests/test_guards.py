@@ -33,6 +33,7 @@ from rbd.visual import (
     export_motion,
     export_planar,
     export_report,
+    export_video,
     motion_sheet,
     notebook_page,
     plot_directions,
@@ -175,6 +176,13 @@ def use_scene(state: Any, solution: Any, external: Any, arrow_per_weight: Any, s
     scene = Scene(BOLT, arrow_per_weight=arrow_per_weight, seen_from=seen_from)
     scene.show(state, solution, external=external)
     return scene.metres_per_newton, [mark.mesh.vertices for mark in scene.drawn]
+
+
+def use_explore(controls: Any, values: Any) -> Any:
+    """A page with a slider: its values after it has been set."""
+    with Scene(BOX) as scene, rbd.visual.explore(scene, controls, lambda values: rbd.visual.Verdict("Holds")) as page:
+        page.set(values)
+        return page.wait(), page.values
 
 
 def use_export(path: Any) -> Any:
@@ -674,6 +682,19 @@ CASES: dict[str, Case] = {
         {"state": STATE, "solution": SOLUTION, "external": PUSH, "arrow_per_weight": 0.3, "seen_from": (1, 0.6, 0.3)},
         40,
     ),
+    "visual.Slider": Case(
+        rbd.visual.Slider, {"name": "push", "low": 0.0, "high": 9.0, "value": 2.0, "unit": "N", "step": 0.5}, 20
+    ),
+    "visual.Choice": Case(rbd.visual.Choice, {"name": "law", "options": ("a", "b"), "value": "b"}, 20),
+    "visual.Verdict": Case(rbd.visual.Verdict, {"title": "Holds", "lines": ("well",), "good": True}, 20),
+    "visual.explore": Case(
+        use_explore,
+        {
+            "controls": [rbd.visual.Slider("push", 0.0, 9.0, 2.0)],
+            "values": {"push": 3.0},
+        },
+        10,
+    ),
     "visual.Scene.export": Case(use_export, {"path": "/nowhere/x.html"}, 40),
     "visual.plot_ranges": Case(use_plot, {"ax": Figure().subplots(), "uniqueness": SOLUTION.uniqueness()}, 20),
     "simulate": Case(
@@ -809,6 +830,27 @@ CASES: dict[str, Case] = {
         motion_sheet,
         {"trajectory": TRAJECTORY, "times": [0.0], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9}
         | {"ghost": None},
+        20,
+    ),
+    "visual.export_video": Case(
+        export_video,
+        {
+            "trajectory": TRAJECTORY,
+            "path": "/nowhere/x.gif",
+            "fps": 30,
+            "width": 96,
+            "height": 64,
+            "speed": 1.0,
+            "view": "front",
+        }
+        | {
+            "title": "x",
+            "ghost": None,
+            "beside": None,
+            "seen_from": (1, 0.6, 0.3),
+            "layers": {"cones": False},
+            "browser": None,
+        },
         20,
     ),
     "visual.notebook_page": Case(
@@ -971,6 +1013,7 @@ CASES |= {
     ),
 }
 MADE_BY_RBD = {
+    "Explorer",
     "Motion",
     "MotionDifference",
     "Derivation",
@@ -1200,6 +1243,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
     refused = {"visual.Scene.export", "visual.screenshot", "visual.contact_sheet", "Robot.soles", "mechanism.four_bar, no file"}
     refused |= {
         "visual.export_motion",
+        "visual.export_video",
         "visual.motion_sheet",
         "visual.notebook_page",
         "visual.replay",

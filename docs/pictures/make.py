@@ -16,11 +16,12 @@ import scenes
 import task_pictures
 import walk_pictures
 from matplotlib.figure import Figure
+from photographs import contact_sheet, motion_sheet, screenshot
 from PIL import Image
 
 import rbd
 from rbd.cli.mechanism_report import report_mechanism
-from rbd.visual import Scene, contact_sheet, motion_sheet, plot_region, screenshot
+from rbd.visual import Scene, plot_region
 from rbd.visual.figures.plots import frame
 
 PICTURES = Path(__file__).resolve().parent

@@ -7,12 +7,13 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
+from photographs import screenshot
 from PIL import Image
 from planar_strokes import save
 
 import rbd
 import rbd.planar
-from rbd.visual import Scene, screenshot
+from rbd.visual import Scene
 from rbd.visual.figures.planar_figures import plot_ellipses, plot_sticks
 from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
 

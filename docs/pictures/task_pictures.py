@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
+from photographs import motion_sheet, screenshot
 
 import rbd
-from rbd.visual import Scene, motion_sheet, notebook_page, plot_energy, plot_forces, screenshot
+from rbd.visual import Scene, notebook_page, plot_energy, plot_forces
 from rbd.visual.figures.plots import frame
 
 PICTURES = Path(__file__).resolve().parent

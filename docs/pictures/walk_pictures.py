@@ -9,10 +9,10 @@ import numpy as np
 import scenes
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from photographs import motion_sheet
 from PIL import Image
 
 import rbd
-from rbd.visual import motion_sheet
 from rbd.visual.figures.plots import frame
 
 PICTURES = Path(__file__).resolve().parent

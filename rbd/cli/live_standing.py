@@ -34,6 +34,8 @@ LEAST_FRICTION, MOST_FRICTION = 0.05, 1.5
 MOST_LINKS = 12
 LEAST_ACCELERATION = 5e-3
 """An acceleration below this is told as none [m/s2]."""
+SLOW = ("joint torques",)
+"""Layers that are drawn when the sliders rest."""
 _LEVEL = 90.0
 _ALWAYS = ("base", "passive")
 """Kinds of limits that are no reason: a base has no motor."""
@@ -100,19 +102,21 @@ class Standing:
             return
         held = many[0] if possible and values["motors"] == BRACED else free
         solution = solve(self.state, held.tau, feet, law=values["law of slip"], external=external)
-        self.scene.show(self.state, solution, external=external)
+        self.scene.show(self.state, solution, external=external, without=SLOW)
         shares = {name: c.friction_used for name, c in solution.contacts.items() if c.friction_used is not None}
         told = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares.items())
         used = [f"friction used: {told}"] if told else []
         braced = possible and values["motors"] == BRACED
         total = sum((c.force for c in solution.contacts.values()), push) / self.robot.mass + self.robot.gravity
         moves = _moves(total, braced)
-        if not possible:
-            yield Verdict("Cannot be held: no motor torques withstand the push", (*moves, *used), False)
-            yield self._refused(many, (*moves, *used))
-            return
-        words = "Holds" if not external else "Motors can withstand the push"
-        yield Verdict(words, (*_strain(many[0]), *moves, *used), True)
+        if possible:
+            words = "Holds" if not external else "Motors can withstand the push"
+            verdict = Verdict(words, (*_strain(many[0]), *moves, *used), True)
+        else:
+            verdict = Verdict("Cannot be held: no motor torques withstand the push", (*moves, *used), False)
+        yield verdict
+        self.scene.show(self.state, solution, external=external)
+        yield verdict if possible else self._refused(many, (*moves, *used))
 
     def _feet(self, friction: float) -> Sequence[Constraint]:
         return self.robot.feet(friction, facets=self.facets)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import webbrowser
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 
 import meshcat
 import numpy as np
-import pinocchio as pin
 
 from rbd.arrays import Array, as_vector3
 from rbd.displayed import Displayed
@@ -21,20 +20,22 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External, ExternalForce
 from rbd.model.state import State
 from rbd.visual.drawing import described, send_mark, send_part
+from rbd.visual.drawn_robot import DrawnRobot
+from rbd.visual.framing import FRONT_LEFT, camera_and_ground, seen_from
 from rbd.visual.layers import checked_layers, checked_view
 from rbd.visual.marks.contacts import ShownForce
-from rbd.visual.marks.legend import entry, legend_data, seen_from
+from rbd.visual.marks.legend import legend_data
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture
-from rbd.visual.marks.statics import Drawn, legend_of, marks_of
-from rbd.visual.other_poses import check_poses, send_poses
+from rbd.visual.marks.statics import Drawn, left_out_of, marks_of
+from rbd.visual.other_poses import Details, OtherPoses, check_poses
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import offline_page, photograph, write_page
 from rbd.visual.pages.recorder import Recorder, drawn_together
 from rbd.visual.pages.server import LiveServer
-from rbd.visual.robot_layers import bodies, collision_parts, frames, front_of
-from rbd.visual.robot_meshes import RobotPart, robot_parts
-from rbd.visual.shapes import outermost, round_number
+from rbd.visual.robot_layers import frames, front_of
+from rbd.visual.robot_meshes import RobotPart
+from rbd.visual.shapes import round_number
 from rbd.visual.style import a_length, a_page, a_picture, contact_colors
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 
 # Newtons for one metre of arrow if a robot has no weight (no mass, or no gravity).
 WEIGHTLESS_N = 100.0
-FRONT_LEFT = (1.0, 0.62, 0.34)
+BESIDE_OPACITY = 0.55
 
 
 class Scene(Displayed):
@@ -105,19 +106,14 @@ class Scene(Displayed):
         self._ground = ground
         self._recorder = Recorder()
         self._viewer = meshcat.Visualizer(window=self._recorder)
-        self._parts: tuple[RobotPart, ...] = ()
-        self._data: pin.Data | None = None
+        self._body = DrawnRobot(robot, self._viewer, self._recorder)
         self._sizes: Sizes | None = None
         self._seen: list[str] = []
         self._drawn: list[Mark] = []
         self._picture = Picture(np.zeros(3))
         self._server: LiveServer | None = None
-        self._others: dict[str, str] = {}
-        self._poses: tuple[dict[str, State], str, dict[str, list[str]], str] = {}, "", {}, ""
-        self._further = np.zeros((0, 3))
         self._around = np.zeros((0, 3))
         self._moving = False
-        self._cloud: Array | None = None
         self._statics: tuple[Drawn, ...] = ()
 
     @property
@@ -143,7 +139,7 @@ class Scene(Displayed):
     @property
     def left_out(self) -> tuple[str, ...]:
         """What the picture does not show, or not in full, in words; the legend has them too."""
-        return tuple(self._picture.left_out(self._shown()))
+        return (*self._picture.left_out(self._shown()), *left_out_of(self._statics, self._shown()))
 
     @property
     def metres_per_newton(self) -> float:
@@ -175,7 +171,12 @@ class Scene(Displayed):
 
     @drawn_together
     def show(
-        self, state: State, solution: Solution | Actuation | None = None, *, external: External | Iterable[ExternalForce] = None
+        self,
+        state: State,
+        solution: Solution | Actuation | None = None,
+        *,
+        external: External | Iterable[ExternalForce] = None,
+        without: Collection[str] = (),
     ) -> None:
         """Draw the robot in this state with the forces of this solution, in place of what was shown.
 
@@ -184,6 +185,7 @@ class Scene(Displayed):
             solution: Its forces, from `solve` or `hold`; None draws the robot and its centre of mass only.
             external: What was given to `solve`: each `ExternalForce` is drawn from the point it acts on. A generalised force
                 has no such point: `left_out` and the legend tell it.
+            without: Layers whose marks are not made, which saves time: "joint torques" takes half of it.
 
         Raises:
             InputError: if the state is of a robot with other joints, or `external` is not what `solve` takes.
@@ -198,26 +200,18 @@ class Scene(Displayed):
                 f"the state has {len(state.q)} coordinates, {self._robot.name!r} has {model.nq}; "
                 "show a state of the robot that the scene was made for."
             )
-        reframed = self._data is None or self._moving
-        if self._data is None:
-            self._data = model.createData()
-            self._parts = robot_parts(self._robot)
-            self._send_parts()
+        reframed = self._sizes is None or self._moving
         if self._moving:
             for topic in ("motion", "moment"):
                 self._recorder.post(topic, json.dumps({topic: None}))
             self._around, self._moving = np.zeros((0, 3)), False
-        pin.forwardKinematics(model, self._data, np.asarray(state.q, float))
-        self._place_parts(self._data)
-        if self._others:
-            self._draw_poses()
-        self._cloud = None
-        if self._sizes is None:
-            self._cloud = self._extremes(self._data)
-            self._sizes = self._measure(self._cloud)
+        self._body.place(np.asarray(state.q, float), again=reframed)
         self._picture = Picture.of(state, solution, external)
+        if self._sizes is None:
+            self._sizes = self._measure(self._body.cloud, self._picture.largest_moment)
         self._seen += [name for name in self._picture.colored if name not in self._seen]
-        self._drawn = self._picture.marks(contact_colors(self._seen), self._sizes) + marks_of(self._statics, self._sizes)
+        self._drawn = self._picture.marks(contact_colors(self._seen), self._sizes, without)
+        self._drawn += marks_of(self._statics, self._sizes)
         self._viewer["marks"].delete()
         for mark in self._drawn:
             send_mark(self._viewer, mark)
@@ -225,7 +219,7 @@ class Scene(Displayed):
         if self._legend:
             self._write_legend()
         if reframed:
-            self._recorder.post("view", self._view(self._data))
+            self._recorder.post("view", self._view())
 
     @drawn_together
     def draw(self, *statics: Drawn) -> None:
@@ -246,23 +240,14 @@ class Scene(Displayed):
             self._write_legend()
 
     @drawn_together
-    def beside(
-        self,
-        states: Mapping[str, State],
-        *,
-        shown: str = "",
-        details: Mapping[str, Sequence[str]] | None = None,
-        note: str = "",
-    ) -> None:
-        """Draw the robot in further poses at the same place, each in one colour: branches, steps of a motion.
+    def beside(self, states: Mapping[str, State], *, shown: str = "", details: Details = None, note: str = "") -> None:
+        """Draw the robot in further poses at the same place, each in one colour, until the next call: branches, for example.
 
-        They stay until the next call; `{}` takes them away. The legend names them. Bars that have one place in several poses
-        are striped in the colours of all these. Without `shown` the robot keeps its colours, and the poses are translucent.
+        Bars at one place in several poses have stripes of all their colours. Without `shown` the poses are translucent.
 
         Args:
-            states: {name: where the robot is}, of the scene's robot.
-            shown: Name of the pose that `show` drew: it gets one colour too, and its place in the legend among `states`, if it
-                is one of these.
+            states: {name: where the robot is}, of the scene's robot; `{}` takes them away. The legend names them.
+            shown: Name of the pose that `show` drew, which then has one colour too; it may be one of `states`.
             details: {name: lines below the name in the legend}, such as joint angles.
             note: A line below the legend.
 
@@ -272,24 +257,9 @@ class Scene(Displayed):
         """
         self._shown()
         check_poses(self._robot, states, shown)
-        self._poses = dict(states), shown, {name: list(lines) for name, lines in (details or {}).items()}, note
-        self._draw_poses()
+        self._body.draw_poses(OtherPoses(states, shown, details or {}, note))
         if self._legend:
             self._write_legend()
-
-    def _draw_poses(self) -> None:
-        states, shown, *_ = self._poses
-        self._viewer["beside"].delete()
-        assert self._data is not None
-        if self._others:  # the robot gets its own colours back
-            self._send_parts()
-            self._place_parts(self._data)
-        found = {name: self._robot.model.createData() for name in states}
-        for name, data in found.items():
-            pin.forwardKinematics(self._robot.model, data, np.asarray(states[name].q, float))
-        named = bool(states or shown)
-        self._others = send_poses(self._viewer, self._parts, self._data, found, shown) if named else {}
-        self._further = np.vstack([np.zeros((0, 3)), *(self._extremes(data) for data in found.values())])
 
     def export(self, path: str | PathLike[str]) -> Path:
         """Write the scene as one HTML file that needs no network and no server; returns its path.
@@ -325,9 +295,8 @@ class Scene(Displayed):
     def page(self, title: str | None = None) -> str:
         """The page that `export` writes, as text; its title is the robot's name unless one is given."""
         self._shown()
-        assert self._data is not None
         # A live viewer keeps its camera while the robot moves; a page is framed for its contents.
-        messages = [*self._recorder.messages()[0], self._view(self._data)]
+        messages = [*self._recorder.messages()[0], self._view()]
         return offline_page(title or self._robot.name, messages)
 
     def stage_motion(self, motion: str, around: Array, further: Mapping[str, Sequence[RobotPart]] | None = None) -> None:
@@ -339,7 +308,6 @@ class Scene(Displayed):
             further: {path in the viewer: pieces of another robot, which the motion moves too}.
         """
         self._shown()
-        assert self._data is not None
         self._viewer["marks"].delete()
         for path, parts in (further or {}).items():
             for i, part in enumerate(parts):
@@ -347,7 +315,7 @@ class Scene(Displayed):
         self._drawn, self._around, self._moving = [], around, True
         self._describe()
         self._recorder.post("motion", motion)
-        self._recorder.post("view", self._view(self._data))
+        self._recorder.post("view", self._view())
 
     def stage_moment(self, moment: str) -> None:
         """Move the robot of a live scene to a frame (JSON) of the motion from `stage_motion`."""
@@ -375,66 +343,26 @@ class Scene(Displayed):
             raise PictureError("the scene is empty: call scene.show(state, solution) first.")
         return self._sizes
 
-    def _measure(self, cloud: Array) -> Sizes:
+    def _measure(self, cloud: Array, largest_moment: float) -> Sizes:
         body = float(np.ptp(cloud, axis=0).max()) or 1.0
         length = self._arrow_per_weight or round_number(0.5 * body)
         weight = float(self._robot.mass * np.linalg.norm(self._robot.model.gravity.linear))
-        return Sizes(body, length / (weight or WEIGHTLESS_N), weight)
-
-    def _send_parts(self) -> None:
-        for i, part in enumerate(self._parts):
-            send_part(self._viewer, f"robot/{i}", part)
-        for i, shape in enumerate(collision_parts(self._robot)):
-            send_part(self._viewer, f"collision/{i}", shape.part)
-        self._recorder.post("bodies", bodies(self._robot, self._parts))
-
-    def _place_parts(self, data: pin.Data) -> None:
-        placed = [(f"robot/{i}", part) for i, part in enumerate(self._parts)]
-        placed += [(f"collision/{i}", shape.part) for i, shape in enumerate(collision_parts(self._robot))]
-        for path, part in placed:
-            self._viewer[path].set_transform((data.oMi[part.joint] * part.placement).homogeneous)
-
-    def _extremes(self, data: pin.Data) -> Array:
-        """The outermost points of the robot in W, shape (n, 3) [m]: all that is needed to measure and frame it."""
-        points = [np.zeros((0, 3))]
-        for part in self._parts:
-            X_WG = data.oMi[part.joint] * part.placement
-            points.append(part.mesh.placed(X_WG.rotation, X_WG.translation).vertices)
-        return outermost(np.vstack(points)) if self._parts else np.zeros((1, 3))
+        return Sizes(body, length / (weight or WEIGHTLESS_N), weight, largest_moment)
 
     def _describe(self) -> None:
         """Send the frames, the layers, and the layer and label of every mark."""
-        assert self._data is not None
-        self._recorder.post("frames", frames(self._robot, self._data, self._picture.contacts, self._shown().body))
+        self._recorder.post("frames", frames(self._robot, self._body.data, self._picture.contacts, self._shown().body))
         self._recorder.post("marks", described(self._drawn, self._layers))
 
     def _write_legend(self) -> None:
-        what = legend_data(self._robot.name, self._picture, contact_colors(self._seen), self._shown())
-        _, _, details, note = self._poses
-        poses = [entry(color, name, detail=details.get(name, ""), layer="other poses") for name, color in self._others.items()]
-        statics = [entry(color, name, layer="regions") for name, color in legend_of(self._statics)]
-        what["entries"] = [*poses, *what["entries"], *statics]  # type: ignore[misc]
-        help_ = "Drag to turn, wheel to zoom, right button to shift."
-        what["notes"] = [*([note] if note else []), *what["notes"], help_]  # type: ignore[misc]
+        colors, poses = contact_colors(self._seen), self._body.poses
+        what = legend_data(self._robot.name, self._picture, colors, self._shown(), self._statics, poses.entries(), poses.note)
         self._recorder.post("legend", json.dumps({"legend": what}))
 
-    def _view(self, data: pin.Data) -> str:
+    def _view(self) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
-        drawn = [mark.mesh.vertices for mark in self._drawn]
-        if self._cloud is None:  # costly, and the same until the next state
-            self._cloud = self._extremes(data)
-        fit = outermost(np.vstack([self._cloud, self._further, self._around, *drawn]))
-        low, high = fit.min(axis=0), fit.max(axis=0)
-        across = float(np.linalg.norm(high - low))
-        view = {
-            "direction": seen_from(self._picture.contacts, FRONT_LEFT) if self._seen_from is None else self._seen_from.tolist(),
-            "front": front_of(self._robot, data, self._picture.contacts),
-            "opens": self._opens,
-            "fov": 30.0,
-            "points": np.round(fit, 4).tolist(),
-            "centre": np.round((low + high) / 2.0, 4).tolist(),
-            "radius": round(across / 2.0, 4),
-            # A motion over a long way has a coarser grid: no more than some hundred lines.
-            "cell": round_number(max(0.2 * self._shown().body, across / 60.0)) if self._ground else 0.0,
-        }
-        return json.dumps({"view": view})
+        drawn = [mark.mesh.vertices for mark in self._drawn if self._layers[mark.layer]]
+        contacts, body = self._picture.contacts, self._body
+        direction = seen_from(contacts) if self._seen_from is None else self._seen_from.tolist()
+        front, clouds = front_of(self._robot, body.data, contacts), [body.cloud, body.further, self._around, *drawn]
+        return camera_and_ground(clouds, direction, front, opens=self._opens, body=self._shown().body, ground=self._ground)

@@ -338,3 +338,17 @@ def test_a_quick_frame_is_the_same_picture(browser: Browser, talos_on_feet: Simp
         found = shown.evaluate(script)
     assert found["mean"] < 0.3 and found["far"] < 2e-3 and found["frames"]["quick"] >= 2
     assert found["ratio"] > 3.0  # about 15
+
+
+def test_an_answer_takes_less_than_fifty_milliseconds(talos_on_feet: SimpleNamespace):
+    """Solve, certificate-free verdict, marks and messages of Talos, in time of the processor; little is sent."""
+    live, page = talos_on_feet.live, talos_on_feet.page
+    took, sent = [], []
+    values = {**page.values, "push": 20.0, "direction": 30.0, "upwards": 0.0, "friction": 0.7, "motors": UNPUSHED}
+    for push in (20.0, 22.0, 24.0, 26.0, 28.0, 30.0):
+        seen = talos_on_feet.scene.recorder.messages()[1]
+        began = time.thread_time()
+        next(live.answer({**values, "push": push}))
+        took.append(time.thread_time() - began)
+        sent.append(sum(map(len, talos_on_feet.scene.recorder.messages(after=seen)[0])))
+    assert min(took) < 50e-3 and max(sent[1:]) < 200_000

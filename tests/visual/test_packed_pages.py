@@ -163,3 +163,24 @@ def test_the_library_in_the_page_is_meshcats_own(standing_page):
 
     text = standing_page("talos").read_text(encoding="utf-8")
     assert block(text, "library") == files("meshcat").joinpath("viewer/dist/main.min.js").read_bytes()
+
+
+def test_a_translucent_body_is_seen_below_the_floor(tmp_path, browser):
+    """A box of red glass, half of it below z = 0: its front face is as red there as above."""
+    mass = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    look = (
+        '<visual><geometry><box size="0.4 0.4 0.4"/></geometry><material name="r"><color rgba="1 0 0 0.6"/></material></visual>'
+    )
+    (tmp_path / "glass.urdf").write_text(f'<robot name="glass"><link name="b">{mass}{look}</link></robot>')
+    robot = rbd.load_robot(tmp_path / "glass.urdf")
+    with Scene(robot, seen_from=(1.0, 0.0, 0.3), legend=False) as scene:
+        scene.show(robot.at())
+        page = scene.export(tmp_path / "glass.html")
+    with browser.open(page, width=320, height=240, fragment="controls=off") as shown:
+        above, below = (shown.evaluate(f"stage.project([0.2, 0.05, {z}])") for z in (0.1, -0.1))
+        with Image.open(io.BytesIO(shown.picture())) as image:
+            seen = np.asarray(image.convert("RGB"), float)
+    red = [seen[round(y), round(x)] for x, y in (above, below)]
+    for pixel in red:
+        assert pixel[0] - pixel[1:].max() > 80.0
+    assert np.abs(red[0] - red[1]).max() < 40.0

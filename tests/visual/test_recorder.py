@@ -62,7 +62,7 @@ def test_a_late_viewer_gets_the_same_scene(recorder: Recorder):
     with recorder.together():
         recorder.send(command("set_object", "/meshcat/marks/b", 2))
     late = recorder.messages(after=seen)[0]
-    assert [b"delete" in message for message in late] == [True, True, False] and b"marks/b" in late[2]
+    assert [b"delete" in message for message in late] == [True, False] and b"marks/b" in late[1]
 
 
 def test_a_path_that_loses_something_is_sent_whole(recorder: Recorder, told: list[bytes | str]):
@@ -130,3 +130,15 @@ def test_a_scene_sends_what_differs(g1: rbd.Robot):
         assert any(b"pushes" in m for m in told if isinstance(m, bytes))
         assert not any(b"/robot/" in m or b"/com/" in m or b"support" in m for m in told if isinstance(m, bytes))
         assert sum(map(len, told)) < 0.2 * whole
+
+
+def test_a_whole_branch_is_deleted_at_its_top(recorder: Recorder, told: list[bytes | str]):
+    """Many things gone below one path, and nothing left there: one deletion; a neighbour with a longer name stays."""
+    for i in range(5):
+        recorder.send(command("set_object", f"/meshcat/marks/torques/{i}/arc"))
+    recorder.send(command("set_object", "/meshcat/marks/torques_of_others"))
+    told.clear()
+    with recorder.together():
+        recorder.send(command("delete", "/meshcat/marks/torques"))
+    assert len(told) == 1 and b"/meshcat/marks/torques" in told[0] and b"torques/" not in told[0]
+    assert sum(b"of_others" in message for message in recorder.messages()[0]) == 1

@@ -19,7 +19,7 @@ from rbd.visual import Browser, contact_colors, export_video
 from rbd.visual.pages import encoders
 from rbd.visual.playback.video import frame_times
 
-SIZE = {"width": 320, "height": 200}
+SIZE = {"width": 480, "height": 300}
 # It answers as ffmpeg does: tells codecs; counts the JPEG pictures that come and writes the count with the arguments.
 FAKE = """#!{python}
 import sys
@@ -39,9 +39,9 @@ with open(sys.argv[-1], "wb") as out:
 
 @pytest.fixture(scope="module")
 def swing() -> rbd.Trajectory:
-    """A four-bar linkage that swings for a third of a second."""
+    """A four-bar linkage that swings for six tenths of a second."""
     robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
-    return rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.3, step=1e-2, progress=False)
+    return rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.6, step=2e-2, progress=False)
 
 
 @pytest.fixture(scope="module")
@@ -72,8 +72,8 @@ def put_fake(folder: Path, codec: str = "libx264", fails: bool = False) -> None:
 def pictures(path: Path) -> tuple[list[np.ndarray], list[int]]:
     """Pictures of a GIF, each of shape (height, width, 3) from 0 to 255, and their times [ms]."""
     with Image.open(path) as image:
-        frames = list(ImageSequence.Iterator(image))
-        return [np.asarray(f.convert("RGB"), float) for f in frames], [int(f.info["duration"]) for f in frames]
+        frames = [(np.asarray(f.convert("RGB"), float), int(f.info["duration"])) for f in ImageSequence.Iterator(image)]
+    return [each for each, _ in frames], [ms for _, ms in frames]
 
 
 def test_pictures_are_evenly_spaced_to_the_end() -> None:
@@ -87,14 +87,14 @@ def test_pictures_are_evenly_spaced_to_the_end() -> None:
 
 def test_a_gif_shows_the_motion(swing: rbd.Trajectory, browser: Browser, tmp_path: Path) -> None:
     """As many pictures as are due, of the size asked for, for as long as the motion takes; what moves is the linkage."""
-    path = export_video(swing, tmp_path / "swing.gif", fps=20.0, speed=0.5, browser=browser, progress=False, **SIZE)
+    path = export_video(swing, tmp_path / "swing.gif", fps=20.0, speed=0.75, browser=browser, progress=False, **SIZE)
     shown, ms = pictures(path)
-    assert len(shown) == 13
-    assert sum(ms) == 650
-    assert {each.shape for each in shown} == {(200, 320, 3)}
+    assert len(shown) == 17
+    assert sum(ms) == 850
+    assert {each.shape for each in shown} == {(300, 480, 3)}
     moved = np.abs(shown[-1] - shown[0]).max(axis=2) > 60.0
     assert 20 < moved.sum() < 0.2 * moved.size
-    assert (shown[0][-30:, -110:].max(axis=2) < 110.0).sum() > 20  # the clock
+    assert (shown[0][-20:, -80:].max(axis=2) < 110.0).sum() > 20  # the clock
 
 
 def test_forces_keep_their_colours(held: tuple[rbd.Trajectory, list[str]], browser: Browser, tmp_path: Path) -> None:
@@ -103,7 +103,7 @@ def test_forces_keep_their_colours(held: tuple[rbd.Trajectory, list[str]], brows
     found = []
     for layers in ({}, {"forces": False, "corner forces": False}):
         path = export_video(trajectory, tmp_path / "held.gif", fps=10.0, layers=layers, browser=browser, progress=False, **SIZE)
-        last = pictures(path)[0][-1][:, 150:]  # right of the legend
+        last = pictures(path)[0][-1][:, 190:]  # right of the legend
         colors = [list(bytes.fromhex(color[1:])) for color in contact_colors(names).values()]
         found.append([int((np.linalg.norm(last - color, axis=2) < 45).sum()) for color in colors])
     assert min(found[0]) >= 8, found
@@ -111,7 +111,7 @@ def test_forces_keep_their_colours(held: tuple[rbd.Trajectory, list[str]], brows
 
 
 def test_ffmpeg_is_given_every_picture(swing: rbd.Trajectory, browser: Browser, tmp_path: Path, on_path: Path) -> None:
-    """Whole JPEG pictures through a pipe, the rate, the best codec that it has; the file replaces an old one, nothing is left."""
+    """Whole JPEG pictures through a pipe, the rate, the best codec that it has; the file replaces an old one."""
     put_fake(on_path, "libopenh264")
     folder = tmp_path / "out"
     folder.mkdir()
@@ -120,7 +120,7 @@ def test_ffmpeg_is_given_every_picture(swing: rbd.Trajectory, browser: Browser, 
     target.chmod(0o600)
     assert swing.video(target, fps=25.0, browser=browser, progress=False, **SIZE) == target
     count, whole, given = eval(target.read_text())  # noqa: S307 - what the fake wrote
-    assert (count, whole) == (9, True)
+    assert (count, whole) == (16, True)
     assert given[given.index("-framerate") + 1] == "25"
     assert "libopenh264" in given and "libx264" not in given
     assert given[given.index("-movflags") + 1] == "+faststart"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -111,8 +111,8 @@ class Choice(Displayed):
             raise InputError(f"options of {self.name!r} are {given!r:.80}; expected 1 to {MOST_NAMES} short names in a list.")
         if len(set(options)) < len(options):
             raise InputError(f"options of {self.name!r} name one twice: {', '.join(options):.200}.")
-        value = options[0] if self.value == "" else self.value
-        if value not in options:
+        value = options[0] if isinstance(self.value, str) and not self.value else self.value
+        if not isinstance(value, str) or value not in options:
             raise InputError(f"{self.name!r} starts at {value!r:.80}; expected one of {', '.join(options):.300}.")
         object.__setattr__(self, "options", options)
         object.__setattr__(self, "value", value)
@@ -159,7 +159,7 @@ def checked_controls(controls: object) -> dict[str, Control]:
         InputError: what is no list of controls, or two of one name.
     """
     given: Any = [controls] if isinstance(controls, Slider | Choice) else controls
-    if isinstance(given, str | Mapping) or not hasattr(given, "__iter__"):
+    if not isinstance(given, Sequence | Iterator) or isinstance(given, str):
         raise InputError(f"controls are {controls!r:.80}; expected a list of rbd.visual.Slider and rbd.visual.Choice.")
     out: dict[str, Control] = {}
     for control in given:

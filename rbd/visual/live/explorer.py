@@ -31,6 +31,9 @@ class Verdict(Displayed):
         lines: More, below it.
         good: Whether it is well: green; False: red, and the robot is drawn in grey; None: neither.
 
+    Raises:
+        InputError: a title that is no text, lines that are no list of texts, `good` that is neither of the three.
+
     Example:
         >>> rbd.visual.Verdict("Holds", ("friction used: 41 %",), True).title
         'Holds'
@@ -40,23 +43,39 @@ class Verdict(Displayed):
     lines: tuple[str, ...] = ()
     good: bool | None = None
 
+    def __post_init__(self) -> None:
+        """Check."""
+        given: Any = self.lines
+        if not isinstance(self.title, str):
+            raise InputError(f"the title of a verdict is {self.title!r:.80}; expected text.")
+        if not isinstance(given, list | tuple) or not all(isinstance(line, str) for line in given):
+            raise InputError(f"the lines of a verdict are {given!r:.80}; expected texts in a list.")
+        if not (self.good is None or isinstance(self.good, bool)):
+            raise InputError(f"good is {self.good!r:.80}; expected True, False or None.")
+        object.__setattr__(self, "lines", tuple(given))
+
     def data(self) -> dict[str, object]:
         """What the page needs."""
-        lines = [str(line)[:LONGEST_TEXT] for line in self.lines]
-        return {"title": str(self.title)[:LONGEST_TEXT], "lines": lines, "good": self.good}
+        return {"title": self.title[:LONGEST_TEXT], "lines": [line[:LONGEST_TEXT] for line in self.lines], "good": self.good}
 
 
 Values: TypeAlias = Mapping[str, Any]
 Answered: TypeAlias = Verdict | Iterator[Verdict | None] | None
 
 
-class Explorer:
+class Explorer(Displayed):
     """A scene with sliders: made by `explore`. Use it as a context, or close it; the scene stays open.
 
     Args:
         scene: Where the answers are drawn.
         controls: What the page shows.
         answer: See `explore`.
+
+    Example:
+        >>> with rbd.visual.Scene(rbd.testing.box(mass=10.0)) as scene:
+        ...     with rbd.visual.explore(scene, rbd.visual.Slider("lift", 0.0, 1.0, 0.0), lambda values: None) as page:
+        ...         print(page.values, page.verdict)
+        {'lift': 0.0} None
     """
 
     def __init__(self, scene: Scene, controls: Mapping[str, Control], answer: Callable[[Values], Answered]) -> None:
@@ -228,7 +247,7 @@ def explore(scene: Scene, controls: Iterable[Control] | Control, answer: Callabl
         ...     with rbd.visual.explore(scene, [wind], answer) as page:
         ...         page.set({"wind": 4.0})
         ...         print(page.wait(), page.values, page.verdict.title)
-        True {'wind': 4.0} Holds with 0.76 N m
+        True {'wind': 4.0} Holds with 0.78 N m
     """
     if not isinstance(scene, Scene):
         raise InputError(f"scene is {scene!r:.80}; expected a rbd.visual.Scene.")

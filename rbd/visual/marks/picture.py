@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -79,12 +79,13 @@ class Picture:
         """Names of the constraints with a colour of their own."""
         return (*(c.name for c in self.contacts), *(p.name for p in self.others.points))
 
-    def marks(self, colors: Mapping[str, str], sizes: Sizes) -> list[Mark]:
+    def marks(self, colors: Mapping[str, str], sizes: Sizes, without: Collection[str] = ()) -> list[Mark]:
         """All marks, in the order in which they are drawn.
 
         Args:
             colors: {constraint: '#rrggbb'} of `colored`.
             sizes: Of the marks.
+            without: Layers to leave out.
         """
         drawn: list[Mark] = []
         for i, surface in enumerate(self.surfaces):
@@ -96,14 +97,20 @@ class Picture:
         drawn += [points_mark(points, colors[points.name], sizes) for points in self.others.points]
         for loop in self.others.loops:
             drawn += loop_marks(loop, LOOP_COLOR, sizes)
-        drawn += constraint_torque_marks(self.others.torques, sizes) + torque_marks(self.torques, sizes)
+        drawn += constraint_torque_marks(self.others.torques, sizes)
+        drawn += torque_marks(() if "joint torques" in without else self.torques, sizes)
         for i, push in enumerate(self.pushes):
             drawn += push_marks(i, push, sizes)
-        return [mark for mark in drawn if len(mark.mesh.faces)]
+        return [mark for mark in drawn if len(mark.mesh.faces) and mark.layer not in without]
 
     def has_moments(self, sizes: Sizes) -> bool:
         """Whether an arc of a moment is drawn."""
         return any(abs(moment_angle(size, sizes)) >= SMALLEST_ARC for _, size in self._moments())
+
+    @property
+    def largest_moment(self) -> float:
+        """Of contacts, loops, pushes and stops [N m]."""
+        return max((size for _, size in self._moments()), default=0.0)
 
     def left_out(self, sizes: Sizes) -> list[str]:
         """What the picture does not show, or not in full, in words."""

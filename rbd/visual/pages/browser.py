@@ -35,9 +35,9 @@ FLAGS = (
 # A page without a stage, such as a contact sheet, is drawn when it is loaded.
 _DRAWN = """(() => {
   if (document.readyState !== "complete") return false;
-  const { stage, ready, failed } = document.body.dataset;
+  const { ready, failed } = document.body.dataset;
   if (failed) throw new Error(failed);
-  return stage === undefined || ready === "true";
+  return !document.getElementById("meshcat-pane") || ready === "true";
 })()"""
 
 

@@ -41,7 +41,7 @@ _PAGE = Template("""<!DOCTYPE html>
 $style
 </style>
 </head>
-<body data-stage="">
+<body>
 <noscript>This page is a picture to turn and play: it needs JavaScript, which is off here.</noscript>
 <div id="meshcat-pane"></div>
 <aside id="legend"></aside>

@@ -123,13 +123,10 @@ class Recorder:
             else:
                 wanted[key] = message
         gone = {path for path, kind in self._kept if kind != _DELETE and (path, kind) not in wanted}
-        for path in sorted(gone):  # a path comes before those below it
-            if path not in gone:
-                continue
-            gone -= {each for each in gone if each != path and _is_below(each, path)}
-            for key in [k for k in self._kept if _is_below(k[0], path)]:
+        for top in _tops(gone, {path for path, _ in wanted}):
+            for key in [k for k in self._kept if _is_below(k[0], top)]:
                 del self._kept[key]
-            self._keep((path, _DELETE), umsgpack.packb({"type": "delete", "path": path}))
+            self._keep((top, _DELETE), umsgpack.packb({"type": "delete", "path": top}))
         # A motion that has run in the page has moved the robot and written the legend there: all is sent again.
         sent = {key for key, _ in draft}
         anew = _MOTION in sent and self._kept.get(_MOTION, (0, wanted[_MOTION]))[1] != wanted[_MOTION]
@@ -147,6 +144,23 @@ def drawn_together(method: Callable[Concatenate[Any, _Given], _Got]) -> Callable
             return method(self, *arguments, **settings)
 
     return drawn
+
+
+def _tops(gone: set[str], there: set[str]) -> list[str]:
+    """The fewest paths whose deletion takes all of `gone` along; below them is nothing of what is there.
+
+    A path of `gone` that is itself still there has lost something: it is deleted, with all below it, and sent again.
+    """
+    alive = {path[:i] for path in there for i, letter in enumerate(path + "/") if letter == "/"}
+    tops: list[str] = []
+    for path in sorted(gone):
+        if tops and _is_below(path, tops[-1]):
+            continue
+        top = path
+        while (parent := top.rpartition("/")[0]) and parent not in alive:
+            top = parent
+        tops.append(top)
+    return tops
 
 
 def _is_below(path: str, top: str) -> bool:

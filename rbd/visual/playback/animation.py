@@ -16,14 +16,16 @@ import numpy as np
 
 from rbd.arrays import Array, as_array
 from rbd.errors import InputError, PictureError
+from rbd.visual.framing import FRONT_LEFT
 from rbd.visual.marks.footprints import footprints_of
+from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import screenshot, write_page
 from rbd.visual.playback.curves import Choice, described, together
 from rbd.visual.playback.frames import Pushes, PushesAt
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.playback.staging import a_second, a_time, checked, displaced, staged
 from rbd.visual.playback.trajectory_charts import charts_of
-from rbd.visual.scene import FRONT_LEFT, Scene
+from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_page, a_path, a_picture
 
 if TYPE_CHECKING:
@@ -205,6 +207,7 @@ def motion_sheet(
     ground: bool = True,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
+    browser: Browser | None = None,
 ) -> Path:
     """Draw a motion at some times side by side, all from one camera, with the time under each; returns the picture's path.
 
@@ -223,6 +226,7 @@ def motion_sheet(
         ground: Whether to draw the ground.
         seen_from: Direction from the robot to the camera.
         arrow_per_weight: Length of an arrow as large as the weight [m].
+        browser: An open browser; by default one is started.
 
     Raises:
         InputError: not a trajectory, times outside it, invalid sizes.
@@ -254,7 +258,7 @@ def motion_sheet(
         write_page(page, scene.page())
         across = in_a_row * (width + GAP) - GAP
         down = math.ceil(len(at) / in_a_row) * (height + CAPTION_HEIGHT + GAP) - GAP
-        return screenshot(page, picture, width=across, height=down)
+        return screenshot(page, picture, width=across, height=down, browser=browser)
 
 
 def replay(

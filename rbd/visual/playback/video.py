@@ -36,6 +36,9 @@ if TYPE_CHECKING:
 MOST_FPS = 240.0
 MOST_FRAMES = 20_000
 LEAST_SIZE, MOST_SIZE = 16, 4000
+LAID_OUT = 960
+"""Width of the window of all pictures that are neither very small nor very large."""
+SMALLEST_SCALE, LARGEST_SCALE = 0.5, 4.0
 SAMPLES = 6
 """Pictures from which a .gif takes its colours."""
 BATCH = 6
@@ -128,7 +131,8 @@ def export_video(
     with tempfile.TemporaryDirectory(prefix="rbd-video-") as folder, one_browser(browser) as used:
         page = Path(folder) / "page.html"
         write_page(page, scene.page(title))
-        with used.open(page, width=width, height=height, fragment=link, before=_BEFORE) as shown:
+        across, down = _window(width, height)
+        with used.open(page, width=across, height=down, fragment=link, before=_BEFORE) as shown:
             shown.evaluate(f"{_script()}\nvoid (window.video = new Video(stage, {json.dumps(settings)}))")
             with progress_of(times, shown=progress, doing="drawing the video") as reached:
                 samples = _frames(shown, times[:: max(1, len(times) // SAMPLES)])
@@ -190,6 +194,12 @@ def _scene(trajectory: Trajectory | Motion | MotionReport, **options: object) ->
                 f"{name} was given with a report, which has its ground; expected it with a trajectory or a motion."
             )
     return report_scene(trajectory, charts=False, **options)  # type: ignore[arg-type]
+
+
+def _window(width: int, height: int) -> tuple[int, int]:
+    """Size of the window in which legend and time are laid out: they take the same share of pictures of all sizes."""
+    scale = min(max(width / LAID_OUT, SMALLEST_SCALE), LARGEST_SCALE)
+    return round(width / scale), round(height / scale)
 
 
 @cache

@@ -60,6 +60,7 @@ class Cast {
     stage.viewer.set_object([this.where], this.group);
     this.group.position.set(...this.shift);
     this.layers = new Map();
+    this.riders = [];
     this.parts = motion.parts.map((part) => ({
       object: this.piece(part.node),
       body: part.body,
@@ -119,7 +120,7 @@ class Cast {
       const object = tree === "frames" ? this.stage.frames[node] : this.stage.layers.object(`${tree}/${node}`);
       if (!object) continue;
       if (body === null) object.visible = false;
-      else this.parts.push({ object, body, position: new T.Vector3(...at.slice(0, 3)), turn: new T.Quaternion(...at.slice(3)) });
+      else this.riders.push({ object, body, position: new T.Vector3(...at.slice(0, 3)), turn: new T.Quaternion(...at.slice(3)) });
     }
   }
 
@@ -224,7 +225,7 @@ class Cast {
     const { sizes, bodies } = this.motion;
     const turn = new T.Quaternion(), at = new T.Vector3();
     if (this.ghost.length) this.makeGhost();
-    for (const part of this.parts) {
+    for (const part of [...this.parts, ...this.riders]) {
       const k = 7 * part.body;
       at.set(row[k], row[k + 1], row[k + 2]);
       turn.set(row[k + 3], row[k + 4], row[k + 5], row[k + 6]).normalize();

@@ -1,9 +1,9 @@
 // The legend: a title that folds the rest, a row for each name, notes below.
-const FOLDS_BELOW = 500;  // pixels: the legend of a smaller window starts folded
+const FOLDS_BELOW = [500, 360];  // pixels across and down: the legend of a smaller window starts folded
 
 // A title with a button that folds what is below it; kept when the legend is written anew.
 function heading(legend, title) {
-  if (!legend.dataset.fold) legend.dataset.fold = window.innerWidth < FOLDS_BELOW ? "folded" : "open";
+  if (!legend.dataset.fold) legend.dataset.fold = window.innerWidth < FOLDS_BELOW[0] || window.innerHeight < FOLDS_BELOW[1] ? "folded" : "open";
   const h1 = document.createElement("h1");
   const button = Object.assign(document.createElement("button"), { type: "button", textContent: title });
   button.title = "Fold or unfold (h)";

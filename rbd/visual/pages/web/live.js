@@ -1,6 +1,7 @@
 // The connection of a live page: what the scene sends, what the sliders ask. One page, one socket, to its own server only.
 class Live {
-  constructor(stage, address) {
+  // `note` takes what the scene tells, `stage` shows it.
+  constructor(stage, address, note) {
     this.stage = stage;
     this.open = false;
     this.backdrop = new Backdrop(stage);
@@ -12,7 +13,7 @@ class Live {
     };
     socket.onmessage = (event) => {
       if (typeof event.data !== "string") stage.receive(new Uint8Array(event.data));
-      else stage.note(JSON.parse(event.data));
+      else note(JSON.parse(event.data));
     };
     socket.onclose = () => {
       this.open = false;

@@ -47,6 +47,12 @@ class Meshes {
   constructor(viewer, pieces) {
     this.viewer = viewer;
     this.pieces = pieces;
+    // A mark's ghost goes with it.
+    const remove = viewer.delete_path.bind(viewer);
+    viewer.delete_path = (path) => {
+      remove(path);
+      if (path[1] === "marks" && path.length > 2) remove([...path.slice(0, -1), `${path[path.length - 1]}_seen_through`]);
+    };
     this.made = new Map();  // piece and box -> geometry: equal triangles are unpacked once
   }
 

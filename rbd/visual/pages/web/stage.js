@@ -1,5 +1,7 @@
 // The stage on which Meshcat's viewer shows a scene of rbd: light, ground, camera and legend.
 // World is z up, x forward; the camera lives in three.js's own axes, y up: (x, y, z) -> (x, z, -y).
+const LOW_WINDOW = 700;  // pixels
+
 class Stage {
   constructor(pane, legend, pieces) {
     this.legend = legend;
@@ -145,7 +147,7 @@ class Stage {
   }
 
   connect(address) {
-    this.live = new Live(this, address);
+    this.live = new Live(this, address, (message) => this.note(message));
   }
 
   // Whether the robot is drawn in a grey red: what is shown cannot be.
@@ -193,7 +195,7 @@ class Stage {
       const grid = new T.GridHelper(cells * view.cell, cells, 0x9aa5b1, 0xcbd2d9);
       grid.rotateX(Math.PI / 2);
       grid.position.set(Math.round(x / view.cell) * view.cell, Math.round(y / view.cell) * view.cell, 0);
-      const floor = new T.Mesh(new T.PlaneGeometry(cells * view.cell, cells * view.cell), new T.ShadowMaterial({ opacity: 0.22 }));
+      const floor = new T.Mesh(new T.PlaneGeometry(cells * view.cell, cells * view.cell), new T.ShadowMaterial({ opacity: 0.22, depthWrite: false }));
       floor.position.set(grid.position.x, grid.position.y, -0.001 * r);
       floor.receiveShadow = true;
       group.add(grid, floor);
@@ -211,17 +213,12 @@ class Stage {
     const camera = this.viewer.camera;
     const [width, height] = this.size();
     const taken = this.legend.offsetWidth ? this.legend.offsetLeft + this.legend.offsetWidth : 0;
-    // The legend takes the left side of a wide window, the top of a narrow one.
-    const shift = taken > 0.4 * width ? 0 : taken;
-    const below = this.legend.offsetTop + this.legend.offsetHeight;
-    const drop = !shift && taken && below < 0.5 * height ? below : 0;
+    const below = taken ? this.legend.offsetTop + this.legend.offsetHeight : 0;
     // The bar of a motion, or sliders, take the foot of the window; curves the right side of a wide one.
     const { beside, foot } = this.player ? this.player.room() : this.controls.room();
     this.foot = foot ? foot - 12 : 0;
     const margin = 0.93;
     const full = margin * Math.tan((Math.PI / 180) * this.view.fov / 2);
-    const up = (full * (height - drop - foot)) / height;
-    const side = (full * (width - shift - beside)) / height;
     const three = (p) => new T.Vector3(p[0], p[2], -p[1]);
     const back = three(this.views.direction(this.views.name)).normalize();
     const right = new T.Vector3(0, 1, 0).cross(back).normalize();
@@ -232,28 +229,42 @@ class Stage {
       const along = points.map((p) => p.dot(axis));
       return (Math.min(...along) + Math.max(...along)) / 2;
     };
-    const target = new T.Vector3();
-    for (const axis of [right, top, back]) target.addScaledVector(axis, middle(axis));
-    let distance = 0;
-    for (let round = 0; round < 4; round++) {
-      distance = 0;
-      let low = [0, 0], high = [0, 0];
-      for (const p of points) {
-        const d = p.clone().sub(target);
-        distance = Math.max(distance, d.dot(back) + Math.abs(d.dot(right)) / side, d.dot(back) + Math.abs(d.dot(top)) / up);
+    // The camera for what is left beside, or below, the legend.
+    const aim = ([shift, drop]) => {
+      const up = (full * (height - drop - foot)) / height;
+      const side = (full * (width - shift - beside)) / height;
+      const target = new T.Vector3();
+      for (const axis of [right, top, back]) target.addScaledVector(axis, middle(axis));
+      let distance = 0;
+      for (let round = 0; round < 4; round++) {
+        distance = 0;
+        let low = [0, 0], high = [0, 0];
+        for (const p of points) {
+          const d = p.clone().sub(target);
+          distance = Math.max(distance, d.dot(back) + Math.abs(d.dot(right)) / side, d.dot(back) + Math.abs(d.dot(top)) / up);
+        }
+        for (const p of points) {
+          const d = p.clone().sub(target);
+          const depth = distance - d.dot(back);
+          [right, top].forEach((axis, i) => {
+            low[i] = Math.min(low[i], d.dot(axis) / depth);
+            high[i] = Math.max(high[i], d.dot(axis) / depth);
+          });
+        }
+        // Nearer points look larger: recentre on what the camera sees.
+        target.addScaledVector(right, (distance * (low[0] + high[0])) / 2);
+        target.addScaledVector(top, (distance * (low[1] + high[1])) / 2);
       }
-      for (const p of points) {
-        const d = p.clone().sub(target);
-        const depth = distance - d.dot(back);
-        [right, top].forEach((axis, i) => {
-          low[i] = Math.min(low[i], d.dot(axis) / depth);
-          high[i] = Math.max(high[i], d.dot(axis) / depth);
-        });
-      }
-      // Nearer points look larger: recentre on what the camera sees.
-      target.addScaledVector(right, (distance * (low[0] + high[0])) / 2);
-      target.addScaledVector(top, (distance * (low[1] + high[1])) / 2);
-    }
+      return { shift, drop, target, distance };
+    };
+    // The legend takes the left side of a wide window; else the side or the top, whichever leaves the larger picture.
+    const wide = taken <= 0.4 * width && this.legend.dataset.fold !== "folded";
+    // In a low window the robot's head would be behind the buttons.
+    const bar = height < LOW_WINDOW ? this.toolbar.bottom() : 0;
+    const ways = wide ? [[taken, bar]] : [[taken, bar], [0, Math.max(bar, below)]];
+    const free = ways.filter(([shift, drop]) => width - shift - beside > 90 && height - drop - foot > 60);
+    const found = (free.length ? free : [[0, 0]]).map(aim).sort((a, b) => a.distance - b.distance);
+    const { shift, drop, target, distance } = found[0];
     camera.fov = this.view.fov;
     camera.aspect = width / height;
     camera.near = distance / 100;

@@ -4,6 +4,7 @@
 const MOST_TRIANGLES = 45000, MOST_SHADOW_TRIANGLES = 8000;
 
 class Video {
+  // Pictures of `width` x `height`; the window may be larger or smaller, and what it lays out is scaled.
   constructor(stage, { width, height, quality, speed }) {
     Object.assign(this, { stage, width, height, quality, speed });
     const { viewer, player } = stage;
@@ -13,6 +14,7 @@ class Video {
     viewer.render = () => {};  // the page's own loop rests
     this.renderer = viewer.renderer;
     this.renderer.shadowMap.enabled = false;
+    this.renderer.setSize(width, height, false);
     this.target = new T.WebGLRenderTarget(width, height, { stencilBuffer: true, minFilter: T.LinearFilter });
     this.canvas = Object.assign(document.createElement("canvas"), { width, height });
     this.paper = this.canvas.getContext("2d", { alpha: false, willReadFrequently: true });
@@ -103,7 +105,9 @@ class Video {
     renderer.setRenderTarget(null);
     this.smooth.render(renderer, this.target.texture);
     labels.place();
-    paper.drawImage(renderer.domElement, 0, 0, this.width, this.height);
+    paper.resetTransform();
+    paper.drawImage(renderer.domElement, 0, 0);
+    paper.scale(this.width / window.innerWidth, this.height / window.innerHeight);
     this.clock.textContent = `${player.t.toFixed(player.digits)} s${this.speed === 1 ? "" : ` at ${this.speed}×`}`;
     this.painter.paint(this.stage.legend);
     this.painter.paint(this.clock);
