@@ -21,20 +21,21 @@ from rbd.model.dynamics import External, ExternalForce
 from rbd.model.state import State
 from rbd.visual.drawing import described, send_mark, send_part
 from rbd.visual.drawn_robot import DrawnRobot
+from rbd.visual.framing import FRONT_LEFT, camera_and_ground, seen_from
 from rbd.visual.layers import checked_layers, checked_view
 from rbd.visual.marks.contacts import ShownForce
-from rbd.visual.marks.legend import entry, legend_data, seen_from
+from rbd.visual.marks.legend import legend_data
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture
-from rbd.visual.marks.statics import Drawn, legend_of, marks_of
-from rbd.visual.other_poses import check_poses
+from rbd.visual.marks.statics import Drawn, left_out_of, marks_of
+from rbd.visual.other_poses import Details, OtherPoses, check_poses
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import offline_page, photograph, write_page
 from rbd.visual.pages.recorder import Recorder, drawn_together
 from rbd.visual.pages.server import LiveServer
 from rbd.visual.robot_layers import frames, front_of
 from rbd.visual.robot_meshes import RobotPart
-from rbd.visual.shapes import outermost, round_number
+from rbd.visual.shapes import round_number
 from rbd.visual.style import a_length, a_page, a_picture, contact_colors
 
 if TYPE_CHECKING:
@@ -44,7 +45,7 @@ if TYPE_CHECKING:
 
 # Newtons for one metre of arrow if a robot has no weight (no mass, or no gravity).
 WEIGHTLESS_N = 100.0
-FRONT_LEFT = (1.0, 0.62, 0.34)
+BESIDE_OPACITY = 0.55
 
 
 class Scene(Displayed):
@@ -111,7 +112,6 @@ class Scene(Displayed):
         self._drawn: list[Mark] = []
         self._picture = Picture(np.zeros(3))
         self._server: LiveServer | None = None
-        self._of_poses: tuple[dict[str, list[str]], str] = {}, ""
         self._around = np.zeros((0, 3))
         self._moving = False
         self._statics: tuple[Drawn, ...] = ()
@@ -139,7 +139,7 @@ class Scene(Displayed):
     @property
     def left_out(self) -> tuple[str, ...]:
         """What the picture does not show, or not in full, in words; the legend has them too."""
-        return tuple(self._picture.left_out(self._shown()))
+        return (*self._picture.left_out(self._shown()), *left_out_of(self._statics, self._shown()))
 
     @property
     def metres_per_newton(self) -> float:
@@ -205,10 +205,10 @@ class Scene(Displayed):
             for topic in ("motion", "moment"):
                 self._recorder.post(topic, json.dumps({topic: None}))
             self._around, self._moving = np.zeros((0, 3)), False
-        self._body.place(np.asarray(state.q, float))
-        if self._sizes is None:
-            self._sizes = self._measure(self._body.cloud)
+        self._body.place(np.asarray(state.q, float), again=reframed)
         self._picture = Picture.of(state, solution, external)
+        if self._sizes is None:
+            self._sizes = self._measure(self._body.cloud, self._picture.largest_moment)
         self._seen += [name for name in self._picture.colored if name not in self._seen]
         self._drawn = self._picture.marks(contact_colors(self._seen), self._sizes, without)
         self._drawn += marks_of(self._statics, self._sizes)
@@ -240,23 +240,14 @@ class Scene(Displayed):
             self._write_legend()
 
     @drawn_together
-    def beside(
-        self,
-        states: Mapping[str, State],
-        *,
-        shown: str = "",
-        details: Mapping[str, Sequence[str]] | None = None,
-        note: str = "",
-    ) -> None:
-        """Draw the robot in further poses at the same place, each in one colour: branches, steps of a motion.
+    def beside(self, states: Mapping[str, State], *, shown: str = "", details: Details = None, note: str = "") -> None:
+        """Draw the robot in further poses at the same place, each in one colour, until the next call: branches, for example.
 
-        They stay until the next call; `{}` takes them away. The legend names them. Bars that have one place in several poses
-        are striped in the colours of all these. Without `shown` the robot keeps its colours, and the poses are translucent.
+        Bars at one place in several poses have stripes of all their colours. Without `shown` the poses are translucent.
 
         Args:
-            states: {name: where the robot is}, of the scene's robot.
-            shown: Name of the pose that `show` drew: it gets one colour too, and its place in the legend among `states`, if it
-                is one of these.
+            states: {name: where the robot is}, of the scene's robot; `{}` takes them away. The legend names them.
+            shown: Name of the pose that `show` drew, which then has one colour too; it may be one of `states`.
             details: {name: lines below the name in the legend}, such as joint angles.
             note: A line below the legend.
 
@@ -266,8 +257,7 @@ class Scene(Displayed):
         """
         self._shown()
         check_poses(self._robot, states, shown)
-        self._of_poses = {name: list(lines) for name, lines in (details or {}).items()}, note
-        self._body.draw_poses(dict(states), shown)
+        self._body.draw_poses(OtherPoses(states, shown, details or {}, note))
         if self._legend:
             self._write_legend()
 
@@ -353,11 +343,11 @@ class Scene(Displayed):
             raise PictureError("the scene is empty: call scene.show(state, solution) first.")
         return self._sizes
 
-    def _measure(self, cloud: Array) -> Sizes:
+    def _measure(self, cloud: Array, largest_moment: float) -> Sizes:
         body = float(np.ptp(cloud, axis=0).max()) or 1.0
         length = self._arrow_per_weight or round_number(0.5 * body)
         weight = float(self._robot.mass * np.linalg.norm(self._robot.model.gravity.linear))
-        return Sizes(body, length / (weight or WEIGHTLESS_N), weight)
+        return Sizes(body, length / (weight or WEIGHTLESS_N), weight, largest_moment)
 
     def _describe(self) -> None:
         """Send the frames, the layers, and the layer and label of every mark."""
@@ -365,32 +355,14 @@ class Scene(Displayed):
         self._recorder.post("marks", described(self._drawn, self._layers))
 
     def _write_legend(self) -> None:
-        what = legend_data(self._robot.name, self._picture, contact_colors(self._seen), self._shown())
-        details, note = self._of_poses
-        poses = [
-            entry(color, name, detail=details.get(name, ""), layer="other poses") for name, color in self._body.poses.items()
-        ]
-        statics = [entry(color, name, layer="regions") for name, color in legend_of(self._statics)]
-        what["entries"] = [*poses, *what["entries"], *statics]  # type: ignore[misc]
-        help_ = "Drag to turn, wheel to zoom, right button to shift."
-        what["notes"] = [*([note] if note else []), *what["notes"], help_]  # type: ignore[misc]
+        colors, poses = contact_colors(self._seen), self._body.poses
+        what = legend_data(self._robot.name, self._picture, colors, self._shown(), self._statics, poses.entries(), poses.note)
         self._recorder.post("legend", json.dumps({"legend": what}))
 
     def _view(self) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
-        drawn = [mark.mesh.vertices for mark in self._drawn]
-        fit = outermost(np.vstack([self._body.cloud, self._body.further, self._around, *drawn]))
-        low, high = fit.min(axis=0), fit.max(axis=0)
-        across = float(np.linalg.norm(high - low))
-        view = {
-            "direction": seen_from(self._picture.contacts, FRONT_LEFT) if self._seen_from is None else self._seen_from.tolist(),
-            "front": front_of(self._robot, self._body.data, self._picture.contacts),
-            "opens": self._opens,
-            "fov": 30.0,
-            "points": np.round(fit, 4).tolist(),
-            "centre": np.round((low + high) / 2.0, 4).tolist(),
-            "radius": round(across / 2.0, 4),
-            # A motion over a long way has a coarser grid: no more than some hundred lines.
-            "cell": round_number(max(0.2 * self._shown().body, across / 60.0)) if self._ground else 0.0,
-        }
-        return json.dumps({"view": view})
+        drawn = [mark.mesh.vertices for mark in self._drawn if self._layers[mark.layer]]
+        contacts, body = self._picture.contacts, self._body
+        direction = seen_from(contacts) if self._seen_from is None else self._seen_from.tolist()
+        front, clouds = front_of(self._robot, body.data, contacts), [body.cloud, body.further, self._around, *drawn]
+        return camera_and_ground(clouds, direction, front, opens=self._opens, body=self._shown().body, ground=self._ground)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -9,9 +11,22 @@ import pytest
 import rbd
 from rbd.visual import Scene
 from rbd.visual.layers import LAYERS
-from rbd.visual.marks.mark import FULL_TURN
+from rbd.visual.marks.arrows import SMALLEST_ARC, share_color
+from rbd.visual.marks.contacts import shown_forces
+from rbd.visual.marks.joints import BAR, motor_torques
+from rbd.visual.marks.mark import FULL_TURN, Sizes
+from rbd.visual.marks.picture import Picture
+from rbd.visual.marks.support import not_supporting
+from rbd.visual.marks.surfaces import surface_marks
+from rbd.visual.shapes import axes_along
 
 PUSH = rbd.ExternalForce("torso_2_link", [0.0, 60.0, 0.0], moment=[0.0, 0.0, 12.0])
+
+
+@pytest.fixture(scope="module")
+def solo() -> rbd.Robot:
+    """A quadruped on four points."""
+    return rbd.load_robot("solo12")
 
 
 @pytest.fixture(scope="module")
@@ -30,8 +45,6 @@ def shown(robot, state, solution=None, external=None, **given):
 
 def notes_and_entries(scene) -> tuple[list[str], dict[str, dict[str, str]]]:
     """The notes of the legend, and its entries by name."""
-    import json
-
     message = next(m for m in scene._recorder.messages()[0] if isinstance(m, str) and m.startswith('{"legend"'))
     legend = json.loads(message)["legend"]
     return legend["notes"], {entry["name"]: entry for entry in legend["entries"]}
@@ -114,9 +127,213 @@ class TestMoments:
 
 def tip_angle(vertices, centre, axis, radius) -> float:
     """The angle that an arc turns from its beginning to its tip [rad], in (-2 pi, 2 pi)."""
-    from rbd.visual.shapes import axes_along
-
     local = (vertices - centre) @ axes_along(axis)
     on_circle = (np.abs(np.hypot(local[:, 0], local[:, 1]) - radius) < 1e-9) & (np.abs(local[:, 2]) < 1e-9)
     angles = np.arctan2(local[on_circle, 1], local[on_circle, 0]) % (2.0 * np.pi)
     return float(angles[-1])  # the tip of the head is the last point on the circle
+
+
+def arrow_ends(mark) -> tuple[np.ndarray, np.ndarray]:
+    """(start, tip) of an arrow's mark: its first vertices are the start, its last ones the tip."""
+    return mark.mesh.vertices[0], mark.mesh.vertices[-1]
+
+
+class TestLoops:
+    """The force of a loop on one body, and its opposite on the other."""
+
+    def test_the_four_bar_s_pin_pulls_both_bars_alike(self):
+        """Both arrows start at the pin, and are equal and opposite: force times scale."""
+        robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        state = robot.at("assembled")
+        loops = robot.loops()
+        solution = rbd.solve(state, np.zeros(robot.nu), loops)
+        marks, scene = shown(robot, state, solution)
+        name = loops[0].name
+        force, pin_at = solution.forces[name][:3], state.frame(loops[0].frame_b).X_WF.translation
+        assert np.linalg.norm(force) > 1.0
+        for part, sign in (("force", 1.0), ("reaction", -1.0)):
+            start, tip = arrow_ends(marks[f"loops/{name}/{part}"])
+            assert start == pytest.approx(pin_at, abs=1e-12)
+            assert tip - start == pytest.approx(sign * scene.metres_per_newton * force, abs=1e-12)
+        assert marks[f"loops/{name}/force"].layer == "loop forces" and not scene.left_out
+        assert f"on {loops[0].frame_b}" in notes_and_entries(scene)[1][name]["detail"]
+
+    def test_a_weld_has_a_moment_too(self):
+        """A box welded to the ground beside its weight: the moment is drawn at the second frame."""
+        box = rbd.testing.box(mass=10.0)
+        weld = rbd.LoopClosure("weld", "universe", "box", kind="rigid")
+        state = rbd.State(box, [0, 0, 0, 0, 0, 0, 1])
+        load = rbd.ExternalForce("box", (0.0, 0.0, 0.0), moment=(0.0, 7.0, 0.0))
+        solution = rbd.solve(state, [], [weld], external=load)
+        loop = Picture.of(state, solution, load).others.loops[0]
+        assert loop.on == "box" and loop.against == "" and loop.moment == pytest.approx([0.0, -7.0, 0.0], abs=1e-9)
+        assert loop.force == pytest.approx([0.0, 0.0, 98.1])
+
+
+class TestTorques:
+    """Motor torques as shares of their limits."""
+
+    def test_the_arc_s_angle_is_the_share_of_the_limit(self, talos, pushed):
+        """Of every revolute joint with a limit, about its axis, with the torque's sign; the colour tells the share."""
+        state, held = pushed
+        marks, scene = shown(talos, state, held, PUSH)
+        checked = 0
+        for t, tau, limit in zip(motor_torques(state, held), held.tau, talos.effort_limit, strict=True):
+            assert t.value == tau and t.limit == limit
+            mark = marks.get(f"torques/{t.name}/torque")
+            if t.slides or not np.isfinite(limit) or abs(tau) / limit * FULL_TURN < SMALLEST_ARC:
+                continue
+            expected = tau / limit * FULL_TURN % (2.0 * np.pi)
+            assert tip_angle(mark.mesh.vertices, t.point, t.axis, scene.sizes.arc) == pytest.approx(expected, abs=1e-9)
+            assert mark.color == share_color(abs(tau) / limit) and mark.layer == "joint torques"
+            checked += 1
+        assert checked > 5 and not LAYERS["joint torques"]
+
+    def test_the_axis_is_the_joint_s(self, talos, pushed):
+        """The power of a torque is torque times rate: the axis is that of the child body's turning."""
+        state, held = pushed
+        for t in motor_torques(state, held)[:8]:
+            joint = talos.joints[t.name]
+            v = np.zeros(talos.nv)
+            v[joint.v] = 1.0
+            J = state.frame(t.name).J
+            assert (J @ v)[3:] == pytest.approx(t.axis, abs=1e-12)
+
+    def test_of_a_solution_they_are_what_was_given(self, talos):
+        """`rbd.solve` is given tau; the picture has it from the equations of motion, with a push in them too."""
+        state, tau = talos.standing(), np.linspace(-0.9, 0.9, talos.nu)
+        solution = rbd.solve(state, tau, talos.soles(), external=PUSH)
+        assert [t.value for t in motor_torques(state, solution)] == pytest.approx(tau, abs=1e-9)
+
+    def test_a_sliding_joint_has_a_bar(self, tmp_path):
+        """A cart on a rail: a bar along the rail, of the share of the limit."""
+        text = (
+            '<robot name="cart"><link name="rail"/><link name="cart"><inertial><mass value="2"/>'
+            '<inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="slide" type="prismatic">'
+            '<parent link="rail"/><child link="cart"/><axis xyz="1 0 0"/>'
+            '<limit lower="-1" upper="1" effort="20" velocity="1"/></joint></robot>'
+        )
+
+        (tmp_path / "cart.urdf").write_text(text)
+        cart = rbd.load_robot(tmp_path / "cart.urdf", root="fixed")
+        state = cart.at()
+        marks, scene = shown(cart, state, rbd.solve(state, [-5.0], []))
+        start, tip = arrow_ends(marks["torques/slide/torque"])
+        assert tip - start == pytest.approx([-0.25 * BAR * scene.sizes.body, 0.0, 0.0], abs=1e-9)
+        assert marks["torques/slide/torque"].label.lines[0] == "-5 N, 25 %"
+
+    def test_a_stop_s_torque_is_drawn_at_its_joint(self):
+        """A pendulum on its stop: m g / 2 about the joint, among the moments."""
+        pendulum = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        stop = rbd.JointLimit("stop", "joint_1", lower=0.0)
+        state = pendulum.at([0.0])
+        marks, scene = shown(pendulum, state, rbd.solve(state, [0.0], [stop]))
+        torque = scene._picture.others.torques[0]
+        assert torque.value == pytest.approx(4.905) and marks["joints/0"].layer == "moments"
+        expected = 4.905 / scene.sizes.full_moment * FULL_TURN
+        assert scene.sizes.full_moment == 5.0  # the first picture's largest moment, rounded up
+        angle = tip_angle(marks["joints/0"].mesh.vertices, torque.point, torque.axis, scene.sizes.arc)
+        assert angle == pytest.approx(expected % (2.0 * np.pi), abs=1e-9)
+
+
+class TestSurfaces:
+    """Planes that contacts touch."""
+
+    def test_a_wall_behind_a_hand_contains_its_point(self, talos):
+        """The wall is vertical, through the hand, and reaches beyond it; the floor is not drawn twice."""
+        state = talos.standing()
+        wall = rbd.Ground(normal=(0.0, -1.0, 0.0))
+        hand = rbd.PointContact("hand", "gripper_left_base_link", on=wall, friction=0.5)
+        marks, scene = shown(talos, state, rbd.hold(state, [*talos.soles(friction=0.7), hand]))
+        assert [s.names for s in scene._picture.surfaces] == [("hand",)]
+        area, at = marks["surfaces/0/area"].mesh.vertices, state.frame("gripper_left_base_link").X_WF.translation
+        assert np.abs(area[:, 1] - at[1]).max() < scene.sizes.lift
+        assert (area.min(axis=0)[[0, 2]] < at[[0, 2]]).all() and (area.max(axis=0)[[0, 2]] > at[[0, 2]]).all()
+        assert marks["surfaces/0/area"].label.title == "wall" and marks["surfaces/0/area"].layer == "surfaces"
+        assert "Not in the support polygon: hand (steeper than 45 degrees)." in scene.left_out
+
+    def test_a_belt_has_arrows_of_its_velocity(self):
+        """Though its plane is the floor's: it moves. The label has the number, the arrows its direction."""
+        box = rbd.testing.box(mass=10.0)
+        belt = rbd.Ground(velocity=(0.0, 0.5, 0.0))
+        face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6, on=belt)
+        state = rbd.State(box, [0, 0, 0, 0, 0, 0, 1])
+        picture = Picture.of(state, rbd.solve(state, [], [face], solver=rbd.ConeSolver()), None)
+        surface = picture.surfaces[0]
+        assert surface.moves and surface.title == "moving ground" and surface.lines[0] == "velocity (0, 0.5, 0) m/s"
+        marks = {mark.path: mark for mark in surface_marks(0, surface, Sizes(1.0, 1e-3))}
+        spread = np.ptp(marks["surfaces/0/velocity"].mesh.vertices, axis=0)
+        flat = np.ptp(marks["surfaces/0/area"].mesh.vertices, axis=0)
+        assert spread[1] - 2.0 / 3.0 * flat[1] == pytest.approx(0.16, abs=1e-9)
+
+    def test_a_turntable_s_arrows_go_around(self, solo):
+        """The velocity of its material is W x r about its axis; four feet on it are one surface."""
+        table = rbd.Ground(point=(0, 0, 0), velocity=(0, 0, 0, 0, 0, 1.7), about=(0, 0, 0))
+        state = solo.standing()
+        solution = rbd.solve(state, np.zeros(solo.nu), solo.feet(friction=0.7, on=table), solver=rbd.ConeSolver())
+        surfaces = Picture.of(state, solution, None).surfaces
+        assert len(surfaces) == 1 and len(surfaces[0].names) == 4
+        assert surfaces[0].velocity(np.array([[0.5, 0.0, 0.0]])) == pytest.approx(np.array([[0.0, 0.85, 0.0]]))
+
+    def test_stairs_are_two_surfaces(self, talos):
+        """One at each height; the floor is not among them."""
+        state = talos.standing()
+        stair = rbd.find_pose(talos, {"left_sole": (0.3, 0.085, 0.17), "right_sole": (0.0, -0.085, 0.0)}, com=(0.15, 0.0))
+        state = stair.state
+        solution = rbd.hold(state, talos.soles(on={"left_sole": 0.17}))
+        _, scene = shown(talos, state, solution)
+        assert [s.title for s in scene._picture.surfaces] == ["ground at 0.17 m"]
+
+
+class TestLeftOut:
+    """What is not in the picture is told in words."""
+
+    def test_a_generalised_force_is_told(self, talos, pushed):
+        """It has no point: the rest is drawn, the legend tells its largest entry."""
+        state, held = pushed
+        force = np.zeros(talos.nv)
+        force[talos.joints["leg_left_4_joint"].v] = -3.5
+        marks, scene = shown(talos, state, held, force)
+        assert "contacts/left_sole/force" in marks and not any(path.startswith("pushes/") for path in marks)
+        words = [w for w in scene.left_out if "generalised" in w]
+        assert words and "-3.5 at leg_left_4_joint" in words[0] and words[0] in notes_and_entries(scene)[0]
+        assert not shown(talos, state, held, np.zeros(talos.nv))[1].left_out
+
+    def test_a_function_s_force_is_told(self):
+        """A rod by a function of q acts on many coordinates: no arrow, but a note."""
+        bead = rbd.testing.box(mass=2.0)
+        rod = rbd.FunctionConstraint("rod", lambda q: np.linalg.norm(q[:3]) - 1.0)
+        state = rbd.State(bead, [0.6, 0, 0.8, 0, 0, 0, 1])
+        words = Picture.of(state, rbd.solve(state, [], [rod]), None).unshown
+        assert len(words) == 1 and words[0].startswith("The force of rod is not drawn: 1 row on")
+
+    def test_a_contact_without_load_is_told(self):
+        """Four points under a crate that is pushed till it tips: those behind are not in the support polygon."""
+        box = rbd.testing.box(mass=10.0)
+        spots = {"front": 0.2, "back": -0.2}
+        feet = [rbd.PointContact(name, "box", offset=(x, 0.0, 0.0), friction=0.9) for name, x in spots.items()]
+        tip = rbd.ExternalForce("box", (0.0, 0.0, 0.0), moment=(0.0, 25.0, 0.0))
+        contacts = shown_forces(rbd.solve(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], feet, external=tip))
+        assert not_supporting(contacts) == ["Not in the support polygon: back (no load)."]
+
+    def test_a_force_longer_than_the_picture_is_cut_and_told(self, talos, pushed):
+        """Two heads, at the longest length, and a note that names it."""
+        state, held = pushed
+        huge = rbd.ExternalForce("torso_2_link", (1e5, 0.0, 0.0))
+        marks, scene = shown(talos, state, held, huge)
+        at = state.frame("torso_2_link").X_WF.translation
+        assert marks["pushes/0"].mesh.vertices[:, 0].max() == pytest.approx(at[0] + scene.sizes.longest)
+        assert "Two heads: longer than drawn (push on torso_2_link)." in scene.left_out
+
+    def test_wheels_and_edges_have_their_force_where_they_touch(self):
+        """A knife edge and a rolling disk: an arrow at the contact's point."""
+        sleigh = rbd.testing.box(mass=4.0)
+        blade = rbd.KnifeEdge("blade", "box", direction=(1, 0, 0), offset=(0.3, 0.0, 0.0))
+        moving = rbd.State(sleigh, [0, 0, 0, 0, 0, 0, 1], [2.0, 0.0, 0, 0, 0, 0.0])
+        picture = Picture.of(moving, rbd.solve(moving, [], [blade], external=rbd.ExternalForce("box", (0, 9.0, 0))), None)
+        assert picture.contacts[0].start == pytest.approx([0.3, 0.0, 0.0]) and abs(picture.contacts[0].force[1]) > 0.1
+        disk = rbd.testing.box(mass=1.0, size=(0.5, 0.01, 0.5))
+        rolls = rbd.State(disk, [0, 0, 0.25, 0, 0, 0, 1], [0.5, 0, 0, 0, 2.0, 0])
+        picture = Picture.of(rolls, rbd.solve(rolls, [], [rbd.RollingDisk("coin", "box", radius=0.25)]), None)
+        assert picture.contacts[0].start == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
+        assert picture.contacts[0].force == pytest.approx([0.0, 0.0, 9.81])

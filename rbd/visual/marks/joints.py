@@ -118,7 +118,7 @@ def joint_axes(state: State, coordinates: Sequence[int]) -> list[tuple[Array, Ar
     out = []
     for i in coordinates:
         j = owner[i]
-        column = pin.getJointJacobian(model, data, j, pin.LOCAL_WORLD_ALIGNED)[:, i]
+        column = pin.getJointJacobian(model, data, j, pin.LOCAL_WORLD_ALIGNED).reshape(6, model.nv)[:, i]
         slides = float(np.linalg.norm(column[3:])) < 1e-9
         axis = column[:3] if slides else column[3:]
         out.append((np.array(data.oMi[j].translation), axis / np.linalg.norm(axis), slides))
@@ -164,7 +164,7 @@ def torque_marks(torques: Sequence[ShownTorque], sizes: Sizes) -> list[Mark]:
         heads = 2 if share > 1.0 else 1
         mesh, track = _bar(t, size, sizes) if t.slides else _arc(t, size, heads, sizes)
         label = Label(t.name, t.lines, t.point + sizes.arc * t.axis)
-        marks.append(Mark(f"{at}/limit", track, color, 0.35, layer="joint torques", label=_hover(label)))
+        marks.append(Mark(f"{at}/limit", track, color, 0.6, True, "joint torques", _hover(label)))
         if len(mesh.faces):
             marks.append(Mark(f"{at}/torque", mesh, color, seen_through=True, layer="joint torques", label=label))
     return marks
@@ -176,16 +176,16 @@ def _hover(label: Label) -> Label:
 
 def _arc(t: ShownTorque, share: float, heads: int, sizes: Sizes) -> tuple[Mesh, Mesh]:
     """The arc of a share of the limit in [-1, 1], and the ring of the whole limit."""
-    axes, thickness = shapes.axes_along(t.axis), 0.6 * sizes.shaft
+    axes, thickness = shapes.axes_along(t.axis), 0.75 * sizes.shaft
     angle = share * FULL_TURN if abs(share) * FULL_TURN > SMALLEST_ARC else 0.0
-    ring = shapes.ring(t.point, axes, sizes.arc, thickness=0.35 * sizes.line)
+    ring = shapes.ring(t.point, axes, sizes.arc, thickness=0.5 * sizes.line)
     return shapes.arc_arrow(t.point, axes, sizes.arc, angle, thickness=thickness, heads=heads), ring
 
 
 def _bar(t: ShownTorque, share: float, sizes: Sizes) -> tuple[Mesh, Mesh]:
     """The bar of a share of the limit in [-1, 1] along the axis, and the line of the whole limit."""
     full = BAR * sizes.body * t.axis
-    line = shapes.tube(np.array([t.point - full, t.point + full]), radius=0.35 * sizes.line)
+    line = shapes.tube(np.array([t.point - full, t.point + full]), radius=0.5 * sizes.line)
     return shapes.arrow(t.point, share * full, radius=0.8 * sizes.shaft), line
 
 

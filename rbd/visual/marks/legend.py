@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rbd.visual.marks.arrows import share_color
-from rbd.visual.marks.contacts import ShownForce
 from rbd.visual.marks.joints import ShownTorque
 from rbd.visual.marks.mark import FULL_TURN, Sizes, number, numbers
 from rbd.visual.marks.others import LOOP_COLOR
+from rbd.visual.marks.statics import Drawn, left_out_of, legend_of
 from rbd.visual.marks.surfaces import surface_entries
 from rbd.visual.style import COM_COLOR, LIMITED_COLOR, PUSH_COLOR, SUPPORT_COLOR
 
@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 Entry = dict[str, str | list[str]]
 """A line of the legend: color, name, value, detail, and the layer with which it is shown and hidden."""
+LEAST_LISTED = 0.01
+"""Motors below this share of their limit are not listed."""
 LISTED = 6
 """Of more loops, stops or torques than this the largest are listed."""
 
@@ -29,7 +31,15 @@ def entry(color: str, name: str, value: str = "", detail: str | list[str] = "", 
     return {"color": color, "name": name, "value": value, "detail": detail, "layer": layer}
 
 
-def legend_data(title: str, picture: Picture, colors: Mapping[str, str], sizes: Sizes) -> dict[str, object]:
+def legend_data(
+    title: str,
+    picture: Picture,
+    colors: Mapping[str, str],
+    sizes: Sizes,
+    statics: Sequence[Drawn],
+    poses: Sequence[Entry],
+    note: str = "",
+) -> dict[str, object]:
     """The legend of a picture: {title, entries, notes}.
 
     Args:
@@ -37,8 +47,19 @@ def legend_data(title: str, picture: Picture, colors: Mapping[str, str], sizes: 
         picture: What is shown.
         colors: {contact: '#rrggbb'}.
         sizes: Of the marks.
+        statics: Regions and largest pushes in it.
+        poses: Entries of other poses in it.
+        note: On the poses.
     """
-    return {"title": title, "entries": [*_forces(picture, colors), *_rest(picture)], "notes": notes(picture, sizes)}
+    regions = [entry(color, name, layer="regions") for name, color in legend_of(statics)]
+    entries = [*_forces(picture, colors), *poses, *_rest(picture), *regions]
+    lines = [
+        *filter(None, [note]),
+        *left_out_of(statics, sizes),
+        *notes(picture, sizes),
+        "Drag to turn, wheel to zoom, right button to shift.",
+    ]
+    return {"title": title, "entries": entries, "notes": lines}
 
 
 def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
@@ -63,7 +84,16 @@ def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
         words = [f"({numbers(push.force)[1:-1]}) N"]
         words += [f"moment {numbers(push.moment)} N m"] if push.moment.any() else []
         entries.append(entry(PUSH_COLOR, f"push on {push.name}", _size(push.force), ", ".join(words), "pushes"))
-    for t in _largest([t for t in picture.torques if t.share is not None])[:3]:
+    return [*entries, *_torques(picture.torques)]
+
+
+def _torques(torques: Sequence[ShownTorque]) -> list[Entry]:
+    """What the arcs of the motors mean, and the motors that are nearest to their limits."""
+    if not torques:
+        return []
+    scale = f"{np.degrees(FULL_TURN):.0f} degrees of arc are a motor's limit; green 0 %, amber 50 %, red 100 %"
+    entries = [entry(share_color(0.0), "joint torques", "", scale, "joint torques")]
+    for t in _largest([t for t in torques if t.share is not None and t.share >= LEAST_LISTED])[:3]:
         assert t.share is not None
         value = f"{number(t.value)} {t.unit}"
         entries.append(entry(share_color(t.share), t.name, value, f"{100.0 * t.share:.0f} % of its limit", "joint torques"))
@@ -94,15 +124,6 @@ def scale_note(metres_per_newton: float, weight_N: float) -> str:
     times = per_metre / weight_N if weight_N else 0.0
     share = ", the weight" if abs(times - 1.0) < 1e-9 else f", {times:.3g} times the weight"
     return f"1 m of arrow is {per_metre:.4g} N{share if times else ''}."
-
-
-def seen_from(contacts: Iterable[ShownForce], front_left: Sequence[float]) -> list[float]:
-    """From the robot to the camera, in W: in front, on the left, above; the front is where the x axes of the soles point."""
-    toes = sum((c.patch.axes[:2, 0] for c in contacts if len(c.corners) > 2), start=np.zeros(2))
-    length = float(np.linalg.norm(toes))
-    ahead = toes / length if length > 1e-3 else np.array([1.0, 0.0])
-    left = np.array([-ahead[1], ahead[0]])
-    return np.round([*(front_left[0] * ahead + front_left[1] * left), front_left[2]], 4).tolist()
 
 
 def _size(force: np.ndarray) -> str:

@@ -61,11 +61,13 @@ class Sizes:
         body: Largest side of the box around the robot [m].
         metres_per_newton: Length of an arrow over its force [m/N].
         weight_N: The robot's weight [N]; zero where nothing weighs.
+        largest_moment: Of the first picture [N m]: the scale of moments reaches to it.
     """
 
     body: float
     metres_per_newton: float
     weight_N: float = 0.0
+    largest_moment: float = 0.0
 
     @property
     def shaft(self) -> float:
@@ -90,12 +92,19 @@ class Sizes:
     @property
     def arc(self) -> float:
         """Radius of the arc of a torque or a moment [m]."""
-        return 0.045 * self.body
+        return 0.05 * self.body
 
     @property
     def full_moment(self) -> float:
-        """The moment whose arc has the angle `FULL_TURN` [N m]: a force with an arrow of half the robot's size, at a tenth."""
-        return round_number(0.05 * self.body**2 / self.metres_per_newton)
+        """The moment whose arc has the angle `FULL_TURN` [N m]: 1, 2 or 5 times a power of ten.
+
+        At least that of a force with an arrow of half the robot's size, at a tenth of that size.
+        """
+        full = round_number(0.05 * self.body**2 / self.metres_per_newton)
+        if self.largest_moment <= full:
+            return full
+        up = round_number(self.largest_moment)
+        return up if up >= self.largest_moment else round_number(2.2 * up)
 
     @property
     def longest(self) -> float:

@@ -107,6 +107,11 @@ class Picture:
         """Whether an arc of a moment is drawn."""
         return any(abs(moment_angle(size, sizes)) >= SMALLEST_ARC for _, size in self._moments())
 
+    @property
+    def largest_moment(self) -> float:
+        """Of contacts, loops, pushes and stops [N m]."""
+        return max((size for _, size in self._moments()), default=0.0)
+
     def left_out(self, sizes: Sizes) -> list[str]:
         """What the picture does not show, or not in full, in words."""
         forces = [(c.name, c.force) for c in self.contacts] + [(loop.name, loop.force) for loop in self.others.loops]

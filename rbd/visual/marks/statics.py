@@ -16,7 +16,7 @@ from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
 from rbd.visual import shapes
 from rbd.visual.marks.footprints import Footprints
-from rbd.visual.marks.mark import Label, Mark, Sizes
+from rbd.visual.marks.mark import Label, Mark, Sizes, number
 from rbd.visual.shapes import Mesh
 from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR
 
@@ -65,6 +65,19 @@ def _labelled(mark: Mark, title: str) -> Mark:
     return replace(mark, layer="regions", label=Label(title, words, at, tag=kind in ("area", "cone")))
 
 
+def left_out_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[str]:
+    """What of them is cut at the edge of the picture, in words."""
+    reach, out = _FARTHEST * sizes.body, []
+    for one in drawn:
+        if isinstance(one, PushLimits) and (sizes.metres_per_newton * one.forces > reach).any():
+            most = "" if not np.isfinite(one.forces).all() else f"; the largest is {number(float(one.forces.max()))} N"
+            out.append(f"Two heads: largest pushes longer than drawn ({reach / sizes.metres_per_newton:.4g} N{most}).")
+        elif isinstance(one, SupportRegion | ZmpRegion) and len(one.vertices):
+            if (np.abs(one.vertices[:, :2] - one.state.com[:2]) > reach).any():
+                out.append(f"The {_NAMES[type(one)]} is cut {number(reach)} m from the centre of mass.")
+    return out
+
+
 def legend_of(drawn: Sequence[Drawn]) -> list[tuple[str, str]]:
     """(name, colour) of each."""
     colors = {SupportRegion: SUPPORT_COLOR, ZmpRegion: ZMP_COLOR, PushLimits: LIMIT_COLORS["edge"][0]}
@@ -108,11 +121,13 @@ def _footprints(at: str, stood: Footprints, sizes: Sizes) -> list[Mark]:
 def _pushes(at: str, limits: PushLimits, sizes: Sizes) -> list[Mark]:
     point, tips = limits.point, sizes.metres_per_newton * limits.forces[:, None] * limits.directions
     reach = _FARTHEST * sizes.body
+    whole = tips.copy()
     tips *= np.minimum(1.0, reach / np.maximum(np.linalg.norm(tips, axis=1), 1e-12))[:, None]
     marks = []
     kinds = [given[0].kind if given else "none" for given in limits.gives_way]
     for kind, (color, _) in LIMIT_COLORS.items():
-        arrows = [shapes.arrow(point, tip, radius=0.3 * sizes.shaft) for tip, k in zip(tips, kinds, strict=True) if k == kind]
+        own = [tip for tip, k in zip(whole, kinds, strict=True) if k == kind]
+        arrows = [shapes.arrow(point, tip, radius=0.3 * sizes.shaft, longest=reach) for tip in own]
         if arrows:
             marks.append(Mark(f"{at}/{kind}", shapes.joined(arrows), color, seen_through=True))
     if len(tips) > 2 and rank_of(limits.directions) == 2:

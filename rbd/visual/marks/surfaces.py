@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from rbd.visual.marks.contacts import ShownForce
 
 SURFACE_COLOR, MOVING_COLOR = "#8d99a6", "#b07a2a"
-MARGIN = 0.22
+GROUND_MARGIN, WALL_MARGIN, BODY_MARGIN = 0.35, 0.22, 0.07
 """How far a piece of a plane reaches beyond its contacts, in sizes of the robot."""
 SAME_M, SAME_AXIS = 1e-3, 1e-4
 """Planes nearer than this to each other are one [m], and by the angle of their normals [rad]."""
@@ -62,7 +62,8 @@ class ShownSurface:
         if self.body:
             return f"plane of {self.body}"
         steep = abs(float(self.normal[2]))
-        kind = "wall" if steep < 0.26 else "ground" if steep > 0.9999 else "slope"
+        lean = f"slope of {np.degrees(np.arccos(min(steep, 1.0))):.0f} degrees"
+        kind = "wall" if steep < 0.26 else "ground" if steep > 0.9999 else lean
         return f"moving {kind}" if self.moves else f"{kind} at {number(float(self.point[2]))} m" if kind == "ground" else kind
 
     @property
@@ -142,7 +143,8 @@ def surface_marks(place: int, surface: ShownSurface, sizes: Sizes) -> list[Mark]
     at, color = f"surfaces/{place}", MOVING_COLOR if surface.moves else SURFACE_COLOR
     axes = plane_axes(surface.normal)
     flat = (surface.corners - surface.point) @ axes
-    margin = sizes.body * (0.3 * MARGIN if surface.body else MARGIN)
+    share = BODY_MARGIN if surface.body else WALL_MARGIN if abs(float(surface.normal[2])) < 0.7 else GROUND_MARGIN
+    margin = share * sizes.body
     cell = shapes.round_number(0.25 * margin)
     low = np.floor((flat[:, :2].min(axis=0) - margin) / cell) * cell
     high = np.ceil((flat[:, :2].max(axis=0) + margin) / cell) * cell

@@ -16,6 +16,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array
 from rbd.errors import InputError, PictureError
+from rbd.visual.framing import FRONT_LEFT
 from rbd.visual.marks.footprints import footprints_of
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import screenshot, write_page
@@ -24,7 +25,7 @@ from rbd.visual.playback.frames import Pushes, PushesAt
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.playback.staging import a_second, a_time, checked, displaced, staged
 from rbd.visual.playback.trajectory_charts import charts_of
-from rbd.visual.scene import FRONT_LEFT, Scene
+from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_page, a_path, a_picture
 
 if TYPE_CHECKING:
