@@ -21,9 +21,18 @@ class Backdrop {
         const mark = path[1] === "marks" ? path.slice(2).join("/") : null;
         if (mark === null || (STILL.test(mark) && !this.moving.has(mark))) this.changes += 1;
         if (mark !== null && STILL.test(mark)) this.moving.add(mark);
-        return given(path, ...rest);
+        given(path, ...rest);
+        if (mark !== null && name === "set_object") this.conceal(mark);
       };
     }
+  }
+
+  // A mark that the list of marks does not name yet is hidden until it does: it may be of a layer that is off.
+  conceal(mark) {
+    const { listed, on } = this.stage.layers;
+    const known = listed.find(({ path }) => mark === path || mark === `${path}_seen_through`);
+    const object = this.stage.layers.object(`marks/${mark}`);
+    if (object) object.visible = Boolean(known) && on[known.layer] !== false;
   }
 
   // All that the kept picture depends on.
