@@ -17,7 +17,7 @@ import typer
 from rich.progress import track
 
 from rbd.cli.checking import check
-from rbd.cli.options import Feet, Friction, Json, Law, Motion, PackageDirs, RobotName, Show, Video
+from rbd.cli.options import Feet, Friction, Json, Law, Motion, PackageDirs, RobotName, Show, Verbose, Video
 from rbd.cli.standing import region, stand
 from rbd.cli.terminal import (
     FIGURES,
@@ -74,7 +74,10 @@ def robots() -> None:
     with answering(robots):
         names = catalogue.robots()
         shown = track(robot_lines(names), "loading", len(names), console=open_console(errors=True), transient=True)
-        console.print(robots_table(list(shown)))
+        lines = list(shown)
+        stand_ = sum(line.stands == "yes" for line in lines)
+        console.print(f"{len(lines)} robots; {stand_} of them stand on their feet as they are loaded.", highlight=False)
+        console.print(robots_table(lines))
 
 
 @app.command()
@@ -164,6 +167,7 @@ def simulate(
     video: Video = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers of the report.")] = None,
     show: Annotated[bool, typer.Option("--show", help="Play it at 127.0.0.1 until Ctrl-C.")] = False,
+    verbose: Verbose = False,
 ) -> None:
     """Simulate a robot: on its feet, holding its posture; a mechanism, swinging; an arm, held; with pushes.
 
@@ -209,7 +213,7 @@ def simulate(
                 if error.trajectory is None:
                     raise
                 trajectory, stopped = error.trajectory, error
-        report = SimulateReport(trajectory, given, pushed, seconds)
+        report = SimulateReport(trajectory, given, pushed, seconds, verbose)
         write_json(json_, report)
         console.print(report)
         if save is not None:

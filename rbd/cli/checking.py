@@ -120,6 +120,7 @@ def check(
                     raise
                 ranking.failed[file] = in_options(str(error), check)
         if one:
+            console.print(verdict(report), highlight=False, soft_wrap=True)
             console.print(str(report), highlight=False, soft_wrap=True)
             written += _one_report(report, save, plot, video)
         else:
@@ -177,8 +178,11 @@ class Ranking:
         return NO_SOLUTION if any(x["possible"] < self.least_possible for x in self.checked.values()) else 0
 
     def print(self, console: Console) -> None:
-        """Print the ranking, then the files that were not checked."""
+        """Print how many are possible, the ranking, then the files that were not checked."""
         if self.checked:
+            good = sum(x["possible"] >= self.least_possible for x in self.checked.values())
+            share = "" if self.least_possible == 1.0 else f" in {100.0 * self.least_possible:g} % of their frames or more"
+            console.print(f"{good} of {counted(len(self.checked), 'motion')} possible{share}.", highlight=False)
             table = Table(
                 f"{counted(len(self.checked), 'motion')}, best first", ("file",),
                 ("frames", "seconds", "possible", "score", "missing", "causes, frames"),
@@ -208,6 +212,18 @@ class Ranking:
             "motions": [{"file": file, "rank": i + 1, **numbers} for i, (file, numbers) in enumerate(self.ranked)],
             "failed": [{"file": file, "error": why} for file, why in self.failed.items()],
         }
+
+
+def verdict(report: MotionReport) -> str:
+    """Whether a motion is possible, or what prevents it in how many frames, most frequent first."""
+    from rbd.motion.causes import CAUSES
+
+    bad = int((~report.possible).sum())
+    if not bad:
+        return f"Possible: no cause against any of its {counted(report.n, 'frame')}."
+    counts = sorted(((int(report.of_cause(c).sum()), c) for c in CAUSES), reverse=True)
+    causes = ", ".join(f"{cause} in {count}" for count, cause in counts if count)
+    return f"Not possible in {bad} of {counted(report.n, 'frame')}: {causes}."
 
 
 def checked_file(

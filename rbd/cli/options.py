@@ -18,3 +18,4 @@ Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page th
 Law = Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")]
 RobotName = Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")]
 Video = Annotated[Path | None, typer.Option(help="Write a video, .mp4 (wants ffmpeg) or .gif.")]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Also print how long each part took.")]

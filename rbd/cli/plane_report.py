@@ -49,6 +49,8 @@ class PlaneTask:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         lengths = ", ".join(f"{float(length):.4g}" for length in self.chain.lengths)
         angles = {"joint": "joint", "segment": "segment", "vertical": "from the vertical"}[self.chain.angles]
+        missed = [f"{_tuple(end.target)} m by {end.distance:.6g} m" for end in (self.start, self.stop) if not end.reachable]
+        yield Text(f"Not reached: {' and '.join(missed)}." if missed else "Both points are reached.")
         yield Text(f"planar chain, {counted(self.chain.n, 'link')} of {lengths} m, angles: {angles}")
         yield ""
         table = Table(None, ("", "target in m", "reachable", "singular", "branches in deg"))
@@ -97,6 +99,8 @@ class PlaneReport:
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
         m = self.motion
         where = "the end point goes straight" if m.space == "endpoint" else "the angles go straight"
+        top, push = _largest(m.speed, m.t)["value"], _largest(np.hypot(*m.a.T), m.t)["value"]
+        yield Text(f"The end point moves at up to {top:.5g} m/s and accelerates at up to {push:.5g} m/s2.")
         yield Text(f"minimum-jerk motion in {m.path.duration:g} s, planned in {m.space} space: {where}")
         far = float(np.hypot(*np.diff(m.x, axis=0).T).sum())
         rows = [("length of the end point's path", f"{far:.6g} m")]

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Group
+from rich.text import Text
 
 from rbd.cli.terminal import Table, counted, facts, rounded, save_figure, timed
 from rbd.errors import InputError
@@ -25,10 +26,12 @@ class RegionReport:
     Attributes:
         regions: {what it is: the region}; the first is the one asked for.
         seconds: What took how long.
+        verbose: Whether that is printed.
     """
 
     regions: Mapping[str, SupportRegion]
     seconds: Mapping[str, float]
+    verbose: bool = False
 
     @property
     def asked(self) -> SupportRegion:
@@ -58,8 +61,23 @@ class RegionReport:
         }
 
     def __rich__(self) -> Group:
-        """The tables of the command line."""
-        return Group(self._summary(), *([self._corners()] if len(self.asked.vertices) else []))
+        """How far the centre of mass is from the edge, then the tables, then the proof."""
+        corners = [self._corners()] if len(self.asked.vertices) else []
+        return Group(Text(self.verdict), self._summary(), *corners, self._proof())
+
+    @property
+    def verdict(self) -> str:
+        """How far the centre of mass is from the edge of the region that was asked for."""
+        region, name = self.asked, self.asked.state.robot.name
+        limits = " with torques within their limits" if region.torque_limits else ""
+        if region.empty:
+            return f"{name} can stand nowhere{limits}: no forces within friction balance it."
+        distance = region.distance()
+        if abs(distance) < 1e-6:
+            return f"The centre of mass of {name} is on the edge of its support region{limits}."
+        if distance > 0.0:
+            return f"The centre of mass of {name} is {1e3 * distance:.1f} mm inside its support region{limits}: it can stand."
+        return f"The centre of mass of {name} is {-1e3 * distance:.1f} mm outside its support region{limits}: it cannot stand."
 
     def _summary(self) -> Table:
         state = self.asked.state
@@ -72,9 +90,14 @@ class RegionReport:
             rows.append(("in the way", f"torque limits of {', '.join(motors)}"))
         if self.asked.torque_limits:
             rows.append(("left out", "how a moving centre of mass would change gravity torques and Jacobians of this pose"))
-        rows.append(("times", ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in self.seconds.items())))
         weight = state.robot.mass * float(np.linalg.norm(state.robot.gravity))
         return facts(f"{state.robot.name}: {state.robot.mass:.3f} kg, weight {weight:.2f} N", rows)
+
+    def _proof(self) -> Table:
+        rows = [(f"residual: {name}", f"{region.residual:.1e} N") for name, region in self.regions.items() if not region.empty]
+        if self.verbose:
+            rows.append(("times", ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in self.seconds.items())))
+        return facts("proof: balance at the corners", rows)
 
     def _corners(self) -> Table:
         """At each corner, what its contacts carry, and the hardest working motors."""
@@ -94,7 +117,14 @@ class RegionReport:
 
 
 def report_region(
-    name: str, package_dirs: Sequence[Path], posture: str | None, *, friction: float, margin: float, torque_limits: bool
+    name: str,
+    package_dirs: Sequence[Path],
+    posture: str | None,
+    *,
+    friction: float,
+    margin: float,
+    torque_limits: bool,
+    verbose: bool = False,
 ) -> RegionReport:
     """The report of a robot on its feet; with torque limits asked for, that region first.
 
@@ -111,7 +141,7 @@ def report_region(
         state, feet = robot.standing(posture), robot.feet(friction)
         out = {"torques within limits": support_region(state, feet, torque_limits=True, margin=margin)} if torque_limits else {}
         out["torques of any size"] = support_region(state, feet, margin=margin)
-    return RegionReport(out, seconds)
+    return RegionReport(out, seconds, verbose)
 
 
 def draw(regions: Mapping[str, SupportRegion], path: Path) -> Path:
@@ -139,4 +169,4 @@ def _words(region: SupportRegion) -> str:
         where = "centre of mass on its edge"
     if not region.bounded:
         return f"without end; {where}"
-    return f"{1e4 * region.area:.2f} cm2, {counted(len(region.vertices), 'corner')}; {where}; residual {region.residual:.1e} N"
+    return f"{1e4 * region.area:.2f} cm2, {counted(len(region.vertices), 'corner')}; {where}"

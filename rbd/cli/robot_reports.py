@@ -163,6 +163,7 @@ class StandReport:
         seconds: {what: time taken [s]}.
         against: Torques that withstand the push, or why there are none; None without a push.
         braced: Whether `held` are those.
+        verbose: Whether times are printed.
     """
 
     held: Actuation
@@ -172,6 +173,7 @@ class StandReport:
     seconds: Mapping[str, float]
     against: Actuation | CannotHold | None = None
     braced: bool = False
+    verbose: bool = False
 
     @property
     def com_acceleration(self) -> tuple[Array, Array]:
@@ -254,21 +256,26 @@ class StandReport:
         }
 
     def __rich__(self) -> Group:
-        """The lines and tables of the command line."""
-        lines = [Text(line) for line in (self._headline(), *self._push_lines())]
-        return Group(*lines, self._contacts_table(), self._torques_table(), self._summary_table())
+        """The lines and tables of the command line: whether it stands and what is nearest to a limit, numbers, proof."""
+        lines = [Text(line) for line in (*self.verdict, self._headline(), *self._what_follows())]
+        return Group(*lines, self._contacts_table(), self._torques_table(), self._motion_table(), self._proof_table())
 
-    def _push_lines(self) -> list[str]:
-        """Whether motors could withstand the push, and what the torques that act do."""
+    @property
+    def verdict(self) -> list[str]:
+        """Whether it stands, or motors could withstand the push, and what is nearest to a limit."""
+        if self.against is None:
+            return [f"{self.held.state.robot.name} stands: {_strain(self.held)}."]
+        if isinstance(self.against, Actuation):
+            return [f"Motors can withstand the push: {_strain(self.against)}."]
+        return [_refusal(self.against), in_options(str(self.against))]
+
+    def _what_follows(self) -> list[str]:
+        """What the torques that act do under the push."""
         if self.against is None:
             return []
         acceleration = f"the centre of mass accelerates at ({rounded(self.com_acceleration[0], 3)}) m/s2."
-        if isinstance(self.against, Actuation):
-            lines = [f"Motors can withstand the push: {_strain(self.against)}."]
-        else:
-            lines = [_refusal(self.against), in_options(str(self.against))]
         which = "those torques" if self.braced else "the torques of the unpushed pose"
-        return [*lines, f"Below, under {which} and the push: {acceleration}"]
+        return [f"Below, under {which} and the push: {acceleration}"]
 
     def _contacts_table(self) -> Table:
         numbers = ("force x, y, z [N]", "normal [N]", "tangential [N]", "friction used", "centre of pressure [m]")
@@ -304,20 +311,28 @@ class StandReport:
             table.add_row(robot.actuated_names[i], f"{tau[i]:.3f}", limit, share)
         return table
 
-    def _summary_table(self) -> Table:
-        s = self.solution
+    def _motion_table(self) -> Table:
         with_contacts, without = self.com_acceleration
         rows = [
-            ("status", f"{s.status} by {s.method}, law: {s.law}; {s.problem.m} rows of rank {s.rank}"),
             ("centre of mass", f"({rounded(self.held.state.com, 3)}) m"),
             ("its acceleration", f"({rounded(with_contacts, 3)}) m/s2"),
             ("without contacts", f"({rounded(without, 3)}) m/s2"),
-            ("|a - a_free| in M", f"{self.distance:.4f} sqrt(N m)/s, 1/2 of its square: {float(s.gauss):.4f} N m/s2"),
         ]
+        return facts("motion", rows)
+
+    def _proof_table(self) -> Table:
+        s = self.solution
+        rows = [("status", f"{s.status} by {s.method}, law: {s.law}; {s.problem.m} rows of rank {s.rank}")]
         for name, scaled in s.residuals.scaled.items():
             rows.append((f"residual: {name}", f"{float(getattr(s.residuals, name)):.1e} {UNITS[name]} (scaled {scaled:.1e})"))
-        rows.append(("times", ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in self.seconds.items())))
-        return facts("motion and proof", rows)
+        size = f"{self.distance:.4f} sqrt(N m)/s, as sqrt(kg) m/s2: contacts change the motion by so much"
+        rows += [
+            ("|a - a_free| in M", size),
+            ("1/2 of its square", f"{float(s.gauss):.4f} N m/s2, which Gauss's principle makes least"),
+        ]
+        if self.verbose:
+            rows.append(("times", ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in self.seconds.items())))
+        return facts("proof", rows)
 
 
 def heaviest_link(robot: Robot) -> str:

@@ -40,12 +40,14 @@ class SimulateReport:
         setup: What was simulated.
         pushes: What pushed it.
         seconds: {what: time taken [s]}.
+        verbose: Whether that is printed.
     """
 
     trajectory: Trajectory
     setup: Setup
     pushes: Sequence[Push]
     seconds: Mapping[str, float]
+    verbose: bool = False
 
     @property
     def steps(self) -> int:
@@ -143,13 +145,25 @@ class SimulateReport:
         return float(self.trajectory.t[int(np.argmax(values))])
 
     def __rich__(self) -> Group:
-        """The tables of the command line."""
+        """How it ended, then the tables, then the proof."""
         parts = [self._motion_table(), self._proof_table()]
         if self.trajectory.forces:
             parts.insert(0, self._constraints_table())
         if self.trajectory.events:
             parts.insert(1, self._events_table())
-        return Group(Text(self._headline(), style="bold"), *parts)
+        return Group(Text(self.answer, style="bold"), Text(self._headline()), *parts)
+
+    @property
+    def answer(self) -> str:
+        """How it ended: whether a robot on feet fell; of others how far and how long it moved."""
+        x = self.trajectory
+        if self.verdict:
+            return f"After {x.duration:g} s {self.verdict}."
+        moved = float(np.linalg.norm(x.com[-1] - x.com[0]))
+        return (
+            f"After {x.duration:g} s {x.robot.name} has moved its centre of mass by {moved:.4g} m; its energy changed by "
+            f"{x.energy[-1] - x.energy[0]:.3g} J."
+        )
 
     def _headline(self) -> str:
         x = self.trajectory
@@ -190,7 +204,6 @@ class SimulateReport:
         steps = f"{counted(self.steps, 'step')} of {1e3 * x.step:g} ms"
         rows = [("time", f"{x.t[0]:g} to {x.t[-1]:g} s, {steps}")]
         rows += [("ended early", x.interrupted)] if x.interrupted else []
-        rows += [("at the end", self.verdict)] if self.verdict else []
         rows += self._places()
         motor, e = _busiest_motor(x), x.energy
         rows += [("largest torque", motor)] if motor else []
@@ -222,9 +235,11 @@ class SimulateReport:
             at = f" at {self._when(size):.3f} s" if worst else ""
             rows.append((f"worst {name.replace('_', ' ')}", f"{worst:.1e} {'(scaled)' if unit == '1' else unit}{at}"))
         rows += [("" if i else "left out", limit) for i, limit in enumerate(self.setup.limits)]
-        pace = self.steps / self.seconds["simulate"]
-        times = ", ".join(f"{what} {t:.2f} s" for what, t in self.seconds.items())
-        return facts("proof", [*rows, ("times", f"{times}; {pace:.0f} steps/s, {pace * x.step:.2g} x real time")])
+        if self.verbose:
+            pace = self.steps / self.seconds["simulate"]
+            times = ", ".join(f"{what} {t:.2f} s" for what, t in self.seconds.items())
+            rows.append(("times", f"{times}; {pace:.0f} steps/s, {pace * x.step:.2g} x real time"))
+        return facts("proof", rows)
 
 
 def draw(trajectory: Trajectory, path: Path) -> Path:

@@ -9,7 +9,7 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from rbd.cli.options import Feet, Friction, Json, Law, PackageDirs, RobotName, Show
+from rbd.cli.options import Feet, Friction, Json, Law, PackageDirs, RobotName, Show, Verbose
 from rbd.cli.terminal import (
     FIGURES,
     PAGES,
@@ -40,6 +40,7 @@ def stand(
     html: Annotated[Path | None, typer.Option(help="Write the picture: one page that opens anywhere.")] = None,
     json_: Json = None,
     show: Show = False,
+    verbose: Verbose = False,
 ) -> None:
     """Stand a robot on its feet: holding torques, contact forces, residuals, and a picture.
 
@@ -86,7 +87,7 @@ def stand(
         with timed(seconds, "solve"):
             solution = solve(state, held.tau, feet, law=law, external=external)
             solution.residuals  # noqa: B018  the certificate is part of the answer
-        report = StandReport(held, solution, force, at, seconds, against, braced)
+        report = StandReport(held, solution, force, at, seconds, against, braced, verbose)
         if html is not None or show:
             from rbd.visual import Scene
 
@@ -119,6 +120,7 @@ def region(
     package_dir: PackageDirs = None,
     png: Annotated[Path | None, typer.Option(help="Draw it from above, .png, .svg or .pdf.")] = None,
     json_: Json = None,
+    verbose: Verbose = False,
 ) -> None:
     """Tell where the centre of mass may be for a robot to stand on its feet: the support region, with its proof.
 
@@ -129,7 +131,9 @@ def region(
     console = open_console()
     with answering(region):
         check_outputs({"--png": (png, FIGURES), "--json": (json_, ())}, reads=robot)
-        report = report_region(robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits)
+        report = report_region(
+            robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits, verbose=verbose
+        )
         write_json(json_, report)
         console.print(report)
         if png is not None:

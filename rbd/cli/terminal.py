@@ -39,8 +39,7 @@ Command: TypeAlias = Callable[..., None]
 NO_SOLUTION, BAD_INPUT = 1, 2
 WIDTH = 140
 """Width for files and pipes: tables cut at 80 columns would lose numbers."""
-PAGES, FIGURES, TRAJECTORIES = (".html", ".htm"), (".png", ".svg", ".pdf"), (".npz", ".nc")
-VIDEOS = (".mp4", ".gif")
+PAGES, FIGURES, TRAJECTORIES, VIDEOS = (".html", ".htm"), (".png", ".svg", ".pdf"), (".npz", ".nc"), (".mp4", ".gif")
 _SILENT = (DeprecationWarning, PendingDeprecationWarning, ResourceWarning)
 _PYTHON = {
     "rbd.robots.catalogue.names()": "`rbd robots`",

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import meshcat
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.model.state import State
 from rbd.robots.robot import Robot
 from rbd.visual.drawing import send_part
-from rbd.visual.other_poses import send_poses
+from rbd.visual.other_poses import OtherPoses
 from rbd.visual.pages.recorder import Recorder
 from rbd.visual.robot_layers import bodies, collision_parts
 from rbd.visual.robot_meshes import RobotPart, robot_parts
@@ -33,12 +30,10 @@ class DrawnRobot:
         self._parts: tuple[RobotPart, ...] | None = None
         self._cloud: Array | None = None
         self._q = np.zeros(0)
-        self._states: dict[str, State] = {}
-        self._shown = ""
         self.data: pin.Data = robot.model.createData()
         """Pinocchio's data of the pose drawn."""
-        self.poses: dict[str, str] = {}
-        """{further pose: its colour}."""
+        self.poses = OtherPoses({})
+        """Further poses."""
         self.further = np.zeros((0, 3))
         """The outermost points of the further poses in W, shape (n, 3) [m]."""
 
@@ -49,38 +44,29 @@ class DrawnRobot:
             self._cloud = self._extremes(self.data)
         return self._cloud
 
-    def place(self, q: Array) -> None:
-        """Put the robot into a configuration, shape (nq,)."""
+    def place(self, q: Array, *, again: bool = False) -> None:
+        """Put the robot into a configuration, shape (nq,); `again` also where it is there, as after a motion of the page."""
         if self._parts is None:
             self._parts = robot_parts(self._robot)
             self._send()
-        elif np.array_equal(q, self._q):
+        elif np.array_equal(q, self._q) and not again:
             return
         self._q, self._cloud = np.array(q, float), None
         pin.forwardKinematics(self._robot.model, self.data, self._q)
         self._move()
         if self.poses:
-            self.draw_poses(self._states, self._shown)
+            self.draw_poses(self.poses)
 
-    def draw_poses(self, states: Mapping[str, State], shown: str) -> None:
-        """Draw further poses in place of those drawn, each in its colour.
-
-        Args:
-            states: {name: where the robot is}.
-            shown: Name of the robot's own pose, "" where it keeps its colours.
-        """
+    def draw_poses(self, poses: OtherPoses) -> None:
+        """Draw further poses in place of those drawn, each in its colour."""
         assert self._parts is not None
-        self._states, self._shown = dict(states), shown
         self._viewer["beside"].delete()
         if self.poses:  # the robot gets its own colours back
             self._send()
             self._move()
-        found = {name: self._robot.model.createData() for name in states}
-        for name, data in found.items():
-            pin.forwardKinematics(self._robot.model, data, np.asarray(states[name].q, float))
-        named = bool(states or shown)
-        self.poses = send_poses(self._viewer, self._parts, self.data, found, shown) if named else {}
-        self.further = np.vstack([np.zeros((0, 3)), *(self._extremes(data) for data in found.values())])
+        self.poses = poses
+        found = poses.send(self._viewer, self._parts, self.data, self._robot.model)
+        self.further = np.vstack([np.zeros((0, 3)), *(self._extremes(data) for data in found)])
 
     def _send(self) -> None:
         for path, part in self._pieces():

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, TypeAlias
 
 import meshcat
 import numpy as np
@@ -14,6 +14,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.visual.drawing import send_part
+from rbd.visual.marks.legend import Entry, entry
 from rbd.visual.robot_meshes import RobotPart
 from rbd.visual.shapes import Mesh, joined
 from rbd.visual.style import distinct_colors, rgb
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 POSE_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc5fa0", "#e0a800", "#5e4fa2", "#56b4e9", "#8a3a12")
 """Colours that differ from each other, also on a dark side, and from the grey of fixed parts."""
+Details: TypeAlias = Mapping[str, Sequence[str]] | None
+"""{pose: lines below its name in the legend}."""
 SAME = 1e-4
 """Parts coincide if centre and extent differ by less than this share of the robot's size."""
 OPACITY = 0.55
@@ -63,6 +66,42 @@ def check_poses(robot: Robot, states: Mapping[str, State], shown: str) -> None:
             raise InputError(f"{name!r} is no state of {robot.name!r}; expected rbd.State(robot, q).")
 
 
+@dataclass(eq=False)
+class OtherPoses:
+    """The robot in further poses beside the one shown, with what the legend says of them.
+
+    Attributes:
+        states: {name: where the robot is}.
+        shown: Name of the pose shown, if it gets one colour too.
+        details: {name: lines below the name in the legend}.
+        note: A line below the legend.
+        colors: {name: '#rrggbb'}, once they are sent.
+    """
+
+    states: Mapping[str, State]
+    shown: str = ""
+    details: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    note: str = ""
+    colors: dict[str, str] = field(default_factory=dict)
+
+    def __bool__(self) -> bool:
+        return bool(self.states or self.shown)
+
+    def entries(self) -> list[Entry]:
+        """Their entries in the legend."""
+        return [entry(color, name, detail=", ".join(self.details.get(name, ())), layer="other poses")
+                for name, color in self.colors.items()]  # fmt: skip
+
+    def send(self, viewer: meshcat.Visualizer, parts: Sequence[RobotPart], here: pin.Data, model: pin.Model) -> list[pin.Data]:
+        """Send them all; returns Pinocchio's data of each state."""
+        found = {name: model.createData() for name in self.states}
+        for name, data in found.items():
+            pin.forwardKinematics(model, data, np.asarray(self.states[name].q, float))
+        if self:
+            self.colors = send_poses(viewer, parts, here, found, self.shown)
+        return list(found.values())
+
+
 def send_poses(
     viewer: meshcat.Visualizer, parts: Sequence[RobotPart], here: pin.Data, poses: Mapping[str, pin.Data], shown: str
 ) -> dict[str, str]:
@@ -79,9 +118,9 @@ def send_poses(
     fixed = [part.color for part in parts if shown == "" or not part.joint]
     names = list(dict.fromkeys([*([shown] if shown and shown not in poses else []), *poses]))
     colors = dict(zip(names, pose_colors(len(names), fixed), strict=True))
-    others = [name for name in poses if name != shown]
+    others = [name for name in poses if not shown or name != shown]
     every = [here, *(poses[name] for name in others)]
-    own, *rest = placed_parts(parts, every, [colors.get(name) for name in (shown, *others)])
+    own, *rest = placed_parts(parts, every, [colors[shown] if shown else None, *(colors[name] for name in others)])
     for it in own:
         if shown or it.part.mesh is not parts[it.number].mesh:
             send_part(viewer, f"robot/{it.number}", it.part, nearer=len(every))

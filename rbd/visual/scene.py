@@ -24,11 +24,11 @@ from rbd.visual.drawn_robot import DrawnRobot
 from rbd.visual.framing import a_direction, camera_and_ground, seen_from
 from rbd.visual.layers import checked_layers, checked_view
 from rbd.visual.marks.contacts import ShownForce
-from rbd.visual.marks.legend import entry, legend_data
+from rbd.visual.marks.legend import legend_data
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture
 from rbd.visual.marks.statics import Drawn, left_out_of, marks_of
-from rbd.visual.other_poses import check_poses
+from rbd.visual.other_poses import Details, OtherPoses, check_poses
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import offline_page, photograph, write_page
 from rbd.visual.pages.recorder import Recorder, drawn_together
@@ -104,7 +104,6 @@ class Scene(Displayed):
         self._drawn: list[Mark] = []
         self._picture = Picture(np.zeros(3))
         self._server: LiveServer | None = None
-        self._of_poses: tuple[dict[str, list[str]], str] = {}, ""
         self._around = np.zeros((0, 3))
         self._moving = False
         self._statics: tuple[Drawn, ...] = ()
@@ -198,7 +197,7 @@ class Scene(Displayed):
             for topic in ("motion", "moment"):
                 self._recorder.post(topic, json.dumps({topic: None}))
             self._around, self._moving = np.zeros((0, 3)), False
-        self._body.place(np.asarray(state.q, float))
+        self._body.place(np.asarray(state.q, float), again=reframed)
         self._picture = Picture.of(state, solution, external)
         if self._sizes is None:
             moment = self._picture.largest_moment
@@ -234,23 +233,14 @@ class Scene(Displayed):
             self._write_legend()
 
     @drawn_together
-    def beside(
-        self,
-        states: Mapping[str, State],
-        *,
-        shown: str = "",
-        details: Mapping[str, Sequence[str]] | None = None,
-        note: str = "",
-    ) -> None:
-        """Draw the robot in further poses at the same place, each in one colour: branches, steps of a motion.
+    def beside(self, states: Mapping[str, State], *, shown: str = "", details: Details = None, note: str = "") -> None:
+        """Draw the robot in further poses at the same place, each in one colour, until the next call: branches, for example.
 
-        They stay until the next call; `{}` takes them away. The legend names them. Bars that have one place in several poses
-        are striped in the colours of all these. Without `shown` the robot keeps its colours, and the poses are translucent.
+        Bars at one place in several poses have stripes of all their colours. Without `shown` the poses are translucent.
 
         Args:
-            states: {name: where the robot is}, of the scene's robot.
-            shown: Name of the pose that `show` drew: it gets one colour too, and its place in the legend among `states`, if it
-                is one of these.
+            states: {name: where the robot is}, of the scene's robot; `{}` takes them away. The legend names them.
+            shown: Name of the pose that `show` drew, which then has one colour too; it may be one of `states`.
             details: {name: lines below the name in the legend}, such as joint angles.
             note: A line below the legend.
 
@@ -260,8 +250,7 @@ class Scene(Displayed):
         """
         self._shown()
         check_poses(self._robot, states, shown)
-        self._of_poses = {name: list(lines) for name, lines in (details or {}).items()}, note
-        self._body.draw_poses(dict(states), shown)
+        self._body.draw_poses(OtherPoses(states, shown, details or {}, note))
         if self._legend:
             self._write_legend()
 
@@ -353,12 +342,8 @@ class Scene(Displayed):
         self._recorder.post("marks", described(self._drawn, self._layers))
 
     def _write_legend(self) -> None:
-        details, note = self._of_poses
-        poses = [
-            entry(color, name, detail=details.get(name, ""), layer="other poses") for name, color in self._body.poses.items()
-        ]
-        colors, sizes = contact_colors(self._seen), self._shown()
-        what = legend_data(self._robot.name, self._picture, colors, sizes, self._statics, poses, note)
+        colors, poses = contact_colors(self._seen), self._body.poses
+        what = legend_data(self._robot.name, self._picture, colors, self._shown(), self._statics, poses.entries(), poses.note)
         self._recorder.post("legend", json.dumps({"legend": what}))
 
     def _view(self) -> str:

@@ -197,7 +197,7 @@ def test_a_robot_that_moves_on_takes_its_stripes_along(shown):
         scene.show(first)
         assert sent(scene) == striped_there != clean
         rocker = next(i for i, part in enumerate(robot_parts(robot)) if part.joint == robot.joint_id("rocker_joint"))
-        whole, shared = (len(each[f"/meshcat/robot/{rocker} set_object/"]) for each in (striped_there, on_each_other))
+        whole, shared = (each[f"/meshcat/robot/{rocker} set_object/"] for each in (striped_there, on_each_other))
         assert shared != whole
         scene.beside({})
         assert {what: message for what, message in sent(scene).items() if "delete" not in what} == clean

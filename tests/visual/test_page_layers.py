@@ -6,6 +6,7 @@ import io
 import json
 import re
 import warnings
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -50,11 +51,23 @@ def shown(tmp_path_factory: pytest.TempPathFactory) -> Shown:
         return Shown(robot, state, held, scene.export(tmp_path_factory.mktemp("page") / "talos.html"))
 
 
-@pytest.fixture
-def page(shown: Shown, browser: Browser):
+@pytest.fixture(scope="module")
+def opened(shown: Shown, browser: Browser) -> Iterator[BrowserPage]:
     """The page, open in a small window."""
     with browser.open(shown.page, width=WIDTH, height=HEIGHT) as opened:
         yield opened
+
+
+@pytest.fixture
+def page(opened: BrowserPage) -> BrowserPage:
+    """It as it opens."""
+    opened.evaluate(
+        "stage.layers.on = { ...stage.layers.first }; stage.layers.apply(); stage.toolbar.open(''); stage.labels.clear();"
+        "foldLegend(stage.legend, false); stage.views.go('start')"
+    )
+    opened.mouse("mouseMoved", WIDTH - 10, HEIGHT - 60)
+    opened.evaluate("clearTimeout(stage.views.waiting); history.replaceState(null, '', location.pathname)")
+    return opened
 
 
 def pixels(page: BrowserPage) -> np.ndarray:

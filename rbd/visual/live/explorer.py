@@ -63,7 +63,7 @@ Values: TypeAlias = Mapping[str, Any]
 Answered: TypeAlias = Verdict | Iterator[Verdict | None] | None
 
 
-class Explorer:
+class Explorer(Displayed):
     """A scene with sliders: made by `explore`. Use it as a context, or close it; the scene stays open.
 
     Args:

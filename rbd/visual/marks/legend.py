@@ -49,12 +49,17 @@ def legend_data(
         sizes: Of the marks.
         statics: Regions and largest pushes in it.
         poses: Entries of other poses in it.
-        note: About these poses.
+        note: On the poses.
     """
     regions = [entry(color, name, layer="regions") for name, color in legend_of(statics)]
-    entries = [*poses, *_forces(picture, colors), *_rest(picture), *regions]
-    lines = [note, *left_out_of(statics, sizes), *notes(picture, sizes), "Drag to turn, wheel to zoom, right button to shift."]
-    return {"title": title, "entries": entries, "notes": [line for line in lines if line]}
+    entries = [*_forces(picture, colors), *poses, *_rest(picture), *regions]
+    lines = [
+        *filter(None, [note]),
+        *left_out_of(statics, sizes),
+        *notes(picture, sizes),
+        "Drag to turn, wheel to zoom, right button to shift.",
+    ]
+    return {"title": title, "entries": entries, "notes": lines}
 
 
 def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
@@ -77,7 +82,7 @@ def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
         layer = "forces" if t.slides else "moments"
         entries.append(entry(LIMITED_COLOR, t.by, f"{number(t.value)} {t.unit}", f"on joint {t.name}", layer))
     if (more := len(picture.others.torques) - LISTED) > 0:
-        entries.append(entry(LIMITED_COLOR, f"and {more} more torques at joints", layer="moments"))
+        entries.append(entry(LIMITED_COLOR, f"and {more} more at joints", layer="moments"))
     for push in picture.pushes:
         words = [f"({numbers(push.force)[1:-1]}) N"]
         words += [f"moment {numbers(push.moment)} N m"] if push.moment.any() else []

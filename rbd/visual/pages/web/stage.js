@@ -1,5 +1,7 @@
 // The stage on which Meshcat's viewer shows a scene of rbd: light, ground, camera and legend.
 // World is z up, x forward; the camera lives in three.js's own axes, y up: (x, y, z) -> (x, z, -y).
+const LOW_WINDOW = 700;  // pixels
+
 class Stage {
   constructor(pane, legend, pieces) {
     this.legend = legend;
@@ -257,7 +259,9 @@ class Stage {
     };
     // The legend takes the left side of a wide window; else the side or the top, whichever leaves the larger picture.
     const wide = taken <= 0.4 * width && this.legend.dataset.fold !== "folded";
-    const ways = wide ? [[taken, 0]] : [[taken, 0], [0, below]];
+    // In a low window the robot's head would be behind the buttons.
+    const bar = height < LOW_WINDOW ? this.toolbar.bottom() : 0;
+    const ways = wide ? [[taken, bar]] : [[taken, bar], [0, Math.max(bar, below)]];
     const free = ways.filter(([shift, drop]) => width - shift - beside > 90 && height - drop - foot > 60);
     const found = (free.length ? free : [[0, 0]]).map(aim).sort((a, b) => a.distance - b.distance);
     const { shift, drop, target, distance } = found[0];

@@ -10,7 +10,7 @@ class Toolbar {
     this.make = make;
     this.node = make("nav", "chrome toolbar", document.body);
     this.node.setAttribute("aria-label", "View");
-    const row = make("div", "row", this.node);
+    const row = this.row = make("div", "row", this.node);
     this.views = this.viewButtons(make("span", "views", row));
     const opener = (text, name, panel, key) => {
       const button = make("button", "opener", row, text);
@@ -34,6 +34,11 @@ class Toolbar {
     window.addEventListener("keydown", (event) => this.key(event), { capture: true });
     window.addEventListener("resize", () => this.refresh());
     stage.pane.addEventListener("pointerdown", () => this.open(""));
+  }
+
+  // Where the row of buttons ends [pixels]; 0 where there are none.
+  bottom() {
+    return this.row.offsetHeight ? this.node.offsetTop + this.row.offsetHeight : 0;
   }
 
   viewButtons(parent) {
