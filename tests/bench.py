@@ -37,6 +37,7 @@ from bench_control import control_rows
 from bench_draws import Draws
 from bench_motion import motion_rows
 from bench_planar import planar_rows
+from bench_scenes import page_rows
 from bench_simulation import accuracy, accuracy_table, peer_step_rows, step_rows
 from bench_timing import Row, table_of, versions
 from rich.console import Console
@@ -93,6 +94,7 @@ OTHERS: dict[str, tuple[str, Callable[[], list[Row]]]] = {
     "solvers": ("solvers asked for by name, and inverse dynamics", lambda: bench_answers.solver_rows(everyone())),
     "milliseconds": ("mechanisms; robots loaded; where Talos can stand", lambda: millisecond_rows(draws_of("talos").robot)),
     "planar": ("planar chains", planar_rows),
+    "pages": ("pages of robots: size, and time on the clock from opening to drawn", page_rows),
 }
 """Groups with a table of their own: {group: (title, rows)}."""
 

@@ -16,13 +16,15 @@ import scenes
 import task_pictures
 import walk_pictures
 from matplotlib.figure import Figure
+from matplotlib.font_manager import findfont
 from photographs import contact_sheet, motion_sheet, screenshot
-from PIL import Image
+from PIL import Image, ImageDraw, ImageFont
 
 import rbd
-from rbd.cli.mechanism_report import report_mechanism
+from rbd.cli.mechanism_report import MechanismReport, report_mechanism
 from rbd.visual import Scene, plot_region
 from rbd.visual.figures.plots import frame
+from rbd.visual.pages.browser import Browser
 
 PICTURES = Path(__file__).resolve().parent
 TOP = PICTURES.parents[1]
@@ -208,22 +210,41 @@ def control() -> Path:
 
 
 def mechanisms() -> Path:
-    """The models of `urdf/` with loops and wheels, each with all its branches, three in a row."""
-    width, height = 560, 440
-    sheet = Image.new("RGB", (3 * width, 3 * height), "white")
-    with tempfile.TemporaryDirectory() as folder:
+    """The models of `urdf/` with loops and wheels, each with all its branches, three in a row, with captions."""
+    width, height, caption = 560, 440, 54
+    sheet = Image.new("RGB", (3 * width, 3 * (height + caption)), "white")
+    pen = ImageDraw.Draw(sheet)
+    with tempfile.TemporaryDirectory() as folder, Browser() as browser:
         for i, name in enumerate(MECHANISMS):
             robot = rbd.load_robot(TOP / "urdf" / f"{name}.urdf")
             posture = next(iter(robot.postures), None)
             report = report_mechanism(robot, robot.at().q if posture is None else robot.at(posture).q)
-            with Scene(robot, legend=False) as scene:
+            with Scene(robot, legend=False, seen_from=report.seen_from) as scene:
                 scene.show(report.state)
-                scene.beside(report.poses())
-                page = scene.export(Path(folder) / f"{name}.html")
-            shot = Image.open(screenshot(page, Path(folder) / f"{name}.png", width=width, height=height))
-            sheet.paste(shot.resize((width, height)), (width * (i % 3), height * (i // 3)))
+                scene.beside(report.poses(), shown=report.shown)
+                shot = scene.screenshot(Path(folder) / f"{name}.png", width=width, height=height, browser=browser)
+            x, y = width * (i % 3), (height + caption) * (i // 3)
+            with Image.open(shot) as picture:
+                sheet.paste(picture.resize((width, height)), (x, y))
+            pen.text((x + 16, y + height + 6), name, font=_font(20), fill="#1f2933")
+            pen.text((x + 16, y + height + 30), _what_it_shows(report), font=_font(15), fill="#5b6770")
     sheet.save(PICTURES / "mechanisms.png")
     return PICTURES / "mechanisms.png"
+
+
+def _font(size: int) -> ImageFont.FreeTypeFont:
+    """DejaVu Sans, which travels with Matplotlib."""
+    return ImageFont.truetype(findfont("DejaVu Sans"), size)
+
+
+def _what_it_shows(report: MechanismReport) -> str:
+    """Degrees of freedom, and how many branches are drawn for which joint angles."""
+    m = report.mobility
+    if report.branches is None or len(report.branches) < 2:
+        free = "degrees of freedom" + (" of velocity" if m.velocity_only else "")
+        return f"{m.finite} {free}, {m.velocities} coordinates" if m.velocity_only else f"{m.finite} {free}"
+    fixed = report.verdict[1].split(" with ")[1].split(";")[0]
+    return f"{len(report.branches)} branches with {fixed}".replace("_joint", "").replace(" deg", "\N{DEGREE SIGN}")
 
 
 def robots() -> Path:

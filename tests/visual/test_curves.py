@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -241,6 +242,22 @@ def test_curves_of_a_long_motion_take_little_room(run: rbd.Trajectory, tmp_path:
 BOX = "((b) => [b.left, b.top, b.right, b.bottom])(stage.player.curves.%s.getBoundingClientRect())"
 
 
+@pytest.fixture(scope="module")
+def opened(browser: Browser, page: Path) -> Iterator[BrowserPage]:
+    """The page of these tests, which need no picture: it draws once, in a small window, and then no more."""
+    with browser.open(page, width=320, height=240) as shown:
+        shown.evaluate("void (stage.viewer.renderer.render = () => {})")
+        yield shown
+
+
+def at_size(shown: BrowserPage, width: int, height: int) -> BrowserPage:
+    """The page in a window of this size, with its charts as they are at first."""
+    shown.resize(width, height)
+    shown.wait(f"window.innerWidth === {width}")
+    shown.evaluate("stage.player.curves.chosen = stage.touched = false; stage.fit(); stage.toolbar.refresh()")
+    return shown
+
+
 def cursor(shown: BrowserPage, chart: int) -> float:
     """Where the cursor of a chart is on the screen [pixels]."""
     found: float = shown.evaluate(f"stage.player.curves.charts[{chart}].now.getBoundingClientRect().x")
@@ -256,108 +273,110 @@ def place(shown: BrowserPage, chart: int, share: float) -> tuple[float, float]:
     return box[0] + box[2] * (30.0 + share * 268.0) / 300.0, box[1] + 0.4 * box[3]
 
 
-def test_the_cursor_is_at_the_present_time(browser: Browser, page: Path, run: rbd.Trajectory) -> None:
+def test_the_cursor_is_at_the_present_time(opened: BrowserPage, run: rbd.Trajectory) -> None:
     """Within a pixel: after a seek, and after a click on a curve, which goes to the time there."""
-    with browser.open(page, width=1200, height=800, fragment="t=0.12") as shown:
-        for chart in range(4):
-            assert cursor(shown, chart) == pytest.approx(place(shown, chart, 0.4)[0], abs=1.0)
-        shown.evaluate("stage.player.seek(0.21)")
-        assert cursor(shown, 2) == pytest.approx(place(shown, 2, 0.7)[0], abs=1.0)
-        shown.click(*place(shown, 0, 0.25))
-        assert shown.evaluate("stage.player.t") == pytest.approx(0.25 * run.t[-1], abs=run.t[-1] / 268.0)
-        assert cursor(shown, 0) == pytest.approx(place(shown, 0, 0.25)[0], abs=1.0)
-        assert float(shown.evaluate("stage.player.knob.style.left").removesuffix("%")) == pytest.approx(25.0, abs=0.5)
-        shown.mouse("mousePressed", *place(shown, 1, 0.5), button="left")
-        shown.mouse("mouseMoved", *place(shown, 1, 0.9), button="left")
-        shown.mouse("mouseReleased", *place(shown, 1, 0.9), button="left")
-        assert shown.evaluate("stage.player.t") in (
-            pytest.approx(0.5 * run.t[-1], abs=2e-3),
-            pytest.approx(0.9 * run.t[-1], abs=2e-3),
-        )
+    shown = at_size(opened, 1200, 800)
+    shown.evaluate("stage.player.go(0.12)")
+    for chart in range(4):
+        assert cursor(shown, chart) == pytest.approx(place(shown, chart, 0.4)[0], abs=1.0)
+    shown.evaluate("stage.player.seek(0.21)")
+    assert cursor(shown, 2) == pytest.approx(place(shown, 2, 0.7)[0], abs=1.0)
+    shown.click(*place(shown, 0, 0.25))
+    assert shown.evaluate("stage.player.t") == pytest.approx(0.25 * run.t[-1], abs=run.t[-1] / 268.0)
+    assert cursor(shown, 0) == pytest.approx(place(shown, 0, 0.25)[0], abs=1.0)
+    assert float(shown.evaluate("stage.player.knob.style.left").removesuffix("%")) == pytest.approx(25.0, abs=0.5)
+    shown.mouse("mousePressed", *place(shown, 1, 0.5), button="left")
+    shown.mouse("mouseMoved", *place(shown, 1, 0.9), button="left")
+    shown.mouse("mouseReleased", *place(shown, 1, 0.9), button="left")
+    assert shown.evaluate("stage.player.t") in (
+        pytest.approx(0.5 * run.t[-1], abs=2e-3),
+        pytest.approx(0.9 * run.t[-1], abs=2e-3),
+    )
 
 
-def test_values_at_the_cursor_are_those_of_the_trajectory(browser: Browser, page: Path, run: rbd.Trajectory) -> None:
+def test_values_at_the_cursor_are_those_of_the_trajectory(opened: BrowserPage, run: rbd.Trajectory) -> None:
     """Three digits of each curve's number: at a sample, and between two as the line is drawn."""
-    with browser.open(page, width=1200, height=800) as shown:
-        for t in (0.0, 0.1, 0.1017, 0.2):
-            shown.evaluate(f"stage.player.seek({t})")
-            text = shown.evaluate("stage.player.curves.charts.map((c) => c.shown.map((x) => x.key.textContent))")
-            name = run.contacts[0]
-            force = [np.interp(t, run.t, column) for column in run.forces[name].T]
-            size = np.interp(t, run.t, np.linalg.norm(run.forces[name], axis=1))
-            assert text[0][0] == f"{name} vertical {float(f'{force[2]:.3g}'):g}"
-            assert text[0][1] == f"|f| {float(f'{size:.3g}'):g}"
-            law = np.interp(t, run.t, run.residuals["law"])
-            assert text[3][0].startswith("law, scaled ")
-            assert float(text[3][0].removeprefix("law, scaled ")) == pytest.approx(law, rel=0.06)
+    shown = at_size(opened, 1200, 800)
+    for t in (0.0, 0.1, 0.1017, 0.2):
+        shown.evaluate(f"stage.player.seek({t})")
+        text = shown.evaluate("stage.player.curves.charts.map((c) => c.shown.map((x) => x.key.textContent))")
+        name = run.contacts[0]
+        force = [np.interp(t, run.t, column) for column in run.forces[name].T]
+        size = np.interp(t, run.t, np.linalg.norm(run.forces[name], axis=1))
+        assert text[0][0] == f"{name} vertical {float(f'{force[2]:.3g}'):g}"
+        assert text[0][1] == f"|f| {float(f'{size:.3g}'):g}"
+        law = np.interp(t, run.t, run.residuals["law"])
+        assert text[3][0].startswith("law, scaled ")
+        assert float(text[3][0].removeprefix("law, scaled ")) == pytest.approx(law, rel=0.06)
 
 
-def test_the_panel_folds_and_charts_are_chosen(browser: Browser, page: Path) -> None:
+def test_the_panel_folds_and_charts_are_chosen(opened: BrowserPage) -> None:
     """By its button, by c, and by a button for each chart; the robot then has the room."""
     hidden = "stage.player.curves.charts.map((c) => c.node.offsetHeight === 0)"
     target = "stage.viewer.camera.view.offsetX"
-    with browser.open(page, width=1200, height=800) as shown:
-        assert shown.evaluate(hidden) == [False] * 4
-        wide = shown.evaluate(target)
-        shown.key("c")
-        assert shown.evaluate(hidden) == [True] * 4
-        assert shown.evaluate(target) < wide
-        assert shown.evaluate("stage.player.curves.folder.getAttribute('aria-expanded')") == "false"
-        x, y = shown.evaluate(
-            "(() => { const b = stage.player.curves.folder.getBoundingClientRect(); return [b.x + 5, b.y + 5]; })()"
-        )
-        shown.click(x, y)
-        assert shown.evaluate(hidden) == [False] * 4
-        shown.evaluate("stage.player.curves.charts[2].button.click()")
-        assert shown.evaluate(hidden) == [False, False, True, False]
-        assert shown.evaluate("stage.player.curves.charts[2].button.getAttribute('aria-pressed')") == "false"
+    shown = at_size(opened, 1200, 800)
+    assert shown.evaluate(hidden) == [False] * 4
+    wide = shown.evaluate(target)
+    shown.key("c")
+    assert shown.evaluate(hidden) == [True] * 4
+    assert shown.evaluate(target) < wide
+    assert shown.evaluate("stage.player.curves.folder.getAttribute('aria-expanded')") == "false"
+    x, y = shown.evaluate(
+        "(() => { const b = stage.player.curves.folder.getBoundingClientRect(); return [b.x + 5, b.y + 5]; })()"
+    )
+    shown.click(x, y)
+    assert shown.evaluate(hidden) == [False] * 4
+    shown.evaluate("stage.player.curves.charts[2].button.click()")
+    assert shown.evaluate(hidden) == [False, False, True, False]
+    assert shown.evaluate("stage.player.curves.charts[2].button.getAttribute('aria-pressed')") == "false"
 
 
-def test_in_a_narrow_window_charts_are_below(browser: Browser, page: Path) -> None:
+def test_in_a_narrow_window_charts_are_below(opened: BrowserPage) -> None:
     """Across the window, above the bar, with as many charts as fit in a row; folded at first in a small frame."""
     hidden = "stage.player.curves.charts.map((c) => c.node.offsetHeight === 0)"
-    with browser.open(page, width=1200, height=800) as shown:
-        left, top, right, _ = shown.evaluate(BOX % "panel")
-        assert (left, top, right) == pytest.approx((826.0, 14.0, 1186.0), abs=4.0)
-        for width, expected in ((900, [False, False, False, True]), (420, [False, True, True, True])):
-            shown.resize(width, 700)
-            shown.wait("stage.player.curves.below && stage.viewer.camera.view.fullWidth === window.innerWidth")
-            left, top, right, bottom = shown.evaluate(BOX % "panel")
-            assert (left, right) == pytest.approx((14.0, width - 14.0), abs=1.0)
-            assert 250.0 < top < bottom < shown.evaluate("stage.player.footer.getBoundingClientRect().top")
-            assert shown.evaluate(hidden) == expected
-    with browser.open(page, width=420, height=320) as small:
-        assert small.evaluate("stage.player.curves.folded")
+    shown = at_size(opened, 1200, 800)
+    left, top, right, _ = shown.evaluate(BOX % "panel")
+    assert (left, top, right) == pytest.approx((826.0, 14.0, 1186.0), abs=4.0)
+    for width, expected in ((900, [False, False, False, True]), (420, [False, True, True, True])):
+        shown.resize(width, 700)
+        shown.wait("stage.player.curves.below && stage.viewer.camera.view.fullWidth === window.innerWidth")
+        left, top, right, bottom = shown.evaluate(BOX % "panel")
+        assert (left, right) == pytest.approx((14.0, width - 14.0), abs=1.0)
+        assert 250.0 < top < bottom < shown.evaluate("stage.player.footer.getBoundingClientRect().top")
+        assert shown.evaluate(hidden) == expected
+    at_size(shown, 420, 320)
+    assert shown.evaluate("stage.player.curves.folded")
+    shown.evaluate("void (stage.touched = true)")  # the camera stays, the panel moves
+    shown.resize(1200, 800)
+    shown.wait("!stage.player.curves.panel.classList.contains('below')")
 
 
-def test_a_page_without_charts_has_no_panel(browser: Browser, run: rbd.Trajectory, tmp_path: Path) -> None:
-    """charts=False: as before there were any."""
-    with browser.open(export_motion(run, tmp_path / "x.html", charts=False), width=800, height=600) as shown:
-        assert shown.evaluate("stage.player.curves") is None
-        assert shown.evaluate("document.querySelector('.curves')") is None
+def test_a_page_without_charts_holds_none(run: rbd.Trajectory, tmp_path: Path) -> None:
+    """charts=False: no numbers for them are in the page."""
+    assert told(export_motion(run, tmp_path / "x.html", charts=False))["charts"] is None
 
 
-def test_the_support_polygon_goes_along(browser: Browser, page: Path, run: rbd.Trajectory) -> None:
+def test_the_support_polygon_goes_along(opened: BrowserPage, run: rbd.Trajectory) -> None:
     """Its corners are the hull of the points that carry load at the time; its layer shows and hides it."""
-    with browser.open(page, width=600, height=500) as shown:
-        for t in (0.0, 0.1, 0.3):
-            shown.evaluate(f"stage.player.seek({t})")
-            i = int(np.abs(run.t - t).argmin())
-            points = np.array([run.points[name][i, 0] for name in run.contacts if np.linalg.norm(run.forces[name][i]) > 1e-2])
-            outline = np.array(shown.evaluate("stage.player.cast.support.outline"))
-            assert len(outline) == len(convex_hull(points[:, :2]))
-            for corner in convex_hull(points[:, :2]):
-                assert np.abs(outline[:, :2] - corner).max(axis=1).min() < 1e-6
-        seen = "stage.player.cast.layers.get('support polygon').visible"
-        shown.evaluate("stage.layers.show('support polygon', false)")
-        assert shown.evaluate(seen) is False
-        shown.evaluate("stage.player.seek(0.2)")
-        assert shown.evaluate(seen) is False
+    shown = at_size(opened, 600, 500)
+    for t in (0.0, 0.1, 0.3):
+        shown.evaluate(f"stage.player.seek({t})")
+        i = int(np.abs(run.t - t).argmin())
+        points = np.array([run.points[name][i, 0] for name in run.contacts if np.linalg.norm(run.forces[name][i]) > 1e-2])
+        outline = np.array(shown.evaluate("stage.player.cast.support.outline"))
+        assert len(outline) == len(convex_hull(points[:, :2]))
+        for corner in convex_hull(points[:, :2]):
+            assert np.abs(outline[:, :2] - corner).max(axis=1).min() < 1e-6
+    seen = "stage.player.cast.layers.get('support polygon').visible"
+    shown.evaluate("stage.layers.show('support polygon', false)")
+    assert shown.evaluate(seen) is False
+    shown.evaluate("stage.player.seek(0.2)")
+    assert shown.evaluate(seen) is False
 
 
 def test_what_moves_is_in_layers(browser: Browser, slide: rbd.Trajectory, tmp_path: Path) -> None:
     """Arrows of forces, those of corners, the centre of mass: each is hidden with its layer, and stays hidden as it moves."""
-    with browser.open(export_motion(slide, tmp_path / "x.html"), width=600, height=500) as shown:
+    with browser.open(export_motion(slide, tmp_path / "x.html"), width=300, height=200) as shown:
         names = shown.evaluate("[...stage.player.cast.layers.keys()]")
         assert {"forces", "corner forces", "centre of mass", "support polygon"} <= set(names)
         shown.evaluate("stage.layers.show('corner forces', false)")
@@ -369,7 +388,7 @@ def test_what_moves_is_in_layers(browser: Browser, slide: rbd.Trajectory, tmp_pa
 
 def test_a_picture_at_rest_takes_bar_and_curves_away(browser: Browser, page: Path) -> None:
     """As a live page gets it after a motion; the keys of the motion are then without effect."""
-    with browser.open(page, width=600, height=500) as shown:
+    with browser.open(page, width=300, height=200) as shown:
         shown.evaluate("stage.note({ motion: null })")
         assert shown.evaluate("document.querySelectorAll('.player, .curves').length") == 0
         shown.key(" ")

@@ -142,3 +142,13 @@ def test_a_whole_branch_is_deleted_at_its_top(recorder: Recorder, told: list[byt
         recorder.send(command("delete", "/meshcat/marks/torques"))
     assert len(told) == 1 and b"/meshcat/marks/torques" in told[0] and b"torques/" not in told[0]
     assert sum(b"of_others" in message for message in recorder.messages()[0]) == 1
+
+
+def test_differences_come_in_the_order_of_drawing(recorder: Recorder, told: list[bytes | str]):
+    """A list of marks that has been sent before comes after the new marks that it names."""
+    recorder.post("marks", "a")
+    told.clear()
+    with recorder.together():
+        recorder.send(command("set_object", "/meshcat/marks/new"))
+        recorder.post("marks", "a, new")
+    assert b"marks/new" in told[0] and told[1] == "a, new"

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from pathlib import Path
+
 import coal
 import numpy as np
 import pinocchio as pin
@@ -159,3 +162,23 @@ def test_an_empty_part_of_a_collada_file_is_passed_over(tmp_path):
     mesh = '<visual><geometry><mesh filename="two.dae" scale="2 3 4"/></geometry></visual>'
     (part,) = robot_parts(arm(tmp_path, (0.1, 0.1, 0.1), mesh))
     assert len(part.mesh.faces) == 1 and np.ptp(part.mesh.vertices, axis=0).tolist() == [2.0, 3.0, 0.0]
+
+
+def test_the_skeleton_of_a_closed_chain_has_all_its_bars(tmp_path):
+    """Of a six-bar without visual shapes: each body reaches the points where loops are closed; a bar joins the pivots."""
+    urdf = Path(__file__).parents[2] / "urdf"
+    text = re.sub(r"<visual>.*?</visual>", "", (urdf / "six_bar.urdf").read_text(encoding="utf-8"), flags=re.DOTALL)
+    (tmp_path / "bare.urdf").write_text(text, encoding="utf-8")
+    (tmp_path / "bare.loops.yaml").write_text((urdf / "six_bar.loops.yaml").read_text(encoding="utf-8"), encoding="utf-8")
+    robot = rbd.load_robot(tmp_path / "bare.urdf")
+    bones = {part.joint: part.mesh.vertices for part in robot_parts(robot) if part.opacity == 1.0}
+    assert sorted(bones) == list(range(robot.model.njoints))
+    thick = 0.02 * max(float(np.ptp(points, axis=0).max()) for points in bones.values())
+    for loop in robot.loops():
+        for frame in (loop.frame_a, loop.frame_b):
+            joint, X_JF = robot.site(frame)
+            assert np.linalg.norm(bones[joint] - X_JF.translation, axis=1).min() <= 2.0 * thick
+    pivots = [robot.model.jointPlacements[j].translation for j in range(1, robot.model.njoints) if not robot.model.parents[j]]
+    assert len(pivots) == 3
+    for pivot in pivots:
+        assert np.linalg.norm(bones[0] - pivot, axis=1).min() <= 2.0 * thick

@@ -71,7 +71,7 @@ def picture(page, browser):
 def legend_of(scene, folder):
     """The legend that a page of this scene shows: (value by name, colour by name, lines below)."""
     text = scene.export(folder / "legend.html").read_text(encoding="utf-8")
-    notes = [json.loads(note) for note in re.findall(r"^stage\.note\((\{.*)\);", text, flags=re.MULTILINE)]
+    notes = [json.loads(note) for note in re.findall(r"stage\.note\((\{.*)\);", text)]
     legend = next(note["legend"] for note in notes if "legend" in note)
     values = {entry["name"]: entry["value"] for entry in legend["entries"]}
     return values, {entry["name"]: entry["color"] for entry in legend["entries"]}, legend["notes"]

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import psutil
 import pytest
 from PIL import Image, ImageSequence
 from typer.testing import CliRunner
@@ -17,6 +18,7 @@ from rbd.cli.app import app
 from rbd.errors import InputError, PictureError
 from rbd.visual import Browser, contact_colors, export_video
 from rbd.visual.pages import encoders
+from rbd.visual.playback import video
 from rbd.visual.playback.video import frame_times
 
 SIZE = {"width": 480, "height": 300}
@@ -194,3 +196,41 @@ def test_the_command_line_writes_a_video(tmp_path: Path, on_path: Path, monkeypa
     answer = CliRunner().invoke(app, [*given[:-1], str(tmp_path / "x.mp4")])
     assert answer.exit_code == 2
     assert "no ffmpeg on PATH" in " ".join(answer.output.split())
+
+
+def test_a_picture_costs_a_fraction_of_the_pages(browser: Browser, tmp_path: Path) -> None:
+    """Processor time of all processes of the browser, of Talos at 960 x 540: about a sixth; at most half is asked for here."""
+    talos = rbd.load_robot("talos")
+    still = rbd.Motion.of_arrays(talos, np.array([0.0, 0.1]), np.array([talos.standing().q] * 2))
+    page = rbd.visual.export_motion(still, tmp_path / "talos.html", charts=False)
+    n, spent = 4, []
+    pictures_of_page = f"""(() => {{
+      const {{ renderer, scene, camera }} = stage.viewer, gl = renderer.getContext();
+      for (let i = 0; i < {n}; i++) {{
+        renderer.render(scene, camera);
+        gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+      }}
+    }})()"""
+    settings = "{ width: 960, height: 540, quality: 0.95, speed: 1 }"
+    for before, ready, work in (
+        ("", "0", pictures_of_page),
+        (
+            video._BEFORE,
+            f"{video._script()}\nvoid (window.video = new Video(stage, {settings}))",
+            f"video.frames(Array({n}).fill(0))",
+        ),
+    ):
+        with browser.open(page, width=960, height=540, before=before) as shown:
+            shown.evaluate(ready)
+            shown.evaluate(work)  # what is first takes longer
+            started = processor_time(browser.pid)
+            shown.evaluate(work)
+            spent.append(processor_time(browser.pid) - started)
+    assert spent[1] < 0.5 * spent[0], spent
+
+
+def processor_time(group: int) -> float:
+    """Seconds that a browser and its processes have worked."""
+    first = psutil.Process(group)
+    times = [each.cpu_times() for each in (first, *first.children(recursive=True))]
+    return sum(each.user + each.system for each in times)

@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 from functools import cache
 
+from rbd_site import notebooks
 from rbd_site.pages import TOP
 
 PAGE = TOP / "examples" / "README.md"
@@ -91,10 +92,12 @@ def card(example: Example) -> str:
 def index_page() -> str:
     """All examples as cards."""
     cards = "\n".join(card(example) for example in examples())
-    names = "\n".join(example.name for example in examples())
+    names = "\n".join([*(example.name for example in examples()), *notebooks.names()])
+    listed = "\n".join(f"- {{doc}}`{notebooks.title(name)} </gallery/{name}>`" for name in notebooks.names())
     intro = from_the_site(re.split(r"^## ", PAGE.read_text(encoding="utf-8"), maxsplit=1, flags=re.MULTILINE)[0])
     intro = intro.replace("# Examples", "# Gallery", 1)
-    return f"{intro}\n::::{{grid}} 1 2 2 3\n:gutter: 3\n\n{cards}\n::::\n\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
+    cards = f"::::{{grid}} 1 2 2 3\n:gutter: 3\n\n{cards}\n::::\n"
+    return f"{intro}\n{cards}\n## Notebooks\n\n{listed}\n\n```{{toctree}}\n:hidden:\n\n{names}\n```\n"
 
 
 def pages() -> dict[str, str]:

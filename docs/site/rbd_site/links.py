@@ -78,10 +78,12 @@ def doc_link(docname: str, target: str, shown: nodes.Node) -> nodes.Element:
     return addnodes.pending_xref("", shown, **where)
 
 
-def linked_file(env: BuildEnvironment, docname: str, link: addnodes.download_reference) -> nodes.reference | None:
-    """The link to a highlighted page that stands in for a link to a file."""
+def linked_file(env: BuildEnvironment, docname: str, link: addnodes.download_reference) -> nodes.Element | None:
+    """The link to a highlighted page that stands in for a link to a file; of a notebook, to its page in the gallery."""
     _, path = env.relfn2path(link["reftarget"], docname)
     file = Path(path)
+    if file.suffix == ".ipynb":
+        return doc_link(docname, f"gallery/{file.stem}", link[0])
     if not file.is_relative_to(TOP) or file.suffix not in (".py", ".toml", ".yaml", ".urdf", ".bib", ".md", ""):
         return None
     return to_source(env, docname, file, link[0])

@@ -49,17 +49,12 @@ def legend_data(
         sizes: Of the marks.
         statics: Regions and largest pushes in it.
         poses: Entries of other poses in it.
-        note: On the poses.
+        note: About these poses.
     """
     regions = [entry(color, name, layer="regions") for name, color in legend_of(statics)]
-    entries = [*_forces(picture, colors), *poses, *_rest(picture), *regions]
-    lines = [
-        *filter(None, [note]),
-        *left_out_of(statics, sizes),
-        *notes(picture, sizes),
-        "Drag to turn, wheel to zoom, right button to shift.",
-    ]
-    return {"title": title, "entries": entries, "notes": lines}
+    entries = [*poses, *_forces(picture, colors), *_rest(picture), *regions]
+    lines = [note, *left_out_of(statics, sizes), *notes(picture, sizes), "Drag to turn, wheel to zoom, right button to shift."]
+    return {"title": title, "entries": entries, "notes": [line for line in lines if line]}
 
 
 def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:

@@ -121,6 +121,7 @@ class Recorder:
             if key[1] == _DELETE:
                 wanted = {k: m for k, m in wanted.items() if not _is_below(k[0], key[0])}
             else:
+                wanted.pop(key, None)  # what is sent again goes last: a list of marks comes after the marks
                 wanted[key] = message
         gone = {path for path, kind in self._kept if kind != _DELETE and (path, kind) not in wanted}
         for top in _tops(gone, {path for path, _ in wanted}):

@@ -58,6 +58,6 @@ function polygonLabel(outline) {
 function bodyLabel({ link, joint, mass, shape }) {
   const lines = shape ? [shape] : [];
   lines.push(joint ? `moved by ${joint}` : "fixed to the world");
-  if (mass) lines.push(`${fewDigits(mass, 5)} kg, with all that this joint moves alone`);
+  if (mass) lines.push(`${fewDigits(mass, 5)} kg with the links fixed to it`);
   return { title: link, lines, at: null };
 }

@@ -8,6 +8,14 @@ class Stage {
     this.pane = pane;
     this.viewer = new MeshCat.Viewer(pane);
     this.meshes = new Meshes(this.viewer, pieces);
+    // Meshcat asks for the window's size several times while a page loads: only a new one is a reason to draw again.
+    const resize = this.viewer.set_3d_pane_size.bind(this.viewer);
+    let known = "";
+    this.viewer.set_3d_pane_size = (...asked) => {
+      const size = asked.length ? asked : this.size();
+      if (size.join() !== known) resize(...size);
+      known = size.join();
+    };
     this.layers = new Layers(this);
     this.controls = new Controls(this);
     this.labels = new Labels(this, pane);
@@ -142,6 +150,10 @@ class Stage {
     this.viewer.render();
     const sheet = this.player && this.player.motion.sheet;
     if (sheet) this.player.sheet(sheet);
+    // Reading a pixel waits until all is drawn.
+    const gl = this.viewer.renderer.getContext();
+    gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
+    performance.mark("drawn");
     document.body.dataset.ready = "true";
     this.toolbar.refresh();
   }

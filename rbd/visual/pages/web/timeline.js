@@ -19,15 +19,21 @@ class Player {
     this.playing = false;
     this.digits = Math.max(2, Math.min(6, 2 - Math.floor(Math.log10(this.last - this.first))));
     this.build();
-    const fit = () => { if (!stage.touched) stage.fit(); };
+    // Whoever has turned the camera keeps it; bar, curves and buttons take their places all the same.
+    const arrange = () => {
+      if (stage.touched) this.room();
+      else stage.fit();
+      if (stage.toolbar) stage.toolbar.refresh();
+    };
     const names = this.reels.map((each) => each.motion.name);
     const charts = motion.sheet ? null : motion.charts;
-    this.curves = charts ? new Curves(charts, [this.first, this.last], names, (t) => this.go(t), fit) : null;
+    this.curves = charts ? new Curves(charts, [this.first, this.last], names, (t) => this.go(t), arrange) : null;
     this.seek(this.asked() ?? motion.start);
     if (motion.playing) this.play(true);
     this.ending = new AbortController();
     const { signal } = this.ending;
     window.addEventListener("keydown", (event) => this.key(event), { capture: true, signal });
+    window.addEventListener("resize", arrange, { signal });
     window.addEventListener("hashchange", () => this.seek(this.asked() ?? this.t), { signal });
     requestAnimationFrame((now) => this.tick(now));
   }

@@ -1,7 +1,7 @@
 // Frames of a video. A page draws each picture as well as it can; here each costs milliseconds on a machine without a graphics
 // card: points of meshes that fall into one pixel are merged, light is computed at them, edges are smoothed afterwards, and
 // shadows are the robot's projection on the ground. This script runs in the page of a motion, and no page carries it.
-const MOST_TRIANGLES = 45000, MOST_SHADOW_TRIANGLES = 8000;
+const MOST_TRIANGLES = 36000, MOST_SHADOW_TRIANGLES = 8000;
 
 class Video {
   // Pictures of `width` x `height`; the window may be larger or smaller, and what it lays out is scaled.
