@@ -77,7 +77,7 @@ def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
         layer = "forces" if t.slides else "moments"
         entries.append(entry(LIMITED_COLOR, t.by, f"{number(t.value)} {t.unit}", f"on joint {t.name}", layer))
     if (more := len(picture.others.torques) - LISTED) > 0:
-        entries.append(entry(LIMITED_COLOR, f"and {more} more torques at joints", layer="moments"))
+        entries.append(entry(LIMITED_COLOR, f"and {more} more at joints", layer="moments"))
     for push in picture.pushes:
         words = [f"({numbers(push.force)[1:-1]}) N"]
         words += [f"moment {numbers(push.moment)} N m"] if push.moment.any() else []
