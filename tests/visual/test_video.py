@@ -96,7 +96,7 @@ def test_a_gif_shows_the_motion(swing: rbd.Trajectory, browser: Browser, tmp_pat
     assert {each.shape for each in shown} == {(300, 480, 3)}
     moved = np.abs(shown[-1] - shown[0]).max(axis=2) > 60.0
     assert 20 < moved.sum() < 0.2 * moved.size
-    assert (shown[0][-20:, -80:].max(axis=2) < 110.0).sum() > 20  # the clock
+    assert (shown[0][-20:, -80:].max(axis=2) < 150.0).sum() > 40  # the clock: small letters are smoothed
 
 
 def test_forces_keep_their_colours(held: tuple[rbd.Trajectory, list[str]], browser: Browser, tmp_path: Path) -> None:

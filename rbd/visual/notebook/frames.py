@@ -19,6 +19,7 @@ from rbd.simulation.trajectory import Trajectory
 from rbd.visual.notebook.card import escaped
 from rbd.visual.pages.browser import Browser, find_browser, one_browser
 from rbd.visual.pages.link import page_link
+from rbd.visual.pages.page import write_page
 from rbd.visual.playback.animation import export_motion
 from rbd.visual.playback.report_page import export_report
 from rbd.visual.scene import Scene
@@ -166,7 +167,7 @@ def _picture(page: str, height: int, browser: Browser | None = None) -> bytes:
         return b""
     with tempfile.TemporaryDirectory(prefix="rbd-notebook-") as folder:
         target = Path(folder) / "page.html"
-        target.write_text(page, encoding="utf-8")
+        write_page(target, page)
         link = page_link(controls=False)
         with one_browser(browser) as used, used.open(target, width=WIDTH, height=height, fragment=link) as opened:
             return opened.picture()
