@@ -70,6 +70,11 @@ def reference(page: Path, found: dict[str, list[Row]], accuracy: Accuracy) -> st
     parts = [_rows(asked, marks=True)]
     if others:
         parts += [["What they are compared with, and other ways to the same answers:"], _rows(others, marks=False)]
+    if pages := found.get("pages"):
+        parts += [
+            ["Pages and videos, on the clock, drawn by headless Chromium without a graphics card:"],
+            _rows(pages, marks=True),
+        ]
     if accuracy:
         told = "What a second of free fall does to the energy, and how deep the feet sink in a second of standing:"
         parts += [[told], _accuracy(accuracy)]

@@ -40,13 +40,14 @@ class Recorder:
         self._kept: dict[_Key, tuple[int, bytes | str]] = {}
         self._count = 0
         self._listener: Callable[[bytes | str], None] | None = None
+        self._bracket: Callable[[bool], None] | None = None
         self._draft: list[tuple[_Key, bytes | str]] | None = None
         self._receiver: Callable[[str], None] | None = None
         renewed_after_fork(self)
 
     def renew_after_fork(self) -> None:
         """In a forked child: new locks, and no listener, because a live server's thread stays with the parent."""
-        self._lock, self._turn, self._listener = threading.Lock(), threading.RLock(), None
+        self._lock, self._turn, self._listener, self._bracket = threading.Lock(), threading.RLock(), None, None
 
     def send(self, command: Command) -> None:
         """Store a Meshcat command, or one of ours that is packed already; a newer one of its kind on its path replaces it.
@@ -77,17 +78,21 @@ class Recorder:
             finally:
                 draft, self._draft = self._draft, None
                 with self._lock:
+                    if self._bracket is not None:
+                        self._bracket(True)
                     self._keep_difference(draft)
+                    if self._bracket is not None:
+                        self._bracket(False)
 
     def messages(self, *, after: int = 0) -> tuple[list[bytes | str], int]:
         """Messages for a viewer that has received the first `after` of them, oldest first, and their count so far."""
         with self._lock:
             return [message for number, message in self._kept.values() if number > after], self._count
 
-    def listen(self, listener: Callable[[bytes | str], None] | None) -> None:
-        """Pass every later message to `listener`; None: to none."""
+    def listen(self, listener: Callable[[bytes | str], None] | None, bracket: Callable[[bool], None] | None = None) -> None:
+        """Pass every later message to `listener`; None: to none. `bracket` hears True before those of a change, then False."""
         with self._lock:
-            self._listener = listener
+            self._listener, self._bracket = listener, bracket
 
     def answer_by(self, receiver: Callable[[str], None] | None) -> None:
         """Pass what live pages send to `receiver`, in the server's thread; None: to none."""

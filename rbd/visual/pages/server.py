@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import json
 import os
 import re
 import socket
@@ -32,7 +33,7 @@ LARGEST_REQUEST = 10_000
 MOST_A_SECOND = 1000
 """Messages of one browser in a second; one that sends more is disconnected. A slider that is dragged sends 60."""
 MOST_UNREAD = 400_000_000
-"""Largest backlog of one browser [bytes]; one that stops reading is disconnected. Talos is 12 MB."""
+"""Largest backlog of one browser [bytes]; one that stops reading is disconnected. Talos is 2 MB."""
 START_SECONDS = 10.0
 
 
@@ -109,7 +110,7 @@ class LiveServer:
         )
         server = HTTPServer(application, max_header_size=LARGEST_REQUEST, max_body_size=LARGEST_REQUEST)
         server.add_sockets(listening)
-        self._recorder.listen(self._pass_on)
+        self._recorder.listen(self._pass_on, self._bracket)
         self.port = port
         self._started.set()
         await self._stop.wait()
@@ -122,6 +123,10 @@ class LiveServer:
     def _pass_on(self, message: bytes | str) -> None:
         if self._loop is not None and not self._loop.is_closed():
             self._loop.call_soon_threadsafe(self._broadcast, message)
+
+    def _bracket(self, begins: bool) -> None:
+        """Pages draw the messages of one change together, not one by one."""
+        self._pass_on(json.dumps({"hold": begins}))
 
     def _broadcast(self, message: bytes | str) -> None:
         for browser in list(self._sockets):

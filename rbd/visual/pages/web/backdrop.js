@@ -44,7 +44,16 @@ class Backdrop {
     return [this.changes, size.x, size.y, ...seen, JSON.stringify(on), Boolean(this.stage.tinted)].join(" ");
   }
 
+  // Between the messages of one change nothing is drawn; if their end does not come, half a second later.
+  hold(on) {
+    clearTimeout(this.releases);
+    this.held = on;
+    if (on) this.releases = setTimeout(() => this.hold(false), 500);
+    else this.viewer.set_dirty();
+  }
+
   render() {
+    if (this.held) return;
     const { viewer, stage } = this;
     viewer.controls.update();
     viewer.camera.updateProjectionMatrix();

@@ -89,7 +89,6 @@ class Controls {
     if (this.said && verdict) this.say(verdict);
     this.stage.tint(Boolean(verdict && verdict.good === false));
     if (number !== this.times.number) Object.assign(this.times, { number, answered: performance.now(), solved_ms: ms });
-    this.stage.viewer.set_dirty();
   }
 
   show(name, x) {

@@ -85,6 +85,7 @@ class Stage {
   }
 
   note(message) {
+    if ("hold" in message && this.live) this.live.backdrop.hold(message.hold);
     if (message.legend) writeLegend(this, message.legend);
     if (message.bodies) this.labels.name(message);
     if (message.frames) this.triads(message.frames);
