@@ -42,7 +42,6 @@ def ellipses() -> Path:
     figure = Figure(figsize=(10.0, 4.2), layout="constrained")
     for ax, kind in zip(figure.subplots(1, 2), ("velocity", "force"), strict=True):
         plot_ellipses(ax, arm, q, kind=kind, count=3)
-        ax.set_title("what it reaches at 1 rad/s" if kind == "velocity" else "what it holds at 1 N m", loc="left")
     return save(figure, "planar_ellipses")
 
 
