@@ -225,6 +225,14 @@ function merged(T, geometry, cell) {
     turns[3 * k] += d[3 * i], turns[3 * k + 1] += d[3 * i + 1], turns[3 * k + 2] += d[3 * i + 2];
     corner[i] = k;
   }
+  // The point nearest to their mean stands for those of a cell: the mean itself lies below a round surface, and what is inside
+  // would come through.
+  const nearest = new Int32Array(sums.length / 4), least = new Float64Array(sums.length / 4).fill(Infinity);
+  for (let i = 0; i < n; i++) {
+    const j = place[i];
+    const away = [0, 1, 2].reduce((sum, m) => sum + (p[3 * i + m] - sums[4 * j + m] / sums[4 * j + 3]) ** 2, 0);
+    if (away < least[j]) [least[j], nearest[j]] = [away, i];
+  }
   const known = new Set(), kept = [];
   for (let i = 0; i < index.length; i += 3) {
     const [a, b, c] = [index[i], index[i + 1], index[i + 2]];
@@ -240,7 +248,7 @@ function merged(T, geometry, cell) {
   of.forEach((j, k) => {
     const size = Math.hypot(turns[3 * k], turns[3 * k + 1], turns[3 * k + 2]) || 1;
     for (let m = 0; m < 3; m++) {
-      points[3 * k + m] = sums[4 * j + m] / sums[4 * j + 3];
+      points[3 * k + m] = p[3 * nearest[j] + m];
       normals[3 * k + m] = turns[3 * k + m] / size;
     }
   });
