@@ -22,6 +22,7 @@ from rbd.visual import export_motion
 from rbd.visual.pages.browser import Browser, BrowserPage
 from rbd.visual.playback.contact_planes import carries_weight, edge_distances, normals_of
 from rbd.visual.playback.curves import MOST_POINTS, Chart, kept_samples, top_of
+from rbd.visual.playback.frames import frames_of
 from rbd.visual.playback.trajectory_charts import CHARTS, charts_of
 
 SLOPE = 0.2
@@ -113,6 +114,12 @@ def test_each_contact_has_its_normal_force_and_the_size_of_its_force(slide: rbd.
     assert np.abs(normal.values[1:] - across).max() < 1e-6
     assert np.abs(size.values[1:] - across * np.hypot(1.0, 0.5)).max() < 1e-6
     assert chart.limits["weight"] == pytest.approx(98.1)
+
+
+def test_a_motion_tells_surfaces_that_it_does_not_draw(slide: rbd.Trajectory, run: rbd.Trajectory) -> None:
+    """A box on a slope touches it off z = 0; feet on the floor do not."""
+    assert frames_of(slide, [1]).left_out == ("Surfaces off the ground z = 0 are not drawn; there: face.",)
+    assert not frames_of(run, [1]).left_out
 
 
 def test_the_centre_of_pressure_is_as_far_from_the_edge_as_the_wrench_says(slide: rbd.Trajectory) -> None:

@@ -32,6 +32,8 @@ MOST_NUMBERS = 4_000_000
 NEAR = 0.25
 """A sample this share of a frame's interval away is taken as the frame; else the motion is interpolated there."""
 MOST_STRETCHES = 400
+OFF_GROUND = 5e-3
+"""A contact that carries load farther from z = 0 touches something else [m]."""
 MOST_NAMED = 6
 MOST_SAMPLES_LOOKED_AT = 400
 
@@ -142,7 +144,7 @@ def frames_of(
         if len(stretches[name]) > MOST_STRETCHES:
             stretches[name] = _stretches(at, modes[name])
     pushed, words = _pushed(trajectory.robot, q, at, external)
-    left_out = (*words, *_without_points(trajectory))
+    left_out = (*words, *_without_points(trajectory), *_without_surfaces(trajectory))
     return Frames(at, tuple(joints), poses, com, contacts, pushed, modes, stretches, left_out=left_out)
 
 
@@ -154,6 +156,19 @@ def _without_points(trajectory: Trajectory) -> list[str]:
         return []
     more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
     return [f"Not drawn: the forces of {', '.join(names[:MOST_NAMED])}{more}."]
+
+
+def _without_surfaces(trajectory: Trajectory) -> list[str]:
+    """Which contacts carry load off the ground z = 0, in words: walls, slopes and tables are not recorded."""
+    names = []
+    for name, points in trajectory.points.items():
+        loaded = np.linalg.norm(trajectory.point_forces[name], axis=-1) > 0.0
+        if (np.abs(np.where(loaded, np.asarray(points)[..., 2], 0.0)) > OFF_GROUND).any():
+            names.append(name)
+    if not names:
+        return []
+    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
+    return [f"Surfaces off the ground z = 0 are not drawn; there: {', '.join(names[:MOST_NAMED])}{more}."]
 
 
 def frame_times(times: Array, interval: float) -> Array:
