@@ -334,7 +334,15 @@ class Cues {
     if (motion.contacts.length) columnNames(table, normals ? ["normal", "|f|"] : ["|f|"], 3);
     this.contacts = motion.contacts.map((c) => row(c.name, c.color));
     this.others = motion.others.map((name) => row(name, ""));
-    this.pushes = motion.pushes.map((c) => row(c.name, c.color));
+    // Below a push its vector.
+    this.pushes = motion.pushes.map((c) => {
+      const made = row(c.name, c.color), more = table.insertRow();
+      more.insertCell();
+      const vector = more.insertCell();
+      vector.colSpan = normals ? 4 : 3;
+      vector.className = "detail";
+      return { ...made, vector };
+    });
     if (motion.com) row("centre of mass", motion.com);
     if (motion.ghost) row(motion.ghost.name, motion.ghost.color);
     legend.append(table);
@@ -367,6 +375,7 @@ class Cues {
     this.pushes.forEach((cell, i) => {
       const size = Math.hypot(...tracks[n + i].force);
       cell.value.textContent = newtons(size);
+      cell.vector.textContent = `(${tracks[n + i].force.map((x) => (Math.abs(x) < 5e-4 ? 0 : Number(x.toPrecision(3)))).join(", ")}) N`;
       cell.line.className = size ? "" : "idle";
     });
   }
