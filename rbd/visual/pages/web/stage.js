@@ -272,8 +272,8 @@ class Stage {
     };
     // The legend takes the left side of a wide window; else the side or the top, whichever leaves the larger picture.
     const wide = taken <= 0.4 * width && this.legend.dataset.fold !== "folded";
-    // In a low window the robot's head would be behind the buttons.
-    const bar = height < LOW_WINDOW ? this.toolbar.bottom() : 0;
+    // In a low window, or one with curves beside it, the robot's head would be behind the buttons.
+    const bar = height < LOW_WINDOW || beside ? this.toolbar.bottom() : 0;
     const ways = wide ? [[taken, bar]] : [[taken, bar], [0, Math.max(bar, below)]];
     const free = ways.filter(([shift, drop]) => width - shift - beside > 90 && height - drop - foot > 60);
     const found = (free.length ? free : [[0, 0]]).map(aim).sort((a, b) => a.distance - b.distance);
