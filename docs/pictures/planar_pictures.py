@@ -94,9 +94,9 @@ def leg() -> Path:
         shot = Image.open(screenshot(page, Path(folder) / "talos.png", width=520, height=900))
         beside.imshow(np.asarray(shot))
     beside.set_axis_off()
-    for ax, kind, title in ((fast, "velocity", "velocity at 1 rad/s"), (strong, "force", "force at 1 N m")):
+    for ax, kind in ((fast, "velocity"), (strong, "force")):
         plot_ellipses(ax, chain, q, kind=kind, count=1)
-        ax.set_title(title, loc="left")
+        ax.set_title(ax.get_title(loc="left").replace(": ", ":\n"), loc="left", fontsize="small")
     return save(figure, "planar_leg")
 
 
