@@ -9,6 +9,7 @@ import shutil
 import statistics
 import tempfile
 import time
+from functools import cache
 from pathlib import Path
 
 from bench_timing import Row
@@ -55,6 +56,7 @@ def page_rows() -> list[Row]:
     ]
 
 
+@cache
 def _standing() -> tuple[rbd.Trajectory, rbd.Robot]:
     """Talos, which holds its posture on its feet for two seconds."""
     robot = rbd.load_robot("talos")

@@ -33,7 +33,7 @@ LARGEST_PUSH = 0.5
 LEAST_FRICTION, MOST_FRICTION = 0.05, 1.5
 MOST_LINKS = 12
 LEAST_ACCELERATION = 5e-3
-"""An acceleration below this is told as none [m/s2]."""
+"""An acceleration below this is written as zero [m/s2]."""
 SLOW = ("joint torques",)
 """Layers that are drawn when the sliders rest."""
 _LEVEL = 90.0

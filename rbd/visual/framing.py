@@ -10,6 +10,7 @@ import numpy as np
 from rbd.arrays import Array, as_vector3
 from rbd.errors import InputError
 from rbd.visual.marks.contacts import ShownForce
+from rbd.visual.robot_layers import ahead_of, toes_of
 from rbd.visual.shapes import outermost, round_number
 
 FRONT_LEFT = (1.0, 0.62, 0.34)
@@ -32,9 +33,7 @@ def a_direction(seen_from: Sequence[float] | Array | None) -> list[float] | None
 
 def seen_from(contacts: Iterable[ShownForce]) -> list[float]:
     """From the robot to the camera, in W: in front, on the left, above; the front is where the x axes of the soles point."""
-    toes = sum((c.patch.axes[:2, 0] for c in contacts if len(c.corners) > 2), start=np.zeros(2))
-    length = float(np.linalg.norm(toes))
-    ahead = toes / length if length > 1e-3 else np.array([1.0, 0.0])
+    ahead = ahead_of(toes_of(contacts))
     left = np.array([-ahead[1], ahead[0]])
     return np.round([*(FRONT_LEFT[0] * ahead + FRONT_LEFT[1] * left), FRONT_LEFT[2]], 4).tolist()
 

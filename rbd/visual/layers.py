@@ -63,7 +63,7 @@ def checked_view(view: object) -> str:
     """The name of a view.
 
     Raises:
-        InputError: what is none.
+        InputError: if it is not the name of a view.
     """
     if view not in VIEWS:
         raise InputError(f"view is {view!r:.80}; expected one of {', '.join(VIEWS)}.")

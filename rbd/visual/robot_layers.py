@@ -165,14 +165,24 @@ def front_of(robot: CheckedModel, data: pin.Data, contacts: Iterable[ShownForce]
 
     That of the x axes of the soles in touch, else of those that are known of the robot, else of its floating base, else W's x.
     """
-    toes = [c.patch.axes[:2, 0] for c in contacts if len(c.corners) > 2]
+    toes = toes_of(contacts)
     if not toes:
         toes = _known_toes(robot, data)
     if not toes and robot.model.njoints > 1 and robot.model.joints[1].nq == 7:
         toes = [data.oMi[1].rotation[:2, 0]]
+    return np.round(ahead_of(toes), 4).tolist()
+
+
+def toes_of(contacts: Iterable[ShownForce]) -> list[Array]:
+    """The x axes of the soles among some contacts, along the ground in W, each of shape (2,)."""
+    return [c.patch.axes[:2, 0] for c in contacts if len(c.corners) > 2]
+
+
+def ahead_of(toes: Sequence[Array]) -> Array:
+    """The common direction of some feet, shape (2,), of length 1; W's x where there are none, or they cancel."""
     ahead = np.sum(toes, axis=0) if toes else np.zeros(2)
     length = float(np.linalg.norm(ahead))
-    return np.round(ahead / length, 4).tolist() if length > 1e-3 else [1.0, 0.0]
+    return ahead / length if length > 1e-3 else np.array([1.0, 0.0])
 
 
 def _known_toes(robot: CheckedModel, data: pin.Data) -> list[Array]:

@@ -131,7 +131,7 @@ class Sizes:
 
 
 def numbers(values: Array, digits: int = 4) -> str:
-    """Some numbers in parentheses, with so many digits of the largest: '(0, 12.3, 448.1)'."""
+    """Numbers in parentheses, rounded to a number of digits of the largest: '(0, 12.3, 448.1)'."""
     values = np.atleast_1d(np.asarray(values, float))
     most = float(np.abs(values).max(initial=0.0))
     places = max(0, digits - 1 - int(np.floor(np.log10(most)))) if 1e-12 < most < 1e12 else 0

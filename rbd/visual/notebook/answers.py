@@ -17,7 +17,8 @@ from rbd.problem.force_set import at_rest
 from rbd.problem.residuals import Residuals
 from rbd.solution import Solution
 from rbd.statics.actuation import Actuation
-from rbd.visual.notebook.card import Card, Fold, Table, joined
+from rbd.visual.name_lists import joined
+from rbd.visual.notebook.card import Card, Fold, Table
 from rbd.visual.notebook.registry import card_of
 from rbd.visual.notebook.values import fixed, number, share, vector, words
 

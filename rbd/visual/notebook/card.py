@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import html
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -141,10 +141,3 @@ def _lines(text: str) -> str:
     shown = [html.escape(line[:MOST_LETTERS]) for line in lines[:MOST_ROWS]]
     more = [f"and {len(lines) - MOST_ROWS} more lines"] if len(lines) > MOST_ROWS else []
     return '<pre style="margin:0.2em 0;white-space:pre;overflow-x:auto;background:none">' + "\n".join(shown + more) + "</pre>"
-
-
-def joined(words: Iterable[str], most: int = 6) -> str:
-    """Some words with commas, and how many more there are."""
-    listed = list(words)
-    more = f" and {len(listed) - most} more" if len(listed) > most else ""
-    return ", ".join(listed[:most]) + more

@@ -12,7 +12,8 @@ from rbd.mechanism.degrees_of_freedom import Mobility
 from rbd.mechanism.pose_search import FoundPose
 from rbd.mechanism.singular_configurations import KINDS, Singularities, SingularitiesAlong, Singularity
 from rbd.mechanism.topology import MechanismClass
-from rbd.visual.notebook.card import Card, Fold, Table, joined
+from rbd.visual.name_lists import joined
+from rbd.visual.notebook.card import Card, Fold, Table
 from rbd.visual.notebook.registry import card_of
 from rbd.visual.notebook.values import number, words
 

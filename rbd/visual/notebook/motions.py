@@ -10,7 +10,8 @@ from rbd.motion.report import MotionReport
 from rbd.simulation.motion import Event, Sample
 from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_fields import RESIDUALS
-from rbd.visual.notebook.card import Card, Fold, Table, joined
+from rbd.visual.name_lists import joined
+from rbd.visual.notebook.card import Card, Fold, Table
 from rbd.visual.notebook.registry import card_of
 from rbd.visual.notebook.small_curves import curves, lanes
 from rbd.visual.notebook.values import fixed, number, share, vector

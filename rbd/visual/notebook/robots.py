@@ -14,7 +14,8 @@ from rbd.model.joints import Joint, Joints
 from rbd.model.state import State
 from rbd.robots.diagnosis import ModelReport
 from rbd.robots.robot import Robot
-from rbd.visual.notebook.card import Card, Fold, Table, joined
+from rbd.visual.name_lists import joined
+from rbd.visual.notebook.card import Card, Fold, Table
 from rbd.visual.notebook.registry import card_of
 from rbd.visual.notebook.values import fixed, number, vector
 

@@ -6,7 +6,8 @@ from collections import Counter
 
 import numpy as np
 
-from rbd.visual.notebook.card import Card, Fold, Table, joined
+from rbd.visual.name_lists import joined
+from rbd.visual.notebook.card import Card, Fold, Table
 from rbd.visual.notebook.frames import scene_frame
 from rbd.visual.notebook.registry import card_of
 from rbd.visual.notebook.values import fixed, number, vector

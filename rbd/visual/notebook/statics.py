@@ -10,7 +10,8 @@ from rbd.statics.pushes import PushLimits
 from rbd.statics.regions import SupportRegion
 from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
-from rbd.visual.notebook.card import Card, Fold, Table, joined
+from rbd.visual.name_lists import joined
+from rbd.visual.notebook.card import Card, Fold, Table
 from rbd.visual.notebook.registry import card_of
 from rbd.visual.notebook.small_curves import polygon
 from rbd.visual.notebook.values import fixed, number, share, vector, words

@@ -13,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.visual.notebook.card import joined
+from rbd.visual.name_lists import joined
 
 FEW = 6
-"""Arrays of up to so many numbers are written out; of longer ones, shape and range."""
+"""The most numbers of an array that are written out; of longer ones, shape and range are."""
 _ENTRY = re.compile(r"^ {4}(\w+)(?: \([^)]*\))?: (.*(?:\n {5,}.*)*)", re.MULTILINE)
 _SECTION = re.compile(r"^(Attributes|Args):\n((?: {4}.*\n?|\n)+)", re.MULTILINE)
 _UNIT = re.compile(r"\[([^\]\[]*)\]")
@@ -30,12 +30,12 @@ def number(x: float, digits: int = 6) -> str:
 
 
 def fixed(x: float, decimals: int) -> str:
-    """A number with so many decimals; never "-0"."""
+    """A number rounded to some decimals; never "-0"."""
     return "-" if x != x else f"{round(float(x), decimals) + 0.0:.{decimals}f}"
 
 
 def vector(x: Sequence[float] | Array, decimals: int = 3) -> str:
-    """A short vector, as "(0.1, 0, 2)"; with so many decimals."""
+    """A short vector, as "(0.1, 0, 2)", rounded to some decimals."""
     return "(" + ", ".join(fixed(v, decimals) for v in x) + ")"
 
 

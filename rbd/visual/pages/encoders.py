@@ -124,7 +124,7 @@ def _gif(fps: float, width: int, height: int) -> Encoder:
         palette = _palette([_opened(sample) for sample in samples])
         colors = bytes(palette.getpalette() or b"").ljust(3 * 256, b"\0")
         file.write(b"GIF89a" + _short(width) + _short(height) + b"\xf7\0\0" + colors)
-        file.write(b"\x21\xff\x0bNETSCAPE2.0\x03\x01\0\0\0")  # plays for ever
+        file.write(b"\x21\xff\x0bNETSCAPE2.0\x03\x01\0\0\0")  # the loop extension: repeat without end
         before: Any = None
         for i, frame in enumerate(frames):
             here = np.asarray(_opened(frame).quantize(palette=palette, dither=Image.Dither.NONE))

@@ -13,6 +13,7 @@ from rbd.arrays import Array, lazy
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.visual.marks.external_forces import Push, pushes
+from rbd.visual.name_lists import joined
 from rbd.visual.playback.posed_bodies import body_poses, configuration_between
 from rbd.visual.style import PUSH_COLOR
 
@@ -34,7 +35,6 @@ NEAR = 0.25
 MOST_STRETCHES = 400
 OFF_GROUND = 5e-3
 """A contact that carries load farther from z = 0 touches something else [m]."""
-MOST_NAMED = 6
 MOST_SAMPLES_LOOKED_AT = 400
 
 
@@ -152,10 +152,7 @@ def _without_points(trajectory: Trajectory) -> list[str]:
     """Which constraints carry forces that a motion does not show, in words: their points are not recorded."""
     forces: Mapping[str, Array] = getattr(trajectory, "forces", {})
     names = [name for name, f in forces.items() if name not in trajectory.points and np.any(f)]
-    if not names:
-        return []
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return [f"Not drawn: the forces of {', '.join(names[:MOST_NAMED])}{more}."]
+    return [f"Not drawn: the forces of {joined(names)}."] if names else []
 
 
 def _without_surfaces(trajectory: Trajectory) -> list[str]:
@@ -165,10 +162,7 @@ def _without_surfaces(trajectory: Trajectory) -> list[str]:
         loaded = np.linalg.norm(trajectory.point_forces[name], axis=-1) > 0.0
         if (np.abs(np.where(loaded, np.asarray(points)[..., 2], 0.0)) > OFF_GROUND).any():
             names.append(name)
-    if not names:
-        return []
-    more = f" and {len(names) - MOST_NAMED} more" if len(names) > MOST_NAMED else ""
-    return [f"Surfaces off the ground z = 0 are not drawn; there: {', '.join(names[:MOST_NAMED])}{more}."]
+    return [f"Surfaces off the ground z = 0 are not drawn; there: {joined(names)}."] if names else []
 
 
 def frame_times(times: Array, interval: float) -> Array:

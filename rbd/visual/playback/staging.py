@@ -15,6 +15,7 @@ from rbd.model.state import State
 from rbd.robots.robot import Robot
 from rbd.simulation.motion import Event
 from rbd.visual.marks.footprints import Footprints
+from rbd.visual.marks.mark import Sizes
 from rbd.visual.playback.frames import Pushes, PushesAt, frames_of
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.robot_meshes import RobotPart, robot_parts
@@ -109,12 +110,7 @@ def staged(
             robot, ground=ground, seen_from=seen_from, arrow_per_weight=arrow_per_weight, legend=False, layers=layers, view=view
         )
     scene.show(State(robot, np.array(trajectory.q[0], float)))
-    parts = robot_parts(robot)
-    joints = sorted({part.joint for part in parts} - {0})
-    weight = float(robot.mass * np.linalg.norm(robot.gravity))
-    frames = frames_of(trajectory, joints, fps=fps, speed=speed, external=external)
-    page = MotionPage(frames, parts, scene.sizes, bool(ground), weight, robot, events=tuple(trajectory.events))
-    return page, scene
+    return _page(trajectory, robot_parts(robot), scene.sizes, bool(ground), fps, speed, external), scene
 
 
 def a_second(
@@ -125,10 +121,23 @@ def a_second(
     parts: Sequence[RobotPart] = robot_parts(robot)
     if len(parts) == len(first.parts) and all(map(_alike, parts, first.parts)):
         parts = first.parts  # their meshes are in the page already
+    return _page(trajectory, parts, first.sizes, first.ground, fps, speed, external)
+
+
+def _page(
+    trajectory: Trajectory,
+    parts: Sequence[RobotPart],
+    sizes: Sizes,
+    ground: bool,
+    fps: float | None,
+    speed: float,
+    external: Pushes | PushesAt,
+) -> MotionPage:
+    robot = trajectory.robot
     joints = sorted({part.joint for part in parts} - {0})
     weight = float(robot.mass * np.linalg.norm(robot.gravity))
     frames = frames_of(trajectory, joints, fps=fps, speed=speed, external=external)
-    return MotionPage(frames, parts, first.sizes, first.ground, weight, robot, events=tuple(trajectory.events))
+    return MotionPage(frames, parts, sizes, ground, weight, robot_of(trajectory), events=tuple(trajectory.events))
 
 
 def _alike(one: RobotPart, other: RobotPart) -> bool:
