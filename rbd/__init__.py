@@ -108,6 +108,12 @@ if _TYPE_CHECKING:
     from rbd.statics.equilibrium import (
         hold as hold,
     )
+    from rbd.studies.running import (
+        study as study,
+    )
+    from rbd.studies.samples import (
+        grid as grid,
+    )
 
 __version__ = _VERSION
 
@@ -139,6 +145,8 @@ _NAMES = {
     "rbd.solvers.proxqp": "ProxQP",
     "rbd.statics.actuation": "Actuation",
     "rbd.statics.equilibrium": "hold",
+    "rbd.studies.samples": "grid",
+    "rbd.studies.running": "study",
 }
 """Top-level names by module; the imports above are the same for type checkers."""
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

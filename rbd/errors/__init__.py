@@ -65,6 +65,7 @@ from rbd.errors.no_solution import (
     SimulationStopped,
     SingularPose,
 )
+from rbd.errors.reasons import Reason
 from rbd.errors.warned import (
     DistantContactWarning,
     EffortLimitWarning,
@@ -101,6 +102,7 @@ __all__ = [
     "PictureError",
     "RbdError",
     "RbdWarning",
+    "Reason",
     "RelaxedLimitsWarning",
     "SimulationStopped",
     "SingularInertia",

@@ -1,0 +1,69 @@
+"""`Evaluation`: a function with what is kept of its results; evaluates the samples of a chunk, in any process."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from rbd.errors import RbdError
+from rbd.errors.reasons import Reason
+from rbd.studies.kept.results import variables_of
+from rbd.studies.kept.variable import Block, Variable, missing
+
+BATCH = 512
+"""Samples that a batched function gets at a time: as many as `solve_many` puts in a block, whatever the chunk."""
+
+
+@dataclass(frozen=True, eq=False)
+class Evaluation:
+    """What is computed for each sample, and what is kept of it; it is sent to the workers once.
+
+    Attributes:
+        function: Called with the arguments of a sample; `rng=` a Generator of the sample, where it has such a parameter.
+        keep: Names of what is kept; None: the defaults of the result's type.
+        seed: Root of the seeds of all samples.
+        batched: Whether the function takes arrays over samples, `BATCH` at a time.
+    """
+
+    function: Callable[..., Any]
+    keep: tuple[str, ...] | None = None
+    seed: int = 0
+    batched: bool = False
+
+    def block(self, start: int, columns: Mapping[str, Sequence[Any]]) -> Block:
+        """Results of consecutive samples.
+
+        Args:
+            start: Number of the first sample.
+            columns: {argument: values}, of one length.
+        """
+        n = len(next(iter(columns.values())))
+        ok, reason, messages = np.zeros(n, bool), np.zeros(n, np.int16), dict[int, str]()
+        found: dict[str, Variable] = {}
+        takes_rng = "rng" in inspect.signature(self.function).parameters
+        for i in range(n):
+            given = {name: values[i] for name, values in columns.items()}
+            if takes_rng:
+                given["rng"] = np.random.default_rng(self.seed_of(start + i))
+            try:
+                result = self.function(**given)
+            except RbdError as error:
+                reason[i], messages[start + i] = Reason.of(error).code, str(error)
+                continue
+            ok[i] = True
+            for name, variable in variables_of(result, self.keep).items():
+                if name not in found:
+                    empty = np.full((n, *variable.values.shape), missing(variable.values.dtype), variable.values.dtype)
+                    found[name] = Variable(
+                        empty, variable.dims, variable.units, variable.long_name, variable.labels, variable.flags
+                    )
+                found[name].values[i] = variable.values
+        return Block(start, start + n, found, ok, reason, messages)
+
+    def seed_of(self, i: int) -> np.random.SeedSequence:
+        """The seed of sample i: child i of `SeedSequence(seed).spawn`, whatever the chunks."""
+        return np.random.SeedSequence(self.seed, spawn_key=(i,))
