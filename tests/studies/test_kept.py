@@ -291,7 +291,7 @@ class TestRecords:
         ]
         failed = rbd.solve_problem(rbd.GaussProblem(M=np.eye(2), rhs=np.zeros(2), rows=rows), check=False)
         block = kept(failed)
-        assert not block.ok[0] and block.reason[0] == StateStatus.INFEASIBLE.reason.code and block.messages[0]
+        assert not block.ok[0] and block.reason[0] == Reason.CONTRADICTION.code and block.messages[0]
         assert list(block.variables) == ["status", "worst_residual"] and values(block)["status"] == [
             int(StateStatus.INFEASIBLE)
         ]
@@ -311,7 +311,7 @@ class TestRecords:
         assert found["duration"] == [0.2] and found["ended_early"] == [False]
         np.testing.assert_allclose(found["final_com"][0], fall.com[-1])
         assert found["lowest_com"] == [fall.com[:, 2].min()] and abs(found["energy_change"][0]) < 1e-9
-        assert "end_reason" in values(kept(fall, keep=("end_reason",)))
+        assert found["end_reason"] == [0] and values(kept(fall, keep=("interrupted",)))["interrupted"] == [""]
 
     def test_a_checked_motion(self, solo: rbd.Robot):
         """Shares of frames, by cause."""
@@ -429,7 +429,7 @@ def test_errors_are_rows():
     rows.refuse(0, rbd.InputError("friction is -1."))
     rows.refuse(1, ValueError("x" * 5000))
     block = rows.block()
-    assert block.reason.tolist() == [Reason.of(rbd.InputError()).code, Reason.OTHER_ERROR.code, Reason.NOT_RUN.code]
+    assert block.reason.tolist() == [Reason.BAD_INPUT.code, Reason.OTHER_ERROR.code, Reason.NOT_RUN.code]
     assert block.messages[10] == "friction is -1." and block.messages[11].startswith("ValueError: xxx")
     assert len(block.messages[11]) == 1000 and not block.ok.any()
 

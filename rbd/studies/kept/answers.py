@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.errors.reasons import Reason
 from rbd.many import naming
 from rbd.many.naming import Named
 from rbd.many.status import StateStatus
@@ -38,12 +37,6 @@ ABOUT = {
     "margin": "share of friction that was kept unused",
 }
 """What each name is, of one state and of many."""
-
-
-def reason_of(status: StateStatus) -> Reason:
-    """The reason that a status gives; `NONE` of answers."""
-    found: Reason = getattr(status, "reason", Reason.NO_SOLUTION if status > StateStatus.INACCURATE else Reason.NONE)
-    return found
 
 
 def _status(found: Any) -> list[Named]:
@@ -112,7 +105,7 @@ def verdict_of(found: Answer | Actuation) -> Verdict:
     if status <= StateStatus.INACCURATE:
         return None
     answer = found if isinstance(found, Answer) else found.answer
-    return reason_of(status), answer.reason or answer.impact or answer.worst
+    return status.reason, answer.reason or answer.impact or answer.worst
 
 
 _CERTIFICATE = ("status", "worst_residual")
