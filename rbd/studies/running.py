@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
 from rbd.studies.dataset import dataset_of
 from rbd.studies.evaluation import Evaluation
 from rbd.studies.executors import Chunk, blocks
+from rbd.studies.kept.wanted import Keep
 from rbd.studies.samples import Samples, samples_of
 from rbd.studies.stores.store import MemoryStore
 
@@ -21,7 +22,7 @@ def study(
     function: Callable[..., Any],
     samples: object,
     *,
-    keep: Sequence[str] | None = None,
+    keep: Keep = None,
     executor: Executor | int | None = None,
     out: str | os.PathLike[str] | None = None,
     seed: int = 0,
@@ -31,7 +32,7 @@ def study(
 ) -> xarray.Dataset:
     """The results of a function at many samples, as one dataset with named dimensions, units and reasons of failure."""
     found = samples_of(samples)
-    evaluation = Evaluation(function, None if keep is None else tuple(keep), seed, batched)
+    evaluation = Evaluation(function, keep, seed, batched)
     store = MemoryStore(len(found))
     size = chunk or max(1, min(10_000, len(found) // 64))
     for block in blocks(evaluation, _chunks(found, size, store), executor):
