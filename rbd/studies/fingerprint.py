@@ -1,4 +1,4 @@
-"""`add`, `fingerprint`: a hash of the content of a value, the same in every process and on every platform."""
+"""`add`, `hash_of`: a hash of the content of a value, the same in every process and on every platform."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import inspect
 import struct
 import textwrap
 import types
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import fields, is_dataclass
 from enum import Enum
 from typing import Any, Protocol
@@ -26,7 +26,7 @@ class Hash(Protocol):
         ...
 
 
-def fingerprint(value: object) -> str:
+def hash_of(value: object) -> str:
     """The SHA-256 hash of a value's content, 64 hexadecimal digits; arguments and errors as of `add`."""
     found = hashlib.sha256()
     add(found, value)
@@ -50,7 +50,7 @@ def add(found: Hash, value: object) -> None:
     _add(found, value, ())
 
 
-def _add(found: Hash, value: object, path: tuple[int, ...]) -> None:
+def _add(found: Hash, value: Any, path: tuple[int, ...]) -> None:
     if isinstance(value, Enum):
         _tag(found, "enum", f"{_name(type(value))}.{value.name}")
     elif isinstance(value, np.generic) and value.dtype.kind in "biufcSU":
@@ -58,8 +58,7 @@ def _add(found: Hash, value: object, path: tuple[int, ...]) -> None:
     elif value is None or isinstance(value, bool | int | str) and type(value) in (bool, int, str, type(None)):
         _tag(found, type(value).__name__, str(value))
     elif type(value) in (float, complex):
-        number = complex(value)  # type: ignore[arg-type]
-        parts = [np.nan if x != x else x for x in (number.real, number.imag)]  # every NaN is the same
+        parts = [np.nan if x != x else x for x in (np.real(value), np.imag(value))]  # every NaN is the same
         _bytes(found, type(value).__name__, struct.pack("<dd", *parts))
     elif isinstance(value, bytes | bytearray):
         _bytes(found, "bytes", bytes(value))
