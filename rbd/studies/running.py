@@ -7,11 +7,13 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
+from rbd.studies.calling import bound
 from rbd.studies.dataset import dataset_of
 from rbd.studies.evaluation import Evaluation
 from rbd.studies.executors import Chunk, blocks
-from rbd.studies.samples import Samples, samples_of
+from rbd.studies.samples import Samples
 from rbd.studies.stores.store import MemoryStore
+from rbd.studies.tables import samples_of
 
 if TYPE_CHECKING:
     import xarray
@@ -31,6 +33,7 @@ def study(
 ) -> xarray.Dataset:
     """The results of a function at many samples, as one dataset with named dimensions, units and reasons of failure."""
     found = samples_of(samples)
+    function = bound(function, found)
     evaluation = Evaluation(function, None if keep is None else tuple(keep), seed, batched)
     store = MemoryStore(len(found))
     size = chunk or max(1, min(10_000, len(found) // 64))
