@@ -11,6 +11,7 @@ import numpy as np
 
 from rbd.studies.kept.rows import KeptRows
 from rbd.studies.kept.variable import Block
+from rbd.studies.kept.wanted import Keep
 
 BATCH = 512
 """Samples that a batched function gets at a time: as many as `solve_many` puts in a block, whatever the chunk."""
@@ -28,7 +29,7 @@ class Evaluation:
     """
 
     function: Callable[..., Any]
-    keep: tuple[str, ...] | None = None
+    keep: Keep = None
     seed: int = 0
     batched: bool = False
 

@@ -6,6 +6,7 @@ import math
 import re
 from collections import namedtuple
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -356,6 +357,21 @@ class TestRecords:
             assert set(kind.certificate) <= set(kind.names) and kind.defaults, name
             for key, kept in kind.names.items():
                 assert key.isidentifier() and len(kept.about) > 8, f"{name}: {key}"
+
+    def test_the_reference_lists_every_name(self):
+        """docs/reference/studies.md has each name with its line, and whether it is kept where nothing is said."""
+        page = (Path(__file__).parents[2] / "docs" / "reference" / "studies.md").read_text(encoding="utf-8")
+        listed = page.partition("<!-- names -->")[2]
+        expected = []
+        for kind in known_types().values():
+            for name, kept in kind.names.items():
+                when = "always" if name in kind.certificate else "yes" if kept.default else "if named"
+                expected.append(
+                    f"| `{name}` | {kept.about} | {when} |".replace("|f_t|", "\\|f_t\\|").replace(
+                        "|a - a_free|", "\\|a - a_free\\|"
+                    )
+                )
+        assert [line for line in listed.splitlines() if line.startswith("| `")] == expected
 
     def test_kept_names(self):
         """What keep may name, by type; of a subclass those of its base."""
