@@ -455,6 +455,7 @@ CASES: dict[str, Case] = {
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
     "nearest_motion": Case(rbd.solution.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
     "compare_laws": Case(rbd.studies.compare_laws, ASKED),
+    "kept_names": Case(rbd.studies.kept_names, {"result": rbd.Solution}),
     "compare_solvers": Case(  # without the times in it, which differ
         lambda **given: [x.a for x in rbd.studies.compare_solvers(**given).answers], ASKED
     ),

@@ -1,4 +1,4 @@
-"""Every error and warning of `rbd`, in one tree.
+"""Every error and warning of `rbd`, in one tree; and `Reason`, which each error has: why there is no answer, with a code.
 
 ::
 

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from rbd.errors import RbdError
-from rbd.errors.reasons import Reason
-from rbd.studies.kept.results import variables_of
-from rbd.studies.kept.variable import Block, Variable, missing
+from rbd.studies.kept.rows import KeptRows
+from rbd.studies.kept.variable import Block
+from rbd.studies.kept.wanted import Keep
 
 BATCH = 512
 """Samples that a batched function gets at a time: as many as `solve_many` puts in a block, whatever the chunk."""
@@ -30,7 +29,7 @@ class Evaluation:
     """
 
     function: Callable[..., Any]
-    keep: tuple[str, ...] | None = None
+    keep: Keep = None
     seed: int = 0
     batched: bool = False
 
@@ -42,27 +41,24 @@ class Evaluation:
             columns: {argument: values}, of one length.
         """
         n = len(next(iter(columns.values())))
-        ok, reason, messages = np.zeros(n, bool), np.zeros(n, np.int16), dict[int, str]()
-        found: dict[str, Variable] = {}
+        rows = KeptRows(n, self.keep, first=start, arguments=tuple(columns))
         takes_rng = "rng" in inspect.signature(self.function).parameters
-        for i in range(n):
-            given = {name: values[i] for name, values in columns.items()}
+        for i in range(0, n, BATCH) if self.batched else range(n):
+            j = min(i + BATCH, n)
+            given = {name: values[i:j] if self.batched else values[i] for name, values in columns.items()}
             if takes_rng:
                 given["rng"] = np.random.default_rng(self.seed_of(start + i))
             try:
                 result = self.function(**given)
-            except RbdError as error:
-                reason[i], messages[start + i] = Reason.of(error).code, str(error)
+            except Exception as error:
+                for k in range(i, j) if self.batched else [i]:
+                    rows.refuse(k, error)
                 continue
-            ok[i] = True
-            for name, variable in variables_of(result, self.keep).items():
-                if name not in found:
-                    empty = np.full((n, *variable.values.shape), missing(variable.values.dtype), variable.values.dtype)
-                    found[name] = Variable(
-                        empty, variable.dims, variable.units, variable.long_name, variable.labels, variable.flags
-                    )
-                found[name].values[i] = variable.values
-        return Block(start, start + n, found, ok, reason, messages)
+            if self.batched:
+                rows.put_batch(i, j, result)
+            else:
+                rows.put(i, result)
+        return rows.block()
 
     def seed_of(self, i: int) -> np.random.SeedSequence:
         """The seed of sample i: child i of `SeedSequence(seed).spawn`, whatever the chunks."""

@@ -4,18 +4,21 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rbd.studies.calling import bound
 from rbd.studies.evaluation import Evaluation
 from rbd.studies.executors import Chunk, blocks
+from rbd.studies.kept.wanted import Keep
 from rbd.studies.provenance import attributes_of
-from rbd.studies.samples import Samples, samples_of
+from rbd.studies.samples import Samples
 from rbd.studies.stores.opened import checked_path, store_of
 from rbd.studies.stores.store import Store
+from rbd.studies.tables import samples_of
 
 if TYPE_CHECKING:
     import xarray
@@ -25,7 +28,7 @@ def study(
     function: Callable[..., Any],
     samples: object,
     *,
-    keep: Sequence[str] | None = None,
+    keep: Keep = None,
     executor: Executor | int | None = None,
     out: str | os.PathLike[str] | None = None,
     seed: int = 0,
@@ -36,7 +39,7 @@ def study(
     """The results of a function at many samples, as one dataset with named dimensions, units and reasons of failure."""
     path = checked_path(out)
     found = samples_of(samples)
-    evaluation = Evaluation(function, None if keep is None else tuple(keep), seed, batched)
+    evaluation = Evaluation(bound(function, found), keep, seed, batched)
     attributes = attributes_of(function, found, keep=keep, seed=seed, batched=batched)
     store = store_of(path, found, attributes)
     try:
