@@ -6,7 +6,7 @@ import os
 import platform
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -17,6 +17,7 @@ import numpy as np
 from rbd.errors import InputError
 from rbd.installation import VERSION as VERSION_OF_RBD
 from rbd.studies.identity import hash_of, name_of
+from rbd.studies.kept.wanted import Keep, Wanted
 from rbd.studies.samples import Samples
 
 FORMAT = "rbd study"
@@ -34,7 +35,7 @@ def attributes_of(
     function: Callable[..., Any],
     samples: Samples,
     *,
-    keep: Sequence[str] | Mapping[str, Callable[..., Any]] | None,
+    keep: Keep,
     seed: int,
     batched: bool,
 ) -> dict[str, Any]:
@@ -66,13 +67,13 @@ def attributes_of(
     }
 
 
-def kept_as_text(keep: Sequence[str] | Mapping[str, Callable[..., Any]] | None) -> str:
+def kept_as_text(keep: Keep) -> str:
     """What is kept: names, each function with its hash; "default" where nothing is said."""
-    if keep is None:
+    wanted = Wanted(keep)
+    if wanted.names is None:
         return "default"
-    if isinstance(keep, Mapping):
-        return ", ".join(f"{name} by {name_of(f)} {hash_of(f)[:16]}" for name, f in keep.items()) or "nothing"
-    return ", ".join(keep) or "nothing"
+    functions = [f"{name} by {name_of(f)} {hash_of(f)[:16]}" for name, f in wanted.functions.items()]
+    return ", ".join([*wanted.names, *functions]) or "nothing"
 
 
 @cache
