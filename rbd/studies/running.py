@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
 from rbd.studies.dataset import dataset_of
 from rbd.studies.evaluation import Evaluation
-from rbd.studies.executors import Chunk, blocks
-from rbd.studies.samples import Samples, samples_of
+from rbd.studies.filling import fill
+from rbd.studies.samples import samples_of
 from rbd.studies.stores.store import MemoryStore
 
 if TYPE_CHECKING:
@@ -33,15 +33,8 @@ def study(
     found = samples_of(samples)
     evaluation = Evaluation(function, None if keep is None else tuple(keep), seed, batched)
     store = MemoryStore(len(found))
-    size = chunk or max(1, min(10_000, len(found) // 64))
-    for block in blocks(evaluation, _chunks(found, size, store), executor):
-        store.put(block)
-    return dataset_of(found, store.contents(), {})
-
-
-def _chunks(samples: Samples, size: int, store: MemoryStore) -> Iterator[Chunk]:
-    """What is not done, in parts."""
-    for start in range(0, len(samples), size):
-        stop = min(start + size, len(samples))
-        if not store.done[start:stop].all():
-            yield start, samples.columns(start, stop)
+    filled = fill(store, evaluation, found, executor=executor, chunk=chunk, progress=progress)
+    filled.warn()
+    if filled.stopped:
+        raise RuntimeError(filled.stopped) from filled.cause
+    return dataset_of(found, store.contents(), {"interrupted": filled.interrupted} if filled.interrupted else {})
