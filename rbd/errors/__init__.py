@@ -109,6 +109,7 @@ __all__ = [
     "SimulationStopped",
     "SingularInertia",
     "SingularPose",
+    "StudyWarning",
     "UnknownName",
     "UnknownRobot",
     "Unsupported",

@@ -38,11 +38,10 @@ def dataset_of(samples: Samples, found: Block, attributes: dict[str, Any]) -> xa
         "message": (dims, messages.astype(str).reshape(shape)),
     }
     for name, v in found.variables.items():
-        attrs = {"units": v.units, "long_name": v.long_name}
         variables[name] = (
             (*dims, *v.dims),
             v.values.reshape(*shape, *v.values.shape[1:]),
-            {k: x for k, x in attrs.items() if x},
+            v.attributes,
         )
         coords |= {dim: (dim, list(labels)) for dim, labels in v.labels.items()}
     return xarray.Dataset(variables, coords, attributes)

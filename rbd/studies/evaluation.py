@@ -13,6 +13,7 @@ import numpy as np
 
 from rbd.studies.kept.rows import KeptRows
 from rbd.studies.kept.variable import Block
+from rbd.studies.kept.wanted import Keep
 from rbd.studies.told import Told, recorded
 
 BATCH = 512
@@ -52,7 +53,7 @@ class Evaluation:
     """
 
     function: Callable[..., Any]
-    keep: tuple[str, ...] | Mapping[str, Any] | None = None
+    keep: Keep = None
     seed: int = 0
     batched: bool = False
 
@@ -146,7 +147,7 @@ def _parameters(function: Callable[..., Any]) -> Mapping[str, inspect.Parameter]
 
 
 def _python(column: Sequence[Any]) -> Sequence[Any]:
-    """The values of a column one by one: numbers and texts of Python, which are faster than those of NumPy; else as they are."""
+    """The values of a column one by one: numbers and texts of Python, faster than those of NumPy; else as they are."""
     if isinstance(column, np.ndarray) and column.ndim == 1 and column.dtype.kind in "fiubU":
         found: list[Any] = column.tolist()
         return found

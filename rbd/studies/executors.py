@@ -96,7 +96,9 @@ def sent_of(evaluation: Evaluation, executor: Executor | int | None) -> bytes:
     """
     if executor == 0 or isinstance(executor, ThreadPoolExecutor):
         return b""
-    return pickled(evaluation, evaluation.function, same_script=not isinstance(executor, Executor) or isinstance(executor, Workers))
+    return pickled(
+        evaluation, evaluation.function, same_script=not isinstance(executor, Executor) or isinstance(executor, Workers)
+    )
 
 
 def blocks(
@@ -218,7 +220,6 @@ class _Crew:
         if not isinstance(self.executor, Workers) and at - way.begun < 2.0 * found.seconds:  # it hardly waited: give more
             self.room = min(self.room + 1, MOST_WAITING)
         return found
-
 
     def _lost(self, way: _Way, why: str) -> Lost | Stopped | None:
         """Processes died of a chunk: it is computed again, sample by sample, so that one sample loses no others."""

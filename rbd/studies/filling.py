@@ -139,4 +139,3 @@ def _of_lost(lost: Sequence[Lost], so_far: str) -> str:
         f"each process that computed {places}{more} {lost[0].why}. All others are done, {so_far}. chunk=1 says which sample "
         "it is; call the function with it in a process of its own to see why."
     )
-
