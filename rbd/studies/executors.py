@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -84,7 +84,7 @@ def check(executor: Executor | int | None) -> None:
         executor.submit(_nothing)
     except Exception as error:  # executors of other packages raise errors of their own
         raise InputError(
-            f"the executor takes no work: {error!s:.300}. Make a new one; executor=None starts one process a core for this call."
+            f"the executor takes no work: {error!s:.300}. Make a new one; executor=None starts processes for this call."
         ) from error
 
 
@@ -108,7 +108,7 @@ def blocks(
     executor: Executor | int | None,
     *,
     check: Callable[[], None],
-) -> Iterator[Finished | Lost | Stopped | None]:
+) -> Generator[Finished | Lost | Stopped | None, None, None]:
     """The results of chunks, in the order in which they are finished; None every `TICK` while there is none.
 
     Args:
