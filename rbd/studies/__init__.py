@@ -5,22 +5,12 @@ from rbd.studies.comparison import LawComparison, SolverComparison, compare_laws
 from rbd.studies.draws import sample
 from rbd.studies.grids import grid
 from rbd.studies.kept.registry import kept_names
+from rbd.studies.own_processes import Workers
 from rbd.studies.running import study
 from rbd.studies.samples import Samples
 from rbd.studies.tables import table
 
-__all__ = [
-    "LawComparison",
-    "Samples",
-    "SolverComparison",
-    "compare_laws",
-    "compare_solvers",
-    "grid",
-    "kept_names",
-    "sample",
-    "study",
-    "table",
-]
+__all__ = ["LawComparison", "Samples", "SolverComparison", "Workers", "compare_laws", "compare_solvers", "grid", "kept_names", "sample", "study", "table"]
 
 
 def __getattr__(name: str) -> object:
