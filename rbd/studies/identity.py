@@ -148,7 +148,9 @@ class _Hash:
             self.add(code)
 
     def _code(self, x: CodeType) -> None:
-        self._all(f"code {x.co_argcount} {x.co_kwonlyargcount} {x.co_flags}", (x.co_code, x.co_names, x.co_varnames, x.co_consts))
+        self._all(
+            f"code {x.co_argcount} {x.co_kwonlyargcount} {x.co_flags}", (x.co_code, x.co_names, x.co_varnames, x.co_consts)
+        )
 
     def _object(self, x: Any) -> None:
         """An object: what makes it, or its fields, or the plain values that it has."""
@@ -211,6 +213,9 @@ def _plain(source: str, *, lambda_only: bool = False) -> str:
             raise ValueError(f"{len(lambdas)} lambdas")
         tree = lambdas[0]
     for node in ast.walk(tree):
-        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef) and ast.get_docstring(node, clean=False) is not None:
+        if (
+            isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+            and ast.get_docstring(node, clean=False) is not None
+        ):
             node.body = node.body[1:] or [ast.Pass()]
     return ast.unparse(tree)

@@ -22,6 +22,8 @@ from rbd.studies.samples import Samples
 FORMAT = "rbd study"
 VERSION = 1
 """Version of the layout of stores; a store of a newer one is refused."""
+LAYOUT = "rbd_layout"
+"""Attribute of a store with the order of its variables, as JSON."""
 PACKAGES = ("pin", "numpy", "scipy", "proxsuite", "clarabel", "daqp", "numba")
 """Packages on which the bits of results can depend."""
 SAME = ("function", "function_sha256", "samples_sha256", "seed", "keep", "batched")
@@ -96,7 +98,9 @@ def machine() -> str:
 def _processor() -> str:
     try:
         with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
-            return next((line.partition(":")[2].strip() for line in file if line.startswith("model name")), platform.processor())
+            return next(
+                (line.partition(":")[2].strip() for line in file if line.startswith("model name")), platform.processor()
+            )
     except OSError:
         return platform.processor()
 

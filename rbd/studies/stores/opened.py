@@ -7,9 +7,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rbd.studies.samples import Samples
-from rbd.studies.stores.places import a_store_path, check_store_place
+from rbd.studies.stores.netcdf_store import NetcdfStore, read_netcdf_study
+from rbd.studies.stores.places import NETCDF, a_store_path, check_store_place
 from rbd.studies.stores.store import MemoryStore, Store
-from rbd.studies.stores.zarr_store import ZarrStore, read_zarr
+from rbd.studies.stores.zarr_reading import read_zarr
+from rbd.studies.stores.zarr_store import ZarrStore
 
 if TYPE_CHECKING:
     import xarray
@@ -28,7 +30,7 @@ def store_of(path: Path | None, samples: Samples, attributes: Mapping[str, Any])
     """
     if path is None:
         return MemoryStore(samples, attributes)
-    return ZarrStore(path, samples, attributes)
+    return (NetcdfStore if path.suffix == NETCDF else ZarrStore)(path, samples, attributes)
 
 
 def checked_path(out: object) -> Path | None:
@@ -65,4 +67,5 @@ def open_study(path: object) -> xarray.Dataset:
         >>> print(rbd.studies.open_study(f"{folder}/twice.zarr").identical(swept))
         True
     """
-    return read_zarr(a_store_path(path))
+    found = a_store_path(path)
+    return read_netcdf_study(found) if found.suffix == NETCDF else read_zarr(found)

@@ -100,7 +100,9 @@ _KINDS = {"f": "numbers", "i": "whole numbers", "u": "whole numbers", "b": "trut
 
 def _check_name(name: str) -> None:
     if not name or "/" in name or name.startswith(("__", ".")):
-        raise InputError(f"a result is named {name!r:.80}; no variable of a dataset that is stored can have this name. Rename it.")
+        raise InputError(
+            f"a result is named {name!r:.80}; no variable of a dataset that is stored can have this name. Rename it."
+        )
 
 
 class Buffer:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import math
 import shutil
-import threading
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -18,26 +17,23 @@ from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.errors.reasons import Reason
 from rbd.errors.stopped import StudyStopped
-from rbd.modules import xarray_or_error
-from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, coordinates, normal, variable_attributes, with_outcome
+from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, coordinates, variable_attributes
 from rbd.studies.kept.variable import Block, Variable, missing
-from rbd.studies.provenance import check_same, continued, format_of
+from rbd.studies.provenance import LAYOUT, check_same, continued, format_of
 from rbd.studies.samples import Samples
+from rbd.studies.stores.pacing import Pacing, why
 from rbd.studies.stores.pieces import Pieces
 from rbd.studies.stores.places import Lock
 from rbd.studies.stores.store import Buffer, Kept, empty_of
+from rbd.studies.stores.zarr_reading import LOADED, read_zarr
 
 if TYPE_CHECKING:
     import xarray
 
-LAYOUT = "rbd_layout"
-"""Attribute of the store with the order of its variables and the dimensions that have labels; as JSON."""
 PIECE, LARGEST_PIECE = 8_000_000, 64_000_000
 """Bytes of a chunk of all variables together: of studies up to 8 GB, and at most."""
-LOADED = 1_000_000_000
-"""Datasets up to so many bytes are read into memory, larger ones as they are used."""
-OFTEN, SELDOM, SHARE = 1.0, 30.0, 40.0
-"""Time between two writings [s]: the least, the most, and how many times as long as one writing takes."""
+MOST_BUFFERS = 8
+"""Chunks in memory beyond which they are written at once."""
 
 
 class ZarrStore:
@@ -70,8 +66,7 @@ class ZarrStore:
         self._buffers: dict[int, Buffer] = {}
         self._dirty: set[int] = set()
         self._stored: set[int] = set()
-        self._guard, self._timer, self._late = threading.RLock(), None, None  # type: ignore[var-annotated]
-        self._last, self._pause = 0.0, OFTEN
+        self._pacing = Pacing(self._write_all, self._told)
         self.made = not (self._root.is_dir() and any(self._root.iterdir()))
         if self.made:
             self._make()
@@ -86,9 +81,8 @@ class ZarrStore:
 
     def put(self, block: Block) -> None:
         """As `Store.put`."""
-        with self._guard:
-            if self._late is not None:
-                raise self._late
+        with self._pacing.guard:
+            self._pacing.check()
             self.kept.check(block)
             if self._pieces is None:
                 self._pieces = Pieces.of(tuple(self.samples.dims.values()), _piece_size(block, len(self.samples)))
@@ -100,28 +94,21 @@ class ZarrStore:
                 self._buffer(piece).put(block)
                 self._dirty.add(piece)
             self.done[block.start : block.stop] = True
-            wait = self._last + self._pause - time.monotonic()
-            if wait <= 0 or len(self._buffers) > 8:
-                self._flush()
-            elif self._timer is None:
-                self._timer = threading.Timer(wait, self._flush_later)
-                self._timer.daemon = True
-                self._timer.start()
+            self._pacing.changed(now=len(self._buffers) > MOST_BUFFERS)
 
     def dataset(self) -> xarray.Dataset:
         """As `Store.dataset`; read from the disk, into memory if it is small."""
-        with self._guard:
-            self._flush()
+        with self._pacing.guard:
+            self._pacing.write()
         return read_zarr(self.path)
 
     def close(self) -> None:
         """As `Store.close`; a new store in which nothing is done is removed."""
         try:
-            with self._guard:
-                self._flush()
+            with self._pacing.guard:
+                self._pacing.write()
         finally:
-            if self._timer is not None:
-                self._timer.cancel()
+            self._pacing.stop()
             if self.made and not self.done.any():
                 shutil.rmtree(self._root, ignore_errors=True)
             self._lock.close()
@@ -139,7 +126,7 @@ class ZarrStore:
             part.replace(self._root)
         except (OSError, StudyStopped) as error:
             shutil.rmtree(part, ignore_errors=True)
-            raise InputError(f"out {str(self.path)!r:.300} cannot be written: {_why(error)}.") from error
+            raise InputError(f"out {str(self.path)!r:.300} cannot be written: {why(error)}.") from error
 
     def _write_coordinates(self, root: Path) -> list[str]:
         from rbd.studies.stores import zarr_files
@@ -147,7 +134,9 @@ class ZarrStore:
         found = coordinates(self.samples)
         for name, (dims, values, attrs) in found.items():
             x = zarr_files.as_array(values)
-            zarr_files.new_array(root, name, dims, x.shape, tuple(min(n, 1 << 17) for n in x.shape), x.dtype, np.zeros(1, x.dtype)[0])
+            zarr_files.new_array(
+                root, name, dims, x.shape, tuple(min(n, 1 << 17) for n in x.shape), x.dtype, np.zeros(1, x.dtype)[0]
+            )
             zarr_files.array(root, name)[...] = x
             zarr_files.set_attributes(root, name, attrs)
         return list(found)
@@ -163,7 +152,9 @@ class ZarrStore:
             first = {str(name): (int(a), int(b)) for name, (a, b) in layout["first"].items()}
             labelled = [str(dim) for dim in layout["labels"]]
         except FileNotFoundError:
-            raise InputError(f"out {path!r:.300} is a folder with other contents, and no store of a study. Give another path.") from None
+            raise InputError(
+                f"out {path!r:.300} is a folder with other contents, and no store of a study. Give another path."
+            ) from None
         except InputError:
             raise
         except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
@@ -272,40 +263,12 @@ class ZarrStore:
             found.messages |= {start + i: str(text) for i, text in enumerate(texts) if text}
         return found
 
-    def _flush_later(self) -> None:
-        """From a thread of its own, where blocks are seldom; an error is raised by the next call."""
-        with self._guard:
-            try:
-                self._flush()
-            except StudyStopped as error:
-                self._late = error
-
-    def _flush(self) -> None:
-        """Write all that is not yet written.
-
-        Raises:
-            StudyStopped: it cannot be written; says how much is stored.
-        """
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-        if self._late is not None:
-            raise self._late
-        began = time.monotonic()
-        try:
-            if self._dirty:
-                self._write_all()
-        except (OSError, StudyStopped) as error:
-            n = len(self.samples)
-            stored = n - sum(int((b.reason != Reason.NOT_RUN.code).sum()) for k, b in self._buffers.items() if k in self._dirty)
-            self._late = StudyStopped(
-                f"{str(self.path)!r:.300} cannot be written: {_why(error)}. At least "
-                f"{max(0, int(self.done.sum()) - (n - stored)):,} of {n:,} samples are stored; make room, and the same call "
-                "goes on from there."
-            )
-            raise self._late from error
-        self._last = time.monotonic()
-        self._pause = min(SELDOM, max(OFTEN, SHARE * (self._last - began)))
+    def _told(self, error: Exception) -> StudyStopped:
+        lost = sum(int(self.done[b.start : b.stop].sum()) for k, b in self._buffers.items() if k in self._dirty - self._stored)
+        return StudyStopped(
+            f"{str(self.path)!r:.300} cannot be written: {why(error)}. At least {int(self.done.sum()) - lost:,} of "
+            f"{len(self.samples):,} samples are stored; make room, and the same call goes on from there."
+        )
 
     def _write_all(self) -> None:
         from rbd.studies.stores import zarr_files
@@ -349,7 +312,11 @@ class ZarrStore:
         from rbd.studies.stores import zarr_files
 
         assert self._pieces is not None
-        kinds = {OK: (np.dtype(bool), False), MESSAGE: (np.dtype(object), ""), REASON: (np.dtype(np.int16), Reason.NOT_RUN.code)}
+        kinds = {
+            OK: (np.dtype(bool), False),
+            MESSAGE: (np.dtype(object), ""),
+            REASON: (np.dtype(np.int16), Reason.NOT_RUN.code),
+        }
         for name, (kind, fill) in kinds.items():
             p = self._pieces
             zarr_files.new_array(self._root, name, self.samples.dims, p.shape, p.chunk, kind, fill)
@@ -405,47 +372,7 @@ def normal_labels(values: Any) -> list[Any]:
     return [str(each) for each in x] if x.dtype.kind in "OTU" else list(x.tolist())
 
 
-def read_zarr(path: Path) -> xarray.Dataset:
-    """The dataset of a store, in memory if it is small, else read as it is used.
-
-    Raises:
-        InputError: no store of a study, or a damaged one.
-    """
-    from rbd.studies.stores import zarr_files
-
-    xarray = xarray_or_error()
-    try:
-        attributes, arrays = zarr_files.read_root(path)
-    except (OSError, ValueError) as error:
-        raise InputError(f"{str(path)!r:.300} is no store of a study: {error!s:.200}.") from error
-    format_of(attributes, str(path))
-    if REASON not in arrays:
-        raise InputError(f"{str(path)!r:.300} holds no results yet.")
-    order = [name for name in arrays if name not in coordinates_of(attributes, arrays)]
-    try:
-        found = xarray.open_zarr(path, chunks=None, consolidated=True, decode_times=False)[order]
-        if found.nbytes <= LOADED:
-            found = found.load()
-    except (RuntimeError, ValueError, OSError, KeyError) as error:
-        raise InputError(
-            f"{str(path)!r:.300} is damaged: {error!s:.200}. The same call of rbd.study computes damaged chunks again."
-        ) from error
-    found.attrs = {name: value for name, value in attributes.items() if name not in (LAYOUT, "coordinates")}
-    return with_outcome(normal(found))
-
-
-def coordinates_of(attributes: Mapping[str, Any], arrays: Mapping[str, Any]) -> set[str]:
-    """Arrays that are coordinates: labels of a dimension, and those that the attributes name."""
-    named = str(attributes.get("coordinates", "")).split()
-    return {name for name, a in arrays.items() if name in named or tuple(a.get("dimension_names") or ()) == (name,)}
-
-
 def _piece_size(block: Block, n: int) -> int:
     """Samples in a chunk, so that all its variables take some megabytes."""
     each = 16 + sum(math.prod(v.values.shape[1:]) * v.values.dtype.itemsize for v in block.variables.values())
     return max(64, int(min(LARGEST_PIECE, max(PIECE, each * n / 1000)) / each))
-
-
-def _why(error: BaseException) -> str:
-    cause = error if isinstance(error, OSError) else error.__cause__
-    return getattr(cause, "strerror", None) or str(error) or type(error).__name__
