@@ -87,6 +87,9 @@ ROWS = PROBLEM.rows[0]
 PLAIN = {"name": "row", "J": np.array([[1.0, 0.0], [0.5, 2.0]]), "bias": np.array([0.5, -0.1])}
 FRAME = BOLT.frames()[8]
 PUSH = rbd.ExternalForce(FRAME, (0.0, 9.0, 0.0))
+STANDS = {"robot": "solo12", "posture": "standing", "friction": 0.7, "at": "base_link", "push": 1.0, "push_angle": 30.0} | {
+    "direction": (0.0, 1.0, 0.0), "push_x": 0.1, "push_y": 0.0, "push_z": -0.2
+}  # fmt: skip
 ASKED = {"state": STATE, "tau": TAU, "constraints": FEET, "external": np.zeros(BOLT.nv)}
 
 
@@ -454,6 +457,8 @@ CASES: dict[str, Case] = {
     "Solution.of": Case(rbd.Solution.of, {"answer": rbd.KKT().solve(rbd.gauss_problem(STATE, TAU, BOLT.feet(None)))}),
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
     "nearest_motion": Case(rbd.solution.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
+    "withstand_push": Case(lambda **given: rbd.studies.withstand_push(**given).tau, {**STANDS, "facets": 4, "margin": 0.1}, 30),
+    "move_under_push": Case(rbd.studies.move_under_push, {**STANDS, "law": "coulomb"}, 30),
     "compare_laws": Case(rbd.studies.compare_laws, ASKED),
     "kept_names": Case(rbd.studies.kept_names, {"result": rbd.Solution}),
     "compare_solvers": Case(  # without the times in it, which differ
