@@ -49,6 +49,7 @@ from rbd.visual import (
     plot_report,
     plot_split,
     plot_sticks,
+    plot_study,
     plot_wrench_cone,
     replay,
     replay_planar,
@@ -136,6 +137,21 @@ def use_many(**given: Any) -> Any:
 def use_actuations(found: rbd.statics.Actuations) -> Any:
     """The rows that have an answer."""
     return [array[found.answered] for array in (found.tau, found.worst, *found.forces.values())]
+
+
+def a_study() -> Any:
+    """What `rbd.study` returns, of three dimensions of two values: ok and not ok."""
+    import xarray
+
+    dims = {"friction": [0.2, 0.4], "push": [10.0, 50.0], "side": ["left", "right"]}
+    given = xarray.Dataset(coords=dims)
+    used = given.push / (given.friction * 98.1) + xarray.zeros_like(given.side, float)
+    used = used.where(used < 1.0) + xarray.DataArray([0.0, 1.0, 2.0], dims="row", coords={"row": ["fx", "fy", "fz"]})
+    ok = np.isfinite(used[..., 0].drop_vars("row"))
+    return xarray.Dataset({"ok": ok, "reason": (~ok * 41).astype("int16"), "used": used})
+
+
+STUDIED = a_study()
 
 
 def use_cone(cone: Any) -> Any:
@@ -496,6 +512,11 @@ CASES: dict[str, Case] = {
         lambda **given: len(plot_directions(**given)),
         {"ax": Figure().add_subplot(projection="polar"), "directions": np.eye(3)[:2], "curves": {"a push": [1.0, 2.0]}}
         | {"quantity": "largest push", "unit": "N"},
+        20,
+    ),
+    "visual.plot_study": Case(
+        lambda **given: len(plot_study(**given)),
+        {"dataset": STUDIED, "x": "friction", "y": "push", "value": "used[fz]", "by": "side", "ax": None},
         20,
     ),
     "visual.plot_wrench_cone": Case(
