@@ -53,6 +53,7 @@ from rbd.visual import (
     plot_wrench_cone,
     replay,
     replay_planar,
+    scenes_beside,
     screenshot,
     show_report,
 )
@@ -915,6 +916,11 @@ CASES: dict[str, Case] = {
     ),
     "visual.replay_planar": Case(replay_planar, {"motion": "none", "speed": 0.5}, 10),
     "visual.contact_colors": Case(contact_colors, {"names": ["left", "right"]}),
+    "visual.scenes_beside": Case(
+        scenes_beside,
+        {"scenes": {"box": BOX.at()}, "html_path": "/nowhere/x.html", "columns": 2, "seen_from": np.ones(3), "legend": True},
+        10,
+    ),
     "visual.contact_sheet": Case(
         contact_sheet,
         {"robots": ["nobody"], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9, "friction": 0.7},
@@ -1270,6 +1276,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
         "visual.replay",
         "visual.export_planar",
         "visual.replay_planar",
+        "visual.scenes_beside",
         "Motion.save",
     }
     refused |= {"visual.show_report", "visual.export_report"}

@@ -19,6 +19,7 @@ from rbd.visual.playback.report_page import export_report, show_report
 from rbd.visual.playback.video import export_video
 from rbd.visual.robot_sheet import contact_sheet
 from rbd.visual.scene import Scene
+from rbd.visual.side_by_side import scenes_beside
 from rbd.visual.style import contact_colors
 
 __all__ = [
@@ -55,6 +56,7 @@ __all__ = [
     "plot_wrench_cone",
     "replay",
     "replay_planar",
+    "scenes_beside",
     "screenshot",
     "show_report",
 ]
