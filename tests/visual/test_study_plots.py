@@ -249,6 +249,20 @@ def test_draws_over_one_coordinate_show_the_value_upwards():
     assert [ax.get_title() for ax in dict.fromkeys(a.axes for a in pictures)] == ["left", "right"]
 
 
+def test_draws_at_each_point_of_a_grid_give_a_share():
+    """value="ok": the share of those that were run; another quantity wants a draw to be selected."""
+    rng = np.random.default_rng(1)
+    given = xarray.Dataset(coords={"friction": FRICTION, "push": ("sample", rng.uniform(0.0, 60.0, 30))})
+    found = labelled(given.push / (given.friction * 98.1), given).transpose("friction", "sample")
+    found["reason"][0, :10] = found["reason"][3, :] = Reason.NOT_RUN.code
+    found["ok"][0, :10] = found["ok"][3, :] = False
+    line, *_ = plot_study(found, value="ok")
+    expected = 100.0 * np.array([found.ok[0, 10:].mean(), found.ok[1].mean(), found.ok[2].mean(), np.nan])
+    assert np.allclose(line.get_ydata(), expected, equal_nan=True) and line.axes.get_ylabel() == "samples that are ok [%]"
+    with pytest.raises(rbd.InputError, match=r"sample \(30 values\).*dataset\.sel\(sample=0\)"):
+        plot_study(found.expand_dims(side=["left", "right"]), x="friction", by="side", value="share")
+
+
 def test_words_and_codes_are_categories():
     """A dimension of words has places of equal width and no boundary along it; codes have the meanings of their flags."""
     found = table({"friction": FRICTION, "push": PUSH}).assign_coords(friction=["ice", "steel", "wood", "rubber"])

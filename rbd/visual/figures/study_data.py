@@ -109,14 +109,15 @@ class StudyData:
         single = {d: 0 for d in whole["ok"].dims if whole.sizes[d] == 1 and d not in asked}
         self.dataset = whole.isel(single)
         self.dims: tuple[str, ...] = tuple(map(str, self.dataset["ok"].dims))
+        self.share: xarray.DataArray | None = None
         if not self.dims:
             first = str(next(iter(whole["ok"].dims), "sample"))
             self.dataset, self.dims = self.dataset.expand_dims(first), (first,)
 
     @property
     def drawn_at_random(self) -> bool:
-        """Whether the samples are draws or rows of a table, and no grid."""
-        return self.dims == ("sample",)
+        """Whether the samples are draws or rows of a table, and no grid: one dimension without values of its own."""
+        return len(self.dims) == 1 and self.dims[0] not in self.dataset.coords
 
     def axis(self, what: str, name: object) -> Axis:
         """The axis of a dimension or coordinate; `what` is the argument that names it.
@@ -137,7 +138,7 @@ class StudyData:
         names = list(dict.fromkeys([*self.dims, *fits]))
         if self.drawn_at_random:
             names += [
-                str(n) for n, v in table.data_vars.items() if v.dims == ("sample",) and n not in ("ok", "reason", "message")
+                str(n) for n, v in table.data_vars.items() if v.dims == self.dims and n not in ("ok", "reason", "message")
             ]
         if not isinstance(name, str) or name not in names:
             raise InputError(
@@ -162,7 +163,7 @@ class StudyData:
         """
         if name is None:
             name = self._default()
-        shown = self._selected(name)
+        shown = self._selected(name) if self.share is None else self.share
         values = np.asarray(shown.transpose(*dims).values)
         attributes: Mapping[str, Any] = shown.attrs
         if name == "reason":
@@ -185,6 +186,24 @@ class StudyData:
         if ok.dtype.kind != "b":
             raise InputError(f"ok has values of type {ok.dtype}; expected truth values, as rbd.study returns them.")
         return ok, np.asarray(self.dataset["reason"].transpose(*dims).values) == Reason.NOT_RUN.code
+
+    def averaged(self, used: Sequence[object]) -> StudyData:
+        """The share of draws that are ok, at each point of a grid, as the quantity "ok"; the study as it is without draws.
+
+        Args:
+            used: Names that the user gave.
+        """
+        named = [name for name in used if isinstance(name, str)]
+        left = [d for d in self.dims if d not in self.dataset.coords and d not in named]
+        if not left or len(left) == len(self.dims):
+            return self
+        ok, ran = self.dataset["ok"], self.dataset["reason"] != Reason.NOT_RUN.code
+        share = (100.0 * ok.where(ran).mean(left)).assign_attrs(units="%", long_name="samples that are ok")
+        some = ran.any(left)
+        out = StudyData(self.dataset[["ok", "reason"]].isel(dict.fromkeys(left, 0)), used)
+        reasons = some.astype("int16") * 0 + (~some).astype("int16") * Reason.NOT_RUN.code
+        out.dataset, out.share = out.dataset.assign(ok=some, reason=reasons), share
+        return out
 
     def check_left(self, used: Sequence[str]) -> None:
         """Refuse dimensions that are neither drawn nor selected.

@@ -45,9 +45,10 @@ def plot_study(
       interpolated. `by` draws one map for each value of a third dimension.
     - One dimension (`x` alone, or a grid of one): curves of the value, one for each value of `by`, or of the other dimension
       of two. Samples that are not ok are crosses at the axis, and the last ok one has a ring.
-    - Draws and tables (dimension `sample`): points of two coordinates coloured by the value, or, with `x` alone, of the value
+    - Draws and tables: points of two coordinates coloured by the value, or, with `x` alone, of the value
       over x, coloured by `by`. Samples that are not ok are crosses.
     - `value="reason"`: a map, or points, with a colour for each reason; the legend counts them.
+    - `value="ok"` of draws at each point of a grid: the share of them that is ok.
 
     Further dimensions have to be selected: `dataset.sel(posture="half_sitting")`; those with one value are left out. Values in
     geometric progression have a logarithmic axis, texts and objects places of equal width. Of a dataset of a file only what
@@ -81,6 +82,8 @@ def plot_study(
         ('friction', 'push', 6)
     """
     data = StudyData(dataset, (x, y, by))
+    if isinstance(value, str) and value == "ok":
+        data = data.averaged((x, y, by))
     across, up, rest = _chosen(data, x, y, by)
     if data.drawn_at_random:
         return _draws(data, across, up, value, rest, ax)
@@ -103,9 +106,9 @@ def _chosen(data: StudyData, x: object, y: object, by: object) -> tuple[str, str
             data.variable(what, name)
     if x is None and y is not None:
         raise InputError(f"y is {y!r} and x is not given; name both, or x alone for curves.")
-    names = [str(n) for n, v in data.dataset.coords.items() if v.dims == ("sample",) and n != "sample"]
     if data.drawn_at_random:
-        free = [n for n in names if n != by] or ["sample"]
+        names = [str(n) for n, v in data.dataset.coords.items() if v.dims == data.dims]
+        free = [n for n in names if n != by] or list(data.dims)
         if x is None:
             x, y = free[0], (free[1] if len(free) > 1 else None)
         return str(x), None if y is None else str(y), None if by is None else str(by)
@@ -178,7 +181,7 @@ def _families(by: Axis) -> list[str]:
 
 def _draws(data: StudyData, x: str, y: str | None, value: object, by: str | None, ax: object) -> list[Artist]:
     """Points of two coordinates coloured by the value, one picture for each value of `by`; or of the value over x."""
-    shown, (ok, not_run) = data.quantity(value, ("sample",)), data.states(("sample",))
+    shown, (ok, not_run) = data.quantity(value, data.dims), data.states(data.dims)
     across, everything = data.axis("x", x), [("", np.ones(len(ok), bool))]
     colored: Quantity | None = shown
     if y is None:
