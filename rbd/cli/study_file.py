@@ -193,12 +193,12 @@ class StudyFile:
         return ranges_of(flat, {key: self.where(key, "draws.ranges") for key in flat})
 
     def _samples(self, columns: Mapping[str, Any], seed: int, units: Mapping[str, str]) -> Any:
-        from rbd.studies import samples
+        from rbd.studies.grids import grid
 
         if not columns:
             raise InputError(f'{self.path.name} has no samples; expected [samples] and below it e.g. friction = "0.1:1:19".')
         if "draws" not in self.keys:
-            return with_units(samples.grid(**columns), units)
+            return with_units(grid(**columns), units)
         draws = self.keys["draws"]
         return with_units(sampled(draws["n"], draws.get("method", METHODS[0]), seed, columns), units)
 

@@ -17,7 +17,7 @@ from rbd.robots import catalogue
 from rbd.robots.robot import Robot, load_robot
 from rbd.solvers.default import slip_law
 from rbd.statics.wanted_motion import checked_margin
-from rbd.studies.samples import grid
+from rbd.studies.grids import grid
 from rbd.studies.standing import heaviest_link, move_under_push, withstand_push
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {"stand": withstand_push, "solve": move_under_push}
