@@ -177,7 +177,7 @@ class TestAgreement:
         layout = Layout()
         layout.check(kept({"x": 1.0, "why": "short"}))
         layout.check(kept({"x": 2.0, "why": "longer text", "y": 1.0}, first=1))
-        with pytest.raises(rbd.InputError, match=r"'x' has shape \(2,\) in samples 2 to 2, and \(\) in samples 0 to 0"):
+        with pytest.raises(rbd.InputError, match=r"'x' has shape \(2,\) in sample 2, and \(\) in sample 0"):
             layout.check(kept({"x": np.zeros(2)}, first=2))
 
     def test_a_dimension_is_no_argument(self, solution: rbd.Solution):
@@ -454,6 +454,29 @@ class TestBatches:
                 batch(result, 3)
         with pytest.raises(rbd.InputError, match="returned a Solutions, of many states. Set batched=True"):
             kept(many)
+
+
+@pytest.mark.parametrize("suffix", ["zarr", "nc"])
+def test_records_survive_a_store(solo: rbd.Robot, tmp_path: Path, suffix: str):
+    """Labels, units, codes and text are the same from memory and from a file, beside a sample without a result."""
+    for module in ("xarray", "zarr", "scipy"):
+        pytest.importorskip(module)
+    state = solo.standing()
+
+    def stand(friction: float) -> rbd.Actuation:
+        return rbd.hold(state, solo.feet(friction=friction))
+
+    keep = ("tau", "forces", "friction_used", "worst_motor", {"least": lambda held: held.margins.torque.min()})
+    options: dict[str, Any] = {"keep": keep, "executor": 0, "progress": False}
+    samples = rbd.grid(friction=[0.3, -1.0, 0.9])
+    there = rbd.study(stand, samples, out=tmp_path / f"stand.{suffix}", **options)
+    here = rbd.study(stand, samples, **options)
+    assert there.equals(here) and there.ok.values.tolist() == [True, False, True]
+    for name, variable in here.variables.items():
+        assert {k: np.array(x).tolist() for k, x in there[name].attrs.items()} == {
+            k: np.array(x).tolist() for k, x in variable.attrs.items()
+        }, name
+    assert there.tau.sel(motor="FL_KFE").units == "N m" and there.worst_motor.values[0] in solo.actuated_names
 
 
 def test_errors_are_rows():
