@@ -106,7 +106,7 @@ def column(name: str, given: Any, dim: str, *, distinct: bool = False) -> Column
         name: Name of the argument.
         given: One value (number, text, None, object), a sequence or array of values, or a mapping {label: value}.
         dim: The dimension.
-        distinct: Whether labels must differ: of an axis of a grid.
+        distinct: Whether labels must differ: of an axis of a grid, and of what has the name of its dimension.
 
     Raises:
         InputError: no values, arrays of different lengths, a set, labels that repeat.
@@ -131,7 +131,7 @@ def column(name: str, given: Any, dim: str, *, distinct: bool = False) -> Column
     if labels is not None:
         chosen = labels if found.choices is None else _at_choices(found, labels)
         found = replace(found, labels=chosen)
-    if distinct:
+    if distinct or name == dim:
         _check_distinct(found)
     return found
 
