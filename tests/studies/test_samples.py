@@ -165,14 +165,12 @@ def test_objects_have_their_names_as_labels() -> None:
     box = rbd.testing.box(mass=1.0)
     toe, heel = (rbd.PointContact(name, "box") for name in ("toe", "heel"))
     grid = rbd.grid(
-        robot=[box], feet=[[toe], [toe, heel]], how=[rbd.solve, rbd.hold], solver=[rbd.KKT(), None], kind=[Law, int]
+        robot=[box], feet=[[toe], [toe, heel]], how=[rbd.solve, rbd.hold], law=[rbd.KKT(), None], kind=[Law, int]
     )
     labels = {name: values.tolist() for name, (_, values, _) in grid.coords().items()}
     assert labels["robot"] == [box.name] and labels["feet"] == ["toe", "toe, heel"]
-    assert (
-        labels["how"] == ["solve", "hold"] and labels["kind"] == ["Law", "int"]
+    assert labels["how"] == ["solve", "hold"] and labels["kind"] == ["Law", "int"]
     assert labels["law"] == [str(rbd.KKT()), "None"]
-    )
     assert grid.row(0)["robot"] is box and grid.at(robot=box, feet="toe, heel", how="hold", law=None, kind="int")
     assert [x.tolist() for _, x, _ in rbd.grid(law=[Law(1.0), Law(2.0)]).coords().values()] == [["Law 0", "Law 1"]]
     assert rbd.grid(law=Law(1.0)).coords()["law"][1] == "Law"  # no address
