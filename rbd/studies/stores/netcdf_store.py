@@ -81,14 +81,14 @@ class NetcdfStore(MemoryStore):
             self._lock.close()
 
     def _write(self) -> None:
-        content = encoded(super().dataset(), json.dumps({"first": self.kept.first}), self.path)
+        content = encoded(super().dataset(), json.dumps({"first": self.seen.first}), self.path)
         write_file(self.path, lambda file: file.write(content), StudyStopped)
 
     def _told(self, error: Exception) -> StudyStopped:
         n = int(np.count_nonzero(self.done))
         return StudyStopped(
-            f"{str(self.path)!r:.300} cannot be written: {why(error)}. {n:,} of {len(self.samples):,} samples were done, and the "
-            "file holds them up to some seconds ago; make room, and the same call goes on from there."
+            f"{str(self.path)!r:.300} cannot be written: {why(error)}. {n:,} of {len(self.samples):,} samples were done, and "
+            "the file holds them up to some seconds ago; make room, and the same call goes on from there."
         )
 
     def _load(self) -> None:
@@ -113,7 +113,7 @@ class NetcdfStore(MemoryStore):
                 labels,
                 {int(k): word for k, word in flags},
             )
-        self.kept.begin(first, self.found.variables)
+        self.seen.begin(first, self.found.variables)
         self.found.ok[:] = own[OK].values.ravel()
         self.found.reason[:] = own[REASON].values.ravel()
         self.found.messages |= {i: str(text) for i, text in enumerate(own[MESSAGE].values.ravel()) if text}

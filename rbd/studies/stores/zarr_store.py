@@ -24,7 +24,7 @@ from rbd.studies.samples import Samples
 from rbd.studies.stores.pacing import Pacing, why
 from rbd.studies.stores.pieces import Pieces
 from rbd.studies.stores.places import Lock
-from rbd.studies.stores.store import Buffer, Kept, empty_of
+from rbd.studies.stores.store import Buffer, Seen, empty_of
 from rbd.studies.stores.zarr_reading import LOADED, read_zarr
 
 if TYPE_CHECKING:
@@ -55,7 +55,7 @@ class ZarrStore:
         self.path, self.samples = path, samples
         self._root = path.resolve()
         self.done = np.zeros(len(samples), bool)
-        self.kept = Kept()
+        self.seen = Seen(samples)
         self.attributes = dict(attributes)
         self.old: dict[str, Any] = {}
         self._pieces: Pieces | None = None
@@ -83,7 +83,7 @@ class ZarrStore:
         """As `Store.put`."""
         with self._pacing.guard:
             self._pacing.check()
-            self.kept.check(block)
+            self.seen.check(block)
             if self._pieces is None:
                 self._pieces = Pieces.of(tuple(self.samples.dims.values()), _piece_size(block, len(self.samples)))
             for name, v in block.variables.items():
@@ -190,7 +190,7 @@ class ZarrStore:
             values = np.empty((0, *a.shape[len(shape) :]), object if a.dtype.kind in "TO" else a.dtype)
             labels = {dim: self._labels[dim] for dim in dims if dim in self._labels}
             self._forms[name] = Variable(values, dims, labels=labels)
-        self.kept.begin(first, self._forms)
+        self.seen.begin(first, self._forms)
         reason = self._reasons()
         self.done = reason != Reason.NOT_RUN.code
         starts = [self._pieces.span(k) for k in range(len(self._pieces))]
@@ -292,7 +292,7 @@ class ZarrStore:
                 values = buffer.variables[name].values if name in buffer.variables else empty_of(form, n).values
                 folders |= self._write(name, piece, values)
         if new or REASON not in self._listed:
-            extra = (OK, REASON, MESSAGE, *self.kept.in_order(), *self._labels)
+            extra = (OK, REASON, MESSAGE, *self.seen.in_order(), *self._labels)
             self._listed = list(dict.fromkeys([*coordinates_first(self._listed, self._forms, extra), *extra]))
             zarr_files.write_root(self._root, self._whole_attributes(), self._listed)
         zarr_files.sync_folders(folders | {self._root})
@@ -357,7 +357,7 @@ class ZarrStore:
 
     def _whole_attributes(self) -> dict[str, Any]:
         plain = [name for name, (dims, _, _) in self.samples.coords().items() if tuple(dims) != (name,)]
-        layout = json.dumps({"first": self.kept.first, "labels": list(self._labels)})
+        layout = json.dumps({"first": self.seen.first, "labels": list(self._labels)})
         return {**self.attributes, LAYOUT: layout} | ({"coordinates": " ".join(plain)} if plain else {})
 
 
