@@ -337,14 +337,6 @@ class StandReport:
         return facts("proof", rows)
 
 
-def heaviest_link(robot: Robot) -> str:
-    """The link with the largest mass, fixed ones joined to it counted: where a push acts unless said otherwise."""
-    model = robot.model
-    joint = int(np.argmax([inertia.mass for inertia in model.inertias]))
-    links = [frame.name for frame in model.frames if frame.parentJoint == joint and frame.type == pin.BODY]
-    return links[0]
-
-
 def holding(state: State, feet: Sequence[Constraint], external: Sequence[ExternalForce]) -> Actuation | CannotHold:
     """The torques that withstand external forces, or why there are none."""
     try:

@@ -309,7 +309,7 @@ def progress_of(times: Sequence[float], *, shown: bool = True, doing: str = "sim
         shown: False for no bar at all.
         doing: What takes so long; the pace of other work than a simulation is not told.
     """
-    if not shown or len(times) < 2 or not _can_show():
+    if not shown or len(times) < 2 or not can_show():
         yield _nothing
         return
     bar = _Bar(float(times[0]), float(times[-1]), doing)
@@ -323,7 +323,7 @@ def _nothing(t: float) -> None:
     pass
 
 
-def _can_show() -> bool:
+def can_show() -> bool:
     """Whether stderr is a terminal that can move its cursor. Notebooks and files are not."""
     try:
         return bool(sys.stderr is not None and sys.stderr.isatty()) and os.environ.get("TERM") != "dumb"

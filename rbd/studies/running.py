@@ -4,20 +4,19 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rbd.errors import StudyStopped
 from rbd.studies.calling import bound
 from rbd.studies.evaluation import Evaluation
-from rbd.studies.executors import Chunk, blocks
+from rbd.studies.filling import check_all, fill
 from rbd.studies.kept.wanted import Keep
 from rbd.studies.provenance import attributes_of
-from rbd.studies.samples import Samples
 from rbd.studies.stores.opened import checked_path, store_of
-from rbd.studies.stores.store import Store
 from rbd.studies.tables import samples_of
 
 if TYPE_CHECKING:
@@ -40,14 +39,15 @@ def study(
     path = checked_path(out)
     found = samples_of(samples)
     evaluation = Evaluation(bound(function, found), keep, seed, batched)
-    attributes = attributes_of(function, found, keep=keep, seed=seed, batched=batched)
-    store = store_of(path, found, attributes)
+    check_all(evaluation, executor, chunk)
+    store = store_of(path, found, attributes_of(function, found, keep=keep, seed=seed, batched=batched))
     try:
         if progress and store.done.any():
             sys.stderr.write(_told(int(np.count_nonzero(store.done)), len(found)) + "\n")
-        size = chunk or max(1, min(10_000, len(found) // 64))
-        for block in blocks(evaluation, _chunks(found, size, store), executor):
-            store.put(block)
+        filled = fill(store, evaluation, found, executor=executor, chunk=chunk, progress=progress)
+        filled.warn()
+        if filled.stopped:
+            raise StudyStopped(filled.stopped, dataset=store.dataset()) from filled.cause
         return store.dataset()
     finally:
         store.close()
@@ -57,11 +57,3 @@ def _told(done: int, n: int) -> str:
     if done == n:
         return f"All {n:,} samples were done; nothing is computed."
     return f"{done:,} of {n:,} samples were done; going on."
-
-
-def _chunks(samples: Samples, size: int, store: Store) -> Iterator[Chunk]:
-    """What is not done, in parts."""
-    for start in range(0, len(samples), size):
-        stop = min(start + size, len(samples))
-        if not store.done[start:stop].all():
-            yield start, samples.columns(start, stop)
