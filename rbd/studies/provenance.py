@@ -89,7 +89,7 @@ def versions() -> str:
 @cache
 def machine() -> str:
     """System, processor, number of cores, and NumPy's BLAS."""
-    blas = np.show_config(mode="dicts").get("Build Dependencies", {}).get("blas", {})  # type: ignore[union-attr]
+    blas = np.show_config(mode="dicts").get("Build Dependencies", {}).get("blas", {})
     told = f"BLAS {blas.get('name', 'unknown')} {blas.get('version', '')}".strip()
     return f"{platform.system()} {platform.machine()}, {_processor()}, {os.cpu_count()} cores, {told}"
 
@@ -147,6 +147,20 @@ def continued(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
         parts = str(old.get(name, new[name])).split("; then ")
         found[name] = "; then ".join(parts if new[name] in parts else [*parts, new[name]])
     return found
+
+
+def finished(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """The attributes with the time that it is now."""
+    return {**attributes, "finished": _now()}
+
+
+def others_of(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+    """A sentence on versions that computed a part of a study and are not those here; empty where they are the same."""
+    before = set(str(old.get("versions", "")).replace("; then ", ", ").split(", ")) - {""}
+    here = set(str(new["versions"]).split(", "))
+    if before <= here:
+        return ""
+    return f"A part was computed with {', '.join(sorted(before - here))}, and the rest with {', '.join(sorted(here - before))}."
 
 
 def format_of(attributes: Mapping[str, Any], path: str) -> None:

@@ -13,6 +13,7 @@ from rbd.errors.reasons import Reason
 from rbd.studies.dataset import dataset_of
 from rbd.studies.kept.layout import Layout
 from rbd.studies.kept.variable import Block, Variable, missing
+from rbd.studies.provenance import finished
 from rbd.studies.samples import Samples
 
 if TYPE_CHECKING:
@@ -24,9 +25,11 @@ class Store(Protocol):
 
     Attributes:
         done: Which samples are finished, shape (n,), truth values.
+        others: A sentence on other versions that computed a part of it; empty where there are none.
     """
 
     done: Array
+    others: str
 
     def put(self, block: Block) -> None:
         """Keep a finished block.
@@ -40,7 +43,15 @@ class Store(Protocol):
         ...
 
     def dataset(self) -> xarray.Dataset:
-        """All that is kept; what is not done has `Reason.NOT_RUN`."""
+        """All that is kept; what is not done has `Reason.NOT_RUN`.
+
+        Raises:
+            StudyStopped: what is not yet written cannot be written.
+        """
+        ...
+
+    def kept(self) -> xarray.Dataset:
+        """The same without writing: of a store that cannot be written, what is there."""
         ...
 
     def close(self) -> None:
@@ -135,6 +146,8 @@ class MemoryStore:
         attributes: Provenance, which stands in the dataset.
     """
 
+    others = ""
+
     def __init__(self, samples: Samples, attributes: Mapping[str, Any]) -> None:
         self.samples, self.attributes = samples, attributes
         self.done = np.zeros(len(samples), bool)
@@ -148,7 +161,11 @@ class MemoryStore:
 
     def dataset(self) -> xarray.Dataset:
         """As `Store.dataset`."""
-        return dataset_of(self.samples, self.found.block(self.seen.in_order()), self.attributes)
+        return self.kept()
+
+    def kept(self) -> xarray.Dataset:
+        """As `Store.kept`."""
+        return dataset_of(self.samples, self.found.block(self.seen.in_order()), finished(self.attributes))
 
     def close(self) -> None:
         """Nothing to do."""
