@@ -454,6 +454,7 @@ CASES: dict[str, Case] = {
     "Solution.of": Case(rbd.Solution.of, {"answer": rbd.KKT().solve(rbd.gauss_problem(STATE, TAU, BOLT.feet(None)))}),
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
     "nearest_motion": Case(rbd.solution.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
+    "Workers": Case(lambda count: rbd.studies.Workers(count).count, {"count": 2}),
     "compare_laws": Case(rbd.studies.compare_laws, ASKED),
     "compare_solvers": Case(  # without the times in it, which differ
         lambda **given: [x.a for x in rbd.studies.compare_solvers(**given).answers], ASKED
