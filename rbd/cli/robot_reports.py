@@ -240,6 +240,8 @@ class StandReport:
             "possible": False if self.against.limits else None,
             "limits": [{"kind": limit.kind, "name": limit.name} for limit in self.against.limits],
             "missing": None if lack is None else {"force": lack.force.tolist(), "moment": lack.moment.tolist()},
+            "reason": str(self.against.reason),
+            "reason_code": self.against.reason.code,
             "why": in_options(str(self.against)),
         }
 

@@ -1,4 +1,4 @@
-"""Every error and warning of `rbd`, in one tree.
+"""Every error and warning of `rbd`, in one tree; and `Reason`, which each error has: why there is no answer, with a code.
 
 ::
 
@@ -36,6 +36,7 @@
       OpeningContactWarning             a contact separates, and its force is zero
       DistantContactWarning             a contact is not on its plane
       RelaxedLimitsWarning              a step of control violates contacts or joint limits by the least
+      StudyWarning                      a study ended early, or goes on with what another version computed
 """
 
 from rbd.errors.inputs import (
@@ -76,6 +77,7 @@ from rbd.errors.warned import (
     OpeningContactWarning,
     RbdWarning,
     RelaxedLimitsWarning,
+    StudyWarning,
 )
 
 __all__ = [
@@ -107,6 +109,7 @@ __all__ = [
     "SimulationStopped",
     "SingularInertia",
     "SingularPose",
+    "StudyWarning",
     "UnknownName",
     "UnknownRobot",
     "Unsupported",
