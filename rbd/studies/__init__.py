@@ -11,7 +11,21 @@ from rbd.studies.samples import Samples
 from rbd.studies.standing import move_under_push, withstand_push
 from rbd.studies.tables import table
 
-__all__ = ["LawComparison", "Samples", "SolverComparison", "Workers", "compare_laws", "compare_solvers", "grid", "kept_names", "move_under_push", "sample", "study", "table", "withstand_push"]
+__all__ = [
+    "LawComparison",
+    "Samples",
+    "SolverComparison",
+    "Workers",
+    "compare_laws",
+    "compare_solvers",
+    "grid",
+    "kept_names",
+    "move_under_push",
+    "sample",
+    "study",
+    "table",
+    "withstand_push",
+]
 
 
 def __getattr__(name: str) -> object:

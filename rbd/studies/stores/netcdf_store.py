@@ -87,8 +87,8 @@ class NetcdfStore(MemoryStore):
     def _told(self, error: Exception) -> StudyStopped:
         n = int(np.count_nonzero(self.done))
         return StudyStopped(
-            f"{str(self.path)!r:.300} cannot be written: {why(error)}. {n:,} of {len(self.samples):,} samples were done, and the "
-            "file holds them up to some seconds ago; make room, and the same call goes on from there."
+            f"{str(self.path)!r:.300} cannot be written: {why(error)}. {n:,} of {len(self.samples):,} samples were done, and "
+            "the file holds them up to some seconds ago; make room, and the same call goes on from there."
         )
 
     def _load(self) -> None:
