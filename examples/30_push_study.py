@@ -55,7 +55,9 @@ def main(show: bool = True) -> Result:
     limits = np.array([largest(mu) for mu in friction])
 
     ok = study["ok"].values
-    print(f"{ok.sum()} of {ok.size} samples are held; residuals of these are below 1e-9: {bool(study.worst_residual.max() < 1e-9)}")
+    print(
+        f"{ok.sum()} of {ok.size} samples are held; residuals of these are below 1e-9: {bool(study.worst_residual.max() < 1e-9)}"
+    )
     for code, count in zip(*np.unique(study["reason"], return_counts=True), strict=True):
         if code:
             print(f"{count:5d} are not: {rbd.errors.Reason.of_code(int(code))}")
@@ -66,7 +68,9 @@ def main(show: bool = True) -> Result:
         print(f"{mu:8.2f} {last:10.0f} N {push[~row].min():8.0f} N {limit:11.1f} N {share:18.0f} %")
     if show:
         draw(study, limits).savefig("out/30_push_study.png", dpi=150)
-        print("See out/30_push_study.png and", beside(samples, study, "out/30_push_study.html"), "with the robot at two samples.")
+        print(
+            "See out/30_push_study.png and", beside(samples, study, "out/30_push_study.html"), "with the robot at two samples."
+        )
     return Result(study, limits)
 
 

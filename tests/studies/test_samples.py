@@ -164,9 +164,7 @@ def test_objects_have_their_names_as_labels() -> None:
     """Robots, contacts, lists of contacts, laws, functions, classes: what a reader of the dataset wants to see."""
     box = rbd.testing.box(mass=1.0)
     toe, heel = (rbd.PointContact(name, "box") for name in ("toe", "heel"))
-    grid = rbd.grid(
-        robot=[box], feet=[[toe], [toe, heel]], how=[rbd.solve, rbd.hold], law=[rbd.KKT(), None], kind=[Law, int]
-    )
+    grid = rbd.grid(robot=[box], feet=[[toe], [toe, heel]], how=[rbd.solve, rbd.hold], law=[rbd.KKT(), None], kind=[Law, int])
     labels = {name: values.tolist() for name, (_, values, _) in grid.coords().items()}
     assert labels["robot"] == [box.name] and labels["feet"] == ["toe", "toe, heel"]
     assert labels["how"] == ["solve", "hold"] and labels["kind"] == ["Law", "int"]
