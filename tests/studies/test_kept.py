@@ -15,6 +15,7 @@ import pytest
 import rbd
 from rbd.errors import Reason
 from rbd.many import StateStatus
+from rbd.many.answers import ManyAnswers
 from rbd.studies.kept.layout import Layout
 from rbd.studies.kept.limits_of_standing import inscribed_radius
 from rbd.studies.kept.plain import NotKept
@@ -346,6 +347,15 @@ class TestRecords:
         assert open_["row_freedom"] == [unique.row_freedom]
         assert open_["normal_lowest_front_left"] == [unique.contacts["front_left"].normal.lowest]
 
+    def test_a_control_step(self, solo: rbd.Robot):
+        """An actuation with the certificate of the step, and what tasks missed."""
+        state = solo.standing()
+        up = rbd.control.ComTask(state.com + [0.0, 0.0, 0.01], gain=100.0)
+        step = rbd.control.step(state, [up], solo.feet(friction=0.7))
+        found = values(kept(step, keep=("missed", "violation")))
+        assert found["missed_com"] == [np.abs(step.missed["com"]).max()] and found["violation"] == [0.0]
+        assert found["worst_certificate"] == [step.certificate.worst] and found["status"] == [0]
+
     def test_comparisons_of_laws(self):
         """The difference of both laws, with the larger of both residuals."""
         face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
@@ -393,7 +403,7 @@ class TestRecords:
     def test_kept_names(self):
         """What keep may name, by type; of a subclass those of its base."""
         assert rbd.studies.kept_names(rbd.Solution)["forces"].startswith("force or wrench")
-        assert kind_of(rbd.control.TaskActuation) is kind_of(rbd.Actuation)
+        assert kind_of(rbd.many.Solutions) is kind_of(ManyAnswers)
         for nonsense in (int, 3, "Solution"):
             with pytest.raises(rbd.InputError, match="is no type of which a study keeps something by name"):
                 rbd.studies.kept_names(nonsense)  # type: ignore[arg-type]
