@@ -385,6 +385,36 @@ class TestRecords:
             for key, kept in kind.names.items():
                 assert key.isidentifier() and len(kept.about) > 8, f"{name}: {key}"
 
+    def test_every_name_of_every_type_gives_something(self, solo: rbd.Robot, held: rbd.Actuation, solution: rbd.Solution):
+        """Each type that a study knows, with all that it may keep: each has a unit or a meaning, and one row a sample."""
+        state, feet = solo.standing(), solo.feet(friction=0.7)
+        box = rbd.testing.box(mass=10.0)
+        face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
+        resting = rbd.State(box, CENTRE)
+        motion = rbd.motion.minimum_jerk(solo, [state.q, state.q], [0.0, 0.1], rate=50.0)
+        records = [
+            *(solution, held, state, solution.uniqueness(), rbd.check_motion(motion)),
+            rbd.control.step(state, [rbd.control.PostureTask(state.q)], feet),
+            rbd.solve_many(solo, state.q, None, held.tau, feet),
+            rbd.statics.hold_many(solo, state.q, feet),
+            rbd.find_pose(solo, {"FL_FOOT": (0.2, 0.2, 0.05)}),
+            rbd.simulate(resting, duration=0.02, step=0.01, constraints=[face]),
+            rbd.statics.push_limits(state, feet, "base_link", [(1, 0, 0)]),
+            rbd.statics.support_region(state, feet, friction="inscribed"),
+            rbd.statics.zmp_region(state, feet, friction="inscribed"),
+            rbd.studies.compare_laws(resting, [], [face]),
+            rbd.mechanism.mobility(rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0).at("assembled")),
+        ]
+        kinds = {id(kind): name for name, kind in known_types().items()}
+        for record in records:
+            kind = kind_of(type(record))
+            assert kind is not None and kinds.pop(id(kind), "")
+            block = kept(record, keep=tuple(kind.names)) if kind.rows is None else batch(record, 1, tuple(kind.names))
+            assert block.ok.all(), block.messages
+            assert len(block.variables) >= len(kind.names) - 1  # a foot that is a point has no margin of pressure
+            assert all(variable.values.shape[:1] == (1,) and variable.long_name for variable in block.variables.values())
+        assert not kinds, "a type without a record above"
+
     def test_the_reference_lists_every_name(self):
         """docs/reference/studies.md has each name with its line, and whether it is kept where nothing is said."""
         page = (Path(__file__).parents[2] / "docs" / "reference" / "studies.md").read_text(encoding="utf-8")
