@@ -75,7 +75,7 @@ class Samples(Displayed):
         """{name: value} of the arguments that are the same in all samples, and are not in `columns`."""
         return {each.name: each.one(0) for each in self.given if not each.dim} if self.dims else {}
 
-    def columns(self, start: int, stop: int) -> dict[str, Array | list[Any]]:
+    def columns(self, start: int, stop: int) -> dict[str, Any]:
         """The arguments that vary, of consecutive samples; if none does, all of them.
 
         Args:
