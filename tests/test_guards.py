@@ -484,9 +484,7 @@ CASES: dict[str, Case] = {
     "withstand_push": Case(lambda **given: rbd.studies.withstand_push(**given).tau, {**STANDS, "facets": 4, "margin": 0.1}, 30),
     "move_under_push": Case(rbd.studies.move_under_push, {**STANDS, "law": "coulomb"}, 30),
     "Workers": Case(lambda count: rbd.studies.Workers(count).count, {"count": 2}),
-    "grid": Case(
-        lambda **given: use_samples(rbd.grid(**given)), {"friction": [0.3, 0.6], "law": ["a", "b"], "mu": 1}
-    ),
+    "grid": Case(lambda **given: use_samples(rbd.grid(**given)), {"friction": [0.3, 0.6], "law": ["a", "b"], "mu": 1}),
     "sample": Case(
         lambda **given: use_samples(rbd.sample(**given)),
         {"n": 5, "method": "sobol", "seed": 3, "ranges": {"mu": (0.1, 1.0)}, "push": (0.0, 9.0), "law": ["a", "b", "c"]},
@@ -494,9 +492,7 @@ CASES: dict[str, Case] = {
     "table": Case(
         lambda **given: use_samples(rbd.studies.table(**given)), {"rows": {"mu": [0.1, 0.2], "law": "a"}, "dimension": "case"}
     ),
-    "table, its columns": Case(
-        lambda **given: use_samples(rbd.studies.table(given)), {"mu": [0.1, 0.2], "law": ["a", "b"]}
-    ),
+    "table, its columns": Case(lambda **given: use_samples(rbd.studies.table(given)), {"mu": [0.1, 0.2], "law": ["a", "b"]}),
     "compare_laws": Case(rbd.studies.compare_laws, ASKED),
     "kept_names": Case(rbd.studies.kept_names, {"result": rbd.Solution}),
     "compare_solvers": Case(  # without the times in it, which differ
