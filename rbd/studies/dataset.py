@@ -76,10 +76,25 @@ def normal(dataset: xarray.Dataset) -> xarray.Dataset:
         if x.dtype.kind in "UTS" or (name in dataset.coords and x.dtype.kind in "iu" and x.dtype != np.int64):
             wanted = object if x.dtype.kind in "UTS" else np.int64
             changed[str(name)] = (x.dims, np.asarray(x.values).astype(wanted), attrs)
-    order = list(dataset.data_vars)
     coords = {name: x for name, x in changed.items() if name in dataset.coords}
     found = dataset.assign_coords(coords).assign({name: x for name, x in changed.items() if name not in coords})
-    return found[order].drop_encoding()
+    return _in_order(found, list(dataset.data_vars)).drop_encoding()
+
+
+def _in_order(dataset: xarray.Dataset, names: list[Any]) -> xarray.Dataset:
+    """The dataset with its variables in one order: coordinates of samples by their dimension, of labels by first use."""
+    own = list(dataset[OK].dims)
+    used = list(dict.fromkeys(dim for name in names for dim in dataset[name].dims if dim not in own))
+    place = {dim: k for k, dim in enumerate((*own, *used))}
+    labels = [dim for dim in used if dim in dataset.coords]
+    others = [name for name in dataset.coords if name not in labels]
+    others.sort(
+        key=lambda name: (min((place.get(dim, -1) for dim in dataset[name].dims), default=-1), name not in own, str(name))
+    )
+    variables = {name: dataset.variables[name] for name in (*others, *labels, *names)}
+    return type(dataset)(
+        {name: variables[name] for name in names}, {c: variables[c] for c in (*others, *labels)}, dataset.attrs
+    )
 
 
 def with_outcome(dataset: xarray.Dataset) -> xarray.Dataset:
