@@ -139,7 +139,7 @@ def test_blocks_of_any_size_in_any_order(tmp_path: Path, monkeypatch: pytest.Mon
     monkeypatch.setattr("rbd.studies.stores.zarr_store._piece_size", lambda block, n: 7)
     monkeypatch.setattr(pacing.Pacing, "changed", lambda self, now=False: (setattr(self, "_changed", True), self.write()))
     rng = np.random.default_rng(0)
-    for trial in range(4):
+    for trial in range(2):
         samples = rbd.grid(**{"a": np.arange(3.0), "b": np.arange(20.0)})
         store = store_of(tmp_path / f"{trial}.zarr", samples, {"format": "rbd study 1", "versions": ""})
         cuts = [0, *sorted(rng.choice(np.arange(1, 60), 9, replace=False)), 60]
