@@ -208,7 +208,7 @@ class WholeBodyController(Displayed):
         known = self._memory[0].robot
         if not isinstance(state, State):
             raise InputError(f"WholeBodyController got {type(state).__name__} in place of a State.")
-        if known is not None and state.robot is not known:
+        if known is not None and not known.is_like(state.robot):
             raise InputError(
                 f"WholeBodyController was told of another robot, and got a state of {state.robot.name}; reset() it."
             )
