@@ -23,6 +23,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.errors.warned import stacklevel_of_user
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.ground import Body
 
@@ -39,7 +40,7 @@ class _Memory:
         contacts = controller.contacts
         self.watch = ContactWatch(contacts, controller.schedule, float(controller.early))
         self.log = ControlLog([task.name for task in controller.tasks], [c.name for c in contacts])
-        self.robot: object = None
+        self.robot: CheckedModel | None = None
         self.sample: int | None = None
         self.actuation: TaskActuation | None = None
         self.tau: Array | None = None

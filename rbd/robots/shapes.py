@@ -96,6 +96,7 @@ class ShapedRobot(CheckedModel):
         """A folder of this process with the meshes that came with the robot."""
         assert self._mesh_files is not None
         here = new_folder()
+        (here / _DEEP).mkdir(parents=True)
         with zipfile.ZipFile(io.BytesIO(self._mesh_files)) as files:
             for name in files.namelist():
                 place = here / name
