@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.errors.reasons import Reason
 from rbd.many import naming
 from rbd.many.naming import Named
-from rbd.many.status import StateStatus, status_of_answer
+from rbd.many.status import StateStatus
 from rbd.many.variable import Variable
 from rbd.problem.answer import Answer
 from rbd.statics.actuation import Actuation
@@ -40,19 +39,8 @@ ABOUT = {
 """What each name is, of one state and of many."""
 
 
-def reason_of(status: StateStatus) -> Reason:
-    """The reason that a status gives; `NONE` of answers."""
-    return {
-        StateStatus.SOLVED: Reason.NONE,
-        StateStatus.INACCURATE: Reason.NONE,
-        StateStatus.INFEASIBLE: Reason.NO_SOLUTION,
-        StateStatus.BAD_INPUT: Reason.INPUT,
-        StateStatus.CANNOT_MOVE: Reason.CANNOT_HOLD,
-    }.get(status, Reason.FAILED)
-
-
 def _status(found: Any) -> list[Named]:
-    return [naming.status(int(status_of_answer(found.status)))]
+    return [naming.status(StateStatus[found.status.name])]
 
 
 def _residuals(found: Any) -> list[Named]:
@@ -113,11 +101,11 @@ def _gauss(found: Any) -> list[Named]:
 
 def verdict_of(found: Answer | Actuation) -> Verdict:
     """Why an answer is none: it was asked for without a check of its residuals."""
-    status = status_of_answer(found.status)
+    status = StateStatus[found.status.name]
     if status <= StateStatus.INACCURATE:
         return None
     answer = found if isinstance(found, Answer) else found.answer
-    return reason_of(status), answer.reason or answer.impact or answer.worst
+    return status.reason, answer.reason or answer.impact or answer.worst
 
 
 _CERTIFICATE = ("status", "worst_residual")

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.optimize import linprog
 
 from rbd.arrays import Array
 from rbd.many import naming
 from rbd.many.naming import Named
 from rbd.many.variable import Variable
+from rbd.problem.programs import Outcome, linear_program
 from rbd.statics.pushes import PushLimits
 from rbd.statics.regions import SupportRegion
 from rbd.statics.zero_moment_point import ZmpRegion
@@ -49,8 +49,8 @@ def inscribed_radius(vertices: Array) -> float:
     normals = np.stack([along[some, 1], -along[some, 0]], axis=1) / length[some, None]
     level = (normals * flat[some]).sum(axis=1)
     outward = normals * np.where(level < 0.0, -1.0, 1.0)[:, None]  # the middle is inside
-    found = linprog([0.0, 0.0, -1.0], np.column_stack([outward, np.ones(len(outward))]), np.abs(level), bounds=(None, None))
-    return float(found.x[2]) if found.x is not None else np.nan
+    found = linear_program(np.array([0.0, 0.0, -1.0]), np.column_stack([outward, np.ones(len(outward))]), np.abs(level))
+    return float(found.x[2]) if found.outcome is Outcome.SOLVED else np.nan
 
 
 def _radius(region: SupportRegion | ZmpRegion) -> float:

@@ -10,16 +10,13 @@ from rbd.arrays import Array
 from rbd.many import naming
 from rbd.many.answers import ManyAnswers
 from rbd.many.naming import Named
-from rbd.many.status import StateStatus
 from rbd.many.variable import Variable
-from rbd.studies.kept.answers import ABOUT, reason_of
+from rbd.studies.kept.answers import ABOUT
 from rbd.studies.kept.registry import Kept, Kind, Rows
-
-_CODES = np.array([reason_of(status).code for status in StateStatus], np.int16)
 
 
 def _rows(found: ManyAnswers) -> Rows:
-    return getattr(found, "reason_codes", _CODES[found.status]), found.reasons
+    return found.reason_codes, found.reasons
 
 
 def _coordinates(what: str) -> Kept:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.errors import Reason
 from rbd.many import naming
 from rbd.many.naming import Named
 from rbd.many.variable import Variable
@@ -24,6 +25,11 @@ def _final(what: str) -> Callable[[Trajectory], list[Named]]:
         return [(f"final_{what}", replace(variable, long_name=f"{variable.long_name} at the end"))]
 
     return of
+
+
+def _end_reason(run: Trajectory) -> list[Named]:
+    code = np.asarray(run.end_reason.code, np.int16)
+    return [("end_reason", Variable(code, (), "", "why it ended early", {}, {x.code: x.name.lower() for x in Reason}))]
 
 
 def _final_com(run: Trajectory) -> list[Named]:
@@ -86,7 +92,8 @@ KINDS = {
             **one("drift", "largest position error of the bilateral constraints", _residual("drift"), "m or rad"),
             **one("duration", "time from the first sample to the last", lambda run: run.duration, "s"),
             **one("ended_early", "whether it ended before the time that was asked for", lambda run: bool(run.interrupted), ""),
-            **one("end_reason", "why it ended early; empty if it did not", lambda run: run.interrupted, "", default=False),
+            "end_reason": Kept("why it ended early: a code of rbd.errors.Reason; 0 if it did not", _end_reason),
+            **one("interrupted", "when and why it ended early, in words", lambda run: run.interrupted, "", default=False),
             "final_q": Kept("configuration at the end", _final("q")),
             "final_v": Kept("velocities at the end", _final("v")),
             "final_com": Kept("centre of mass in W at the end", _final_com),

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
-from functools import cache
 from importlib import import_module
 from typing import Any, TypeAlias
 
@@ -36,6 +35,7 @@ _HOMES = {
     "rbd.analysis.uniqueness.Uniqueness": "uniqueness",
 }
 """{class: module of this package with its `KINDS`}: imported when a result of the class first comes."""
+_looked_up: dict[type, Kind | None] = {}
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,20 +80,17 @@ class Kind:
         return tuple(name for name, kept in self.names.items() if kept.default or name in self.certificate)
 
 
-@cache
 def kind_of(result: type) -> Kind | None:
     """What is known of a type of results; None where nothing is."""
-    for base in result.__mro__:
-        home = _HOMES.get(full_name(base))
-        if home is not None:
-            found: Kind = import_module(f"rbd.studies.kept.{home}").KINDS[full_name(base)]
-            return found
-    return None
+    if result not in _looked_up:
+        known = [full_name(base) for base in result.__mro__ if full_name(base) in _HOMES]
+        _looked_up[result] = known_types(known[:1]).get(known[0]) if known else None
+    return _looked_up[result]
 
 
-def known_types() -> dict[str, Kind]:
-    """{class: what is kept of it}, of all types."""
-    return {name: import_module(f"rbd.studies.kept.{home}").KINDS[name] for name, home in _HOMES.items()}
+def known_types(names: Iterable[str] = tuple(_HOMES)) -> dict[str, Kind]:
+    """{class: what is kept of it}, of all types that a study knows, or of some."""
+    return {name: import_module(f"rbd.studies.kept.{_HOMES[name]}").KINDS[name] for name in names}
 
 
 def full_name(kind: type) -> str:
