@@ -2,7 +2,8 @@
 
     python tests/bench_studies.py               the tables below, of 10^5 samples of `solve_many`
     python tests/bench_studies.py --n 1000000   the same of 10^6: takes some minutes
-    python tests/bench_studies.py --write       also into docs/studies.md
+
+`python tests/bench.py --rows studies chunks --write` writes them into docs/studies.md.
 
 Times are those of the clock, as processes take turns on the cores: on a machine that does nothing else.
 """
@@ -12,7 +13,6 @@ from __future__ import annotations
 import argparse
 import functools
 import multiprocessing
-import os
 import sys
 import tempfile
 import time
@@ -21,9 +21,6 @@ from collections.abc import Callable
 from concurrent.futures import Executor, ProcessPoolExecutor
 from pathlib import Path
 
-for library in ("OMP", "OPENBLAS"):
-    os.environ.setdefault(f"{library}_NUM_THREADS", "1")
-
 import numpy as np
 from bench_timing import Row, table_of
 from rich.console import Console
@@ -31,7 +28,7 @@ from rich.console import Console
 import rbd
 from rbd.studies import Workers
 
-TOP = Path(__file__).parents[1]
+CHUNKS = "studies of a function without work, in two processes"
 N, EMPTY = 100_000, 20_000
 KEEP = ("status", "forces", "worst_residual")
 TWO_MARK, OVERHEAD_MARK, EACH_MARK = 1.0 / 1.7, 5.0, 30.0
@@ -65,6 +62,18 @@ def nothing(x: float) -> float:
 def three(x: float) -> dict[str, float]:
     """No work, three numbers."""
     return {"a": x, "b": x, "c": x}
+
+
+def no_work(x: np.ndarray) -> dict[str, np.ndarray]:
+    """No work, three numbers of each sample of a batch."""
+    return {"a": x, "b": x, "c": x}
+
+
+def held(friction: float, push_y: float) -> rbd.Actuation:
+    """Whether Talos can be held against a push, by which torques."""
+    talos, q, _, _, _ = standing()
+    push = rbd.ExternalForce("torso_2_link", (0.0, push_y, 0.0))
+    return rbd.hold(rbd.State(talos, q), talos.soles(friction=friction), external=push)
 
 
 def draws(n: int) -> rbd.studies.Samples:
@@ -108,14 +117,21 @@ def study_rows(n: int = N) -> list[Row]:
     return [
         Row(f"{pushes}: in two processes, beside one", {"": both / alone}, "x one", (TWO_MARK,)),
         Row(f"{pushes}: what the study adds to the function", {"": 100.0 * (here / inside - 1.0)}, "%", (OVERHEAD_MARK,)),
-        Row(f"{pushes}: the same, written to a zarr store", {"": 100.0 * (stored / inside_stored - 1.0)}, "%", (OVERHEAD_MARK,)),
+        Row(
+            f"{pushes}: the same, written to a zarr store", {"": 100.0 * (stored / inside_stored - 1.0)}, "%", (OVERHEAD_MARK,)
+        ),
         Row(f"{pushes}: in one process, started", {"": n / alone}, "a second"),
         Row(f"{pushes}: in two", {"": n / both}, "a second"),
+        Row("pushes that rbd.hold judges one by one, in one process", {"": _held_a_second()}, "a second"),
         *[
             Row(f"rbd.study of a function that returns {what}, a sample", {"": 1e6 * _each(function)}, "us", (EACH_MARK,))
             for what, function in (("a number", nothing), ("three numbers", three))
         ],
     ]
+
+
+def _held_a_second(n: int = 400) -> float:
+    return n / seconds(lambda: rbd.study(held, draws(n), executor=0, progress=False))
 
 
 def _each(function: Callable[..., object]) -> float:
@@ -126,14 +142,18 @@ def _each(function: Callable[..., object]) -> float:
 def chunk_rows(executors: dict[str, Executor]) -> list[Row]:
     """Chunks a second that executors take, of a function without work, by samples in a chunk."""
     rows = []
+    for executor in executors.values():  # started, and loaded
+        _rate(nothing, 200, executor, 10)
     for chunk, n in ((1, 1_000), (10, 5_000), (100, 30_000), (1_000, 100_000), (10_000, 300_000)):
-        samples = rbd.grid(x=np.arange(float(n)))
-        found = {}
-        for name, executor in executors.items():
-            took = seconds(lambda: rbd.study(nothing, samples, executor=executor, chunk=chunk, progress=False))
-            found[name] = n / took
-        rows.append(Row(f"{chunk:,} samples a chunk", found, "samples a second"))
-    return rows
+        found = {name: _rate(nothing, n, executor, chunk) for name, executor in executors.items()}
+        rows.append(Row(f"one by one, {chunk:,} samples a chunk", found, "samples a second"))
+    found = {name: _rate(no_work, 2_000_000, executor, 65_536) for name, executor in executors.items()}
+    return [*rows, Row("in batches, 65,536 samples a chunk, three numbers", found, "samples a second")]
+
+
+def _rate(function: Callable[..., object], n: int, executor: Executor, chunk: int) -> float:
+    samples, batched = rbd.grid(x=np.arange(float(n))), function is no_work
+    return n / seconds(lambda: rbd.study(function, samples, executor=executor, chunk=chunk, batched=batched, progress=False))
 
 
 def all_chunk_rows() -> list[Row]:
@@ -156,15 +176,10 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--n", type=int, default=N, help="samples of solve_many")
-    parser.add_argument("--write", action="store_true", help="put the tables into docs/studies.md")
     given = parser.parse_args()
     console = Console(width=140)
-    studies, chunks = study_rows(given.n), all_chunk_rows()
-    console.print(table_of("studies", studies), table_of("functions without work, two processes", chunks))
-    if given.write:
-        from bench_pages import studies_page
-
-        studies_page(TOP / "docs" / "studies.md", studies, chunks)
+    console.print(table_of("studies", study_rows(given.n)))
+    console.print(table_of(CHUNKS, all_chunk_rows()))
 
 
 if __name__ == "__main__":
