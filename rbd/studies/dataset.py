@@ -82,7 +82,7 @@ def normal(dataset: xarray.Dataset) -> xarray.Dataset:
         if "flag_values" in attrs:
             attrs["flag_values"] = np.atleast_1d(np.asarray(attrs["flag_values"])).astype(x.dtype)
         if wanted is not None:
-            changed[str(name)] = (x.dims, np.asarray(x.values).astype(wanted), attrs)
+            changed[str(name)] = (x.dims, np.asarray(x.values).astype(object).astype(wanted), attrs)
         else:
             x.attrs = attrs
     if not changed:
