@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -130,6 +131,23 @@ def test_the_study_of_the_examples_is_read():
     plan = StudyFile(ROOT / "examples" / "push_study.toml").plan()
     assert len(plan.samples) == 399 and plan.plot == {"x": "friction", "y": "push_y"}
     assert plan.function(friction=0.7, push_y=110.0).state.robot.name == "talos"
+
+
+def test_the_page_of_the_command_line_holds(tmp_path, monkeypatch):
+    """Its command prints the first line that it shows; its file is read; its commands have the options that it names."""
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "tasks" / "sweep_on_the_command_line.md").read_text()
+    commands = re.findall(r"^rbd (.*)$", page, flags=re.MULTILINE)
+    code, out, _ = run(*commands[0].removesuffix(" --png map.png").split(), "--workers", "0")
+    assert code == 0 and out.splitlines()[0] == re.findall(r"```text\n(.*?)\n", page)[0]
+    assert "0.1 held up to 80 N, not held from 90 N" in " ".join(out.split())
+    (tmp_path / "push.toml").write_text(
+        re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)[0].replace(":19", ":2").replace(":21", ":2")
+    )
+    assert len(commands) == 3
+    for command in commands[1:]:
+        code, out, _ = run(*command.split(), "--workers", "0")
+        assert code == 0 and "of 4 cases" in out and "store: push.zarr" in out
 
 
 def test_a_function_of_a_file_is_studied(folder):
@@ -358,9 +376,10 @@ def test_a_study_that_is_stopped_tells_what_is_done(folder, monkeypatch):
     """A full disk: the report of what is stored, the reason, exit code 1."""
     import rbd.studies.running as running
 
+    whole = running.study
+
     def full(function, samples, **options):
-        options.pop("out")
-        dataset = rbd.study(function, samples, **options)
+        dataset = whole(function, samples, **{**options, "out": None})
         raise rbd.errors.StudyStopped("a.zarr cannot be written: No space left on device.", dataset=dataset)
 
     monkeypatch.setattr(running, "study", full)
