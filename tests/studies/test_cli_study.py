@@ -346,6 +346,17 @@ def test_a_scheduler_that_does_not_answer_is_refused(folder, monkeypatch):
     assert code == 2 and not out and "dask scheduler" in complaint
 
 
+def test_a_scheduler_computes_it(folder):
+    """--dask: its workers get the function of the file, too; the client is closed afterwards."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
+    ) as dask:
+        code, out, complaint = run("study", "slide.toml", "--dask", dask.scheduler_address)
+        assert code == 0 and out.startswith("All 10 samples"), complaint
+        assert not dask.scheduler.clients.keys() - {"fire-and-forget"}
+
+
 def command(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     """The command in a process of its own."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
@@ -357,18 +368,20 @@ def test_ctrl_c_keeps_what_is_done_and_resume_goes_on(folder):
     """Exit code 130; the report says how many were not run; then --resume completes it, to the same bits as one run."""
     xarray = pytest.importorskip("xarray")
     file = folder / "slide.toml"
-    file.write_text(file.read_text().replace("0:80:5", "0:80:20") + "[fixed]\nwait = 0.05\n")
+    quick = file.read_text().replace("0:80:5", "0:80:20") + "[fixed]\nwait = 0.0\n"
+    (folder / "quick.toml").write_text(quick)
+    file.write_text(quick.replace("wait = 0.0", "wait = 0.03"))
     process = command(folder, "study", "slide.toml", "--workers", "0", "--out", "cut.zarr")
     while process.poll() is None and not (folder / "cut.zarr").exists():
         time.sleep(0.02)
-    time.sleep(0.6)  # of two seconds
+    time.sleep(0.4)  # of 1.2 seconds
     process.send_signal(signal.SIGINT)
     out, complaint = process.communicate(timeout=60)
     assert process.returncode == 130, complaint
     assert "were not run" in out.splitlines()[0] and "--resume" in out and "Traceback" not in complaint
     code, out, complaint = run("study", "slide.toml", "--workers", "0", "--out", "cut.zarr", "--resume")
     assert code == 0 and out.startswith("All 40 samples") and "of 40 samples were done" in complaint
-    assert run("study", "slide.toml", "--workers", "0", "--out", "one.zarr")[0] == 0
+    assert run("study", "quick.toml", "--workers", "0", "--out", "one.zarr")[0] == 0
     xarray.testing.assert_equal(xarray.open_zarr("cut.zarr").load(), xarray.open_zarr("one.zarr").load())
 
 
