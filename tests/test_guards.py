@@ -476,6 +476,7 @@ CASES: dict[str, Case] = {
     "nearest_motion": Case(rbd.solution.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
     "withstand_push": Case(lambda **given: rbd.studies.withstand_push(**given).tau, {**STANDS, "facets": 4, "margin": 0.1}, 30),
     "move_under_push": Case(rbd.studies.move_under_push, {**STANDS, "law": "coulomb"}, 30),
+    "Workers": Case(lambda count: rbd.studies.Workers(count).count, {"count": 2}),
     "compare_laws": Case(rbd.studies.compare_laws, ASKED),
     "kept_names": Case(rbd.studies.kept_names, {"result": rbd.Solution}),
     "compare_solvers": Case(  # without the times in it, which differ

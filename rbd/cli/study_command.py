@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import contextmanager
@@ -16,7 +17,7 @@ from rich.console import Console
 
 from rbd.cli.options import Dask, Out, Resume, Workers
 from rbd.cli.terminal import FIGURES, NO_SOLUTION, answering, check_outputs, open_console, print_path, save_figure, write_json
-from rbd.errors import InputError
+from rbd.errors import InputError, ModelWarning
 
 if TYPE_CHECKING:
     import xarray
@@ -142,7 +143,9 @@ def run_study(console: Console, plan: StudyPlan, running: Running) -> None:
 
     resumed, out = running.exists(), running.out
     began = time.perf_counter()
-    with executor_of(running, plan) as executor:
+    with executor_of(running, plan) as executor, warnings.catch_warnings():
+        if not plan.module:  # robots were loaded before, and what is wrong with their files was told
+            warnings.simplefilter("ignore", ModelWarning)
         dataset = evaluate(
             plan.function, plan.samples, keep=plan.keep, executor=executor, out=None if out is None else out.expanduser(),
             seed=plan.seed, batched=plan.batched,

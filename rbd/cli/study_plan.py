@@ -15,12 +15,15 @@ from rbd.errors import InputError
 from rbd.problem.cones import check_friction
 from rbd.robots import catalogue
 from rbd.robots.robot import Robot, load_robot
+from rbd.solution import Solution
 from rbd.solvers.default import slip_law
+from rbd.statics.actuation import Actuation
 from rbd.statics.wanted_motion import checked_margin
-from rbd.studies.grids import grid
+from rbd.studies import Samples, grid
 from rbd.studies.standing import heaviest_link, move_under_push, withstand_push
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {"stand": withstand_push, "solve": move_under_push}
+RESULTS: dict[str, type] = {"stand": Actuation, "solve": Solution}
 ROBOT_OPTIONS = ("feet", "package_dir")
 """Of the fixed arguments, those with which the robot is loaded."""
 
@@ -64,7 +67,7 @@ class StudyPlan:
     """
 
     function: Callable[..., Any]
-    samples: Any
+    samples: Samples
     words: Words
     keep: tuple[str, ...] | None = None
     seed: int = 0
@@ -149,14 +152,8 @@ def sweep_plan(options: Sequence[str], fixed: Mapping[str, Any]) -> StudyPlan:
         raise InputError("--at came without a push; give --push X,Y,Z, or sweep push.x, push.y or push.z.")
     given = Given("stand", fixed, swept, where)
     function, columns, robot = standing_function(given)
-    units = {QUANTITIES[name].argument: QUANTITIES[name].unit for name in swept}
-    return StudyPlan(function, with_units(grid(**columns), units), words_of(given, robot))
-
-
-def with_units(samples: Any, units: Mapping[str, str]) -> Any:
-    """The samples, with units of their coordinates."""
-    told = {name: unit for name, unit in units.items() if unit}
-    return samples.with_units(**told) if told and hasattr(samples, "with_units") else samples
+    units = {QUANTITIES[name].argument: QUANTITIES[name].unit for name in swept if QUANTITIES[name].unit}
+    return StudyPlan(function, grid(**columns).with_units(**units), words_of(given, robot))
 
 
 def words_of(given: Given, robot: Robot | None) -> Words:

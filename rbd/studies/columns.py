@@ -76,8 +76,11 @@ class Column:
         return {self.name: ((*dims, *inner), shown[at], units)}
 
     def add_to(self, found: Hash) -> None:
-        """Add all that is in the column, units aside, to a hash."""
-        add(found, (self.name, self.dim, self.mark or self.values, list(self.choices or ()), self.labels))
+        """Add all that is in the column to a hash, but for units, and for labels that follow from the objects."""
+        labels, choices = self.labels, list(self.choices or ())
+        if labels is not None and choices and np.array_equal(labels, _labels(choices)):
+            labels = None
+        add(found, (self.name, self.dim, self.mark or self.values, choices, labels))
 
     @property
     def text(self) -> str:
@@ -106,7 +109,7 @@ def column(name: str, given: Any, dim: str, *, distinct: bool = False) -> Column
         name: Name of the argument.
         given: One value (number, text, None, object), a sequence or array of values, or a mapping {label: value}.
         dim: The dimension.
-        distinct: Whether labels must differ: of an axis of a grid.
+        distinct: Whether labels must differ: of an axis of a grid, and of what has the name of its dimension.
 
     Raises:
         InputError: no values, arrays of different lengths, a set, labels that repeat.
@@ -131,7 +134,7 @@ def column(name: str, given: Any, dim: str, *, distinct: bool = False) -> Column
     if labels is not None:
         chosen = labels if found.choices is None else _at_choices(found, labels)
         found = replace(found, labels=chosen)
-    if distinct:
+    if distinct or name == dim:
         _check_distinct(found)
     return found
 
@@ -248,6 +251,8 @@ def _label(value: Any) -> str:
         return str(value.value) if isinstance(value, str) else value.name
     if isinstance(value, float | np.floating):
         return f"{float(value):.12g}"
+    if isinstance(value, set | frozenset):
+        return f"{{{', '.join(sorted(map(_label, value)))}}}"[:LONGEST_LABEL]
     if isinstance(value, list | tuple) and value:
         return ", ".join(_label(x) for x in value)[:LONGEST_LABEL]
     if isinstance(value, str | np.generic):

@@ -10,7 +10,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors.reasons import Reason
 from rbd.modules import xarray_or_error
-from rbd.studies.kept.variable import Block, Variable
+from rbd.studies.kept.variable import Block
 from rbd.studies.samples import Samples
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def dataset_of(samples: Samples, found: Block, attributes: Mapping[str, Any]) ->
     coords: dict[str, Any] = dict(coordinates(samples))
     for name, v in found.variables.items():
         inner = v.values.shape[1:]
-        variables[name] = ((*dims, *v.dims), v.values.reshape(*shape, *inner), variable_attributes(v))
+        variables[name] = ((*dims, *v.dims), v.values.reshape(*shape, *inner), v.attributes)
         coords |= {dim: ((dim,), np.asarray(labels), {}) for dim, labels in v.labels.items()}
     return with_outcome(normal(xarray.Dataset(variables, coords, dict(attributes))))
 
@@ -59,14 +59,6 @@ def coordinates(samples: Samples) -> dict[str, tuple[tuple[str, ...], Array, dic
         x = np.asarray(values)
         found[name] = (tuple(dims), x.astype(str) if x.dtype.kind in "OT" else x, dict(attrs))
     return found
-
-
-def variable_attributes(variable: Variable) -> dict[str, Any]:
-    """Unit, meaning and codes of a variable, as attributes that zarr and netCDF can write."""
-    found: dict[str, Any] = {"units": variable.units, "long_name": variable.long_name}
-    if variable.flags:
-        found |= {"flag_values": list(variable.flags), "flag_meanings": " ".join(variable.flags.values())}
-    return {name: value for name, value in found.items() if value}
 
 
 def normal(dataset: xarray.Dataset) -> xarray.Dataset:
@@ -82,7 +74,7 @@ def normal(dataset: xarray.Dataset) -> xarray.Dataset:
         if "flag_values" in attrs:
             attrs["flag_values"] = np.atleast_1d(np.asarray(attrs["flag_values"])).astype(x.dtype)
         if wanted is not None:
-            changed[str(name)] = (x.dims, np.asarray(x.values).astype(wanted), attrs)
+            changed[str(name)] = (x.dims, np.asarray(x.values).astype(object).astype(wanted), attrs)
         else:
             x.attrs = attrs
     if not changed:

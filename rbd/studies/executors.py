@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 from rbd.errors import InputError
 from rbd.studies.chunks import Chunks
 from rbd.studies.evaluation import ONE_AT_A_TIME, Evaluation, Finished
-from rbd.studies.own_processes import WITHOUT_GUARD, WorkerDied, Workers, cores, end_if_unguarded
+from rbd.studies.own_processes import MOST, WITHOUT_GUARD, WorkerDied, Workers, cores, end_if_unguarded
 from rbd.studies.samples import Samples
 from rbd.studies.sending import pickled
 
@@ -71,7 +71,7 @@ def check(executor: Executor | int | None) -> None:
     Raises:
         InputError: it is neither None, nor a number of processes, nor an executor; or it is shut down, or broken.
     """
-    if executor is None or (isinstance(executor, int) and not isinstance(executor, bool) and executor >= 0):
+    if executor is None or (isinstance(executor, int) and not isinstance(executor, bool) and 0 <= executor <= MOST):
         if executor != 0:
             end_if_unguarded()
         return

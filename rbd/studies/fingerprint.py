@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copyreg
 import functools
 import hashlib
 import inspect
@@ -103,7 +104,8 @@ def _add_parts(found: Hash, value: object, path: tuple[int, ...]) -> None:
 def _reduced(value: object) -> list[object]:
     """What `pickle` would send of an object: the function that makes it, arguments, state, entries."""
     try:
-        sent: Any = value.__reduce_ex__(4)
+        registered: Any = copyreg.dispatch_table.get(type(value))
+        sent: Any = registered(value) if registered else value.__reduce_ex__(4)
     except Exception as error:  # whatever a foreign class raises where it cannot be sent
         raise InputError(
             f"a {_name(type(value))} has no content that could be compared ({str(error)[:200]}). Use numbers, text, robots, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 import signal
@@ -77,7 +78,7 @@ def test_a_sweep_tells_how_many_cases_are_held_and_between_which_pushes_that_end
                 pass
     assert code == 0 and 0 < held.sum() < 15
     assert out.splitlines()[0] == f"solo12 can be held in {held.sum()} of 15 cases."
-    assert "held up to 0 N, not held from 2 N" in out and "cannot_hold: friction" in out and "friction prevents it" in out
+    assert "held up to 2 N, not held from 4 N" in out and "cannot_hold: friction" in out and "friction prevents it" in out
     data = json.loads(file.read_text())
     assert (data["samples"], data["ok"], sum(data["reasons"].values())) == (15, held.sum(), 15 - held.sum())
     for line, row in zip(data["boundary"], held, strict=True):
@@ -222,7 +223,9 @@ def test_a_picture_is_drawn(folder):
         ("seed = -1\n" + SOLO, ["seed (line 1"]),
         ("seed = true\n" + SOLO, ["seed (line 1"]),
         ("batched = true\n" + SOLO, ["batched (line 1"]),
-        (SOLO + "[draws]\nn = 3", ["draws (line 7", "[samples]"]),
+        (SOLO + "[draws]\nn = 3", ["[draws] ranges", "[draws.ranges]"]),
+        (SOLO + "[draws]\nn = 3\n[draws.ranges]\nfriction = [0, 1]", ["friction", "twice"]),
+        ('keep = ["forces", "worst_torqe"]\n' + SOLO, ["keep (line 1", "'worst_torque'"]),
         ('question = "stand"\nrobot = "solo12"', ["no samples"]),
         ('question = "stand"\nrobot = "solo12"\n[draws]\nn = 0\n[draws.ranges]\nfriction = [0.1, 1]', ["n (line 4"]),
         (
@@ -238,6 +241,7 @@ def test_a_picture_is_drawn(folder):
         ('function = "json.py:push"\n[samples]\na = [1]', ["'json'", "rename"]),
         ('function = "broken.py:push"\n[samples]\na = [1]', ["broken.py", "ZeroDivisionError"]),
     ],
+    ids=itertools.count(),
 )
 def test_a_file_that_is_wrong_is_refused_with_the_line_and_the_nearest_names(folder, text, words):
     """Nothing is computed, nothing is printed as if it were an answer; exit code 2."""

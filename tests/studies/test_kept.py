@@ -346,6 +346,23 @@ class TestRecords:
         assert open_["row_freedom"] == [unique.row_freedom]
         assert open_["normal_lowest_front_left"] == [unique.contacts["front_left"].normal.lowest]
 
+    def test_comparisons_of_laws(self):
+        """The difference of both laws, with the larger of both residuals."""
+        face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
+        push = [rbd.ExternalForce("box", (80.0, 0.0, 0.0))]
+        both = rbd.studies.compare_laws(rbd.State(rbd.testing.box(mass=10.0), CENTRE), [], [face], external=push)
+        block = kept(both, keep=("difference", "normal_ratio", "lift_off"))
+        found = values(block)
+        assert block.ok.all() and found["worst_residual"] == [max(both.convex.residuals.worst, both.coulomb.residuals.worst)]
+        assert found["difference"] == [both.difference] and found["normal_ratio_face"] == [both.normal_ratio["face"]]
+        assert 0.5 < found["lift_off_face"][0] < 1.5
+
+    def test_mobility_of_mechanisms(self):
+        """Counted, instantaneous and finite degrees of freedom."""
+        found = rbd.mechanism.mobility(rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0).at("assembled"))
+        freedom = {name: x[0] for name, x in values(kept(found)).items()}
+        assert (freedom["counted"], freedom["instantaneous"], freedom["finite"], freedom["singular"]) == (1.0, 1.0, 1.0, False)
+
     def test_records_by_name(self, held: rbd.Actuation):
         """Several records in one result: the name stands in front."""
         found = kept({"before": held, "mass": 2.5})

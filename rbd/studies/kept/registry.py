@@ -33,6 +33,8 @@ _HOMES = {
     "rbd.statics.regions.SupportRegion": "limits_of_standing",
     "rbd.statics.zero_moment_point.ZmpRegion": "limits_of_standing",
     "rbd.analysis.uniqueness.Uniqueness": "uniqueness",
+    "rbd.studies.comparison.LawComparison": "comparisons",
+    "rbd.mechanism.degrees_of_freedom.Mobility": "comparisons",
 }
 """{class: module of this package with its `KINDS`}: imported when a result of the class first comes."""
 _looked_up: dict[type, Kind | None] = {}

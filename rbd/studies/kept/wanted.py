@@ -196,7 +196,7 @@ def _check_function(name: object, function: object) -> None:
     if not callable(function):
         raise InputError(
             f"keep[{name!r}] is {function!r:.80}; expected a function of a result, e.g. {{{name!r}: lambda held: "
-            "held.residuals.worst}}. Names stand beside such a mapping: keep=('forces', {...})."
+            "held.residuals.worst}. Names stand beside such a mapping: keep=('forces', {...})."
         )
 
 
