@@ -80,6 +80,7 @@ def draw(study: xarray.Dataset, limits: np.ndarray):
     from matplotlib.figure import Figure  # in the extra `plot`
 
     figure = Figure(figsize=(10.5, 4.4), layout="constrained")
+    figure.get_layout_engine().set(wspace=0.06)
     left, right = figure.subplots(1, 2, sharey=True)
     rbd.visual.plot_study(study, value="worst_torque", ax=left)
     rbd.visual.plot_study(study, value="reason", ax=right)
