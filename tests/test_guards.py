@@ -481,9 +481,9 @@ CASES: dict[str, Case] = {
     "Solution.of": Case(rbd.Solution.of, {"answer": rbd.KKT().solve(rbd.gauss_problem(STATE, TAU, BOLT.feet(None)))}),
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
     "nearest_motion": Case(rbd.solution.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
+    "Workers": Case(lambda count: rbd.studies.Workers(count).count, {"count": 2}),
     "withstand_push": Case(lambda **given: rbd.studies.withstand_push(**given).tau, {**STANDS, "facets": 4, "margin": 0.1}, 30),
     "move_under_push": Case(rbd.studies.move_under_push, {**STANDS, "law": "coulomb"}, 30),
-    "Workers": Case(lambda count: rbd.studies.Workers(count).count, {"count": 2}),
     "grid": Case(lambda **given: use_samples(rbd.grid(**given)), {"friction": [0.3, 0.6], "law": ["a", "b"], "mu": 1}),
     "sample": Case(
         lambda **given: use_samples(rbd.sample(**given)),

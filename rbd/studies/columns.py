@@ -161,10 +161,10 @@ def check_name(name: object) -> None:
     """Refuse names that no dataset can have.
 
     Raises:
-        InputError: no text, empty, or with a slash.
+        InputError: no text, empty, or with a slash or a blank.
     """
-    if not isinstance(name, str) or not name or "/" in name:
-        raise InputError(f"{name!r:.80} cannot be the name of an argument; expected text without '/'.")
+    if not isinstance(name, str) or not name or "/" in name or any(letter.isspace() for letter in name):
+        raise InputError(f"{name!r:.80} cannot be the name of an argument; expected text without '/' and blanks.")
 
 
 def _sequence(name: str, given: Any) -> Array | list[Any]:

@@ -362,6 +362,7 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: rbd.grid(a=[[1], [1, 2]]), r"arrays of different shapes, \(1,\), \(2,\)"),
     (lambda: rbd.grid(a=np.ma.masked_array([1.0, 2.0], [0, 1])), "compressed"),
     (lambda: rbd.grid(**{"a/b": [1]}), "without '/'"),
+    (lambda: table({"push y": [1]}), "'push y' cannot be the name"),
     (lambda: rbd.grid(push={"x": (1, 0)}, push_value=[1]), "'push_value' twice"),
     (lambda: table({"sample": [1, 1], "a": [1, 2]}), "sample has 1 more than once"),
     (lambda: rbd.grid(a=[1]).row(1), "there is no sample 1; there are 1"),
