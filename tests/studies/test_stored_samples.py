@@ -73,6 +73,14 @@ def test_a_generator_that_is_given_stays() -> None:
     assert given.value.values.tolist() == [3.0, 3.0] and len(set(own.value.values.tolist())) == 2
 
 
+@pytest.mark.parametrize("name", ["place", "place_value", "mu", "case", "load"])
+def test_results_do_not_take_the_names_of_samples(name: str) -> None:
+    """Arguments that vary or not, their values beside labels, dimensions."""
+    samples = rbd.grid(place=np.eye(3), mu=0.5) * table({"load": [1.0, 2.0]}, dimension="case")
+    with pytest.raises(rbd.InputError, match=f"has the name '{name}'"):
+        rbd.study(lambda place, mu, load: {name: 1.0}, samples, executor=0, progress=False)
+
+
 def test_wrong_names_are_refused_before_any_work(tmp_path: Path) -> None:
     """Nothing is computed, and no store is made."""
     with pytest.raises(rbd.InputError, match="no parameter 'b'.*'a'"):
