@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import subprocess
 import sys
 import warnings
@@ -137,8 +138,15 @@ def test_a_digest_is_the_same_in_another_process() -> None:
     assert done.stdout.strip() == str([x.digest() for x in sampled.made()]), done.stderr
 
 
-def test_objects_are_told_apart_by_their_content() -> None:
-    """A robot with another mass, a contact with another friction: another digest; and the same again."""
+def test_objects_are_told_apart_by_their_content(tmp_path: Path) -> None:
+    """A robot with another mass, a contact with another friction: another digest; the same again, wherever its file lies."""
+    shutil.copy(Path(__file__).parents[2] / "urdf" / "box.urdf", tmp_path / "box.urdf")
+    (tmp_path / "moved").mkdir()
+    shutil.copy(tmp_path / "box.urdf", tmp_path / "moved" / "box.urdf")
+    one, same = (rbd.load_robot(folder / "box.urdf") for folder in (tmp_path, tmp_path / "moved"))
+    assert rbd.grid(robot=one).digest() == rbd.grid(robot=same).digest()
+    same.model.inertias[1].mass *= 2.0
+    assert rbd.grid(robot=one).digest() != rbd.grid(robot=same).digest()
     masses = [rbd.grid(robot=rbd.testing.box(mass=m)).digest() for m in (10.0, 11.0, 10.0)]
     assert masses[0] == masses[2] != masses[1]
     laws = [rbd.grid(x=[Law(mu)]).digest() for mu in (0.1, 0.2, 0.1)]
