@@ -12,7 +12,7 @@ import numpy as np
 from rbd.errors import InputError
 from rbd.errors.reasons import Reason
 from rbd.modules import xarray_or_error
-from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, normal, with_outcome
+from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, normal, ordered, with_outcome
 from rbd.studies.provenance import LAYOUT, format_of
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def read_zarr(path: Path) -> xarray.Dataset:
     format_of(attributes, str(path))
     order = [name for name in arrays if name not in coordinates_of(attributes, arrays)]
     try:
-        found = xarray.open_zarr(path, chunks=None, consolidated=True, decode_times=False)[order]
+        found = ordered(xarray.open_zarr(path, chunks=None, consolidated=True, decode_times=False), order)
         if REASON not in arrays:
             found = _without_results(found, json.loads(attributes[LAYOUT])["dims"])
         if found.nbytes <= LOADED:
