@@ -36,6 +36,8 @@ def read_zarr(path: Path) -> xarray.Dataset:
     except (OSError, ValueError) as error:
         raise InputError(f"{str(path)!r:.300} is no store of a study: {error!s:.200}.") from error
     format_of(attributes, str(path))
+    if REASON in arrays and not {OK, MESSAGE} <= set(arrays):
+        raise InputError(f"{str(path)!r:.300} is damaged: it has no {OK} or no {MESSAGE}.")
     order = [name for name in arrays if name not in coordinates_of(attributes, arrays)]
     try:
         found = ordered(xarray.open_zarr(path, chunks=None, consolidated=True, decode_times=False), order)
@@ -43,7 +45,7 @@ def read_zarr(path: Path) -> xarray.Dataset:
             found = _without_results(found, json.loads(attributes[LAYOUT])["dims"])
         if found.nbytes <= LOADED:
             found = found.load()
-    except (RuntimeError, ValueError, OSError, KeyError) as error:
+    except (RuntimeError, ValueError, OSError, KeyError, TypeError) as error:
         raise InputError(
             f"{str(path)!r:.300} is damaged: {error!s:.200}. The same call of rbd.study computes damaged chunks again."
         ) from error
