@@ -131,6 +131,7 @@ def study_rows(n: int = N) -> list[Row]:
 
 
 def _held_a_second(n: int = 400) -> float:
+    held(0.5, 10.0)
     return n / seconds(lambda: rbd.study(held, draws(n), executor=0, progress=False))
 
 
