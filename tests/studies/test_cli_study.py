@@ -204,6 +204,20 @@ def test_a_picture_is_drawn(folder):
     assert (folder / "map.png").read_bytes()[:4] == b"\x89PNG"
 
 
+def test_a_picture_that_would_not_show_the_study_is_refused_before_it_is_computed(folder):
+    """Unknown names of [plot]; more dimensions than a picture has. Of three sweeps the shortest has a map for each value."""
+    pytest.importorskip("matplotlib")
+    three = ("--sweep", "friction=0.1:0.5:3", "--sweep", "push.y=0:6:3", "--sweep", "margin=0,0.1", "--workers", "0")
+    code, out, _ = run("stand", "solo12", *three, "--png", "three.png")
+    assert code == 0 and "of 18 cases" in out and (folder / "three.png").is_file()
+    code, out, complaint = run("stand", "solo12", *three, "--sweep", "push.x=0,1", "--png", "four.png")
+    assert code == 2 and not out and "at most three" in complaint
+    for plot, words in (('x = "fricton"', "'friction'"), ('x = "friction"\nby = "push.z"', "'push_y'")):
+        (folder / "solo.toml").write_text(SOLO + f"[plot]\n{plot}\n")
+        code, out, complaint = run("study", "solo.toml", "--workers", "0", "--png", "map.png")
+        assert code == 2 and not out and words in complaint, complaint
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
