@@ -19,6 +19,8 @@ TORSO = "torso_2_link"
 
 
 class Result(NamedTuple):
+    """What the study found, and the limits that it is checked with."""
+
     study: xarray.Dataset
     limits: np.ndarray  # of rbd.statics.push_limits, one for each friction [N]
 
@@ -55,9 +57,8 @@ def main(show: bool = True) -> Result:
     limits = np.array([largest(mu) for mu in friction])
 
     ok = study["ok"].values
-    print(
-        f"{ok.sum()} of {ok.size} samples are held; residuals of these are below 1e-9: {bool(study.worst_residual.max() < 1e-9)}"
-    )
+    small = bool(study.worst_residual.max() < 1e-9)
+    print(f"{ok.sum()} of {ok.size} samples are held; their residuals are below 1e-9: {small}")
     for code, count in zip(*np.unique(study["reason"], return_counts=True), strict=True):
         if code:
             print(f"{count:5d} are not: {rbd.errors.Reason.of_code(int(code))}")
@@ -75,15 +76,20 @@ def main(show: bool = True) -> Result:
 
 
 def draw(study: xarray.Dataset, limits: np.ndarray):
-    """Left, how hard the hardest motor works; right, what prevents the rest; dots: `push_limits`."""
+    """Left, how hard the hardest motor works; right, what prevents the rest; dots, `push_limits`."""
     from matplotlib.figure import Figure  # in the extra `plot`
 
     figure = Figure(figsize=(10.5, 4.4), layout="constrained")
+    figure.get_layout_engine().set(wspace=0.06)
     left, right = figure.subplots(1, 2, sharey=True)
     rbd.visual.plot_study(study, value="worst_torque", ax=left)
     rbd.visual.plot_study(study, value="reason", ax=right)
     for ax in (left, right):
         ax.plot(study.friction, limits, "o", color="black", mec="white", ms=6.0, zorder=4)
+    left.text(
+        0.97, 0.94, "dots: rbd.statics.push_limits", transform=left.transAxes, ha="right", va="top", backgroundcolor="white"
+    )
+    right.set_ylabel("")
     return figure
 
 

@@ -26,7 +26,13 @@ if TYPE_CHECKING:
 MOST_PANELS = 12
 PANEL = (4.4, 3.6)
 """Width and height of a picture's panel, where this module makes the figure [inch]."""
-_LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "handlelength": 1.5, "columnspacing": 1.2}
+_LEGEND: dict[str, Any] = {
+    "frameon": False,
+    "fontsize": "small",
+    "handlelength": 1.5,
+    "columnspacing": 1.2,
+    "alignment": "left",
+}
 
 
 def plot_study(
