@@ -221,6 +221,8 @@ def _push_arguments(given: Given, fixed: Mapping[str, Any], swept: Mapping[str, 
             f"{given.at('push')} has a size and no direction; give it by push X,Y,Z (whose length does not matter), by "
             "push.angle, or sweep push.x, push.y or push.z."
         )
+    if "push.angle" in swept.keys() | fixed.keys() and push is None and "push" not in swept:
+        raise InputError(f"{given.at('push.angle')} turns a push that has no size; give push (in newtons), fixed or swept.")
     if along is not None:
         if not along.any():
             raise InputError(f"{given.at('push')} is zero; expected the direction of the push, e.g. 0,1,0.")

@@ -344,6 +344,7 @@ def test_functions_that_are_wrong_are_refused(folder):
         (["--sweep", "at=base_link,base_lnk", "--push", "0,1,0"], ["--sweep at", "'base_link'"]),
         (["--sweep", "push=0:1:2"], ["--sweep push", "direction"]),
         (["--sweep", "push=0:1:2", "--push", "0,0,0"], ["zero"]),
+        (["--sweep", "push.angle=0:90:2"], ["--sweep push.angle", "no size"]),
         (["--sweep", "push.y=0:1:2", "--push", "0,1"], ["--push", "three numbers"]),
         (["--sweep", "friction=0.1:1:3", "--html", "a.html"], ["--html", "one case"]),
         (["--sweep", "friction=0.1:1:3", "--braced"], ["--braced"]),
