@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 NUMBERS, SIGNED = "viridis", "PuOr"
 """Colour maps that colour-blind readers can read: of numbers of one sign, and of both."""
 NO_VALUE_COLOR, NOT_OK_COLOR, BOUNDARY_COLOR = "#c4c9ce", "#3d454c", "#d6006c"
+MOST_PIECES = 2000
+"""More pieces of hatched cells are drawn plain, and more pieces of a boundary thin: hatching takes a millisecond each."""
 _HATCH: dict[str, Any] = {"linewidth": 0.0, "edgecolor": "#8d949b"}
 
 
@@ -113,13 +115,17 @@ def _edges(axis: Axis) -> Array:
 
 
 def _cells(ax: Axes, across: Array, up: Array, which: Array, color: str, hatch: str) -> list[Artist]:
-    """Hatched cells, as one artist."""
+    """Hatched cells as one artist, neighbours above each other as one piece; very many pieces are not hatched."""
     from matplotlib.collections import PolyCollection
+    from matplotlib.colors import ListedColormap
 
     if not which.any():
         return []
-    j, i = np.nonzero(which)
-    left, right, low, high = across[i], across[i + 1], up[j], up[j + 1]
+    steps = np.diff(np.pad(which.T.astype(np.int8), ((0, 0), (1, 1))), axis=1)
+    (i, first), (_, last) = np.nonzero(steps == 1), np.nonzero(steps == -1)
+    if len(i) > MOST_PIECES:
+        return [ax.pcolormesh(across, up, np.ma.masked_array(which, ~which), cmap=ListedColormap([color]))]
+    left, right, low, high = across[i], across[i + 1], up[first], up[last]
     corners = np.stack([np.column_stack(p) for p in ((left, low), (right, low), (right, high), (left, high))], axis=1)
     cells = PolyCollection(list(corners), facecolor=color, hatch=hatch, **_HATCH)
     ax.add_collection(cells)
@@ -140,6 +146,7 @@ def _boundary(ax: Axes, across: Array, up: Array, good: Array, bad: Array, order
     segments = np.concatenate(lines) if lines else np.zeros((0, 2, 2))
     if not len(segments):
         return []
-    line = LineCollection(list(segments), colors=BOUNDARY_COLOR, linewidths=2.2, capstyle="round", zorder=3, label="boundary")
+    width = 2.2 if len(segments) <= MOST_PIECES else 0.4
+    line = LineCollection(list(segments), colors=BOUNDARY_COLOR, linewidths=width, capstyle="round", zorder=3, label="boundary")
     ax.add_collection(line)
     return [line]
