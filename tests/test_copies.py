@@ -73,6 +73,7 @@ def contact_answers() -> Iterator[object]:
     assert str(many)
     yield many
     yield rbd.statics.hold_many(talos, state.q, soles)
+    yield rbd.grid(robot=talos, friction=[0.3, 0.6], law=["a", "b"]) * rbd.sample(4, push=(0.0, 9.0))
     yield rbd.studies.compare_laws(state, held.tau, soles)
     yield rbd.studies.compare_solvers(state, held.tau, soles)
     pair = rbd.robots.merge_robots(talos, box)

@@ -361,6 +361,13 @@ def use_ground(on: Any) -> Any:
     return [contact.rows(BOX.at()).patch.gaps for contact in contacts], [foot.on for foot in BOLT.feet(on=on)][0] is None
 
 
+def use_samples(made: rbd.studies.Samples) -> Any:
+    """How many there are, after all that can be asked of them has been; infinity and NaN are values like others."""
+    n = len(made)
+    made.columns(0, min(n, 9)), made.row(n - 1), made.coords(), made.digest(), f"{made} {made!r}"
+    return n, len(made.names), len(made.fixed)
+
+
 CASES: dict[str, Case] = {
     "Box": Case(lambda **given: use_cone(rbd.problem.Box(**given)), {"lo": np.array([-1.0, 0.0]), "hi": np.array([1.0, 2.0])}),
     "Free": Case(lambda **given: use_cone(rbd.problem.Free(**given)), {"dim": 3}),
@@ -474,9 +481,19 @@ CASES: dict[str, Case] = {
     "Solution.of": Case(rbd.Solution.of, {"answer": rbd.KKT().solve(rbd.gauss_problem(STATE, TAU, BOLT.feet(None)))}),
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
     "nearest_motion": Case(rbd.solution.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
+    "Workers": Case(lambda count: rbd.studies.Workers(count).count, {"count": 2}),
     "withstand_push": Case(lambda **given: rbd.studies.withstand_push(**given).tau, {**STANDS, "facets": 4, "margin": 0.1}, 30),
     "move_under_push": Case(rbd.studies.move_under_push, {**STANDS, "law": "coulomb"}, 30),
     "Workers": Case(lambda count: rbd.studies.Workers(count).count, {"count": 2}),
+    "grid": Case(lambda **given: use_samples(rbd.grid(**given)), {"friction": [0.3, 0.6], "law": ["a", "b"], "mu": 1}),
+    "sample": Case(
+        lambda **given: use_samples(rbd.sample(**given)),
+        {"n": 5, "method": "sobol", "seed": 3, "ranges": {"mu": (0.1, 1.0)}, "push": (0.0, 9.0), "law": ["a", "b", "c"]},
+    ),
+    "table": Case(
+        lambda **given: use_samples(rbd.studies.table(**given)), {"rows": {"mu": [0.1, 0.2], "law": "a"}, "dimension": "case"}
+    ),
+    "table, its columns": Case(lambda **given: use_samples(rbd.studies.table(given)), {"mu": [0.1, 0.2], "law": ["a", "b"]}),
     "compare_laws": Case(rbd.studies.compare_laws, ASKED),
     "kept_names": Case(rbd.studies.kept_names, {"result": rbd.Solution}),
     "compare_solvers": Case(  # without the times in it, which differ
@@ -1047,6 +1064,7 @@ CASES |= {
     ),
 }
 MADE_BY_RBD = {
+    "Samples",
     "Explorer",
     "Motion",
     "MotionDifference",

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from rbd.cli.options import Dask, Out, Resume, Workers
 from rbd.cli.terminal import FIGURES, NO_SOLUTION, answering, check_outputs, open_console, print_path, save_figure, write_json
-from rbd.errors import InputError, ModelWarning
+from rbd.errors import InputError, ModelWarning, StudyStopped
 
 if TYPE_CHECKING:
     import xarray
@@ -136,6 +136,7 @@ def run_study(console: Console, plan: StudyPlan, running: Running) -> None:
 
     Raises:
         typer.Exit: with the code 1 where no sample has a result, 130 after Ctrl-C.
+        StudyStopped: it ended early; the report of what is done was printed.
         InputError: as `rbd.study`.
     """
     from rbd.cli.study_report import StudyReport
@@ -143,13 +144,22 @@ def run_study(console: Console, plan: StudyPlan, running: Running) -> None:
 
     resumed, out = running.exists(), running.out
     began = time.perf_counter()
+    stopped: StudyStopped | None = None
     with executor_of(running, plan) as executor, warnings.catch_warnings():
         if not plan.module:  # robots were loaded before, and what is wrong with their files was told
             warnings.simplefilter("ignore", ModelWarning)
-        dataset = evaluate(
-            plan.function, plan.samples, keep=plan.keep, executor=executor, out=None if out is None else out.expanduser(),
-            seed=plan.seed, batched=plan.batched,
-        )  # fmt: skip
+        try:
+            dataset = evaluate(
+                plan.function, plan.samples, keep=plan.keep, executor=executor, out=None if out is None else out.expanduser(),
+                seed=plan.seed, batched=plan.batched,
+            )  # fmt: skip
+        except StudyStopped as error:
+            if error.dataset is None:
+                raise
+            dataset, stopped = error.dataset, error
+        except KeyboardInterrupt:  # a second one, or before the first sample
+            open_console(errors=True).print(f"Ended at once. {_how_to_go_on(out)}", highlight=False, soft_wrap=True)
+            raise typer.Exit(INTERRUPTED) from None
     report = StudyReport(plan, dataset, time.perf_counter() - began, resumed)
     console.print(report)
     write_json(running.json_, report)
@@ -157,13 +167,10 @@ def run_study(console: Console, plan: StudyPlan, running: Running) -> None:
         print_path(console, "store", out)
     if running.png is not None and report.run.any():
         print_path(console, "picture", draw(dataset, plan, running.png))
+    if stopped is not None:
+        raise stopped
     if report.interrupted:
-        how = (
-            "The same command with --resume goes on."
-            if out is not None
-            else "Nothing is stored; --out FILE.zarr would keep it."
-        )
-        console.print(f"Ended by Ctrl-C. {how}", highlight=False)
+        console.print(f"Ended by Ctrl-C. {_how_to_go_on(out)}", highlight=False, soft_wrap=True)
         raise typer.Exit(INTERRUPTED)
     if not report.ok.any():
         raise typer.Exit(NO_SOLUTION)
@@ -213,6 +220,12 @@ def draw(dataset: xarray.Dataset, plan: StudyPlan, path: Path) -> Path:
 
     plot_study: Callable[..., Any] = getattr(visual, "plot_study")  # noqa: B009
     return save_figure(plot_study(dataset, **plan.plot)[0].figure, path, dpi=130)
+
+
+def _how_to_go_on(out: Path | None) -> str:
+    if out is None:
+        return "Nothing is stored; --out FILE.zarr would keep it."
+    return f"What was finished is in {out}; the same command with --resume goes on."
 
 
 def _first_line(error: Exception) -> str:

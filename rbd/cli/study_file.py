@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.cli.study_plan import RESULTS, Given, StudyPlan, Words, standing_function, words_of
+from rbd.cli.study_plan import ANY_ROBOT, RESULTS, Given, StudyPlan, Words, standing_function, words_of
 from rbd.cli.sweeps import QUANTITIES, QUESTIONS, Drawn, Values, argument_of, as_kind, quantity_of, ranges_of, values_of
 from rbd.errors import InputError, nearest
 from rbd.studies import Samples, grid, kept_names, sample
@@ -47,9 +47,9 @@ class StudyFile:
         try:
             self.keys: dict[str, Any] = tomllib.loads(self.text)
         except tomllib.TOMLDecodeError as error:
-            raise InputError(
-                f'{path.name} is no TOML: {str(error).rstrip(".")}. Text stands in quotes, as in "0.1:1:19".'
-            ) from None
+            why, twice = str(error).rstrip("."), "overwrite" in str(error)
+            written = "Beside push, push.angle is written push_angle." if twice else 'Text stands in quotes, as in "0.1:1:19".'
+            raise InputError(f"{path.name} is no TOML: {why}. {written}") from None
         self._known((*TOP, *TABLES), self.keys, "")
         for name in TABLES.keys() & self.keys.keys():
             if not isinstance(self.keys[name], dict):
@@ -157,6 +157,8 @@ class StudyFile:
             for name in keep:
                 if name not in known:
                     raise self.wrong("keep", f"has {name!r:.80}; {nearest(name, known)}")
+        if keep is None and robot is None:
+            keep = ANY_ROBOT[question]
         return StudyPlan(function, samples, words_of(given, robot), keep, seed, False, plot)
 
     def _own(self, name: str, seed: int, keep: tuple[str, ...] | None, plot: dict[str, str], batched: bool) -> StudyPlan:

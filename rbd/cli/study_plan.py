@@ -24,6 +24,11 @@ from rbd.studies.standing import heaviest_link, move_under_push, withstand_push
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {"stand": withstand_push, "solve": move_under_push}
 RESULTS: dict[str, type] = {"stand": Actuation, "solve": Solution}
+ANY_ROBOT = {
+    "stand": ("status", "worst_residual", "worst_torque", "worst_motor", "forces", "friction_used"),
+    "solve": ("status", "worst_residual", "forces", "friction_used"),
+}
+"""What is kept where robots differ, unless the study says: nothing that has a number for each joint."""
 ROBOT_OPTIONS = ("feet", "package_dir")
 """Of the fixed arguments, those with which the robot is loaded."""
 

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rbd.errors.inputs import RbdError
-from rbd.errors.reasons import Reason
+from rbd.errors.reasons import RbdError, Reason
 
 
 class StudyStopped(RbdError):

@@ -85,14 +85,16 @@ class Column:
     @property
     def text(self) -> str:
         """The values in a few words, for people."""
-        unit, n = f" {self.units}" if self.units else "", len(self)
+        unit, n = f" {self.units}" if self.units and self.labels is None else "", len(self)
         if self.values.ndim > 1 and self.labels is None:
             return f"{_count(n, 'array')} of shape {self.values.shape[1:]}{unit}"
         shown = self.shown
         if not self.dim:
             return f"{_label(shown[0])}{unit} in all"
         if shown.dtype.kind in "iufmM" and n > 3:
-            return f"{n:,} values from {_label(np.nanmin(shown))} to {_label(np.nanmax(shown))}{unit}"
+            known = shown[shown == shown] if (shown == shown).any() else shown  # without NaN
+            ends = [f"{x:.6g}" if shown.dtype.kind == "f" else str(x) for x in (known.min(), known.max())]
+            return f"{n:,} values from {' to '.join(ends)}{unit}"
         first = list(dict.fromkeys(_label(x) for x in shown[:1000]))
         listed = ", ".join(first[:6]) + (", ..." if len(first) > 6 else "")
         return f"{_count(n, 'value')}: {listed[:200]}{unit}"

@@ -64,7 +64,7 @@ def sample(
         0.550 0.50 128
     """
     count, root = check_whole("n", n, MOST_DRAWS), check_seed(seed)
-    if method not in METHODS:
+    if not isinstance(method, str) or method not in METHODS:
         raise InputError(f"method is {method!r:.80}; {nearest(method, METHODS)}.")
     asked = _all_ranges(ranges, more)
     varying = [name for name, given in asked.items() if isinstance(given, tuple) or _draws(given) or not is_one(given)]

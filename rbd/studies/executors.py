@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from rbd.errors import InputError
 from rbd.studies.chunks import Chunks
-from rbd.studies.evaluation import ONE_AT_A_TIME, Evaluation, Finished
+from rbd.studies.evaluation import ONE_AT_A_TIME, Columns, Evaluation, Finished
 from rbd.studies.own_processes import MOST, WITHOUT_GUARD, WorkerDied, Workers, cores, end_if_unguarded
 from rbd.studies.samples import Samples
 from rbd.studies.sending import pickled
@@ -242,7 +242,7 @@ def _nothing() -> None:
 _loaded: OrderedDict[str, Evaluation] = OrderedDict()
 
 
-def _evaluate(key: str, sent: bytes | None, start: int, columns: Mapping[str, Any]) -> Finished | NotLoaded:
+def _evaluate(key: str, sent: bytes | None, start: int, columns: Columns) -> Finished | NotLoaded:
     """In another process: the results of a chunk. The evaluation is loaded once, so that its robots are built once."""
     with ONE_AT_A_TIME:
         evaluation = _loaded.get(key)
@@ -263,7 +263,7 @@ def _evaluate(key: str, sent: bytes | None, start: int, columns: Mapping[str, An
     return _evaluate_here(evaluation, start, columns)
 
 
-def _evaluate_here(evaluation: Evaluation, start: int, columns: Mapping[str, Any]) -> Finished:
+def _evaluate_here(evaluation: Evaluation, start: int, columns: Columns) -> Finished:
     with ONE_AT_A_TIME, _one_thread():
         return evaluation.run(start, columns)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -78,7 +79,8 @@ def test_a_sweep_tells_how_many_cases_are_held_and_between_which_pushes_that_end
                 pass
     assert code == 0 and 0 < held.sum() < 15
     assert out.splitlines()[0] == f"solo12 can be held in {held.sum()} of 15 cases."
-    assert "held up to 2 N, not held from 4 N" in out and "cannot_hold: friction" in out and "friction prevents it" in out
+    told = " ".join(out.split())
+    assert "held up to 2 N, not held from 4 N" in told and "cannot_hold: friction 3" in told and "friction prevents it" in told
     data = json.loads(file.read_text())
     assert (data["samples"], data["ok"], sum(data["reasons"].values())) == (15, held.sum(), 15 - held.sum())
     for line, row in zip(data["boundary"], held, strict=True):
@@ -131,6 +133,23 @@ def test_the_study_of_the_examples_is_read():
     assert plan.function(friction=0.7, push_y=110.0).state.robot.name == "talos"
 
 
+def test_the_page_of_the_command_line_holds(tmp_path, monkeypatch):
+    """Its command prints the first line that it shows; its file is read; its commands have the options that it names."""
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "tasks" / "sweep_on_the_command_line.md").read_text()
+    commands = re.findall(r"^rbd (.*)$", page, flags=re.MULTILINE)
+    code, out, _ = run(*commands[0].removesuffix(" --png map.png").split(), "--workers", "0")
+    assert code == 0 and out.splitlines()[0] == re.findall(r"```text\n(.*?)\n", page)[0]
+    assert "0.1 held up to 80 N, not held from 90 N" in " ".join(out.split())
+    (tmp_path / "push.toml").write_text(
+        re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)[0].replace(":19", ":2").replace(":21", ":2")
+    )
+    assert len(commands) == 3
+    for command in commands[1:]:
+        code, out, _ = run(*command.split(), "--workers", "0")
+        assert code == 0 and "of 4 cases" in out and "store: push.zarr" in out
+
+
 def test_a_function_of_a_file_is_studied(folder):
     """It is called with each sample; what it returns is kept; fixed arguments and names with dots reach it."""
     file = folder / "slide.toml"
@@ -149,7 +168,7 @@ def test_random_samples_are_drawn(folder):
     )
     for name, *seed in (("a.zarr",), ("b.zarr",), ("c.zarr", "--seed", "1")):
         code, out, _ = run("study", "draws.toml", "--workers", "0", "--out", name, *seed)
-        assert code == 0 and "of 8 cases" in out
+        assert code == 0 and "8 cases" in out.splitlines()[0]
     a, b, c = (pytest.importorskip("xarray").open_zarr(name).load() for name in ("a.zarr", "b.zarr", "c.zarr"))
     assert a.identical(b) or a.friction.equals(b.friction)
     assert not a.friction.equals(c.friction)
@@ -327,6 +346,17 @@ def test_a_scheduler_that_does_not_answer_is_refused(folder, monkeypatch):
     assert code == 2 and not out and "dask scheduler" in complaint
 
 
+def test_a_scheduler_computes_it(folder):
+    """--dask: its workers get the function of the file, too; the client is closed afterwards."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
+    ) as dask:
+        code, out, complaint = run("study", "slide.toml", "--dask", dask.scheduler_address)
+        assert code == 0 and out.startswith("All 10 samples"), complaint
+        assert not dask.scheduler.clients.keys() - {"fire-and-forget"}
+
+
 def command(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     """The command in a process of its own."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
@@ -338,21 +368,45 @@ def test_ctrl_c_keeps_what_is_done_and_resume_goes_on(folder):
     """Exit code 130; the report says how many were not run; then --resume completes it, to the same bits as one run."""
     xarray = pytest.importorskip("xarray")
     file = folder / "slide.toml"
-    whole = file.read_text().replace("0:80:5", "0:80:40") + "[fixed]\nwait = 0.05\n"
-    file.write_text(whole)
+    quick = file.read_text().replace("0:80:5", "0:80:20") + "[fixed]\nwait = 0.0\n"
+    (folder / "quick.toml").write_text(quick)
+    file.write_text(quick.replace("wait = 0.0", "wait = 0.03"))
     process = command(folder, "study", "slide.toml", "--workers", "0", "--out", "cut.zarr")
-    for _ in range(200):
-        time.sleep(0.05)
-        if (folder / "cut.zarr").exists():
-            break
-    time.sleep(1.0)
+    while process.poll() is None and not (folder / "cut.zarr").exists():
+        time.sleep(0.02)
+    time.sleep(0.4)  # of 1.2 seconds
     process.send_signal(signal.SIGINT)
-    out, complaint = process.communicate(timeout=30)
+    out, complaint = process.communicate(timeout=60)
     assert process.returncode == 130, complaint
     assert "were not run" in out.splitlines()[0] and "--resume" in out and "Traceback" not in complaint
-    process = command(folder, "study", "slide.toml", "--workers", "2", "--out", "cut.zarr", "--resume")
-    out, complaint = process.communicate(timeout=60)
-    assert process.returncode == 0 and out.startswith("All 80 samples"), complaint
-    assert "were done" in complaint or "done" in complaint
-    assert run("study", "slide.toml", "--workers", "0", "--out", "one.zarr")[0] == 0
-    xarray.testing.assert_equal(xarray.open_zarr(folder / "cut.zarr").load(), xarray.open_zarr(folder / "one.zarr").load())
+    code, out, complaint = run("study", "slide.toml", "--workers", "0", "--out", "cut.zarr", "--resume")
+    assert code == 0 and out.startswith("All 40 samples") and "of 40 samples were done" in complaint
+    assert run("study", "quick.toml", "--workers", "0", "--out", "one.zarr")[0] == 0
+    xarray.testing.assert_equal(xarray.open_zarr("cut.zarr").load(), xarray.open_zarr("one.zarr").load())
+
+
+def test_a_study_that_is_stopped_tells_what_is_done(folder, monkeypatch):
+    """A full disk: the report of what is stored, the reason, exit code 1."""
+    import rbd.studies.running as running
+
+    whole = running.study
+
+    def full(function, samples, **options):
+        dataset = whole(function, samples, **{**options, "out": None})
+        raise rbd.errors.StudyStopped("a.zarr cannot be written: No space left on device.", dataset=dataset)
+
+    monkeypatch.setattr(running, "study", full)
+    code, out, complaint = run("study", "slide.toml", "--workers", "0", "--out", "a.zarr")
+    assert code == 1 and out.startswith("All 10 samples") and "stopped: a.zarr cannot be written" in complaint
+
+
+def test_a_second_ctrl_c_ends_at_once(folder, monkeypatch):
+    """It says that what was finished is stored; exit code 130."""
+    import rbd.studies.running as running
+
+    def ended(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "study", ended)
+    code, out, complaint = run("study", "slide.toml", "--workers", "0", "--out", "a.zarr")
+    assert code == 130 and not out and "--resume" in complaint

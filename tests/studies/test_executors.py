@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import multiprocessing
 import os
 import signal
@@ -12,6 +13,7 @@ import threading
 import time
 import warnings
 from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import redirect_stderr
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -26,9 +28,10 @@ import rbd
 from rbd.studies.chunks import Chunks
 from rbd.studies.evaluation import BATCH, Evaluation
 from rbd.studies.filling import Filled, check_all, fill
+from rbd.studies.grids import grid
 from rbd.studies.own_processes import Workers
 from rbd.studies.progress_bar import Progress, counted
-from rbd.studies.samples import Samples, grid
+from rbd.studies.samples import Samples
 from rbd.studies.stores.store import MemoryStore
 
 GRID = {"x": np.arange(12.0), "y": np.linspace(0.0, 1.0, 9)}
@@ -38,13 +41,13 @@ def filled(
     evaluation: Evaluation, samples: Samples, executor: Executor | int | None, **kwargs: Any
 ) -> tuple[MemoryStore, Filled]:
     """A store in memory, filled."""
-    store = MemoryStore(len(samples))
+    store = MemoryStore(samples, {})
     return store, fill(store, evaluation, samples, executor=executor, progress=False, **kwargs)
 
 
 def same(one: MemoryStore, other: MemoryStore) -> bool:
     """Whether all that is kept is equal, bit by bit."""
-    a, b = one.contents(), other.contents()
+    a, b = one.found.block(), other.found.block()
     return (
         a.messages == b.messages
         and np.array_equal(a.ok, b.ok)
@@ -71,9 +74,9 @@ def test_the_values_do_not_depend_on_executor_and_chunk(function, workers):
 
 def test_seeds_are_those_that_numpy_spawns():
     """Sample i has child i of the root."""
-    found = filled(Evaluation(studied.drawn, seed=11), grid(x=np.zeros(6)), 0)[0].contents()
+    found = filled(Evaluation(studied.drawn, seed=11), grid(x=np.arange(6.0)), 0)[0].found.block()
     expected = [np.random.default_rng(s).standard_normal() for s in np.random.SeedSequence(11).spawn(6)]
-    assert found.variables["value"].values.tolist() == expected
+    assert found.variables["value"].values.tolist() == (np.arange(6.0) + expected).tolist()
 
 
 @pytest.mark.parametrize("function", [studied.sizes, studied.batch_drawn, studied.half_of_batches])
@@ -84,7 +87,7 @@ def test_batches_are_the_same_whatever_the_chunk(function, workers):
     for executor in (0, workers):
         for chunk in (None, 1, 700, 5000):
             assert same(filled(evaluation, samples, executor, chunk=chunk)[0], first)
-    kept = first.contents()
+    kept = first.found.block()
     if function is studied.sizes:
         assert np.array_equal(kept.variables["size"].values, np.repeat([BATCH, BATCH, 1300 - 2 * BATCH], [BATCH, BATCH, 276]))
     if function is studied.half_of_batches:
@@ -96,7 +99,7 @@ def test_an_unfinished_store_is_filled_batch_by_batch():
     """What is left of a batch is computed with the whole batch, and counted once."""
     samples, evaluation = grid(x=np.arange(1300.0)), Evaluation(studied.sizes, batched=True)
     first, _ = filled(evaluation, samples, 0)
-    store = MemoryStore(len(samples))
+    store = MemoryStore(samples, {})
     store.put(evaluation.block(0, samples.columns(0, BATCH)))
     store.done[100:] = False
     told = fill(store, evaluation, samples, executor=0, progress=False)
@@ -106,7 +109,7 @@ def test_an_unfinished_store_is_filled_batch_by_batch():
 def test_processes_have_one_blas_thread_and_stay(workers):
     """Of two studies, in at most two processes, which are not this one; its environment is as it was."""
     before = dict(os.environ)
-    found = [filled(Evaluation(studied.where), grid(x=np.arange(40.0)), workers, chunk=4)[0].contents() for _ in range(2)]
+    found = [filled(Evaluation(studied.where), grid(x=np.arange(40.0)), workers, chunk=4)[0].found.block() for _ in range(2)]
     processes = {p for kept in found for p in kept.variables["process"].values.tolist()}
     assert len(processes) <= 2 and os.getpid() not in processes
     assert all((kept.variables["threads"].values == 1).all() for kept in found)
@@ -119,7 +122,7 @@ def test_a_killed_process_is_replaced(workers, tmp_path):
     function = partial(studied.killed_once, mark=str(tmp_path / "killed"))
     store, told = filled(Evaluation(function), grid(x=np.arange(30.0)), workers)
     assert (tmp_path / "killed").exists() and told.stopped == ""
-    assert np.array_equal(store.contents().variables["value"].values, np.arange(30.0))
+    assert np.array_equal(store.found.block().variables["value"].values, np.arange(30.0))
 
 
 def test_a_sample_that_kills_its_processes_is_named(workers):
@@ -243,7 +246,7 @@ def test_warnings_are_told_once_a_kind(workers):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             store, told = filled(evaluation, samples, executor)
-        assert store.contents().ok.all()
+        assert store.found.block().ok.all()
         with warnings.catch_warnings(record=True) as seen:
             warnings.simplefilter("always")
             told.warn()
@@ -296,13 +299,16 @@ def script(tmp_path: Path, text: str) -> Path:
     return path
 
 
-def alive(group: int) -> bool:
-    """Whether a process of a group is left."""
-    try:
-        os.killpg(group, 0)
-    except ProcessLookupError:
-        return False
-    return True
+def ends(group: int) -> bool:
+    """Whether no process of a group is left, after a while."""
+    end = time.monotonic() + 10.0
+    while time.monotonic() < end:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.02)
+    return False
 
 
 def test_a_script_without_a_guard_is_told_so(tmp_path):
@@ -334,7 +340,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.parametrize(("executor", "chunk"), [(0, None), (2, 1), (2, 4000)])
+@pytest.mark.parametrize(("executor", "chunk"), [(0, None), (2, 4000)])
 def test_ctrl_c_returns_what_is_done(tmp_path, executor, chunk):
     """At once, with one warning, and no process is left; of chunks that never end, too."""
     path = script(tmp_path, SLOW.format(executor=executor, chunk=chunk))
@@ -352,10 +358,10 @@ def test_ctrl_c_returns_what_is_done(tmp_path, executor, chunk):
             said, told = run.communicate()
             done, reason, *_, interrupted = said.split(maxsplit=3)
             assert 0 < int(done) < 5000 and int(reason) == 99
-            assert interrupted.split("Ctrl-C ")[1] == f"after {int(done):,} of 5,000 samples\n"
+            assert interrupted == f"{int(done):,} of 5,000 samples are done\n"
         assert told.count("StudyWarning: Ctrl-C after") == 1 and "KeyboardInterrupt" not in told
         assert time.monotonic() - began < 5.0
-    assert not alive(run.pid)
+    assert ends(run.pid)
 
 
 def test_processes_end_with_the_one_that_started_them(tmp_path):
@@ -365,10 +371,7 @@ def test_processes_end_with_the_one_that_started_them(tmp_path):
         assert run.stdout is not None and run.stdout.readline() == "begun\n"
         run.kill()
         run.wait()
-        end = time.monotonic() + 10.0
-        while alive(run.pid) and time.monotonic() < end:
-            time.sleep(0.05)
-    assert not alive(run.pid)
+    assert ends(run.pid)
 
 
 def test_a_function_that_swallows_ctrl_c_does_not_keep_its_result():
@@ -400,7 +403,7 @@ def test_ctrl_c_waits_while_a_block_is_stored_but_not_a_second_one():
                 signal.raise_signal(signal.SIGINT)
             super().put(block)
 
-    store = Slow(5)
+    store = Slow(grid(x=np.arange(5.0)), {})
     told = fill(store, Evaluation(studied.warned), grid(x=np.arange(5.0)), executor=0, chunk=2, progress=False)
     assert store.done.sum() == 2 and told.interrupted
     store.presses = 2
@@ -422,14 +425,23 @@ def test_progress_tells_counts_rate_and_time_left(capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_progress_is_drawn_on_a_terminal(monkeypatch, capsys):
-    """With rich, on stderr, from a second on."""
-    monkeypatch.setattr("rbd.studies.progress_bar.can_show", lambda: True)
-    with counted(100, 0, shown=True) as counts:
+class Terminal(io.StringIO):
+    """A stderr that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        """It is."""
+        return True
+
+
+def test_progress_is_drawn_on_a_terminal(monkeypatch):
+    """On stderr, from a second on; the cursor is given back."""
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "120")
+    with redirect_stderr(Terminal()) as screen, counted(100, 0, shown=True) as counts:
         counts.draw()
-        assert capsys.readouterr().err == ""
+        assert screen.getvalue() == ""
         counts._began -= 2.0
         counts._next = 0.0
         counts.add(50, 2)
         counts.draw()
-    assert "50 of 100, 2 without a result" in capsys.readouterr().err
+    assert "50 of 100, 2 without a result" in screen.getvalue() and screen.getvalue().count("\x1b[?25h") == 1

@@ -99,7 +99,7 @@ def test_parts_put_together_are_the_whole(axes: dict[str, Any], data: st.DataObj
     for name, values in whole.items():
         found = [part[name] for part in parts]
         assert same(values, np.concatenate(found) if isinstance(values, np.ndarray) else sum(found, []))
-    fixed = {} if not grid.dims else grid.fixed
+    fixed = grid.fixed
     for i, row in enumerate(arguments(whole)):
         assert repr(grid.row(i)) == repr({name: (row | fixed)[name] for name in grid.names})
     assert rbd.grid(**axes).digest() == grid.digest()
@@ -209,6 +209,7 @@ def test_one_value_is_the_same_in_all_samples() -> None:
     assert found.law.item() == "convex" and found.robot.item() == box.name and found.margin.shape == ()
     alone = rbd.grid(friction=0.5)
     assert len(alone) == 1 and rows(alone) == [{"friction": 0.5}] and alone.fixed == {} and alone.at() == {"friction": 0.5}
+    assert dict(alone.dims) == {"sample": 1} and dict((alone * rbd.grid(a=[1, 2])).dims) == {"a": 2}
 
 
 def test_draws_lie_in_their_ranges_evenly() -> None:

@@ -23,6 +23,7 @@ Rows: TypeAlias = tuple[Array, Mapping[int, str]]
 _HOMES = {
     "rbd.problem.answer.Answer": "answers",
     "rbd.statics.actuation.Actuation": "answers",
+    "rbd.control.task_actuation.TaskActuation": "control_steps",
     "rbd.many.answers.ManyAnswers": "many_answers",
     "rbd.statics.actuations.Actuations": "many_answers",
     "rbd.model.state.State": "poses",

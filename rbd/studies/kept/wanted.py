@@ -144,7 +144,7 @@ class Wanted:
         found: list[Named] = []
         verdict: Verdict = None
         for name, value in self._picked(result).items():
-            if type(value) is float:
+            if isinstance(value, float | bool | np.bool_):  # what most functions return, without the looks at other types
                 found.append((name, Variable(np.array(value))))
                 continue
             inner, told = _named(name, value, rows)

@@ -158,4 +158,10 @@ def _decoded(path: Path) -> xarray.Dataset:
         ) from error
     found.attrs = {name: value.item() if isinstance(value, np.generic) else value for name, value in found.attrs.items()}
     format_of(found.attrs, str(path))
-    return found
+    try:
+        first = json.loads(found.attrs[LAYOUT])["first"]
+        return found[[OK, REASON, MESSAGE, *sorted(first, key=first.__getitem__)]]
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{str(path)!r:.300} is a damaged store: {error!s:.200}. Give another path, or move it away."
+        ) from error

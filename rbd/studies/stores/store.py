@@ -132,6 +132,13 @@ class Buffer:
         return Block(self.start, self.stop, variables, self.ok, self.reason, self.messages)
 
 
+def with_entries(block: Block) -> Block:
+    """The block without arrays that have no entries, as torques of a robot without motors: netCDF has no such thing."""
+    if all(v.values.size for v in block.variables.values()):
+        return block
+    return replace(block, variables={name: v for name, v in block.variables.items() if v.values.size})
+
+
 def empty_of(v: Variable, n: int) -> Variable:
     """A variable of n samples without values; text as objects, of any length."""
     kind = np.dtype(object) if v.values.dtype.kind in "UOT" else v.values.dtype
@@ -155,6 +162,7 @@ class MemoryStore:
 
     def put(self, block: Block) -> None:
         """As `Store.put`."""
+        block = with_entries(block)
         self.seen.check(block)
         self.found.put(block)
         self.done[block.start : block.stop] = True

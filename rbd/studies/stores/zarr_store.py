@@ -24,7 +24,7 @@ from rbd.studies.samples import Samples
 from rbd.studies.stores.pacing import Pacing, why
 from rbd.studies.stores.pieces import Pieces
 from rbd.studies.stores.places import Lock
-from rbd.studies.stores.store import Buffer, Seen, empty_of
+from rbd.studies.stores.store import Buffer, Seen, empty_of, with_entries
 from rbd.studies.stores.zarr_reading import LOADED, read_zarr
 
 if TYPE_CHECKING:
@@ -84,6 +84,7 @@ class ZarrStore:
         """As `Store.put`."""
         with self._pacing.guard:
             self._pacing.check()
+            block = with_entries(block)
             self.seen.check(block)
             if self._pieces is None:
                 self._pieces = Pieces.of(tuple(self.samples.dims.values()), _piece_size(block, len(self.samples)))
