@@ -264,7 +264,9 @@ def test_draws_over_one_coordinate_show_the_value_upwards():
 def test_draws_at_each_point_of_a_grid_give_a_share():
     """value="ok": the share of those that were run; another quantity wants a draw to be selected."""
     rng = np.random.default_rng(1)
-    given = xarray.Dataset(coords={"friction": FRICTION, "push": ("sample", rng.uniform(0.0, 60.0, 30))})
+    given = xarray.Dataset(
+        coords={"friction": FRICTION, "sample": np.arange(30), "push": ("sample", rng.uniform(0.0, 60.0, 30))}
+    )
     found = labelled(given.push / (given.friction * 98.1), given).transpose("friction", "sample")
     found["reason"][0, :10] = found["reason"][3, :] = Reason.NOT_RUN.code
     found["ok"][0, :10] = found["ok"][3, :] = False
@@ -284,6 +286,20 @@ def test_words_and_codes_are_categories():
     assert all(y0 == y1 for (_, y0), (_, y1) in boundary.get_segments())
     legend = plot_study(found, value="status")[0].axes.figure.legends[0]
     assert [text.split(" ")[0] for text in texts(legend)[:2]] == ["failed", "solved"]
+
+
+def test_words_and_truth_values_are_missing_where_a_sample_is_not_ok():
+    """Empty text and False stand for nothing there: such cells are grey, as those of numbers."""
+    found = grid()
+    bad = f"not ok ({int((~found.ok).sum())})"
+    pushed = found.push > 5.0
+    found = found.assign(motor=xarray.where(found.ok, xarray.where(pushed, "knee", "hip"), ""), least=found.ok & pushed)
+    for value, words in (("motor", ["hip", "knee"]), ("least", ["no", "yes"])):
+        cells, without, _ = plot_study(found, value=value)
+        legend = texts(cells.axes.figure.legends[0])
+        assert [text.split(" ")[0] for text in legend[:2]] == words and legend[2] == bad
+        assert np.array_equal(cells.get_array().mask, ~found.ok.values.T) and isinstance(without, PolyCollection)
+    assert texts(plot_study(found, value="ok")[0].axes.figure.legends[0])[0] == bad.replace("not ok", "no")
 
 
 @pytest.mark.parametrize(

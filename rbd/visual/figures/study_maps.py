@@ -55,7 +55,7 @@ def draw_map(
         there = np.isfinite(values)
         name = SIGNED if norm is not None and norm.vmin is not None and norm.vmin < 0.0 else NUMBERS
         drawn.append(ax.pcolormesh(across, up, np.ma.masked_array(values, ~there), cmap=name, norm=norm))
-        drawn += _cells(ax, across, up, ~there & ~waiting, NO_VALUE_COLOR, "/////")
+    drawn += _cells(ax, across, up, ~there & ~waiting, NO_VALUE_COLOR, "/////")
     drawn += _cells(ax, across, up, waiting, NOT_RUN_COLOR, "....")
     drawn += _boundary(ax, across, up, good, ~good & ~waiting, (not x.words, y is not None and not y.words))
     dress(ax, x, "x")
@@ -98,11 +98,10 @@ def keys_of_map(shown: Quantity, ok: Array, not_run: Array, *, bounded: bool) ->
         for (text, color), count in zip(shown.categories, counts, strict=True):
             if count and not (text == "not_run" and color == NOT_RUN_COLOR):
                 keys.append(Patch(facecolor=color, edgecolor="0.6", linewidth=0.5, label=f"{text} ({count})"))
-    else:
-        nothing = ~np.isfinite(shown.values) & ~not_run
-        for which, text in ((nothing & ~ok, "not ok"), (nothing & ok, "ok, without a finite value")):
-            if which.any():
-                keys.append(Patch(facecolor=NO_VALUE_COLOR, hatch="/////", label=f"{text} ({int(which.sum())})", **_HATCH))
+    nothing = (shown.values < 0 if shown.categories else ~np.isfinite(shown.values)) & ~not_run
+    for which, text in ((nothing & ~ok, "not ok"), (nothing & ok, "ok, without a finite value")):
+        if which.any():
+            keys.append(Patch(facecolor=NO_VALUE_COLOR, hatch="/////", label=f"{text} ({int(which.sum())})", **_HATCH))
     if not_run.any():
         keys.append(Patch(facecolor=NOT_RUN_COLOR, hatch="....", label=f"not run ({int(not_run.sum())})", **_HATCH))
     if bounded:
