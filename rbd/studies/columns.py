@@ -46,10 +46,12 @@ class Column:
         return len(self.values)
 
     def take(self, at: Array | slice) -> Array | list[Any]:
-        """The values at some places: an array of numbers, shape (k, ...), or a list of texts and objects."""
+        """The values at some places: a new array of numbers, shape (k, ...), or a list of texts and objects."""
         found: Array = self.values[at]
         choices = self.choices
-        return found if choices is None else [choices[i] for i in found.tolist()]
+        if choices is not None:
+            return [choices[i] for i in found.tolist()]
+        return found.copy() if isinstance(at, slice) else found  # a function may change what it is given
 
     def one(self, i: int) -> Any:
         """The value at a place: a plain number, an array, a text, an object."""

@@ -194,6 +194,16 @@ def test_vectors_vary_along_their_first_axis() -> None:
     assert grid.at(push=1)["push"].tolist() == [3.0, 4.0, 5.0]
 
 
+def test_who_changes_what_is_given_changes_no_sample() -> None:
+    """Arrays are new ones each time: of a chunk, and of one sample."""
+    for samples in (rbd.grid(push=np.eye(3)), table({"push": np.eye(3)}), rbd.grid(push=np.eye(3), a=[1])):
+        before = samples.digest()
+        samples.columns(0, 3)["push"][:] = 7.0
+        samples.row(1)["push"][:] = 7.0
+        next(arguments(samples.columns(0, 3)))["push"][:] = 7.0
+        assert samples.digest() == before
+
+
 def test_one_value_is_the_same_in_all_samples() -> None:
     """Not a dimension of length one, but a coordinate without a dimension; it is not sent with every chunk."""
     box = rbd.testing.box(mass=1.0)
