@@ -1,6 +1,7 @@
 """Tables of one run in the pages.
 
-All rows stand in docs/reference/speed.md, of studies in docs/studies.md; a few of them in README.md, the parts of a call in docs/design/speed.md.
+All rows stand in docs/reference/speed.md, of studies in docs/studies.md; a few of them in README.md, the parts of a call in
+docs/design/speed.md.
 """
 
 from __future__ import annotations

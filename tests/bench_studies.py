@@ -101,10 +101,16 @@ def study_rows(n: int = N) -> list[Row]:
         for workers in (one, two):
             study(4096, workers)
         times: dict[str, list[float]] = {"one": [], "two": []}
+        began = time.process_time()
+        study(n, two)
+        own = time.process_time() - began
         for _ in range(3 if n <= N else 1):
             times["one"].append(seconds(lambda: study(n, one)))
             times["two"].append(seconds(lambda: study(n, two)))
     study(4096, 0)
+    began = time.process_time()
+    study(n, 0)
+    cost = time.process_time() - began
     INSIDE[0] = 0.0
     here = seconds(lambda: study(n, 0))
     inside = INSIDE[0]
@@ -120,6 +126,7 @@ def study_rows(n: int = N) -> list[Row]:
         Row(
             f"{pushes}: the same, written to a zarr store", {"": 100.0 * (stored / inside_stored - 1.0)}, "%", (OVERHEAD_MARK,)
         ),
+        Row(f"{pushes}: processor time of who calls, beside the function's", {"": 100.0 * own / cost}, "%", (5.0,)),
         Row(f"{pushes}: in one process, started", {"": n / alone}, "a second"),
         Row(f"{pushes}: in two", {"": n / both}, "a second"),
         Row("pushes that rbd.hold judges one by one, in one process", {"": _held_a_second()}, "a second"),
@@ -131,6 +138,7 @@ def study_rows(n: int = N) -> list[Row]:
 
 
 def _held_a_second(n: int = 400) -> float:
+    held(0.5, 10.0)
     return n / seconds(lambda: rbd.study(held, draws(n), executor=0, progress=False))
 
 
