@@ -113,8 +113,8 @@ class Robot(ShapedRobot):
     def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> Robot:
         closed = self.mechanism if memo is None else copy.deepcopy(self.mechanism, memo)
         out = Robot(model, self.source, self.root, self.passive, self.limits, closed, self.leave_out, self.postures)
-        out._text, out._mesh_names, out._mesh_files = self._text, self._mesh_names, self._mesh_files
-        out.in_catalogue, out.report, out.sound, out._pairs = self.in_catalogue, self.report, self.sound, self._extras()
+        out.in_catalogue, out.report, out.sound = self.in_catalogue, self.report, self.sound
+        self._share_shapes(out)
         return out
 
     def neutral(self) -> Array:
