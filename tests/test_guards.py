@@ -484,7 +484,6 @@ CASES: dict[str, Case] = {
     "Workers": Case(lambda count: rbd.studies.Workers(count).count, {"count": 2}),
     "withstand_push": Case(lambda **given: rbd.studies.withstand_push(**given).tau, {**STANDS, "facets": 4, "margin": 0.1}, 30),
     "move_under_push": Case(rbd.studies.move_under_push, {**STANDS, "law": "coulomb"}, 30),
-    "Workers": Case(lambda count: rbd.studies.Workers(count).count, {"count": 2}),
     "grid": Case(lambda **given: use_samples(rbd.grid(**given)), {"friction": [0.3, 0.6], "law": ["a", "b"], "mu": 1}),
     "sample": Case(
         lambda **given: use_samples(rbd.sample(**given)),
