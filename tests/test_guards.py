@@ -25,6 +25,7 @@ from hypothesis.configuration import set_hypothesis_home_dir
 from matplotlib.figure import Figure
 
 import rbd
+from rbd.model.output_files import new_folder
 from rbd.robots.loop_file import KINDS
 from rbd.visual import (
     Scene,
@@ -141,6 +142,15 @@ def use_many(**given: Any) -> Any:
 def use_actuations(found: rbd.statics.Actuations) -> Any:
     """The rows that have an answer."""
     return [array[found.answered] for array in (found.tau, found.worst, *found.forces.values())]
+
+
+def abs_of(x: float) -> dict[str, float]:
+    """A function to be studied."""
+    return {"value": abs(x)}
+
+
+STORED = new_folder() / "stored.nc"
+rbd.study(abs_of, {"x": [0.5, -1.0]}, executor=0, progress=False, out=STORED)
 
 
 def a_study() -> Any:
@@ -493,6 +503,11 @@ CASES: dict[str, Case] = {
         lambda **given: use_samples(rbd.studies.table(**given)), {"rows": {"mu": [0.1, 0.2], "law": "a"}, "dimension": "case"}
     ),
     "table, its columns": Case(lambda **given: use_samples(rbd.studies.table(given)), {"mu": [0.1, 0.2], "law": ["a", "b"]}),
+    "study": Case(
+        lambda **given: rbd.study(executor=0, progress=False, **given).ok.values.tolist(),
+        {"function": abs_of, "samples": {"x": [0.5, -1.0, 2.0]}, "keep": ("value",), "seed": 3, "chunk": 2},
+    ),
+    "open_study": Case(rbd.studies.open_study, {"path": STORED}),
     "compare_laws": Case(rbd.studies.compare_laws, ASKED),
     "kept_names": Case(rbd.studies.kept_names, {"result": rbd.Solution}),
     "compare_solvers": Case(  # without the times in it, which differ

@@ -80,6 +80,8 @@ class Column:
         labels, choices = self.labels, list(self.choices or ())
         if labels is not None and choices and np.array_equal(labels, _labels(choices)):
             labels = None
+        if all(type(x) is str for x in choices):  # as one text: they may be millions
+            choices = ["".join(choices), np.array([len(x) for x in choices], np.int64)]
         add(found, (self.name, self.dim, self.mark or self.values, choices, labels))
 
     @property
@@ -161,10 +163,10 @@ def check_name(name: object) -> None:
     """Refuse names that no dataset can have.
 
     Raises:
-        InputError: no text, empty, or with a slash.
+        InputError: no text, empty, or with a slash or a blank.
     """
-    if not isinstance(name, str) or not name or "/" in name:
-        raise InputError(f"{name!r:.80} cannot be the name of an argument; expected text without '/'.")
+    if not isinstance(name, str) or not name or "/" in name or any(letter.isspace() for letter in name):
+        raise InputError(f"{name!r:.80} cannot be the name of an argument; expected text without '/' and blanks.")
 
 
 def _sequence(name: str, given: Any) -> Array | list[Any]:
@@ -240,6 +242,8 @@ def _regular(value: Any) -> bool:
 
 def _labels(choices: Sequence[object]) -> Array:
     """Texts for objects, distinct: their names, else short texts; where these repeat, their type and number."""
+    if all(type(x) is str for x in choices):
+        return np.array(choices, str)
     found = [_label(x) for x in choices]
     own = [name for x in choices if isinstance(name := getattr(x, "name", None), str) and not isinstance(x, Enum)]
     if len(set(found)) < len(found) and not own:

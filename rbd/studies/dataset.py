@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -79,6 +79,11 @@ def normal(dataset: xarray.Dataset) -> xarray.Dataset:
     coords = {name: x for name, x in changed.items() if name in dataset.coords}
     found = dataset.assign_coords(coords).assign({name: x for name, x in changed.items() if name not in coords})
     return _in_order(found, list(dataset.data_vars)).drop_encoding()
+
+
+def ordered(dataset: xarray.Dataset, names: Sequence[str]) -> xarray.Dataset:
+    """The dataset with these variables, in this order, and all coordinates: those that no variable varies along, too."""
+    return type(dataset)({name: dataset.variables[name] for name in names}, dataset.coords, dataset.attrs)
 
 
 def _in_order(dataset: xarray.Dataset, names: list[Any]) -> xarray.Dataset:

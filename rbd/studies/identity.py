@@ -130,7 +130,8 @@ class _Hash:
         try:
             add(self.sha, _plain(inspect.getsource(x)))
         except (OSError, TypeError, SyntaxError):
-            self._all("members", [each for each in vars(x).values() if isinstance(each, FunctionType)])
+            own = {name: each for name, each in vars(x).items() if isinstance(each, FunctionType) or name[:2] != "__"}
+            self._all("members", (part for pair in sorted(own.items()) for part in pair))
 
     def _source(self, function: FunctionType) -> None:
         try:

@@ -79,8 +79,10 @@ def study(
         ...     pushed = rbd.ExternalForce("box", (force, 0, 0))
         ...     return rbd.hold(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [floor], external=pushed)
         >>> held = rbd.study(push, rbd.grid(friction=[0.4, 0.8], force=[0.0, 60.0, 120.0]), executor=0)
-        >>> print(held.summary)
+        >>> print(held.attrs["summary"])
+        6 samples: 3 ok; 3 cannot_hold: friction
         >>> print(held.ok.sel(friction=0.8).values)
+        [ True  True False]
     """
     path, found = checked_path(out), samples_of(samples)
     evaluation = Evaluation(bound(function, found), keep, _seed(seed), bool(batched))

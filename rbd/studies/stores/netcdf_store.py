@@ -17,7 +17,7 @@ from rbd.errors.stopped import StudyStopped
 from rbd.model.output_files import write_file
 from rbd.modules import xarray_or_error
 from rbd.simulation.trajectory_file import check_netcdf
-from rbd.studies.dataset import MESSAGE, OK, REASON, normal, with_outcome
+from rbd.studies.dataset import MESSAGE, OK, REASON, normal, ordered, with_outcome
 from rbd.studies.kept.variable import Block, Variable
 from rbd.studies.provenance import LAYOUT, check_same, continued, format_of, others_of
 from rbd.studies.samples import Samples
@@ -160,7 +160,7 @@ def _decoded(path: Path) -> xarray.Dataset:
     format_of(found.attrs, str(path))
     try:
         first = json.loads(found.attrs[LAYOUT])["first"]
-        return found[[OK, REASON, MESSAGE, *sorted(first, key=first.__getitem__)]]
+        return ordered(found, [OK, REASON, MESSAGE, *sorted(first, key=first.__getitem__)])
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"{str(path)!r:.300} is a damaged store: {error!s:.200}. Give another path, or move it away."

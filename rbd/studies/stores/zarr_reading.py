@@ -12,7 +12,7 @@ import numpy as np
 from rbd.errors import InputError
 from rbd.errors.reasons import Reason
 from rbd.modules import xarray_or_error
-from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, normal, with_outcome
+from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, normal, ordered, with_outcome
 from rbd.studies.provenance import LAYOUT, format_of
 
 if TYPE_CHECKING:
@@ -36,14 +36,16 @@ def read_zarr(path: Path) -> xarray.Dataset:
     except (OSError, ValueError) as error:
         raise InputError(f"{str(path)!r:.300} is no store of a study: {error!s:.200}.") from error
     format_of(attributes, str(path))
+    if REASON in arrays and not {OK, MESSAGE} <= set(arrays):
+        raise InputError(f"{str(path)!r:.300} is damaged: it has no {OK} or no {MESSAGE}.")
     order = [name for name in arrays if name not in coordinates_of(attributes, arrays)]
     try:
-        found = xarray.open_zarr(path, chunks=None, consolidated=True, decode_times=False)[order]
+        found = ordered(xarray.open_zarr(path, chunks=None, consolidated=True, decode_times=False), order)
         if REASON not in arrays:
             found = _without_results(found, json.loads(attributes[LAYOUT])["dims"])
         if found.nbytes <= LOADED:
             found = found.load()
-    except (RuntimeError, ValueError, OSError, KeyError) as error:
+    except (RuntimeError, ValueError, OSError, KeyError, TypeError) as error:
         raise InputError(
             f"{str(path)!r:.300} is damaged: {error!s:.200}. The same call of rbd.study computes damaged chunks again."
         ) from error
