@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import functools
 import multiprocessing
+import os
 import sys
 import tempfile
 import time
@@ -28,6 +29,8 @@ from rich.console import Console
 import rbd
 from rbd.studies import Workers
 
+BUSY = os.getloadavg()[0]
+"""How many other processes wanted the cores when this began."""
 CHUNKS = "studies of a function without work, in two processes"
 N, EMPTY = 100_000, 20_000
 KEEP = ("status", "forces", "worst_residual")
@@ -115,6 +118,7 @@ def study_rows(n: int = N) -> list[Row]:
     here = seconds(lambda: study(n, 0))
     inside = INSIDE[0]
     with tempfile.TemporaryDirectory() as folder:
+        study(4096, 0, Path(folder) / "first.zarr")  # which imports zarr
         INSIDE[0] = 0.0
         stored = seconds(lambda: study(n, 0, Path(folder) / "push.zarr"))
         inside_stored = INSIDE[0]
