@@ -21,6 +21,7 @@ from rbd.errors import (
     LoopNotClosedWarning,
     NonUniqueMotionWarning,
     NoSolution,
+    Reason,
     Unsupported,
 )
 from rbd.model.checked_model import CheckedModel
@@ -325,7 +326,8 @@ def refuse_moving(problem: GaussProblem, solver: Solver) -> None:
     if T.impact:
         raise ContactMoves(
             f"contact {T.impact} (at rest is up to rest_speed = {rest:g} m/s). Put the velocity onto the contacts, "
-            "rbd.mechanism.project_velocity(state, contacts), give a larger rest_speed=, or simulate the impact, rbd.simulate."
+            "rbd.mechanism.project_velocity(state, contacts), give a larger rest_speed=, or simulate the impact, rbd.simulate.",
+            reason=Reason.CONTACT_MOVES_IMPACT,
         )
     if not T.slipping or (law := Law.of(solver.law)) == COULOMB:  # separating contacts have no force, under any law
         return
@@ -335,7 +337,8 @@ def refuse_moving(problem: GaussProblem, solver: Solver) -> None:
         f"under the {law} law only contacts at rest are solved. Under Coulomb's, the default, friction follows the motion: "
         "leave out law= and solver=. Or take friction=None for a bilateral contact; a larger rest_speed=; or put the velocity "
         "onto the contacts: "
-        "rbd.mechanism.project_velocity(state, contacts)."
+        "rbd.mechanism.project_velocity(state, contacts).",
+        reason=Reason.CONTACT_MOVES_SLIDES,
     )
 
 
@@ -355,6 +358,7 @@ def _complain(solution: Solution, solver: Solver) -> None:
         result=solution,
         contradiction=solution.contradiction,
         nearest=partial(nearest_motion, solution.problem, solver=solver),
+        reason=solution.status.reason,
     )
 
 

@@ -49,9 +49,11 @@ from rbd.visual import (
     plot_report,
     plot_split,
     plot_sticks,
+    plot_study,
     plot_wrench_cone,
     replay,
     replay_planar,
+    scenes_beside,
     screenshot,
     show_report,
 )
@@ -87,6 +89,9 @@ ROWS = PROBLEM.rows[0]
 PLAIN = {"name": "row", "J": np.array([[1.0, 0.0], [0.5, 2.0]]), "bias": np.array([0.5, -0.1])}
 FRAME = BOLT.frames()[8]
 PUSH = rbd.ExternalForce(FRAME, (0.0, 9.0, 0.0))
+STANDS = {"robot": "solo12", "posture": "standing", "friction": 0.7, "at": "base_link", "push": 1.0, "push_angle": 30.0} | {
+    "direction": (0.0, 1.0, 0.0), "push_x": 0.1, "push_y": 0.0, "push_z": -0.2
+}  # fmt: skip
 ASKED = {"state": STATE, "tau": TAU, "constraints": FEET, "external": np.zeros(BOLT.nv)}
 
 
@@ -136,6 +141,21 @@ def use_many(**given: Any) -> Any:
 def use_actuations(found: rbd.statics.Actuations) -> Any:
     """The rows that have an answer."""
     return [array[found.answered] for array in (found.tau, found.worst, *found.forces.values())]
+
+
+def a_study() -> Any:
+    """What `rbd.study` returns, of three dimensions of two values: ok and not ok."""
+    import xarray
+
+    dims = {"friction": [0.2, 0.4], "push": [10.0, 50.0], "side": ["left", "right"]}
+    given = xarray.Dataset(coords=dims)
+    used = given.push / (given.friction * 98.1) + xarray.zeros_like(given.side, float)
+    used = used.where(used < 1.0) + xarray.DataArray([0.0, 1.0, 2.0], dims="row", coords={"row": ["fx", "fy", "fz"]})
+    ok = np.isfinite(used[..., 0].drop_vars("row"))
+    return xarray.Dataset({"ok": ok, "reason": (~ok * 41).astype("int16"), "used": used})
+
+
+STUDIED = a_study()
 
 
 def use_cone(cone: Any) -> Any:
@@ -454,7 +474,10 @@ CASES: dict[str, Case] = {
     "Solution.of": Case(rbd.Solution.of, {"answer": rbd.KKT().solve(rbd.gauss_problem(STATE, TAU, BOLT.feet(None)))}),
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
     "nearest_motion": Case(rbd.solution.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
+    "withstand_push": Case(lambda **given: rbd.studies.withstand_push(**given).tau, {**STANDS, "facets": 4, "margin": 0.1}, 30),
+    "move_under_push": Case(rbd.studies.move_under_push, {**STANDS, "law": "coulomb"}, 30),
     "compare_laws": Case(rbd.studies.compare_laws, ASKED),
+    "kept_names": Case(rbd.studies.kept_names, {"result": rbd.Solution}),
     "compare_solvers": Case(  # without the times in it, which differ
         lambda **given: [x.a for x in rbd.studies.compare_solvers(**given).answers], ASKED
     ),
@@ -496,6 +519,11 @@ CASES: dict[str, Case] = {
         lambda **given: len(plot_directions(**given)),
         {"ax": Figure().add_subplot(projection="polar"), "directions": np.eye(3)[:2], "curves": {"a push": [1.0, 2.0]}}
         | {"quantity": "largest push", "unit": "N"},
+        20,
+    ),
+    "visual.plot_study": Case(
+        lambda **given: len(plot_study(**given)),
+        {"dataset": STUDIED, "x": "friction", "y": "push", "value": "used[fz]", "by": "side", "ax": None},
         20,
     ),
     "visual.plot_wrench_cone": Case(
@@ -894,6 +922,11 @@ CASES: dict[str, Case] = {
     ),
     "visual.replay_planar": Case(replay_planar, {"motion": "none", "speed": 0.5}, 10),
     "visual.contact_colors": Case(contact_colors, {"names": ["left", "right"]}),
+    "visual.scenes_beside": Case(
+        scenes_beside,
+        {"scenes": {"box": BOX.at()}, "html_path": "/nowhere/x.html", "columns": 2, "seen_from": np.ones(3), "legend": True},
+        10,
+    ),
     "visual.contact_sheet": Case(
         contact_sheet,
         {"robots": ["nobody"], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9, "friction": 0.7},
@@ -1249,6 +1282,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
         "visual.replay",
         "visual.export_planar",
         "visual.replay_planar",
+        "visual.scenes_beside",
         "Motion.save",
     }
     refused |= {"visual.show_report", "visual.export_report"}

@@ -261,7 +261,17 @@ class TestWhatStandsOnTop:
 
     def test_few_names_stand_on_top(self):
         """What a first script needs; the rest is in the sub-packages."""
-        later = {"inverse_dynamics", "find_pose", "solve_many", "Motion", "check_motion", "estimate_forces", "study", "grid", "sample"}
+        later = {
+            "inverse_dynamics",
+            "find_pose",
+            "solve_many",
+            "Motion",
+            "check_motion",
+            "estimate_forces",
+            "study",
+            "grid",
+            "sample",
+        }
         assert len({*rbd.__all__} - later) <= 45
 
     def test_every_sub_package_can_be_reached(self):

@@ -34,7 +34,7 @@ from rbd.cli.terminal import (
     serve,
     write_json,
 )
-from rbd.errors import InputError, RbdError
+from rbd.errors import InputError, RbdError, Reason
 from rbd.installation import VERSION
 
 if TYPE_CHECKING:
@@ -118,7 +118,7 @@ def check(
             except RbdError as error:
                 if one:
                     raise
-                ranking.failed[file] = in_options(str(error), check)
+                ranking.failed[file] = error.reason, in_options(str(error), check)
         if one:
             console.print(verdict(report), highlight=False, soft_wrap=True)
             console.print(str(report), highlight=False, soft_wrap=True)
@@ -144,12 +144,12 @@ class Ranking:
     Attributes:
         least_possible: Share of frames that must be possible.
         checked: {file: its numbers}.
-        failed: {file: why it was not checked}.
+        failed: {file: why it was not checked, and the message}.
     """
 
     least_possible: float
     checked: dict[str, dict[str, Any]] = field(default_factory=dict)
-    failed: dict[str, str] = field(default_factory=dict)
+    failed: dict[str, tuple[Reason, str]] = field(default_factory=dict)
 
     def add(self, file: str, report: MotionReport) -> None:
         """Add a motion. Of its arrays only those of `data` are kept."""
@@ -162,6 +162,7 @@ class Ranking:
             "missing": report.missing_scaled.tolist(),
             "noise": report.open.tolist(),
             "causes": {name: report.worst(name, report.n).tolist() for name in numbers["causes"]},
+            "reason_codes": report.reason_codes.tolist(),
         }
         self.checked[file] = numbers
 
@@ -200,7 +201,7 @@ class Ranking:
             console.print("missing: of the weight, the median over the frames; score: of 100", highlight=False)
         if self.failed:
             table = Table(f"not checked: {counted(len(self.failed), 'file')}", ("file", "bad input"))
-            for file, why in self.failed.items():
+            for file, (_, why) in self.failed.items():
                 table.add_row(file, why)
             console.print(table)
 
@@ -210,7 +211,10 @@ class Ranking:
             "rbd": VERSION,
             "exit_code": self.code,
             "motions": [{"file": file, "rank": i + 1, **numbers} for i, (file, numbers) in enumerate(self.ranked)],
-            "failed": [{"file": file, "error": why} for file, why in self.failed.items()],
+            "failed": [
+                {"file": file, "error": message, "reason": str(reason), "reason_code": reason.code}
+                for file, (reason, message) in self.failed.items()
+            ],
         }
 
 

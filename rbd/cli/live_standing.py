@@ -11,7 +11,6 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.cli.robot_reports import heaviest_link
 from rbd.cli.terminal import in_options, rounded
 from rbd.constraints.constraint import Constraint
 from rbd.errors import RbdError
@@ -21,6 +20,7 @@ from rbd.model.state import State
 from rbd.robots.robot import Robot
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold_many
+from rbd.studies.standing import heaviest_link
 from rbd.visual.live.controls import Choice, Control, Slider
 from rbd.visual.live.explorer import Verdict
 from rbd.visual.scene import Scene

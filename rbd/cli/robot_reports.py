@@ -240,6 +240,8 @@ class StandReport:
             "possible": False if self.against.limits else None,
             "limits": [{"kind": limit.kind, "name": limit.name} for limit in self.against.limits],
             "missing": None if lack is None else {"force": lack.force.tolist(), "moment": lack.moment.tolist()},
+            "reason": str(self.against.reason),
+            "reason_code": self.against.reason.code,
             "why": in_options(str(self.against)),
         }
 
@@ -333,14 +335,6 @@ class StandReport:
         if self.verbose:
             rows.append(("times", ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in self.seconds.items())))
         return facts("proof", rows)
-
-
-def heaviest_link(robot: Robot) -> str:
-    """The link with the largest mass, fixed ones joined to it counted: where a push acts unless said otherwise."""
-    model = robot.model
-    joint = int(np.argmax([inertia.mass for inertia in model.inertias]))
-    links = [frame.name for frame in model.frames if frame.parentJoint == joint and frame.type == pin.BODY]
-    return links[0]
 
 
 def holding(state: State, feet: Sequence[Constraint], external: Sequence[ExternalForce]) -> Actuation | CannotHold:

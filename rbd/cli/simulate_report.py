@@ -106,6 +106,8 @@ class SimulateReport:
             "integrator": x.integrator,
             "law": x.law,
             "ended": x.interrupted,
+            "reason": str(x.end_reason),
+            "reason_code": x.end_reason.code,
             "verdict": self.verdict,
             "energy": {"start": float(x.energy[0]), "end": float(x.energy[-1]), "change": float(x.energy[-1] - x.energy[0]),
                        "largest_kinetic": float(x.kinetic.max()), "motor_work": float(x.motor_work[-1])},

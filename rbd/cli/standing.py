@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated
 
 import numpy as np
 import typer
 
-from rbd.cli.options import Feet, Friction, Json, Law, PackageDirs, RobotName, Show, Verbose
+from rbd.cli.options import Dask, Feet, Friction, Json, Law, Out, PackageDirs, Resume, RobotName, Show, Verbose, Workers
+from rbd.cli.study_command import Running, run_study
 from rbd.cli.terminal import (
     FIGURES,
     PAGES,
@@ -25,13 +27,15 @@ from rbd.cli.terminal import (
 )
 from rbd.errors import CannotHold, InputError
 
+FRICTION, FACETS, LAW = 0.7, 4, "coulomb"
+
 
 def stand(
     robot: RobotName,
     feet_: Feet = None,
-    friction: Friction = 0.7,
-    facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = 4,
-    law: Law = "coulomb",
+    friction: Friction = FRICTION,
+    facets: Annotated[int, typer.Option(help="Facets of the friction pyramids.")] = FACETS,
+    law: Law = LAW,
     push: Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Push with this world force, in newtons ...")] = None,
     at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at this frame's origin (the heaviest link's).")] = None,
     braced: Annotated[bool, typer.Option("--braced", help="With torques that withstand the push.")] = False,
@@ -40,6 +44,15 @@ def stand(
     html: Annotated[Path | None, typer.Option(help="Write the picture: one page that opens anywhere.")] = None,
     json_: Json = None,
     show: Show = False,
+    sweep: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=FROM:TO:N", help="Study many cases: N values, or NAME=A,B,C; may repeat."),
+    ] = None,
+    png: Annotated[Path | None, typer.Option(help="Of --sweep: draw what can be held, .png, .svg or .pdf.")] = None,
+    out: Out = None,
+    resume: Resume = False,
+    workers: Workers = None,
+    dask: Dask = None,
     verbose: Verbose = False,
 ) -> None:
     """Stand a robot on its feet: holding torques, contact forces, residuals, and a picture.
@@ -47,8 +60,15 @@ def stand(
     Finds the motor torques that hold it at rest, applies the push if there is one, finds motion and contact forces under
     the contact law, and prints what each foot carries. Of a push it says first whether any motor torques withstand it, and
     if none do, which limits prevent it.
+
+    With --sweep it answers that question at every combination of the values: a study, as of rbd study. What can be swept:
+    posture, friction, at, push.x, push.y, push.z, push (its size along --push), push.angle (in degrees, from x towards y),
+    margin (share of friction left unused), facets (of pyramids inside the friction cones). For example:
+
+    rbd stand talos --sweep friction=0.1:1:19 --sweep push.y=0:200:21 --at torso_2_link --png map.png
     """
-    from rbd.cli.robot_reports import StandReport, heaviest_link, holding
+    from rbd.cli.robot_reports import StandReport, holding
+    from rbd.cli.study_plan import sweep_plan
     from rbd.least_constraint import solve
     from rbd.model.dynamics import ExternalForce
     from rbd.problem.cones import check_friction
@@ -56,9 +76,30 @@ def stand(
     from rbd.solvers.default import slip_law
     from rbd.statics.actuation import Actuation
     from rbd.statics.equilibrium import hold
+    from rbd.studies.standing import heaviest_link
 
     console = open_console()
     with answering(stand):
+        running = Running(out, resume, workers, dask, png, json_)
+        if sweep:
+            _only(
+                {"--html": html, "--show": show, "--braced": braced, "--verbose": verbose}, "is of one case; --sweep has many"
+            )
+            _only(
+                {"--facets": facets != FACETS, "--law": law != LAW},
+                "has no effect on whether torques withstand a push, which --sweep asks",
+            )
+            running.check(robot)
+            fixed = {
+                "robot": robot, "posture": posture, "at": at, "feet": names_of("--feet", feet_), "package_dir": package_dir,
+                "friction": None if friction == FRICTION else friction,
+                "push": None if push is None else numbers_of("--push", push, "newtons", names="X,Y,Z").tolist(),
+            }  # fmt: skip
+            return run_study(console, sweep_plan(sweep, {name: x for name, x in fixed.items() if x is not None}), running)
+        _only(
+            {"--png": png, "--out": out, "--resume": resume, "--workers": workers is not None, "--dask": dask},
+            "is of studies, and there is no --sweep",
+        )
         force = _push(push, at)
         if braced and force is None:
             raise InputError("--braced came without --push X,Y,Z: there is nothing to withstand.")
@@ -146,3 +187,10 @@ def _push(push: str | None, at: str | None) -> np.ndarray | None:
             raise InputError("--at came without --push X,Y,Z; a push is e.g. --push 0,80,0 --at torso_2_link.")
         return None
     return numbers_of("--push", push, "newtons", names="X,Y,Z")
+
+
+def _only(options: Mapping[str, object], why: str) -> None:
+    """Refuse options that are given where they have no meaning."""
+    for option, given in options.items():
+        if given:
+            raise InputError(f"{option} {why}.")

@@ -165,6 +165,7 @@ def _refuse(
         raise CannotMove(
             f"{words} At {t[first]:.3f} s: {error}", limits=error.limits, irreducible=error.irreducible,
             certificate=error.certificate, missing=error.missing, excess=error.excess, nearest=error.nearest,
+            reason=error.reason,
         ) from None  # fmt: skip
     except RbdError as error:
         raise CannotMove(f"{words} At {t[first]:.3f} s: {error}") from None

@@ -1,4 +1,4 @@
-"""Every error and warning of `rbd`, in one tree.
+"""Every error and warning of `rbd`, in one tree; and `Reason`, which each error has: why there is no answer, with a code.
 
 ::
 
@@ -21,6 +21,7 @@
         SingularPose                    here the known motions do not decide the others
         SimulationStopped               a step of a simulation has no solution, or a function of the user raised an error;
                                         carries what was computed till then
+      StudyStopped                      a study ended before all samples were computed; carries what is done
       PictureError                      a page or a screenshot could not be made
       WrongPinocchio (an ImportError)   another package, or ROS's, is found in place of pip's Pinocchio
       ContractBroken                    in rbd.testing: a constraint or a solver violates its contract
@@ -36,6 +37,7 @@
       OpeningContactWarning             a contact separates, and its force is zero
       DistantContactWarning             a contact is not on its plane
       RelaxedLimitsWarning              a step of control violates contacts or joint limits by the least
+      StudyWarning                      a study ended early, or goes on with what another version computed
 """
 
 from rbd.errors.inputs import (
@@ -66,6 +68,7 @@ from rbd.errors.no_solution import (
     SingularPose,
 )
 from rbd.errors.reasons import Reason
+from rbd.errors.stopped import StudyStopped
 from rbd.errors.warned import (
     DistantContactWarning,
     EffortLimitWarning,
@@ -76,6 +79,7 @@ from rbd.errors.warned import (
     OpeningContactWarning,
     RbdWarning,
     RelaxedLimitsWarning,
+    StudyWarning,
 )
 
 __all__ = [
@@ -107,6 +111,9 @@ __all__ = [
     "SimulationStopped",
     "SingularInertia",
     "SingularPose",
+    "StudyStopped",
+    "StudyWarning",
+    "StudyWarning",
     "UnknownName",
     "UnknownRobot",
     "Unsupported",

@@ -6,10 +6,14 @@ import difflib
 from collections.abc import Iterable, Sequence
 
 from rbd.displayed import Displayed
+from rbd.errors.reasons import Reason
 
 
 class RbdError(Displayed, Exception):
     """The root of all errors that `rbd` raises on purpose.
+
+    Attributes:
+        reason: Its `Reason`: of its class, or a more precise one, as "cannot_hold: friction".
 
     Example:
         >>> for name in ("solo12", "solo13"):
@@ -21,6 +25,13 @@ class RbdError(Displayed, Exception):
         UnknownRobot no robot 'solo13'; nearest: 'solo12', 'solo', 'solo8', 'so101'. rbd.robots.catalogue.names() has them all.
     """
 
+    reason: Reason = Reason.OTHER_ERROR
+
+    def __init__(self, *message: object, reason: Reason | None = None) -> None:
+        super().__init__(*message)
+        if reason is not None:
+            self.reason = reason
+
 
 class InputError(RbdError, ValueError):
     """An argument is wrong: the message gives the value, what was expected, what to try.
@@ -31,6 +42,8 @@ class InputError(RbdError, ValueError):
             ...
         rbd.errors.InputError: friction is -0.5; expected a finite number >= 0, or None for a bilateral contact.
     """
+
+    reason = Reason.BAD_INPUT
 
 
 class UnknownName(InputError):
@@ -47,6 +60,8 @@ class UnknownName(InputError):
         no joint 'FL_KNE' in solo12; nearest: 'FL_KFE'
     """
 
+    reason = Reason.UNKNOWN_NAME
+
 
 class UnknownRobot(UnknownName):
     """No robot or file has this name.
@@ -57,6 +72,8 @@ class UnknownRobot(UnknownName):
             ...
         rbd.errors.UnknownRobot: no robot 'solo13'; nearest: 'solo12', ...
     """
+
+    reason = Reason.UNKNOWN_ROBOT
 
 
 class FrameNotFound(UnknownName):
@@ -69,6 +86,8 @@ class FrameNotFound(UnknownName):
         rbd.errors.FrameNotFound: no frame 'FL_FOTT' in solo12; nearest: 'FL_FOOT', ...
     """
 
+    reason = Reason.UNKNOWN_FRAME
+
 
 class JointNotFound(UnknownName):
     """No joint of the robot has this name.
@@ -79,6 +98,8 @@ class JointNotFound(UnknownName):
             ...
         rbd.errors.JointNotFound: no joint 'FL_KNE' in solo12; nearest: 'FL_KFE', ...
     """
+
+    reason = Reason.UNKNOWN_JOINT
 
 
 class DuplicateName(InputError):
@@ -92,6 +113,8 @@ class DuplicateName(InputError):
         rbd.errors.DuplicateName: two constraints are named 'front_left'; give each a different name.
     """
 
+    reason = Reason.DUPLICATE_NAME
+
 
 class ModelError(RbdError):
     """A robot file is missing, broken, or not a robot.
@@ -102,6 +125,8 @@ class ModelError(RbdError):
             ...
         rbd.errors.ModelError: no file 'my_robot.urdf', neither from ...
     """
+
+    reason = Reason.MODEL_ERROR
 
 
 class ContactMoves(RbdError):
@@ -115,6 +140,8 @@ class ContactMoves(RbdError):
         rbd.errors.ContactMoves: contact 'corner' approaches at 0.5 m/s: an impact, which no acceleration answers ...
     """
 
+    reason = Reason.CONTACT_MOVES
+
 
 class NotAtRest(RbdError):
     """Statics was requested for a moving robot.
@@ -127,6 +154,8 @@ class NotAtRest(RbdError):
         rbd.errors.NotAtRest: statics wants a robot at rest, and |v| reaches 0.5. Use State(robot, q) with v = 0.
     """
 
+    reason = Reason.NOT_AT_REST
+
 
 class Unsupported(RbdError):
     """The solver cannot take the problem; raised before it starts.
@@ -138,6 +167,8 @@ class Unsupported(RbdError):
             ...
         rbd.errors.Unsupported: KKT takes bilateral constraints, and 'front_left' has forces in a FrictionCone. ...
     """
+
+    reason = Reason.UNSUPPORTED
 
 
 class NotDifferentiable(RbdError):
@@ -153,6 +184,8 @@ class NotDifferentiable(RbdError):
         rbd.errors.NotDifferentiable: 'corner' is at a change of contact mode: ...
     """
 
+    reason = Reason.NOT_DIFFERENTIABLE
+
 
 class SingularInertia(RbdError):
     """The joint-space inertia matrix is not positive definite.
@@ -163,6 +196,8 @@ class SingularInertia(RbdError):
             ...
         rbd.errors.SingularInertia: M(2 x 2) is not positive definite (leading minor 2); a joint carries no inertia, ...
     """
+
+    reason = Reason.SINGULAR_INERTIA
 
 
 class PictureError(RbdError):
@@ -176,6 +211,8 @@ class PictureError(RbdError):
         rbd.errors.PictureError: the scene is empty: call scene.show(state, solution) first.
     """
 
+    reason = Reason.PICTURE_ERROR
+
 
 class WrongPinocchio(RbdError, ImportError):
     """`import pinocchio` finds a module other than pip's Pinocchio; the message gives the remedy.
@@ -186,6 +223,8 @@ class WrongPinocchio(RbdError, ImportError):
             ...
         rbd.errors.WrongPinocchio: 'import pinocchio' finds ..., which knows no robots: ... Try: unset PYTHONPATH, ...
     """
+
+    reason = Reason.WRONG_PINOCCHIO
 
 
 def check_different(names: Sequence[str], what: str) -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from rbd.errors.inputs import InputError, RbdError
+from rbd.errors.reasons import Reason
 
 
 class NoSolution(RbdError):
@@ -29,6 +30,8 @@ class NoSolution(RbdError):
         the nearest motion: 0.50 m/s2 up
     """
 
+    reason = Reason.NO_SOLUTION
+
     def __init__(
         self,
         message: str,
@@ -37,8 +40,9 @@ class NoSolution(RbdError):
         result: Any = None,
         contradiction: Any = None,
         nearest: Callable[..., Any] | None = None,
+        reason: Reason | None = None,
     ) -> None:
-        super().__init__(message)
+        super().__init__(message, reason=reason)
         self.problem = problem
         self.result = result
         self.contradiction = contradiction
@@ -82,6 +86,8 @@ class SimulationStopped(NoSolution):
         0.04 s, 5 samples, active: ('coupler_pin',)
     """
 
+    reason = Reason.SIMULATION_STOPPED
+
     def __init__(
         self,
         message: str,
@@ -91,8 +97,9 @@ class SimulationStopped(NoSolution):
         names: tuple[str, ...] = (),
         trajectory: Any = None,
         cause: Exception | None = None,
+        reason: Reason | None = None,
     ) -> None:
-        super().__init__(message)
+        super().__init__(message, reason=reason)
         if isinstance(cause, NoSolution):
             self.problem, self.result, self.contradiction = cause.problem, cause.result, cause.contradiction
             self._nearest = cause._nearest
@@ -123,6 +130,8 @@ class CannotMove(NoSolution):
         ['base', 'push'] [ 46.25  0.   -30.75]
     """
 
+    reason = Reason.CANNOT_MOVE
+
     def __init__(
         self,
         message: str,
@@ -133,8 +142,9 @@ class CannotMove(NoSolution):
         missing: Any = None,
         excess: np.ndarray | None = None,
         nearest: Callable[[], Any] | None = None,
+        reason: Reason | None = None,
     ) -> None:
-        super().__init__(message)
+        super().__init__(message, reason=reason)
         self.limits, self.irreducible, self.certificate = limits, irreducible, certificate
         self.missing, self.excess = missing, excess
         self._nearest_possible = nearest
@@ -171,6 +181,8 @@ class CannotHold(CannotMove):
         rbd.errors.CannotHold: box cannot be held on 'corner': friction prevents it; a coefficient of 0.75 ...
     """
 
+    reason = Reason.CANNOT_HOLD
+
 
 class CannotAssemble(NoSolution):
     """The constraints could not be met: loops that cannot close, a start too far away, contradictory fixed values.
@@ -189,6 +201,8 @@ class CannotAssemble(NoSolution):
         ...     print({name: round(gap, 4) for name, gap in error.distances.items()}, error.minimum)
         {'coupler_pin': 0.6462} True
     """
+
+    reason = Reason.CANNOT_ASSEMBLE
 
     def __init__(
         self,
@@ -228,6 +242,8 @@ class CannotReach(NoSolution):
         5.0 m apart, of links of 1.10 m; without ('FL_FOOT', 'FR_FOOT')
     """
 
+    reason = Reason.CANNOT_REACH
+
     def __init__(
         self,
         message: str,
@@ -240,7 +256,7 @@ class CannotReach(NoSolution):
         proof: Any = None,
         without: tuple[str, ...] = (),
     ) -> None:
-        super().__init__(message)
+        super().__init__(message, reason=None if proof is None else Reason.OUT_OF_REACH)
         self.q, self.minimum, self.slope, self.proof, self.without = q, minimum, slope, proof, without
         self.misses = {} if misses is None else dict(misses)
         self.limits = {} if limits is None else dict(limits)
@@ -256,3 +272,5 @@ class SingularPose(NoSolution):
             ...
         rbd.errors.SingularPose: the known rates ('crank_joint') do not decide those of 'coupler_joint', 'rocker_joint': ...
     """
+
+    reason = Reason.SINGULAR_POSE

@@ -138,6 +138,19 @@ class RelaxedLimitsWarning(RbdWarning):
     """
 
 
+class StudyWarning(RbdWarning):
+    """A study ended early, or goes on with what another version computed: its dataset is usable, and says what is missing.
+
+    Example:
+        >>> import warnings
+        >>> with warnings.catch_warnings(record=True) as seen:
+        ...     warnings.simplefilter("always")
+        ...     warnings.warn("Ctrl-C after 340 of 1,000 samples", rbd.errors.StudyWarning)  # as rbd.study does
+        >>> print(seen[0].category.__name__)
+        StudyWarning
+    """
+
+
 def stacklevel_of_user() -> int:
     """The `stacklevel` with which a warning of the calling function names the line of the user's own code.
 

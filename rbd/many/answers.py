@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.errors import InputError, RbdError
+from rbd.errors import InputError, RbdError, Reason
 from rbd.many.dataset import dataset_of
 from rbd.many.states import ManyStates
-from rbd.many.status import StateStatus, status_of_answer, status_of_error
+from rbd.many.status import StateStatus
 from rbd.problem.answer import Answer
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ class ManyAnswers:
         centre_of_pressure: {contact: point of the patch's plane, in W, shape (n, 3) [m]}; NaN without load.
         residuals: {equation: scaled residual, shape (n,)}, recomputed from each answer; as `Residuals.scaled`.
         status: A `StateStatus` of each state, shape (n,), integers.
+        reason_codes: `rbd.errors.Reason.code` of each state, shape (n,), integers; 0 where there is an answer.
         reasons: {state: message} where it is not solved.
         method_codes: Which of `methods` answered, shape (n,), integers; -1 where none did.
         methods: Names of the methods that answered.
@@ -52,6 +53,7 @@ class ManyAnswers:
     centre_of_pressure: Mapping[str, Array]
     residuals: Mapping[str, Array]
     status: Array
+    reason_codes: Array
     reasons: Mapping[int, str]
     method_codes: Array
     methods: tuple[str, ...]
@@ -144,6 +146,7 @@ class Sheet:
             kind: {} for kind in ("forces", "corner_forces", "friction_used", "centre_of_pressure", "residuals", "warned")
         }
         self.status = np.full(self.n, StateStatus.FAILED, np.int8)
+        self.reason_codes = np.full(self.n, Reason.NO_SOLUTION.code, np.int16)
         self.reasons: dict[int, str] = {}
         self.codes = np.full(self.n, -1, np.int8)
         self.methods: dict[str, int] = {}
@@ -179,7 +182,8 @@ class Sheet:
 
     def refuse(self, i: int, error: RbdError) -> None:
         """State i has no answer, for the reason that an error gives."""
-        self.status[i] = status_of_error(error)
+        reason = Reason.of(error)
+        self.status[i], self.reason_codes[i] = StateStatus.of_reason(reason), reason.code
         self.reasons[i] = str(error)
 
     def write(self, i: int, answer: Answer, corners: Mapping[str, Array]) -> None:
@@ -190,7 +194,7 @@ class Sheet:
             answer: Its answer.
             corners: Forces at the corners of its contacts.
         """
-        self.status[i] = status_of_answer(answer.status)
+        self.status[i], self.reason_codes[i] = StateStatus.of_answer(answer.status), answer.status.reason.code
         for name, value in answer.residuals.scaled.items():
             self.column("residuals", name)[i] = value
         self.codes[i] = self.code(answer.method or answer.solver)
@@ -217,6 +221,7 @@ class Sheet:
         for array in [
             self.a,
             self.status,
+            self.reason_codes,
             self.codes,
             self.one_by_one,
             *[x for kind in self.tables.values() for x in kind.values()],
@@ -227,7 +232,8 @@ class Sheet:
         residuals = {name: given["residuals"][name] for name in RESIDUALS if name in given["residuals"]}
         return {
             "states": self.states, "a": self.a, **given, "residuals": residuals, "warned": warned, "status": self.status,
-            "reasons": self.reasons, "method_codes": self.codes, "methods": tuple(self.methods), "one_by_one": self.one_by_one,
+            "reason_codes": self.reason_codes, "reasons": self.reasons, "method_codes": self.codes,
+            "methods": tuple(self.methods), "one_by_one": self.one_by_one,
         }  # fmt: skip
 
 

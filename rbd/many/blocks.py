@@ -9,6 +9,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.constraint import member
+from rbd.errors import Reason
 from rbd.least_constraint import posed
 from rbd.many.answers import Sheet
 from rbd.many.states import ManyStates
@@ -103,7 +104,7 @@ def write(sheet: Sheet, part: Array, found: BlockAnswer, methods: Sequence[str])
     at: Array | slice = part[good]
     if found.found.all() and part[-1] - part[0] == len(part) - 1:  # one copy in place of two
         good, at = slice(None), slice(int(part[0]), int(part[-1]) + 1)
-    sheet.a[at], sheet.status[at] = found.a[good], StateStatus.SOLVED
+    sheet.a[at], sheet.status[at], sheet.reason_codes[at] = found.a[good], StateStatus.SOLVED, Reason.NONE.code
     codes = np.zeros(len(methods), np.int8)
     for number in np.flatnonzero(np.bincount(found.method[good], minlength=len(methods))).tolist():
         codes[number] = sheet.code(methods[number])

@@ -30,6 +30,7 @@ class Solutions(ManyAnswers, Displayed):
         centre_of_pressure: {contact: point in W, shape (n, 3) [m]}.
         residuals: {equation: scaled residual, shape (n,)}.
         status: A `StateStatus` of each state, shape (n,), integers.
+        reason_codes: `rbd.errors.Reason.code` of each state, shape (n,), integers; 0 where there is an answer.
         reasons: {state: message} where it is not solved.
         methods: Names of the methods that answered; `method_codes`, shape (n,), says which did where.
         one_by_one: Which states were answered one by one, shape (n,), truth values.

@@ -1,15 +1,15 @@
-"""`StateStatus`: the result at each of many states: solved, inaccurate, or the reason why there is no answer."""
+"""`StateStatus`: the result at each of many states: solved, inaccurate, or in a word why there is no answer."""
 
 from __future__ import annotations
 
 from enum import IntEnum
 
-from rbd.errors import CannotMove, ContactMoves, InputError, NotAtRest, RbdError, Unsupported
+from rbd.errors import Reason
 from rbd.problem.answer import Status
 
 
 class StateStatus(IntEnum):
-    """What became of one of many states; the message where it is not `SOLVED` is in `solutions.reasons`.
+    """What became of one of many states; `solutions.reason_codes` says more where it has no answer, `solutions.reasons` all.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -18,6 +18,8 @@ class StateStatus(IntEnum):
         >>> solutions = rbd.solve_many(solo, solo.standing().q, v, np.zeros(solo.nu), solo.feet())
         >>> [rbd.many.StateStatus(status).words for status in solutions.status]
         ['solved', 'contact moves']
+        >>> [str(rbd.errors.Reason.of_code(code)) for code in solutions.reason_codes]
+        ['', 'contact_moves: impact']
     """
 
     SOLVED = 0
@@ -42,27 +44,44 @@ class StateStatus(IntEnum):
         """In words, e.g. "contact moves"."""
         return self.name.lower().replace("_", " ")
 
+    @property
+    def reason(self) -> Reason:
+        """The reason that it stands for, without detail; `NONE` where there is an answer."""
+        return _REASON[self]
 
-_OF_STATUS = {
-    Status.SOLVED: StateStatus.SOLVED,
-    Status.INACCURATE: StateStatus.INACCURATE,
-    Status.FAILED: StateStatus.FAILED,
-    Status.INFEASIBLE: StateStatus.INFEASIBLE,
+    @classmethod
+    def of_answer(cls, status: Status) -> StateStatus:
+        """The status of a state whose answer has this status.
+
+        Args:
+            status: Of the answer.
+        """
+        return cls[status.name]
+
+    @classmethod
+    def of_reason(cls, reason: Reason) -> StateStatus:
+        """The status of a state that has no answer for this reason; `FAILED` for what has no status of its own.
+
+        Args:
+            reason: Of the error.
+        """
+        return _STATUS.get(reason) or _STATUS.get(reason.kind, cls.FAILED)
+
+
+_REASON: dict[StateStatus, Reason] = {
+    StateStatus.SOLVED: Reason.NONE,
+    StateStatus.INACCURATE: Reason.NONE,
+    StateStatus.FAILED: Reason.NO_SOLUTION,
+    StateStatus.INFEASIBLE: Reason.CONTRADICTION,
+    StateStatus.CONTACT_MOVES: Reason.CONTACT_MOVES,
+    StateStatus.BAD_INPUT: Reason.BAD_INPUT,
+    StateStatus.UNSUPPORTED: Reason.UNSUPPORTED,
+    StateStatus.CANNOT_MOVE: Reason.CANNOT_MOVE,
 }
-_OF_ERROR = (
-    (InputError, StateStatus.BAD_INPUT),
-    ((ContactMoves, NotAtRest), StateStatus.CONTACT_MOVES),
-    (Unsupported, StateStatus.UNSUPPORTED),
-    (CannotMove, StateStatus.CANNOT_MOVE),
-)
-
-
-def status_of_answer(status: Status) -> StateStatus:
-    """The status of a state whose answer has this status."""
-    return _OF_STATUS[status]
-
-
-def status_of_error(error: RbdError) -> StateStatus:
-    """The status of a state that an error refuses."""
-    kinds = [code for kind, code in _OF_ERROR if isinstance(error, kind)]
-    return kinds[0] if kinds else StateStatus.FAILED
+_STATUS: dict[Reason, StateStatus] = {
+    Reason.UNKNOWN_NAME: StateStatus.BAD_INPUT,
+    Reason.DUPLICATE_NAME: StateStatus.BAD_INPUT,
+    Reason.NOT_AT_REST: StateStatus.CONTACT_MOVES,
+    Reason.CANNOT_HOLD: StateStatus.CANNOT_MOVE,
+    **{reason: status for status, reason in _REASON.items() if reason is not Reason.NONE},
+}

@@ -11,7 +11,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_flag
 from rbd.displayed import Displayed
-from rbd.errors import InputError
+from rbd.errors import InputError, Reason
 from rbd.motion import report_contents
 from rbd.motion.causes import CAUSES
 from rbd.motion.contact_detection import fitted_ground
@@ -108,6 +108,12 @@ class MotionReport(Displayed):
     def friction(self) -> float:
         """Coulomb's coefficient of the floor."""
         return self.settings.friction
+
+    @property
+    def reason_codes(self) -> Array:
+        """`rbd.errors.Reason.code` of each frame, shape (n,), integers: of the first of `CAUSES` that it has; 0 without any."""
+        codes = np.array([Reason.of_cause(cause).code for cause in CAUSES])
+        return np.where(self.possible, Reason.NONE.code, codes[self.causes.argmax(axis=1)]).astype(np.int16)
 
     @property
     def possible(self) -> Array:

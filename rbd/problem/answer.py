@@ -14,6 +14,7 @@ import numpy as np
 
 from rbd.arrays import Array, lazy, rank_of
 from rbd.displayed import Displayed
+from rbd.errors import Reason
 from rbd.problem.cones import NonNegative, Product, WrenchCone
 from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
@@ -107,6 +108,11 @@ class Status(StrEnum):
     """A scaled residual is above 1e-7, or a contact approaches, which is an impact: not an answer."""
     INFEASIBLE = "infeasible"
     """Infeasible: reported by the solver, or proved by a certificate (`Solution.contradiction`)."""
+
+    @property
+    def reason(self) -> Reason:
+        """Why there is no answer: `NO_SOLUTION` of failed, `CONTRADICTION` of infeasible; `NONE` where there is one."""
+        return {Status.FAILED: Reason.NO_SOLUTION, Status.INFEASIBLE: Reason.CONTRADICTION}.get(self, Reason.NONE)
 
 
 class Gauss(float):

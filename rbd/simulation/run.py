@@ -24,6 +24,7 @@ from rbd.errors import (
     InputError,
     NoSolution,
     RbdError,
+    Reason,
     SimulationStopped,
     UnknownName,
     Unsupported,
@@ -126,7 +127,7 @@ def simulate(
     chosen = _integrator(integrator, motion, state)
     recording, events = Recording(motion), list[Event]()
     floors = () if may_sink else Floor.of(state, motion.constraints)
-    t, here, interrupted, sunk = 0.0, state, "", ""
+    t, here, interrupted, ended, sunk = 0.0, state, "", Reason.NONE, ""
     with progress_of(times, shown=progress) as shown:
         try:
             motion.start()
@@ -144,22 +145,23 @@ def simulate(
         except KeyboardInterrupt:
             if t == 0.0:  # no step was taken: there is no motion to return
                 raise
-            interrupted = f"interrupted at t = {t:.6g} s of {times[-1]:.6g} s"
+            interrupted, ended = f"interrupted at t = {t:.6g} s of {times[-1]:.6g} s", Reason.INTERRUPTED
         except Exception as error:  # a controller, a force or a constraint of the user can raise any exception
             if isinstance(error, InputError) and t == 0.0:
                 raise
-            why = f"stopped at t = {t:.6g} s"
-            kept = Trajectory.of(motion, recording, _in_order(events), chosen, step, why) if len(recording) else None
-            raise _stopped(error, motion, here, t, kept) from error
+            kept, why, ended = None, f"stopped at t = {t:.6g} s", _reason(error)
+            if len(recording):
+                kept = Trajectory.of(motion, recording, _in_order(events), chosen, step, why, ended)
+            raise _stopped(error, motion, here, t, kept, ended) from error
     if sunk:
-        interrupted = f"stopped at t = {t:.6g} s"
-    trajectory = Trajectory.of(motion, recording, _in_order(events), chosen, step, interrupted)
+        interrupted, ended = f"stopped at t = {t:.6g} s", Reason.STOPPED_SINKS
+    trajectory = Trajectory.of(motion, recording, _in_order(events), chosen, step, interrupted, ended)
     inaccurate = _inaccurate(trajectory)
     if sunk:
         raise SimulationStopped(
             f"at t = {t:.6g} s {sunk}. `error.trajectory` and `error.state` have what was reached."
             + (f" Before that, {inaccurate}" if inaccurate else ""),
-            state=here, t=t, names=tuple(c.name for c in motion.constraints), trajectory=trajectory,
+            state=here, t=t, names=tuple(c.name for c in motion.constraints), trajectory=trajectory, reason=ended,
         )  # fmt: skip
     if inaccurate:
         warnings.warn(inaccurate, InaccurateWarning, stacklevel=2)
@@ -186,7 +188,15 @@ def _inaccurate(trajectory: Trajectory) -> str:
     )
 
 
-def _stopped(error: Exception, motion: Motion, state: State, t: float, kept: Trajectory | None) -> SimulationStopped:
+def _reason(error: Exception) -> Reason:
+    if isinstance(error, InputError):
+        return Reason.STOPPED_BAD_INPUT
+    return Reason.STOPPED_NO_SOLUTION if isinstance(error, RbdError | np.linalg.LinAlgError) else Reason.STOPPED_OTHER
+
+
+def _stopped(
+    error: Exception, motion: Motion, state: State, t: float, kept: Trajectory | None, reason: Reason
+) -> SimulationStopped:
     names = tuple(c.name for c in motion.constraints)
     known = error.problem if isinstance(error, NoSolution) else None
     active = names if known is None else tuple(r.name for r in known.rows if len(r))
@@ -202,7 +212,7 @@ def _stopped(error: Exception, motion: Motion, state: State, t: float, kept: Tra
     return SimulationStopped(
         f"{what} Active: {', '.join(active) or 'nothing'}. {reached}."
         + (f" Before that, {inaccurate}" if inaccurate else ""),
-        state=state, t=t, names=active, trajectory=kept, cause=error,
+        state=state, t=t, names=active, trajectory=kept, cause=error, reason=reason,
     )  # fmt: skip
 
 
@@ -299,7 +309,7 @@ def progress_of(times: Sequence[float], *, shown: bool = True, doing: str = "sim
         shown: False for no bar at all.
         doing: What takes so long; the pace of other work than a simulation is not told.
     """
-    if not shown or len(times) < 2 or not _can_show():
+    if not shown or len(times) < 2 or not can_show():
         yield _nothing
         return
     bar = _Bar(float(times[0]), float(times[-1]), doing)
@@ -313,7 +323,7 @@ def _nothing(t: float) -> None:
     pass
 
 
-def _can_show() -> bool:
+def can_show() -> bool:
     """Whether stderr is a terminal that can move its cursor. Notebooks and files are not."""
     try:
         return bool(sys.stderr is not None and sys.stderr.isatty()) and os.environ.get("TERM") != "dumb"

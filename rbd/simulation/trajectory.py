@@ -14,7 +14,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_float
 from rbd.control.schedules import ExternalAt
 from rbd.displayed import Displayed
-from rbd.errors import InputError
+from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import External
 from rbd.model.output_files import check_place
@@ -73,7 +73,8 @@ class Trajectory(Displayed):
         law: Contact law.
         stabilisation: Stabilisation of the bilateral constraints, with its settings.
         step: The integrator's step [s].
-        interrupted: Why it ended early; empty if it did not.
+        interrupted: When it ended early; empty if it did not.
+        end_reason: Why it ended early, a `rbd.errors.Reason`; `NONE` if it did not.
 
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
@@ -109,6 +110,7 @@ class Trajectory(Displayed):
     stabilisation: str = ""
     step: float = 0.0
     interrupted: str = ""
+    end_reason: Reason = Reason.NONE
 
     def __post_init__(self) -> None:
         for name, value in checked(vars(self)).items():
@@ -123,6 +125,7 @@ class Trajectory(Displayed):
         integrator: Integrator | str = "",
         step: float = 0.0,
         interrupted: str = "",
+        end_reason: Reason = Reason.NONE,
     ) -> Trajectory:
         """The trajectory of samples.
 
@@ -132,7 +135,8 @@ class Trajectory(Displayed):
             events: All of them, those between the recorded samples too.
             integrator: The integrator.
             step: Its step [s].
-            interrupted: Why it ended early.
+            interrupted: When it ended early.
+            end_reason: Why it ended early.
 
         Raises:
             InputError: no samples.
@@ -158,6 +162,7 @@ class Trajectory(Displayed):
             stabilisation="" if motion.stabilisation is None else repr(motion.stabilisation),
             step=step,
             interrupted=interrupted,
+            end_reason=end_reason,
         )
 
     @property

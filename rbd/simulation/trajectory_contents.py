@@ -56,7 +56,7 @@ def header_of(fields: Fields) -> dict[str, Any]:
         "constraints": list(fields["forces"]),
         "contacts": list(fields["points"]),
         "step": float(fields["step"]),
-        **{word: fields[word] for word in WORDS},
+        **{word: str(fields[word]) for word in WORDS},
         "events": [[float(e.t), e.name, e.kind, int(e.point), float(e.speed), float(e.impulse)] for e in fields["events"]],
     }
 
@@ -136,7 +136,7 @@ def dataset_of(fields: Fields) -> xarray.Dataset:
     for name, x, dims, unit, meaning in [*_variables(fields), energy]:
         variables[name] = (["time", *dims], x, {"long_name": meaning} | ({"units": unit} if unit else {}))
     about: dict[str, Any] = {"title": f"motion of {fields['robot'].name}", "step": float(fields["step"]), "rbd": VERSION}
-    about |= {word: fields[word] for word in WORDS}
+    about |= {word: str(fields[word]) for word in WORDS}
     about["frames"] = "W, z up; forces are those on the robot; quaternions x, y, z, w"
     return xr.Dataset(variables | _event_variables(fields["events"]), coords, about)
 

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float
-from rbd.errors import InputError
+from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
 from rbd.simulation.motion import Event
 
@@ -59,7 +59,7 @@ RESIDUALS = (
     Column("penetration", "", "m or rad", "depth of the deepest contact"),
 )
 """Residuals of each sample."""
-WORDS = ("integrator", "law", "stabilisation", "interrupted")
+WORDS = ("integrator", "law", "stabilisation", "interrupted", "end_reason")
 """The fields that are text."""
 
 
@@ -98,6 +98,10 @@ def checked(fields: Fields) -> dict[str, Any]:
     for word in WORDS:
         if not isinstance(fields[word], str):
             raise InputError(f"{word} of a trajectory is {fields[word]!r:.80}; expected text.")
+    try:
+        out["end_reason"] = Reason(fields["end_reason"])
+    except ValueError:
+        raise InputError(f"end_reason of a trajectory is {fields['end_reason']!r:.80}; expected a rbd.errors.Reason.") from None
     if not as_float(fields["step"]) >= 0.0 or as_float(fields["step"]) == np.inf:
         raise InputError(f"step of a trajectory is {fields['step']!r:.80}; expected seconds.")
     return out

@@ -10,7 +10,7 @@ import numpy as np
 from rbd.arrays import Array, zeros
 from rbd.constraints.constraint import rows_of
 from rbd.displayed import Displayed
-from rbd.errors import CannotMove, RbdError
+from rbd.errors import CannotHold, CannotMove, RbdError
 from rbd.many.answers import ManyAnswers, Sheet
 from rbd.many.blocks import external_of, friction_of, write
 from rbd.many.states import ManyStates
@@ -72,6 +72,7 @@ class Actuations(ManyAnswers, Displayed):
         centre_of_pressure: {contact: point in W, shape (n, 3) [m]}.
         residuals: {equation: scaled residual, shape (n,)}.
         status: A `rbd.many.StateStatus` of each state, shape (n,), integers.
+        reason_codes: `rbd.errors.Reason.code` of each state, shape (n,), integers; 0 where there is an answer.
         reasons: {state: message} where it is not solved.
         methods: Names of the methods that answered; `method_codes`, shape (n,), says which did where.
         one_by_one: Which states were answered one by one, shape (n,), truth values.
@@ -200,7 +201,7 @@ def _one(sheet: Sheet, i: int, asked: Asked) -> Actuation | None:
     if opens:
         sheet.column("warned", OPENED)[i] = True
     if found is None:
-        does = "be held" if asked.holds else "move so"
-        raise CannotMove(f"{sheet.states.robot.name} cannot {does} within its limits; [{i}] raises which, with the proof.")
+        kind, does = (CannotHold, "be held") if asked.holds else (CannotMove, "move so")
+        raise kind(f"{sheet.states.robot.name} cannot {does} within its limits; [{i}] raises which, with the proof.")
     sheet.write(i, found.answer, found.corner_forces)
     return found if found.status in (Status.SOLVED, Status.INACCURATE) else None

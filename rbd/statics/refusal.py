@@ -10,7 +10,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, has_friction, rows_of
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
-from rbd.errors import CannotHold, CannotMove
+from rbd.errors import CannotHold, CannotMove, Reason
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import CONIC_STEPS, FRICTION_PROGRAMS
 from rbd.statics.actuation import Actuation
@@ -62,13 +62,15 @@ class Refusal:
                 f"{name}: whether it can {does} was not found within {CONIC_STEPS} steps of a conic program: it is within 1e-6 "
                 "of a limit, or its contacts are nearly redundant. Change the pose, the push or the friction a little.",
                 nearest=self.nearest,
+                reason=self._reason("undecided"),
             )
         limits, irreducible = relaxable.irreducible(proof)
         lack = missing(self.loads, self.effort)
         over = None
         if lack is not None and lack.size <= _NOTHING * self.loads.unit:
             over = excess(self.loads, self.effort)
-        words = f"{name} cannot {does}{self._on()}: {self._why(limits if irreducible else (), lack, over)}"
+        detail, why = self._why(limits if irreducible else (), lack, over)
+        words = f"{name} cannot {does}{self._on()}: {why}"
         if limits:
             together = "Together these limits prevent it" if irreducible else "All or some of these limits prevent it"
             words += f" {together}: {_listed([str(limit) for limit in limits])}."
@@ -77,33 +79,40 @@ class Refusal:
         if not self.holds:
             words += " `error.nearest()` is the nearest acceleration that is possible with the contacts kept."
         return kind(
-            words, limits=limits, irreducible=irreducible, certificate=proof, missing=lack, excess=over, nearest=self.nearest
-        )
+            words, limits=limits, irreducible=irreducible, certificate=proof, missing=lack, excess=over, nearest=self.nearest,
+            reason=self._reason(detail),
+        )  # fmt: skip
+
+    def _reason(self, detail: str) -> Reason:
+        return Reason(f"cannot_{'hold' if self.holds else 'move'}{detail and ': '}{detail}")
 
     def _on(self) -> str:
         return " on " + _listed([f"{r.name!r:.80}" for r in self.loads.rows], ", ") if self.loads.rows else ""
 
-    def _why(self, limits: Sequence[Limit], lack: Missing | None, over: Array | None) -> str:
+    def _why(self, limits: Sequence[Limit], lack: Missing | None, over: Array | None) -> tuple[str, str]:
+        """(detail of the `Reason`, sentences): the first of all possible reasons that is shown to be one."""
         robot = self.loads.state.robot
         if over is not None:
             beyond = np.flatnonzero(over > 1e-7)
             beyond = beyond[np.argsort(-over[beyond])][:4]
             needs = ", ".join(f"{robot.actuated_names[i]!r} needs {100 * (1 + over[i]):.4g} %" for i in beyond)
-            return f"a torque limit prevents it. At best {needs} of its limit."
+            return "motor", f"a torque limit prevents it. At best {needs} of its limit."
         passive = [repr(limit.name) for limit in limits if limit.kind == "passive"]
         if passive and not any(limit.kind == "base" for limit in limits):
-            return f"{_listed(passive, ', ')} would need torque, and is passive."
+            return "passive joint", f"{_listed(passive, ', ')} would need torque, and is passive."
         if not self.loads.rows:
-            return "it has no contact, so nothing carries its weight. Give contacts, e.g. robot.feet()."
+            return "no contact", "it has no contact, so nothing carries its weight. Give contacts, e.g. robot.feet()."
         if asked := [repr(limit.name) for limit in limits if limit.kind == "normal force"]:
-            return f"what the objective asks of normal forces or centres of pressure at {_listed(asked, ', ')} prevents it."
+            at = _listed(asked, ", ")
+            return "request", f"what the objective asks of normal forces or centres of pressure at {at} prevents it."
         if self.margin and self.without_margin():
-            return f"friction is kept {100 * self.margin:g} % from its limit, and prevents it; with margin=0 it could."
-        if self.holds and (words := self._why_friction()):
-            return words
+            kept = f"{100 * self.margin:g} % from its limit"
+            return "friction margin", f"friction is kept {kept}, and prevents it; with margin=0 it could."
+        if self.holds and (found := self._why_friction()) is not None:
+            return found
         if any(limit.kind == "friction" for limit in limits):
-            return "friction prevents it."
-        return self._unbalanced()
+            return "friction", "friction prevents it."
+        return "support", self._unbalanced()
 
     def _unbalanced(self) -> str:
         state = self.loads.state
@@ -124,36 +133,37 @@ class Refusal:
         d = inside_distance(self.loads.state.com[:2], convex_hull(np.concatenate(ground)[:, :2]))
         return f", seen from above {-1e3 * d:.1f} mm outside the hull of the contact points" if d < -1e-4 else ""
 
-    def _why_friction(self) -> str:
-        """Whether more friction would do, and how much; empty where none would."""
+    def _why_friction(self) -> tuple[str, str] | None:
+        """(detail, sentences): whether more friction would do, and how much; None where none would."""
         if not any(has_friction(c) for c in self.contacts):
-            return ""
+            return None
         try:
-            return self._friction_words()
+            return self._more_friction()
         except LimitReached:
-            return (
+            return "", (
                 f"whether more friction would do was not found within {FRICTION_PROGRAMS} linear programs. "
                 "Try friction=10.0 at its contacts."
             )
 
-    def _friction_words(self) -> str:
+    def _more_friction(self) -> tuple[str, str] | None:
         inside = self.friction == "inscribed"
         if inside and self._circular(limits=True, as_given=True).holds():
             mu = self._least(limits=True, from_zero=True)
             enough = "" if mu is None else f" from a coefficient of {rounded_up(mu)} at every contact on"
-            return (
+            return "friction", (
                 f"friction prevents it: circular cones would hold it{enough}, but the pyramids inside them do not. Use "
                 "friction='cone', or give the contacts more facets, e.g. facets=16."
             )
         if (mu := self._least(limits=True)) is not None:
             more = " with circular cones; the pyramids inside them ask for more, unless they have many facets" if inside else ""
-            return f"friction prevents it; a coefficient {self._told(mu)} at every contact would do, and none below{more}."
+            least = f"a coefficient {self._told(mu)} at every contact would do, and none below"
+            return "friction", f"friction prevents it; {least}{more}."
         if (mu := self._least(limits=False)) is not None:
-            return (
+            return "friction and motor", (
                 f"friction prevents it, and then a torque limit: from a coefficient of {rounded_up(mu)} at every contact "
                 "on, forces balance it, but motors would need more than their limits."
             )
-        return ""
+        return None
 
     def _told(self, mu: float) -> str:
         """In words; where it is in all its digits what is given, that it is above."""

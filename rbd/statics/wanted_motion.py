@@ -14,7 +14,7 @@ import numpy as np
 from rbd.arrays import Array, as_float, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, listed
 from rbd.constraints.distance_warnings import warn_of_opening
-from rbd.errors import CannotMove, ContactMoves, InputError, NoSolution
+from rbd.errors import CannotMove, ContactMoves, InputError, NoSolution, Reason
 from rbd.model.dynamics import External, generalised
 from rbd.model.state import State
 from rbd.problem.conic import ConicAnswer
@@ -145,6 +145,7 @@ class WantedMotion:
                 "acceleration onto the contacts, rbd.mechanism.project_acceleration(state, a, contacts), or leave out what "
                 "opens.",
                 nearest=partial(WantedMotion.nearest, self, sets, margin),
+                reason=Reason.CANNOT_MOVE_CONTACT,
             )
         return least_effort(self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin, self.rest_speed)
 
@@ -166,13 +167,15 @@ class WantedMotion:
         if sets.impact:
             raise ContactMoves(
                 f"contact {sets.impact} (at rest is up to rest_speed = {rest_speed:g} m/s). Put the velocity onto the "
-                "contacts: rbd.mechanism.project_velocity(state, contacts)."
+                "contacts: rbd.mechanism.project_velocity(state, contacts).",
+                reason=Reason.CONTACT_MOVES_IMPACT,
             )
         for r in self.rows:
             if len(r) and r.speed > rest_speed and at_rest(r.cone).bilateral:
                 raise ContactMoves(
                     f"{r.name!r:.80} is held, and its velocity is {r.speed:.3g} (at rest is up to rest_speed = "
-                    f"{rest_speed:g}). Put the velocity onto the contacts: rbd.mechanism.project_velocity(state, contacts)."
+                    f"{rest_speed:g}). Put the velocity onto the contacts: rbd.mechanism.project_velocity(state, contacts).",
+                    reason=Reason.CONTACT_MOVES_HELD,
                 )
         return sets
 

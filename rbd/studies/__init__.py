@@ -2,10 +2,30 @@
 
 from rbd.modules import submodule as _submodule
 from rbd.studies.comparison import LawComparison, SolverComparison, compare_laws, compare_solvers
+from rbd.studies.draws import sample
+from rbd.studies.grids import grid
+from rbd.studies.kept.registry import kept_names
+from rbd.studies.own_processes import Workers
 from rbd.studies.running import study
-from rbd.studies.samples import grid
+from rbd.studies.samples import Samples
+from rbd.studies.standing import move_under_push, withstand_push
+from rbd.studies.tables import table
 
-__all__ = ["LawComparison", "SolverComparison", "compare_laws", "compare_solvers", "grid", "study"]
+__all__ = [
+    "LawComparison",
+    "Samples",
+    "SolverComparison",
+    "Workers",
+    "compare_laws",
+    "compare_solvers",
+    "grid",
+    "kept_names",
+    "move_under_push",
+    "sample",
+    "study",
+    "table",
+    "withstand_push",
+]
 
 
 def __getattr__(name: str) -> object:

@@ -3,19 +3,42 @@
 from __future__ import annotations
 
 import inspect
+import threading
+import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from rbd.errors import RbdError
-from rbd.errors.reasons import Reason
-from rbd.studies.kept.results import variables_of
-from rbd.studies.kept.variable import Block, Variable, missing
+from rbd.studies.kept.rows import KeptRows
+from rbd.studies.kept.variable import Block
+from rbd.studies.kept.wanted import Keep
+from rbd.studies.told import Told, recorded
 
 BATCH = 512
 """Samples that a batched function gets at a time: as many as `solve_many` puts in a block, whatever the chunk."""
+ONE_AT_A_TIME = threading.RLock()
+"""Held during an evaluation: the filters of warnings are those of the whole process, and user's functions may not be safe."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finished:
+    """The results of a chunk, and what is told of it.
+
+    Attributes:
+        block: The results.
+        seconds: How long it took [s].
+        told: The warnings of the function, counted.
+    """
+
+    block: Block
+    seconds: float
+    told: Told
+
+
+def _nothing() -> None:
+    pass
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,46 +47,108 @@ class Evaluation:
 
     Attributes:
         function: Called with the arguments of a sample; `rng=` a Generator of the sample, where it has such a parameter.
-        keep: Names of what is kept; None: the defaults of the result's type.
+        keep: Names of what is kept, or {name: function of the result}; None: the defaults of the result's type.
         seed: Root of the seeds of all samples.
         batched: Whether the function takes arrays over samples, `BATCH` at a time.
     """
 
     function: Callable[..., Any]
-    keep: tuple[str, ...] | None = None
+    keep: Keep = None
     seed: int = 0
     batched: bool = False
 
-    def block(self, start: int, columns: Mapping[str, Sequence[Any]]) -> Block:
-        """Results of consecutive samples.
+    def run(self, start: int, columns: Mapping[str, Sequence[Any]], *, check: Callable[[], None] = _nothing) -> Finished:
+        """Results of consecutive samples; an exception of the function is a row without a result, with its reason.
 
         Args:
-            start: Number of the first sample.
+            start: Number of the first sample; of a batched function a multiple of `BATCH`.
             columns: {argument: values}, of one length.
+            check: Called after each call of the function; may raise, as Ctrl-C does.
+
+        Raises:
+            InputError: results that cannot be kept; names the sample.
         """
+        began = time.perf_counter()
+        n, told = len(next(iter(columns.values()))), Told()
+        rows = KeptRows(n, self.keep, first=start, arguments=tuple(columns))
+        takes_rng = "rng" not in columns and "rng" in _parameters(self.function)
+        with ONE_AT_A_TIME, recorded() as caught:
+            evaluate = self._batches if self.batched else self._singles
+            evaluate(rows, start, columns, takes_rng, _After(told, caught, check))
+        return Finished(rows.block(), time.perf_counter() - began, told)
+
+    def block(self, start: int, columns: Mapping[str, Sequence[Any]]) -> Block:
+        """Results of consecutive samples alone; arguments as `run`."""
+        return self.run(start, columns).block
+
+    def _singles(
+        self, rows: KeptRows, start: int, columns: Mapping[str, Sequence[Any]], takes_rng: bool, after: _After
+    ) -> None:
+        """Each sample by a call of its own."""
+        names = tuple(columns)
+        function = self.function
+        for i, values in enumerate(zip(*(_python(c) for c in columns.values()), strict=True)):
+            given = dict(zip(names, values, strict=True))
+            if takes_rng:
+                given["rng"] = np.random.default_rng(self.seed_of(start + i))
+            try:
+                result = function(**given)
+            except Exception as error:  # the function is the user's: whatever it raises is told in this sample's row
+                after(start + i)
+                rows.refuse(i, error)
+                continue
+            after(start + i)
+            rows.put(i, result)
+
+    def _batches(
+        self, rows: KeptRows, start: int, columns: Mapping[str, Sequence[Any]], takes_rng: bool, after: _After
+    ) -> None:
+        """`BATCH` samples by one call; an exception is told in the rows of all of them."""
         n = len(next(iter(columns.values())))
-        ok, reason, messages = np.zeros(n, bool), np.zeros(n, np.int16), dict[int, str]()
-        found: dict[str, Variable] = {}
-        takes_rng = "rng" in inspect.signature(self.function).parameters
-        for i in range(n):
-            given = {name: values[i] for name, values in columns.items()}
+        for i in range(0, n, BATCH):
+            j = min(i + BATCH, n)
+            given: dict[str, Any] = {name: values[i:j] for name, values in columns.items()}
             if takes_rng:
                 given["rng"] = np.random.default_rng(self.seed_of(start + i))
             try:
                 result = self.function(**given)
-            except RbdError as error:
-                reason[i], messages[start + i] = Reason.of(error).code, str(error)
+            except Exception as error:
+                after(start + i)
+                for k in range(i, j):
+                    rows.refuse(k, error)
                 continue
-            ok[i] = True
-            for name, variable in variables_of(result, self.keep).items():
-                if name not in found:
-                    empty = np.full((n, *variable.values.shape), missing(variable.values.dtype), variable.values.dtype)
-                    found[name] = Variable(
-                        empty, variable.dims, variable.units, variable.long_name, variable.labels, variable.flags
-                    )
-                found[name].values[i] = variable.values
-        return Block(start, start + n, found, ok, reason, messages)
+            after(start + i)
+            rows.put_batch(i, j, result)
 
     def seed_of(self, i: int) -> np.random.SeedSequence:
-        """The seed of sample i: child i of `SeedSequence(seed).spawn`, whatever the chunks."""
+        """The seed of sample i: child i of `SeedSequence(seed).spawn`, whatever the chunks; of a batch, that of its first."""
         return np.random.SeedSequence(self.seed, spawn_key=(i,))
+
+
+class _After:
+    """What is done after each call: count its warnings, and look whether the study is to end."""
+
+    def __init__(self, told: Told, caught: list[Any], check: Callable[[], None]) -> None:
+        self.told, self.caught, self.check = told, caught, check
+
+    def __call__(self, i: int) -> None:
+        if self.caught:
+            self.told.add(i, self.caught)
+            self.caught.clear()
+        self.check()
+
+
+def _parameters(function: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
+    """The parameters of a function; none of what has no signature."""
+    try:
+        return inspect.signature(function).parameters
+    except (TypeError, ValueError):
+        return {}
+
+
+def _python(column: Sequence[Any]) -> Sequence[Any]:
+    """The values of a column one by one: numbers and texts of Python, faster than those of NumPy; else as they are."""
+    if isinstance(column, np.ndarray) and column.ndim == 1 and column.dtype.kind in "fiubU":
+        found: list[Any] = column.tolist()
+        return found
+    return column

@@ -3,61 +3,282 @@
 from __future__ import annotations
 
 import hashlib
+import itertools
 import multiprocessing
-import os
 import pickle
-from collections.abc import Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
-from functools import lru_cache
-from typing import Any
+import signal
+import threading
+import time
+from collections import OrderedDict
+from collections.abc import Callable, Generator, Iterator, Mapping
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
+from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from queue import Empty, SimpleQueue
+from typing import Any, NamedTuple
 
-from rbd.studies.evaluation import Evaluation
-from rbd.studies.kept.variable import Block
+from rbd.errors import InputError
+from rbd.studies.chunks import Chunks
+from rbd.studies.evaluation import ONE_AT_A_TIME, Evaluation, Finished
+from rbd.studies.own_processes import WITHOUT_GUARD, WorkerDied, Workers, cores, end_if_unguarded
+from rbd.studies.samples import Samples
+from rbd.studies.sending import pickled
 
-Chunk = tuple[int, Mapping[str, Any]]
-"""Number of the first sample, and {argument: values}."""
+TICK = 0.5
+"""Seconds after which whoever waits for a chunk looks up, to draw the time."""
+MOST_WAITING = 20_000
+"""Chunks that are given to an executor and not finished, at most."""
+MOST_LOST = 10
+"""Chunks whose processes died of them, after which a study ends: then the function is wrong, not a sample."""
+KEPT = 4
+"""Evaluations that a process keeps."""
 
 
-def blocks(evaluation: Evaluation, chunks: Iterable[Chunk], executor: Executor | int | None) -> Iterator[Block]:
-    """The results of chunks, in the order in which they are finished.
+class Lost(NamedTuple):
+    """A chunk that cannot be computed: its processes died of it."""
+
+    start: int
+    stop: int
+    why: str
+
+    @property
+    def told(self) -> str:
+        """Its samples in words."""
+        return f"sample {self.start}" if self.stop == self.start + 1 else f"samples {self.start} to {self.stop - 1}"
+
+
+class Stopped(NamedTuple):
+    """The executor computes no more."""
+
+    why: str
+    cause: BaseException | None
+
+
+@dataclass(frozen=True)
+class NotLoaded:
+    """What a process answers that has no evaluation: it wants the bytes, or cannot load them.
+
+    Attributes:
+        why: Why the bytes could not be loaded; empty where there were none.
+    """
+
+    why: str
+
+
+def check(executor: Executor | int | None) -> None:
+    """Refuse what is no executor, or takes no more work.
+
+    Raises:
+        InputError: it is neither None, nor a number of processes, nor an executor; or it is shut down, or broken.
+    """
+    if executor is None or (isinstance(executor, int) and not isinstance(executor, bool) and executor >= 0):
+        if executor != 0:
+            end_if_unguarded()
+        return
+    wanted = "expected None (one process a core), a number of processes, 0 for this one, or an executor of concurrent.futures"
+    if hasattr(executor, "get_executor"):
+        raise InputError(f"executor is {executor!r:.80}; expected its executor: executor=client.get_executor().")
+    if not isinstance(executor, Executor):
+        raise InputError(f"executor is {executor!r:.80}; {wanted}.")
+    try:
+        executor.submit(_nothing)
+    except Exception as error:  # executors of other packages raise errors of their own
+        raise InputError(
+            f"the executor takes no work: {error!s:.300}. Make a new one; executor=None starts processes for this call."
+        ) from error
+
+
+def sent_of(evaluation: Evaluation, executor: Executor | int | None) -> bytes:
+    """The evaluation as bytes, of whatever goes to other processes; empty for this one.
+
+    Raises:
+        InputError: it cannot be pickled.
+    """
+    if executor == 0 or isinstance(executor, ThreadPoolExecutor):
+        return b""
+    return pickled(
+        evaluation, evaluation.function, same_script=not isinstance(executor, Executor) or isinstance(executor, Workers)
+    )
+
+
+def blocks(
+    evaluation: Evaluation,
+    samples: Samples,
+    chunks: Chunks,
+    executor: Executor | int | None,
+    *,
+    check: Callable[[], None],
+) -> Generator[Finished | Lost | Stopped | None, None, None]:
+    """The results of chunks, in the order in which they are finished; None every `TICK` while there is none.
 
     Args:
         evaluation: What is computed.
-        chunks: The samples; read as workers become free, so that they need not all be in memory.
+        samples: The samples; read as workers become free.
+        chunks: Which of them.
         executor: None: spawned processes, one a core; n: that many, 0: in this process; or an executor, which stays open.
+        check: Called after each call of the function in this process.
     """
     if executor == 0:
-        for start, columns in chunks:
-            yield evaluation.block(start, columns)
+        with _one_thread():
+            while (chunk := chunks.take()) is not None:
+                done = evaluation.run(chunk[0], samples.columns(*chunk), check=check)
+                chunks.learn(chunk[1] - chunk[0], done.seconds)
+                yield done
         return
-    own = executor if isinstance(executor, Executor) else _spawned(os.cpu_count() if executor is None else executor)
-    sent = pickle.dumps(evaluation)
-    key = hashlib.sha256(sent).hexdigest()
+    own = executor if isinstance(executor, Executor) else Workers(executor)
+    crew = _Crew(own, evaluation, sent_of(evaluation, executor), samples, chunks)
     try:
-        pending: set[Future[Block]] = set()
-        for start, columns in chunks:
-            pending.add(own.submit(_evaluate, key, sent, start, columns))
-            if len(pending) >= 4 * (os.cpu_count() or 1):
-                done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                yield from (future.result() for future in done)
-        while pending:
-            done, pending = wait(pending, return_when=FIRST_COMPLETED)
-            yield from (future.result() for future in done)
+        yield from crew.results()
     finally:
+        crew.end()
         if own is not executor:
-            own.shutdown(cancel_futures=True)
+            own.shutdown()
 
 
-def _spawned(workers: int | None) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(workers, mp_context=multiprocessing.get_context("spawn"))
+class _Way(NamedTuple):
+    """A chunk on its way: what was submitted, and when."""
+
+    start: int
+    stop: int
+    future: Future[Any]
+    begun: float
 
 
-def _evaluate(key: str, sent: bytes, start: int, columns: Mapping[str, Any]) -> Block:
-    return _kept(key, sent).block(start, columns)
+class _Crew:
+    """Chunks given to an executor, as many at a time as it needs to be busy."""
+
+    def __init__(self, executor: Executor, evaluation: Evaluation, sent: bytes, samples: Samples, chunks: Chunks) -> None:
+        self.executor, self.evaluation, self.samples, self.chunks = executor, evaluation, samples, chunks
+        self.sent, self.key = sent, hashlib.sha256(sent).hexdigest()
+        self.room = 3 * executor.count if isinstance(executor, Workers) else 2 * cores() + 1
+        self.ways: dict[int, _Way] = {}
+        self.numbers, self.ended = itertools.count(), SimpleQueue[tuple[int, float]]()
+        self.sending, self.lost = self.room, 0
+
+    def results(self) -> Iterator[Finished | Lost | Stopped | None]:
+        """As `blocks`."""
+        while True:
+            self.chunks.shares = self.room
+            try:
+                while len(self.ways) < self.room and (chunk := self.chunks.take()) is not None:
+                    self._submit(*chunk, with_bytes=self.sending > 0)
+                    self.sending -= 1
+            except (RuntimeError, CancelledError) as error:  # BrokenExecutor is one; or it was shut down meanwhile
+                yield Stopped(f"the executor takes no more work ({error!s:.200})", error)
+                return
+            if not self.ways:
+                return
+            try:
+                number, at = self.ended.get(timeout=TICK)
+            except Empty:
+                yield None
+                continue
+            found = self._taken(self.ways.pop(number), at)
+            if found is not None:
+                yield found
+            if isinstance(found, Stopped):
+                return
+
+    def end(self) -> None:
+        """Nothing that is on its way is wanted any more."""
+        if self.ways and isinstance(self.executor, Workers):
+            self.executor.drop()
+        for way in self.ways.values():
+            way.future.cancel()
+
+    def _submit(self, start: int, stop: int, *, with_bytes: bool) -> None:
+        columns, begun = self.samples.columns(start, stop), time.monotonic()
+        if self.sent:
+            future: Future[Any] = self.executor.submit(_evaluate, self.key, self.sent if with_bytes else None, start, columns)
+        else:
+            future = self.executor.submit(_evaluate_here, self.evaluation, start, columns)
+        number = next(self.numbers)
+        self.ways[number] = _Way(start, stop, future, begun)
+        future.add_done_callback(lambda _: self.ended.put((number, time.monotonic())))
+
+    def _taken(self, way: _Way, at: float) -> Finished | Lost | Stopped | None:
+        """What became of a chunk; None if it was sent again."""
+        try:
+            found = way.future.result()
+        except WorkerDied as error:
+            if WITHOUT_GUARD in str(error):
+                raise InputError(WITHOUT_GUARD) from None
+            return self._lost(way, str(error))
+        except (BrokenExecutor, CancelledError) as error:
+            return Stopped(f"the executor broke: {str(error) or 'what it computed was cancelled'}", error)
+        except Exception as error:
+            if type(error).__name__ == "KilledWorker":  # dask's: workers died of it, as often as dask allows
+                return self._lost(way, "ended")
+            raise
+        if isinstance(found, NotLoaded):
+            if found.why:
+                raise InputError(found.why)
+            self._submit(way.start, way.stop, with_bytes=True)
+            return None
+        assert isinstance(found, Finished)
+        self.chunks.learn(way.stop - way.start, found.seconds)
+        if not isinstance(self.executor, Workers) and at - way.begun < 2.0 * found.seconds:  # it hardly waited: give more
+            self.room = min(self.room + 1, MOST_WAITING)
+        return found
+
+    def _lost(self, way: _Way, why: str) -> Lost | Stopped | None:
+        """Processes died of a chunk: it is computed again, sample by sample, so that one sample loses no others."""
+        unit = self.chunks.unit
+        if way.stop - way.start > unit and not self.chunks.fixed:
+            for start in range(way.start, way.stop, unit):
+                self._submit(start, min(start + unit, way.stop), with_bytes=True)
+            return None
+        self.lost += 1
+        lost = Lost(way.start, way.stop, why)
+        if self.lost < MOST_LOST:
+            return lost
+        return Stopped(f"{MOST_LOST} chunks have ended their processes, the last of them {lost.told}: it {why}", None)
 
 
-@lru_cache(maxsize=4)
-def _kept(key: str, sent: bytes) -> Evaluation:
-    """The evaluation, unpickled once in a process, so that its robots are built once."""
-    found: Evaluation = pickle.loads(sent)
+def _nothing() -> None:
+    """Asks an executor whether it takes work."""
+
+
+_loaded: OrderedDict[str, Evaluation] = OrderedDict()
+
+
+def _evaluate(key: str, sent: bytes | None, start: int, columns: Mapping[str, Any]) -> Finished | NotLoaded:
+    """In another process: the results of a chunk. The evaluation is loaded once, so that its robots are built once."""
+    with ONE_AT_A_TIME:
+        evaluation = _loaded.get(key)
+        if evaluation is None:
+            if sent is None:
+                return NotLoaded("")
+            _ignore_interrupts()
+            try:
+                evaluation = pickle.loads(sent)
+            except Exception as error:  # modules of the user are imported
+                return NotLoaded(
+                    f"the processes cannot load the function: {type(error).__name__}: {error!s:.300}. What it needs must be "
+                    "importable there: install the module, put its folder on PYTHONPATH, or for dask client.upload_file(...)."
+                )
+            _loaded[key] = evaluation
+            while len(_loaded) > KEPT:
+                _loaded.popitem(last=False)
+    return _evaluate_here(evaluation, start, columns)
+
+
+def _evaluate_here(evaluation: Evaluation, start: int, columns: Mapping[str, Any]) -> Finished:
+    with ONE_AT_A_TIME, _one_thread():
+        return evaluation.run(start, columns)
+
+
+def _ignore_interrupts() -> None:
+    """In a process of somebody's pool: Ctrl-C is for the process that started it, which ends the study in order."""
+    if multiprocessing.parent_process() is not None and threading.current_thread() is threading.main_thread():
+        signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+
+
+def _one_thread() -> AbstractContextManager[Any]:
+    """One BLAS thread within, where threadpoolctl is installed; `Workers` have one by their environment."""
+    try:
+        from threadpoolctl import threadpool_limits
+    except ImportError:
+        return nullcontext()
+    found: AbstractContextManager[Any] = threadpool_limits(1)
     return found

@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
+import sys
+from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
-from rbd.studies.dataset import dataset_of
+import numpy as np
+
+from rbd.errors import StudyStopped
+from rbd.studies.calling import bound
 from rbd.studies.evaluation import Evaluation
-from rbd.studies.executors import Chunk, blocks
-from rbd.studies.samples import Samples, samples_of
-from rbd.studies.stores.store import MemoryStore
+from rbd.studies.filling import check_all, fill
+from rbd.studies.kept.wanted import Keep
+from rbd.studies.provenance import attributes_of
+from rbd.studies.stores.opened import checked_path, store_of
+from rbd.studies.tables import samples_of
 
 if TYPE_CHECKING:
     import xarray
@@ -21,7 +27,7 @@ def study(
     function: Callable[..., Any],
     samples: object,
     *,
-    keep: Sequence[str] | None = None,
+    keep: Keep = None,
     executor: Executor | int | None = None,
     out: str | os.PathLike[str] | None = None,
     seed: int = 0,
@@ -30,18 +36,24 @@ def study(
     progress: bool = True,
 ) -> xarray.Dataset:
     """The results of a function at many samples, as one dataset with named dimensions, units and reasons of failure."""
+    path = checked_path(out)
     found = samples_of(samples)
-    evaluation = Evaluation(function, None if keep is None else tuple(keep), seed, batched)
-    store = MemoryStore(len(found))
-    size = chunk or max(1, min(10_000, len(found) // 64))
-    for block in blocks(evaluation, _chunks(found, size, store), executor):
-        store.put(block)
-    return dataset_of(found, store.contents(), {})
+    evaluation = Evaluation(bound(function, found), keep, seed, batched)
+    check_all(evaluation, executor, chunk)
+    store = store_of(path, found, attributes_of(function, found, keep=keep, seed=seed, batched=batched))
+    try:
+        if progress and store.done.any():
+            sys.stderr.write(_told(int(np.count_nonzero(store.done)), len(found)) + "\n")
+        filled = fill(store, evaluation, found, executor=executor, chunk=chunk, progress=progress)
+        filled.warn()
+        if filled.stopped:
+            raise StudyStopped(filled.stopped, dataset=store.dataset()) from filled.cause
+        return store.dataset()
+    finally:
+        store.close()
 
 
-def _chunks(samples: Samples, size: int, store: MemoryStore) -> Iterator[Chunk]:
-    """What is not done, in parts."""
-    for start in range(0, len(samples), size):
-        stop = min(start + size, len(samples))
-        if not store.done[start:stop].all():
-            yield start, samples.columns(start, stop)
+def _told(done: int, n: int) -> str:
+    if done == n:
+        return f"All {n:,} samples were done; nothing is computed."
+    return f"{done:,} of {n:,} samples were done; going on."

@@ -10,7 +10,7 @@ from scipy.optimize import nnls
 
 from rbd.arrays import Array
 from rbd.displayed import Displayed
-from rbd.errors import InputError, RbdError
+from rbd.errors import InputError, RbdError, Reason
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.problem.problem import GaussProblem, Law
@@ -31,6 +31,8 @@ class ContractBroken(RbdError):
         ConstraintWrong
     """
 
+    reason = Reason.CONTRACT_BROKEN
+
 
 class ConstraintWrong(ContractBroken):
     """Rows that do not describe the motion they claim.
@@ -42,6 +44,8 @@ class ConstraintWrong(ContractBroken):
             ...
         rbd.testing.solver_check.ConstraintWrong: 'height': J v of row 0 is ..., and motion of the error says ...
     """
+
+    reason = Reason.CONSTRAINT_WRONG
 
 
 class TaskWrong(ContractBroken):
@@ -59,6 +63,8 @@ class TaskWrong(ContractBroken):
             ...
         rbd.testing.solver_check.TaskWrong: 'rise': A a + J_dot v of row 0 is ..., and the value's differences say ...
     """
+
+    reason = Reason.TASK_WRONG
 
 
 @dataclass(frozen=True)
@@ -100,6 +106,8 @@ class SolverWrong(ContractBroken):
         ...     print(error.report.failed["box in free fall"])
         stationarity 1.00e+00 > 1e-09; a is [0.0, 0.0, 0.0, 0.0, 0.0, 0.0], not [0.0, 0.0, -9.81, 0.0, 0.0, 0.0]
     """
+
+    reason = Reason.SOLVER_WRONG
 
     def __init__(self, message: str, report: SolverReport) -> None:
         super().__init__(message)

@@ -6,6 +6,7 @@ from rbd.visual.figures.planar_figures import export_planar, plot_ellipses, plot
 from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
 from rbd.visual.figures.plots import plot_ranges
 from rbd.visual.figures.statics_plots import plot_pushes, plot_region, plot_wrench_cone
+from rbd.visual.figures.study_plots import plot_study
 from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint
 from rbd.visual.live.controls import Choice, Slider
 from rbd.visual.live.explorer import Explorer, Verdict, explore
@@ -18,6 +19,7 @@ from rbd.visual.playback.report_page import export_report, show_report
 from rbd.visual.playback.video import export_video
 from rbd.visual.robot_sheet import contact_sheet
 from rbd.visual.scene import Scene
+from rbd.visual.side_by_side import scenes_beside
 from rbd.visual.style import contact_colors
 
 __all__ = [
@@ -50,9 +52,11 @@ __all__ = [
     "plot_split",
     "plot_report",
     "plot_sticks",
+    "plot_study",
     "plot_wrench_cone",
     "replay",
     "replay_planar",
+    "scenes_beside",
     "screenshot",
     "show_report",
 ]

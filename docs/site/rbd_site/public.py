@@ -32,7 +32,7 @@ GROUPS = {
     "Torques": "hold inverse_dynamics Actuation",
     "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8",
     "Motions": "Motion check_motion estimate_forces",
-    "Studies": "study grid",
+    "Studies": "study grid sample",
     "Errors": "RbdError InputError NoSolution CannotHold CannotMove",
 }
 """The names on top, in the order in which one meets them; every name is in one group."""

@@ -1,34 +1,16 @@
-"""`Variable` and `Block`: what is kept of one result, and of the samples of one chunk, as arrays."""
+"""`Block`: what is kept of the samples of one chunk, as arrays; and the value that stands where there is none."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.many.variable import Variable
 
-
-@dataclass(frozen=True, eq=False)
-class Variable:
-    """A quantity that is kept, of one sample or of n.
-
-    Attributes:
-        values: Of one sample an array of the shape of `dims`; of n samples, one more axis in front.
-        dims: Names of the dimensions of one sample's value; empty of a number.
-        units: Unit, "" where there is none.
-        long_name: What it is.
-        labels: {dimension: labels of its entries}, text.
-        flags: {code: its meaning}, of codes.
-    """
-
-    values: Array
-    dims: tuple[str, ...] = ()
-    units: str = ""
-    long_name: str = ""
-    labels: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
-    flags: Mapping[int, str] = field(default_factory=dict)
+__all__ = ["Block", "Variable", "missing"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +20,8 @@ class Block:
     Attributes:
         start: Number of the first.
         stop: Number after the last.
-        variables: {name: values of all of them}; NaN, or the least integer, where a sample has none.
+        variables: {name: values of all of them}: numbers (float64), truth values, codes or text; `missing` where a sample has
+            none.
         ok: Which have a result, shape (n,), truth values.
         reason: `Reason.code` of each, shape (n,), int16; 0 where it is ok.
         messages: {number of the sample: message} where it is not ok.
@@ -53,5 +36,5 @@ class Block:
 
 
 def missing(kind: np.dtype) -> float | int | bool | str:
-    """The value that stands where there is none: NaN, -1, False or an empty text."""
-    return {"f": np.nan, "c": np.nan, "i": -1, "u": 0, "b": False}.get(kind.kind, "")
+    """The value that stands where there is none: NaN of a number, -1 of a code, False or an empty text."""
+    return {"f": np.nan, "i": -1, "b": False}.get(kind.kind, "")

@@ -1,0 +1,141 @@
+"""`fill`: evaluates what a store lacks, wherever it is computed, and puts each finished part into it."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from contextlib import closing
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rbd.errors import InputError
+from rbd.errors.warned import StudyWarning, stacklevel_of_user
+from rbd.studies import executors
+from rbd.studies.chunks import Chunks
+from rbd.studies.evaluation import Evaluation, Finished
+from rbd.studies.executors import Lost, Stopped
+from rbd.studies.interruption import Interruption
+from rbd.studies.progress_bar import Progress, counted
+from rbd.studies.samples import Samples
+from rbd.studies.stores.store import Store
+from rbd.studies.told import Told
+
+
+@dataclass(frozen=True, eq=False)
+class Filled:
+    """How the filling of a store ended.
+
+    Attributes:
+        total: Number of all samples.
+        done: How many of them are done.
+        interrupted: "Ctrl-C after 340 of 1,000 samples"; empty where it was not interrupted.
+        stopped: Why it ended before all samples were done; empty where it did not, or was interrupted.
+        cause: The error that ended it, if there is one.
+        told: The warnings of the function.
+    """
+
+    total: int
+    done: int
+    interrupted: str = ""
+    stopped: str = ""
+    cause: BaseException | None = None
+    told: Told = field(default_factory=Told)
+
+    def warn(self) -> None:
+        """Issue the function's warnings, one of each kind, and one of an interruption."""
+        self.told.warn(self.total)
+        if self.interrupted:
+            warnings.warn(
+                f"{self.interrupted}; the others have the reason not_run.", StudyWarning, stacklevel=stacklevel_of_user()
+            )
+
+
+def check_all(evaluation: Evaluation, executor: Executor | int | None, chunk: int | None) -> None:
+    """Refuse before work starts what could not be done: chunks, executors, functions that cannot be sent.
+
+    Raises:
+        InputError: names it, and what to try.
+    """
+    if chunk is not None and (isinstance(chunk, bool) or not isinstance(chunk, int | np.integer) or chunk < 1):
+        raise InputError(f"chunk is {chunk!r:.80}; expected a whole number of samples from 1, or None: about a second each.")
+    if not callable(evaluation.function):
+        raise InputError(f"function is {evaluation.function!r:.80}; expected one that is called with the values of a sample.")
+    executors.check(executor)
+    executors.sent_of(evaluation, executor)
+
+
+def fill(
+    store: Store,
+    evaluation: Evaluation,
+    samples: Samples,
+    *,
+    executor: Executor | int | None = None,
+    chunk: int | None = None,
+    progress: bool = True,
+) -> Filled:
+    """Evaluate what the store lacks, and put it there; Ctrl-C ends it in order, a second one at once.
+
+    Args:
+        store: Filled.
+        evaluation: What is computed.
+        samples: The samples, in the store's numbering.
+        executor: None: spawned processes, one a core; n: that many, 0: in this process; or an executor, which stays open.
+        chunk: Samples that are sent at a time; None: about a second's.
+        progress: Whether a bar is drawn, where stderr is a terminal.
+
+    Returns:
+        How it ended. Chunks that were under way when it ended are lost.
+
+    Raises:
+        InputError: as `check_all`; results that cannot be kept.
+        OSError: the store cannot be written.
+    """
+    check_all(evaluation, executor, chunk)
+    done = np.asarray(store.done, bool)
+    chunks = Chunks(done, chunk, batched=evaluation.batched)
+    told, lost, ended = Told(), list[Lost](), list[Stopped]()
+    interrupted = False
+    with counted(len(samples), int(np.count_nonzero(done)), shown=progress) as counts, Interruption() as interruption:
+        try:
+            with closing(executors.blocks(evaluation, samples, chunks, executor, check=interruption.check)) as found:
+                for each in found:
+                    if isinstance(each, Finished):
+                        with interruption.held():
+                            _put(store, each, told, counts)
+                    elif isinstance(each, Lost):
+                        lost.append(each)
+                    elif isinstance(each, Stopped):
+                        ended.append(each)
+                    counts.draw()
+        except KeyboardInterrupt:
+            if interruption.asked > 1:
+                raise
+            interrupted = True
+    total = len(samples)
+    so_far = f"{counts.done:,} of {total:,} samples"
+    if interrupted:
+        return Filled(total, counts.done, interrupted=f"Ctrl-C after {so_far}", told=told)
+    if ended:
+        return Filled(total, counts.done, "", f"{ended[0].why}; {so_far} are done.", ended[0].cause, told)
+    return Filled(total, counts.done, stopped=_of_lost(lost, so_far), told=told)
+
+
+def _put(store: Store, finished: Finished, told: Told, counts: Progress) -> None:
+    block = finished.block
+    new = np.logical_not(store.done[block.start : block.stop])  # of a batched function, whole batches are computed again
+    store.put(block)
+    told.join(finished.told)
+    counts.add(int(np.count_nonzero(new)), int(np.count_nonzero(new & ~np.asarray(block.ok))))
+
+
+def _of_lost(lost: Sequence[Lost], so_far: str) -> str:
+    if not lost:
+        return ""
+    places = ", ".join(x.told for x in lost[:5])
+    more = f" and {len(lost) - 5} chunks more" if len(lost) > 5 else ""
+    return (
+        f"each process that computed {places}{more} {lost[0].why}. All others are done, {so_far}. chunk=1 says which sample "
+        "it is; call the function with it in a process of its own to see why."
+    )

@@ -1,0 +1,117 @@
+"""Plain values as variables: numbers, truth values, text, arrays of NumPy, and labelled arrays of xarray."""
+
+from __future__ import annotations
+
+import numbers
+import sys
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from enum import IntEnum
+from typing import Any
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.many.variable import Variable
+
+_EXACT = 2**53
+"""Whole numbers up to this are exact as float64, which numbers are kept as."""
+WANTED = "expected numbers, truth values, text, arrays, records of rbd, or a mapping of these by name, as {'height': 0.3}"
+
+
+class NotKept(Exception):  # noqa: N818  it becomes a message, not raised to a user
+    """What a function returned cannot be kept."""
+
+
+def mapping_of(result: Any) -> Mapping[Any, Any] | None:
+    """A result as values by name: of a mapping, a dataclass, a named tuple, an xarray.Dataset; None of others."""
+    if isinstance(result, Mapping):
+        if (xarray := sys.modules.get("xarray")) is not None and isinstance(result, xarray.Dataset):
+            return {str(name): result[name] for name in result.data_vars}
+        return result
+    if isinstance(result, tuple) and hasattr(result, "_asdict"):
+        found: Mapping[Any, Any] = result._asdict()
+        return found
+    if is_dataclass(result) and not isinstance(result, type):
+        return {field.name: getattr(result, field.name) for field in fields(result)}
+    return None
+
+
+def variable_of(name: str, value: Any, rows: int | None) -> Variable | None:
+    """A plain value as a variable; None of None: there is no value.
+
+    Args:
+        name: Its name, which its dimensions have too where they have none.
+        value: It.
+        rows: Of a batched function's value the number of samples along its first axis; None of one sample's.
+
+    Raises:
+        NotKept: no plain value, or not one row a sample.
+    """
+    if value is None:
+        return None
+    if type(value) is float and rows is None:
+        return Variable(np.array(value))
+    if isinstance(value, IntEnum) and rows is None:
+        return Variable(np.array(int(value), np.int16), flags={int(x): x.name.lower() for x in type(value)})
+    if (xarray := sys.modules.get("xarray")) is not None and isinstance(value, xarray.DataArray):
+        return _labelled(name, value, rows)
+    values = _array(name, value)
+    inner = values.shape if rows is None else _rows_checked(name, values, rows)
+    return Variable(values, tuple([f"{name}_{i}" for i in range(len(inner))]))
+
+
+def _rows_checked(name: str, values: Array, rows: int) -> tuple[int, ...]:
+    if not values.ndim or len(values) != rows:
+        raise NotKept(
+            f"{name!r:.80} has shape {values.shape} for {rows} samples; a batched function returns arrays with one row a sample"
+        )
+    return values.shape[1:]
+
+
+def _labelled(name: str, value: Any, rows: int | None) -> Variable:
+    values = _array(name, value.values)
+    dims, attributes = tuple(str(dim) for dim in value.dims), value.attrs
+    if rows is not None:
+        _rows_checked(name, values, rows)
+        dims = dims[1:]
+    labels = {dim: tuple(value.coords[dim].values.tolist()) for dim in dims if dim in value.coords}
+    return Variable(values, dims, str(attributes.get("units", "")), str(attributes.get("long_name", "")), labels)
+
+
+def _array(name: str, value: Any) -> Array:
+    """Numbers as float64, truth values and text as they are."""
+    if isinstance(value, tuple | list) and not value:
+        raise NotKept(f"{name!r:.80} is {value!r}, which has no entries")
+    if isinstance(value, str | bool | int | float | np.ndarray | np.generic | tuple | list):
+        try:
+            found = np.asarray(value)
+        except (ValueError, OverflowError):  # lists of unequal length, numbers without end
+            found = np.empty(0, object)
+    elif isinstance(value, numbers.Real):
+        found = np.asarray(float(value))
+    else:
+        raise NotKept(f"{_what(name)} {_told(value)}; {WANTED}")
+    kind = found.dtype.kind
+    if kind == "f":
+        return found.astype(np.float64, copy=False)
+    if kind in "iu":
+        if found.size and (found.max() > _EXACT or found.min() < -_EXACT):
+            raise NotKept(f"{name!r:.80} has a whole number beyond 2^53, which no float64 is exactly; return it as text")
+        return found.astype(np.float64)
+    if kind == "b" or kind == "U" and not isinstance(value, tuple | list):
+        return found
+    if kind == "U" and all(isinstance(x, str) for x in value):
+        return found
+    given = f"an array of {found.dtype}" if isinstance(value, np.ndarray | np.generic) else _told(value)
+    more = " Return real and imaginary part by name." if kind == "c" else ""
+    raise NotKept(f"{_what(name)} {given}; {WANTED}.{more}".rstrip("."))
+
+
+def _what(name: str) -> str:
+    return "the function returned" if name == "value" else f"{name!r:.80} is"
+
+
+def _told(value: Any) -> str:
+    kind = type(value).__name__
+    return f"{'an' if kind[:1] in 'aeiouAEIOU' else 'a'} {kind}, {value!r:.60}"

@@ -1,0 +1,205 @@
+"""`Wanted`: the argument `keep` of a study, checked; picks what it names from the results of a function."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.errors import InputError, nearest
+from rbd.many.naming import Named
+from rbd.many.variable import Variable
+from rbd.studies.kept.layout import RESERVED
+from rbd.studies.kept.plain import WANTED, NotKept, mapping_of, variable_of
+from rbd.studies.kept.registry import Kept, Kind, Rows, Verdict, kind_of
+
+Function: TypeAlias = Callable[[Any], Any]
+Keep: TypeAlias = Sequence[str | Mapping[str, Function]] | Mapping[str, Function] | None
+"""What `rbd.study` takes: names; {name: function of a result}; or names and such mappings; None: the defaults."""
+
+
+class Wanted:
+    """What is kept of a result: names that its type knows, and functions of it.
+
+    Args:
+        keep: As of `rbd.study`.
+
+    Attributes:
+        names: Names that are kept; None: the defaults of each type.
+        functions: {name: function of a result}.
+
+    Raises:
+        InputError: neither names nor functions by name, or one name twice.
+    """
+
+    def __init__(self, keep: Keep) -> None:
+        self.names: tuple[str, ...] | None = None
+        self.functions: dict[str, Function] = {}
+        self._chosen: dict[type, tuple[tuple[Kept, ...], tuple[Kept, ...]]] = {}
+        if keep is None:
+            return
+        if isinstance(keep, str) or not isinstance(keep, Sequence | Mapping):
+            example = f"({keep!r:.40},)" if isinstance(keep, str) else "('status', 'forces')"
+            raise InputError(f"keep is {keep!r:.80}; expected names, e.g. keep={example}, or {{name: function of a result}}.")
+        names: list[str] = []
+        for entry in [keep] if isinstance(keep, Mapping) else keep:
+            if isinstance(entry, Mapping):
+                for name, function in entry.items():
+                    _check_function(name, function)
+                    names.append(name)
+                    self.functions[name] = function
+            elif isinstance(entry, str):
+                names.append(entry)
+            else:
+                raise InputError(f"keep has the entry {entry!r:.80}; expected a name, or {{name: function of a result}}.")
+        twice = [name for name in names if names.count(name) > 1]
+        if twice:
+            raise InputError(f"keep names {twice[0]!r:.80} twice.")
+        self.names = tuple(name for name in names if name not in self.functions)
+
+    def of_one(self, result: Any) -> tuple[list[Named], Verdict]:
+        """What is kept of one sample's result, and why it is no answer, where it is none.
+
+        Raises:
+            NotKept: a result, or a name of `keep`, that cannot be kept.
+            Exception: what a function of `keep` raises.
+        """
+        kind, verdict = kind_of(type(result)), None
+        if kind is None:
+            found, verdict = self._plain(result, None)
+        elif kind.rows is not None:
+            raise NotKept(f"the function returned {_told(result)}, of many states. Set batched=True, or return one of them")
+        else:
+            verdict = kind.verdict(result)
+            found = [named for kept in self._of_kind(kind, type(result))[verdict is not None] for named in kept.of(result)]
+        if verdict is None:
+            for name, function in self.functions.items():
+                found += _named(name, function(result), None)[0]
+        return found, verdict
+
+    def of_batch(self, result: Any, n: int) -> tuple[list[Named], Rows]:
+        """What is kept of a batched function's result, with one row a sample, and which rows are no answers.
+
+        Raises:
+            NotKept: a result, or a name of `keep`, that cannot be kept.
+            Exception: what a function of `keep` raises.
+        """
+        kind = kind_of(type(result))
+        if kind is None:
+            found, rows = self._plain_batch(result, n)
+        elif kind.rows is None:
+            raise NotKept(
+                f"the batched function returned {_told(result)}, of one sample; expected one row a sample: what rbd.solve_many "
+                "returns, or arrays by name. Leave batched=True out where the function takes one sample"
+            )
+        else:
+            if len(result) != n:
+                raise NotKept(f"the batched function returned {len(result)} states for {n} samples; expected one a sample")
+            rows = kind.rows(result)
+            found = [named for kept in self._of_kind(kind, type(result))[0] for named in kept.of(result)]
+        for name, function in self.functions.items():
+            found += _named_batch(name, function(result), n)[0]
+        return found, rows
+
+    def _of_kind(self, kind: Kind, given: type) -> tuple[tuple[Kept, ...], tuple[Kept, ...]]:
+        """(what is kept of an answer, what is kept where there is none): certificates first."""
+        chosen = self._chosen.get(given)
+        if chosen is None:
+            names = kind.defaults if self.names is None and not self.functions else self.names or ()
+            for name in names:
+                if name not in kind.names:
+                    raise NotKept(f"keep names {name!r:.80}, which {given.__name__} has not; {nearest(name, kind.names)}")
+            names = tuple(dict.fromkeys([*kind.certificate, *names]))
+            sure = [name for name in names if name in kind.certificate or name == "residuals"]
+            chosen = tuple(kind.names[x] for x in names), tuple(kind.names[x] for x in sure)
+            self._chosen[given] = chosen
+        return chosen
+
+    def _picked(self, result: Any) -> Mapping[Any, Any]:
+        """A result that is no record of rbd, as values by name, those that are kept."""
+        found = mapping_of(result)
+        if found is None:
+            if result is None:
+                raise NotKept(f"the function returned None; {WANTED}")
+            if isinstance(result, tuple):
+                raise NotKept(
+                    f"the function returned a tuple of {len(result)}; return them by name, e.g. "
+                    "{'friction_used': ..., 'torque': ...}"
+                )
+            found = {"value": result}
+        names = self.names
+        if self.functions and not names:
+            return {}
+        if names is None:
+            return found
+        for name in names:
+            if name not in found:
+                told = nearest(name, [str(x) for x in found])
+                raise NotKept(f"keep names {name!r:.80}, which the function did not return; {told}")
+        return {name: found[name] for name in names}
+
+    def _plain(self, result: Any, rows: int | None) -> tuple[list[Named], Verdict]:
+        found: list[Named] = []
+        verdict: Verdict = None
+        for name, value in self._picked(result).items():
+            if type(value) is float:
+                found.append((name, Variable(np.array(value))))
+                continue
+            inner, told = _named(name, value, rows)
+            found += inner
+            verdict = verdict or told
+        return found, verdict
+
+    def _plain_batch(self, result: Any, n: int) -> tuple[list[Named], Rows]:
+        found: list[Named] = []
+        codes, messages = np.zeros(n, np.int16), dict[int, str]()
+        for name, value in self._picked(result).items():
+            inner, (own, told) = _named_batch(name, value, n)
+            found += inner
+            if told or own.any():
+                codes, messages = np.where(codes, codes, own), {**told, **messages}
+        return found, (codes, messages)
+
+
+def _named(name: str, value: Any, rows: int | None) -> tuple[list[Named], Verdict]:
+    """A value by name; of a record of rbd or a mapping its own variables, with the name in front."""
+    kind = kind_of(type(value))
+    if kind is not None:
+        if kind.rows is not None:
+            raise NotKept(f"{name!r:.80} is {_told(value)}, of many states. Set batched=True, or return one of them")
+        verdict = kind.verdict(value)
+        names = kind.defaults if verdict is None else kind.certificate
+        return [(f"{name}_{own}", x) for k in names for own, x in kind.names[k].of(value)], verdict
+    inner = mapping_of(value)
+    if inner is None:
+        variable = variable_of(name, value, rows)
+        return ([] if variable is None else [(name, variable)]), None
+    pairs = [(f"{name}_{own}", variable_of(f"{name}_{own}", x, rows)) for own, x in inner.items()]
+    return [(own, x) for own, x in pairs if x is not None], None
+
+
+def _named_batch(name: str, value: Any, n: int) -> tuple[list[Named], Rows]:
+    kind = kind_of(type(value))
+    none: Array = np.zeros(n, np.int16)
+    if kind is None:
+        return _named(name, value, n)[0], (none, {})
+    if kind.rows is None or len(value) != n:
+        raise NotKept(f"{name!r:.80} is {_told(value)}; expected one row a sample: {n}")
+    return [(f"{name}_{own}", x) for k in kind.defaults for own, x in kind.names[k].of(value)], kind.rows(value)
+
+
+def _check_function(name: object, function: object) -> None:
+    if not isinstance(name, str) or not name.isidentifier() or name in RESERVED:
+        raise InputError(f"keep has the name {name!r:.80}; expected letters, digits and _, and none of {', '.join(RESERVED)}.")
+    if not callable(function):
+        raise InputError(
+            f"keep[{name!r}] is {function!r:.80}; expected a function of a result, e.g. {{{name!r}: lambda held: "
+            "held.residuals.worst}}. Names stand beside such a mapping: keep=('forces', {...})."
+        )
+
+
+def _told(value: Any) -> str:
+    kind = type(value).__name__
+    return f"{'an' if kind[:1] in 'AEIOU' else 'a'} {kind}"

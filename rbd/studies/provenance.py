@@ -1,0 +1,166 @@
+"""What a study is of, and what computed it: its attributes, and whether a store belongs to the same study."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shlex
+import sys
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+import numpy as np
+
+from rbd.errors import InputError
+from rbd.installation import VERSION as VERSION_OF_RBD
+from rbd.studies.identity import hash_of, name_of
+from rbd.studies.samples import Samples
+
+FORMAT = "rbd study"
+VERSION = 1
+"""Version of the layout of stores; a store of a newer one is refused."""
+LAYOUT = "rbd_layout"
+"""Attribute of a store with the order of its variables, as JSON."""
+PACKAGES = ("pin", "numpy", "scipy", "proxsuite", "clarabel", "daqp", "numba")
+"""Packages on which the bits of results can depend."""
+SAME = ("function", "function_sha256", "samples_sha256", "seed", "keep", "batched")
+"""Attributes that do not differ between the parts of a study."""
+
+
+def attributes_of(
+    function: Callable[..., Any],
+    samples: Samples,
+    *,
+    keep: Sequence[str] | Mapping[str, Callable[..., Any]] | None,
+    seed: int,
+    batched: bool,
+) -> dict[str, Any]:
+    """What a study is of, and what computes it, as text and numbers that zarr and netCDF can write.
+
+    Args:
+        function: What is computed.
+        samples: At which samples.
+        keep: What is kept of results.
+        seed: Root of the seeds.
+        batched: Whether the function takes arrays over samples.
+    """
+    name, now = name_of(function), _now()
+    return {
+        "title": f"{name} at {len(samples):,} samples",
+        "format": f"{FORMAT} {VERSION}",
+        "function": name,
+        "function_sha256": hash_of(function),
+        "samples": " x ".join(f"{n:,} {dim}" for dim, n in samples.dims.items()) or "1",
+        "samples_sha256": samples.digest(),
+        "seed": seed if abs(seed) < 2**31 else str(seed),
+        "keep": kept_as_text(keep),
+        "batched": "yes" if batched else "no",
+        "versions": versions(),
+        "machine": machine(),
+        "command": shlex.join(sys.argv) or "python",
+        "started": now,
+        "finished": now,
+    }
+
+
+def kept_as_text(keep: Sequence[str] | Mapping[str, Callable[..., Any]] | None) -> str:
+    """What is kept: names, each function with its hash; "default" where nothing is said."""
+    if keep is None:
+        return "default"
+    if isinstance(keep, Mapping):
+        return ", ".join(f"{name} by {name_of(f)} {hash_of(f)[:16]}" for name, f in keep.items()) or "nothing"
+    return ", ".join(keep) or "nothing"
+
+
+@cache
+def versions() -> str:
+    """Python and the packages on which results depend, each with its version."""
+    found = [f"rbd {VERSION_OF_RBD}", f"python {platform.python_version()}"]
+    for package in PACKAGES:
+        try:
+            found.append(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            continue
+    return ", ".join(found)
+
+
+@cache
+def machine() -> str:
+    """System, processor, number of cores, and NumPy's BLAS."""
+    blas = np.show_config(mode="dicts").get("Build Dependencies", {}).get("blas", {})  # type: ignore[union-attr]
+    told = f"BLAS {blas.get('name', 'unknown')} {blas.get('version', '')}".strip()
+    return f"{platform.system()} {platform.machine()}, {_processor()}, {os.cpu_count()} cores, {told}"
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8", errors="replace") as file:
+            return next(
+                (line.partition(":")[2].strip() for line in file if line.startswith("model name")), platform.processor()
+            )
+    except OSError:
+        return platform.processor()
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def check_same(old: Mapping[str, Any], new: Mapping[str, Any], path: str) -> None:
+    """Refuse to go on with a store of another study.
+
+    Args:
+        old: Attributes of the store.
+        new: Attributes of this study.
+        path: The store, as the user wrote it.
+
+    Raises:
+        InputError: names what differs, and what can be done.
+    """
+    differing = [name for name in SAME if old.get(name) != new[name]]
+    if not differing:
+        return
+    texts = {
+        "function": f"the function is {new['function']}, and was {old.get('function')}",
+        "function_sha256": f"{new['function']} has changed: its source, a function of its module that it calls, or a value "
+        "that it uses",
+        "samples_sha256": f"the samples are others ({new['samples']}; the store has {old.get('samples')})",
+        "seed": f"seed is {new['seed']}, and was {old.get('seed')}",
+        "keep": f"keep is {new['keep']!r:.200}, and was {old.get('keep')!r:.200}",
+        "batched": f"batched is {new['batched']!r}, and was {old.get('batched')!r}",
+    }
+    if "function" in differing and "function_sha256" in differing:
+        differing.remove("function_sha256")
+    told = "; ".join(texts[name] for name in differing)
+    raise InputError(
+        f"{path!r:.200} is the store of another study: {told}. Give another path as out=, delete this one, or read it as it is "
+        f"by rbd.studies.open_study({path!r:.200})."
+    )
+
+
+def continued(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
+    """Attributes of a study that goes on: begun then, finished now; of versions, machines and commands all that took part."""
+    found = {**new, "started": old.get("started", new["started"])}
+    for name in ("versions", "machine", "command"):
+        parts = str(old.get(name, new[name])).split("; then ")
+        found[name] = "; then ".join(parts if new[name] in parts else [*parts, new[name]])
+    return found
+
+
+def format_of(attributes: Mapping[str, Any], path: str) -> None:
+    """Refuse what is no study, or of a newer `rbd`.
+
+    Raises:
+        InputError: says which.
+    """
+    text = str(attributes.get("format", ""))
+    name, _, number = text.rpartition(" ")
+    if name != FORMAT or not number.isdigit():
+        raise InputError(f"{path!r:.200} is not the store of a study. Give another path as out=, or move it away.")
+    if int(number) > VERSION:
+        raise InputError(
+            f"{path!r:.200} was written by a newer rbd (layout {number}; this one reads {VERSION}). Update rbd, or give another path."
+        )

@@ -1,0 +1,161 @@
+"""`NetcdfStore`: results of a small study in one netCDF file, which is replaced whole every few seconds."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rbd.errors import InputError
+from rbd.errors.reasons import Reason
+from rbd.errors.stopped import StudyStopped
+from rbd.model.output_files import write_file
+from rbd.modules import xarray_or_error
+from rbd.simulation.trajectory_file import check_netcdf
+from rbd.studies.dataset import MESSAGE, OK, REASON, normal, with_outcome
+from rbd.studies.kept.variable import Block, Variable
+from rbd.studies.provenance import LAYOUT, check_same, continued, format_of
+from rbd.studies.samples import Samples
+from rbd.studies.stores.pacing import Pacing, why
+from rbd.studies.stores.places import Lock
+from rbd.studies.stores.store import MemoryStore
+
+if TYPE_CHECKING:
+    import xarray
+
+LARGEST = 200_000_000
+"""Bytes of the largest study that is written as netCDF: the file is written whole each time."""
+
+
+class NetcdfStore(MemoryStore):
+    """A study in a netCDF 3 file; arguments and errors as `ZarrStore`."""
+
+    def __init__(self, path: Path, samples: Samples, attributes: Mapping[str, Any]) -> None:
+        super().__init__(samples, attributes)
+        self.path, self.old = path, dict[str, Any]()
+        place = path.resolve()
+        self._lock = Lock(path, place.with_name(f".{place.name}.lock"))
+        self._pacing = Pacing(self._write, self._told, least=3.0)
+        try:
+            if path.exists():
+                self._load()
+        except BaseException:
+            self._lock.close()
+            raise
+
+    def put(self, block: Block) -> None:
+        """As `Store.put`.
+
+        Raises:
+            InputError: besides, a study that is too large for netCDF.
+        """
+        with self._pacing.guard:
+            self._pacing.check()
+            each = sum(math.prod(v.values.shape[1:]) * v.values.dtype.itemsize for v in block.variables.values())
+            if each * len(self.samples) > LARGEST:
+                raise InputError(
+                    f"{len(self.samples):,} samples of {each:,} bytes each are too large for {str(self.path)!r:.200}, which is "
+                    f"written whole each time (at most {LARGEST:,} bytes). Give out= a path that ends in .zarr."
+                )
+            super().put(block)
+            self._pacing.changed()
+
+    def dataset(self) -> xarray.Dataset:
+        """As `Store.dataset`."""
+        with self._pacing.guard:
+            self._pacing.write()
+        return super().dataset()
+
+    def close(self) -> None:
+        """As `Store.close`."""
+        try:
+            with self._pacing.guard:
+                self._pacing.write()
+        finally:
+            self._pacing.stop()
+            self._lock.close()
+
+    def _write(self) -> None:
+        content = encoded(super().dataset(), json.dumps({"first": self.kept.first}), self.path)
+        write_file(self.path, lambda file: file.write(content), StudyStopped)
+
+    def _told(self, error: Exception) -> StudyStopped:
+        n = int(np.count_nonzero(self.done))
+        return StudyStopped(
+            f"{str(self.path)!r:.300} cannot be written: {why(error)}. {n:,} of {len(self.samples):,} samples were done, and "
+            "the file holds them up to some seconds ago; make room, and the same call goes on from there."
+        )
+
+    def _load(self) -> None:
+        found = _decoded(self.path)
+        self.old = dict(found.attrs)
+        check_same(self.old, self.attributes, str(self.path))
+        self.attributes = continued(self.old, self.attributes)
+        n, axes = len(self.samples), len(self.samples.dims)
+        first = {str(name): (int(a), int(b)) for name, (a, b) in json.loads(self.old[LAYOUT])["first"].items()}
+        own = normal(found)
+        for name in first:
+            x = own[name]
+            dims = tuple(str(dim) for dim in x.dims[axes:])
+            labels = {dim: tuple(x[dim].values.tolist()) for dim in dims if dim in own.coords}
+            values = np.array(x.values).reshape(n, *x.shape[axes:])
+            flags = zip(x.attrs.get("flag_values", ()), str(x.attrs.get("flag_meanings", "")).split(), strict=False)
+            self.found.variables[name] = Variable(
+                values,
+                dims,
+                x.attrs.get("units", ""),
+                x.attrs.get("long_name", ""),
+                labels,
+                {int(k): word for k, word in flags},
+            )
+        self.kept.begin(first, self.found.variables)
+        self.found.ok[:] = own[OK].values.ravel()
+        self.found.reason[:] = own[REASON].values.ravel()
+        self.found.messages |= {i: str(text) for i, text in enumerate(own[MESSAGE].values.ravel()) if text}
+        self.done = self.found.reason != Reason.NOT_RUN.code
+
+
+def read_netcdf_study(path: Path) -> xarray.Dataset:
+    """The dataset of a file of a study.
+
+    Raises:
+        InputError: no such file.
+    """
+    found = _decoded(path)
+    found.attrs = {name: value for name, value in found.attrs.items() if name != LAYOUT}
+    return with_outcome(normal(found))
+
+
+def encoded(dataset: xarray.Dataset, layout: str, path: Path) -> bytes:
+    """A dataset as the bytes of a netCDF 3 file.
+
+    Raises:
+        InputError: text or numbers that netCDF 3 does not have.
+    """
+    whole = dataset.assign_attrs({**dataset.attrs, LAYOUT: layout})
+    try:
+        return bytes(whole.to_netcdf(engine="scipy", format="NETCDF3_64BIT"))
+    except (UnicodeEncodeError, ValueError, TypeError) as error:
+        raise InputError(
+            f"these results cannot be written as {path.name!r}: {error!s:.200}. Give out= a path that ends in .zarr."
+        ) from error
+
+
+def _decoded(path: Path) -> xarray.Dataset:
+    xarray = xarray_or_error()
+    try:
+        data = path.read_bytes()
+        check_netcdf(data)
+        found: xarray.Dataset = xarray.load_dataset(io.BytesIO(data), engine="scipy", decode_times=False)
+    except Exception as error:  # SciPy's reader can raise any exception on invalid bytes
+        raise InputError(
+            f"{str(path)!r:.300} is no store of a study, or a damaged one: {error!s:.200}. Give another path, or move it away."
+        ) from error
+    found.attrs = {name: value.item() if isinstance(value, np.generic) else value for name, value in found.attrs.items()}
+    format_of(found.attrs, str(path))
+    return found

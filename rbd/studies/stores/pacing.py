@@ -1,0 +1,99 @@
+"""`Pacing`: a store is written once a second or so, and soon after the last change, whoever computes and however long."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+
+from rbd.errors.stopped import StudyStopped
+
+SELDOM, SHARE = 30.0, 40.0
+"""The longest time between two writings [s]; and how many times as long as one writing takes it is at least."""
+
+
+class Pacing:
+    """When to write what was changed: seldom enough to cost a fortieth of the time, and from a thread where nothing follows.
+
+    Args:
+        write: Writes all that is not yet written.
+        told: The error of a store that cannot be written, from its reason.
+        least: The shortest time between two writings [s].
+
+    Attributes:
+        guard: Held while a store is changed or written.
+    """
+
+    def __init__(self, write: Callable[[], None], told: Callable[[Exception], StudyStopped], least: float = 1.0) -> None:
+        self.guard = threading.RLock()
+        self._write, self._told, self._least = write, told, least
+        self._last, self._pause = time.monotonic() - least, least
+        self._timer: threading.Timer | None = None
+        self._failed: StudyStopped | None = None
+        self._changed = False
+
+    def check(self) -> None:
+        """Raise the error of an earlier writing.
+
+        Raises:
+            StudyStopped: the store could not be written.
+        """
+        if self._failed is not None:
+            raise self._failed
+
+    def changed(self, *, now: bool = False) -> None:
+        """Something is to be written; it is, if the last writing was long enough ago, and else later.
+
+        Args:
+            now: Whether at once.
+        """
+        self._changed = True
+        wait = self._last + self._pause - time.monotonic()
+        if now or wait <= 0:
+            self.write()
+        elif self._timer is None:
+            self._timer = threading.Timer(wait, self._later)
+            self._timer.daemon = True
+            self._timer.start()
+
+    def write(self) -> None:
+        """Write what is not yet written.
+
+        Raises:
+            StudyStopped: it cannot be.
+        """
+        self.check()
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if not self._changed:
+            return
+        began = time.monotonic()
+        try:
+            self._write()
+        except (OSError, StudyStopped) as error:
+            self._failed = self._told(error)
+            raise self._failed from error
+        self._changed = False
+        self._last = time.monotonic()
+        self._pause = min(SELDOM, max(self._least, SHARE * (self._last - began)))
+
+    def stop(self) -> None:
+        """Write nothing later."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def _later(self) -> None:
+        with self.guard:
+            self._timer = None
+            try:
+                self.write()
+            except StudyStopped:  # raised by the next call
+                return
+
+
+def why(error: BaseException) -> str:
+    """What the system says about a failed writing."""
+    cause = error if isinstance(error, OSError) else error.__cause__
+    return getattr(cause, "strerror", None) or str(error) or type(error).__name__

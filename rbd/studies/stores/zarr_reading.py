@@ -1,0 +1,53 @@
+"""The dataset of a zarr store, finished or not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rbd.errors import InputError
+from rbd.modules import xarray_or_error
+from rbd.studies.dataset import REASON, normal, with_outcome
+from rbd.studies.provenance import LAYOUT, format_of
+
+if TYPE_CHECKING:
+    import xarray
+
+LOADED = 1_000_000_000
+"""Datasets up to so many bytes are read into memory, larger ones as they are used."""
+
+
+def read_zarr(path: Path) -> xarray.Dataset:
+    """The dataset of a store, in memory if it is small, else read as it is used.
+
+    Raises:
+        InputError: no store of a study, or a damaged one.
+    """
+    from rbd.studies.stores import zarr_files
+
+    xarray = xarray_or_error()
+    try:
+        attributes, arrays = zarr_files.read_root(path)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{str(path)!r:.300} is no store of a study: {error!s:.200}.") from error
+    format_of(attributes, str(path))
+    if REASON not in arrays:
+        raise InputError(f"{str(path)!r:.300} holds no results yet.")
+    order = [name for name in arrays if name not in coordinates_of(attributes, arrays)]
+    try:
+        found = xarray.open_zarr(path, chunks=None, consolidated=True, decode_times=False)[order]
+        if found.nbytes <= LOADED:
+            found = found.load()
+    except (RuntimeError, ValueError, OSError, KeyError) as error:
+        raise InputError(
+            f"{str(path)!r:.300} is damaged: {error!s:.200}. The same call of rbd.study computes damaged chunks again."
+        ) from error
+    found.attrs = {name: value for name, value in attributes.items() if name not in (LAYOUT, "coordinates")}
+    return with_outcome(normal(found))
+
+
+def coordinates_of(attributes: Mapping[str, Any], arrays: Mapping[str, Any]) -> set[str]:
+    """Arrays that are coordinates: labels of a dimension, and those that the attributes name."""
+    named = str(attributes.get("coordinates", "")).split()
+    return {name for name, a in arrays.items() if name in named or tuple(a.get("dimension_names") or ()) == (name,)}
