@@ -46,9 +46,17 @@ def xarray_or_error() -> Any:
     Raises:
         InputError: if it is not installed; names the extra.
     """
+    return _of_study("xarray")
+
+
+def zarr_or_error() -> Any:
+    """The module zarr; errors as `xarray_or_error`."""
+    return _of_study("zarr")
+
+
+def _of_study(name: str) -> Any:
     try:
-        import xarray
+        return import_module(name)
     except ImportError as error:
         told = "Install the extra: pip install 'rbd-contact[study]'"
-        raise InputError(f"xarray is not installed here, and this needs it. {told}") from error
-    return xarray
+        raise InputError(f"{name} is not installed here, and this needs it. {told}") from error

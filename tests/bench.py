@@ -4,7 +4,7 @@
     python tests/bench.py --rows answers many  some groups of rows
     python tests/bench.py --plain              without the compiled kernels, as if Numba were not installed
     python tests/bench.py --profile            where a call of `rbd.solve` and a step of `rbd.simulate` spend their time
-    python tests/bench.py --write              all tables, also into docs/reference/speed.md and README.md; with
+    python tests/bench.py --write              all tables, also into docs/reference/speed.md, docs/studies.md, README.md; with
                                                --profile, the parts of a call into docs/design/speed.md
 
 Every call has its own q, v and tau. The columns of a table take turns of a few calls, so that a noisy machine troubles them
@@ -39,6 +39,7 @@ from bench_motion import motion_rows
 from bench_planar import planar_rows
 from bench_scenes import page_rows
 from bench_simulation import accuracy, accuracy_table, peer_step_rows, step_rows
+from bench_studies import CHUNKS, all_chunk_rows, study_rows
 from bench_timing import Row, table_of, versions
 from rich.console import Console
 
@@ -94,6 +95,8 @@ OTHERS: dict[str, tuple[str, Callable[[], list[Row]]]] = {
     "solvers": ("solvers asked for by name, and inverse dynamics", lambda: bench_answers.solver_rows(everyone())),
     "milliseconds": ("mechanisms; robots loaded; where Talos can stand", lambda: millisecond_rows(draws_of("talos").robot)),
     "planar": ("planar chains", planar_rows),
+    "studies": ("studies of many samples, on the clock", study_rows),
+    "chunks": (CHUNKS, all_chunk_rows),
     "pages": ("pages of robots: size, and time on the clock from opening to drawn", page_rows),
 }
 """Groups with a table of their own: {group: (title, rows)}."""
@@ -161,8 +164,11 @@ def main() -> None:
         console.print(accuracy_table(errors))
     console.print("measured in {:.0f} min {:.0f} s; median processor times".format(*divmod(time.perf_counter() - start, 60.0)))
     if given.write:
-        bench_pages.reference(TOP / "docs" / "reference" / "speed.md", found, errors)
-        bench_pages.readme(TOP / "README.md", found)
+        if "studies" in found and "chunks" in found:
+            bench_pages.studies(TOP / "docs" / "studies.md", found)
+        if set(found) - {"studies", "chunks"}:
+            bench_pages.reference(TOP / "docs" / "reference" / "speed.md", found, errors)
+            bench_pages.readme(TOP / "README.md", found)
     sys.exit(len(failed))
 
 

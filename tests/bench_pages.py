@@ -1,6 +1,7 @@
 """Tables of one run in the pages.
 
-All rows stand in docs/reference/speed.md, a few of them in README.md, the parts of a call in docs/design/speed.md.
+All rows stand in docs/reference/speed.md, of studies in docs/studies.md; a few of them in README.md, the parts of a call in
+docs/design/speed.md.
 """
 
 from __future__ import annotations
@@ -80,6 +81,15 @@ def reference(page: Path, found: dict[str, list[Row]], accuracy: Accuracy) -> st
         parts += [[told], _accuracy(accuracy)]
     parts.append([_measured_with()])
     return put(page, "speed", "\n\n".join("\n".join(part) for part in parts))
+
+
+def studies(page: Path, found: dict[str, list[Row]]) -> str:
+    """Put the tables of a run into the page on studies of many samples."""
+    told = "Functions without work: how many samples go through, by executor and size of a chunk (two processes each)."
+    of = versions()
+    end = f"Times on the clock of one run: {of['processor']}; python {of['python']}, pin {of['pin']}."
+    parts = [_rows(found["studies"], marks=True), [told], _rows(found["chunks"], marks=False), [end]]
+    return put(page, "studies", "\n\n".join("\n".join(part) for part in parts))
 
 
 def design(page: Path, profiles: dict[str, Columns]) -> str:

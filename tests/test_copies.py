@@ -10,6 +10,7 @@ import subprocess
 import sys
 import warnings
 from collections.abc import Callable, Iterator
+from concurrent.futures import Executor
 from dataclasses import is_dataclass
 from enum import Enum
 from pathlib import Path
@@ -72,6 +73,7 @@ def contact_answers() -> Iterator[object]:
     assert str(many)
     yield many
     yield rbd.statics.hold_many(talos, state.q, soles)
+    yield rbd.grid(robot=talos, friction=[0.3, 0.6], law=["a", "b"]) * rbd.sample(4, push=(0.0, 9.0))
     yield rbd.studies.compare_laws(state, held.tau, soles)
     yield rbd.studies.compare_solvers(state, held.tau, soles)
     pair = rbd.robots.merge_robots(talos, box)
@@ -242,14 +244,14 @@ PUBLIC += ("rbd.many", "rbd.analysis", "rbd.robots", "rbd.studies", "rbd.statics
 
 
 def public_classes() -> list[type]:
-    """Classes that a user can name, but for protocols, and for warnings and errors, which `test_errors` sends."""
+    """Classes that a user can name, but for protocols, executors, and warnings and errors, which `test_errors` sends."""
     out: dict[type, None] = {}
     for module in map(importlib.import_module, PUBLIC):
         for name in module.__all__:
             kind = getattr(module, name)
             if getattr(kind, "_is_protocol", False):  # nothing is an instance of it alone
                 continue
-            if inspect.isclass(kind) and not issubclass(kind, BaseException | Enum):
+            if inspect.isclass(kind) and not issubclass(kind, BaseException | Enum | Executor):
                 out[kind] = None
     return list(out)
 

@@ -25,6 +25,7 @@ from hypothesis.configuration import set_hypothesis_home_dir
 from matplotlib.figure import Figure
 
 import rbd
+from rbd.model.output_files import new_folder
 from rbd.robots.loop_file import KINDS
 from rbd.visual import (
     Scene,
@@ -141,6 +142,15 @@ def use_many(**given: Any) -> Any:
 def use_actuations(found: rbd.statics.Actuations) -> Any:
     """The rows that have an answer."""
     return [array[found.answered] for array in (found.tau, found.worst, *found.forces.values())]
+
+
+def abs_of(x: float) -> dict[str, float]:
+    """A function to be studied."""
+    return {"value": abs(x)}
+
+
+STORED = new_folder() / "stored.nc"
+rbd.study(abs_of, {"x": [0.5, -1.0]}, executor=0, progress=False, out=STORED)
 
 
 def a_study() -> Any:
@@ -361,6 +371,13 @@ def use_ground(on: Any) -> Any:
     return [contact.rows(BOX.at()).patch.gaps for contact in contacts], [foot.on for foot in BOLT.feet(on=on)][0] is None
 
 
+def use_samples(made: rbd.studies.Samples) -> Any:
+    """How many there are, after all that can be asked of them has been; infinity and NaN are values like others."""
+    n = len(made)
+    made.columns(0, min(n, 9)), made.row(n - 1), made.coords(), made.digest(), f"{made} {made!r}"
+    return n, len(made.names), len(made.fixed)
+
+
 CASES: dict[str, Case] = {
     "Box": Case(lambda **given: use_cone(rbd.problem.Box(**given)), {"lo": np.array([-1.0, 0.0]), "hi": np.array([1.0, 2.0])}),
     "Free": Case(lambda **given: use_cone(rbd.problem.Free(**given)), {"dim": 3}),
@@ -474,8 +491,23 @@ CASES: dict[str, Case] = {
     "Solution.of": Case(rbd.Solution.of, {"answer": rbd.KKT().solve(rbd.gauss_problem(STATE, TAU, BOLT.feet(None)))}),
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
     "nearest_motion": Case(rbd.solution.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
+    "Workers": Case(lambda count: rbd.studies.Workers(count).count, {"count": 2}),
     "withstand_push": Case(lambda **given: rbd.studies.withstand_push(**given).tau, {**STANDS, "facets": 4, "margin": 0.1}, 30),
     "move_under_push": Case(rbd.studies.move_under_push, {**STANDS, "law": "coulomb"}, 30),
+    "grid": Case(lambda **given: use_samples(rbd.grid(**given)), {"friction": [0.3, 0.6], "law": ["a", "b"], "mu": 1}),
+    "sample": Case(
+        lambda **given: use_samples(rbd.sample(**given)),
+        {"n": 5, "method": "sobol", "seed": 3, "ranges": {"mu": (0.1, 1.0)}, "push": (0.0, 9.0), "law": ["a", "b", "c"]},
+    ),
+    "table": Case(
+        lambda **given: use_samples(rbd.studies.table(**given)), {"rows": {"mu": [0.1, 0.2], "law": "a"}, "dimension": "case"}
+    ),
+    "table, its columns": Case(lambda **given: use_samples(rbd.studies.table(given)), {"mu": [0.1, 0.2], "law": ["a", "b"]}),
+    "study": Case(
+        lambda **given: rbd.study(executor=0, progress=False, **given).ok.values.tolist(),
+        {"function": abs_of, "samples": {"x": [0.5, -1.0, 2.0]}, "keep": ("value",), "seed": 3, "chunk": 2},
+    ),
+    "open_study": Case(rbd.studies.open_study, {"path": STORED}),
     "compare_laws": Case(rbd.studies.compare_laws, ASKED),
     "kept_names": Case(rbd.studies.kept_names, {"result": rbd.Solution}),
     "compare_solvers": Case(  # without the times in it, which differ
@@ -1046,6 +1078,7 @@ CASES |= {
     ),
 }
 MADE_BY_RBD = {
+    "Samples",
     "Explorer",
     "Motion",
     "MotionDifference",

@@ -267,6 +267,8 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "impossible_motion": partial(example_page, "impossible_motion", "26_is_this_motion_possible", 1200, 720),
     "crouch": partial(drawn, "crouch", "25_torques_of_a_crouch", 770, 462),
     "painleve": partial(drawn, "painleve", "06_painleve", 770, 462),
+    "push_samples": partial(scene, "push_samples", 1200, 720),
+    "push_study": partial(drawn, "push_study", "30_push_study", 1050, 440),
     "balance": partial(drawn, "balance", "29_balance", 880, 506),
     "polar_manipulator": partial(drawn, "polar_manipulator", "20_polar_manipulator", 495, 550),
     "push": partial(plot, "push", "02_push", "plot_push", (7.0, 4.2)),

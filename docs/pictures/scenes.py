@@ -102,6 +102,12 @@ def nearest_motion(page: Path) -> Path:
     return nearest.export(page, title="the motion nearest to G1's lean", ghost=motion, start=0.55, arrow_per_weight=0.8)
 
 
+def push_samples(page: Path) -> Path:
+    """Example 30: the last push that is held, and beside it the nearest motion under the first that is not."""
+    module, samples = example("30_push_study"), rbd.grid(friction=[1.0], push=[110.0, 120.0])
+    return module.beside(samples, rbd.study(module.held, samples, executor=0, progress=False), page)
+
+
 def four_bar(page: Path) -> Path:
     """Example 10: the rhombus of the text, with its other branch beside it."""
     return shown("10_four_bar", page)
@@ -122,6 +128,7 @@ SCENES: dict[str, Callable[[Path], Path]] = {
     "tipping": tipping,
     "motion_check": motion_check,
     "nearest_motion": nearest_motion,
+    "push_samples": push_samples,
     "four_bar": four_bar,
     "double_pendulum": double_pendulum,
     "task_walker": task_pictures.walker_page,
@@ -140,10 +147,14 @@ def result(name: str) -> Any:
 def shown(name: str, page: Path) -> Path:
     """The page or picture that an example writes where it shows something."""
     page = page.resolve()
-    with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
-        example(name).main(show=True)
-        written = next(path for path in sorted(Path(folder).rglob("*")) if path.suffix == page.suffix)
-        return Path(shutil.copyfile(written, page))
+    sys.path.insert(0, str(TOP / "examples"))  # processes that an example starts import it from there
+    try:
+        with tempfile.TemporaryDirectory() as folder, contextlib.chdir(folder), contextlib.redirect_stdout(io.StringIO()):
+            example(name).main(show=True)
+            written = next(path for path in sorted(Path(folder).rglob("*")) if path.suffix == page.suffix)
+            return Path(shutil.copyfile(written, page))
+    finally:
+        sys.path.remove(str(TOP / "examples"))
 
 
 def example(name: str) -> ModuleType:

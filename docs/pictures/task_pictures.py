@@ -15,6 +15,7 @@ from matplotlib.patches import Rectangle
 from photographs import motion_sheet, screenshot
 
 import rbd
+from rbd.cli.app import app
 from rbd.visual import Scene, notebook_page, plot_energy, plot_forces
 from rbd.visual.figures.plots import frame
 
@@ -26,7 +27,7 @@ BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "0.5"
 def pictures() -> Iterator[Path]:
     """All of them."""
     makers = (task_walker, task_hold, task_wall, task_loop, task_sweep, task_many, task_forces, task_swing, task_figure)
-    for make in (*makers, task_reach, task_notebook):
+    for make in (*makers, task_command, task_reach, task_notebook):
         yield make()
 
 
@@ -101,17 +102,19 @@ def task_loop() -> Path:
 
 
 def task_sweep() -> Path:
-    """Acceleration of the base against friction."""
-    names = computed("sweep_a_parameter")
-    drawn = Figure(figsize=(7.0, 3.6), layout="constrained")
-    ax = drawn.subplots()
-    ax.plot(names["friction"], names["slides"], color=BLUE)
-    least = names["friction"][names["slides"] < 1e-6].min()
-    ax.axvline(least, color=GREY, ls="--", lw=1.0)
-    ax.annotate(f"the soles stick from {least:.3f}", (least, 0.1), (6, 0), textcoords="offset points", color="0.3")
-    ax.set(xlabel="friction of the floor", ylabel="acceleration of the base [m/s2]")
-    frame(ax, "y")
+    """The map of reasons that the page draws."""
+    drawn = computed("sweep_a_parameter")["drawn"][0].figure
+    drawn.set_size_inches(7.0, 4.2)
     return saved(drawn, "task_sweep")
+
+
+def task_command() -> Path:
+    """What the first command of the page draws."""
+    text = (TASKS / "sweep_on_the_command_line.md").read_text(encoding="utf-8")
+    command = re.findall(r"^rbd (stand .*) --png map.png$", text, flags=re.MULTILINE)[0]
+    picture = PICTURES / "task_command.png"
+    app([*command.split(), "--png", str(picture)], standalone_mode=False)
+    return picture
 
 
 def task_many() -> Path:

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -16,7 +17,7 @@ from rich.console import Console
 
 from rbd.cli.options import Dask, Out, Resume, Workers
 from rbd.cli.terminal import FIGURES, NO_SOLUTION, answering, check_outputs, open_console, print_path, save_figure, write_json
-from rbd.errors import InputError
+from rbd.errors import InputError, ModelWarning, StudyStopped
 
 if TYPE_CHECKING:
     import xarray
@@ -50,6 +51,19 @@ class Running:
     png: Path | None = None
     json_: Path | None = None
 
+    @classmethod
+    def of(
+        cls,
+        out: Path | None,
+        resume: bool,
+        workers: int | None,
+        dask: str | None,
+        png: Path | None,
+        json_: Path | None,
+    ) -> Running:
+        """With the ~ of `--out=~/push.zarr`, which a shell leaves, as the home folder."""
+        return cls(None if out is None else out.expanduser(), resume, workers, dask, png, json_)
+
     def check(self, reads: str | None) -> None:
         """Refuse what cannot be, before anything is computed.
 
@@ -75,7 +89,7 @@ class Running:
 
     def exists(self) -> bool:
         """Whether there is something where the study is to be stored."""
-        return self.out is not None and self.out.expanduser().exists()
+        return self.out is not None and self.out.exists()
 
 
 def study(
@@ -118,7 +132,7 @@ def study(
 
     console = open_console()
     with answering(study):
-        running = Running(out, resume, workers, dask, png, json_)
+        running = Running.of(out, resume, workers, dask, png, json_)
         running.check(str(file))
         if seed is not None and seed < 0:
             raise InputError(f"--seed is {seed}; expected a whole number, zero or more.")
@@ -135,32 +149,43 @@ def run_study(console: Console, plan: StudyPlan, running: Running) -> None:
 
     Raises:
         typer.Exit: with the code 1 where no sample has a result, 130 after Ctrl-C.
+        StudyStopped: it ended early; the report of what is done was printed.
         InputError: as `rbd.study`.
     """
+    from rbd.cli.study_plan import plot_of
     from rbd.cli.study_report import StudyReport
     from rbd.studies.running import study as evaluate
 
     resumed, out = running.exists(), running.out
+    plotted = {} if running.png is None else plot_of(plan)
     began = time.perf_counter()
-    with executor_of(running, plan) as executor:
-        dataset = evaluate(
-            plan.function, plan.samples, keep=plan.keep, executor=executor, out=None if out is None else out.expanduser(),
-            seed=plan.seed, batched=plan.batched,
-        )  # fmt: skip
+    stopped: StudyStopped | None = None
+    with executor_of(running, plan) as executor, warnings.catch_warnings():
+        if not plan.module:  # robots were loaded before, and what is wrong with their files was told
+            warnings.simplefilter("ignore", ModelWarning)
+        try:
+            dataset = evaluate(
+                plan.function, plan.samples, keep=plan.keep, executor=executor, out=out,
+                seed=plan.seed, batched=plan.batched,
+            )  # fmt: skip
+        except StudyStopped as error:
+            if error.dataset is None:
+                raise
+            dataset, stopped = error.dataset, error
+        except KeyboardInterrupt:  # a second one, or before the first sample
+            open_console(errors=True).print(f"Ended at once. {_how_to_go_on(out)}", highlight=False, soft_wrap=True)
+            raise typer.Exit(INTERRUPTED) from None
     report = StudyReport(plan, dataset, time.perf_counter() - began, resumed)
     console.print(report)
     write_json(running.json_, report)
     if out is not None:
         print_path(console, "store", out)
     if running.png is not None and report.run.any():
-        print_path(console, "picture", draw(dataset, plan, running.png))
+        print_path(console, "picture", draw(dataset, plotted, running.png))
+    if stopped is not None:
+        raise stopped
     if report.interrupted:
-        how = (
-            "The same command with --resume goes on."
-            if out is not None
-            else "Nothing is stored; --out FILE.zarr would keep it."
-        )
-        console.print(f"Ended by Ctrl-C. {how}", highlight=False)
+        console.print(f"Ended by Ctrl-C. {_how_to_go_on(out)}", highlight=False, soft_wrap=True)
         raise typer.Exit(INTERRUPTED)
     if not report.ok.any():
         raise typer.Exit(NO_SOLUTION)
@@ -200,16 +225,22 @@ def executor_of(running: Running, plan: StudyPlan) -> Iterator[Executor | int | 
         client.close()
 
 
-def draw(dataset: xarray.Dataset, plan: StudyPlan, path: Path) -> Path:
+def draw(dataset: xarray.Dataset, plotted: Mapping[str, str], path: Path) -> Path:
     """The picture of a study; returns where it is.
 
     Raises:
         InputError: what cannot be drawn, or not be written.
     """
-    from rbd import visual
+    from rbd.visual import plot_study
 
-    plot_study: Callable[..., Any] = getattr(visual, "plot_study")  # noqa: B009
-    return save_figure(plot_study(dataset, **plan.plot)[0].figure, path, dpi=130)
+    drawn: Any = plot_study(dataset, *(plotted.get(name) for name in ("x", "y", "value", "by")))[0]
+    return save_figure(drawn.figure, path, dpi=130)
+
+
+def _how_to_go_on(out: Path | None) -> str:
+    if out is None:
+        return "Nothing is stored; --out FILE.zarr would keep it."
+    return f"What was finished is in {out}; the same command with --resume goes on."
 
 
 def _first_line(error: Exception) -> str:

@@ -11,9 +11,12 @@ from importlib.util import find_spec, module_from_spec, spec_from_file_location
 from pathlib import Path
 from typing import Any
 
-from rbd.cli.study_plan import Given, StudyPlan, Words, standing_function, with_units, words_of
-from rbd.cli.sweeps import QUANTITIES, QUESTIONS, Values, argument_of, as_kind, quantity_of, ranges_of, values_of
+import numpy as np
+
+from rbd.cli.study_plan import ANY_ROBOT, RESULTS, Given, StudyPlan, Words, standing_function, words_of
+from rbd.cli.sweeps import QUANTITIES, QUESTIONS, Drawn, Values, argument_of, as_kind, quantity_of, ranges_of, values_of
 from rbd.errors import InputError, nearest
+from rbd.studies import Samples, grid, kept_names, sample
 
 TOP = ("question", "function", "robot", "keep", "seed", "batched")
 TABLES = {
@@ -26,7 +29,6 @@ DRAWS = ("n", "method", "ranges")
 METHODS = ("sobol", "latin_hypercube", "random")
 PLOT = ("x", "y", "value", "by")
 MOST_BYTES = 1_000_000
-MOST_DRAWS = 10**10
 
 
 class StudyFile:
@@ -45,9 +47,9 @@ class StudyFile:
         try:
             self.keys: dict[str, Any] = tomllib.loads(self.text)
         except tomllib.TOMLDecodeError as error:
-            raise InputError(
-                f'{path.name} is no TOML: {str(error).rstrip(".")}. Text stands in quotes, as in "0.1:1:19".'
-            ) from None
+            why, twice = str(error).rstrip("."), "overwrite" in str(error)
+            written = "Beside push, push.angle is written push_angle." if twice else 'Text stands in quotes, as in "0.1:1:19".'
+            raise InputError(f"{path.name} is no TOML: {why}. {written}") from None
         self._known((*TOP, *TABLES), self.keys, "")
         for name in TABLES.keys() & self.keys.keys():
             if not isinstance(self.keys[name], dict):
@@ -134,38 +136,43 @@ class StudyFile:
             if "robot" in fixed:
                 raise self.wrong("robot", "is at the head of the file and in [fixed]; give it once")
             fixed["robot"], where["robot"] = self._robot(), self.where("robot")
-        drawn = "draws" in self.keys
-        sample_values: dict[str, Values] = {}
-        if drawn:
-            ranges = self._ranges()
-            for key in ranges:
-                name = named("draws", f"ranges.{key}".removeprefix("ranges."))
-                if QUANTITIES[name].kind != "numbers":
-                    raise self.wrong(key, "is drawn; only numbers are drawn at random", "draws")
-                sample_values[name] = values_of(list(ranges[key]), where[name])
-        else:
-            for key, value in self.table("samples").items():
-                name = named("samples", key)
-                sample_values[name] = as_kind(QUANTITIES[name], values_of(self._several(key, value), where[name]), where[name])
-        given = Given(question, fixed, sample_values, where)
+        swept: dict[str, Values] = {}
+        for key, value in self.table("samples").items():
+            name = named("samples", key)
+            swept[name] = as_kind(QUANTITIES[name], values_of(self._several(key, value), where[name]), where[name])
+        drawn: dict[str, Drawn] = {}
+        for key, ends in self._ranges().items():
+            name = named("draws.ranges", key)
+            as_kind(QUANTITIES[name], np.array(ends) if isinstance(ends, tuple) else ends, where[name])
+            drawn[name] = ends
+        both = {**swept, **{name: np.array(ends) if isinstance(ends, tuple) else ends for name, ends in drawn.items()}}
+        self._once(swept, drawn)
+        given = Given(question, fixed, both, where)
         function, columns, robot = standing_function(given)
-        samples = self._samples(columns, seed, {QUANTITIES[n].argument: QUANTITIES[n].unit for n in sample_values})
+        ranges = {QUANTITIES[name].argument: ends for name, ends in drawn.items()}
+        values = {argument: column for argument, column in columns.items() if argument not in ranges}
+        samples = self._samples(values, ranges, seed, {QUANTITIES[name].argument: QUANTITIES[name].unit for name in both})
+        if keep is not None:
+            known = kept_names(RESULTS[question])
+            for name in keep:
+                if name not in known:
+                    raise self.wrong("keep", f"has {name!r:.80}; {nearest(name, known)}")
+        if keep is None and robot is None:
+            keep = ANY_ROBOT[question]
         return StudyPlan(function, samples, words_of(given, robot), keep, seed, False, plot)
 
     def _own(self, name: str, seed: int, keep: tuple[str, ...] | None, plot: dict[str, str], batched: bool) -> StudyPlan:
         fixed = {argument_of(key): value for key, value in self.table("fixed").items()}
         if "robot" in self.keys:
             fixed["robot"] = self._robot()
-        if "draws" in self.keys:
-            columns: dict[str, Any] = {argument_of(key): ends for key, ends in self._ranges().items()}
-        else:
-            columns = {
-                argument_of(key): values_of(self._several(key, value), self.where(key, "samples"))
-                for key, value in self.table("samples").items()
-            }
-        for both in fixed.keys() & columns.keys():
-            raise InputError(f"{self.path.name}: {both} is both in [fixed] and among the samples; give it once.")
-        samples = self._samples(columns, seed, {})
+        ranges = {argument_of(key): ends for key, ends in self._ranges().items()}
+        values = {
+            argument_of(key): values_of(self._several(key, value), self.where(key, "samples"))
+            for key, value in self.table("samples").items()
+        }
+        self._once(fixed, {**values, **ranges})
+        self._once(values, ranges)
+        samples = self._samples(values, ranges, seed, {})
         function, module = self._imported(name)
         called = partial(function, **fixed) if fixed else function
         return StudyPlan(called, samples, Words(name), keep, seed, batched, plot, module)
@@ -177,13 +184,19 @@ class StudyFile:
             key, f'is {value!r:.80}; expected several, "0.1:1:19" or a list; one value stands in [fixed]', "samples"
         )
 
-    def _ranges(self) -> dict[str, tuple[float, float]]:
+    def _once(self, names: Iterable[str], others: Iterable[str]) -> None:
+        """Refuse names that stand in two tables."""
+        if twice := set(names) & set(others):
+            raise InputError(f"{self.path.name} gives {min(twice)} twice, in two tables; give it once.")
+
+    def _ranges(self) -> dict[str, Drawn]:
+        """{name: (low, high), or words} that are drawn."""
+        if "draws" not in self.keys:
+            return {}
         draws = self.keys["draws"]
         self._known(DRAWS, draws, "draws")
-        if "samples" in self.keys:
-            raise self.wrong("draws", "stands beside [samples]; give one of them")
         n, method, ranges = draws.get("n"), draws.get("method", METHODS[0]), draws.get("ranges")
-        if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= MOST_DRAWS:
+        if isinstance(n, bool) or not isinstance(n, int) or n < 1:
             raise self.wrong("n", f"is {n!r:.80}; expected how many samples, a whole number from 1", "draws")
         if method not in METHODS:
             raise self.wrong("method", f"is {method!r:.80}; {nearest(method, METHODS)}", "draws")
@@ -192,15 +205,21 @@ class StudyFile:
         flat = dict(_flat(ranges))
         return ranges_of(flat, {key: self.where(key, "draws.ranges") for key in flat})
 
-    def _samples(self, columns: Mapping[str, Any], seed: int, units: Mapping[str, str]) -> Any:
-        from rbd.studies.grids import grid
+    def _samples(self, values: Mapping[str, Any], ranges: Mapping[str, Any], seed: int, units: Mapping[str, str]) -> Samples:
+        """Every combination of the values; random draws; or as many draws at every combination.
 
-        if not columns:
+        Raises:
+            InputError: neither of them.
+        """
+        if not values and not ranges:
             raise InputError(f'{self.path.name} has no samples; expected [samples] and below it e.g. friction = "0.1:1:19".')
-        if "draws" not in self.keys:
-            return with_units(grid(**columns), units)
-        draws = self.keys["draws"]
-        return with_units(sampled(draws["n"], draws.get("method", METHODS[0]), seed, columns), units)
+        found = grid(**values) if values else None
+        if ranges:
+            draws = self.keys["draws"]
+            drawn = sample(draws["n"], method=draws.get("method", METHODS[0]), seed=seed, ranges=ranges)
+            found = drawn if found is None else found * drawn
+        assert found is not None
+        return found.with_units(**{name: unit for name, unit in units.items() if unit})
 
     def _keep(self) -> tuple[str, ...] | None:
         keep = self.get("keep", list, 'a list of names, keep = ["forces"]')
@@ -255,13 +274,6 @@ class StudyFile:
             names = [n for n, x in vars(known).items() if callable(x) and getattr(x, "__module__", "") == module]
             raise self.wrong("function", f"is {function!r}, which {place} does not have; {nearest(function, names)}")
         return found, module
-
-
-def sampled(n: int, method: str, seed: int, ranges: Mapping[str, Any]) -> Any:
-    """Random samples of ranges, as `rbd.sample` draws them."""
-    from rbd.studies import samples
-
-    return samples.sample(n, method=method, seed=seed, ranges=ranges)  # type: ignore[attr-defined]
 
 
 def _import(file: Path, module: str, where: str) -> Any:

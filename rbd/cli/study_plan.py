@@ -11,16 +11,24 @@ from typing import Any
 import numpy as np
 
 from rbd.cli.sweeps import COMPONENTS, QUANTITIES, QUESTIONS, Values, as_kind, quantity_of, sweeps_of, values_of
-from rbd.errors import InputError
+from rbd.errors import InputError, nearest
 from rbd.problem.cones import check_friction
 from rbd.robots import catalogue
 from rbd.robots.robot import Robot, load_robot
+from rbd.solution import Solution
 from rbd.solvers.default import slip_law
+from rbd.statics.actuation import Actuation
 from rbd.statics.wanted_motion import checked_margin
-from rbd.studies.grids import grid
+from rbd.studies import Samples, grid
 from rbd.studies.standing import heaviest_link, move_under_push, withstand_push
 
 FUNCTIONS: dict[str, Callable[..., Any]] = {"stand": withstand_push, "solve": move_under_push}
+RESULTS: dict[str, type] = {"stand": Actuation, "solve": Solution}
+ANY_ROBOT = {
+    "stand": ("status", "worst_residual", "worst_torque", "worst_motor", "forces", "friction_used"),
+    "solve": ("status", "worst_residual", "forces", "friction_used"),
+}
+"""What is kept where robots differ, unless the study says: nothing that has a number for each joint."""
 ROBOT_OPTIONS = ("feet", "package_dir")
 """Of the fixed arguments, those with which the robot is loaded."""
 
@@ -64,7 +72,7 @@ class StudyPlan:
     """
 
     function: Callable[..., Any]
-    samples: Any
+    samples: Samples
     words: Words
     keep: tuple[str, ...] | None = None
     seed: int = 0
@@ -129,6 +137,37 @@ def standing_function(given: Given) -> tuple[partial[Any], dict[str, Any], Robot
     return partial(FUNCTIONS[given.question], **arguments), columns, only
 
 
+def plot_of(plan: StudyPlan) -> dict[str, str]:
+    """The arguments of `rbd.visual.plot_study`, known to show every dimension of the study before it is computed.
+
+    Args:
+        plan: The study; of three dimensions, those that it does not name are x, y and, with the fewest values, by.
+
+    Raises:
+        InputError: names that the study lacks, dimensions that nothing would show.
+    """
+    dims_of = {name: dims for name, (dims, *_) in plan.samples.coords().items()}
+    dims_of = {**{dim: (dim,) for dim in plan.samples.dims}, **dims_of}
+    chosen = {key: name for key, name in plan.plot.items() if key != "value"}
+    for key, name in chosen.items():
+        if name not in dims_of:
+            raise InputError(f"[plot] {key} is {name!r:.80}, which the study has not; {nearest(name, dims_of)}.")
+    wide = {dim: n for dim, n in plan.samples.dims.items() if n > 1}
+    if not chosen and len(wide) == 3:
+        by = min(wide, key=lambda dim: wide[dim])
+        x, y = (dim for dim in wide if dim != by)
+        return {**plan.plot, "x": x, "y": y, "by": by}
+    shown = {dim for name in chosen.values() for dim in dims_of[name]} if chosen else set(list(wide)[:2])
+    free = 1 if "x" in chosen and not {"y", "by"} & chosen.keys() else 0  # it becomes by
+    left = [dim for dim in wide if dim not in shown]
+    if len(left) > free:
+        raise InputError(
+            f"a picture shows at most three dimensions, x, y and by, and this one leaves out {', '.join(left)}. Name them in "
+            "[plot] of a study file, fix one, or draw parts of the store of --out in Python: dataset.sel(...)."
+        )
+    return dict(plan.plot)
+
+
 def sweep_plan(options: Sequence[str], fixed: Mapping[str, Any]) -> StudyPlan:
     """The study of `rbd stand ROBOT --sweep ...`.
 
@@ -149,14 +188,8 @@ def sweep_plan(options: Sequence[str], fixed: Mapping[str, Any]) -> StudyPlan:
         raise InputError("--at came without a push; give --push X,Y,Z, or sweep push.x, push.y or push.z.")
     given = Given("stand", fixed, swept, where)
     function, columns, robot = standing_function(given)
-    units = {QUANTITIES[name].argument: QUANTITIES[name].unit for name in swept}
-    return StudyPlan(function, with_units(grid(**columns), units), words_of(given, robot))
-
-
-def with_units(samples: Any, units: Mapping[str, str]) -> Any:
-    """The samples, with units of their coordinates."""
-    told = {name: unit for name, unit in units.items() if unit}
-    return samples.with_units(**told) if told and hasattr(samples, "with_units") else samples
+    units = {QUANTITIES[name].argument: QUANTITIES[name].unit for name in swept if QUANTITIES[name].unit}
+    return StudyPlan(function, grid(**columns).with_units(**units), words_of(given, robot))
 
 
 def words_of(given: Given, robot: Robot | None) -> Words:
@@ -188,6 +221,8 @@ def _push_arguments(given: Given, fixed: Mapping[str, Any], swept: Mapping[str, 
             f"{given.at('push')} has a size and no direction; give it by push X,Y,Z (whose length does not matter), by "
             "push.angle, or sweep push.x, push.y or push.z."
         )
+    if "push.angle" in swept.keys() | fixed.keys() and push is None and "push" not in swept:
+        raise InputError(f"{given.at('push.angle')} turns a push that has no size; give push (in newtons), fixed or swept.")
     if along is not None:
         if not along.any():
             raise InputError(f"{given.at('push')} is zero; expected the direction of the push, e.g. 0,1,0.")

@@ -174,13 +174,13 @@ class StudyReport:
             parts.append(Text(sentence))
         if self.reasons:
             parts.append(self._reasons_table())
-        if self.axis is not None and len(self.lines) > 1 and any(line.changes for line in self.lines):
+        if self.axis is not None and len(self.lines) > 1 and any(line.run and line.changes for line in self.lines):
             parts.append(self._boundary_table(self.axis))
         return Group(*parts, self._facts())
 
     def _sentence(self) -> str | None:
         """The boundary, where all samples are in one line."""
-        if self.axis is None or len(self.lines) != 1 or not self.lines[0].changes:
+        if self.axis is None or len(self.lines) != 1 or not self.lines[0].run or not self.lines[0].changes:
             return None
         return f"Along {_NAMES.get(self.axis, self.axis)}: {self._where(self.lines[0], self.axis)}."
 
@@ -189,8 +189,6 @@ class StudyReport:
         unit = _UNITS.get(axis, self.dataset[axis].attrs.get("units", ""))
         unit = f" {unit}" if unit not in ("", "1") else ""
         good, bad = self.plan.words.good, self.plan.words.bad
-        if not line.run:
-            return "not all were run"
         if not line.changes:
             return f"all {good}" if line.first else f"none {good}"
         told, now = [], line.first
@@ -202,17 +200,16 @@ class StudyReport:
         return "; ".join(told) + more
 
     def _boundary_table(self, axis: str) -> Table:
-        others = list(self.lines[0].fixed)
-        chosen = sorted({round(i) for i in np.linspace(0, len(self.lines) - 1, min(len(self.lines), MOST_LINES))})
+        others, lines = list(self.lines[0].fixed), [line for line in self.lines if line.run]
+        chosen = sorted({round(i) for i in np.linspace(0, len(lines) - 1, min(len(lines), MOST_LINES))})
         shown = f", {len(chosen)} of {len(self.lines):,} lines" if len(chosen) < len(self.lines) else ""
-        table = Table(f"the boundary along {_NAMES.get(axis, axis)}{shown}", [_NAMES.get(d, d) for d in others], ("",))
+        table = Table(f"boundary along {_NAMES.get(axis, axis)}{shown}", [*(_NAMES.get(d, d) for d in others), ""])
         for i in chosen:
-            line = self.lines[i]
-            table.add_row(*(_shown(line.fixed[d]) for d in others), self._where(line, axis))
+            table.add_row(*(_shown(lines[i].fixed[d]) for d in others), self._where(lines[i], axis))
         return table
 
     def _reasons_table(self) -> Table:
-        table = Table("without a result", ("reason",), ("samples", "of all"))
+        table = Table("reasons", ("reason",), ("samples", "of all"))
         table.add_column("for example")
         codes = {str(reason): reason.code for reason in Reason}
         flat, messages = self.codes.ravel(), self.dataset["message"].values.ravel()

@@ -14,6 +14,8 @@ from rbd.errors import InputError, nearest
 
 Values: TypeAlias = Array | list[str]
 """Values of one quantity: numbers, or words."""
+Drawn: TypeAlias = tuple[float, float] | list[str]
+"""What is drawn at random: a number of a range, or a word."""
 FORM = "FROM:TO:N (N values, both ends included) or A,B,C"
 MOST_VALUES = 10_000_000
 _WORDS, _NUMBERS, _WHOLE = "words", "numbers", "whole numbers"
@@ -217,8 +219,8 @@ def _different(values: Values, what: str) -> Values:
     return values
 
 
-def ranges_of(given: Mapping[str, object], where: Mapping[str, str]) -> dict[str, tuple[float, float]]:
-    """{name: (low, high)} of random draws, from "0.1:1" or [0.1, 1].
+def ranges_of(given: Mapping[str, object], where: Mapping[str, str]) -> dict[str, Drawn]:
+    """{name: (low, high)} of random draws, from "0.1:1" or [0.1, 1]; of words, those to choose from.
 
     Args:
         given: {name: text or list}.
@@ -227,9 +229,12 @@ def ranges_of(given: Mapping[str, object], where: Mapping[str, str]) -> dict[str
     Raises:
         InputError: what is no range.
     """
-    found = {}
+    found: dict[str, Drawn] = {}
     for name, value in given.items():
         ends = [_number(x) for x in value.split(":")] if isinstance(value, str) else value
+        if isinstance(ends, list) and len(ends) > 1 and all(isinstance(x, str) for x in ends):
+            found[name] = [str(x) for x in _different(ends, where[name])]
+            continue
         numbers = isinstance(ends, list) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in ends)
         if not isinstance(ends, list) or not numbers or len(ends) != 2 or not -1e150 < ends[0] < ends[1] < 1e150:
             raise InputError(f'{where[name]} is {value!r:.80}; expected a range, [LOW, HIGH] or "LOW:HIGH", LOW below HIGH.')

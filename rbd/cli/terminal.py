@@ -27,7 +27,7 @@ from rich.console import Console
 from rich.text import Text
 from typer.models import OptionInfo
 
-from rbd.errors import InputError, NoSolution, RbdError
+from rbd.errors import InputError, NoSolution, RbdError, StudyStopped
 from rbd.model.output_files import check_place, write_file, write_text
 
 if TYPE_CHECKING:
@@ -174,6 +174,8 @@ def answering(command: Command | None = None) -> Iterator[None]:
             yield
         except NoSolution as error:
             _fail("no solution", in_options(str(error), command), NO_SOLUTION)
+        except StudyStopped as error:
+            _fail("stopped", in_options(str(error), command), NO_SOLUTION)
         except RbdError as error:
             _fail("bad input", in_options(str(error), command), BAD_INPUT)
         finally:

@@ -213,7 +213,7 @@ class CollisionContacts(Displayed):
 
     def _check(self, state: State) -> None:
         check_state(state, self.name)
-        if state.robot is not self.robot and state.robot.model != self.robot.model:
+        if not self.robot.is_like(state.robot):
             raise InputError(f"contacts {self.name!r:.80} are of {self.robot.name}; the state is of {state.robot.name}.")
 
     def _nothing(self, state: State) -> Rows:

@@ -203,7 +203,7 @@ class HoldPosture(Displayed):
         Raises:
             InputError: a state of another robot.
         """
-        if state.robot is not self.state.robot:
+        if not self.state.robot.is_like(state.robot):
             raise InputError(f"HoldPosture was made for {self.state.robot.name}, and got a state of {state.robot.name}.")
         touching = touching_points([source.gaps(state, t) for source in self._sources])
         if len(touching) != sum(len(s.owners) for s in self._structures):  # points that come and go: those that are there now

@@ -162,7 +162,7 @@ class TrackingController(Displayed):
     def _wanted(self, state: State, t: float) -> Array:
         """Torques before they are clipped."""
         robot, ref = self.motion.robot, self.reference
-        if state.robot is not robot:
+        if not robot.is_like(state.robot):
             raise InputError(f"TrackingController was made for {robot.name}, and got a state of {state.robot.name}.")
         motors, n = robot.motors, len(ref.t)
         i = int(np.clip(np.searchsorted(ref.t, t, side="right") - 1, 0, max(n - 2, 0)))

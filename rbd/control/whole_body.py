@@ -23,6 +23,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.errors.warned import stacklevel_of_user
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.ground import Body
 
@@ -39,7 +40,7 @@ class _Memory:
         contacts = controller.contacts
         self.watch = ContactWatch(contacts, controller.schedule, float(controller.early))
         self.log = ControlLog([task.name for task in controller.tasks], [c.name for c in contacts])
-        self.robot: object = None
+        self.robot: CheckedModel | None = None
         self.sample: int | None = None
         self.actuation: TaskActuation | None = None
         self.tau: Array | None = None
@@ -208,7 +209,7 @@ class WholeBodyController(Displayed):
         known = self._memory[0].robot
         if not isinstance(state, State):
             raise InputError(f"WholeBodyController got {type(state).__name__} in place of a State.")
-        if known is not None and state.robot is not known:
+        if known is not None and not known.is_like(state.robot):
             raise InputError(
                 f"WholeBodyController was told of another robot, and got a state of {state.robot.name}; reset() it."
             )

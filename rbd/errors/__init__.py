@@ -44,13 +44,11 @@ from rbd.errors.inputs import (
     ContactMoves,
     DuplicateName,
     FrameNotFound,
-    InputError,
     JointNotFound,
     ModelError,
     NotAtRest,
     NotDifferentiable,
     PictureError,
-    RbdError,
     SingularInertia,
     UnknownName,
     UnknownRobot,
@@ -67,7 +65,7 @@ from rbd.errors.no_solution import (
     SimulationStopped,
     SingularPose,
 )
-from rbd.errors.reasons import Reason
+from rbd.errors.reasons import InputError, RbdError, Reason
 from rbd.errors.stopped import StudyStopped
 from rbd.errors.warned import (
     DistantContactWarning,

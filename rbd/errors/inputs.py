@@ -1,49 +1,11 @@
-"""The root of all errors, and those of what is given: an argument, a name, a robot file, a state, a solver, a Pinocchio."""
+"""Errors of what is given: a name, a robot file, a state, a solver, a Pinocchio."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
 
-from rbd.displayed import Displayed
-from rbd.errors.reasons import Reason
-
-
-class RbdError(Displayed, Exception):
-    """The root of all errors that `rbd` raises on purpose.
-
-    Attributes:
-        reason: Its `Reason`: of its class, or a more precise one, as "cannot_hold: friction".
-
-    Example:
-        >>> for name in ("solo12", "solo13"):
-        ...     try:
-        ...         print(rbd.load_robot(name))
-        ...     except rbd.RbdError as error:
-        ...         print(type(error).__name__, error)
-        Robot('solo12', nq=19, nv=18, nu=12, mass=2.500 kg)
-        UnknownRobot no robot 'solo13'; nearest: 'solo12', 'solo', 'solo8', 'so101'. rbd.robots.catalogue.names() has them all.
-    """
-
-    reason: Reason = Reason.OTHER_ERROR
-
-    def __init__(self, *message: object, reason: Reason | None = None) -> None:
-        super().__init__(*message)
-        if reason is not None:
-            self.reason = reason
-
-
-class InputError(RbdError, ValueError):
-    """An argument is wrong: the message gives the value, what was expected, what to try.
-
-    Example:
-        >>> rbd.PointContact("foot", "FL_FOOT", friction=-0.5)
-        Traceback (most recent call last):
-            ...
-        rbd.errors.InputError: friction is -0.5; expected a finite number >= 0, or None for a bilateral contact.
-    """
-
-    reason = Reason.BAD_INPUT
+from rbd.errors.reasons import InputError, RbdError, Reason
 
 
 class UnknownName(InputError):

@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.errors.inputs import InputError, RbdError
-from rbd.errors.reasons import Reason
+from rbd.errors.reasons import InputError, RbdError, Reason
 
 
 class NoSolution(RbdError):

@@ -1,11 +1,12 @@
-"""`Reason`: why there is no answer, in one enumeration: of errors, of rows of many answers, of frames of motions."""
+"""`Reason`: why there is no answer, in one enumeration; and `RbdError`, the root of all errors, each of which has one."""
 
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable
 from enum import StrEnum
 from typing import SupportsIndex
+
+from rbd.displayed import Displayed
 
 
 class Reason(StrEnum):
@@ -181,8 +182,6 @@ class Reason(StrEnum):
         Raises:
             InputError: there is none.
         """
-        from rbd.errors.inputs import InputError
-
         try:
             return _OF_CODE[operator.index(code)]
         except (TypeError, KeyError):
@@ -199,8 +198,6 @@ class Reason(StrEnum):
         Raises:
             InputError: it is none of them.
         """
-        from rbd.errors.inputs import InputError
-
         try:
             return cls(f"not_possible: {cause}")
         except ValueError:
@@ -211,11 +208,38 @@ class Reason(StrEnum):
 _OF_CODE = {reason.code: reason for reason in Reason}
 
 
-def reasons_table(reasons: Iterable[Reason] = tuple(Reason)) -> str:
-    """A table of reasons in Markdown: code, reason, meaning.
+class RbdError(Displayed, Exception):
+    """The root of all errors that `rbd` raises on purpose.
 
-    Args:
-        reasons: Which ones, in order.
+    Attributes:
+        reason: Its `Reason`: of its class, or a more precise one, as "cannot_hold: friction".
+
+    Example:
+        >>> for name in ("solo12", "solo13"):
+        ...     try:
+        ...         print(rbd.load_robot(name))
+        ...     except rbd.RbdError as error:
+        ...         print(type(error).__name__, error)
+        Robot('solo12', nq=19, nv=18, nu=12, mass=2.500 kg)
+        UnknownRobot no robot 'solo13'; nearest: 'solo12', 'solo', 'solo8', 'so101'. rbd.robots.catalogue.names() has them all.
     """
-    lines = [f"| {r.code} | {f'`{r}`' if r else 'none'} | {r.meaning} |" for r in reasons]
-    return "\n".join(["| code | reason | meaning |", "| --- | --- | --- |", *lines])
+
+    reason: Reason = Reason.OTHER_ERROR
+
+    def __init__(self, *message: object, reason: Reason | None = None) -> None:
+        super().__init__(*message)
+        if reason is not None:
+            self.reason = reason
+
+
+class InputError(RbdError, ValueError):
+    """An argument is wrong: the message gives the value, what was expected, what to try.
+
+    Example:
+        >>> rbd.PointContact("foot", "FL_FOOT", friction=-0.5)
+        Traceback (most recent call last):
+            ...
+        rbd.errors.InputError: friction is -0.5; expected a finite number >= 0, or None for a bilateral contact.
+    """
+
+    reason = Reason.BAD_INPUT

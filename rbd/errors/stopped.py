@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from rbd.errors.inputs import RbdError
+from rbd.errors.reasons import RbdError, Reason
 
 
 class StudyStopped(RbdError):
@@ -23,6 +23,8 @@ class StudyStopped(RbdError):
         ...     print(error, error.dataset)
         push.zarr cannot be written: No space left on device. None
     """
+
+    reason = Reason.STUDY_STOPPED
 
     def __init__(self, message: str, *, dataset: Any = None) -> None:
         super().__init__(message)

@@ -142,7 +142,7 @@ def worst_residual(values: Any) -> Named:
 
 def status(codes: Any) -> Named:
     """`StateStatus` codes, shape (...)."""
-    return "status", Variable(np.asarray(codes, np.int8), (), "", "what became of the state", {}, _FLAGS)
+    return "status", Variable(np.asarray(codes, np.int8), (), "", "solved, inaccurate, failed, ...", {}, _FLAGS)
 
 
 def com(values: Array) -> Named:

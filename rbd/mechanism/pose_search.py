@@ -181,7 +181,7 @@ def find_pose(
 def _posture(robot: CheckedModel, posture: object) -> Array:
     """The initial configuration."""
     if isinstance(posture, State):
-        if posture.robot is not robot:
+        if not robot.is_like(posture.robot):
             raise InputError(f"posture is a state of {posture.robot.name}, another robot; expected one of {robot.name}.")
         return posture.q
     if isinstance(posture, str) and isinstance(robot, Robot):

@@ -6,11 +6,8 @@ reaches it here unchecked.
 
 from __future__ import annotations
 
-import itertools
 import math
-import threading
-from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -21,19 +18,18 @@ from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
 from rbd.displayed import Displayed
 from rbd.errors import FrameNotFound, InputError, ModelError, nearest
 from rbd.installation import check_whole
-from rbd.model.forks import renewed_after_fork
+from rbd.model.data_pool import DataPool
 from rbd.model.joint_errors import UNIT_TOLERANCE
 from rbd.model.joints import Coordinate, Joints
+from rbd.model.travelling import Recipe, Travelling, packed, unpacked
 
 check_whole()  # the version of the installed Pinocchio
 
 FARTHEST = 1e5
 """Largest entry of q and of v: at 100 km from the origin M is right to 3e-11 of its largest entry, beyond it gets worse."""
 
-_tickets = itertools.count(1)
 
-
-class CheckedModel(Displayed):
+class CheckedModel(Travelling, Displayed):
     """A pin.Model whose names, sizes and numbers are checked before Pinocchio sees them.
 
     Args:
@@ -95,6 +91,7 @@ class CheckedModel(Displayed):
         self.zero_v = np.zeros(self.nv)
         self.zero_v.flags.writeable = False
         self.sound = True
+        self._as_made = model.copy()
         self.pool = DataPool(model)
         self.kept: dict[object, Any] = {}
         self.kept_bodies: dict[object, Any] = {}
@@ -132,9 +129,21 @@ class CheckedModel(Displayed):
         wrench[:3] = self.mass * self.model.gravity.linear
         return wrench
 
-    def __reduce__(self) -> tuple[object, ...]:
-        """Copies are constructed from the Pinocchio model, in another process too."""
-        return _remade, (self.model, sorted(self.passive), self.name), {"sound": self.sound}
+    def _recipe(self) -> Recipe:
+        """Of the model's numbers."""
+        return Recipe(_remade, (packed(self._as_made), pin.__version__, sorted(self.passive), self.name, self.sound))
+
+    def _content(self) -> str:
+        return repr((self.name, sorted(self.passive), self.sound))
+
+    def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> Any:
+        out = CheckedModel(model, passive=self.passive, name=self.name)
+        out.sound = self.sound
+        return out
+
+    def is_like(self, other: CheckedModel) -> bool:
+        """Whether another robot is this one, or has the same model and motors, as one from another process has."""
+        return other is self or bool(other.model == self.model and other.passive == self.passive)
 
     def frames(self) -> list[str]:
         """Names of all frames: links, joints and fixed marks."""
@@ -282,89 +291,10 @@ class CheckedModel(Displayed):
         return f"{type(self).__name__}({self.name!r}, nq={self.nq}, nv={self.nv}, nu={self.nu}, mass={self.mass:.3f} kg)"
 
 
-class Slot:
-    """One pin.Data and the ticket of the state whose kinematics it contains.
-
-    Attributes:
-        data: The Data.
-        ticket: 0 while it contains no state's.
-        placements: X_WJ of each joint: references, which follow the data.
-    """
-
-    __slots__ = ("data", "placements", "ticket")
-
-    def __init__(self, data: pin.Data) -> None:
-        self.data = data
-        self.placements = [data.oMi[joint] for joint in range(len(data.oMi))]
-        self.ticket = 0
-
-
-class DataPool:
-    """A few `pin.Data`, lent to states by ticket.
-
-    Creating one costs about ten times all dynamics terms, and a state may live long; so a state keeps its Data while no one
-    else needs it, and runs its kinematics again when it was taken away. All use is under `lock`, but for `give_back`.
-    """
-
-    def __init__(self, model: pin.Model, size: int = 4) -> None:
-        self._model = model
-        self._size = size
-        self._lent: list[Slot] = []
-        self._free: list[Slot] = []
-        self._returned: deque[tuple[Slot, int]] = deque()
-        self.lock = threading.RLock()
-        renewed_after_fork(self)
-
-    def take(self, fill: Callable[[pin.Data], None]) -> tuple[Slot, int]:
-        """A slot filled for a new ticket: a free one, a new one while there are few, else the one lent longest."""
-        self._take_back()
-        if self._free:
-            slot = self._free.pop()
-        elif len(self._lent) < self._size:
-            slot = Slot(self._model.createData())
-        else:
-            slot = self._lent.pop(0)
-        slot.ticket = 0
-        self._lent.append(slot)
-        fill(slot.data)
-        slot.ticket = next(_tickets)
-        return slot, slot.ticket
-
-    def give_back(self, slot: Slot, ticket: int) -> None:
-        """End a loan; no effect if the slot has been given to another ticket.
-
-        It takes no lock: the garbage collector can call it at any time, in a thread that may hold another robot's lock.
-        While the lock is taken the slot is only noted, for the next `take`.
-        """
-        self._returned.append((slot, ticket))
-        lock = self.lock
-        if lock.acquire(blocking=False):
-            try:
-                self._take_back()
-            finally:
-                lock.release()
-
-    def _take_back(self) -> None:
-        """Make free what was given back; under the lock."""
-        while self._returned:
-            try:  # the garbage collector may come in between and take the last one
-                slot, ticket = self._returned.popleft()
-            except IndexError:
-                return
-            if slot.ticket == ticket and slot in self._lent:
-                slot.ticket = 0
-                self._lent.remove(slot)
-                self._free.append(slot)
-
-    def renew_after_fork(self) -> None:
-        """In a forked child: a new lock; what a thread of the parent was computing is not lent again."""
-        self.lock = threading.RLock()
-        self._lent = [slot for slot in self._lent if slot.ticket]
-        self._returned = deque(self._returned)
-
-
-def _remade(model: pin.Model, passive: list[str], name: str) -> CheckedModel:
-    return CheckedModel(model, passive=passive, name=name)
+def _remade(model: bytes, version: str, passive: list[str], name: str, sound: bool) -> CheckedModel:
+    out = CheckedModel(unpacked(model, version), passive=passive, name=name)
+    out.sound = sound
+    return out
 
 
 def _as_slice(indices: Array) -> slice | Array:

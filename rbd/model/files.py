@@ -39,6 +39,7 @@ class RobotFile:
         remarks: (kind, where, text) of contents of the file that the model ignores.
         meshes: (as named, where it may be relative to a folder) of each mesh, once.
         equalities: Loops of an MJCF, between its bodies, sites and joints.
+        element: Its first element, includes of an MJCF carried out.
     """
 
     path: Path
@@ -50,6 +51,14 @@ class RobotFile:
     remarks: tuple[tuple[str, str, str], ...]
     meshes: tuple[tuple[str, str], ...]
     equalities: tuple[Equality, ...] = ()
+    element: ElementTree.Element | None = None
+
+    def collision_meshes(self) -> tuple[tuple[str, str], ...]:
+        """Those of `meshes` that the collision shapes of a URDF use; all of an MJCF, whose masses need them too."""
+        if self.urdf is None or self.element is None:
+            return self.meshes
+        used = {mesh.get("filename", "") for mesh in self.element.iterfind("link/collision/geometry/mesh")}
+        return tuple((name, place) for name, place in self.meshes if name in used)
 
     def missing_meshes(self, package_dirs: Sequence[Path]) -> Iterator[str]:
         """Names of the meshes that are in none of the folders; none is opened."""
@@ -94,7 +103,9 @@ def read(
     shapes.refuse()
     check_freedoms(path, urdf.freedoms + base, limits)
     mass = sum(link.mass for link in urdf.links.values() if base or link.name not in urdf.base)
-    return RobotFile(path, "urdf", urdf, None, tuple(urdf.links), mass, tuple(_remarks(urdf, element)), _urdf_meshes(element))
+    return RobotFile(
+        path, "urdf", urdf, None, tuple(urdf.links), mass, tuple(_remarks(urdf, element)), _urdf_meshes(element), (), element
+    )
 
 
 def _read_mjcf(
@@ -106,7 +117,7 @@ def _read_mjcf(
     equalities, lost = read_equalities(path.name, mjcf.root, off=off)
     bodies = tuple(body.name for body in mjcf.bodies[1:])
     meshes = tuple(mjcf.meshes.files().items())[:MOST_MESHES]
-    return RobotFile(path, "mjcf", None, mjcf, bodies, mjcf.mass, (*mjcf.remarks, *lost), meshes, equalities)
+    return RobotFile(path, "mjcf", None, mjcf, bodies, mjcf.mass, (*mjcf.remarks, *lost), meshes, equalities, element)
 
 
 def check_freedoms(path: Path, nv: int, limits: FileLimits) -> None:

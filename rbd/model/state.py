@@ -11,7 +11,8 @@ import pinocchio as pin
 from rbd.arrays import Array, as_array, as_vector3, check_finite, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.model.checked_model import CheckedModel, DataPool, Slot
+from rbd.model.checked_model import CheckedModel
+from rbd.model.data_pool import DataPool, Slot
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +101,8 @@ class State(Displayed):
 
     def __reduce__(self) -> tuple[object, ...]:
         """A copy, in another process too, has the same robot, q and v, to the last bit, and computes its terms itself."""
-        return _again, (self.robot, self.q, self.v)
+        v = None if self.v is self.robot.zero_v else self.v.tobytes()
+        return _again, (self.robot, self.q.tobytes(), v)
 
     def __repr__(self) -> str:
         return f"State({self.robot.name!r}, |v| = {np.linalg.norm(self.v):.3g})"
@@ -270,8 +272,8 @@ def check_state(state: State) -> State:
     return state
 
 
-def _again(robot: CheckedModel, q: Array, v: Array) -> State:
+def _again(robot: CheckedModel, q: bytes, v: bytes | None) -> State:
     """A state from another one's data: q is not normalised again, which could change its last bit."""
     state = State.__new__(State)
-    state._begin(robot, q.copy(), v.copy())
+    state._begin(robot, np.frombuffer(q).copy(), robot.zero_v if v is None else np.frombuffer(v).copy())
     return state

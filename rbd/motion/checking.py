@@ -189,7 +189,7 @@ def _lanes(motion: Motion, contacts: Lanes | None, settings: CheckSettings) -> L
         return find_contacts(motion, bodies=settings.bodies, ground=settings.ground, rest_speed=settings.rest_speed)
     if not isinstance(given, Lanes):
         raise InputError(f"contacts is {given!r:.80}; expected Lanes: rbd.motion.find_contacts(motion).")
-    if given.points.robot is not motion.robot or len(given.t) != motion.n or not np.array_equal(given.t, motion.t):
+    if not motion.robot.is_like(given.points.robot) or len(given.t) != motion.n or not np.array_equal(given.t, motion.t):
         raise InputError("contacts are of another motion: their robot or their times differ. Find those of this one.")
     return given
 

@@ -63,7 +63,7 @@ class MotionDifference(Displayed):
             if not isinstance(given, Motion):
                 raise InputError(f"{name} is {given!r:.80}; expected an rbd.Motion.")
         robot, n = motion.robot, motion.n
-        if reference.robot is not robot:
+        if not robot.is_like(reference.robot):
             raise InputError(f"motion is of {robot.name}, reference of {reference.robot.name}; expected motions of one robot.")
         if reference.n < n or not np.array_equal(reference.t[:n], motion.t):
             raise InputError("the times of the motion are not those of the reference; resample one of them.")

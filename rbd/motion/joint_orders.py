@@ -10,7 +10,6 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.errors import InputError, RbdError, nearest
 from rbd.model.checked_model import CheckedModel
-from rbd.model.input_files import read_xml
 from rbd.robots.robot import Robot
 
 _LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
@@ -59,7 +58,7 @@ def file_order(robot: CheckedModel) -> tuple[str, ...]:
     if not isinstance(robot, Robot):
         return known
     try:
-        element = read_xml(robot.urdf, robot.limits)
+        element = robot.element
     except RbdError:
         return known
     stated = dict.fromkeys(str(e.get("name")) for e in element.iter("joint"))

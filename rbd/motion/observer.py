@@ -133,7 +133,7 @@ class MomentumObserver(Displayed):
                 `estimate_forces`.
         """
         robot = self.robot
-        if checked(state).robot is not robot:
+        if not robot.is_like(checked(state).robot):
             raise InputError(f"the observer is of {robot.name}, and got a state of {state.robot.name}.")
         if (tau is not None) != self.torques:
             raise InputError(f"tau is {tau!r:.80}, and the observer was made with torques={self.torques}.")

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -17,7 +19,9 @@ from rbd.constraints.loop import LoopClosure
 from rbd.errors import InputError, ModelError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.mjcf.equality import WORLD, Equality
-from rbd.robots.loop_file import LoopFile, NamedFrame
+from rbd.robots import catalogue
+from rbd.robots.loop_file import LoopFile, NamedFrame, beside, read_loop_file
+from rbd.robots.posture import configuration, semantic_postures
 
 Made = TypeVar("Made")
 _MARKED = (pin.FrameType.BODY, pin.FrameType.FIXED_JOINT, pin.FrameType.OP_FRAME)
@@ -104,6 +108,25 @@ def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: It
     if twice := [entry.name for entry in read if entry.name in own]:
         raise ModelError(f"{file_name}: {twice[0]!r:.80} is the name of an equality of {name} too; give it another one.")
     return Mechanism(file, read, file_name)
+
+
+def loop_file_of(path: Path, loops: str | os.PathLike[str] | bool | None) -> LoopFile | None:
+    """The loop file that is named; if `loops` is true, that beside the robot's file; None if there is none."""
+    if loops is None or isinstance(loops, bool):
+        found = beside(path) if loops else None
+    else:
+        found = catalogue.file_path(loops, "loops")
+    return None if found is None else read_loop_file(found)
+
+
+def read_postures(robot: CheckedModel, source: catalogue.Source, mechanism: Mechanism) -> dict[str, Array]:
+    """{name: q} of the SRDF, of an MJCF's keyframes, of the catalogue and of the loop file; of one name the last counts."""
+    found = {} if source.srdf is None else semantic_postures(robot, source.srdf)
+    for keyframe in robot.model.referenceConfigurations:  # of an MJCF file
+        found[keyframe.key()] = pin.normalize(robot.model, keyframe.data())
+    for name, angles in source.postures.items():
+        found[name] = configuration(robot, angles)
+    return found | mechanism.postures(robot)
 
 
 def _part(robot: CheckedModel, joint: str, numbers: tuple[float, ...]) -> tuple[int, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import warnings
 from collections.abc import Iterable, Sequence
 from typing import Any, TypeVar
@@ -15,7 +16,9 @@ from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.constraints.surface import rigid_placement
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model.checked_model import CheckedModel
+from rbd.model.data_pool import DataPool
 from rbd.model.state import State
+from rbd.model.travelling import Recipe
 
 Kind = TypeVar("Kind")
 
@@ -49,9 +52,24 @@ class RobotPair(CheckedModel):
         super().__init__(model, passive=passive, name=f"{first.name} and {second.name}")
         self.sound = first.sound and second.sound
 
-    def __reduce__(self) -> tuple[object, ...]:
-        """Copies are constructed from copies of the two robots, in another process too."""
-        return RobotPair, (*self.members, self.placement, self.prefixes), {"sound": self.sound}
+    def _recipe(self) -> Recipe:
+        """The two robots."""
+        return Recipe(_pair_again, (*self.members, self.placement, self.prefixes, self.sound))
+
+    def _content(self) -> str:
+        members = [robot.digest for robot in self.members]
+        return repr((members, self.placement.homogeneous.tolist(), self.prefixes, self.sound))
+
+    def _is_as_made(self) -> bool:
+        return super()._is_as_made() and all(robot._is_as_made() for robot in self.members)
+
+    def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> RobotPair:
+        members = self.members if memo is None else copy.deepcopy(self.members, memo)
+        out = RobotPair(*members, self.placement, self.prefixes)
+        out.sound = self.sound
+        if memo is None:
+            out.model, out.pool = model, DataPool(model)
+        return out
 
     def neutral(self) -> Array:
         """The configuration with every joint at zero, the second's base at `placement`, shape (nq,)."""
@@ -81,7 +99,7 @@ class RobotPair(CheckedModel):
             InputError: if one is not a state of its robot.
         """
         for state, robot in zip((first, second), self.members, strict=True):
-            if not isinstance(state, State) or state.robot is not robot:
+            if not isinstance(state, State) or not robot.is_like(state.robot):
                 raise InputError(f"together wants a State of {robot.name}, got {state!r:.80}: rbd.State(robot, q, v).")
         return State(self, self.q(first.q, second.q), np.concatenate([first.v, second.v]))
 
@@ -211,6 +229,14 @@ def merge_robots(
             stacklevel=2,
         )
     return RobotPair(first, second, rigid_placement("placement of the second robot", placement), prefixes)
+
+
+def _pair_again(
+    first: CheckedModel, second: CheckedModel, placement: pin.SE3, prefixes: tuple[str, str], sound: bool
+) -> RobotPair:
+    out = RobotPair(first, second, placement, prefixes)
+    out.sound = sound
+    return out
 
 
 def _checked_names(names: Sequence[str]) -> tuple[str, str]:

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import copy
 import os
+import pickle
 import warnings
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import pinocchio as pin
 
-from rbd.arrays import Array, lazy
+from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.constraints.joint import JointCoupling, JointFriction
@@ -21,20 +23,21 @@ from rbd.errors import InputError, ModelError, ModelWarning, nearest
 from rbd.model import mjcf
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import build_model, check_freedoms, read
-from rbd.model.input_files import FileLimits, read_xml
-from rbd.model.meshes import Geometry, load_geometry
+from rbd.model.input_files import FileLimits
 from rbd.model.state import State
+from rbd.model.travelling import Recipe, packed, unpacked
 from rbd.model.urdf import BASE_JOINT
 from rbd.problem.ground import On
-from rbd.robots import catalogue
+from rbd.robots import catalogue, travelling
 from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse
-from rbd.robots.feet import contacts_of, registered, soles_at
-from rbd.robots.loop_file import ROOTS, LoopFile, Root, beside, read_loop_file
-from rbd.robots.loops import Mechanism, mechanism
-from rbd.robots.posture import configuration, semantic_postures, stand
+from rbd.robots.feet import contacts_of, registered
+from rbd.robots.loop_file import ROOTS, Root
+from rbd.robots.loops import Mechanism, loop_file_of, mechanism, read_postures
+from rbd.robots.posture import stand
+from rbd.robots.shapes import ShapedRobot
 
 
-class Robot(CheckedModel):
+class Robot(ShapedRobot):
     """A robot, as `load_robot` gives it: its checked Pinocchio model, its postures, feet, limits and loops.
 
     Made by `load_robot`. In addition to `CheckedModel`:
@@ -65,6 +68,7 @@ class Robot(CheckedModel):
         limits: FileLimits = FileLimits(),  # noqa: B008  frozen
         mechanism: Mechanism = Mechanism(),  # noqa: B008  frozen
         leave_out: Iterable[str] = (),
+        postures: Mapping[str, Array] | None = None,
     ) -> None:
         # A base that slides on the ground has no motor.
         base = (BASE_JOINT,) if root == "planar" else ()
@@ -75,12 +79,7 @@ class Robot(CheckedModel):
         self.limits = limits
         self.leave_out = frozenset(leave_out)
         self.report: ModelReport | None = None
-        found = {} if source.srdf is None else semantic_postures(self, source.srdf)
-        for keyframe in model.referenceConfigurations:  # of an MJCF file
-            found[keyframe.key()] = pin.normalize(model, keyframe.data())
-        for name, angles in source.postures.items():
-            found[name] = configuration(self, angles)
-        found |= mechanism.postures(self)
+        found = read_postures(self, source, mechanism) if postures is None else {name: q.copy() for name, q in postures.items()}
         for q in found.values():
             q.flags.writeable = False
         self.postures = MappingProxyType(found)
@@ -88,10 +87,35 @@ class Robot(CheckedModel):
         self._loops: tuple[Constraint, ...] = mechanism.loops(self)
         self._wheels: tuple[Constraint, ...] = mechanism.wheels(self)
 
-    def __reduce__(self) -> tuple[object, ...]:
-        """Copies are constructed from the model, in another process too; the geometry is then read from the file again."""
-        args = self.model, self.source, self.root, sorted(self.passive), self.limits, self.mechanism, sorted(self.leave_out)
-        return Robot, args, {"sound": self.sound, "report": self.report}
+    in_catalogue: tuple[tuple[str, str], tuple[Any, ...], tuple[catalogue.Foot, ...] | None] | None = None
+
+    def _recipe(self) -> Recipe:
+        """By name, of a robot of the catalogue as it is there; else the numbers of the model, the text, and the rest."""
+        if self.in_catalogue is not None:
+            return Recipe(_known_again, (*self.in_catalogue, *travelling.numbers_and_versions(self._as_made)))
+        numbers = packed(self._as_made), pin.__version__
+        parts = (
+            travelling.sent_source(self.source),
+            self.root,
+            sorted(self.passive),
+            self.limits,
+            self.mechanism,
+            sorted(self.leave_out),
+        )
+        kept = dict(self.postures), self._text, self._mesh_names, self.report, self.sound
+        return Recipe(_robot_again, (*numbers, *parts, *kept))
+
+    def _content(self) -> str:
+        postures = [(name, q.tolist()) for name, q in self.postures.items()]
+        loops = pickle.dumps(self.mechanism).hex() if self.mechanism.file_name else ""
+        return repr((self.name, self.root, sorted(self.passive), self.source.feet, self.source.posture, postures, loops))
+
+    def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> Robot:
+        closed = self.mechanism if memo is None else copy.deepcopy(self.mechanism, memo)
+        out = Robot(model, self.source, self.root, self.passive, self.limits, closed, self.leave_out, self.postures)
+        out._text, out._mesh_names, out._mesh_files = self._text, self._mesh_names, self._mesh_files
+        out.in_catalogue, out.report, out.sound, out._pairs = self.in_catalogue, self.report, self.sound, self._extras()
+        return out
 
     def neutral(self) -> Array:
         """The configuration with every joint at zero, shape (nq,)."""
@@ -207,68 +231,6 @@ class Robot(CheckedModel):
         """The joint couplings of its URDF's <mimic> tags, as `rbd.constraints.mimics`."""
         return mimics(self)
 
-    @lazy
-    def visual_model(self) -> pin.GeometryModel:
-        """Meshes and shapes to draw, boxes in place of meshes that cannot be loaded; the first use warns of those."""
-        return self._geometry(pin.GeometryType.VISUAL).model
-
-    @lazy
-    def collision_model(self) -> pin.GeometryModel:
-        """Collision shapes, boxes in place of meshes that cannot be loaded; the first use warns of those."""
-        return self._collision.model
-
-    @property
-    def collision_stand_ins(self) -> frozenset[str]:
-        """Names in `collision_model` of the boxes that replace meshes that cannot be loaded."""
-        return self._collision.stand_ins
-
-    @lazy
-    def _collision(self) -> Geometry:
-        return self._geometry(pin.GeometryType.COLLISION)
-
-    def _geometry(self, kind: pin.GeometryType) -> Geometry:
-        element = read_xml(self.urdf, self.limits)
-        found = load_geometry(self.model, element, self.urdf, self.source.package_dirs, kind, self.limits)
-        if found.complaint:
-            warnings.warn(f"the {kind.name.lower()} geometry of {self.name} {found.complaint}", ModelWarning, stacklevel=4)
-        return found
-
-    def soles_from_collision(
-        self,
-        frames: Sequence[str],
-        friction: float | None = 0.7,
-        *,
-        at: State | None = None,
-        facets: int = 4,
-        on: On | Mapping[str, On] = 0.0,
-    ) -> list[SurfaceContact]:
-        """The flat undersides of its feet as surface contacts, from the collision shapes of its file.
-
-        For a robot that the catalogue does not know. A sole is the convex hull of all points of the foot's shapes within
-        2 mm of the lowest plane (a ball gives its lowest point), without corners that add little area; it is on
-        that plane.
-
-        Args:
-            frames: A frame on each foot; the contacts are called like them.
-            friction: Coulomb's coefficient; None for bilateral contacts.
-            at: Where the feet are flat on level ground; by default in the standing posture, if one is known, else the
-                neutral one. Feet may lean up to 20 degrees.
-            facets: Facets of the corner pyramids in a QP.
-            on: The ground under them, as in `soles`, the feet by the names of their frames.
-
-        Raises:
-            FrameNotFound: with the nearest names.
-            ModelError: a foot without collision shapes, or one that touches at less than three points.
-
-        >>> rbd.load_robot("g1").soles_from_collision(["left_ankle_roll_link"])[0].corners.shape
-        (4, 3)
-        """
-        at = self._down() if at is None else at
-        if not isinstance(at, State) or at.robot is not self:
-            raise InputError(f"at is {at!r:.80}; expected a State of {self.name}: robot.at(q).")
-        soles = contacts_of(soles_at(self, self._collision, frames, at), friction, facets, on)
-        return [sole for sole in soles if isinstance(sole, SurfaceContact)]
-
     def _down(self) -> State:
         """The state in which feet are assumed to be down: standing, else its only posture, else neutral."""
         known = self.source.posture or (next(iter(self.postures)) if len(self.postures) == 1 else None)
@@ -331,7 +293,33 @@ def load_robot(
     limits = FileLimits() if limits is None else limits
     mjcf.check_leave_out(leave_out)
     source = catalogue.find(name_or_path, package_dirs)
-    closing = _loop_file(source.urdf, loops)
+    robot = _loaded(source, root, passive, limits, loops, leave_out)
+    if feet is not None:
+        robot.source = replace(source, feet=registered(robot, robot._collision, feet, robot._down()))
+    named = source.package_dirs[0] == source.urdf.parent and (loops is None or isinstance(loops, bool))
+    place = travelling.known_place(source) if named else None
+    if place is not None:
+        options = robot.root, sorted(robot.passive), None if limits == FileLimits() else limits, loops, sorted(robot.leave_out)
+        robot.in_catalogue = place, options, None if feet is None else robot.source.feet
+    report = robot.report
+    assert report is not None
+    if not source.known:
+        refuse(report, source.urdf.name)
+    if report.errors or report.warnings:
+        warnings.warn(report.summary(), ModelWarning, stacklevel=2)
+    return robot
+
+
+def _loaded(
+    source: catalogue.Source,
+    root: Root | None,
+    passive: Sequence[str],
+    limits: FileLimits,
+    loops: str | os.PathLike[str] | bool | None,
+    leave_out: Collection[str],
+) -> Robot:
+    """The robot of a file and its report, whatever is in that."""
+    closing = loop_file_of(source.urdf, loops)
     root = root or (closing.root if closing else None) or "free_flyer"
     file = read(source.urdf, limits, base=ROOTS[root], known=source.known, folders=source.package_dirs, leave_out=leave_out)
     model = build_model(file, root)
@@ -343,15 +331,33 @@ def load_robot(
         raise ModelError(f"nothing moves in {source.urdf.name}: it has no joints, and its root is fixed.")
     closed = mechanism(model, source.urdf.name, closing, file.equalities if loops else ())
     robot = Robot(model, source, root, passive, limits, closed, leave_out)
-    if feet is not None:
-        robot.source = replace(source, feet=registered(robot, robot._collision, feet, robot._down()))
-    robot.report = report = examine(robot, file, robot.postures, source.package_dirs)
-    robot.sound = report.ok
     if not source.known:
-        refuse(report, source.urdf.name)
-    if report.errors or report.warnings:
-        warnings.warn(report.summary(), ModelWarning, stacklevel=2)
+        robot.keep_text(file)
+    robot.report = examine(robot, file, robot.postures, source.package_dirs)
+    robot.sound = robot.report.ok
     return robot
+
+
+def _known_again(
+    place: tuple[str, str], options: tuple[Any, ...], feet: tuple[catalogue.Foot, ...] | None, digest: str, versions: str
+) -> Robot:
+    """A robot of the catalogue in another process."""
+    source = travelling.again_known(place)
+    root, passive, limits, loops, leave_out = options
+    robot = _loaded(source, root, passive, limits or FileLimits(), loops, leave_out)
+    if feet is not None:
+        robot.source = replace(source, feet=feet)
+    travelling.check_same(robot, digest, versions)
+    robot.in_catalogue = place, options, feet
+    return robot
+
+
+def _robot_again(model: bytes, version: str, source: travelling.SentSource, *rest: Any) -> Robot:
+    """A robot of a file in another process."""
+    root, passive, limits, closed, leave_out, postures, text, meshes, report, sound = rest
+    out = Robot(unpacked(model, version), travelling.source_again(source), root, passive, limits, closed, leave_out, postures)
+    out._text, out._mesh_names, out.report, out.sound = text, meshes, report, sound
+    return out
 
 
 def doctor(robot: Robot) -> ModelReport:
@@ -381,14 +387,6 @@ def doctor(robot: Robot) -> ModelReport:
         return replace(robot.report, notes=(*robot.report.notes, gone))
     file = read(source.urdf, robot.limits, base=ROOTS[robot.root], folders=source.package_dirs, leave_out=robot.leave_out)
     return examine(robot, file, robot.postures, source.package_dirs)
-
-
-def _loop_file(path: Path, loops: str | os.PathLike[str] | bool | None) -> LoopFile | None:
-    if loops is None or isinstance(loops, bool):
-        found = beside(path) if loops else None
-    else:
-        found = catalogue.file_path(loops, "loops")
-    return None if found is None else read_loop_file(found)
 
 
 def _joined(passive: Iterable[str], more: tuple[str, ...]) -> Iterable[str]:

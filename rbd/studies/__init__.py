@@ -9,6 +9,7 @@ from rbd.studies.own_processes import Workers
 from rbd.studies.running import study
 from rbd.studies.samples import Samples
 from rbd.studies.standing import move_under_push, withstand_push
+from rbd.studies.stores.opened import open_study
 from rbd.studies.tables import table
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "grid",
     "kept_names",
     "move_under_push",
+    "open_study",
     "sample",
     "study",
     "table",

@@ -76,20 +76,27 @@ class Column:
         return {self.name: ((*dims, *inner), shown[at], units)}
 
     def add_to(self, found: Hash) -> None:
-        """Add all that is in the column, units aside, to a hash."""
-        add(found, (self.name, self.dim, self.mark or self.values, list(self.choices or ()), self.labels))
+        """Add all that is in the column to a hash, but for units, and for labels that follow from the objects."""
+        labels, choices = self.labels, list(self.choices or ())
+        if labels is not None and choices and np.array_equal(labels, _labels(choices)):
+            labels = None
+        if all(type(x) is str for x in choices):  # as one text: they may be millions
+            choices = ["".join(choices), np.array([len(x) for x in choices], np.int64)]
+        add(found, (self.name, self.dim, self.mark or self.values, choices, labels))
 
     @property
     def text(self) -> str:
         """The values in a few words, for people."""
-        unit, n = f" {self.units}" if self.units else "", len(self)
+        unit, n = f" {self.units}" if self.units and self.labels is None else "", len(self)
         if self.values.ndim > 1 and self.labels is None:
             return f"{_count(n, 'array')} of shape {self.values.shape[1:]}{unit}"
         shown = self.shown
         if not self.dim:
             return f"{_label(shown[0])}{unit} in all"
         if shown.dtype.kind in "iufmM" and n > 3:
-            return f"{n:,} values from {_label(np.nanmin(shown))} to {_label(np.nanmax(shown))}{unit}"
+            known = shown[shown == shown] if (shown == shown).any() else shown  # without NaN
+            ends = [f"{x:.6g}" if shown.dtype.kind == "f" else str(x) for x in (known.min(), known.max())]
+            return f"{n:,} values from {' to '.join(ends)}{unit}"
         first = list(dict.fromkeys(_label(x) for x in shown[:1000]))
         listed = ", ".join(first[:6]) + (", ..." if len(first) > 6 else "")
         return f"{_count(n, 'value')}: {listed[:200]}{unit}"
@@ -106,7 +113,7 @@ def column(name: str, given: Any, dim: str, *, distinct: bool = False) -> Column
         name: Name of the argument.
         given: One value (number, text, None, object), a sequence or array of values, or a mapping {label: value}.
         dim: The dimension.
-        distinct: Whether labels must differ: of an axis of a grid.
+        distinct: Whether labels must differ: of an axis of a grid, and of what has the name of its dimension.
 
     Raises:
         InputError: no values, arrays of different lengths, a set, labels that repeat.
@@ -131,7 +138,7 @@ def column(name: str, given: Any, dim: str, *, distinct: bool = False) -> Column
     if labels is not None:
         chosen = labels if found.choices is None else _at_choices(found, labels)
         found = replace(found, labels=chosen)
-    if distinct:
+    if distinct or name == dim:
         _check_distinct(found)
     return found
 
@@ -156,10 +163,10 @@ def check_name(name: object) -> None:
     """Refuse names that no dataset can have.
 
     Raises:
-        InputError: no text, empty, or with a slash.
+        InputError: no text, empty, or with a slash or a blank.
     """
-    if not isinstance(name, str) or not name or "/" in name:
-        raise InputError(f"{name!r:.80} cannot be the name of an argument; expected text without '/'.")
+    if not isinstance(name, str) or not name or "/" in name or any(letter.isspace() for letter in name):
+        raise InputError(f"{name!r:.80} cannot be the name of an argument; expected text without '/' and blanks.")
 
 
 def _sequence(name: str, given: Any) -> Array | list[Any]:
@@ -235,6 +242,8 @@ def _regular(value: Any) -> bool:
 
 def _labels(choices: Sequence[object]) -> Array:
     """Texts for objects, distinct: their names, else short texts; where these repeat, their type and number."""
+    if all(type(x) is str for x in choices):
+        return np.array(choices, str)
     found = [_label(x) for x in choices]
     own = [name for x in choices if isinstance(name := getattr(x, "name", None), str) and not isinstance(x, Enum)]
     if len(set(found)) < len(found) and not own:
@@ -248,6 +257,8 @@ def _label(value: Any) -> str:
         return str(value.value) if isinstance(value, str) else value.name
     if isinstance(value, float | np.floating):
         return f"{float(value):.12g}"
+    if isinstance(value, set | frozenset):
+        return f"{{{', '.join(sorted(map(_label, value)))}}}"[:LONGEST_LABEL]
     if isinstance(value, list | tuple) and value:
         return ", ".join(_label(x) for x in value)[:LONGEST_LABEL]
     if isinstance(value, str | np.generic):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -10,7 +10,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors.reasons import Reason
 from rbd.modules import xarray_or_error
-from rbd.studies.kept.variable import Block, Variable
+from rbd.studies.kept.variable import Block
 from rbd.studies.samples import Samples
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def dataset_of(samples: Samples, found: Block, attributes: Mapping[str, Any]) ->
     coords: dict[str, Any] = dict(coordinates(samples))
     for name, v in found.variables.items():
         inner = v.values.shape[1:]
-        variables[name] = ((*dims, *v.dims), v.values.reshape(*shape, *inner), variable_attributes(v))
+        variables[name] = ((*dims, *v.dims), v.values.reshape(*shape, *inner), v.attributes)
         coords |= {dim: ((dim,), np.asarray(labels), {}) for dim, labels in v.labels.items()}
     return with_outcome(normal(xarray.Dataset(variables, coords, dict(attributes))))
 
@@ -57,47 +57,49 @@ def coordinates(samples: Samples) -> dict[str, tuple[tuple[str, ...], Array, dic
     found = {}
     for name, (dims, values, attrs) in samples.coords().items():
         x = np.asarray(values)
-        found[name] = (tuple(dims), x.astype(str) if x.dtype.kind in "OT" else x, dict(attrs))
+        found[name] = (tuple(dims), x.astype(object) if x.dtype.kind in "UT" else x, dict(attrs))
     return found
-
-
-def variable_attributes(variable: Variable) -> dict[str, Any]:
-    """Unit, meaning and codes of a variable, as attributes that zarr and netCDF can write."""
-    found: dict[str, Any] = {"units": variable.units, "long_name": variable.long_name}
-    if variable.flags:
-        found |= {"flag_values": list(variable.flags), "flag_meanings": " ".join(variable.flags.values())}
-    return {name: value for name, value in found.items() if value}
 
 
 def normal(dataset: xarray.Dataset) -> xarray.Dataset:
     """The dataset in the one form that it has from memory, from zarr and from netCDF.
 
-    Text of samples is an array of objects, so that a long message costs its own length only; labels are NumPy's text, whole
-    numbers of coordinates int64. Only what differs is touched, so that variables of a store stay unread.
+    Text is an array of objects: a long message costs its own length only, and zarr and netCDF write it as it is. Whole numbers
+    of coordinates are int64. Only what differs is read, so that variables of a large store stay on the disk.
     """
     changed: dict[str, Any] = {}
     for name, x in dataset.variables.items():
-        wanted = _kind(x.dtype, label=name in dataset.coords)
         attrs = dict(x.attrs)
         if "flag_values" in attrs:
             attrs["flag_values"] = np.atleast_1d(np.asarray(attrs["flag_values"])).astype(x.dtype)
-        if wanted is not None:
+        x.attrs = attrs
+        if x.dtype.kind in "UTS" or (name in dataset.coords and x.dtype.kind in "iu" and x.dtype != np.int64):
+            wanted = object if x.dtype.kind in "UTS" else np.int64
             changed[str(name)] = (x.dims, np.asarray(x.values).astype(wanted), attrs)
-        else:
-            x.attrs = attrs
-    if not changed:
-        return dataset
-    order = list(dataset.data_vars)
-    return dataset.assign_coords({name: x for name, x in changed.items() if name in dataset.coords}).assign(
-        {name: x for name, x in changed.items() if name not in dataset.coords}
-    )[order]
+    coords = {name: x for name, x in changed.items() if name in dataset.coords}
+    found = dataset.assign_coords(coords).assign({name: x for name, x in changed.items() if name not in coords})
+    return _in_order(found, list(dataset.data_vars)).drop_encoding()
 
 
-def _kind(dtype: np.dtype, *, label: bool) -> type | str | None:
-    """The type to which values are to be converted; None: they have it."""
-    if label:
-        return str if dtype.kind in "OTS" else np.int64 if dtype.kind in "iu" and dtype != np.int64 else None
-    return object if dtype.kind in "UTS" else None
+def ordered(dataset: xarray.Dataset, names: Sequence[str]) -> xarray.Dataset:
+    """The dataset with these variables, in this order, and all coordinates: those that no variable varies along, too."""
+    return type(dataset)({name: dataset.variables[name] for name in names}, dataset.coords, dataset.attrs)
+
+
+def _in_order(dataset: xarray.Dataset, names: list[Any]) -> xarray.Dataset:
+    """The dataset with its variables in one order: coordinates of samples by their dimension, of labels by first use."""
+    own = list(dataset[OK].dims)
+    used = list(dict.fromkeys(dim for name in names for dim in dataset[name].dims if dim not in own))
+    place = {dim: k for k, dim in enumerate((*own, *used))}
+    labels = [dim for dim in used if dim in dataset.coords]
+    others = [name for name in dataset.coords if name not in labels]
+    others.sort(
+        key=lambda name: (min((place.get(dim, -1) for dim in dataset[name].dims), default=-1), name not in own, str(name))
+    )
+    variables = {name: dataset.variables[name] for name in (*others, *labels, *names)}
+    return type(dataset)(
+        {name: variables[name] for name in names}, {c: variables[c] for c in (*others, *labels)}, dataset.attrs
+    )
 
 
 def with_outcome(dataset: xarray.Dataset) -> xarray.Dataset:

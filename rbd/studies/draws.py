@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -64,10 +64,10 @@ def sample(
         0.550 0.50 128
     """
     count, root = check_whole("n", n, MOST_DRAWS), check_seed(seed)
-    if method not in METHODS:
+    if not isinstance(method, str) or method not in METHODS:
         raise InputError(f"method is {method!r:.80}; {nearest(method, METHODS)}.")
     asked = _all_ranges(ranges, more)
-    varying = [name for name, given in asked.items() if isinstance(given, tuple) or _quantile(given) or not is_one(given)]
+    varying = [name for name, given in asked.items() if isinstance(given, tuple) or _draws(given) or not is_one(given)]
     if not varying:
         raise InputError(
             "sample has no range to draw from; give at least one, such as friction=(0.1, 1.0). For a function that draws "
@@ -109,10 +109,14 @@ def _all_ranges(ranges: Mapping[str, object] | None, more: Mapping[str, object])
     return asked
 
 
-def _quantile(given: object) -> Any:
-    """The inverse of the cumulative distribution of what is a distribution of SciPy; else None."""
-    own = getattr(given, "ppf", None) or getattr(given, "icdf", None)
-    return own if callable(own) and not isinstance(given, type) else None
+def _draws(given: object) -> bool:
+    """Whether this is a distribution."""
+    return not isinstance(given, type) and any(hasattr(given, name) for name in ("ppf", "icdf", "rvs"))
+
+
+def _quantile(given: Any) -> Any:
+    """The inverse of the cumulative distribution function of a distribution; None of all else."""
+    return (getattr(given, "ppf", None) or getattr(given, "icdf", None)) if _draws(given) else None
 
 
 def _check(name: str, given: Any) -> Column | None:
@@ -133,7 +137,7 @@ def _check(name: str, given: Any) -> Column | None:
     if (ppf := _quantile(given)) is not None:
         _check_distribution(name, ppf)
         return None
-    if hasattr(given, "rvs") and not isinstance(given, Sequence):
+    if _draws(given):
         raise InputError(
             f"{name} is a distribution without an inverse cumulative function (of vectors?); draw rows of a table."
         )

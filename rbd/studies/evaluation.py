@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
-import inspect
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
+from rbd.arrays import Array
+from rbd.studies.calling import takes_rng
 from rbd.studies.kept.rows import KeptRows
 from rbd.studies.kept.variable import Block
 from rbd.studies.kept.wanted import Keep
+from rbd.studies.samples import arguments
 from rbd.studies.told import Told, recorded
 
 BATCH = 512
 """Samples that a batched function gets at a time: as many as `solve_many` puts in a block, whatever the chunk."""
+Columns: TypeAlias = Mapping[str, Sequence[Any] | Array]
+"""{argument: values of some samples}, of one length."""
 ONE_AT_A_TIME = threading.RLock()
 """Held during an evaluation: the filters of warnings are those of the whole process, and user's functions may not be safe."""
 
@@ -57,7 +61,7 @@ class Evaluation:
     seed: int = 0
     batched: bool = False
 
-    def run(self, start: int, columns: Mapping[str, Sequence[Any]], *, check: Callable[[], None] = _nothing) -> Finished:
+    def run(self, start: int, columns: Columns, *, check: Callable[[], None] = _nothing) -> Finished:
         """Results of consecutive samples; an exception of the function is a row without a result, with its reason.
 
         Args:
@@ -71,25 +75,21 @@ class Evaluation:
         began = time.perf_counter()
         n, told = len(next(iter(columns.values()))), Told()
         rows = KeptRows(n, self.keep, first=start, arguments=tuple(columns))
-        takes_rng = "rng" not in columns and "rng" in _parameters(self.function)
+        draws = "rng" not in columns and takes_rng(self.function)
         with ONE_AT_A_TIME, recorded() as caught:
             evaluate = self._batches if self.batched else self._singles
-            evaluate(rows, start, columns, takes_rng, _After(told, caught, check))
+            evaluate(rows, start, columns, draws, _After(told, caught, check))
         return Finished(rows.block(), time.perf_counter() - began, told)
 
-    def block(self, start: int, columns: Mapping[str, Sequence[Any]]) -> Block:
+    def block(self, start: int, columns: Columns) -> Block:
         """Results of consecutive samples alone; arguments as `run`."""
         return self.run(start, columns).block
 
-    def _singles(
-        self, rows: KeptRows, start: int, columns: Mapping[str, Sequence[Any]], takes_rng: bool, after: _After
-    ) -> None:
+    def _singles(self, rows: KeptRows, start: int, columns: Columns, draws: bool, after: _After) -> None:
         """Each sample by a call of its own."""
-        names = tuple(columns)
         function = self.function
-        for i, values in enumerate(zip(*(_python(c) for c in columns.values()), strict=True)):
-            given = dict(zip(names, values, strict=True))
-            if takes_rng:
+        for i, given in enumerate(arguments(columns)):
+            if draws:
                 given["rng"] = np.random.default_rng(self.seed_of(start + i))
             try:
                 result = function(**given)
@@ -100,15 +100,13 @@ class Evaluation:
             after(start + i)
             rows.put(i, result)
 
-    def _batches(
-        self, rows: KeptRows, start: int, columns: Mapping[str, Sequence[Any]], takes_rng: bool, after: _After
-    ) -> None:
+    def _batches(self, rows: KeptRows, start: int, columns: Columns, draws: bool, after: _After) -> None:
         """`BATCH` samples by one call; an exception is told in the rows of all of them."""
         n = len(next(iter(columns.values())))
         for i in range(0, n, BATCH):
             j = min(i + BATCH, n)
             given: dict[str, Any] = {name: values[i:j] for name, values in columns.items()}
-            if takes_rng:
+            if draws:
                 given["rng"] = np.random.default_rng(self.seed_of(start + i))
             try:
                 result = self.function(**given)
@@ -136,19 +134,3 @@ class _After:
             self.told.add(i, self.caught)
             self.caught.clear()
         self.check()
-
-
-def _parameters(function: Callable[..., Any]) -> Mapping[str, inspect.Parameter]:
-    """The parameters of a function; none of what has no signature."""
-    try:
-        return inspect.signature(function).parameters
-    except (TypeError, ValueError):
-        return {}
-
-
-def _python(column: Sequence[Any]) -> Sequence[Any]:
-    """The values of a column one by one: numbers and texts of Python, faster than those of NumPy; else as they are."""
-    if isinstance(column, np.ndarray) and column.ndim == 1 and column.dtype.kind in "fiubU":
-        found: list[Any] = column.tolist()
-        return found
-    return column

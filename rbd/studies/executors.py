@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Generator, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
@@ -19,10 +19,11 @@ from typing import Any, NamedTuple
 
 from rbd.errors import InputError
 from rbd.studies.chunks import Chunks
-from rbd.studies.evaluation import ONE_AT_A_TIME, Evaluation, Finished
-from rbd.studies.own_processes import WITHOUT_GUARD, WorkerDied, Workers, cores, end_if_unguarded
+from rbd.studies.evaluation import ONE_AT_A_TIME, Columns, Evaluation, Finished
+from rbd.studies.own_processes import MOST, WITHOUT_GUARD, WorkerDied, Workers, cores, end_if_unguarded
 from rbd.studies.samples import Samples
 from rbd.studies.sending import pickled
+from rbd.studies.told import recorded
 
 TICK = 0.5
 """Seconds after which whoever waits for a chunk looks up, to draw the time."""
@@ -71,7 +72,7 @@ def check(executor: Executor | int | None) -> None:
     Raises:
         InputError: it is neither None, nor a number of processes, nor an executor; or it is shut down, or broken.
     """
-    if executor is None or (isinstance(executor, int) and not isinstance(executor, bool) and executor >= 0):
+    if executor is None or (isinstance(executor, int) and not isinstance(executor, bool) and 0 <= executor <= MOST):
         if executor != 0:
             end_if_unguarded()
         return
@@ -242,7 +243,7 @@ def _nothing() -> None:
 _loaded: OrderedDict[str, Evaluation] = OrderedDict()
 
 
-def _evaluate(key: str, sent: bytes | None, start: int, columns: Mapping[str, Any]) -> Finished | NotLoaded:
+def _evaluate(key: str, sent: bytes | None, start: int, columns: Columns) -> Finished | NotLoaded:
     """In another process: the results of a chunk. The evaluation is loaded once, so that its robots are built once."""
     with ONE_AT_A_TIME:
         evaluation = _loaded.get(key)
@@ -251,7 +252,8 @@ def _evaluate(key: str, sent: bytes | None, start: int, columns: Mapping[str, An
                 return NotLoaded("")
             _ignore_interrupts()
             try:
-                evaluation = pickle.loads(sent)
+                with recorded():  # what robots warn of, they did where they were loaded first
+                    evaluation = pickle.loads(sent)
             except Exception as error:  # modules of the user are imported
                 return NotLoaded(
                     f"the processes cannot load the function: {type(error).__name__}: {error!s:.300}. What it needs must be "
@@ -263,7 +265,7 @@ def _evaluate(key: str, sent: bytes | None, start: int, columns: Mapping[str, An
     return _evaluate_here(evaluation, start, columns)
 
 
-def _evaluate_here(evaluation: Evaluation, start: int, columns: Mapping[str, Any]) -> Finished:
+def _evaluate_here(evaluation: Evaluation, start: int, columns: Columns) -> Finished:
     with ONE_AT_A_TIME, _one_thread():
         return evaluation.run(start, columns)
 

@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import ast
-import enum
 import functools
 import hashlib
 import inspect
 import sys
 import textwrap
-from collections.abc import Callable, Iterator, Mapping, Sequence, Set
-from dataclasses import fields, is_dataclass
-from types import BuiltinFunctionType, CodeType, FunctionType, MethodType, ModuleType
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import is_dataclass
+from types import CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
+
+from rbd.errors import InputError
+from rbd.studies.fingerprint import add, hash_of, source_of
 
 CHANGING = {"append", "add", "clear", "discard", "extend", "insert", "pop", "remove", "setdefault", "update"}
 """Methods that change a collection."""
@@ -29,8 +31,8 @@ def name_of(function: Any) -> str:
     return f"{function.__module__}.{function.__qualname__}"
 
 
-def hash_of(value: Any) -> str:
-    """A hash that is the same in every process for the same function, or value, and differs where it computes something else.
+def function_hash(function: Callable[..., Any]) -> str:
+    """A hash that is the same in every process for the same function, and differs where it computes something else.
 
     It covers the source without comments and docstrings, defaults, values in closures, bound arguments, functions and classes
     of its own module that are used, and values of that module that are numbers, text, arrays or collections of those, or that
@@ -38,12 +40,12 @@ def hash_of(value: Any) -> str:
     names: versions stand beside results.
     """
     found = _Hash()
-    found.add(value)
+    found.add(function)
     return found.sha.hexdigest()
 
 
 class _Hash:
-    """A hash of values, which are added one after another."""
+    """A hash of functions, with all that they use."""
 
     def __init__(self) -> None:
         self.sha = hashlib.sha256()
@@ -51,122 +53,98 @@ class _Hash:
         self._alive: list[Any] = []
 
     def add(self, x: Any) -> None:
-        """Add a value of any kind."""
-        if x is None or isinstance(x, bool | int | float | complex | str | bytes) and not isinstance(x, enum.Enum):
-            self._text(f"{type(x).__name__} {x!r}")
-        elif isinstance(x, np.ndarray | np.generic) and x.dtype != object:
-            self._text(f"array {x.dtype.kind}{x.dtype.itemsize} {x.shape}")
-            self.sha.update(np.ascontiguousarray(x).astype(x.dtype.newbyteorder("<")).tobytes())
-        elif id(x) in self._seen:
-            self._text(f"again {self._seen[id(x)]}")
-        else:
-            self._seen[id(x)] = len(self._seen)
-            self._alive.append(x)  # so that no other object gets its id
-            self._add_new(x)
-
-    def _text(self, text: str) -> None:
-        data = text.encode(errors="backslashreplace")
-        self.sha.update(f"{len(data)}:".encode() + data)
-
-    def _add_new(self, x: Any) -> None:
-        if isinstance(x, enum.Enum):
-            self._text(f"{name_of(type(x))} {x.name}")
-        elif isinstance(x, functools.partial):
-            self._all("partial", (x.func, x.args, x.keywords))
+        """Add a function, a class or a value of any kind."""
+        if id(x) in self._seen:
+            add(self.sha, f"again {self._seen[id(x)]}")
+            return
+        if isinstance(x, functools.partial):
+            self._all("partial", (x.func, *x.args, *(part for pair in sorted(x.keywords.items()) for part in pair)))
         elif isinstance(x, MethodType):
             self._all("method", (x.__func__, x.__self__))
-        elif isinstance(x, FunctionType):
-            self._function(x)
-        elif isinstance(x, type):
-            self._class(x)
-        elif isinstance(getattr(x, "__wrapped__", None), FunctionType):  # of functools.cache
+        elif isinstance(getattr(x, "__wrapped__", None), FunctionType) and not isinstance(x, FunctionType):  # functools.cache
             self._all(f"wrapped by {name_of(type(x))}", (x.__wrapped__,))
-        elif isinstance(x, ModuleType):
-            self._text(f"module {x.__name__}")
-        elif isinstance(x, CodeType):
-            self._code(x)
-        elif isinstance(x, BuiltinFunctionType):
-            self._text(f"builtin {x.__module__}.{x.__qualname__}")
-        elif isinstance(x, Mapping):
-            self._all(f"mapping {len(x)}", [each for pair in x.items() for each in pair])
-        elif isinstance(x, Set):
-            self._text("set " + " ".join(sorted(hash_of(each) for each in x)))
-        elif isinstance(x, Sequence | np.ndarray):
-            self._all(f"{type(x).__name__} {len(x)}", x)
-        else:
+        elif isinstance(x, FunctionType | type):
+            self._seen[id(x)] = len(self._seen)
+            self._alive.append(x)  # so that no other object gets its id
+            self._function(x) if isinstance(x, FunctionType) else self._class(x)
+        elif _keeps_values(x):
             self._object(x)
+        else:
+            self._value(x)
 
-    def _all(self, what: str, values: Any) -> None:
-        self._text(what)
+    def _all(self, what: str, values: Iterable[Any]) -> None:
+        values = list(values)
+        add(self.sha, f"{what} {len(values)}")
         for each in values:
             self.add(each)
 
+    def _value(self, x: Any) -> None:
+        try:
+            add(self.sha, hash_of(x))
+        except InputError:  # an open file, a lock
+            add(self.sha, name_of(type(x)))
+
+    def _object(self, x: Any) -> None:
+        """An object of a user's class: its class, and the plain values that it has."""
+        self.add(type(x))
+        for name, value in sorted(vars(x).items()):
+            if not name.startswith("_") and _is_plain(value):
+                add(self.sha, name)
+                add(self.sha, value)
+
     def _function(self, x: FunctionType) -> None:
-        self._text(f"function {name_of(x)}")
+        add(self.sha, f"function {name_of(x)}")
         if _by_name_only(x.__module__):
             return
-        self._source(x, x.__code__)
+        self._source(x)
         self._all("defaults", (x.__defaults__, x.__kwdefaults__))
         changes = _may_change_values(x.__code__)
         for name, cell in zip(x.__code__.co_freevars, x.__closure__ or (), strict=True):
-            self._text(name)
+            add(self.sha, name)
             try:
                 self._used(cell.cell_contents, changes)
             except ValueError:  # not yet assigned
-                self._text("empty")
+                add(self.sha, "empty")
         wrapped = getattr(x, "__wrapped__", None)
         if wrapped is not None:
             self.add(wrapped)
         for name in sorted(set(_names(x.__code__)) & x.__globals__.keys()):
             value = x.__globals__[name]
-            self._text(name)
+            add(self.sha, name)
             if isinstance(value, FunctionType | type) and value.__module__ != x.__module__:
-                self._text(name_of(value))
+                add(self.sha, name_of(value))
             else:
                 self._used(value, changes)
 
     def _used(self, value: Any, changes: bool) -> None:
         """A value from outside a function; where the function may fill collections, such as a list of calls, not theirs."""
         if changes and isinstance(value, list | dict | set):
-            self._text(type(value).__name__)
+            add(self.sha, type(value).__name__)
         else:
             self.add(value)
 
     def _class(self, x: type) -> None:
-        self._text(f"class {name_of(x)}")
+        add(self.sha, f"class {name_of(x)}")
         if _by_name_only(x.__module__):
             return
         try:
-            self._text(_plain(inspect.getsource(x)))
+            add(self.sha, _plain(inspect.getsource(x)))
         except (OSError, TypeError, SyntaxError):
-            self._all("members", [each for each in vars(x).values() if isinstance(each, FunctionType)])
+            own = {name: each for name, each in vars(x).items() if isinstance(each, FunctionType) or name[:2] != "__"}
+            self._all("members", (part for pair in sorted(own.items()) for part in pair))
 
-    def _source(self, function: Callable[..., Any], code: CodeType) -> None:
+    def _source(self, function: FunctionType) -> None:
         try:
-            self._text(_plain(inspect.getsource(function), lambda_only=code.co_name == "<lambda>"))
+            add(self.sha, _plain(inspect.getsource(function), lambda_only=function.__name__ == "<lambda>"))
         except (OSError, TypeError, SyntaxError, ValueError):  # typed in, or several on one line
-            self.add(code)
+            add(self.sha, source_of(function))
 
-    def _code(self, x: CodeType) -> None:
-        self._all(
-            f"code {x.co_argcount} {x.co_kwonlyargcount} {x.co_flags}", (x.co_code, x.co_names, x.co_varnames, x.co_consts)
-        )
 
-    def _object(self, x: Any) -> None:
-        """An object: what makes it, or its fields, or the plain values that it has."""
-        kind = type(x)
-        self.add(kind)
-        if kind.__reduce__ is not object.__reduce__ or kind.__reduce_ex__ is not object.__reduce_ex__:
-            try:
-                recipe = x.__reduce_ex__(4)
-            except Exception:  # it has none, and says so by an exception of any kind
-                return
-            self._all("recipe", recipe[:3] if isinstance(recipe, tuple) else (recipe,))
-        elif is_dataclass(x):
-            self._all("fields", [each for f in fields(x) for each in (f.name, getattr(x, f.name, None))])
-        else:
-            own = {k: v for k, v in getattr(x, "__dict__", {}).items() if not k.startswith("_") and _is_plain(v)}
-            self.add(own)
+def _keeps_values(x: Any) -> bool:
+    """Whether an object has attributes that may be computed when they are first read: none that says how it is pickled."""
+    kind = type(x)
+    default = kind.__reduce__ is object.__reduce__ and kind.__reduce_ex__ is object.__reduce_ex__
+    return default and hasattr(x, "__dict__") and not is_dataclass(x) and not isinstance(x, ModuleType)
 
 
 def _is_plain(x: Any) -> bool:

@@ -23,6 +23,8 @@ MARK = "RBD_STUDY_WORKER"
 """Set in the environment of the processes, so that a script that starts its study there again is noticed."""
 UNGUARDED = 79
 """Exit code of such a process."""
+MOST = 1024
+"""Processes, at most; more are a cluster's."""
 DEATHS = 2
 """A task is given up when so many processes have died of it."""
 _STARTING = threading.Lock()
@@ -43,13 +45,15 @@ class _Seat:
     """One process: a pool of one, so that it is known which task it died of."""
 
     def __init__(self) -> None:
-        self.pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
+        self.pool: ProcessPoolExecutor | None = None
         self.tasks: list[_Task] = []
         self.process: Any = None
 
     def submit(self, task: _Task, finished: Callable[[_Seat, _Task, Future[Any]], None]) -> None:
         """Give the process one more task; the first one starts it."""
         self.tasks.append(task)
+        if self.pool is None:
+            self.pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
         with _child_environment():
             inner = self.pool.submit(task.call)
         if self.process is None:
@@ -62,6 +66,11 @@ class _Seat:
         while self.process is not None and self.process.exitcode is None and time.monotonic() < end:
             time.sleep(0.01)
         return None if self.process is None else self.process.exitcode
+
+    def close(self, *, wait: bool) -> None:
+        """End the process, after its tasks."""
+        if self.pool is not None:
+            self.pool.shutdown(wait=wait, cancel_futures=True)
 
     def kill(self) -> None:
         """End the process at once."""
@@ -93,10 +102,10 @@ class Workers(Executor):
         """Processes, as many as there are cores, or `count`.
 
         Raises:
-            InputError: no whole number from 1.
+            InputError: no whole number from 1 to `MOST`.
         """
-        if count is not None and (isinstance(count, bool) or not isinstance(count, int) or count < 1):
-            raise InputError(f"count is {count!r:.80}; expected a whole number of processes from 1, or None: one a core.")
+        if count is not None and (isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST):
+            raise InputError(f"count is {count!r:.80}; expected a number of processes from 1 to {MOST}, or None: one a core.")
         self.count = count or cores()
         self._seats = [_Seat() for _ in range(self.count)]
         self._waiting: deque[_Task] = deque()
@@ -134,7 +143,7 @@ class Workers(Executor):
         if wait:
             wait_for(futures)
             for seat in self._seats:
-                seat.pool.shutdown(wait=True)
+                seat.close(wait=True)
 
     def drop(self) -> None:
         """End at once what is computed, with its processes; others take their places when something is submitted."""
@@ -148,7 +157,7 @@ class Workers(Executor):
         for seat in busy:
             seat.kill()
         for seat in busy:
-            seat.pool.shutdown(wait=True, cancel_futures=True)
+            seat.close(wait=True)
 
     def _hand_out(self) -> None:
         """Each process has one task, and one more that waits in its pipe; called with the lock."""
@@ -173,7 +182,7 @@ class Workers(Executor):
 
     def _close_if_idle(self, seat: _Seat) -> None:
         if self._closed and not self._waiting and not seat.tasks:
-            seat.pool.shutdown(wait=False)
+            seat.close(wait=False)
 
     def _finished(self, seat: _Seat, task: _Task, done: Future[Any]) -> None:
         """Called in the thread of a seat's pool."""

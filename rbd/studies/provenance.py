@@ -6,7 +6,7 @@ import os
 import platform
 import shlex
 import sys
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
@@ -16,7 +16,8 @@ import numpy as np
 
 from rbd.errors import InputError
 from rbd.installation import VERSION as VERSION_OF_RBD
-from rbd.studies.identity import hash_of, name_of
+from rbd.studies.identity import function_hash, name_of
+from rbd.studies.kept.wanted import Keep, Wanted
 from rbd.studies.samples import Samples
 
 FORMAT = "rbd study"
@@ -34,7 +35,7 @@ def attributes_of(
     function: Callable[..., Any],
     samples: Samples,
     *,
-    keep: Sequence[str] | Mapping[str, Callable[..., Any]] | None,
+    keep: Keep,
     seed: int,
     batched: bool,
 ) -> dict[str, Any]:
@@ -52,7 +53,7 @@ def attributes_of(
         "title": f"{name} at {len(samples):,} samples",
         "format": f"{FORMAT} {VERSION}",
         "function": name,
-        "function_sha256": hash_of(function),
+        "function_sha256": function_hash(function),
         "samples": " x ".join(f"{n:,} {dim}" for dim, n in samples.dims.items()) or "1",
         "samples_sha256": samples.digest(),
         "seed": seed if abs(seed) < 2**31 else str(seed),
@@ -66,13 +67,11 @@ def attributes_of(
     }
 
 
-def kept_as_text(keep: Sequence[str] | Mapping[str, Callable[..., Any]] | None) -> str:
+def kept_as_text(keep: Keep) -> str:
     """What is kept: names, each function with its hash; "default" where nothing is said."""
-    if keep is None:
-        return "default"
-    if isinstance(keep, Mapping):
-        return ", ".join(f"{name} by {name_of(f)} {hash_of(f)[:16]}" for name, f in keep.items()) or "nothing"
-    return ", ".join(keep) or "nothing"
+    found = Wanted(keep)
+    names = ("default",) if found.names is None else found.names
+    return ", ".join((*names, *(f"{name} by {name_of(f)} {function_hash(f)[:16]}" for name, f in found.functions.items())))
 
 
 @cache
@@ -90,7 +89,7 @@ def versions() -> str:
 @cache
 def machine() -> str:
     """System, processor, number of cores, and NumPy's BLAS."""
-    blas = np.show_config(mode="dicts").get("Build Dependencies", {}).get("blas", {})  # type: ignore[union-attr]
+    blas = np.show_config(mode="dicts").get("Build Dependencies", {}).get("blas", {})
     told = f"BLAS {blas.get('name', 'unknown')} {blas.get('version', '')}".strip()
     return f"{platform.system()} {platform.machine()}, {_processor()}, {os.cpu_count()} cores, {told}"
 
@@ -150,6 +149,20 @@ def continued(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
     return found
 
 
+def finished(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """The attributes with the time that it is now."""
+    return {**attributes, "finished": _now()}
+
+
+def others_of(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
+    """A sentence on versions that computed a part of a study and are not those here; empty where they are the same."""
+    before = set(str(old.get("versions", "")).replace("; then ", ", ").split(", ")) - {""}
+    here = set(str(new["versions"]).split(", "))
+    if before <= here:
+        return ""
+    return f"A part was computed with {', '.join(sorted(before - here))}, and the rest with {', '.join(sorted(here - before))}."
+
+
 def format_of(attributes: Mapping[str, Any], path: str) -> None:
     """Refuse what is no study, or of a newer `rbd`.
 
@@ -162,5 +175,6 @@ def format_of(attributes: Mapping[str, Any], path: str) -> None:
         raise InputError(f"{path!r:.200} is not the store of a study. Give another path as out=, or move it away.")
     if int(number) > VERSION:
         raise InputError(
-            f"{path!r:.200} was written by a newer rbd (layout {number}; this one reads {VERSION}). Update rbd, or give another path."
+            f"{path!r:.200} was written by a newer rbd (layout {number}; this one reads {VERSION}). Update rbd, or give "
+            "another path."
         )

@@ -4,19 +4,23 @@ from __future__ import annotations
 
 import os
 import sys
+import warnings
 from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rbd.errors import StudyStopped
+from rbd.errors import InputError, RbdError, StudyStopped, StudyWarning
+from rbd.errors.warned import stacklevel_of_user
 from rbd.studies.calling import bound
 from rbd.studies.evaluation import Evaluation
 from rbd.studies.filling import check_all, fill
 from rbd.studies.kept.wanted import Keep
 from rbd.studies.provenance import attributes_of
+from rbd.studies.samples import Samples
 from rbd.studies.stores.opened import checked_path, store_of
+from rbd.studies.stores.store import Store
 from rbd.studies.tables import samples_of
 
 if TYPE_CHECKING:
@@ -35,25 +39,98 @@ def study(
     batched: bool = False,
     progress: bool = True,
 ) -> xarray.Dataset:
-    """The results of a function at many samples, as one dataset with named dimensions, units and reasons of failure."""
-    path = checked_path(out)
-    found = samples_of(samples)
-    evaluation = Evaluation(bound(function, found), keep, seed, batched)
+    """The results of a function at many samples, as one dataset with named dimensions, units and reasons of failure.
+
+    A sample that raises an error is a row: `ok` False, `reason` a code of `rbd.errors.Reason` with the code's meaning among its
+    attributes, and `message` the error's text; its values are NaN. The numbers depend neither on the executor nor on the
+    chunks: each sample has its own seed, and batched functions get blocks of fixed size. Versions, machine, command, seed and
+    hashes of function and samples stand in the dataset's attributes.
+
+    Args:
+        function: Called with the arguments of each sample by name. Returns a number, an array, a mapping of these, an
+            xarray.DataArray, or a record of `rbd` such as Solution, Actuation, MotionReport. If it has a parameter `rng` that
+            the samples lack, it gets a `numpy.random.Generator` of the sample's own seed.
+        samples: `rbd.grid(...)`, `rbd.sample(...)`, a table, or an iterable of mappings.
+        keep: Names of what is kept of a result (`rbd.studies.kept_names(type)` lists them), functions of it as {name:
+            function}, or both; None: what its type says, with its certificate.
+        executor: None: spawned processes, one a core; n: that many; 0: this process; or an executor of `concurrent.futures`,
+            e.g. `dask.distributed`'s `client.get_executor()`, which is left open.
+        out: A path that ends in .zarr, or in .nc for a small study: what is finished is written there within a second or so.
+            The same call goes on with what is missing. None: in memory only.
+        seed: Root of the seeds of all samples.
+        chunk: Samples that a worker gets at a time; None: about a second's.
+        batched: Whether the function takes arrays over samples, as `rbd.solve_many` does.
+        progress: Whether a bar is drawn on a terminal, and a line says on stderr that a stored study goes on.
+
+    Returns:
+        A dataset with the dimensions of the grid, or `sample`; its arguments are coordinates. After Ctrl-C, with a
+        `StudyWarning`, what was finished: `attrs["interrupted"]` says how much. A stored study above 1 GB is read when it is
+            used.
+
+    Raises:
+        InputError: before work starts: samples, names, executors, functions that cannot be sent, a store of another study; at
+            the first result: what cannot be kept; later: a result of another shape. What was finished stays stored.
+        StudyStopped: a full disk, or a chunk that ends each process that computes it; with what was finished.
+
+    Example:
+        >>> box = rbd.testing.box()
+        >>> def push(friction, force):
+        ...     floor = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), friction=friction)
+        ...     pushed = rbd.ExternalForce("box", (force, 0, 0))
+        ...     return rbd.hold(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [floor], external=pushed)
+        >>> held = rbd.study(push, rbd.grid(friction=[0.4, 0.8], force=[0.0, 60.0, 120.0]), executor=0)
+        >>> print(held.attrs["summary"])
+        6 samples: 3 ok; 3 cannot_hold: friction
+        >>> print(held.ok.sel(friction=0.8).values)
+        [ True  True False]
+    """
+    path, found = checked_path(out), samples_of(samples)
+    evaluation = Evaluation(bound(function, found), keep, _seed(seed), bool(batched))
     check_all(evaluation, executor, chunk)
-    store = store_of(path, found, attributes_of(function, found, keep=keep, seed=seed, batched=batched))
+    store = store_of(path, found, attributes_of(function, found, keep=keep, seed=evaluation.seed, batched=evaluation.batched))
     try:
-        if progress and store.done.any():
-            sys.stderr.write(_told(int(np.count_nonzero(store.done)), len(found)) + "\n")
-        filled = fill(store, evaluation, found, executor=executor, chunk=chunk, progress=progress)
-        filled.warn()
-        if filled.stopped:
-            raise StudyStopped(filled.stopped, dataset=store.dataset()) from filled.cause
+        _tell(store, progress)
+        if not store.done.all():
+            return _filled(store, evaluation, found, executor=executor, chunk=chunk, progress=progress)
         return store.dataset()
     finally:
         store.close()
 
 
-def _told(done: int, n: int) -> str:
-    if done == n:
-        return f"All {n:,} samples were done; nothing is computed."
-    return f"{done:,} of {n:,} samples were done; going on."
+def _filled(store: Store, evaluation: Evaluation, samples: Samples, **how: Any) -> xarray.Dataset:
+    """The dataset of a store after what is missing was computed."""
+    try:
+        filled = fill(store, evaluation, samples, **how)
+        filled.warn()
+        if not filled.stopped:
+            return store.dataset()
+    except StudyStopped as error:
+        error.dataset = _of_stopped(store)
+        raise
+    raise StudyStopped(filled.stopped, dataset=_of_stopped(store)) from filled.cause
+
+
+def _of_stopped(store: Store) -> xarray.Dataset | None:
+    """What is kept of a study that stopped; None where it cannot be read."""
+    try:
+        return store.kept()
+    except (RbdError, OSError):
+        return None
+
+
+def _tell(store: Store, progress: bool) -> None:
+    """What a stored study has: on stderr how much, as a warning what else computed it."""
+    done, n = int(np.count_nonzero(store.done)), len(store.done)
+    if not done:
+        return
+    if progress and sys.stderr is not None:
+        going = "nothing is left to compute" if done == n else "going on"
+        sys.stderr.write(f"{done:,} of {n:,} samples were done; {going}.\n")
+    if done < n and store.others:
+        warnings.warn(f"{store.others} Results may differ in their last bits.", StudyWarning, stacklevel=stacklevel_of_user())
+
+
+def _seed(given: object) -> int:
+    if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 0:
+        raise InputError(f"seed is {given!r:.80}; expected a whole number from 0.")
+    return int(given)

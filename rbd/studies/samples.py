@@ -18,6 +18,8 @@ from rbd.studies.columns import Column, Coordinate
 MOST_SAMPLES = 2**53
 """More are refused: beyond, a sample's number is not exact as a float."""
 FORMAT = b"rbd samples 1"
+ONE = "sample"
+"""The dimension, of length 1, of samples of which no argument varies."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -27,7 +29,7 @@ class Samples(Displayed):
     The samples are numbered from 0, the last dimension varying fastest. Only values along each dimension are in memory.
 
     Attributes:
-        dims: {dimension of the dataset: its length}; of a grid one for each argument, of draws and tables "sample".
+        dims: {dimension of the dataset: its length}; of a grid one for each argument that varies, of draws and tables "sample".
         given: The values of each argument.
 
     Example:
@@ -50,6 +52,8 @@ class Samples(Displayed):
     def __post_init__(self) -> None:
         if not self.given:
             raise InputError("samples have no arguments; give at least one, such as friction=[0.3, 0.6].")
+        if not self.dims:
+            object.__setattr__(self, "dims", {ONE: 1})
         if len(self) > MOST_SAMPLES:
             raise InputError(f"samples are {len(self):.3g}, more than 2^53; give fewer values of each argument.")
         taken = [*self.dims]
@@ -71,11 +75,25 @@ class Samples(Displayed):
         return tuple(each.name for each in self.given)
 
     @property
+    def taken(self) -> tuple[str, ...]:
+        """All names that the samples have in the dataset, which results cannot have: arguments, coordinates, dimensions."""
+        found = dict.fromkeys((*self.names, *self.dims))
+        for each in self.given:
+            for name, (dims, _, _) in each.coords().items():
+                found |= dict.fromkeys((name, *dims))
+        return tuple(found)
+
+    @property
     def fixed(self) -> dict[str, Any]:
         """{name: value} of the arguments that are the same in all samples, and are not in `columns`."""
-        return {each.name: each.one(0) for each in self.given if not each.dim} if self.dims else {}
+        return {each.name: each.one(0) for each in self.given if not each.dim} if self._vary else {}
 
-    def columns(self, start: int, stop: int) -> dict[str, Array | list[Any]]:
+    @property
+    def _vary(self) -> bool:
+        """Whether any argument varies; else there is one sample."""
+        return any(each.dim for each in self.given)
+
+    def columns(self, start: int, stop: int) -> dict[str, Any]:
         """The arguments that vary, of consecutive samples; if none does, all of them.
 
         Args:
@@ -91,10 +109,8 @@ class Samples(Displayed):
         """
         if not 0 <= start <= stop <= len(self):
             raise InputError(f"samples {start} to {stop} are not among 0 to {len(self)}.")
-        if not self.dims:
-            return {each.name: each.take(slice(start, stop)) for each in self.given}
         if len(self.dims) == 1:
-            return {each.name: each.take(slice(start, stop)) for each in self.given if each.dim}
+            return {each.name: each.take(slice(start, stop)) for each in self.given if each.dim or not self._vary}
         at = dict(zip(self.dims, np.unravel_index(np.arange(start, stop), tuple(self.dims.values())), strict=True))
         return {each.name: each.take(at[each.dim]) for each in self.given if each.dim}
 
@@ -177,10 +193,11 @@ class Samples(Displayed):
             raise InputError(f"samples times {other!r:.80}; expected samples: rbd.studies.table(...) makes them of rows.")
         if both := sorted(set(self.names) & set(other.names)):
             raise InputError(f"both samples have {', '.join(both)}; an argument can stand in one of them only.")
-        if both := sorted(set(self.dims) & set(other.dims)):
+        dims, more = self.dims if self._vary else {}, other.dims if other._vary else {}
+        if both := sorted(set(dims) & set(more)):
             told = "Draw all that is random in one rbd.sample; name the dimension of a table: rbd.studies.table(..., dimension="
             raise InputError(f"both samples vary along {both[0]!r:.80}. {told}'case').")
-        return Samples({**self.dims, **other.dims}, (*self.given, *other.given))
+        return Samples({**dims, **more}, (*self.given, *other.given))
 
     __array_ufunc__ = None  # so that an array times samples is refused, and not tried entry by entry
 
@@ -213,7 +230,7 @@ class Samples(Displayed):
 
     def __repr__(self) -> str:
         parts = [f"{dim} {n:,}" for dim, n in self.dims.items()]
-        return f"Samples({len(self):,}: {' x '.join(parts) or 'one'}; arguments {', '.join(self.names)})"[:300]
+        return f"Samples({len(self):,}: {' x '.join(parts)}; arguments {', '.join(self.names)})"[:300]
 
     def __str__(self) -> str:
         size = " x ".join(f"{dim} ({n:,})" for dim, n in self.dims.items())

@@ -113,6 +113,9 @@ class SolverWrong(ContractBroken):
         super().__init__(message)
         self.report = report
 
+    def __reduce__(self) -> tuple[type[SolverWrong], tuple[str, SolverReport], dict[str, object]]:
+        return type(self), (str(self), self.report), self.__dict__
+
 
 def check_solver(
     solver: Solver,

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -77,7 +79,8 @@ def test_a_sweep_tells_how_many_cases_are_held_and_between_which_pushes_that_end
                 pass
     assert code == 0 and 0 < held.sum() < 15
     assert out.splitlines()[0] == f"solo12 can be held in {held.sum()} of 15 cases."
-    assert "held up to 0 N, not held from 2 N" in out and "cannot_hold: friction" in out and "friction prevents it" in out
+    told = " ".join(out.split())
+    assert "held up to 2 N, not held from 4 N" in told and "cannot_hold: friction 3" in told and "friction prevents it" in told
     data = json.loads(file.read_text())
     assert (data["samples"], data["ok"], sum(data["reasons"].values())) == (15, held.sum(), 15 - held.sum())
     for line, row in zip(data["boundary"], held, strict=True):
@@ -130,6 +133,23 @@ def test_the_study_of_the_examples_is_read():
     assert plan.function(friction=0.7, push_y=110.0).state.robot.name == "talos"
 
 
+def test_the_page_of_the_command_line_holds(tmp_path, monkeypatch):
+    """Its command prints the first line that it shows; its file is read; its commands have the options that it names."""
+    monkeypatch.chdir(tmp_path)
+    page = (ROOT / "docs" / "tasks" / "sweep_on_the_command_line.md").read_text()
+    commands = re.findall(r"^rbd (.*)$", page, flags=re.MULTILINE)
+    code, out, _ = run(*commands[0].removesuffix(" --png map.png").split(), "--workers", "0")
+    assert code == 0 and out.splitlines()[0] == re.findall(r"```text\n(.*?)\n", page)[0]
+    assert "0.1 held up to 80 N, not held from 90 N" in " ".join(out.split())
+    (tmp_path / "push.toml").write_text(
+        re.findall(r"```toml\n(.*?)```", page, flags=re.DOTALL)[0].replace(":19", ":2").replace(":21", ":2")
+    )
+    assert len(commands) == 3
+    for command in commands[1:]:
+        code, out, _ = run(*command.split(), "--workers", "0")
+        assert code == 0 and "of 4 cases" in out and "store: push.zarr" in out
+
+
 def test_a_function_of_a_file_is_studied(folder):
     """It is called with each sample; what it returns is kept; fixed arguments and names with dots reach it."""
     file = folder / "slide.toml"
@@ -148,7 +168,7 @@ def test_random_samples_are_drawn(folder):
     )
     for name, *seed in (("a.zarr",), ("b.zarr",), ("c.zarr", "--seed", "1")):
         code, out, _ = run("study", "draws.toml", "--workers", "0", "--out", name, *seed)
-        assert code == 0 and "of 8 cases" in out
+        assert code == 0 and "8 cases" in out.splitlines()[0]
     a, b, c = (pytest.importorskip("xarray").open_zarr(name).load() for name in ("a.zarr", "b.zarr", "c.zarr"))
     assert a.identical(b) or a.friction.equals(b.friction)
     assert not a.friction.equals(c.friction)
@@ -168,6 +188,28 @@ def test_a_store_that_is_there_is_gone_on_with_only_if_asked(folder):
     assert code == 2 and "samples" in complaint
 
 
+def test_a_robot_of_a_file_counts_by_its_content(folder):
+    """A store goes on with the same file under --resume, and refuses another content under the same name."""
+    text = rbd.load_robot("solo12").urdf.read_text()
+    (folder / "mine.urdf").write_text(text)
+    call = ("stand", "mine.urdf", "--feet", "FL_FOOT,FR_FOOT,HL_FOOT,HR_FOOT", "--sweep", "push.x=0:9:2", "--friction", "0.3",
+            "--workers", "0", "--out", "a.zarr", "--resume")  # fmt: skip
+    assert run(*call)[0] == 0
+    assert "mine can be held in 1 of 2 cases." in run(*call)[1]
+    (folder / "mine.urdf").write_text(text.replace('mass value="', 'mass value="1', 1))
+    code, out, complaint = run(*call)
+    assert code == 2 and not out and "another study" in complaint
+
+
+def test_robots_can_be_swept(folder):
+    """In a file: robots of other sizes, told by name; what is kept fits all of them."""
+    (folder / "two.toml").write_text('question = "stand"\n[samples]\nrobot = ["solo12", "go2"]\npush.y = [0.0, 300.0]\n')
+    code, out, complaint = run("study", "two.toml", "--workers", "0", "--out", "two.zarr")
+    assert code == 0 and out.startswith("2 of 4 cases can be held."), out + complaint
+    found = pytest.importorskip("xarray").open_zarr("two.zarr")
+    assert found.robot.values.tolist() == ["solo12", "go2"] and found.ok.values.tolist() == [[True, False]] * 2
+
+
 def test_a_study_without_any_result_ends_with_code_1(folder):
     """The reason is counted, and told by an example."""
     code, out, _ = run("study", "never.toml", "--workers", "0")
@@ -182,6 +224,20 @@ def test_a_picture_is_drawn(folder):
     code, out, _ = run("study", "solo.toml", "--workers", "0", "--png", "map.png")
     assert code == 0 and "picture: map.png" in out
     assert (folder / "map.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_picture_that_would_not_show_the_study_is_refused_before_it_is_computed(folder):
+    """Unknown names of [plot]; more dimensions than a picture has. Of three sweeps the shortest has a map for each value."""
+    pytest.importorskip("matplotlib")
+    three = ("--sweep", "friction=0.1:0.5:3", "--sweep", "push.y=0:6:3", "--sweep", "margin=0,0.1", "--workers", "0")
+    code, out, _ = run("stand", "solo12", *three, "--png", "three.png")
+    assert code == 0 and "of 18 cases" in out and (folder / "three.png").is_file()
+    code, out, complaint = run("stand", "solo12", *three, "--sweep", "push.x=0,1", "--png", "four.png")
+    assert code == 2 and not out and "at most three" in complaint
+    for plot, words in (('x = "fricton"', "'friction'"), ('x = "friction"\nby = "push.z"', "'push_y'")):
+        (folder / "solo.toml").write_text(SOLO + f"[plot]\n{plot}\n")
+        code, out, complaint = run("study", "solo.toml", "--workers", "0", "--png", "map.png")
+        assert code == 2 and not out and words in complaint, complaint
 
 
 @pytest.mark.parametrize(
@@ -222,7 +278,9 @@ def test_a_picture_is_drawn(folder):
         ("seed = -1\n" + SOLO, ["seed (line 1"]),
         ("seed = true\n" + SOLO, ["seed (line 1"]),
         ("batched = true\n" + SOLO, ["batched (line 1"]),
-        (SOLO + "[draws]\nn = 3", ["draws (line 7", "[samples]"]),
+        (SOLO + "[draws]\nn = 3", ["[draws] ranges", "[draws.ranges]"]),
+        (SOLO + "[draws]\nn = 3\n[draws.ranges]\nfriction = [0, 1]", ["friction", "twice"]),
+        ('keep = ["forces", "worst_torqe"]\n' + SOLO, ["keep (line 1", "'worst_torque'"]),
         ('question = "stand"\nrobot = "solo12"', ["no samples"]),
         ('question = "stand"\nrobot = "solo12"\n[draws]\nn = 0\n[draws.ranges]\nfriction = [0.1, 1]', ["n (line 4"]),
         (
@@ -238,6 +296,7 @@ def test_a_picture_is_drawn(folder):
         ('function = "json.py:push"\n[samples]\na = [1]', ["'json'", "rename"]),
         ('function = "broken.py:push"\n[samples]\na = [1]', ["broken.py", "ZeroDivisionError"]),
     ],
+    ids=itertools.count(),
 )
 def test_a_file_that_is_wrong_is_refused_with_the_line_and_the_nearest_names(folder, text, words):
     """Nothing is computed, nothing is printed as if it were an answer; exit code 2."""
@@ -285,6 +344,7 @@ def test_functions_that_are_wrong_are_refused(folder):
         (["--sweep", "at=base_link,base_lnk", "--push", "0,1,0"], ["--sweep at", "'base_link'"]),
         (["--sweep", "push=0:1:2"], ["--sweep push", "direction"]),
         (["--sweep", "push=0:1:2", "--push", "0,0,0"], ["zero"]),
+        (["--sweep", "push.angle=0:90:2"], ["--sweep push.angle", "no size"]),
         (["--sweep", "push.y=0:1:2", "--push", "0,1"], ["--push", "three numbers"]),
         (["--sweep", "friction=0.1:1:3", "--html", "a.html"], ["--html", "one case"]),
         (["--sweep", "friction=0.1:1:3", "--braced"], ["--braced"]),
@@ -323,6 +383,17 @@ def test_a_scheduler_that_does_not_answer_is_refused(folder, monkeypatch):
     assert code == 2 and not out and "dask scheduler" in complaint
 
 
+def test_a_scheduler_computes_it(folder):
+    """--dask: its workers get the function of the file, too; the client is closed afterwards."""
+    distributed = pytest.importorskip("distributed")
+    with distributed.LocalCluster(
+        n_workers=1, threads_per_worker=1, processes=False, protocol="tcp", dashboard_address=None
+    ) as dask:
+        code, out, complaint = run("study", "slide.toml", "--dask", dask.scheduler_address)
+        assert code == 0 and out.startswith("All 10 samples"), complaint
+        assert not dask.scheduler.clients.keys() - {"fire-and-forget"}
+
+
 def command(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     """The command in a process of its own."""
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "OMP_NUM_THREADS": "1"}
@@ -334,21 +405,45 @@ def test_ctrl_c_keeps_what_is_done_and_resume_goes_on(folder):
     """Exit code 130; the report says how many were not run; then --resume completes it, to the same bits as one run."""
     xarray = pytest.importorskip("xarray")
     file = folder / "slide.toml"
-    whole = file.read_text().replace("0:80:5", "0:80:40") + "[fixed]\nwait = 0.05\n"
-    file.write_text(whole)
+    quick = file.read_text().replace("0:80:5", "0:80:20") + "[fixed]\nwait = 0.0\n"
+    (folder / "quick.toml").write_text(quick)
+    file.write_text(quick.replace("wait = 0.0", "wait = 0.03"))
     process = command(folder, "study", "slide.toml", "--workers", "0", "--out", "cut.zarr")
-    for _ in range(200):
-        time.sleep(0.05)
-        if (folder / "cut.zarr").exists():
-            break
-    time.sleep(1.0)
+    while process.poll() is None and not (folder / "cut.zarr").exists():
+        time.sleep(0.02)
+    time.sleep(0.4)  # of 1.2 seconds
     process.send_signal(signal.SIGINT)
-    out, complaint = process.communicate(timeout=30)
+    out, complaint = process.communicate(timeout=60)
     assert process.returncode == 130, complaint
     assert "were not run" in out.splitlines()[0] and "--resume" in out and "Traceback" not in complaint
-    process = command(folder, "study", "slide.toml", "--workers", "2", "--out", "cut.zarr", "--resume")
-    out, complaint = process.communicate(timeout=60)
-    assert process.returncode == 0 and out.startswith("All 80 samples"), complaint
-    assert "were done" in complaint or "done" in complaint
-    assert run("study", "slide.toml", "--workers", "0", "--out", "one.zarr")[0] == 0
-    xarray.testing.assert_equal(xarray.open_zarr(folder / "cut.zarr").load(), xarray.open_zarr(folder / "one.zarr").load())
+    code, out, complaint = run("study", "slide.toml", "--workers", "0", "--out", "cut.zarr", "--resume")
+    assert code == 0 and out.startswith("All 40 samples") and "of 40 samples were done" in complaint
+    assert run("study", "quick.toml", "--workers", "0", "--out", "one.zarr")[0] == 0
+    xarray.testing.assert_equal(xarray.open_zarr("cut.zarr").load(), xarray.open_zarr("one.zarr").load())
+
+
+def test_a_study_that_is_stopped_tells_what_is_done(folder, monkeypatch):
+    """A full disk: the report of what is stored, the reason, exit code 1."""
+    import rbd.studies.running as running
+
+    whole = running.study
+
+    def full(function, samples, **options):
+        dataset = whole(function, samples, **{**options, "out": None})
+        raise rbd.errors.StudyStopped("a.zarr cannot be written: No space left on device.", dataset=dataset)
+
+    monkeypatch.setattr(running, "study", full)
+    code, out, complaint = run("study", "slide.toml", "--workers", "0", "--out", "a.zarr")
+    assert code == 1 and out.startswith("All 10 samples") and "stopped: a.zarr cannot be written" in complaint
+
+
+def test_a_second_ctrl_c_ends_at_once(folder, monkeypatch):
+    """It says that what was finished is stored; exit code 130."""
+    import rbd.studies.running as running
+
+    def ended(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(running, "study", ended)
+    code, out, complaint = run("study", "slide.toml", "--workers", "0", "--out", "a.zarr")
+    assert code == 130 and not out and "--resume" in complaint

@@ -15,6 +15,7 @@ import pytest
 import rbd
 from rbd.errors import Reason
 from rbd.many import StateStatus
+from rbd.many.answers import ManyAnswers
 from rbd.studies.kept.layout import Layout
 from rbd.studies.kept.limits_of_standing import inscribed_radius
 from rbd.studies.kept.plain import NotKept
@@ -177,7 +178,7 @@ class TestAgreement:
         layout = Layout()
         layout.check(kept({"x": 1.0, "why": "short"}))
         layout.check(kept({"x": 2.0, "why": "longer text", "y": 1.0}, first=1))
-        with pytest.raises(rbd.InputError, match=r"'x' has shape \(2,\) in samples 2 to 2, and \(\) in samples 0 to 0"):
+        with pytest.raises(rbd.InputError, match=r"'x' has shape \(2,\) in sample 2, and \(\) in sample 0"):
             layout.check(kept({"x": np.zeros(2)}, first=2))
 
     def test_a_dimension_is_no_argument(self, solution: rbd.Solution):
@@ -346,6 +347,32 @@ class TestRecords:
         assert open_["row_freedom"] == [unique.row_freedom]
         assert open_["normal_lowest_front_left"] == [unique.contacts["front_left"].normal.lowest]
 
+    def test_a_control_step(self, solo: rbd.Robot):
+        """An actuation with the certificate of the step, and what tasks missed."""
+        state = solo.standing()
+        up = rbd.control.ComTask(state.com + [0.0, 0.0, 0.01], gain=100.0)
+        step = rbd.control.step(state, [up], solo.feet(friction=0.7))
+        found = values(kept(step, keep=("missed", "violation")))
+        assert found["missed_com"] == [np.abs(step.missed["com"]).max()] and found["violation"] == [0.0]
+        assert found["worst_certificate"] == [step.certificate.worst] and found["status"] == [0]
+
+    def test_comparisons_of_laws(self):
+        """The difference of both laws, with the larger of both residuals."""
+        face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
+        push = [rbd.ExternalForce("box", (80.0, 0.0, 0.0))]
+        both = rbd.studies.compare_laws(rbd.State(rbd.testing.box(mass=10.0), CENTRE), [], [face], external=push)
+        block = kept(both, keep=("difference", "normal_ratio", "lift_off"))
+        found = values(block)
+        assert block.ok.all() and found["worst_residual"] == [max(both.convex.residuals.worst, both.coulomb.residuals.worst)]
+        assert found["difference"] == [both.difference] and found["normal_ratio_face"] == [both.normal_ratio["face"]]
+        assert 0.5 < found["lift_off_face"][0] < 1.5
+
+    def test_mobility_of_mechanisms(self):
+        """Counted, instantaneous and finite degrees of freedom."""
+        found = rbd.mechanism.mobility(rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0).at("assembled"))
+        freedom = {name: x[0] for name, x in values(kept(found)).items()}
+        assert (freedom["counted"], freedom["instantaneous"], freedom["finite"], freedom["singular"]) == (1.0, 1.0, 1.0, False)
+
     def test_records_by_name(self, held: rbd.Actuation):
         """Several records in one result: the name stands in front."""
         found = kept({"before": held, "mass": 2.5})
@@ -357,6 +384,36 @@ class TestRecords:
             assert set(kind.certificate) <= set(kind.names) and kind.defaults, name
             for key, kept in kind.names.items():
                 assert key.isidentifier() and len(kept.about) > 8, f"{name}: {key}"
+
+    def test_every_name_of_every_type_gives_something(self, solo: rbd.Robot, held: rbd.Actuation, solution: rbd.Solution):
+        """Each type that a study knows, with all that it may keep: each has a unit or a meaning, and one row a sample."""
+        state, feet = solo.standing(), solo.feet(friction=0.7)
+        box = rbd.testing.box(mass=10.0)
+        face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
+        resting = rbd.State(box, CENTRE)
+        motion = rbd.motion.minimum_jerk(solo, [state.q, state.q], [0.0, 0.1], rate=50.0)
+        records = [
+            *(solution, held, state, solution.uniqueness(), rbd.check_motion(motion)),
+            rbd.control.step(state, [rbd.control.PostureTask(state.q)], feet),
+            rbd.solve_many(solo, state.q, None, held.tau, feet),
+            rbd.statics.hold_many(solo, state.q, feet),
+            rbd.find_pose(solo, {"FL_FOOT": (0.2, 0.2, 0.05)}),
+            rbd.simulate(resting, duration=0.02, step=0.01, constraints=[face]),
+            rbd.statics.push_limits(state, feet, "base_link", [(1, 0, 0)]),
+            rbd.statics.support_region(state, feet, friction="inscribed"),
+            rbd.statics.zmp_region(state, feet, friction="inscribed"),
+            rbd.studies.compare_laws(resting, [], [face]),
+            rbd.mechanism.mobility(rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0).at("assembled")),
+        ]
+        kinds = {id(kind): name for name, kind in known_types().items()}
+        for record in records:
+            kind = kind_of(type(record))
+            assert kind is not None and kinds.pop(id(kind), "")
+            block = kept(record, keep=tuple(kind.names)) if kind.rows is None else batch(record, 1, tuple(kind.names))
+            assert block.ok.all(), block.messages
+            assert len(block.variables) >= len(kind.names) - 1  # a foot that is a point has no margin of pressure
+            assert all(variable.values.shape[:1] == (1,) and variable.long_name for variable in block.variables.values())
+        assert not kinds, "a type without a record above"
 
     def test_the_reference_lists_every_name(self):
         """docs/reference/studies.md has each name with its line, and whether it is kept where nothing is said."""
@@ -376,7 +433,7 @@ class TestRecords:
     def test_kept_names(self):
         """What keep may name, by type; of a subclass those of its base."""
         assert rbd.studies.kept_names(rbd.Solution)["forces"].startswith("force or wrench")
-        assert kind_of(rbd.control.TaskActuation) is kind_of(rbd.Actuation)
+        assert kind_of(rbd.many.Solutions) is kind_of(ManyAnswers)
         for nonsense in (int, 3, "Solution"):
             with pytest.raises(rbd.InputError, match="is no type of which a study keeps something by name"):
                 rbd.studies.kept_names(nonsense)  # type: ignore[arg-type]
@@ -437,6 +494,29 @@ class TestBatches:
                 batch(result, 3)
         with pytest.raises(rbd.InputError, match="returned a Solutions, of many states. Set batched=True"):
             kept(many)
+
+
+@pytest.mark.parametrize("suffix", ["zarr", "nc"])
+def test_records_survive_a_store(solo: rbd.Robot, tmp_path: Path, suffix: str):
+    """Labels, units, codes and text are the same from memory and from a file, beside a sample without a result."""
+    for module in ("xarray", "zarr", "scipy"):
+        pytest.importorskip(module)
+    state = solo.standing()
+
+    def stand(friction: float) -> rbd.Actuation:
+        return rbd.hold(state, solo.feet(friction=friction))
+
+    keep = ("tau", "forces", "friction_used", "worst_motor", {"least": lambda held: held.margins.torque.min()})
+    options: dict[str, Any] = {"keep": keep, "executor": 0, "progress": False}
+    samples = rbd.grid(friction=[0.3, -1.0, 0.9])
+    there = rbd.study(stand, samples, out=tmp_path / f"stand.{suffix}", **options)
+    here = rbd.study(stand, samples, **options)
+    assert there.equals(here) and there.ok.values.tolist() == [True, False, True]
+    for name, variable in here.variables.items():
+        assert {k: np.array(x).tolist() for k, x in there[name].attrs.items()} == {
+            k: np.array(x).tolist() for k, x in variable.attrs.items()
+        }, name
+    assert there.tau.sel(motor="FL_KFE").units == "N m" and there.worst_motor.values[0] in solo.actuated_names
 
 
 def test_errors_are_rows():

@@ -16,7 +16,7 @@ from rbd.statics.actuation import Actuation
 from rbd.studies.kept.registry import Kept, Kind, Verdict, number, one
 
 ABOUT = {
-    "status": "what became of it: a code of rbd.many.StateStatus",
+    "status": "solved, inaccurate, failed, ...: a code of rbd.many.StateStatus",
     "worst_residual": "largest scaled residual: the certificate of the answer",
     "residuals": "scaled residual of each equation",
     "a": "accelerations, by velocity coordinate",

@@ -33,7 +33,7 @@ class Layout:
         Raises:
             InputError: another shape, kind or other labels; which variable, in which samples.
         """
-        where = f"samples {block.start} to {block.stop - 1}"
+        where = words_of(block.start, block.stop)
         for name, variable in block.variables.items():
             self.agree(name, variable, variable.values.shape[1:], where)
 
@@ -92,6 +92,13 @@ class Layout:
             return
         at = next((f"{a!r:.80}, and {b!r:.80}" for a, b in zip(new, old, strict=False) if a != b), "")
         raise InputError(f"{name!r:.80} has other labels along {dim!r:.80} in {where} than in {since}: {at}.")
+
+
+def words_of(start: int, stop: int) -> str:
+    """Consecutive samples in words, for a message; those of a store before anything was computed have none."""
+    if stop <= start:
+        return "earlier samples"
+    return f"sample {start}" if stop == start + 1 else f"samples {start} to {stop - 1}"
 
 
 def kind_of(dtype: np.dtype, name: str, where: str) -> str:

@@ -50,7 +50,7 @@ def variable_of(name: str, value: Any, rows: int | None) -> Variable | None:
     """
     if value is None:
         return None
-    if type(value) is float and rows is None:
+    if isinstance(value, float) and rows is None:
         return Variable(np.array(value))
     if isinstance(value, IntEnum) and rows is None:
         return Variable(np.array(int(value), np.int16), flags={int(x): x.name.lower() for x in type(value)})

@@ -23,6 +23,7 @@ Rows: TypeAlias = tuple[Array, Mapping[int, str]]
 _HOMES = {
     "rbd.problem.answer.Answer": "answers",
     "rbd.statics.actuation.Actuation": "answers",
+    "rbd.control.task_actuation.TaskActuation": "control_steps",
     "rbd.many.answers.ManyAnswers": "many_answers",
     "rbd.statics.actuations.Actuations": "many_answers",
     "rbd.model.state.State": "poses",
@@ -33,6 +34,8 @@ _HOMES = {
     "rbd.statics.regions.SupportRegion": "limits_of_standing",
     "rbd.statics.zero_moment_point.ZmpRegion": "limits_of_standing",
     "rbd.analysis.uniqueness.Uniqueness": "uniqueness",
+    "rbd.studies.comparison.LawComparison": "comparisons",
+    "rbd.mechanism.degrees_of_freedom.Mobility": "comparisons",
 }
 """{class: module of this package with its `KINDS`}: imported when a result of the class first comes."""
 _looked_up: dict[type, Kind | None] = {}

@@ -13,7 +13,7 @@ from rbd.errors import InputError, RbdError
 from rbd.errors.reasons import Reason
 from rbd.many.naming import Named
 from rbd.many.variable import Variable
-from rbd.studies.kept.layout import Layout, described
+from rbd.studies.kept.layout import Layout, described, words_of
 from rbd.studies.kept.plain import NotKept
 from rbd.studies.kept.variable import Block, missing
 from rbd.studies.kept.wanted import Keep, Wanted
@@ -84,7 +84,7 @@ class KeptRows:
         Raises:
             InputError: what cannot be kept: it ends the study. Names the samples.
         """
-        where = f"samples {self._start + start} to {self._start + stop - 1}"
+        where = words_of(self._start + start, self._start + stop)
         try:
             found, (codes, messages) = self._wanted.of_batch(result, stop - start)
         except NotKept as told:
@@ -138,7 +138,7 @@ class KeptRows:
         )
 
     def _sample(self, i: int) -> str:
-        return f"sample {self._start + i}"
+        return words_of(self._start + i, self._start + i + 1)
 
 
 class _Column:

@@ -144,7 +144,7 @@ class Wanted:
         found: list[Named] = []
         verdict: Verdict = None
         for name, value in self._picked(result).items():
-            if type(value) is float:
+            if isinstance(value, float | bool | np.bool_):  # what most functions return, without the looks at other types
                 found.append((name, Variable(np.array(value))))
                 continue
             inner, told = _named(name, value, rows)
@@ -196,7 +196,7 @@ def _check_function(name: object, function: object) -> None:
     if not callable(function):
         raise InputError(
             f"keep[{name!r}] is {function!r:.80}; expected a function of a result, e.g. {{{name!r}: lambda held: "
-            "held.residuals.worst}}. Names stand beside such a mapping: keep=('forces', {...})."
+            "held.residuals.worst}. Names stand beside such a mapping: keep=('forces', {...})."
         )
 
 

@@ -17,9 +17,9 @@ from rbd.errors.stopped import StudyStopped
 from rbd.model.output_files import write_file
 from rbd.modules import xarray_or_error
 from rbd.simulation.trajectory_file import check_netcdf
-from rbd.studies.dataset import MESSAGE, OK, REASON, normal, with_outcome
+from rbd.studies.dataset import MESSAGE, OK, REASON, normal, ordered, with_outcome
 from rbd.studies.kept.variable import Block, Variable
-from rbd.studies.provenance import LAYOUT, check_same, continued, format_of
+from rbd.studies.provenance import LAYOUT, check_same, continued, format_of, others_of
 from rbd.studies.samples import Samples
 from rbd.studies.stores.pacing import Pacing, why
 from rbd.studies.stores.places import Lock
@@ -37,7 +37,7 @@ class NetcdfStore(MemoryStore):
 
     def __init__(self, path: Path, samples: Samples, attributes: Mapping[str, Any]) -> None:
         super().__init__(samples, attributes)
-        self.path, self.old = path, dict[str, Any]()
+        self.path = path
         place = path.resolve()
         self._lock = Lock(path, place.with_name(f".{place.name}.lock"))
         self._pacing = Pacing(self._write, self._told, least=3.0)
@@ -69,7 +69,7 @@ class NetcdfStore(MemoryStore):
         """As `Store.dataset`."""
         with self._pacing.guard:
             self._pacing.write()
-        return super().dataset()
+        return read_netcdf_study(self.path) if self.path.exists() else self.kept()
 
     def close(self) -> None:
         """As `Store.close`."""
@@ -81,7 +81,7 @@ class NetcdfStore(MemoryStore):
             self._lock.close()
 
     def _write(self) -> None:
-        content = encoded(super().dataset(), json.dumps({"first": self.kept.first}), self.path)
+        content = encoded(self.kept(), json.dumps({"first": self.seen.first}), self.path)
         write_file(self.path, lambda file: file.write(content), StudyStopped)
 
     def _told(self, error: Exception) -> StudyStopped:
@@ -93,11 +93,11 @@ class NetcdfStore(MemoryStore):
 
     def _load(self) -> None:
         found = _decoded(self.path)
-        self.old = dict(found.attrs)
-        check_same(self.old, self.attributes, str(self.path))
-        self.attributes = continued(self.old, self.attributes)
+        check_same(found.attrs, self.attributes, str(self.path))
+        self.others = others_of(found.attrs, self.attributes)
+        self.attributes = continued(found.attrs, self.attributes)
         n, axes = len(self.samples), len(self.samples.dims)
-        first = {str(name): (int(a), int(b)) for name, (a, b) in json.loads(self.old[LAYOUT])["first"].items()}
+        first = {str(name): (int(a), int(b)) for name, (a, b) in json.loads(found.attrs[LAYOUT])["first"].items()}
         own = normal(found)
         for name in first:
             x = own[name]
@@ -113,7 +113,7 @@ class NetcdfStore(MemoryStore):
                 labels,
                 {int(k): word for k, word in flags},
             )
-        self.kept.begin(first, self.found.variables)
+        self.seen.begin(first, self.found.variables)
         self.found.ok[:] = own[OK].values.ravel()
         self.found.reason[:] = own[REASON].values.ravel()
         self.found.messages |= {i: str(text) for i, text in enumerate(own[MESSAGE].values.ravel()) if text}
@@ -147,15 +147,21 @@ def encoded(dataset: xarray.Dataset, layout: str, path: Path) -> bytes:
 
 
 def _decoded(path: Path) -> xarray.Dataset:
-    xarray = xarray_or_error()
+    module = xarray_or_error()
     try:
         data = path.read_bytes()
         check_netcdf(data)
-        found: xarray.Dataset = xarray.load_dataset(io.BytesIO(data), engine="scipy", decode_times=False)
+        found: xarray.Dataset = module.load_dataset(io.BytesIO(data), engine="scipy", decode_times=False)
     except Exception as error:  # SciPy's reader can raise any exception on invalid bytes
         raise InputError(
             f"{str(path)!r:.300} is no store of a study, or a damaged one: {error!s:.200}. Give another path, or move it away."
         ) from error
     found.attrs = {name: value.item() if isinstance(value, np.generic) else value for name, value in found.attrs.items()}
     format_of(found.attrs, str(path))
-    return found
+    try:
+        first = json.loads(found.attrs[LAYOUT])["first"]
+        return ordered(found, [OK, REASON, MESSAGE, *sorted(first, key=first.__getitem__)])
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(
+            f"{str(path)!r:.300} is a damaged store: {error!s:.200}. Give another path, or move it away."
+        ) from error

@@ -6,9 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from rbd.modules import xarray_or_error, zarr_or_error
 from rbd.studies.samples import Samples
 from rbd.studies.stores.netcdf_store import NetcdfStore, read_netcdf_study
-from rbd.studies.stores.places import NETCDF, a_store_path, check_store_place
+from rbd.studies.stores.places import NETCDF, ZARR, a_store_path, check_store_place
 from rbd.studies.stores.store import MemoryStore, Store
 from rbd.studies.stores.zarr_reading import read_zarr
 from rbd.studies.stores.zarr_store import ZarrStore
@@ -37,11 +38,14 @@ def checked_path(out: object) -> Path | None:
     """The path of a store, after a check that one can be there; None without one.
 
     Raises:
-        InputError: see above.
+        InputError: where none can be, or xarray or zarr are not installed.
     """
+    xarray_or_error()
     if out is None:
         return None
     path = a_store_path(out)
+    if path.suffix == ZARR:
+        zarr_or_error()
     check_store_place(path)
     return path
 
@@ -68,4 +72,6 @@ def open_study(path: object) -> xarray.Dataset:
         True
     """
     found = a_store_path(path)
+    if found.suffix == ZARR:
+        zarr_or_error()
     return read_netcdf_study(found) if found.suffix == NETCDF else read_zarr(found)

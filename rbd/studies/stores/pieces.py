@@ -1,4 +1,4 @@
-"""`Pieces`: samples in consecutive runs, each a rectangle of the samples' grid: the chunks of a zarr array."""
+"""`Pieces`: samples cut into consecutive runs, each a rectangle of the samples' grid: the chunks of a zarr array."""
 
 from __future__ import annotations
 

@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.errors import InputError
 from rbd.errors.reasons import Reason
 from rbd.studies.dataset import dataset_of
+from rbd.studies.kept.layout import Layout
 from rbd.studies.kept.variable import Block, Variable, missing
+from rbd.studies.provenance import finished
 from rbd.studies.samples import Samples
 
 if TYPE_CHECKING:
@@ -24,9 +25,11 @@ class Store(Protocol):
 
     Attributes:
         done: Which samples are finished, shape (n,), truth values.
+        others: A sentence on other versions that computed a part of it; empty where there are none.
     """
 
     done: Array
+    others: str
 
     def put(self, block: Block) -> None:
         """Keep a finished block.
@@ -40,7 +43,15 @@ class Store(Protocol):
         ...
 
     def dataset(self) -> xarray.Dataset:
-        """All that is kept; what is not done has `Reason.NOT_RUN`."""
+        """All that is kept; what is not done has `Reason.NOT_RUN`.
+
+        Raises:
+            StudyStopped: what is not yet written cannot be written.
+        """
+        ...
+
+    def kept(self) -> xarray.Dataset:
+        """The same without writing: of a store that cannot be written, what is there."""
         ...
 
     def close(self) -> None:
@@ -48,13 +59,19 @@ class Store(Protocol):
         ...
 
 
-class Kept:
-    """The variables that were kept so far, without their values; refuses those that disagree with earlier ones."""
+class Seen:
+    """The variables that blocks had so far; refuses those that disagree with earlier ones.
 
-    def __init__(self) -> None:
-        self._first: dict[str, tuple[int, int]] = {}
-        self._forms: dict[str, tuple[tuple[int, ...], str, int]] = {}
-        self._labels: dict[str, tuple[Any, ...]] = {}
+    Args:
+        samples: The samples, whose arguments are coordinates.
+
+    Attributes:
+        first: {variable: the first block that has it, and its place there}.
+    """
+
+    def __init__(self, samples: Samples) -> None:
+        self._layout = Layout(samples.taken)
+        self.first: dict[str, tuple[int, int]] = {}
 
     def check(self, block: Block) -> None:
         """Refuse variables whose shape, kind or labels differ from those of earlier samples.
@@ -62,47 +79,19 @@ class Kept:
         Raises:
             InputError: names the variable, both shapes, and the samples.
         """
-        for place, (name, v) in enumerate(block.variables.items()):
-            _check_name(name)
-            shape, kind = v.values.shape[1:], _KINDS.get(v.values.dtype.kind, str(v.values.dtype))
-            old = self._forms.setdefault(name, (shape, kind, block.start))
-            if old[:2] != (shape, kind):
-                raise InputError(
-                    f"{name!r} is {kind} of shape {shape} in samples {block.start} to {block.stop - 1}, and {old[1]} of shape "
-                    f"{old[0]} from sample {old[2]} on. All samples of a study have results of one shape: leave it out by "
-                    "keep=, or return numbers that all have."
-                )
-            for dim, labels in v.labels.items():
-                if tuple(self._labels.setdefault(dim, tuple(labels))) != tuple(labels):
-                    raise InputError(
-                        f"{dim!r} of {name!r} has the labels {str(tuple(labels)):.200} in samples {block.start} to "
-                        f"{block.stop - 1}, and {str(self._labels[dim]):.200} in others. Give each its own dimension."
-                    )
-            self._first[name] = min(self._first.get(name, (block.start, place)), (block.start, place))
-
-    @property
-    def first(self) -> dict[str, tuple[int, int]]:
-        """{variable: the first block that has it, and its place there}."""
-        return dict(self._first)
+        self._layout.check(block)
+        for place, name in enumerate(block.variables):
+            self.first[name] = min(self.first.get(name, (block.start, place)), (block.start, place))
 
     def begin(self, first: Mapping[str, tuple[int, int]], forms: Mapping[str, Variable]) -> None:
         """Take over the variables of a store."""
-        self.check(Block(0, 0, {name: forms[name] for name in first}, np.empty(0), np.empty(0), {}))
-        self._first |= first
+        for name, v in forms.items():
+            self._layout.agree(name, v, v.values.shape[1:], "the store")
+        self.first |= first
 
     def in_order(self) -> list[str]:
         """Names by the first sample that has them, whatever the order in which blocks are finished."""
-        return sorted(self._first, key=self._first.__getitem__)
-
-
-_KINDS = {"f": "numbers", "i": "whole numbers", "u": "whole numbers", "b": "truth values", "U": "text", "O": "text"}
-
-
-def _check_name(name: str) -> None:
-    if not name or "/" in name or name.startswith(("__", ".")):
-        raise InputError(
-            f"a result is named {name!r:.80}; no variable of a dataset that is stored can have this name. Rename it."
-        )
+        return sorted(self.first, key=self.first.__getitem__)
 
 
 class Buffer:
@@ -143,6 +132,13 @@ class Buffer:
         return Block(self.start, self.stop, variables, self.ok, self.reason, self.messages)
 
 
+def with_entries(block: Block) -> Block:
+    """The block without arrays that have no entries, as torques of a robot without motors: netCDF has no such thing."""
+    if all(v.values.size for v in block.variables.values()):
+        return block
+    return replace(block, variables={name: v for name, v in block.variables.items() if v.values.size})
+
+
 def empty_of(v: Variable, n: int) -> Variable:
     """A variable of n samples without values; text as objects, of any length."""
     kind = np.dtype(object) if v.values.dtype.kind in "UOT" else v.values.dtype
@@ -157,20 +153,27 @@ class MemoryStore:
         attributes: Provenance, which stands in the dataset.
     """
 
+    others = ""
+
     def __init__(self, samples: Samples, attributes: Mapping[str, Any]) -> None:
         self.samples, self.attributes = samples, attributes
         self.done = np.zeros(len(samples), bool)
-        self.kept, self.found = Kept(), Buffer(0, len(samples))
+        self.seen, self.found = Seen(samples), Buffer(0, len(samples))
 
     def put(self, block: Block) -> None:
         """As `Store.put`."""
-        self.kept.check(block)
+        block = with_entries(block)
+        self.seen.check(block)
         self.found.put(block)
         self.done[block.start : block.stop] = True
 
     def dataset(self) -> xarray.Dataset:
         """As `Store.dataset`."""
-        return dataset_of(self.samples, self.found.block(self.kept.in_order()), self.attributes)
+        return self.kept()
+
+    def kept(self) -> xarray.Dataset:
+        """As `Store.kept`."""
+        return dataset_of(self.samples, self.found.block(self.seen.in_order()), finished(self.attributes))
 
     def close(self) -> None:
         """Nothing to do."""

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from rbd.errors import InputError
+from rbd.errors.reasons import Reason
 from rbd.modules import xarray_or_error
-from rbd.studies.dataset import REASON, normal, with_outcome
+from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, normal, ordered, with_outcome
 from rbd.studies.provenance import LAYOUT, format_of
 
 if TYPE_CHECKING:
@@ -32,19 +36,29 @@ def read_zarr(path: Path) -> xarray.Dataset:
     except (OSError, ValueError) as error:
         raise InputError(f"{str(path)!r:.300} is no store of a study: {error!s:.200}.") from error
     format_of(attributes, str(path))
-    if REASON not in arrays:
-        raise InputError(f"{str(path)!r:.300} holds no results yet.")
+    if REASON in arrays and not {OK, MESSAGE} <= set(arrays):
+        raise InputError(f"{str(path)!r:.300} is damaged: it has no {OK} or no {MESSAGE}.")
     order = [name for name in arrays if name not in coordinates_of(attributes, arrays)]
     try:
-        found = xarray.open_zarr(path, chunks=None, consolidated=True, decode_times=False)[order]
+        found = ordered(xarray.open_zarr(path, chunks=None, consolidated=True, decode_times=False), order)
+        if REASON not in arrays:
+            found = _without_results(found, json.loads(attributes[LAYOUT])["dims"])
         if found.nbytes <= LOADED:
             found = found.load()
-    except (RuntimeError, ValueError, OSError, KeyError) as error:
+    except (RuntimeError, ValueError, OSError, KeyError, TypeError) as error:
         raise InputError(
             f"{str(path)!r:.300} is damaged: {error!s:.200}. The same call of rbd.study computes damaged chunks again."
         ) from error
     found.attrs = {name: value for name, value in attributes.items() if name not in (LAYOUT, "coordinates")}
     return with_outcome(normal(found))
+
+
+def _without_results(dataset: xarray.Dataset, lengths: Mapping[str, int]) -> xarray.Dataset:
+    """A dataset of coordinates with the variables that every study has."""
+    dims, shape = tuple(lengths), tuple(lengths.values())
+    codes = np.full(shape, Reason.NOT_RUN.code, np.int16)
+    own = {OK: np.zeros(shape, bool), REASON: codes, MESSAGE: np.full(shape, "", object)}
+    return dataset.assign({name: (dims, values, OWN[name]) for name, values in own.items()})
 
 
 def coordinates_of(attributes: Mapping[str, Any], arrays: Mapping[str, Any]) -> set[str]:

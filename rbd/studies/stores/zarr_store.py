@@ -17,14 +17,14 @@ from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.errors.reasons import Reason
 from rbd.errors.stopped import StudyStopped
-from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, coordinates, variable_attributes
+from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, coordinates
 from rbd.studies.kept.variable import Block, Variable, missing
-from rbd.studies.provenance import LAYOUT, check_same, continued, format_of
+from rbd.studies.provenance import LAYOUT, check_same, continued, finished, format_of, others_of
 from rbd.studies.samples import Samples
 from rbd.studies.stores.pacing import Pacing, why
 from rbd.studies.stores.pieces import Pieces
 from rbd.studies.stores.places import Lock
-from rbd.studies.stores.store import Buffer, Kept, empty_of
+from rbd.studies.stores.store import Buffer, Seen, empty_of, with_entries
 from rbd.studies.stores.zarr_reading import LOADED, read_zarr
 
 if TYPE_CHECKING:
@@ -55,9 +55,9 @@ class ZarrStore:
         self.path, self.samples = path, samples
         self._root = path.resolve()
         self.done = np.zeros(len(samples), bool)
-        self.kept = Kept()
+        self.seen = Seen(samples)
         self.attributes = dict(attributes)
-        self.old: dict[str, Any] = {}
+        self.others = ""
         self._pieces: Pieces | None = None
         self._forms: dict[str, Variable] = {}
         self._arrays: dict[str, Any] = {}
@@ -66,6 +66,7 @@ class ZarrStore:
         self._buffers: dict[int, Buffer] = {}
         self._dirty: set[int] = set()
         self._stored: set[int] = set()
+        self._computed = False
         self._pacing = Pacing(self._write_all, self._told)
         self.made = not (self._root.is_dir() and any(self._root.iterdir()))
         if self.made:
@@ -83,7 +84,8 @@ class ZarrStore:
         """As `Store.put`."""
         with self._pacing.guard:
             self._pacing.check()
-            self.kept.check(block)
+            block = with_entries(block)
+            self.seen.check(block)
             if self._pieces is None:
                 self._pieces = Pieces.of(tuple(self.samples.dims.values()), _piece_size(block, len(self.samples)))
             for name, v in block.variables.items():
@@ -93,14 +95,29 @@ class ZarrStore:
             for piece in range(self._pieces.number(block.start), self._pieces.number(block.stop - 1) + 1):
                 self._buffer(piece).put(block)
                 self._dirty.add(piece)
-            self.done[block.start : block.stop] = True
+            self.done[block.start : block.stop], self._computed = True, True
             self._pacing.changed(now=len(self._buffers) > MOST_BUFFERS)
 
     def dataset(self) -> xarray.Dataset:
         """As `Store.dataset`; read from the disk, into memory if it is small."""
         with self._pacing.guard:
             self._pacing.write()
+            if self._computed:
+                self.attributes = finished(self.attributes)
+                self._write_root()
+        return self.kept()
+
+    def kept(self) -> xarray.Dataset:
+        """As `Store.kept`."""
         return read_zarr(self.path)
+
+    def _write_root(self) -> None:
+        from rbd.studies.stores import zarr_files
+
+        try:
+            zarr_files.write_root(self._root, self._whole_attributes(), self._listed)
+        except (OSError, StudyStopped) as error:
+            raise self._told(error) from error
 
     def close(self) -> None:
         """As `Store.close`; a new store in which nothing is done is removed."""
@@ -146,9 +163,9 @@ class ZarrStore:
 
         path = str(self.path)
         try:
-            self.old, arrays = zarr_files.read_root(self._root)
-            format_of(self.old, path)
-            layout = json.loads(self.old[LAYOUT])
+            old, arrays = zarr_files.read_root(self._root)
+            format_of(old, path)
+            layout = json.loads(old[LAYOUT])
             first = {str(name): (int(a), int(b)) for name, (a, b) in layout["first"].items()}
             labelled = [str(dim) for dim in layout["labels"]]
         except FileNotFoundError:
@@ -162,8 +179,9 @@ class ZarrStore:
                 f"out {path!r:.300} is a damaged store: its {zarr_files.ROOT} is not as rbd writes it ({error!s:.100}). "
                 "Delete it, or give another path."
             ) from error
-        check_same(self.old, self.attributes, path)
-        self.attributes = continued(self.old, self.attributes)
+        check_same(old, self.attributes, path)
+        self.others = others_of(old, self.attributes)
+        self.attributes = continued(old, self.attributes)
         self._listed = list(arrays)
         for part in self._root.rglob(".*.part"):
             with suppress(OSError):
@@ -190,7 +208,7 @@ class ZarrStore:
             values = np.empty((0, *a.shape[len(shape) :]), object if a.dtype.kind in "TO" else a.dtype)
             labels = {dim: self._labels[dim] for dim in dims if dim in self._labels}
             self._forms[name] = Variable(values, dims, labels=labels)
-        self.kept.begin(first, self._forms)
+        self.seen.begin(first, self._forms)
         reason = self._reasons()
         self.done = reason != Reason.NOT_RUN.code
         starts = [self._pieces.span(k) for k in range(len(self._pieces))]
@@ -292,7 +310,7 @@ class ZarrStore:
                 values = buffer.variables[name].values if name in buffer.variables else empty_of(form, n).values
                 folders |= self._write(name, piece, values)
         if new or REASON not in self._listed:
-            extra = (OK, REASON, MESSAGE, *self.kept.in_order(), *self._labels)
+            extra = (OK, REASON, MESSAGE, *self.seen.in_order(), *self._labels)
             self._listed = list(dict.fromkeys([*coordinates_first(self._listed, self._forms, extra), *extra]))
             zarr_files.write_root(self._root, self._whole_attributes(), self._listed)
         zarr_files.sync_folders(folders | {self._root})
@@ -333,7 +351,7 @@ class ZarrStore:
         fill = missing(v.values.dtype)
         dims = (*self.samples.dims, *v.dims)
         zarr_files.new_array(self._root, name, dims, (*p.shape, *inner), (*p.chunk, *inner), v.values.dtype, fill)
-        zarr_files.set_attributes(self._root, name, variable_attributes(v))
+        zarr_files.set_attributes(self._root, name, v.attributes)
         self._arrays[name] = zarr_files.array(self._root, name)
         for piece in self._stored - self._dirty:
             start, stop = p.span(piece)
@@ -357,7 +375,7 @@ class ZarrStore:
 
     def _whole_attributes(self) -> dict[str, Any]:
         plain = [name for name, (dims, _, _) in self.samples.coords().items() if tuple(dims) != (name,)]
-        layout = json.dumps({"first": self.kept.first, "labels": list(self._labels)})
+        layout = json.dumps({"first": self.seen.first, "labels": list(self._labels), "dims": dict(self.samples.dims)})
         return {**self.attributes, LAYOUT: layout} | ({"coordinates": " ".join(plain)} if plain else {})
 
 

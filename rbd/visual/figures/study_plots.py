@@ -26,7 +26,13 @@ if TYPE_CHECKING:
 MOST_PANELS = 12
 PANEL = (4.4, 3.6)
 """Width and height of a picture's panel, where this module makes the figure [inch]."""
-_LEGEND: dict[str, Any] = {"frameon": False, "fontsize": "small", "handlelength": 1.5, "columnspacing": 1.2}
+_LEGEND: dict[str, Any] = {
+    "frameon": False,
+    "fontsize": "small",
+    "handlelength": 1.5,
+    "columnspacing": 1.2,
+    "alignment": "left",
+}
 
 
 def plot_study(
@@ -107,7 +113,7 @@ def _chosen(data: StudyData, x: object, y: object, by: object) -> tuple[str, str
     if x is None and y is not None:
         raise InputError(f"y is {y!r} and x is not given; name both, or x alone for curves.")
     if data.drawn_at_random:
-        names = [str(n) for n, v in data.dataset.coords.items() if v.dims == data.dims]
+        names = [str(n) for n, v in data.dataset.coords.items() if v.dims == data.dims and n not in data.dims]
         free = [n for n in names if n != by] or list(data.dims)
         if x is None:
             x, y = free[0], (free[1] if len(free) > 1 else None)

@@ -1,0 +1,94 @@
+"""What robots of the catalogue and of users' files are in a pickle: places in installed packages, and paths as text."""
+
+from __future__ import annotations
+
+import os
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import pinocchio as pin
+
+from rbd.errors import ModelError
+from rbd.installation import VERSION
+from rbd.model.checked_model import CheckedModel
+from rbd.model.travelling import numbers_digest
+from rbd.robots import catalogue
+from rbd.robots.catalogue import DATA, Foot, Source
+
+SentSource = tuple[str, str, tuple[str, ...], tuple[Foot, ...], dict[str, dict[str, float]], str | None]
+"""Name, file, folders of meshes, feet, postures and standing posture; paths as text."""
+OWN = "rbd"
+
+
+def known_place(source: Source) -> tuple[str, str] | None:
+    """(package, file in it) of a robot that is installed with a package; None of any other."""
+    if source.known:
+        folder = catalogue.robots_folder().resolve()
+        return DATA, source.urdf.resolve().relative_to(folder).as_posix()
+    if catalogue.MODELS is not None and source.urdf.resolve().parent == catalogue.MODELS.resolve():
+        return OWN, source.urdf.name
+    return None
+
+
+def again_known(place: tuple[str, str]) -> Source:
+    """The source of `known_place` in this process.
+
+    Raises:
+        ModelError: the file is not installed here.
+    """
+    package, file = place
+    folder = catalogue.robots_folder() if package == DATA else catalogue.MODELS
+    path = None if folder is None else folder / file
+    if path is None or not path.is_file():
+        raise ModelError(
+            f"a robot that was pickled elsewhere is the file {file!r:.200} of {package}, which is not here. Install the same "
+            f"version of {package} in both environments; here: {_versions()}."
+        )
+    return catalogue.find(path)
+
+
+def numbers_and_versions(model: pin.Model) -> tuple[str, str]:
+    """The digest of a model as it was loaded, and the versions on which it depends, in words."""
+    return numbers_digest(model), _versions()
+
+
+def check_same(robot: CheckedModel, digest: str, versions: str) -> None:
+    """Refuse a robot whose file is another one here than where it was pickled.
+
+    Args:
+        robot: As it was loaded here.
+        digest: Of the model where it was pickled.
+        versions: Of that environment.
+
+    Raises:
+        ModelError: with the versions of both.
+    """
+    if numbers_digest(robot.model) != digest:
+        raise ModelError(
+            f"{robot.name} is another robot here than where it was pickled: its model has other numbers or names. There: "
+            f"{versions}; here: {_versions()}. Install the same versions in both environments."
+        )
+
+
+def sent_source(source: Source) -> SentSource:
+    """A source with its paths as text; the semantic file is left out, as its postures are sent."""
+    folders = tuple(str(folder) for folder in source.package_dirs)
+    postures = {name: dict(angles) for name, angles in source.postures.items()}
+    return source.name, os.fspath(source.urdf), folders, source.feet, postures, source.posture
+
+
+def source_again(sent: SentSource) -> Source:
+    """The source of `sent_source`. Its files need not be there."""
+    name, urdf, folders, feet, postures, posture = sent
+    return Source(name, Path(urdf), None, tuple(Path(folder) for folder in folders), feet, postures, posture)
+
+
+def _versions() -> str:
+    return f"{DATA} {_version(DATA)}, rbd {VERSION}, Pinocchio {pin.__version__}"
+
+
+def _version(package: str) -> str:
+    try:
+        return version(package)
+    except PackageNotFoundError:
+        return "not installed"

@@ -1,0 +1,82 @@
+"""Functions that tests study; other processes import them from here."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+CALLS = []
+
+
+def sums(x: float, y: float) -> dict[str, float]:
+    """Two numbers; some samples have no result."""
+    if y > 0.8:
+        raise ValueError(f"y is {y}")
+    return {"sum": x + y, "product": np.sin(x) * y}
+
+
+def drawn(x: float, rng: np.random.Generator) -> float:
+    """A random number."""
+    return float(x + rng.standard_normal())
+
+
+def sizes(x: np.ndarray) -> dict[str, np.ndarray]:
+    """Of each sample of a batch, how many there are, and a sum whose last bits depend on that."""
+    return {"size": np.full(len(x), len(x)), "share": x / np.sum(np.sqrt(x))}
+
+
+def batch_drawn(x: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Random numbers, one generator a batch."""
+    return np.asarray(x + rng.standard_normal(len(x)))
+
+
+def half_of_batches(x: np.ndarray) -> np.ndarray:
+    """Fails for the second batch."""
+    if x[0] == 512:
+        raise ValueError("no batch of mine")
+    return x
+
+
+def where(x: float) -> dict[str, float]:
+    """The process, its number of calls, and its BLAS threads."""
+    CALLS.append(x)
+    time.sleep(0.002)
+    return {"process": os.getpid(), "calls": len(CALLS), "threads": int(os.environ.get("OPENBLAS_NUM_THREADS", -1))}
+
+
+def warned(x: float) -> float:
+    """Warns of two kinds."""
+    if x >= 3:
+        warnings.warn(f"x is {x:g}", RuntimeWarning, stacklevel=2)
+    if x == 5:
+        warnings.warn("five", UserWarning, stacklevel=2)
+    return x
+
+
+def killed_once(x: float, mark: str) -> float:
+    """The process that computes 7 first is killed."""
+    time.sleep(0.002)
+    path = Path(mark)
+    if x == 7 and not path.exists():
+        path.touch()
+        os.kill(os.getpid(), signal.SIGKILL)
+    return x
+
+
+def killed_at_seven(x: float) -> float:
+    """Each process that computes 7 is killed."""
+    if x == 7:
+        os.kill(os.getpid(), signal.SIGKILL)
+    time.sleep(0.002)
+    return x
+
+
+def killed(x: float) -> float:
+    """Every process is killed."""
+    os.kill(os.getpid(), signal.SIGKILL)
+    return x

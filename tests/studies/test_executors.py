@@ -1,0 +1,447 @@
+"""The values of a study do not depend on where it is computed; nothing is lost when processes die, or by Ctrl-C."""
+
+from __future__ import annotations
+
+import io
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+import textwrap
+import threading
+import time
+import warnings
+from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
+from contextlib import redirect_stderr
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import hypothesis
+import hypothesis.strategies as st
+import numpy as np
+import pytest
+import studied
+
+import rbd
+from rbd.studies.chunks import Chunks
+from rbd.studies.evaluation import BATCH, Evaluation
+from rbd.studies.filling import Filled, check_all, fill
+from rbd.studies.grids import grid
+from rbd.studies.own_processes import Workers
+from rbd.studies.progress_bar import Progress, counted
+from rbd.studies.samples import Samples
+from rbd.studies.stores.store import MemoryStore
+
+GRID = {"x": np.arange(12.0), "y": np.linspace(0.0, 1.0, 9)}
+
+
+def filled(
+    evaluation: Evaluation, samples: Samples, executor: Executor | int | None, **kwargs: Any
+) -> tuple[MemoryStore, Filled]:
+    """A store in memory, filled."""
+    store = MemoryStore(samples, {})
+    return store, fill(store, evaluation, samples, executor=executor, progress=False, **kwargs)
+
+
+def same(one: MemoryStore, other: MemoryStore) -> bool:
+    """Whether all that is kept is equal, bit by bit."""
+    a, b = one.found.block(), other.found.block()
+    return (
+        a.messages == b.messages
+        and np.array_equal(a.ok, b.ok)
+        and np.array_equal(a.reason, b.reason)
+        and sorted(a.variables) == sorted(b.variables)
+        and all(v.values.tobytes() == b.variables[name].values.tobytes() for name, v in a.variables.items())
+    )
+
+
+@pytest.mark.parametrize("function", [studied.sums, studied.drawn, lambda x, y: {"value": np.array([x, y])}])
+def test_the_values_do_not_depend_on_executor_and_chunk(function, workers):
+    """This process, two processes, threads; one sample at a time or all; with failures and random numbers."""
+    axes = {"x": GRID["x"]} if function is studied.drawn else GRID
+    evaluation = Evaluation(function, seed=3)
+    first, _ = filled(evaluation, grid(**axes), 0)
+    assert first.done.all()
+    with ThreadPoolExecutor(3) as threads:
+        for executor in (0, workers, threads):
+            for chunk in (None, 1, 5, 1000):
+                assert same(filled(evaluation, grid(**axes), executor, chunk=chunk)[0], first)
+    other, _ = filled(Evaluation(function, seed=4), grid(**axes), 0)
+    assert same(other, first) == (function is not studied.drawn)
+
+
+def test_seeds_are_those_that_numpy_spawns():
+    """Sample i has child i of the root."""
+    found = filled(Evaluation(studied.drawn, seed=11), grid(x=np.arange(6.0)), 0)[0].found.block()
+    expected = [np.random.default_rng(s).standard_normal() for s in np.random.SeedSequence(11).spawn(6)]
+    assert found.variables["value"].values.tolist() == (np.arange(6.0) + expected).tolist()
+
+
+@pytest.mark.parametrize("function", [studied.sizes, studied.batch_drawn, studied.half_of_batches])
+def test_batches_are_the_same_whatever_the_chunk(function, workers):
+    """512 samples from multiples of 512, the last ones fewer."""
+    samples, evaluation = grid(x=np.arange(1300.0)), Evaluation(function, batched=True)
+    first, _ = filled(evaluation, samples, 0)
+    for executor in (0, workers):
+        for chunk in (None, 1, 700, 5000):
+            assert same(filled(evaluation, samples, executor, chunk=chunk)[0], first)
+    kept = first.found.block()
+    if function is studied.sizes:
+        assert np.array_equal(kept.variables["size"].values, np.repeat([BATCH, BATCH, 1300 - 2 * BATCH], [BATCH, BATCH, 276]))
+    if function is studied.half_of_batches:
+        assert np.array_equal(kept.ok, (samples.columns(0, 1300)["x"] // BATCH) != 1)
+        assert kept.messages[600] == "ValueError: no batch of mine"
+
+
+def test_an_unfinished_store_is_filled_batch_by_batch():
+    """What is left of a batch is computed with the whole batch, and counted once."""
+    samples, evaluation = grid(x=np.arange(1300.0)), Evaluation(studied.sizes, batched=True)
+    first, _ = filled(evaluation, samples, 0)
+    store = MemoryStore(samples, {})
+    store.put(evaluation.block(0, samples.columns(0, BATCH)))
+    store.done[100:] = False
+    told = fill(store, evaluation, samples, executor=0, progress=False)
+    assert same(store, first) and told.done == told.total == 1300
+
+
+def test_processes_have_one_blas_thread_and_stay(workers):
+    """Of two studies, in at most two processes, which are not this one; its environment is as it was."""
+    before = dict(os.environ)
+    found = [filled(Evaluation(studied.where), grid(x=np.arange(40.0)), workers, chunk=4)[0].found.block() for _ in range(2)]
+    processes = {p for kept in found for p in kept.variables["process"].values.tolist()}
+    assert len(processes) <= 2 and os.getpid() not in processes
+    assert all((kept.variables["threads"].values == 1).all() for kept in found)
+    assert found[1].variables["calls"].values.max() > found[0].variables["calls"].values.max()  # its modules stay loaded
+    assert dict(os.environ) == before
+
+
+def test_a_killed_process_is_replaced(workers, tmp_path):
+    """What it computed is computed again; its chunk is not lost, nor others."""
+    function = partial(studied.killed_once, mark=str(tmp_path / "killed"))
+    store, told = filled(Evaluation(function), grid(x=np.arange(30.0)), workers)
+    assert (tmp_path / "killed").exists() and told.stopped == ""
+    assert np.array_equal(store.found.block().variables["value"].values, np.arange(30.0))
+
+
+def test_a_sample_that_kills_its_processes_is_named(workers):
+    """After two processes the others go on without it; where nothing else is left, the study ends."""
+    store, told = filled(Evaluation(studied.killed_at_seven), grid(x=np.arange(30.0)), workers)
+    assert "each process that computed sample 7 was ended by signal 9" in told.stopped and "29 of 30" in told.stopped
+    assert np.array_equal(np.flatnonzero(~store.done), [7])
+    again = fill(store, Evaluation(studied.killed_at_seven), grid(x=np.arange(30.0)), executor=workers, chunk=4, progress=False)
+    assert again.done == 29 and "sample 7 " in again.stopped
+
+
+def test_another_executor_that_breaks_ends_the_study():
+    """It cannot be repaired here: what is done is kept; the next call refuses it before work."""
+    samples = grid(x=np.arange(30.0))
+    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
+        store, told = filled(Evaluation(studied.killed_at_seven), samples, pool, chunk=1)
+        assert told.stopped.startswith("the executor broke") and told.cause is not None
+        assert told.done == store.done.sum() < 30
+        with pytest.raises(rbd.InputError, match="takes no work"):
+            check_all(Evaluation(studied.sums), pool, None)
+
+
+@pytest.mark.parametrize("given", [-1, True, 2.5, "two", 10**9, multiprocessing])
+def test_what_is_no_executor_is_refused(given):
+    """Before work, with what was expected."""
+    with pytest.raises(rbd.InputError, match="executor is .*; expected"):
+        check_all(Evaluation(studied.sums), given, None)
+
+
+def test_executors_that_are_shut_down_are_refused():
+    """Those of this package and others; and a client of dask that is given in place of its executor."""
+    pool, own = ThreadPoolExecutor(1), Workers(1)
+    for executor in (pool, own):
+        executor.shutdown()
+        with pytest.raises(rbd.InputError, match="takes no work: cannot schedule new futures after shutdown"):
+            check_all(Evaluation(studied.sums), executor, None)
+
+    class Client:
+        """Looks like one."""
+
+        def get_executor(self) -> None:
+            """As a client of dask."""
+
+    with pytest.raises(rbd.InputError, match="executor=client.get_executor"):
+        check_all(Evaluation(studied.sums), Client(), None)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("chunk", [0, -1, 1.5, True, "all"])
+def test_bad_chunks_are_refused(chunk):
+    """A number of samples from 1."""
+    with pytest.raises(rbd.InputError, match="chunk is .*; expected a whole number"):
+        check_all(Evaluation(studied.sums), 0, chunk)
+
+
+LOCK = threading.Lock()
+
+
+def test_what_cannot_be_sent_is_named(tmp_path):
+    """Locks, open files, generators: where they are, and what to do; this process needs none of that."""
+    file, drawing = (tmp_path / "log").open("w"), (i for i in range(3))
+
+    def writes(x: float) -> float:
+        file.write("x")
+        return x
+
+    class Box:
+        def __init__(self) -> None:
+            self.parts = {"next": drawing}
+
+        def value(self, x: float) -> float:
+            return x
+
+    cases = [
+        (writes, r"its variable file is an open file \(TextIOWrapper\)"),
+        (partial(studied.killed_once, mark=LOCK), r"the argument mark is a lock \(lock\)"),
+        (Box().value, "the item 'next' of the attribute parts of its object is a generator"),
+    ]
+    for function, told in cases:
+        with pytest.raises(rbd.InputError, match=told) as caught:
+            check_all(Evaluation(function), 2, None)
+        assert "cannot be sent to other processes" in str(caught.value) and "executor=0" in str(caught.value)
+        check_all(Evaluation(function), 0, None)
+    with pytest.raises(rbd.InputError, match="keep|file"):
+        check_all(Evaluation(studied.sums, keep={"wrote": writes}), 2, None)
+    file.close()
+
+
+def test_without_cloudpickle_functions_of_modules_go_by_name(monkeypatch):
+    """Others are told to move, or to install it."""
+    monkeypatch.setitem(sys.modules, "cloudpickle", None)
+    check_all(Evaluation(studied.sums), 2, None)
+    with pytest.raises(rbd.InputError, match="defined inside a function. .*install cloudpickle"):
+        check_all(Evaluation(lambda x: x), 2, None)
+    monkeypatch.setattr(studied.sums, "__module__", "__main__")
+    monkeypatch.setattr(sys.modules["__main__"], "sums", studied.sums, raising=False)
+    with ThreadPoolExecutor(1) as threads:
+        check_all(Evaluation(studied.sums), threads, None)
+    monkeypatch.delattr(sys.modules["__main__"], "__file__", raising=False)
+    with pytest.raises(rbd.InputError, match="defined in __main__, and there is no script"):
+        check_all(Evaluation(studied.sums), 2, None)
+
+
+def test_modules_that_processes_lack_are_named(workers, tmp_path, monkeypatch):
+    """The processes were started before its folder was on the path."""
+    filled(Evaluation(studied.drawn), grid(x=[1.0, 2.0]), workers)
+    (tmp_path / "far_away.py").write_text("def f(x):\n    return x\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    import far_away
+
+    with pytest.raises(
+        rbd.InputError, match="cannot load the function: ModuleNotFoundError: No module named 'far_away'.*PYTHON"
+    ):
+        filled(Evaluation(far_away.f), grid(x=[1.0, 2.0]), workers)
+
+
+def test_warnings_are_told_once_a_kind(workers):
+    """With their numbers and the first sample, wherever computed; filters that make errors of them change no row."""
+    samples, evaluation = grid(x=np.arange(20.0)), Evaluation(studied.warned)
+    texts = []
+    for executor in (0, workers):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            store, told = filled(evaluation, samples, executor)
+        assert store.found.block().ok.all()
+        with warnings.catch_warnings(record=True) as seen:
+            warnings.simplefilter("always")
+            told.warn()
+        texts.append([(w.category, str(w.message)) for w in seen])
+    assert (
+        texts[0]
+        == texts[1]
+        == [
+            (RuntimeWarning, "x is 3 [17 of 20 calls warn so, the first of them sample 3]"),
+            (UserWarning, "five [sample 5]"),
+        ]
+    )
+
+
+@hypothesis.given(
+    st.lists(st.booleans(), max_size=60), st.one_of(st.none(), st.integers(1, 70)), st.booleans(), st.floats(1e-6, 10.0)
+)
+@hypothesis.settings(deadline=None, max_examples=60)
+def test_chunks_cover_what_is_left(done: list[bool], size: int | None, batched: bool, pace: float):
+    """Each sample that is not done is in one chunk; a batched function gets whole batches."""
+    some = np.repeat(done, 100).astype(bool)
+    chunks, counts = Chunks(some, size, batched=batched, shares=4), np.zeros(len(some), int)
+    unit = BATCH if batched else 1
+    before = 0
+    while (chunk := chunks.take()) is not None:
+        start, stop = chunk
+        assert before <= start < stop <= len(some) and start % unit == 0 and (stop % unit == 0 or stop == len(some))
+        counts[start:stop] += 1
+        chunks.learn(stop - start, pace * (stop - start))
+        before = stop
+    assert (counts[~some] == 1).all() and (batched or not counts[some].any()) and counts.max(initial=0) <= 1
+
+
+def test_chunks_take_about_a_second():
+    """They grow from one sample, and become small near the end."""
+    chunks, sizes = Chunks(np.zeros(200_000, bool), None, batched=False, shares=6), []
+    while (chunk := chunks.take()) is not None:
+        sizes.append(chunk[1] - chunk[0])
+        chunks.learn(sizes[-1], 1e-4 * sizes[-1])
+    assert sizes[0] == 1 and max(sizes) == 10_000 and sizes[-2] <= 1000 and len(sizes) < 80
+    slow = Chunks(np.zeros(50, bool), None, batched=False)
+    slow.learn(1, 10.0)
+    assert slow.take() == (0, 1)
+
+
+def script(tmp_path: Path, text: str) -> Path:
+    """A script of these lines."""
+    path = tmp_path / "script.py"
+    path.write_text("import os, sys, time, numpy as np, rbd\n" + textwrap.dedent(text), encoding="utf-8")
+    return path
+
+
+def ends(group: int) -> bool:
+    """Whether no process of a group is left, after a while."""
+    end = time.monotonic() + 10.0
+    while time.monotonic() < end:
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return True
+        time.sleep(0.02)
+    return False
+
+
+def test_a_script_without_a_guard_is_told_so(tmp_path):
+    """One message in place of a page of tracebacks from each process."""
+    path = script(tmp_path, "def f(x):\n    return x\nrbd.study(f, rbd.grid(x=[1.0, 2.0]), executor=1)\n")
+    done = subprocess.run([sys.executable, path], capture_output=True, text=True)
+    assert done.returncode == 1 and done.stderr.count("Traceback") == 1
+    assert "InputError: the study is started again" in done.stderr and 'if __name__ == "__main__":' in done.stderr
+
+
+def test_functions_of_a_command_line_work():
+    """They have no file that other processes could import."""
+    text = "import rbd; k = 3.0; print(rbd.study(lambda x: k * x, rbd.grid(x=[1.0, 2.0]), executor=1).value.values)"
+    done = subprocess.run([sys.executable, "-c", text], capture_output=True, text=True)
+    assert (done.stdout, done.stderr) == ("[3. 6.]\n", "")
+
+
+SLOW = """
+def f(x):
+    time.sleep(0.02)
+    if x == 0.0:
+        print("begun", flush=True)
+    return x
+
+if __name__ == "__main__":
+    found = rbd.study(f, rbd.grid(x=np.arange(5000.0)), executor={executor}, chunk={chunk})
+    ok = found.ok.values
+    print(int(ok.sum()), found.reason.values[~ok].min(), found.value.values[ok].max(), found.attrs["interrupted"])
+"""
+
+
+@pytest.mark.parametrize(("executor", "chunk"), [(0, None), (2, 4000)])
+def test_ctrl_c_returns_what_is_done(tmp_path, executor, chunk):
+    """At once, with one warning, and no process is left; of chunks that never end, too."""
+    path = script(tmp_path, SLOW.format(executor=executor, chunk=chunk))
+    with subprocess.Popen(
+        [sys.executable, path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, process_group=0
+    ) as run:
+        assert run.stdout is not None and run.stderr is not None and run.stdout.readline() == "begun\n"
+        time.sleep(0.5)
+        began = time.monotonic()
+        os.killpg(run.pid, signal.SIGINT)  # as a terminal does: to all of them
+        if chunk == 4000:
+            said, told = "", run.stderr.read()
+            assert "AttributeError" in told  # nothing is done: the dataset has no variable
+        else:
+            said, told = run.communicate()
+            done, reason, *_, interrupted = said.split(maxsplit=3)
+            assert 0 < int(done) < 5000 and int(reason) == 99
+            assert interrupted == f"{int(done):,} of 5,000 samples are done\n"
+        assert told.count("StudyWarning: Ctrl-C after") == 1 and "KeyboardInterrupt" not in told
+        assert time.monotonic() - began < 5.0
+    assert ends(run.pid)
+
+
+def test_processes_end_with_the_one_that_started_them(tmp_path):
+    """Even if that is killed."""
+    path = script(tmp_path, SLOW.format(executor=1, chunk=10))
+    with subprocess.Popen([sys.executable, path], stdout=subprocess.PIPE, text=True, process_group=0) as run:
+        assert run.stdout is not None and run.stdout.readline() == "begun\n"
+        run.kill()
+        run.wait()
+    assert ends(run.pid)
+
+
+def test_a_function_that_swallows_ctrl_c_does_not_keep_its_result():
+    """As `rbd.simulate` does, which returns what it has: the sample is not done."""
+
+    def swallows(x: float) -> float:
+        try:
+            if x == 3.0:
+                signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            return -1.0
+        return x
+
+    store, told = filled(Evaluation(swallows), grid(x=np.arange(10.0)), 0, chunk=1)
+    assert told.interrupted == "Ctrl-C after 3 of 10 samples" and store.done.sum() == 3
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    with pytest.warns(rbd.errors.StudyWarning, match="3 of 10 samples"):
+        told.warn()
+
+
+def test_ctrl_c_waits_while_a_block_is_stored_but_not_a_second_one():
+    """A store is not left half written; who presses it twice wants the end."""
+
+    class Slow(MemoryStore):
+        presses = 1
+
+        def put(self, block):
+            for _ in range(self.presses):
+                signal.raise_signal(signal.SIGINT)
+            super().put(block)
+
+    store = Slow(grid(x=np.arange(5.0)), {})
+    told = fill(store, Evaluation(studied.warned), grid(x=np.arange(5.0)), executor=0, chunk=2, progress=False)
+    assert store.done.sum() == 2 and told.interrupted
+    store.presses = 2
+    with pytest.raises(KeyboardInterrupt):
+        fill(store, Evaluation(studied.warned), grid(x=np.arange(5.0)), executor=0, chunk=2, progress=False)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+def test_progress_tells_counts_rate_and_time_left(capsys):
+    """In words; nothing is drawn where there is no terminal."""
+    progress = Progress(10_000, 1_000, drawn=False)
+    assert progress.told(1.0) == "1,000 of 10,000, starting"
+    progress.add(1_000, 30)
+    assert progress.told(10.0) == "2,000 of 10,000, 30 without a result, 100 a second, left 01:20"
+    assert progress.told(1000.0).endswith("1 a second, left 2:13:20")
+    with counted(10, 0, shown=True) as counts:
+        counts._next = 0.0
+        counts.draw()
+    assert capsys.readouterr() == ("", "")
+
+
+class Terminal(io.StringIO):
+    """A stderr that says it is a terminal."""
+
+    def isatty(self) -> bool:
+        """It is."""
+        return True
+
+
+def test_progress_is_drawn_on_a_terminal(monkeypatch):
+    """On stderr, from a second on; the cursor is given back."""
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("COLUMNS", "120")
+    with redirect_stderr(Terminal()) as screen, counted(100, 0, shown=True) as counts:
+        counts.draw()
+        assert screen.getvalue() == ""
+        counts._began -= 2.0
+        counts._next = 0.0
+        counts.add(50, 2)
+        counts.draw()
+    assert "50 of 100, 2 without a result" in screen.getvalue() and screen.getvalue().count("\x1b[?25h") == 1

@@ -1,0 +1,327 @@
+"""Stores of studies: what is in them is the dataset, in the same form from memory, zarr and netCDF."""
+
+from __future__ import annotations
+
+import errno
+import itertools
+import json
+import math
+import os
+import subprocess
+import sys
+import time
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import xarray as xr
+
+import rbd
+from rbd.errors import InputError, Reason, StudyStopped
+from rbd.studies import open_study
+from rbd.studies.kept.variable import Block, Variable
+from rbd.studies.stores import pacing, zarr_files, zarr_reading
+from rbd.studies.stores.opened import store_of
+from rbd.studies.stores.pieces import Pieces
+
+FORMATS = ["push.zarr", "push.nc"]
+OTHER = ("command", "started", "finished")
+"""Attributes that differ from run to run."""
+
+
+def mixed(a: float, b: float) -> dict[str, Any]:
+    """Numbers, arrays with labels, truth values and text; a variable that only some samples have; errors."""
+    if a + b > 3:
+        raise ValueError("too much: é")
+    found: dict[str, Any] = {"total": a + b, "vector": np.array([a, b, 1.0]), "text": f"a is {a:g}", "more": bool(a > b)}
+    found["labelled"] = xr.DataArray([a, b], dims="part", coords={"part": ["first", "second"]}, attrs={"units": "m"})
+    return found | ({"late": 1.0} if a > 1 else {})
+
+
+GRID = {"a": np.arange(4.0), "b": [0.0, 1.0, 2.0]}
+
+
+def assert_same(one: xr.Dataset, other: xr.Dataset) -> None:
+    """Bit for bit, with attributes, types, and the order of variables."""
+    one, other = (
+        x.drop_attrs(deep=False).assign_attrs({k: v for k, v in x.attrs.items() if k not in OTHER}) for x in (one, other)
+    )
+    xr.testing.assert_identical(one, other)
+    assert [(n, x.dtype) for n, x in one.variables.items()] == [(n, x.dtype) for n, x in other.variables.items()]
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_stored_study_is_the_one_in_memory(name: str, tmp_path: Path):
+    """Bit for bit, at once and when it is opened later; a second call computes nothing."""
+    path = tmp_path / name
+    stored = rbd.study(mixed, rbd.grid(**GRID), executor=0, out=path, chunk=5)
+    assert_same(stored, rbd.study(mixed, rbd.grid(**GRID), executor=0))
+    xr.testing.assert_identical(stored, open_study(path))
+    xr.testing.assert_identical(stored, rbd.study(mixed, rbd.grid(**GRID), executor=0, out=path))
+    assert stored.total.dims == ("a", "b") and stored.labelled.sel(a=2, b=1, part="second") == 1.0
+    assert (
+        stored.attrs["summary"] == "12 samples: 9 ok; 3 other_error"
+        and stored.message.sel(a=3, b=1) == "ValueError: too much: é"
+    )
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_actuations_are_stored_with_their_labels(name: str, tmp_path: Path):
+    """Motors and rows of forces by name, status with its codes."""
+    box = rbd.testing.box()
+    floor = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), friction=0.5)
+
+    def held(force: float) -> rbd.Actuation:
+        return rbd.hold(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [floor], external=rbd.ExternalForce("box", (force, 0, 0)))
+
+    found = rbd.study(held, rbd.grid(force=[0.0, 40.0, 80.0]), executor=0, out=tmp_path / name)
+    assert_same(found, rbd.study(held, rbd.grid(force=[0.0, 40.0, 80.0]), executor=0))
+    assert found.force_floor.sel(force=40, floor_row="fx") == pytest.approx(-40) and not found.ok.sel(force=80)
+
+
+def test_a_table_is_stored_with_its_columns(tmp_path: Path):
+    """Text, numbers and truth values over `sample`; xarray reads the store alone, without a warning."""
+    rows = [{"name": "left", "x": 1.5, "k": 2, "up": True}, {"name": "right foot", "x": 2.0, "k": 3, "up": False}]
+
+    def f(name: str, x: float, k: int, up: bool) -> float:
+        return len(name) + x + k + up
+
+    stored = rbd.study(f, rows, executor=0, out=tmp_path / "table.zarr")
+    assert_same(stored, rbd.study(f, rows, executor=0))
+    alone = xr.open_zarr(tmp_path / "table.zarr")
+    assert sorted(map(str, alone.coords)) == ["k", "name", "sample", "up", "x"] and alone.value.values.tolist() == [8.5, 15.0]
+    assert alone.name.values.tolist() == ["left", "right foot"]
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_users_write_the_dataset_as_they_like(name: str, tmp_path: Path):
+    """`to_netcdf` and `to_zarr` take it, and give the same values back."""
+    for found in (rbd.study(mixed, rbd.grid(**GRID), executor=0, out=out) for out in (None, tmp_path / name)):
+        found.to_netcdf(tmp_path / "own.nc", engine="scipy")
+        found.to_zarr(tmp_path / "own.zarr", mode="w", consolidated=False)
+        for again in (
+            xr.load_dataset(tmp_path / "own.nc", engine="scipy"),
+            xr.open_zarr(tmp_path / "own.zarr", consolidated=False),
+        ):
+            assert again.vector.identical(found.vector) and again.message.values.tolist() == found.message.values.tolist()
+            assert again.ok.values.tolist() == found.ok.values.tolist()
+
+
+def test_an_unfinished_store_can_be_read(tmp_path: Path):
+    """What is not done has the reason not_run; also of a store without any result."""
+    samples = rbd.grid(**GRID)
+    attributes = {"format": "rbd study 1", "versions": "", "title": "push"}
+    store = store_of(tmp_path / "part.zarr", samples, attributes)
+    empty = open_study(tmp_path / "part.zarr")
+    assert empty.attrs["interrupted"] == "0 of 12 samples are done" and (empty.reason == Reason.NOT_RUN.code).all()
+    store.put(block(3, 7))
+    assert store.dataset().attrs["interrupted"] == "4 of 12 samples are done"
+    store.close()
+    part = open_study(tmp_path / "part.zarr")
+    assert part.value.values.ravel()[3:7].tolist() == [3, 4, 5, 6] and np.isnan(part.value.values.ravel()[[2, 7]]).all()
+    assert part.reason.values.ravel().tolist() == [99] * 3 + [0] * 4 + [99] * 5
+    assert xr.open_zarr(tmp_path / "part.zarr").value.dims == ("a", "b")
+
+
+def block(start: int, stop: int, **more: Any) -> Block:
+    """Results of some samples: their numbers."""
+    n = stop - start
+    values = {"value": np.arange(start, stop, dtype=float), **more}
+    variables = {name: Variable(x, tuple(f"{name}_{i}" for i in range(x.ndim - 1))) for name, x in values.items()}
+    return Block(start, stop, variables, np.ones(n, bool), np.zeros(n, np.int16), {})
+
+
+def test_blocks_of_any_size_in_any_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Chunks of the store are rows of the grid; blocks end anywhere, and each is written at once."""
+    monkeypatch.setattr("rbd.studies.stores.zarr_store._piece_size", lambda block, n: 7)
+    monkeypatch.setattr(pacing.Pacing, "changed", lambda self, now=False: (setattr(self, "_changed", True), self.write()))
+    rng = np.random.default_rng(0)
+    for trial in range(2):
+        samples = rbd.grid(**{"a": np.arange(3.0), "b": np.arange(20.0)})
+        store = store_of(tmp_path / f"{trial}.zarr", samples, {"format": "rbd study 1", "versions": ""})
+        cuts = [0, *sorted(rng.choice(np.arange(1, 60), 9, replace=False)), 60]
+        spans = list(itertools.pairwise(int(c) for c in cuts))
+        rng.shuffle(spans)
+        for a, b in spans:
+            store.put(block(a, b, **({"late": np.ones((b - a, 2))} if 30 <= a < 50 else {})))
+        found = store.dataset()
+        store.close()
+        assert found.value.values.ravel().tolist() == list(range(60)) and found.ok.all()
+        late = np.concatenate([np.full(b - a, 30 <= a < 50) for a, b in sorted(spans)])
+        if late.any():
+            assert (np.isnan(found.late.values.reshape(60, 2)[:, 0]) == ~late).all()
+
+
+def test_pieces_are_runs_of_samples_and_rectangles():
+    """Of any grid and size: consecutive, complete, and where an array of the grid's shape has them."""
+    for shape, most in itertools.product([(), (1,), (7,), (3, 5), (1, 12, 1), (2, 3, 4), (5, 1, 3, 2)], [1, 2, 3, 5, 8, 100]):
+        pieces, flat = Pieces.of(shape, most), np.arange(math.prod(shape)).reshape(shape)
+        spans = [pieces.span(k) for k in range(len(pieces))]
+        assert [a for a, _ in spans] == [0, *(b for _, b in spans[:-1])] and spans[-1][1] == flat.size
+        for k, (a, b) in enumerate(spans):
+            assert np.ravel(flat[pieces.place(k)]).tolist() == list(range(a, b)) and b - a <= most
+            assert {pieces.number(i) for i in range(a, b)} == {k}
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_full_disk_ends_a_study_with_what_is_done(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """It says so, carries the dataset of what is stored, and the same call goes on."""
+    real, path = zarr_files.write_file, tmp_path / name
+    calls: list[float] = []
+
+    def f(x: float) -> float:
+        calls.append(x)
+        if len(calls) == 6:
+            for module in ("zarr_files", "netcdf_store"):
+                monkeypatch.setattr(f"rbd.studies.stores.{module}.write_file", full)
+        return 2 * x
+
+    def full(path: Path, write: Any, error: type = InputError) -> None:
+        raise error("no") from OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(pacing, "SHARE", 0.0)
+    monkeypatch.setattr(pacing.Pacing, "changed", lambda self, now=False: (setattr(self, "_changed", True), self.write()))
+    samples = rbd.grid(x=np.arange(10.0))
+    with pytest.raises(
+        StudyStopped, match=r"cannot be written: No space left on device.*make room, and the same call"
+    ) as raised:
+        rbd.study(f, samples, executor=0, out=path, chunk=1)
+    assert raised.value.reason is Reason.STUDY_STOPPED
+    kept = raised.value.dataset
+    assert kept.attrs["interrupted"].startswith("5 of 10" if name.endswith("zarr") else "6 of 10")
+    assert kept.value.values[:5].tolist() == [0, 2, 4, 6, 8]
+    for module in ("zarr_files", "netcdf_store"):
+        monkeypatch.setattr(f"rbd.studies.stores.{module}.write_file", real)
+    calls[:] = [0.0] * 10
+    again = rbd.study(f, samples, executor=0, out=path)
+    assert again.ok.all() and calls[10:] == [5, 6, 7, 8, 9] and "interrupted" not in again.attrs
+
+
+def test_results_that_change_shape_end_a_study_and_keep_what_is_done(tmp_path: Path):
+    """The variable, both shapes and the sample are named."""
+
+    def f(x: float) -> dict[str, Any]:
+        return {"path": np.zeros(3 if x < 4 else 2)}
+
+    with pytest.raises(InputError, match=r"'path' has shape \(2,\) in sample.* 4.*\(3,\) in sample.* 0"):
+        rbd.study(f, rbd.grid(x=np.arange(6.0)), executor=0, out=tmp_path / "path.zarr", chunk=2)
+    assert open_study(tmp_path / "path.zarr").attrs["interrupted"] == "4 of 6 samples are done"
+
+
+def test_a_study_without_any_result_leaves_no_store(tmp_path: Path):
+    """A name in `keep` that no result has ends it at the first sample."""
+    with pytest.raises(InputError, match="forcs"):
+        rbd.study(mixed, rbd.grid(**GRID), executor=0, keep=("forcs",), out=tmp_path / "none.zarr")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("out", "message"),
+    [
+        ("push.txt", r"expected a path that ends in \.zarr"),
+        ("", "expected the path of a store"),
+        (3, "expected the path of a store"),
+        ("nowhere/push.zarr", "there is no folder"),
+        ("nowhere/push.nc", "there is no folder"),
+        ("file.zarr", r"is a file; a \.zarr is a folder"),
+        ("folder.nc", "it is a folder"),
+        ("foreign.zarr", "no store of a study"),
+        ("foreign.nc", "no store of a study"),
+        ("strange.zarr", "damaged store|not the store of a study"),
+        ("newer.zarr", "written by a newer rbd"),
+    ],
+)
+def test_paths_where_no_store_can_be_are_refused_before_work(
+    out: Any, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+):
+    """With what was expected; nothing is computed, and what is there stays as it is."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "file.zarr").write_text("x")
+    (tmp_path / "foreign.nc").write_text("x")
+    (tmp_path / "folder.nc").mkdir()
+    for name, content in {
+        "foreign": None,
+        "strange": {"attributes": {}},
+        "newer": {"attributes": {"format": "rbd study 99"}},
+    }.items():
+        (tmp_path / f"{name}.zarr").mkdir()
+        (tmp_path / f"{name}.zarr" / ("zarr.json" if content else "thesis.tex")).write_text(
+            json.dumps(content and {**content, "consolidated_metadata": {"metadata": {}}})
+        )
+    before = sorted(map(str, tmp_path.rglob("*")))
+
+    def never(x: float) -> float:
+        raise AssertionError
+
+    with pytest.raises(InputError, match=message):
+        rbd.study(never, rbd.grid(x=[1.0]), executor=0, out=out)
+    assert sorted(map(str, tmp_path.rglob("*"))) == before
+
+
+def test_what_is_not_a_study_cannot_be_opened(tmp_path: Path):
+    """Missing, foreign and damaged ones, each with what is wrong."""
+    (tmp_path / "text.nc").write_text("x")
+    for name in ("none.zarr", "none.nc", "text.nc"):
+        with pytest.raises(InputError, match="is no store of a study"):
+            open_study(tmp_path / name)
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_store_is_filled_by_one_study_at_a_time(name: str, tmp_path: Path):
+    """A second one is refused; the first one's end gives it free."""
+    attributes = {"format": "rbd study 1", "versions": ""}
+    first = store_of(tmp_path / name, rbd.grid(**GRID), attributes)
+    first.put(block(0, 3))
+    with pytest.raises(InputError, match="is being filled by another study now"):
+        store_of(tmp_path / name, rbd.grid(**GRID), attributes)
+    first.close()
+    assert [p.name for p in tmp_path.iterdir()] == [name]
+
+
+def test_a_large_study_is_refused_as_netcdf(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """With the advice to use zarr, at the first result."""
+    monkeypatch.setattr("rbd.studies.stores.netcdf_store.LARGEST", 50)
+    with pytest.raises(InputError, match=r"12 samples of \d+ bytes each are too large.*\.zarr"):
+        rbd.study(mixed, rbd.grid(**GRID), executor=0, out=tmp_path / "push.nc")
+
+
+def test_a_large_dataset_is_read_as_it_is_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Its values are on the disk until they are needed."""
+    monkeypatch.setattr(zarr_reading, "LOADED", 10)
+    found = rbd.study(mixed, rbd.grid(**GRID), executor=0, out=tmp_path / "push.zarr")
+    assert not found["vector"].variable._in_memory and found["vector"].dims == ("a", "b", "vector_0")
+    assert found["vector"].sel(a=2, b=1).values.tolist() == [2, 1, 1]
+
+
+def test_the_last_blocks_are_written_though_nothing_follows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A thread writes them, while the next chunk is computed for a long time."""
+    store = store_of(tmp_path / "slow.zarr", rbd.grid(**GRID), {"format": "rbd study 1", "versions": ""})
+    store.put(block(0, 3))
+    store._pacing._pause = 0.1  # type: ignore[attr-defined]
+    store.put(block(3, 6))
+    till = time.monotonic() + 5
+    while open_study(tmp_path / "slow.zarr").attrs["interrupted"] != "6 of 12 samples are done":
+        assert time.monotonic() < till
+        time.sleep(0.05)
+    store.close()
+
+
+def test_extras_are_named_where_they_are_missing(tmp_path: Path):
+    """Without zarr the extra is named, before work."""
+    code = (
+        "import sys; sys.modules['zarr'] = None\nimport rbd\n"
+        "try:\n    rbd.study(lambda x: x, rbd.grid(x=[1.0]), executor=0, out='a.zarr')\n"
+        "except rbd.InputError as error:\n    print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=tmp_path)
+    assert "rbd-contact[study]" in done.stdout, done.stderr
+
+
+@pytest.fixture(autouse=True)
+def _without_model_warnings() -> Iterator[None]:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        yield
