@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
+import time
 from functools import cache
 from pathlib import Path
 
@@ -22,7 +24,8 @@ def state() -> rbd.State:
 
 
 def held(friction: float, push_y: float) -> rbd.Actuation:
-    """The torques that withstand the push."""
+    """The torques that withstand the push; takes longer where a test wants to come in between."""
+    time.sleep(float(os.environ.get("PAUSE", "0")))
     at = state()
     soles = at.robot.soles(friction=friction)
     return rbd.hold(at, soles, external=rbd.ExternalForce(FRAME, (0.0, push_y, 0.0)))
