@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import sys
 import time
 from functools import cache
 from pathlib import Path
@@ -34,9 +33,3 @@ def held(friction: float, push_y: float) -> rbd.Actuation:
 def run(out: str | Path | None = None, executor: object = 0) -> xarray.Dataset:
     """The study, two samples in a chunk."""
     return rbd.study(held, SAMPLES, out=out, executor=executor, chunk=2, seed=3, progress=False)
-
-
-if __name__ == "__main__":
-    sys.modules["pushed"] = sys.modules["__main__"]
-    held.__module__ = "pushed"
-    run(sys.argv[1])
