@@ -156,7 +156,7 @@ class Samples(Displayed):
         found: dict[str, Coordinate] = {dim: ((dim,), self._labels(dim), {}) for dim in self.dims}
         for each in self.given:
             found |= each.coords()
-        return found
+        return {name: (dims, np.array(values), attrs) for name, (dims, values, attrs) in found.items()}
 
     def digest(self) -> str:
         """A hash of the arguments of all samples, 64 digits: the same in all processes; units do not count.

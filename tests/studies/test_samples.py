@@ -199,6 +199,7 @@ def test_who_changes_what_is_given_changes_no_sample() -> None:
     for samples in (rbd.grid(push=np.eye(3)), table({"push": np.eye(3)}), rbd.grid(push=np.eye(3), a=[1])):
         before = samples.digest()
         samples.columns(0, 3)["push"][:] = 7.0
+        samples.coords()["push"][1][:] = 7
         samples.row(1)["push"][:] = 7.0
         next(arguments(samples.columns(0, 3)))["push"][:] = 7.0
         assert samples.digest() == before
