@@ -455,6 +455,7 @@ CASES: dict[str, Case] = {
     "RollingDisk": rolling_case(rbd.RollingDisk, axis=np.array([0.0, 1.0, 0.2])),
     "RollingWheel": rolling_case(rbd.RollingWheel, axis=(0, 1, 0), friction=None),
     "joint_limits": Case(rbd.constraints.joint_limits, {"robot": BOLT, "margin": 0.1}),
+    "Robot.is_like": Case(BOLT.is_like, {"other": BOLT}),
     "Robot.joint_limits": Case(BOLT.joint_limits, {"margin": 0.1}),
     "joint_frictions": Case(rbd.constraints.joint_frictions, {"robot": BOLT}),
     "mimics": Case(rbd.constraints.mimics, {"robot": BOLT}),

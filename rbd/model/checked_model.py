@@ -142,7 +142,13 @@ class CheckedModel(Travelling, Displayed):
         return out
 
     def is_like(self, other: CheckedModel) -> bool:
-        """Whether another robot is this one, or has the same model and motors, as one from another process has."""
+        """Whether another robot is this one, or has the same model and motors, as one from another process has.
+
+        Raises:
+            InputError: if `other` is no robot.
+        """
+        if not isinstance(other, CheckedModel):
+            raise InputError(f"other is {other!r:.80}; expected a robot: rbd.load_robot(...).")
         return other is self or bool(other.model == self.model and other.passive == self.passive)
 
     def frames(self) -> list[str]:

@@ -332,7 +332,7 @@ def _loaded(
     closed = mechanism(model, source.urdf.name, closing, file.equalities if loops else ())
     robot = Robot(model, source, root, passive, limits, closed, leave_out)
     if not source.known:
-        robot.keep_text(file)
+        robot._keep_text(file)
     robot.report = examine(robot, file, robot.postures, source.package_dirs)
     robot.sound = robot.report.ok
     return robot

@@ -43,7 +43,7 @@ class ShapedRobot(CheckedModel):
     _mesh_files: bytes | None = None
     _pairs: tuple[tuple[int, int], ...] = ()
 
-    def keep_text(self, file: RobotFile) -> None:
+    def _keep_text(self, file: RobotFile) -> None:
         """Keep the text of a user's file, compressed, and the names of the meshes of its collision shapes."""
         assert file.element is not None
         self._text = zlib.compress(ElementTree.tostring(file.element), 6)
