@@ -1,6 +1,7 @@
 """Tables of one run in the pages.
 
-All rows stand in docs/reference/speed.md, of studies in docs/studies.md; a few of them in README.md, the parts of a call in docs/design/speed.md.
+All rows stand in docs/reference/speed.md, of studies in docs/studies.md; a few of them in README.md, the parts of a call in
+docs/design/speed.md.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from pathlib import Path
 
 from bench_answers import GENERAL
 from bench_profile import Columns, lines
+from bench_studies import BUSY
 from bench_timing import Row, marks_of, robots_of, shown, versions
 
 ASKED = ("answers", "many", "points", "control", "steps", "fall", "derivatives", "hessian", "linkage", "motion")
@@ -86,7 +88,10 @@ def studies(page: Path, found: dict[str, list[Row]]) -> str:
     """Put the tables of a run into the page on studies of many samples."""
     told = "Functions without work: how many samples go through, by executor and size of a chunk (two processes each)."
     of = versions()
-    end = f"Times on the clock of one run: {of['processor']}; python {of['python']}, pin {of['pin']}."
+    end = (
+        f"Times on the clock of one run, when {BUSY:.1f} other processes wanted the cores: {of['processor']}; "
+        f"python {of['python']}, pin {of['pin']}."
+    )
     parts = [_rows(found["studies"], marks=True), [told], _rows(found["chunks"], marks=False), [end]]
     return put(page, "studies", "\n\n".join("\n".join(part) for part in parts))
 

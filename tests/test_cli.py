@@ -170,6 +170,7 @@ def test_a_push_that_no_torques_withstand_names_the_limits_and_still_shows_what_
     data = json.loads(file.read_text())
     assert data["withstood"]["possible"] is False
     assert [limit["kind"] for limit in data["withstood"]["limits"]] == ["edge", "edge", "base"]
+    assert (data["withstood"]["reason"], data["withstood"]["reason_code"]) == ("cannot_hold: support", 43)
     force, moment = (np.array(data["withstood"]["missing"][part]) for part in ("force", "moment"))
     assert force[1] < 0.0 < moment[0]  # help against the push, and against its moment
     _, lines, _ = pushed("--push", "0,0,2000")

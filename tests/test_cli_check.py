@@ -81,6 +81,9 @@ def test_many_motions_are_ranked_and_a_bad_one_does_not_stop_them(folder, tmp_pa
     assert [Path(m["file"]).name for m in data["motions"]] == ["stands.csv", "hangs.csv"]
     assert [m["rank"] for m in data["motions"]] == [1, 2] and data["motions"][0]["score"] > data["motions"][1]["score"]
     assert [f["file"] for f in data["failed"]] == [str(broken)] and "31" in data["failed"][0]["error"]
+    assert (data["failed"][0]["reason"], data["failed"][0]["reason_code"]) == ("bad_input", 10)
+    for motion in data["motions"]:
+        assert [code == 0 for code in motion["per_frame"]["reason_codes"]] == motion["per_frame"]["possible"]
     assert sorted(path.name for path in (tmp_path / "pages").iterdir()) == ["hangs.html", "stands.html"]
 
 

@@ -258,7 +258,7 @@ def test_a_source_page_has_an_anchor_at_each_function():
 
 def test_the_source_of_an_error_is_the_file_that_writes_it():
     """Errors name their package as their module; [source] leads to the module in it."""
-    written = {"CannotHold": "no_solution", "ModelWarning": "warned", "RbdError": "inputs", "nearest": "inputs"}
+    written = {"CannotHold": "no_solution", "ModelWarning": "warned", "RbdError": "reasons", "nearest": "inputs"}
     for name, file in written.items():
         assert public.place_of(f"rbd.errors.{name}") == (TOP / f"rbd/errors/{file}.py", name)
     assert public.place_of("rbd.Solution") == (TOP / "rbd/solution.py", "Solution")

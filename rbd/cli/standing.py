@@ -80,7 +80,7 @@ def stand(
 
     console = open_console()
     with answering(stand):
-        running = Running(out, resume, workers, dask, png, json_)
+        running = Running.of(out, resume, workers, dask, png, json_)
         if sweep:
             _only(
                 {"--html": html, "--show": show, "--braced": braced, "--verbose": verbose}, "is of one case; --sweep has many"

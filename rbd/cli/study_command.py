@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -51,6 +51,19 @@ class Running:
     png: Path | None = None
     json_: Path | None = None
 
+    @classmethod
+    def of(
+        cls,
+        out: Path | None,
+        resume: bool,
+        workers: int | None,
+        dask: str | None,
+        png: Path | None,
+        json_: Path | None,
+    ) -> Running:
+        """With the ~ of `--out=~/push.zarr`, which a shell leaves, as the home folder."""
+        return cls(None if out is None else out.expanduser(), resume, workers, dask, png, json_)
+
     def check(self, reads: str | None) -> None:
         """Refuse what cannot be, before anything is computed.
 
@@ -76,7 +89,7 @@ class Running:
 
     def exists(self) -> bool:
         """Whether there is something where the study is to be stored."""
-        return self.out is not None and self.out.expanduser().exists()
+        return self.out is not None and self.out.exists()
 
 
 def study(
@@ -119,7 +132,7 @@ def study(
 
     console = open_console()
     with answering(study):
-        running = Running(out, resume, workers, dask, png, json_)
+        running = Running.of(out, resume, workers, dask, png, json_)
         running.check(str(file))
         if seed is not None and seed < 0:
             raise InputError(f"--seed is {seed}; expected a whole number, zero or more.")
@@ -139,10 +152,12 @@ def run_study(console: Console, plan: StudyPlan, running: Running) -> None:
         StudyStopped: it ended early; the report of what is done was printed.
         InputError: as `rbd.study`.
     """
+    from rbd.cli.study_plan import plot_of
     from rbd.cli.study_report import StudyReport
     from rbd.studies.running import study as evaluate
 
     resumed, out = running.exists(), running.out
+    plotted = {} if running.png is None else plot_of(plan)
     began = time.perf_counter()
     stopped: StudyStopped | None = None
     with executor_of(running, plan) as executor, warnings.catch_warnings():
@@ -150,7 +165,7 @@ def run_study(console: Console, plan: StudyPlan, running: Running) -> None:
             warnings.simplefilter("ignore", ModelWarning)
         try:
             dataset = evaluate(
-                plan.function, plan.samples, keep=plan.keep, executor=executor, out=None if out is None else out.expanduser(),
+                plan.function, plan.samples, keep=plan.keep, executor=executor, out=out,
                 seed=plan.seed, batched=plan.batched,
             )  # fmt: skip
         except StudyStopped as error:
@@ -166,7 +181,7 @@ def run_study(console: Console, plan: StudyPlan, running: Running) -> None:
     if out is not None:
         print_path(console, "store", out)
     if running.png is not None and report.run.any():
-        print_path(console, "picture", draw(dataset, plan, running.png))
+        print_path(console, "picture", draw(dataset, plotted, running.png))
     if stopped is not None:
         raise stopped
     if report.interrupted:
@@ -210,16 +225,16 @@ def executor_of(running: Running, plan: StudyPlan) -> Iterator[Executor | int | 
         client.close()
 
 
-def draw(dataset: xarray.Dataset, plan: StudyPlan, path: Path) -> Path:
+def draw(dataset: xarray.Dataset, plotted: Mapping[str, str], path: Path) -> Path:
     """The picture of a study; returns where it is.
 
     Raises:
         InputError: what cannot be drawn, or not be written.
     """
-    from rbd import visual
+    from rbd.visual import plot_study
 
-    plot_study: Callable[..., Any] = getattr(visual, "plot_study")  # noqa: B009
-    return save_figure(plot_study(dataset, **plan.plot)[0].figure, path, dpi=130)
+    drawn: Any = plot_study(dataset, *(plotted.get(name) for name in ("x", "y", "value", "by")))[0]
+    return save_figure(drawn.figure, path, dpi=130)
 
 
 def _how_to_go_on(out: Path | None) -> str:

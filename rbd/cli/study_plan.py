@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from rbd.cli.sweeps import COMPONENTS, QUANTITIES, QUESTIONS, Values, as_kind, quantity_of, sweeps_of, values_of
-from rbd.errors import InputError
+from rbd.errors import InputError, nearest
 from rbd.problem.cones import check_friction
 from rbd.robots import catalogue
 from rbd.robots.robot import Robot, load_robot
@@ -137,6 +137,37 @@ def standing_function(given: Given) -> tuple[partial[Any], dict[str, Any], Robot
     return partial(FUNCTIONS[given.question], **arguments), columns, only
 
 
+def plot_of(plan: StudyPlan) -> dict[str, str]:
+    """The arguments of `rbd.visual.plot_study`, known to show every dimension of the study before it is computed.
+
+    Args:
+        plan: The study; of three dimensions, those that it does not name are x, y and, with the fewest values, by.
+
+    Raises:
+        InputError: names that the study lacks, dimensions that nothing would show.
+    """
+    dims_of = {name: dims for name, (dims, *_) in plan.samples.coords().items()}
+    dims_of = {**{dim: (dim,) for dim in plan.samples.dims}, **dims_of}
+    chosen = {key: name for key, name in plan.plot.items() if key != "value"}
+    for key, name in chosen.items():
+        if name not in dims_of:
+            raise InputError(f"[plot] {key} is {name!r:.80}, which the study has not; {nearest(name, dims_of)}.")
+    wide = {dim: n for dim, n in plan.samples.dims.items() if n > 1}
+    if not chosen and len(wide) == 3:
+        by = min(wide, key=lambda dim: wide[dim])
+        x, y = (dim for dim in wide if dim != by)
+        return {**plan.plot, "x": x, "y": y, "by": by}
+    shown = {dim for name in chosen.values() for dim in dims_of[name]} if chosen else set(list(wide)[:2])
+    free = 1 if "x" in chosen and not {"y", "by"} & chosen.keys() else 0  # it becomes by
+    left = [dim for dim in wide if dim not in shown]
+    if len(left) > free:
+        raise InputError(
+            f"a picture shows at most three dimensions, x, y and by, and this one leaves out {', '.join(left)}. Name them in "
+            "[plot] of a study file, fix one, or draw parts of the store of --out in Python: dataset.sel(...)."
+        )
+    return dict(plan.plot)
+
+
 def sweep_plan(options: Sequence[str], fixed: Mapping[str, Any]) -> StudyPlan:
     """The study of `rbd stand ROBOT --sweep ...`.
 
@@ -190,6 +221,8 @@ def _push_arguments(given: Given, fixed: Mapping[str, Any], swept: Mapping[str, 
             f"{given.at('push')} has a size and no direction; give it by push X,Y,Z (whose length does not matter), by "
             "push.angle, or sweep push.x, push.y or push.z."
         )
+    if "push.angle" in swept.keys() | fixed.keys() and push is None and "push" not in swept:
+        raise InputError(f"{given.at('push.angle')} turns a push that has no size; give push (in newtons), fixed or swept.")
     if along is not None:
         if not along.any():
             raise InputError(f"{given.at('push')} is zero; expected the direction of the push, e.g. 0,1,0.")

@@ -87,12 +87,12 @@ class Robot(ShapedRobot):
         self._loops: tuple[Constraint, ...] = mechanism.loops(self)
         self._wheels: tuple[Constraint, ...] = mechanism.wheels(self)
 
-    catalogue_recipe: Recipe | None = None
+    in_catalogue: tuple[tuple[str, str], tuple[Any, ...], tuple[catalogue.Foot, ...] | None] | None = None
 
     def _recipe(self) -> Recipe:
         """By name, of a robot of the catalogue as it is there; else the numbers of the model, the text, and the rest."""
-        if self.catalogue_recipe is not None:
-            return self.catalogue_recipe
+        if self.in_catalogue is not None:
+            return Recipe(_known_again, (*self.in_catalogue, *travelling.numbers_and_versions(self._as_made)))
         numbers = packed(self._as_made), pin.__version__
         parts = (
             travelling.sent_source(self.source),
@@ -113,8 +113,8 @@ class Robot(ShapedRobot):
     def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> Robot:
         closed = self.mechanism if memo is None else copy.deepcopy(self.mechanism, memo)
         out = Robot(model, self.source, self.root, self.passive, self.limits, closed, self.leave_out, self.postures)
-        out._text, out._mesh_names, out._mesh_files = self._text, self._mesh_names, self._mesh_files
-        out.catalogue_recipe, out.report, out.sound, out._pairs = self.catalogue_recipe, self.report, self.sound, self._extras()
+        out.in_catalogue, out.report, out.sound = self.in_catalogue, self.report, self.sound
+        self._share_shapes(out)
         return out
 
     def neutral(self) -> Array:
@@ -296,11 +296,11 @@ def load_robot(
     robot = _loaded(source, root, passive, limits, loops, leave_out)
     if feet is not None:
         robot.source = replace(source, feet=registered(robot, robot._collision, feet, robot._down()))
-    place = travelling.known_place(source) if not tuple(package_dirs) and (loops is None or isinstance(loops, bool)) else None
+    named = source.package_dirs[0] == source.urdf.parent and (loops is None or isinstance(loops, bool))
+    place = travelling.known_place(source) if named else None
     if place is not None:
         options = robot.root, sorted(robot.passive), None if limits == FileLimits() else limits, loops, sorted(robot.leave_out)
-        given = None if feet is None else robot.source.feet
-        robot.catalogue_recipe = Recipe(_known_again, (place, options, given, *travelling.numbers_and_versions(robot)))
+        robot.in_catalogue = place, options, None if feet is None else robot.source.feet
     report = robot.report
     assert report is not None
     if not source.known:
@@ -348,7 +348,7 @@ def _known_again(
     if feet is not None:
         robot.source = replace(source, feet=feet)
     travelling.check_same(robot, digest, versions)
-    robot.catalogue_recipe = Recipe(_known_again, (place, options, feet, digest, versions))
+    robot.in_catalogue = place, options, feet
     return robot
 
 

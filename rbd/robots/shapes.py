@@ -9,6 +9,7 @@ import xml.etree.ElementTree as ElementTree
 import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pinocchio as pin
@@ -88,7 +89,7 @@ class ShapedRobot(CheckedModel):
             path, folders = here / _DEEP / path.name, (here / _DEEP, here, path.parent, *folders)
         found = load_geometry(self.model, self.element, path, folders, kind, self.limits)
         if found.complaint:
-            warnings.warn(f"the {kind.name.lower()} geometry of {self.name} {found.complaint}", ModelWarning, stacklevel=5)
+            warnings.warn(f"the {kind.name.lower()} geometry of {self.name} {found.complaint}", ModelWarning, stacklevel=4)
         return found
 
     @lazy
@@ -155,12 +156,18 @@ class ShapedRobot(CheckedModel):
 
     def _files(self) -> bytes | None:
         """The meshes of its collision shapes, if they are small or were used."""
-        if self._mesh_files is None and self._mesh_names:
-            used = "_collision" in self.__dict__
-            if not used and self._measured > SMALL_BYTES:
-                return None
-            self._mesh_files = self._zipped()
-        return self._mesh_files
+        if self._mesh_files is not None or not self._mesh_names:
+            return self._mesh_files
+        return self._zipped if "_collision" in self.__dict__ or self._measured <= SMALL_BYTES else None
+
+    def _share_shapes(self, out: ShapedRobot) -> None:
+        """Give a copy of this robot its text, its meshes, and copies of the shapes that were read."""
+        out._text, out._mesh_names, out._mesh_files = self._text, self._mesh_names, self._mesh_files
+        out._pairs = self._extras()
+        if (found := self.__dict__.get("_collision")) is not None:
+            out.__dict__["_collision"] = replace(found, model=found.model.copy())
+        if (drawn := self.__dict__.get("visual_model")) is not None:
+            out.__dict__["visual_model"] = drawn.copy()
 
     def _take_files(self, files: bytes) -> None:
         if self._mesh_files is None:
@@ -191,10 +198,11 @@ class ShapedRobot(CheckedModel):
                 continue  # the first use of the shapes tells
         return out
 
+    @lazy
     def _zipped(self) -> bytes | None:
-        """An archive of those meshes; None if there are none."""
+        """An archive of those meshes; None if there are none, or not all of an MJCF, whose masses need them."""
         places = dict(self._mesh_places())
-        if not places:
+        if not places or (len(places) < len(self._mesh_names) and self.element.tag == "mujoco"):
             return None
         found = io.BytesIO()
         with zipfile.ZipFile(found, "w", zipfile.ZIP_DEFLATED) as archive:

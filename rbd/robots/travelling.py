@@ -47,9 +47,9 @@ def again_known(place: tuple[str, str]) -> Source:
     return catalogue.find(path)
 
 
-def numbers_and_versions(robot: CheckedModel) -> tuple[str, str]:
-    """The digest of a robot's model as it was loaded, and the versions on which it depends, in words."""
-    return numbers_digest(robot.model), _versions()
+def numbers_and_versions(model: pin.Model) -> tuple[str, str]:
+    """The digest of a model as it was loaded, and the versions on which it depends, in words."""
+    return numbers_digest(model), _versions()
 
 
 def check_same(robot: CheckedModel, digest: str, versions: str) -> None:

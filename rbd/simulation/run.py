@@ -331,6 +331,19 @@ def can_show() -> bool:
         return False
 
 
+def bar_of(*columns: Any) -> Any:
+    """A bar of `rich` on stderr that is drawn when asked, and removed at the end.
+
+    Args:
+        columns: Its columns after what is done and the bar itself.
+    """
+    from rich.console import Console
+    from rich.progress import BarColumn, Progress, TextColumn
+
+    first = (TextColumn("{task.description}", markup=False), BarColumn())
+    return Progress(*first, *columns, console=Console(stderr=True), auto_refresh=False, transient=True)
+
+
 class _Bar:
     """The progress bar, created only after a delay."""
 
@@ -359,18 +372,10 @@ class _Bar:
             self._progress.stop()
 
     def _open(self) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+        from rich.progress import TextColumn, TimeRemainingColumn
 
         pace = "{task.completed:.3f} of {task.total:g} s, {task.fields[pace]:.3g} x real time, left"
-        self._progress = Progress(
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            TextColumn(pace if self._doing == "simulating" else "{task.percentage:.0f} %, left"),
-            TimeRemainingColumn(),
-            console=Console(stderr=True),
-            auto_refresh=False,
-            transient=True,
-        )
+        text = TextColumn(pace if self._doing == "simulating" else "{task.percentage:.0f} %, left")
+        self._progress = bar_of(text, TimeRemainingColumn())
         self._task = self._progress.add_task(self._doing, total=self._end - self._start, pace=0.0)
         self._progress.start()

@@ -46,10 +46,12 @@ class Column:
         return len(self.values)
 
     def take(self, at: Array | slice) -> Array | list[Any]:
-        """The values at some places: an array of numbers, shape (k, ...), or a list of texts and objects."""
+        """The values at some places: a new array of numbers, shape (k, ...), or a list of texts and objects."""
         found: Array = self.values[at]
         choices = self.choices
-        return found if choices is None else [choices[i] for i in found.tolist()]
+        if choices is not None:
+            return [choices[i] for i in found.tolist()]
+        return found.copy() if isinstance(at, slice) else found  # a function may change what it is given
 
     def one(self, i: int) -> Any:
         """The value at a place: a plain number, an array, a text, an object."""
@@ -80,6 +82,8 @@ class Column:
         labels, choices = self.labels, list(self.choices or ())
         if labels is not None and choices and np.array_equal(labels, _labels(choices)):
             labels = None
+        if all(type(x) is str for x in choices):  # as one text: they may be millions
+            choices = ["".join(choices), np.array([len(x) for x in choices], np.int64)]
         add(found, (self.name, self.dim, self.mark or self.values, choices, labels))
 
     @property
@@ -161,10 +165,10 @@ def check_name(name: object) -> None:
     """Refuse names that no dataset can have.
 
     Raises:
-        InputError: no text, empty, or with a slash.
+        InputError: no text, empty, or with a slash or a blank.
     """
-    if not isinstance(name, str) or not name or "/" in name:
-        raise InputError(f"{name!r:.80} cannot be the name of an argument; expected text without '/'.")
+    if not isinstance(name, str) or not name or "/" in name or any(letter.isspace() for letter in name):
+        raise InputError(f"{name!r:.80} cannot be the name of an argument; expected text without '/' and blanks.")
 
 
 def _sequence(name: str, given: Any) -> Array | list[Any]:
@@ -240,6 +244,8 @@ def _regular(value: Any) -> bool:
 
 def _labels(choices: Sequence[object]) -> Array:
     """Texts for objects, distinct: their names, else short texts; where these repeat, their type and number."""
+    if all(type(x) is str for x in choices):
+        return np.array(choices, str)
     found = [_label(x) for x in choices]
     own = [name for x in choices if isinstance(name := getattr(x, "name", None), str) and not isinstance(x, Enum)]
     if len(set(found)) < len(found) and not own:

@@ -23,6 +23,7 @@ from rbd.studies.evaluation import ONE_AT_A_TIME, Columns, Evaluation, Finished
 from rbd.studies.own_processes import MOST, WITHOUT_GUARD, WorkerDied, Workers, cores, end_if_unguarded
 from rbd.studies.samples import Samples
 from rbd.studies.sending import pickled
+from rbd.studies.told import recorded
 
 TICK = 0.5
 """Seconds after which whoever waits for a chunk looks up, to draw the time."""
@@ -251,7 +252,8 @@ def _evaluate(key: str, sent: bytes | None, start: int, columns: Columns) -> Fin
                 return NotLoaded("")
             _ignore_interrupts()
             try:
-                evaluation = pickle.loads(sent)
+                with recorded():  # what robots warn of, they did where they were loaded first
+                    evaluation = pickle.loads(sent)
             except Exception as error:  # modules of the user are imported
                 return NotLoaded(
                     f"the processes cannot load the function: {type(error).__name__}: {error!s:.300}. What it needs must be "

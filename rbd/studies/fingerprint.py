@@ -17,6 +17,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from rbd.errors import InputError
+from rbd.model.travelling import Travelling
 
 
 class Hash(Protocol):
@@ -39,7 +40,8 @@ def add(found: Hash, value: object) -> None:
 
     Numbers count by value (0.5 of NumPy is 0.5 of Python), arrays by type, shape and entries in little-endian order,
     mappings and sets without their order, functions by module, name, source, defaults and the variables that they enclose,
-    classes by name, and all other objects by their type and what `pickle` would send of them. Addresses never count.
+    classes by name, robots by their `digest`, wherever their files lie, and all other objects by their type and what `pickle`
+    would send of them. Addresses never count.
 
     Args:
         found: The hash, such as `hashlib.sha256()`.
@@ -67,6 +69,8 @@ def _add(found: Hash, value: Any, path: tuple[int, ...]) -> None:
         kind = value.dtype.newbyteorder("<")
         _tag(found, "array", f"{kind.str} {value.shape}")
         found.update(np.ascontiguousarray(value, kind).tobytes())
+    elif isinstance(value, Travelling):
+        _tag(found, "robot", value.digest)
     elif isinstance(value, type):
         _tag(found, "class", _name(value))
     elif isinstance(value, types.BuiltinFunctionType | types.ModuleType):

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from rbd.simulation.run import PACE, PATIENCE, can_show
+from rbd.simulation.run import PACE, PATIENCE, bar_of, can_show
 
 
 class Progress:
@@ -64,17 +64,9 @@ class Progress:
             self._bar.stop()
 
     def _open(self) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress as Bar, TextColumn
+        from rich.progress import TextColumn
 
-        self._bar = Bar(
-            TextColumn("{task.description}", markup=False),
-            BarColumn(),
-            TextColumn("{task.fields[told]}", markup=False),
-            console=Console(stderr=True),
-            auto_refresh=False,
-            transient=True,
-        )
+        self._bar = bar_of(TextColumn("{task.fields[told]}", markup=False))
         self._task = self._bar.add_task("studying", total=self.total, told="")
         self._bar.start()
 

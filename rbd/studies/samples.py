@@ -75,6 +75,15 @@ class Samples(Displayed):
         return tuple(each.name for each in self.given)
 
     @property
+    def taken(self) -> tuple[str, ...]:
+        """All names that the samples have in the dataset, which results cannot have: arguments, coordinates, dimensions."""
+        found = dict.fromkeys((*self.names, *self.dims))
+        for each in self.given:
+            for name, (dims, _, _) in each.coords().items():
+                found |= dict.fromkeys((name, *dims))
+        return tuple(found)
+
+    @property
     def fixed(self) -> dict[str, Any]:
         """{name: value} of the arguments that are the same in all samples, and are not in `columns`."""
         return {each.name: each.one(0) for each in self.given if not each.dim} if self._vary else {}
@@ -147,7 +156,7 @@ class Samples(Displayed):
         found: dict[str, Coordinate] = {dim: ((dim,), self._labels(dim), {}) for dim in self.dims}
         for each in self.given:
             found |= each.coords()
-        return found
+        return {name: (dims, np.array(values), attrs) for name, (dims, values, attrs) in found.items()}
 
     def digest(self) -> str:
         """A hash of the arguments of all samples, 64 digits: the same in all processes; units do not count.

@@ -38,6 +38,7 @@ def test_a_robot_that_falls_through_its_floor_stops_the_run(limp):
     assert 'rbd.CollisionContacts("bodies", robot), or may_sink=True' in str(error)
     assert error.trajectory.t[-1] == error.t and np.array_equal(error.trajectory.q[-1], error.state.q)
     assert error.trajectory.interrupted == f"stopped at t = {error.t:.6g} s"
+    assert error.reason is error.trajectory.end_reason is rbd.errors.Reason.STOPPED_SINKS
     assert error.names == tuple(foot.name for foot in feet)
     below = [
         (inertia.mass, joint)

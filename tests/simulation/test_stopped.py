@@ -64,7 +64,7 @@ def test_an_error_of_a_users_function_keeps_the_motion_so_far(integrator, given,
     assert stopped.value.__cause__ is error
     kept, whole = stopped.value.trajectory, _run(integrator)
     assert 2 <= len(kept) <= 16
-    assert kept.interrupted.startswith("stopped at t = 0.")
+    assert kept.interrupted.startswith("stopped at t = 0.") and kept.end_reason is stopped.value.reason
     assert stopped.value.t == kept.t[-1]
     assert np.array_equal(stopped.value.state.q, kept.q[-1])
     assert np.array_equal(kept.t, whole.t[: len(kept)])
@@ -88,6 +88,7 @@ def test_ctrl_c_keeps_what_was_computed_and_is_plain_before_the_first_step_is_do
     """After some steps a trajectory that says so; at the start, and within the first step, a KeyboardInterrupt."""
     found = _run(integrator, controller=_raises(KeyboardInterrupt(), 0.101))
     assert found.interrupted.startswith("interrupted at t = 0.")
+    assert found.end_reason is rbd.errors.Reason.INTERRUPTED
     assert 2 <= len(found) <= 12
     for after in (0.0, 0.004):
         with pytest.raises(KeyboardInterrupt):

@@ -188,6 +188,28 @@ def test_a_store_that_is_there_is_gone_on_with_only_if_asked(folder):
     assert code == 2 and "samples" in complaint
 
 
+def test_a_robot_of_a_file_counts_by_its_content(folder):
+    """A store goes on with the same file under --resume, and refuses another content under the same name."""
+    text = rbd.load_robot("solo12").urdf.read_text()
+    (folder / "mine.urdf").write_text(text)
+    call = ("stand", "mine.urdf", "--feet", "FL_FOOT,FR_FOOT,HL_FOOT,HR_FOOT", "--sweep", "push.x=0:9:2", "--friction", "0.3",
+            "--workers", "0", "--out", "a.zarr", "--resume")  # fmt: skip
+    assert run(*call)[0] == 0
+    assert "mine can be held in 1 of 2 cases." in run(*call)[1]
+    (folder / "mine.urdf").write_text(text.replace('mass value="', 'mass value="1', 1))
+    code, out, complaint = run(*call)
+    assert code == 2 and not out and "another study" in complaint
+
+
+def test_robots_can_be_swept(folder):
+    """In a file: robots of other sizes, told by name; what is kept fits all of them."""
+    (folder / "two.toml").write_text('question = "stand"\n[samples]\nrobot = ["solo12", "go2"]\npush.y = [0.0, 300.0]\n')
+    code, out, complaint = run("study", "two.toml", "--workers", "0", "--out", "two.zarr")
+    assert code == 0 and out.startswith("2 of 4 cases can be held."), out + complaint
+    found = pytest.importorskip("xarray").open_zarr("two.zarr")
+    assert found.robot.values.tolist() == ["solo12", "go2"] and found.ok.values.tolist() == [[True, False]] * 2
+
+
 def test_a_study_without_any_result_ends_with_code_1(folder):
     """The reason is counted, and told by an example."""
     code, out, _ = run("study", "never.toml", "--workers", "0")
@@ -202,6 +224,20 @@ def test_a_picture_is_drawn(folder):
     code, out, _ = run("study", "solo.toml", "--workers", "0", "--png", "map.png")
     assert code == 0 and "picture: map.png" in out
     assert (folder / "map.png").read_bytes()[:4] == b"\x89PNG"
+
+
+def test_a_picture_that_would_not_show_the_study_is_refused_before_it_is_computed(folder):
+    """Unknown names of [plot]; more dimensions than a picture has. Of three sweeps the shortest has a map for each value."""
+    pytest.importorskip("matplotlib")
+    three = ("--sweep", "friction=0.1:0.5:3", "--sweep", "push.y=0:6:3", "--sweep", "margin=0,0.1", "--workers", "0")
+    code, out, _ = run("stand", "solo12", *three, "--png", "three.png")
+    assert code == 0 and "of 18 cases" in out and (folder / "three.png").is_file()
+    code, out, complaint = run("stand", "solo12", *three, "--sweep", "push.x=0,1", "--png", "four.png")
+    assert code == 2 and not out and "at most three" in complaint
+    for plot, words in (('x = "fricton"', "'friction'"), ('x = "friction"\nby = "push.z"', "'push_y'")):
+        (folder / "solo.toml").write_text(SOLO + f"[plot]\n{plot}\n")
+        code, out, complaint = run("study", "solo.toml", "--workers", "0", "--png", "map.png")
+        assert code == 2 and not out and words in complaint, complaint
 
 
 @pytest.mark.parametrize(
@@ -308,6 +344,7 @@ def test_functions_that_are_wrong_are_refused(folder):
         (["--sweep", "at=base_link,base_lnk", "--push", "0,1,0"], ["--sweep at", "'base_link'"]),
         (["--sweep", "push=0:1:2"], ["--sweep push", "direction"]),
         (["--sweep", "push=0:1:2", "--push", "0,0,0"], ["zero"]),
+        (["--sweep", "push.angle=0:90:2"], ["--sweep push.angle", "no size"]),
         (["--sweep", "push.y=0:1:2", "--push", "0,1"], ["--push", "three numbers"]),
         (["--sweep", "friction=0.1:1:3", "--html", "a.html"], ["--html", "one case"]),
         (["--sweep", "friction=0.1:1:3", "--braced"], ["--braced"]),

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import os
+import shutil
 import subprocess
 import sys
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ import hypothesis
 import hypothesis.strategies as st
 import numpy as np
 import pytest
+import sampled
 import xarray
 from scipy import stats
 
@@ -127,31 +129,24 @@ def test_every_change_of_a_grid_changes_its_digest() -> None:
     assert rbd.grid(a=np.arange(3, dtype=">i2")).digest() == rbd.grid(a=range(3)).digest()
 
 
-def made() -> list[Samples]:
-    """Samples of many kinds, for digests in another process."""
-    box = rbd.testing.box(mass=10.0)
-    state = rbd.State(box, np.array([0.0, 0.0, 0.5, 0.0, 0.0, 0.0, 1.0]))
-    contacts = [rbd.PointContact("toe", "box", friction=mu) for mu in (0.3, 0.6)]
-    return [
-        rbd.grid(
-            robot=box, contact={"ice": contacts[0], "rubber": contacts[1]}, law=[rbd.KKT(), rbd.ProxQP()], a=[0.1, np.nan]
-        ),
-        rbd.sample(50, a=(0.0, 1.0), b=stats.norm(1.0, 0.1), c=["x", "y"], seed=4),
-        rbd.grid(name=[{"b", "a", "c"}, {1: 2.0}], state=state, how=[rows, np.sin, partial(rows, 3)], where=Path("a")),
-    ]
-
-
-@pytest.mark.parametrize("hashing", ["1", "2"])
-def test_a_digest_is_the_same_in_another_process(hashing: str) -> None:
+def test_a_digest_is_the_same_in_another_process() -> None:
     """Another order of hashes, other addresses; objects count by their content."""
-    code = "import test_samples as t; print([x.digest() for x in t.made()])"
-    here = {"PYTHONHASHSEED": hashing, "PYTHONPATH": f"{Path(__file__).parent}:{Path(rbd.__file__).parents[1]}"}
-    done = subprocess.run([sys.executable, "-c", code], env=here, capture_output=True, text=True, timeout=60)
-    assert done.stdout.strip() == str([x.digest() for x in made()]), done.stderr
+    code = "import sampled; print([x.digest() for x in sampled.made()])"
+    paths = f"{Path(__file__).parent}:{Path(rbd.__file__).parents[1]}"
+    for_child = {"PYTHONHASHSEED": "1" if os.environ.get("PYTHONHASHSEED") != "1" else "2", "PYTHONPATH": paths}
+    done = subprocess.run([sys.executable, "-c", code], env=for_child, capture_output=True, text=True, timeout=120)
+    assert done.stdout.strip() == str([x.digest() for x in sampled.made()]), done.stderr
 
 
-def test_objects_are_told_apart_by_their_content() -> None:
-    """A robot with another mass, a contact with another friction: another digest; and the same again."""
+def test_objects_are_told_apart_by_their_content(tmp_path: Path) -> None:
+    """A robot with another mass, a contact with another friction: another digest; the same again, wherever its file lies."""
+    shutil.copy(Path(__file__).parents[2] / "urdf" / "box.urdf", tmp_path / "box.urdf")
+    (tmp_path / "moved").mkdir()
+    shutil.copy(tmp_path / "box.urdf", tmp_path / "moved" / "box.urdf")
+    one, same = (rbd.load_robot(folder / "box.urdf") for folder in (tmp_path, tmp_path / "moved"))
+    assert rbd.grid(robot=one).digest() == rbd.grid(robot=same).digest()
+    same.model.inertias[1].mass *= 2.0
+    assert rbd.grid(robot=one).digest() != rbd.grid(robot=same).digest()
     masses = [rbd.grid(robot=rbd.testing.box(mass=m)).digest() for m in (10.0, 11.0, 10.0)]
     assert masses[0] == masses[2] != masses[1]
     laws = [rbd.grid(x=[Law(mu)]).digest() for mu in (0.1, 0.2, 0.1)]
@@ -197,6 +192,17 @@ def test_vectors_vary_along_their_first_axis() -> None:
     assert grid.coords()["push"][1].tolist() == [0, 1] and grid.coords()["push_value"][0] == ("push", "push_0")
     assert rows_of.coords()["push"][0] == ("sample", "push_0") and rows_of.coords()["sample"][1].tolist() == [0, 1]
     assert grid.at(push=1)["push"].tolist() == [3.0, 4.0, 5.0]
+
+
+def test_who_changes_what_is_given_changes_no_sample() -> None:
+    """Arrays are new ones each time: of a chunk, and of one sample."""
+    for samples in (rbd.grid(push=np.eye(3)), table({"push": np.eye(3)}), rbd.grid(push=np.eye(3), a=[1])):
+        before = samples.digest()
+        samples.columns(0, 3)["push"][:] = 7.0
+        samples.coords()["push"][1][:] = 7
+        samples.row(1)["push"][:] = 7.0
+        next(arguments(samples.columns(0, 3)))["push"][:] = 7.0
+        assert samples.digest() == before
 
 
 def test_one_value_is_the_same_in_all_samples() -> None:
@@ -362,6 +368,7 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: rbd.grid(a=[[1], [1, 2]]), r"arrays of different shapes, \(1,\), \(2,\)"),
     (lambda: rbd.grid(a=np.ma.masked_array([1.0, 2.0], [0, 1])), "compressed"),
     (lambda: rbd.grid(**{"a/b": [1]}), "without '/'"),
+    (lambda: table({"push y": [1]}), "'push y' cannot be the name"),
     (lambda: rbd.grid(push={"x": (1, 0)}, push_value=[1]), "'push_value' twice"),
     (lambda: table({"sample": [1, 1], "a": [1, 2]}), "sample has 1 more than once"),
     (lambda: rbd.grid(a=[1]).row(1), "there is no sample 1; there are 1"),

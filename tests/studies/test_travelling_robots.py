@@ -174,6 +174,11 @@ def test_deep_copies_are_independent():
     assert solo.model.inertias[1].mass == 3.0 and one.mass == pytest.approx(solo.mass + 1.0)
     state = copy.deepcopy(solo.standing())
     assert state.robot is not solo and state.robot.model == solo.model
+    solo.collision_model.geometryObjects[0].placement = pin.SE3.Identity()
+    shaped = copy.deepcopy(solo)
+    shaped.collision_model.geometryObjects[0].name = "another"
+    assert shaped.collision_model.geometryObjects[0].placement == pin.SE3.Identity()
+    assert solo.collision_model.geometryObjects[0].name != "another"
     two = copy.deepcopy([solo, solo.standing(), solo.standing()])
     assert two[0] is two[1].robot is two[2].robot is not solo
     arrived = pickle.loads(pickle.dumps(solo))

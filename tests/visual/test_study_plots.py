@@ -69,7 +69,11 @@ def test_a_map_has_a_cell_for_each_sample_and_the_boundary_midway_between_two():
     assert np.allclose(coordinates[0, :, 0], [0.05, 0.15, 0.25, 0.4, 0.6])
     assert np.allclose(coordinates[:, 0, 1], [-5.0, 5.0, 20.0, 40.0, 55.0, 65.0])
     assert np.array_equal(cells.get_array().filled(np.nan), found.share.values.T, equal_nan=True)
-    assert isinstance(without, PolyCollection) and len(without.get_paths()) == int((~found.ok).sum())
+    assert isinstance(without, PolyCollection)
+    for i, friction in enumerate(FRICTION):
+        for j, push in enumerate(PUSH):
+            hatched = any(path.contains_point((friction, push)) for path in without.get_paths())
+            assert hatched != bool(found.ok[i, j])
     assert isinstance(boundary, LineCollection)
     ok, seen = found.ok.values, 0
     for (x0, y0), (x1, y1) in boundary.get_segments():
@@ -187,6 +191,14 @@ def test_a_third_dimension_is_selected_or_gives_one_map_for_each_value():
     assert len(plot_study(found.sel(stance="high"))) == 3
 
 
+def test_a_large_map_of_many_pieces_is_drawn_plain():
+    """Ten thousand samples that are ok or not at random: cells without hatching, which would take seconds."""
+    at = np.linspace(0.0, 1.0, 100)
+    ok = xarray.DataArray(np.random.default_rng(0).random((100, 100)) < 0.5, dims=("a", "b"), coords={"a": at, "b": at})
+    cells, plain, _ = plot_study(xarray.Dataset({"ok": ok, "reason": (~ok * 41).astype("int16"), "v": ok.where(ok)}), value="v")
+    assert type(plain) is type(cells) and np.array_equal(~plain.get_array().mask, ~ok.values.T)
+
+
 def test_curves_end_with_a_ring_and_go_on_as_crosses():
     """Over one dimension, one line for each value of the other: the last that is ok, and those that are not, at the axis."""
     found = grid()
@@ -252,7 +264,9 @@ def test_draws_over_one_coordinate_show_the_value_upwards():
 def test_draws_at_each_point_of_a_grid_give_a_share():
     """value="ok": the share of those that were run; another quantity wants a draw to be selected."""
     rng = np.random.default_rng(1)
-    given = xarray.Dataset(coords={"friction": FRICTION, "push": ("sample", rng.uniform(0.0, 60.0, 30))})
+    given = xarray.Dataset(
+        coords={"friction": FRICTION, "sample": np.arange(30), "push": ("sample", rng.uniform(0.0, 60.0, 30))}
+    )
     found = labelled(given.push / (given.friction * 98.1), given).transpose("friction", "sample")
     found["reason"][0, :10] = found["reason"][3, :] = Reason.NOT_RUN.code
     found["ok"][0, :10] = found["ok"][3, :] = False
@@ -272,6 +286,20 @@ def test_words_and_codes_are_categories():
     assert all(y0 == y1 for (_, y0), (_, y1) in boundary.get_segments())
     legend = plot_study(found, value="status")[0].axes.figure.legends[0]
     assert [text.split(" ")[0] for text in texts(legend)[:2]] == ["failed", "solved"]
+
+
+def test_words_and_truth_values_are_missing_where_a_sample_is_not_ok():
+    """Empty text and False stand for nothing there: such cells are grey, as those of numbers."""
+    found = grid()
+    bad = f"not ok ({int((~found.ok).sum())})"
+    pushed = found.push > 5.0
+    found = found.assign(motor=xarray.where(found.ok, xarray.where(pushed, "knee", "hip"), ""), least=found.ok & pushed)
+    for value, words in (("motor", ["hip", "knee"]), ("least", ["no", "yes"])):
+        cells, without, _ = plot_study(found, value=value)
+        legend = texts(cells.axes.figure.legends[0])
+        assert [text.split(" ")[0] for text in legend[:2]] == words and legend[2] == bad
+        assert np.array_equal(cells.get_array().mask, ~found.ok.values.T) and isinstance(without, PolyCollection)
+    assert texts(plot_study(found, value="ok")[0].axes.figure.legends[0])[0] == bad.replace("not ok", "no")
 
 
 @pytest.mark.parametrize(
@@ -313,3 +341,25 @@ def test_a_study_without_any_answer_still_shows_why():
     found["ok"], found["reason"] = found.ok & False, xarray.full_like(found.reason, FRICTION_CODE)
     (cells,) = plot_study(found)
     assert texts(cells.axes.figure.legends[0]) == [f"cannot_hold: friction ({found.ok.size})"]
+
+
+def slide(friction: float, push: float) -> dict[str, object]:
+    """The friction used by a box of 98.1 N, and the force that its floor gives."""
+    if push > friction * 98.1:
+        raise rbd.CannotHold("it slides")
+    return {"used": push / (friction * 98.1), "force": np.array([-push, 0.0, 98.1])}
+
+
+def test_a_study_of_a_function_is_drawn_as_it_is_returned_and_as_it_is_stored(tmp_path):
+    """From memory and from a store, opened lazily: the same cells; text and grids as `rbd.study` makes them."""
+    samples = rbd.grid(friction=FRICTION, push=PUSH).with_units(push="N")
+    store = tmp_path / "slide.zarr"
+    found = rbd.study(slide, samples, executor=0, out=store, progress=False)
+    stored = xarray.open_zarr(store)
+    for value in ("used", "reason", "force[2]"):
+        one, other = (plot_study(each, value=value)[0] for each in (found, stored))
+        assert np.array_equal(one.get_array().filled(-9.0), other.get_array().filled(-9.0)), value
+        assert one.axes.get_ylabel() == other.axes.get_ylabel() == "push [N]"
+    assert plot_study(found)[0].axes.figure.axes[1].get_ylabel() == "used"
+    legend = plot_study(found, value="reason")[0].axes.figure.legends[0]
+    assert texts(legend)[:2] == ["ok (8)", "cannot_hold (12)"]

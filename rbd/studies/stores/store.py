@@ -70,7 +70,7 @@ class Seen:
     """
 
     def __init__(self, samples: Samples) -> None:
-        self._layout = Layout([*samples.names, *samples.fixed])
+        self._layout = Layout(samples.taken)
         self.first: dict[str, tuple[int, int]] = {}
 
     def check(self, block: Block) -> None:

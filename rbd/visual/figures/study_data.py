@@ -116,8 +116,15 @@ class StudyData:
 
     @property
     def drawn_at_random(self) -> bool:
-        """Whether the samples are draws or rows of a table, and no grid: one dimension without values of its own."""
-        return len(self.dims) == 1 and self.dims[0] not in self.dataset.coords
+        """Whether the samples are draws or rows of a table, and no grid."""
+        return len(self.dims) == 1 and self.numbered(self.dims[0])
+
+    def numbered(self, dim: str) -> bool:
+        """Whether a dimension only numbers draws or rows, whose arguments are coordinates along it."""
+        coords = self.dataset.coords
+        if dim == "sample" or dim not in coords:
+            return True
+        return coords[dim].dtype.kind in "iu" and any(x.dims == (dim,) for name, x in coords.items() if name != dim)
 
     def axis(self, what: str, name: object) -> Axis:
         """The axis of a dimension or coordinate; `what` is the argument that names it.
@@ -173,12 +180,13 @@ class StudyData:
             texts = dict(zip(map(int, np.atleast_1d(attributes["flag_values"])), meanings, strict=False))
             return _of_codes(str(name), values, {int(c): texts.get(int(c), str(int(c))) for c in np.unique(values) if c != -1})
         if values.dtype.kind == "b":
-            return _of_codes(str(name), values.astype(int), {0: "no", 1: "yes"})
+            known = np.ones(values.shape, bool) if name == "ok" else np.asarray(self.dataset["ok"].transpose(*dims).values)
+            return _of_codes(str(name), np.where(known, values.astype(int), -1), {0: "no", 1: "yes"})
         if values.dtype.kind in "fiu":
             numbers = values.astype(float)
             return Quantity(_label(str(name), attributes), np.where(np.isfinite(numbers), numbers, np.nan))
         words, codes = np.unique(values.astype(str), return_inverse=True)
-        return _of_codes(str(name), codes.reshape(values.shape), dict(enumerate(words.tolist())))
+        return _of_codes(str(name), codes.reshape(values.shape), {i: word for i, word in enumerate(words.tolist()) if word})
 
     def states(self, dims: Sequence[str]) -> tuple[Array, Array]:
         """Which samples are ok, and which were not run, over dimensions in this order."""
@@ -194,7 +202,7 @@ class StudyData:
             used: Names that the user gave.
         """
         named = [name for name in used if isinstance(name, str)]
-        left = [d for d in self.dims if d not in self.dataset.coords and d not in named]
+        left = [d for d in self.dims if self.numbered(d) and d not in named]
         if not left or len(left) == len(self.dims):
             return self
         ok, ran = self.dataset["ok"], self.dataset["reason"] != Reason.NOT_RUN.code
@@ -305,5 +313,5 @@ def _of_codes(label: str, codes: Array, texts: Mapping[int, str]) -> Quantity:
     for i, (code, text) in enumerate(sorted(texts.items())):
         places[codes == code] = i
         color = REASON_COLORS.get(text) if label == "reason" else None
-        categories.append((text or "ok", color or next(free)))
+        categories.append((text or "ok", color or next(free)))  # the text of `Reason.NONE` is empty
     return Quantity(label, places, tuple(categories))

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 NUMBERS, SIGNED = "viridis", "PuOr"
 """Colour maps that colour-blind readers can read: of numbers of one sign, and of both."""
 NO_VALUE_COLOR, NOT_OK_COLOR, BOUNDARY_COLOR = "#c4c9ce", "#3d454c", "#d6006c"
+MOST_PIECES = 2000
+"""More pieces of hatched cells are drawn plain, and more pieces of a boundary thin: hatching takes a millisecond each."""
 _HATCH: dict[str, Any] = {"linewidth": 0.0, "edgecolor": "#8d949b"}
 
 
@@ -53,7 +55,7 @@ def draw_map(
         there = np.isfinite(values)
         name = SIGNED if norm is not None and norm.vmin is not None and norm.vmin < 0.0 else NUMBERS
         drawn.append(ax.pcolormesh(across, up, np.ma.masked_array(values, ~there), cmap=name, norm=norm))
-        drawn += _cells(ax, across, up, ~there & ~waiting, NO_VALUE_COLOR, "/////")
+    drawn += _cells(ax, across, up, ~there & ~waiting, NO_VALUE_COLOR, "/////")
     drawn += _cells(ax, across, up, waiting, NOT_RUN_COLOR, "....")
     drawn += _boundary(ax, across, up, good, ~good & ~waiting, (not x.words, y is not None and not y.words))
     dress(ax, x, "x")
@@ -96,11 +98,10 @@ def keys_of_map(shown: Quantity, ok: Array, not_run: Array, *, bounded: bool) ->
         for (text, color), count in zip(shown.categories, counts, strict=True):
             if count and not (text == "not_run" and color == NOT_RUN_COLOR):
                 keys.append(Patch(facecolor=color, edgecolor="0.6", linewidth=0.5, label=f"{text} ({count})"))
-    else:
-        nothing = ~np.isfinite(shown.values) & ~not_run
-        for which, text in ((nothing & ~ok, "not ok"), (nothing & ok, "ok, without a finite value")):
-            if which.any():
-                keys.append(Patch(facecolor=NO_VALUE_COLOR, hatch="/////", label=f"{text} ({int(which.sum())})", **_HATCH))
+    nothing = (shown.values < 0 if shown.categories else ~np.isfinite(shown.values)) & ~not_run
+    for which, text in ((nothing & ~ok, "not ok"), (nothing & ok, "ok, without a finite value")):
+        if which.any():
+            keys.append(Patch(facecolor=NO_VALUE_COLOR, hatch="/////", label=f"{text} ({int(which.sum())})", **_HATCH))
     if not_run.any():
         keys.append(Patch(facecolor=NOT_RUN_COLOR, hatch="....", label=f"not run ({int(not_run.sum())})", **_HATCH))
     if bounded:
@@ -113,13 +114,17 @@ def _edges(axis: Axis) -> Array:
 
 
 def _cells(ax: Axes, across: Array, up: Array, which: Array, color: str, hatch: str) -> list[Artist]:
-    """Hatched cells, as one artist."""
+    """Hatched cells as one artist, neighbours above each other as one piece; very many pieces are not hatched."""
     from matplotlib.collections import PolyCollection
+    from matplotlib.colors import ListedColormap
 
     if not which.any():
         return []
-    j, i = np.nonzero(which)
-    left, right, low, high = across[i], across[i + 1], up[j], up[j + 1]
+    steps = np.diff(np.pad(which.T.astype(np.int8), ((0, 0), (1, 1))), axis=1)
+    (i, first), (_, last) = np.nonzero(steps == 1), np.nonzero(steps == -1)
+    if len(i) > MOST_PIECES:
+        return [ax.pcolormesh(across, up, np.ma.masked_array(which, ~which), cmap=ListedColormap([color]))]
+    left, right, low, high = across[i], across[i + 1], up[first], up[last]
     corners = np.stack([np.column_stack(p) for p in ((left, low), (right, low), (right, high), (left, high))], axis=1)
     cells = PolyCollection(list(corners), facecolor=color, hatch=hatch, **_HATCH)
     ax.add_collection(cells)
@@ -140,6 +145,7 @@ def _boundary(ax: Axes, across: Array, up: Array, good: Array, bad: Array, order
     segments = np.concatenate(lines) if lines else np.zeros((0, 2, 2))
     if not len(segments):
         return []
-    line = LineCollection(list(segments), colors=BOUNDARY_COLOR, linewidths=2.2, capstyle="round", zorder=3, label="boundary")
+    width = 2.2 if len(segments) <= MOST_PIECES else 0.4
+    line = LineCollection(list(segments), colors=BOUNDARY_COLOR, linewidths=width, capstyle="round", zorder=3, label="boundary")
     ax.add_collection(line)
     return [line]

@@ -113,7 +113,7 @@ def _chosen(data: StudyData, x: object, y: object, by: object) -> tuple[str, str
     if x is None and y is not None:
         raise InputError(f"y is {y!r} and x is not given; name both, or x alone for curves.")
     if data.drawn_at_random:
-        names = [str(n) for n, v in data.dataset.coords.items() if v.dims == data.dims]
+        names = [str(n) for n, v in data.dataset.coords.items() if v.dims == data.dims and n not in data.dims]
         free = [n for n in names if n != by] or list(data.dims)
         if x is None:
             x, y = free[0], (free[1] if len(free) > 1 else None)
