@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -61,12 +61,18 @@ def coordinates(samples: Samples) -> dict[str, tuple[tuple[str, ...], Array, dic
     return found
 
 
-def normal(dataset: xarray.Dataset) -> xarray.Dataset:
+def normal(dataset: xarray.Dataset, order: Sequence[str] | None = None, coords: Iterable[str] = ()) -> xarray.Dataset:
     """The dataset in the one form that it has from memory, from zarr and from netCDF.
 
     Text is an array of objects: a long message costs its own length only, and zarr and netCDF write it as it is. Whole numbers
     of coordinates are int64. Only what differs is read, so that variables of a large store stay on the disk.
+
+    Args:
+        dataset: As it was made or read.
+        order: Names of its variables in order; None: as they are.
+        coords: Variables that are coordinates, though a file may not say so: those with blanks in their names.
     """
+    dataset = dataset.set_coords([name for name in coords if name in dataset.variables])
     changed: dict[str, Any] = {}
     for name, x in dataset.variables.items():
         attrs = dict(x.attrs)
@@ -76,14 +82,9 @@ def normal(dataset: xarray.Dataset) -> xarray.Dataset:
         if x.dtype.kind in "UTS" or (name in dataset.coords and x.dtype.kind in "iu" and x.dtype != np.int64):
             wanted = object if x.dtype.kind in "UTS" else np.int64
             changed[str(name)] = (x.dims, np.asarray(x.values).astype(wanted), attrs)
-    coords = {name: x for name, x in changed.items() if name in dataset.coords}
-    found = dataset.assign_coords(coords).assign({name: x for name, x in changed.items() if name not in coords})
-    return _in_order(found, list(dataset.data_vars)).drop_encoding()
-
-
-def ordered(dataset: xarray.Dataset, names: Sequence[str]) -> xarray.Dataset:
-    """The dataset with these variables, in this order, and all coordinates: those that no variable varies along, too."""
-    return type(dataset)({name: dataset.variables[name] for name in names}, dataset.coords, dataset.attrs)
+    labels = {name: x for name, x in changed.items() if name in dataset.coords}
+    found = dataset.assign_coords(labels).assign({name: x for name, x in changed.items() if name not in labels})
+    return _in_order(found, list(dataset.data_vars if order is None else order)).drop_encoding()
 
 
 def _in_order(dataset: xarray.Dataset, names: list[Any]) -> xarray.Dataset:

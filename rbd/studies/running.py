@@ -64,8 +64,8 @@ def study(
 
     Returns:
         A dataset with the dimensions of the grid, or `sample`; its arguments are coordinates. After Ctrl-C, with a
-        `StudyWarning`, what was finished: `attrs["interrupted"]` says how much. A stored study above 1 GB is read when it is
-            used.
+        `StudyWarning`, what was finished: `attrs["interrupted"]` says how much. A stored study above 1 GB is read when
+        it is used.
 
     Raises:
         InputError: before work starts: samples, names, executors, functions that cannot be sent, a store of another study; at

@@ -17,7 +17,7 @@ from rbd.errors.stopped import StudyStopped
 from rbd.model.output_files import write_file
 from rbd.modules import xarray_or_error
 from rbd.simulation.trajectory_file import check_netcdf
-from rbd.studies.dataset import MESSAGE, OK, REASON, normal, ordered, with_outcome
+from rbd.studies.dataset import MESSAGE, OK, REASON, normal, with_outcome
 from rbd.studies.kept.variable import Block, Variable
 from rbd.studies.provenance import LAYOUT, check_same, continued, format_of, others_of
 from rbd.studies.samples import Samples
@@ -81,7 +81,7 @@ class NetcdfStore(MemoryStore):
             self._lock.close()
 
     def _write(self) -> None:
-        content = encoded(self.kept(), json.dumps({"first": self.seen.first}), self.path)
+        content = encoded(self.kept(), json.dumps({"first": self.seen.first, "coords": list(self.samples.coords())}), self.path)
         write_file(self.path, lambda file: file.write(content), StudyStopped)
 
     def _told(self, error: Exception) -> StudyStopped:
@@ -98,11 +98,10 @@ class NetcdfStore(MemoryStore):
         self.attributes = continued(found.attrs, self.attributes)
         n, axes = len(self.samples), len(self.samples.dims)
         first = {str(name): (int(a), int(b)) for name, (a, b) in json.loads(found.attrs[LAYOUT])["first"].items()}
-        own = normal(found)
         for name in first:
-            x = own[name]
+            x = found[name]
             dims = tuple(str(dim) for dim in x.dims[axes:])
-            labels = {dim: tuple(x[dim].values.tolist()) for dim in dims if dim in own.coords}
+            labels = {dim: tuple(x[dim].values.tolist()) for dim in dims if dim in found.coords}
             values = np.array(x.values).reshape(n, *x.shape[axes:])
             flags = zip(x.attrs.get("flag_values", ()), str(x.attrs.get("flag_meanings", "")).split(), strict=False)
             self.found.variables[name] = Variable(
@@ -114,9 +113,9 @@ class NetcdfStore(MemoryStore):
                 {int(k): word for k, word in flags},
             )
         self.seen.begin(first, self.found.variables)
-        self.found.ok[:] = own[OK].values.ravel()
-        self.found.reason[:] = own[REASON].values.ravel()
-        self.found.messages |= {i: str(text) for i, text in enumerate(own[MESSAGE].values.ravel()) if text}
+        self.found.ok[:] = found[OK].values.ravel()
+        self.found.reason[:] = found[REASON].values.ravel()
+        self.found.messages |= {i: str(text) for i, text in enumerate(found[MESSAGE].values.ravel()) if text}
         self.done = self.found.reason != Reason.NOT_RUN.code
 
 
@@ -128,7 +127,7 @@ def read_netcdf_study(path: Path) -> xarray.Dataset:
     """
     found = _decoded(path)
     found.attrs = {name: value for name, value in found.attrs.items() if name != LAYOUT}
-    return with_outcome(normal(found))
+    return with_outcome(found)
 
 
 def encoded(dataset: xarray.Dataset, layout: str, path: Path) -> bytes:
@@ -137,7 +136,8 @@ def encoded(dataset: xarray.Dataset, layout: str, path: Path) -> bytes:
     Raises:
         InputError: text or numbers that netCDF 3 does not have.
     """
-    whole = dataset.assign_attrs({**dataset.attrs, LAYOUT: layout})
+    blank = [name for name in dataset.coords if " " in str(name) and name not in dataset.dims]
+    whole = dataset.reset_coords(blank).assign_attrs({**dataset.attrs, LAYOUT: layout})
     try:
         return bytes(whole.to_netcdf(engine="scipy", format="NETCDF3_64BIT"))
     except (UnicodeEncodeError, ValueError, TypeError) as error:
@@ -159,8 +159,9 @@ def _decoded(path: Path) -> xarray.Dataset:
     found.attrs = {name: value.item() if isinstance(value, np.generic) else value for name, value in found.attrs.items()}
     format_of(found.attrs, str(path))
     try:
-        first = json.loads(found.attrs[LAYOUT])["first"]
-        return ordered(found, [OK, REASON, MESSAGE, *sorted(first, key=first.__getitem__)])
+        layout = json.loads(found.attrs[LAYOUT])
+        first = layout["first"]
+        return normal(found, [OK, REASON, MESSAGE, *sorted(first, key=first.__getitem__)], layout["coords"])
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
             f"{str(path)!r:.300} is a damaged store: {error!s:.200}. Give another path, or move it away."

@@ -121,6 +121,12 @@ def as_array(values: Any) -> Array:
     return x.astype(object) if x.dtype.kind in "UT" else x
 
 
+def labels_of(values: Any) -> list[Any]:
+    """Labels of a dimension as Python's text or numbers."""
+    x = np.asarray(values)
+    return [str(each) for each in x] if x.dtype.kind in "OTU" else list(x.tolist())
+
+
 def _write_json(path: Path, whole: Mapping[str, Any]) -> None:
     data = json.dumps(whole, allow_nan=True, indent=1).encode()
     write_file(path, lambda file: file.write(data), StudyStopped)

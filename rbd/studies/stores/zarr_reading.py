@@ -5,14 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rbd.errors import InputError
 from rbd.errors.reasons import Reason
 from rbd.modules import xarray_or_error
-from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, normal, ordered, with_outcome
+from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, normal, with_outcome
 from rbd.studies.provenance import LAYOUT, format_of
 
 if TYPE_CHECKING:
@@ -38,19 +38,22 @@ def read_zarr(path: Path) -> xarray.Dataset:
     format_of(attributes, str(path))
     if REASON in arrays and not {OK, MESSAGE} <= set(arrays):
         raise InputError(f"{str(path)!r:.300} is damaged: it has no {OK} or no {MESSAGE}.")
-    order = [name for name in arrays if name not in coordinates_of(attributes, arrays)]
     try:
-        found = ordered(xarray.open_zarr(path, chunks=None, consolidated=True, decode_times=False), order)
+        layout = json.loads(attributes[LAYOUT])
+        coords = [str(name) for name in layout["coords"]]
+        order = [OK, REASON, MESSAGE, *sorted(layout["first"], key=layout["first"].__getitem__)]
+        found = xarray.open_zarr(path, chunks=None, consolidated=True, decode_times=False)
         if REASON not in arrays:
-            found = _without_results(found, json.loads(attributes[LAYOUT])["dims"])
+            found = _without_results(found, layout["dims"])
         if found.nbytes <= LOADED:
             found = found.load()
+        found = normal(found, order, coords)
     except (RuntimeError, ValueError, OSError, KeyError, TypeError) as error:
         raise InputError(
             f"{str(path)!r:.300} is damaged: {error!s:.200}. The same call of rbd.study computes damaged chunks again."
         ) from error
     found.attrs = {name: value for name, value in attributes.items() if name not in (LAYOUT, "coordinates")}
-    return with_outcome(normal(found))
+    return with_outcome(found)
 
 
 def _without_results(dataset: xarray.Dataset, lengths: Mapping[str, int]) -> xarray.Dataset:
@@ -59,9 +62,3 @@ def _without_results(dataset: xarray.Dataset, lengths: Mapping[str, int]) -> xar
     codes = np.full(shape, Reason.NOT_RUN.code, np.int16)
     own = {OK: np.zeros(shape, bool), REASON: codes, MESSAGE: np.full(shape, "", object)}
     return dataset.assign({name: (dims, values, OWN[name]) for name, values in own.items()})
-
-
-def coordinates_of(attributes: Mapping[str, Any], arrays: Mapping[str, Any]) -> set[str]:
-    """Arrays that are coordinates: labels of a dimension, and those that the attributes name."""
-    named = str(attributes.get("coordinates", "")).split()
-    return {name for name, a in arrays.items() if name in named or tuple(a.get("dimension_names") or ()) == (name,)}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import shutil
 import time
 from collections.abc import Iterable, Mapping
@@ -201,7 +202,7 @@ class ZarrStore:
         shape = tuple(self.samples.dims.values())
         self._pieces = Pieces(shape, tuple(arrays[REASON]["chunk_grid"]["configuration"]["chunk_shape"]))
         self._arrays = {name: zarr_files.array(self._root, name) for name in (OK, MESSAGE, REASON, *first)}
-        self._labels = {dim: tuple(normal_labels(zarr_files.array(self._root, dim)[...])) for dim in labelled}
+        self._labels = {dim: tuple(zarr_files.labels_of(zarr_files.array(self._root, dim)[...])) for dim in labelled}
         for name in first:
             a = self._arrays[name]
             dims = tuple(a.metadata.dimension_names)[len(shape) :]
@@ -311,7 +312,7 @@ class ZarrStore:
                 folders |= self._write(name, piece, values)
         if new or REASON not in self._listed:
             extra = (OK, REASON, MESSAGE, *self.seen.in_order(), *self._labels)
-            self._listed = list(dict.fromkeys([*coordinates_first(self._listed, self._forms, extra), *extra]))
+            self._listed = [*(name for name in self._listed if name not in extra), *extra]
             zarr_files.write_root(self._root, self._whole_attributes(), self._listed)
         zarr_files.sync_folders(folders | {self._root})
         folders = set()
@@ -374,20 +375,20 @@ class ZarrStore:
         return {folder for folder in file.parents if self._root in folder.parents}
 
     def _whole_attributes(self) -> dict[str, Any]:
-        plain = [name for name, (dims, _, _) in self.samples.coords().items() if tuple(dims) != (name,)]
-        layout = json.dumps({"first": self.seen.first, "labels": list(self._labels), "dims": dict(self.samples.dims)})
+        plain = [
+            name
+            for name, (dims, _, _) in self.samples.coords().items()
+            if tuple(dims) != (name,) and not re.search(r"\s", name)
+        ]
+        layout = json.dumps(
+            {
+                "first": self.seen.first,
+                "labels": list(self._labels),
+                "dims": dict(self.samples.dims),
+                "coords": list(self.samples.coords()),
+            }
+        )
         return {**self.attributes, LAYOUT: layout} | ({"coordinates": " ".join(plain)} if plain else {})
-
-
-def coordinates_first(listed: Iterable[str], forms: Mapping[str, Variable], extra: Iterable[str]) -> list[str]:
-    """The arrays that are listed and are neither variables nor in `extra`."""
-    return [name for name in listed if name not in forms and name not in tuple(extra)]
-
-
-def normal_labels(values: Any) -> list[Any]:
-    """Labels of a dimension as Python's text or numbers."""
-    x = np.asarray(values)
-    return [str(each) for each in x] if x.dtype.kind in "OTU" else list(x.tolist())
 
 
 def _piece_size(block: Block, n: int) -> int:
