@@ -108,14 +108,14 @@ if _TYPE_CHECKING:
     from rbd.statics.equilibrium import (
         hold as hold,
     )
-    from rbd.studies.draws import (
-        sample as sample,
-    )
-    from rbd.studies.grids import (
-        grid as grid,
-    )
     from rbd.studies.running import (
         study as study,
+    )
+    from rbd.studies.sampling.draws import (
+        sample as sample,
+    )
+    from rbd.studies.sampling.grids import (
+        grid as grid,
     )
 
 __version__ = _VERSION
@@ -148,8 +148,8 @@ _NAMES = {
     "rbd.solvers.proxqp": "ProxQP",
     "rbd.statics.actuation": "Actuation",
     "rbd.statics.equilibrium": "hold",
-    "rbd.studies.draws": "sample",
-    "rbd.studies.grids": "grid",
+    "rbd.studies.sampling.draws": "sample",
+    "rbd.studies.sampling.grids": "grid",
     "rbd.studies.running": "study",
 }
 """Top-level names by module; the imports above are the same for type checkers."""

@@ -2,15 +2,15 @@
 
 from rbd.modules import submodule as _submodule
 from rbd.studies.comparison import LawComparison, SolverComparison, compare_laws, compare_solvers
-from rbd.studies.draws import sample
-from rbd.studies.grids import grid
 from rbd.studies.kept.registry import kept_names
-from rbd.studies.own_processes import Workers
 from rbd.studies.running import study
-from rbd.studies.samples import Samples
+from rbd.studies.sampling.draws import sample
+from rbd.studies.sampling.grids import grid
+from rbd.studies.sampling.samples import Samples
+from rbd.studies.sampling.tables import table
 from rbd.studies.standing import move_under_push, withstand_push
 from rbd.studies.stores.opened import open_study
-from rbd.studies.tables import table
+from rbd.studies.workers.own_processes import Workers
 
 __all__ = [
     "LawComparison",

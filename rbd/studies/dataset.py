@@ -11,7 +11,7 @@ from rbd.arrays import Array
 from rbd.errors.reasons import Reason
 from rbd.modules import xarray_or_error
 from rbd.studies.kept.variable import Block
-from rbd.studies.samples import Samples
+from rbd.studies.sampling.samples import Samples
 
 if TYPE_CHECKING:
     import xarray

@@ -13,15 +13,15 @@ import numpy as np
 
 from rbd.errors import InputError, RbdError, StudyStopped, StudyWarning
 from rbd.errors.warned import stacklevel_of_user
-from rbd.studies.calling import bound
-from rbd.studies.evaluation import Evaluation
-from rbd.studies.filling import check_all, fill
 from rbd.studies.kept.wanted import Keep
-from rbd.studies.provenance import attributes_of
-from rbd.studies.samples import Samples
+from rbd.studies.provenance.provenance import attributes_of
+from rbd.studies.sampling.samples import Samples
+from rbd.studies.sampling.tables import samples_of
 from rbd.studies.stores.opened import checked_path, store_of
 from rbd.studies.stores.store import Store
-from rbd.studies.tables import samples_of
+from rbd.studies.workers.calling import bound
+from rbd.studies.workers.evaluation import Evaluation
+from rbd.studies.workers.filling import check_all, fill
 
 if TYPE_CHECKING:
     import xarray

@@ -25,14 +25,14 @@ import pytest
 import studied
 
 import rbd
-from rbd.studies.chunks import Chunks
-from rbd.studies.evaluation import BATCH, Evaluation
-from rbd.studies.filling import Filled, check_all, fill
-from rbd.studies.grids import grid
-from rbd.studies.own_processes import Workers
-from rbd.studies.progress_bar import Progress, counted
-from rbd.studies.samples import Samples
+from rbd.studies.sampling.grids import grid
+from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.store import MemoryStore
+from rbd.studies.workers.chunks import Chunks
+from rbd.studies.workers.evaluation import BATCH, Evaluation
+from rbd.studies.workers.filling import Filled, check_all, fill
+from rbd.studies.workers.own_processes import Workers
+from rbd.studies.workers.progress_bar import Progress, counted
 
 GRID = {"x": np.arange(12.0), "y": np.linspace(0.0, 1.0, 9)}
 

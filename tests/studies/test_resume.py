@@ -22,7 +22,7 @@ import xarray as xr
 import rbd
 from rbd.errors import InputError, StudyWarning
 from rbd.studies import open_study
-from rbd.studies.identity import function_hash, name_of
+from rbd.studies.provenance.identity import function_hash, name_of
 
 FORMATS = ["sums.zarr", "sums.nc"]
 GRID = {"x": np.linspace(0, 1, 5), "y": np.linspace(0, 1, 6)}
@@ -242,7 +242,7 @@ def test_a_hash_is_the_same_in_another_process(tmp_path: Path):
     """Also of functions that use a robot, a state, a set; whatever the order of hashes."""
     code = """
         import rbd
-        from rbd.studies.identity import function_hash
+        from rbd.studies.provenance.identity import function_hash
         box = rbd.testing.box()
         state, words, floor = rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), {"a", "b", "c"}, rbd.PointContact("p", "box", friction=0.5)
 
@@ -271,7 +271,7 @@ def test_another_version_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     path = tmp_path / "sums.zarr"
     with pytest.warns(StudyWarning, match="Ctrl-C"):
         rbd.study(Stops(7), rbd.grid(**GRID), executor=0, out=path, chunk=1)
-    monkeypatch.setattr("rbd.studies.provenance.versions", lambda: "rbd 9.0, python 3.11")
+    monkeypatch.setattr("rbd.studies.provenance.provenance.versions", lambda: "rbd 9.0, python 3.11")
     with pytest.warns(StudyWarning, match=r"A part was computed with .*rbd 0\.1.*the rest with .*rbd 9\.0.* last bits"):
         whole = rbd.study(Stops(), rbd.grid(**GRID), executor=0, out=path)
     assert whole.attrs["versions"].endswith("; then rbd 9.0, python 3.11")

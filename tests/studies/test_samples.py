@@ -23,9 +23,9 @@ from scipy import stats
 import rbd
 from rbd.errors import InputError
 from rbd.studies import Samples, table
-from rbd.studies.draws import points
-from rbd.studies.samples import arguments
-from rbd.studies.tables import samples_of
+from rbd.studies.sampling.draws import points
+from rbd.studies.sampling.samples import arguments
+from rbd.studies.sampling.tables import samples_of
 
 SETTINGS = hypothesis.settings(derandomize=True, deadline=None, database=None, max_examples=60)
 

@@ -43,7 +43,7 @@ def test_a_stored_study_has_the_samples_of_one_in_memory(kind: str, suffix: str,
     """Coordinates, their order aside, labels, units: equal; the same call again computes nothing and gives the same."""
     samples, path = kinds()[kind], tmp_path / f"push{suffix}"
     memory = rbd.study(size, samples, executor=0, progress=False)
-    assert memory.ok.values.all() and memory.value.size == len(rbd.studies.tables.samples_of(samples))
+    assert memory.ok.values.all() and memory.value.size == len(rbd.studies.sampling.tables.samples_of(samples))
     for _ in range(2):
         stored = rbd.study(size, samples, executor=0, out=path, progress=False)
         assert stored.drop_attrs(deep=False).identical(memory.drop_attrs(deep=False)), (stored, memory)

@@ -19,8 +19,8 @@ from rbd.modules import xarray_or_error
 from rbd.simulation.trajectory_file import check_netcdf
 from rbd.studies.dataset import MESSAGE, OK, REASON, normal, with_outcome
 from rbd.studies.kept.variable import Block, Variable
-from rbd.studies.provenance import LAYOUT, check_same, continued, format_of, others_of
-from rbd.studies.samples import Samples
+from rbd.studies.provenance.provenance import LAYOUT, check_same, continued, format_of, others_of
+from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.pacing import Pacing, why
 from rbd.studies.stores.places import Lock
 from rbd.studies.stores.store import MemoryStore

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rbd.modules import xarray_or_error, zarr_or_error
-from rbd.studies.samples import Samples
+from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.netcdf_store import NetcdfStore, read_netcdf_study
 from rbd.studies.stores.places import NETCDF, ZARR, a_store_path, check_store_place
 from rbd.studies.stores.store import MemoryStore, Store

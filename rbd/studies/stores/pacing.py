@@ -8,12 +8,12 @@ from collections.abc import Callable
 
 from rbd.errors.stopped import StudyStopped
 
-SELDOM, SHARE = 30.0, 40.0
+SELDOM, SHARE = 5.0, 20.0
 """The longest time between two writings [s]; and how many times as long as one writing takes it is at least."""
 
 
 class Pacing:
-    """When to write what was changed: seldom enough to cost a fortieth of the time, and from a thread where nothing follows.
+    """When to write what was changed: seldom enough to cost a twentieth of the time, and from a thread where nothing follows.
 
     Args:
         write: Writes all that is not yet written.
@@ -30,7 +30,7 @@ class Pacing:
         self._last, self._pause = time.monotonic() - least, least
         self._timer: threading.Timer | None = None
         self._failed: StudyStopped | None = None
-        self._changed = False
+        self._changed = self._made = False
 
     def check(self) -> None:
         """Raise the error of an earlier writing.
@@ -76,7 +76,9 @@ class Pacing:
             raise self._failed from error
         self._changed = False
         self._last = time.monotonic()
-        self._pause = min(SELDOM, max(self._least, SHARE * (self._last - began)))
+        if self._made:  # the first writing makes the arrays, and says nothing about later ones
+            self._pause = min(SELDOM, max(self._least, SHARE * (self._last - began)))
+        self._made = True
 
     def stop(self) -> None:
         """Write nothing later."""

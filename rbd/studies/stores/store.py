@@ -13,8 +13,8 @@ from rbd.errors.reasons import Reason
 from rbd.studies.dataset import dataset_of
 from rbd.studies.kept.layout import Layout
 from rbd.studies.kept.variable import Block, Variable, missing
-from rbd.studies.provenance import finished
-from rbd.studies.samples import Samples
+from rbd.studies.provenance.provenance import finished
+from rbd.studies.sampling.samples import Samples
 
 if TYPE_CHECKING:
     import xarray

@@ -13,7 +13,7 @@ from rbd.errors import InputError
 from rbd.errors.reasons import Reason
 from rbd.modules import xarray_or_error
 from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, normal, with_outcome
-from rbd.studies.provenance import LAYOUT, format_of
+from rbd.studies.provenance.provenance import LAYOUT, format_of
 
 if TYPE_CHECKING:
     import xarray

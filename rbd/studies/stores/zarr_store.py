@@ -20,8 +20,8 @@ from rbd.errors.reasons import Reason
 from rbd.errors.stopped import StudyStopped
 from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, coordinates
 from rbd.studies.kept.variable import Block, Variable, missing
-from rbd.studies.provenance import LAYOUT, check_same, continued, finished, format_of, others_of
-from rbd.studies.samples import Samples
+from rbd.studies.provenance.provenance import LAYOUT, check_same, continued, finished, format_of, others_of
+from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.pacing import Pacing, why
 from rbd.studies.stores.pieces import Pieces
 from rbd.studies.stores.places import Lock

@@ -11,12 +11,12 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.studies.calling import takes_rng
 from rbd.studies.kept.rows import KeptRows
 from rbd.studies.kept.variable import Block
 from rbd.studies.kept.wanted import Keep
-from rbd.studies.samples import arguments
-from rbd.studies.told import Told, recorded
+from rbd.studies.sampling.samples import arguments
+from rbd.studies.workers.calling import takes_rng
+from rbd.studies.workers.told import Told, recorded
 
 BATCH = 512
 """Samples that a batched function gets at a time: as many as `solve_many` puts in a block, whatever the chunk."""

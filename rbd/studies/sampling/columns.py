@@ -12,7 +12,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.studies.fingerprint import Hash, add
+from rbd.studies.provenance.fingerprint import Hash, add
 
 Coordinate = tuple[tuple[str, ...], Array, dict[str, str]]
 """Dimensions, values and attributes, as xarray takes them."""

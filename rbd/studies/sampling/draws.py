@@ -10,9 +10,9 @@ import numpy as np
 
 from rbd.arrays import Array, as_float, check_seed, check_whole
 from rbd.errors import InputError, nearest
-from rbd.studies.columns import Column, check_name, column, is_one
-from rbd.studies.fingerprint import add
-from rbd.studies.samples import Samples
+from rbd.studies.provenance.fingerprint import add
+from rbd.studies.sampling.columns import Column, check_name, column, is_one
+from rbd.studies.sampling.samples import Samples
 
 Method = Literal["sobol", "latin_hypercube", "random"]
 METHODS = ("sobol", "latin_hypercube", "random")

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rbd.studies.columns import column
-from rbd.studies.samples import Samples
+from rbd.studies.sampling.columns import column
+from rbd.studies.sampling.samples import Samples
 
 
 def grid(**values: object) -> Samples:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from rbd.errors import InputError
-from rbd.studies.fingerprint import add, hash_of, source_of
+from rbd.studies.provenance.fingerprint import add, hash_of, source_of
 
 CHANGING = {"append", "add", "clear", "discard", "extend", "insert", "pop", "remove", "setdefault", "update"}
 """Methods that change a collection."""

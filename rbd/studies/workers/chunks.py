@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.studies.evaluation import BATCH
+from rbd.studies.workers.evaluation import BATCH
 
 SECONDS = 1.0
 """What a chunk is to take: a thousand times what sending it costs, and little to lose."""

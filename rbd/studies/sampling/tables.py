@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 from rbd.errors import InputError
-from rbd.studies.columns import Column, check_name, column, is_one
-from rbd.studies.samples import Samples
+from rbd.studies.sampling.columns import Column, check_name, column, is_one
+from rbd.studies.sampling.samples import Samples
 
 TAKEN = (
     "rbd.grid(...), rbd.sample(...), a mapping of columns {'friction': [...]}, a data frame, an xarray.Dataset, a structured "

@@ -13,7 +13,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
-from rbd.studies.columns import Column, Coordinate
+from rbd.studies.sampling.columns import Column, Coordinate
 
 MOST_SAMPLES = 2**53
 """More are refused: beyond, a sample's number is not exact as a float."""

@@ -8,7 +8,7 @@ from functools import partial
 from typing import Any
 
 from rbd.errors import InputError, nearest
-from rbd.studies.samples import Samples
+from rbd.studies.sampling.samples import Samples
 
 RESERVED = ("ok", "reason", "message")
 """Variables that every dataset of a study has."""

@@ -18,12 +18,12 @@ from queue import Empty, SimpleQueue
 from typing import Any, NamedTuple
 
 from rbd.errors import InputError
-from rbd.studies.chunks import Chunks
-from rbd.studies.evaluation import ONE_AT_A_TIME, Columns, Evaluation, Finished
-from rbd.studies.own_processes import MOST, WITHOUT_GUARD, WorkerDied, Workers, cores, end_if_unguarded
-from rbd.studies.samples import Samples
-from rbd.studies.sending import pickled
-from rbd.studies.told import recorded
+from rbd.studies.sampling.samples import Samples
+from rbd.studies.workers.chunks import Chunks
+from rbd.studies.workers.evaluation import ONE_AT_A_TIME, Columns, Evaluation, Finished
+from rbd.studies.workers.own_processes import MOST, WITHOUT_GUARD, WorkerDied, Workers, cores, end_if_unguarded
+from rbd.studies.workers.sending import pickled
+from rbd.studies.workers.told import recorded
 
 TICK = 0.5
 """Seconds after which whoever waits for a chunk looks up, to draw the time."""

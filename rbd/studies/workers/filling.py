@@ -12,15 +12,15 @@ import numpy as np
 
 from rbd.errors import InputError
 from rbd.errors.warned import StudyWarning, stacklevel_of_user
-from rbd.studies import executors
-from rbd.studies.chunks import Chunks
-from rbd.studies.evaluation import Evaluation, Finished
-from rbd.studies.executors import Lost, Stopped
-from rbd.studies.interruption import Interruption
-from rbd.studies.progress_bar import Progress, counted
-from rbd.studies.samples import Samples
+from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.store import Store
-from rbd.studies.told import Told
+from rbd.studies.workers import executors
+from rbd.studies.workers.chunks import Chunks
+from rbd.studies.workers.evaluation import Evaluation, Finished
+from rbd.studies.workers.executors import Lost, Stopped
+from rbd.studies.workers.interruption import Interruption
+from rbd.studies.workers.progress_bar import Progress, counted
+from rbd.studies.workers.told import Told
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,9 +16,9 @@ import numpy as np
 
 from rbd.errors import InputError
 from rbd.installation import VERSION as VERSION_OF_RBD
-from rbd.studies.identity import function_hash, name_of
 from rbd.studies.kept.wanted import Keep, Wanted
-from rbd.studies.samples import Samples
+from rbd.studies.provenance.identity import function_hash, name_of
+from rbd.studies.sampling.samples import Samples
 
 FORMAT = "rbd study"
 VERSION = 1

@@ -1,0 +1,1 @@
+"""What a study is of, and what computed it: hashes of values and functions, versions, machine."""

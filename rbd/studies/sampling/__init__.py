@@ -1,0 +1,1 @@
+"""The samples of a study: grids, draws, tables and their products, each a set of named arguments."""
