@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import rbd
 from rbd.errors import Reason
@@ -151,8 +152,14 @@ class TestAgreement:
                 np.zeros(3),
                 r"'value' has shape \(3,\) in sample 8, and \(2,\) in sample 7. Return arrays of one shape",
             ),
-            ({"x": 1.0}, {"x": True}, "'x' is of truth values in sample 8, and of numbers in sample 7"),
-            ({"x": "a"}, {"x": 1.0}, "'x' is of numbers in sample 8, and of text in sample 7"),
+            ({"x": 1.0}, {"x": True}, "'x' holds truth values in sample 8, and numbers in sample 7"),
+            ({"x": "a"}, {"x": 1.0}, "'x' holds numbers in sample 8, and text in sample 7"),
+            (
+                xr.DataArray([1.0], dims="leg", attrs={"units": "m"}),
+                xr.DataArray([1.0], dims="leg", attrs={"units": "mm"}),
+                "'value' has the unit 'mm' in sample 8, and 'm' in sample 7. Return it in one unit always",
+            ),
+            (1.0, np.zeros(0), r"sample 8: 'value' has shape \(0,\), without entries; leave it out, or return None"),
         ],
     )
     def test_of_two_samples(self, first: Any, second: Any, message: str):

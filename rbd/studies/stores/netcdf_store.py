@@ -40,7 +40,7 @@ class NetcdfStore(MemoryStore):
         self.path = path
         place = path.resolve()
         self._lock = Lock(path, place.with_name(f".{place.name}.lock"))
-        self._pacing = Pacing(self._write, self._told, least=3.0)
+        self._pacing = Pacing(self._write, self._told)
         try:
             if path.exists():
                 self._load()

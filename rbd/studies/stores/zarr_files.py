@@ -90,7 +90,7 @@ def write_root(root: Path, attributes: Mapping[str, Any], names: Iterable[str]) 
 
 
 def read_root(root: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Attributes and {array: description}, as `write_root` wrote them.
+    """Attributes and {array: description}, as `write_root` wrote them; of another zarr folder what it has of these.
 
     Raises:
         OSError: no such file.
@@ -98,7 +98,8 @@ def read_root(root: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """
     found = json.loads((root / ROOT).read_bytes())
     try:
-        return dict(found["attributes"]), dict(found["consolidated_metadata"]["metadata"])
+        attributes, listed = dict(found["attributes"]), found.get("consolidated_metadata") or {"metadata": {}}
+        return attributes, dict(listed["metadata"])
     except (KeyError, TypeError) as error:
         raise ValueError(f"it has no {error}") from error
 

@@ -18,14 +18,14 @@ from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.errors.reasons import Reason
 from rbd.errors.stopped import StudyStopped
-from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, coordinates
+from rbd.studies.dataset import MESSAGE, OK, OUTCOME, OWN, REASON, coordinates
 from rbd.studies.kept.variable import Block, Variable, missing
 from rbd.studies.provenance.provenance import LAYOUT, check_same, continued, finished, format_of, others_of
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.pacing import Pacing, why
 from rbd.studies.stores.pieces import Pieces
 from rbd.studies.stores.places import Lock
-from rbd.studies.stores.store import Buffer, Seen, empty_of, with_entries
+from rbd.studies.stores.store import Buffer, Seen, empty_of
 from rbd.studies.stores.zarr_reading import LOADED, read_zarr
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class ZarrStore:
     """A study in a folder; one array for each variable, of the shape of the samples' grid.
 
     Files are replaced whole, after their contents are on the disk. `reason` of a chunk is written after all other variables:
-    what it marks as computed is there. Blocks are collected, and written once a second or when a chunk is complete.
+    what it marks as computed is there. Blocks are collected, and written once a second or less often (`Pacing`).
 
     Args:
         path: The folder; a store of the same study goes on.
@@ -68,6 +68,8 @@ class ZarrStore:
         self._dirty: set[int] = set()
         self._stored: set[int] = set()
         self._computed = False
+        self._outcome: dict[str, str] = {}
+        self._stale = False
         self._pacing = Pacing(self._write_all, self._told)
         self.made = not (self._root.is_dir() and any(self._root.iterdir()))
         if self.made:
@@ -85,8 +87,7 @@ class ZarrStore:
         """As `Store.put`."""
         with self._pacing.guard:
             self._pacing.check()
-            block = with_entries(block)
-            self.seen.check(block)
+            block = self.seen.checked(block)
             if self._pieces is None:
                 self._pieces = Pieces.of(tuple(self.samples.dims.values()), _piece_size(block, len(self.samples)))
             for name, v in block.variables.items():
@@ -103,10 +104,13 @@ class ZarrStore:
         """As `Store.dataset`; read from the disk, into memory if it is small."""
         with self._pacing.guard:
             self._pacing.write()
+            found = self.kept()
             if self._computed:
                 self.attributes = finished(self.attributes)
+                self._outcome = {name: found.attrs[name] for name in OUTCOME if name in found.attrs}
                 self._write_root()
-        return self.kept()
+                found.attrs = {**self.attributes, **self._outcome}
+        return found
 
     def kept(self) -> xarray.Dataset:
         """As `Store.kept`."""
@@ -184,6 +188,7 @@ class ZarrStore:
         self.others = others_of(old, self.attributes)
         self.attributes = continued(old, self.attributes)
         self._listed = list(arrays)
+        self._stale = any(name in old for name in OUTCOME)
         for part in self._root.rglob(".*.part"):
             with suppress(OSError):
                 part.unlink()
@@ -208,7 +213,16 @@ class ZarrStore:
             dims = tuple(a.metadata.dimension_names)[len(shape) :]
             values = np.empty((0, *a.shape[len(shape) :]), object if a.dtype.kind in "TO" else a.dtype)
             labels = {dim: self._labels[dim] for dim in dims if dim in self._labels}
-            self._forms[name] = Variable(values, dims, labels=labels)
+            attrs = arrays[name].get("attributes", {})
+            flags = zip(attrs.get("flag_values", ()), str(attrs.get("flag_meanings", "")).split(), strict=False)
+            self._forms[name] = Variable(
+                values,
+                dims,
+                str(attrs.get("units", "")),
+                str(attrs.get("long_name", "")),
+                labels,
+                {int(k): word for k, word in flags},
+            )
         self.seen.begin(first, self._forms)
         reason = self._reasons()
         self.done = reason != Reason.NOT_RUN.code
@@ -310,10 +324,11 @@ class ZarrStore:
             for name, form in self._forms.items():
                 values = buffer.variables[name].values if name in buffer.variables else empty_of(form, n).values
                 folders |= self._write(name, piece, values)
-        if new or REASON not in self._listed:
+        if new or REASON not in self._listed or self._stale:
             extra = (OK, REASON, MESSAGE, *self.seen.in_order(), *self._labels)
             self._listed = [*(name for name in self._listed if name not in extra), *extra]
             zarr_files.write_root(self._root, self._whole_attributes(), self._listed)
+            self._stale = False
         zarr_files.sync_folders(folders | {self._root})
         folders = set()
         for piece in dirty:
@@ -388,7 +403,7 @@ class ZarrStore:
                 "coords": list(self.samples.coords()),
             }
         )
-        return {**self.attributes, LAYOUT: layout} | ({"coordinates": " ".join(plain)} if plain else {})
+        return {**self.attributes, **self._outcome, LAYOUT: layout} | ({"coordinates": " ".join(plain)} if plain else {})
 
 
 def _piece_size(block: Block, n: int) -> int:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -47,9 +47,8 @@ class Filled:
         """Issue the function's warnings, one of each kind, and one of an interruption."""
         self.told.warn(self.total)
         if self.interrupted:
-            warnings.warn(
-                f"{self.interrupted}; the others have the reason not_run.", StudyWarning, stacklevel=stacklevel_of_user()
-            )
+            left = "the others have the reason not_run" if self.done < self.total else "none is missing"
+            warnings.warn(f"{self.interrupted}; {left}.", StudyWarning, stacklevel=stacklevel_of_user())
 
 
 def check_all(evaluation: Evaluation, executor: Executor | int | None, chunk: int | None) -> None:
@@ -74,6 +73,7 @@ def fill(
     executor: Executor | int | None = None,
     chunk: int | None = None,
     progress: bool = True,
+    interruption: Interruption | None = None,
 ) -> Filled:
     """Evaluate what the store lacks, and put it there; Ctrl-C ends it in order, a second one at once.
 
@@ -84,6 +84,7 @@ def fill(
         executor: None: spawned processes, one a core; n: that many, 0: in this process; or an executor, which stays open.
         chunk: Samples that are sent at a time; None: about a second's.
         progress: Whether a bar is drawn, where stderr is a terminal.
+        interruption: That within which the caller is; None: one of its own.
 
     Returns:
         How it ended. Chunks that were under way when it ended are lost.
@@ -97,7 +98,8 @@ def fill(
     chunks = Chunks(done, chunk, batched=evaluation.batched)
     told, lost, ended = Told(), list[Lost](), list[Stopped]()
     interrupted = False
-    with counted(len(samples), int(np.count_nonzero(done)), shown=progress) as counts, Interruption() as interruption:
+    within = Interruption() if interruption is None else nullcontext(interruption)
+    with counted(len(samples), int(np.count_nonzero(done)), shown=progress) as counts, within as interruption:
         try:
             with closing(executors.blocks(evaluation, samples, chunks, executor, check=interruption.check)) as found:
                 for each in found:
