@@ -141,6 +141,18 @@ class TestPlainValues:
             kept(result, arguments=["friction"])
 
 
+class TestMasked:
+    """Masked arrays of NumPy."""
+
+    def test_what_is_masked_is_nan(self):
+        """Numbers; other masked entries are refused, and masks without any are nothing."""
+        block = kept(np.ma.array([1, 2], mask=[0, 1]), np.ma.array([3.0, 4.0]))
+        assert np.array_equal(block.variables["value"].values, [[1, np.nan], [3, 4]], equal_nan=True)
+        assert np.isnan(kept({"x": np.ma.masked}).variables["x"].values).all()
+        with pytest.raises(rbd.InputError, match="'value' is a masked array of bool; only those of numbers"):
+            kept(np.ma.array([True, False], mask=[0, 1]))
+
+
 class TestAgreement:
     """Samples have the same shapes, kinds and labels under one name."""
 

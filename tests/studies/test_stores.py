@@ -140,7 +140,7 @@ def block(start: int, stop: int, **more: Any) -> Block:
 
 def test_blocks_of_any_size_in_any_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Chunks of the store are rows of the grid; blocks end anywhere, and each is written at once."""
-    monkeypatch.setattr("rbd.studies.stores.zarr_store._piece_size", lambda block, n: 7)
+    monkeypatch.setattr("rbd.studies.stores.zarr_store.piece_size", lambda block, n: 7)
     monkeypatch.setattr(pacing.Pacing, "changed", lambda self, now=False: (setattr(self, "_changed", True), self.write()))
     rng = np.random.default_rng(0)
     for trial in range(2):
@@ -426,6 +426,60 @@ def test_ctrl_c_while_the_dataset_is_made_loses_nothing(tmp_path: Path, monkeypa
     with pytest.raises(KeyboardInterrupt):
         rbd.study(mixed, rbd.grid(**GRID), executor=0)
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("file", ["a/c/0", "total/c/0/0", "ok/c/0/0", "message/c/0/0", "text/c/0/0", "part/c/0"])
+def test_a_store_that_lacks_a_file_is_damaged(file: str, tmp_path: Path):
+    """open_study says so, whatever stands there by default; the same call makes it whole, but for labels, of which it tells."""
+    path = tmp_path / "push.zarr"
+    whole = rbd.study(mixed, rbd.grid(**GRID), executor=0, out=path)
+    (path / file).unlink()
+    with pytest.raises(InputError, match=f"is damaged: the file '{file}' is missing"):
+        open_study(path)
+    if file == "part/c/0":
+        with pytest.raises(InputError, match="is a damaged store: the labels of 'part' are missing"):
+            rbd.study(mixed, rbd.grid(**GRID), executor=0, out=path)
+        return
+    assert_same(rbd.study(mixed, rbd.grid(**GRID), executor=0, out=path, progress=False), whole)
+    assert_same(open_study(path), whole)
+
+
+def test_samples_that_a_writing_left_half_are_not_read(tmp_path: Path):
+    """Their reason, which is written last, is not_run: neither values nor ok stand in the dataset."""
+    path = tmp_path / "push.zarr"
+    rbd.study(mixed, rbd.grid(**GRID), executor=0, out=path)
+    reason = zarr_files.array(path, "reason")
+    reason[1, :] = Reason.NOT_RUN.code
+    found = open_study(path)
+    assert not found.ok[1].any() and np.isnan(found.total[1]).all() and set(found.text[1].values) == {""}
+    assert found.ok[0].all() and found.attrs["interrupted"] == "9 of 12 samples are done"
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_full_disk_says_what_is_stored(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """What was finished since the last writing is not counted."""
+    store = store_of(tmp_path / name, rbd.grid(**GRID), {"format": "rbd study 1", "versions": ""})
+    store.put(block(0, 3))
+
+    def full(path: Path, write: Any, error: type = InputError) -> None:
+        raise error("no") from OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    for module in ("zarr_files", "netcdf_store"):
+        monkeypatch.setattr(f"rbd.studies.stores.{module}.write_file", full)
+    store.put(block(3, 9))
+    with pytest.raises(StudyStopped, match=r"No space left on device\. (At least )?3 of 12 samples are stored"):
+        store.dataset()
+    with pytest.raises(StudyStopped):
+        store.close()
+
+
+def test_a_new_array_leaves_the_root_as_it_is(tmp_path: Path):
+    """Zarr writes an empty root with each array; a process that is killed then would leave a folder that is no store."""
+    store = store_of(tmp_path / "push.zarr", rbd.grid(**GRID), {"format": "rbd study 1", "versions": ""})
+    before = (tmp_path / "push.zarr" / "zarr.json").read_bytes()
+    zarr_files.new_array(tmp_path / "push.zarr", "late", ("a",), (4,), (4,), np.dtype(float), np.nan)
+    assert (tmp_path / "push.zarr" / "zarr.json").read_bytes() == before
+    store.close()
 
 
 def test_extras_are_named_where_they_are_missing(tmp_path: Path):

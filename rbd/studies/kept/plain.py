@@ -87,6 +87,8 @@ def _label(given: Any) -> Any:
 
 def _array(name: str, value: Any) -> Array:
     """Numbers as float64, truth values and text as they are."""
+    if isinstance(value, np.ma.MaskedArray):
+        value = _filled(name, value)
     if isinstance(value, tuple | list) and not value:
         raise NotKept(f"{name!r:.80} is {value!r}, which has no entries")
     if isinstance(value, str | bool | int | float | np.ndarray | np.generic | tuple | list):
@@ -114,6 +116,17 @@ def _array(name: str, value: Any) -> Array:
     given = f"an array of {found.dtype}" if isinstance(value, np.ndarray | np.generic) else _told(value)
     more = " Return real and imaginary part by name." if kind == "c" else ""
     raise NotKept(f"{_what(name)} {given}; {WANTED}.{more}".rstrip("."))
+
+
+def _filled(name: str, value: np.ma.MaskedArray) -> Array:
+    """A masked array of numbers with NaN for what is masked."""
+    if not np.ma.is_masked(value):
+        return np.asarray(value.data)
+    if value.dtype.kind not in "fiu":
+        raise NotKept(
+            f"{name!r:.80} is a masked array of {value.dtype}; only those of numbers are kept, with NaN for the masked"
+        )
+    return np.asarray(value.astype(np.float64).filled(np.nan))
 
 
 def _text(value: Any, found: Array) -> Array:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 from rbd.errors.stopped import StudyStopped
+from rbd.model.forks import RenewedLock
 
 OFTEN, SELDOM, SHARE = 1.0, 5.0, 20.0
 """The shortest and the longest time between two writings [s]; between them it is so many times as long as a writing takes."""
@@ -27,7 +28,7 @@ class Pacing:
     """
 
     def __init__(self, write: Callable[[], None], told: Callable[[Exception], StudyStopped]) -> None:
-        self.guard = threading.RLock()
+        self.guard = RenewedLock()
         self._write, self._told = write, told
         self._last, self._pause = time.monotonic() - OFTEN, OFTEN
         self._timer: threading.Timer | None = None

@@ -142,6 +142,15 @@ def empty_of(v: Variable, n: int) -> Variable:
     return replace(v, values=np.full((n, *v.values.shape[1:]), missing(kind), kind))
 
 
+def variable_of(
+    values: Array, dims: tuple[str, ...], labels: Mapping[str, tuple[Any, ...]], attrs: Mapping[str, Any]
+) -> Variable:
+    """A variable of a store, from its values, names and attributes."""
+    flags = zip(attrs.get("flag_values", ()), str(attrs.get("flag_meanings", "")).split(), strict=False)
+    told = [str(attrs.get(key, "")) for key in ("units", "long_name")]
+    return Variable(values, dims, told[0], told[1], labels, {int(k): word for k, word in flags})
+
+
 class MemoryStore:
     """A store that ends with the process.
 

@@ -23,16 +23,14 @@ from rbd.studies.kept.variable import Block, Variable, missing
 from rbd.studies.provenance.provenance import LAYOUT, check_same, continued, finished, format_of, others_of
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.pacing import Pacing, why
-from rbd.studies.stores.pieces import Pieces
+from rbd.studies.stores.pieces import Pieces, piece_size
 from rbd.studies.stores.places import Lock
-from rbd.studies.stores.store import Buffer, Seen, empty_of
+from rbd.studies.stores.store import Buffer, Seen, empty_of, variable_of
 from rbd.studies.stores.zarr_reading import LOADED, read_zarr
 
 if TYPE_CHECKING:
     import xarray
 
-PIECE, LARGEST_PIECE = 8_000_000, 64_000_000
-"""Bytes of a chunk of all variables together: of studies up to 8 GB, and at most."""
 MOST_BUFFERS = 8
 """Chunks in memory beyond which they are written at once."""
 
@@ -70,6 +68,7 @@ class ZarrStore:
         self._computed = False
         self._outcome: dict[str, str] = {}
         self._stale = False
+        self._count = self._written = 0
         self._pacing = Pacing(self._write_all, self._told)
         self.made = not (self._root.is_dir() and any(self._root.iterdir()))
         if self.made:
@@ -89,7 +88,7 @@ class ZarrStore:
             self._pacing.check()
             block = self.seen.checked(block)
             if self._pieces is None:
-                self._pieces = Pieces.of(tuple(self.samples.dims.values()), _piece_size(block, len(self.samples)))
+                self._pieces = Pieces.of(tuple(self.samples.dims.values()), piece_size(block, len(self.samples)))
             for name, v in block.variables.items():
                 if name not in self._forms:
                     self._forms[name] = empty_of(v, 0)
@@ -97,6 +96,7 @@ class ZarrStore:
             for piece in range(self._pieces.number(block.start), self._pieces.number(block.stop - 1) + 1):
                 self._buffer(piece).put(block)
                 self._dirty.add(piece)
+            self._count += int(np.count_nonzero(~self.done[block.start : block.stop]))
             self.done[block.start : block.stop], self._computed = True, True
             self._pacing.changed(now=len(self._buffers) > MOST_BUFFERS)
 
@@ -143,25 +143,12 @@ class ZarrStore:
         part = self._root.with_name(f".{self._root.name}.{time.time_ns():x}.part")
         try:
             part.mkdir()
-            self._listed = self._write_coordinates(part)
+            self._listed = zarr_files.write_coordinates(part, coordinates(self.samples))
             zarr_files.write_root(part, self._whole_attributes(), self._listed)
             part.replace(self._root)
         except (OSError, StudyStopped) as error:
             shutil.rmtree(part, ignore_errors=True)
             raise InputError(f"out {str(self.path)!r:.300} cannot be written: {why(error)}.") from error
-
-    def _write_coordinates(self, root: Path) -> list[str]:
-        from rbd.studies.stores import zarr_files
-
-        found = coordinates(self.samples)
-        for name, (dims, values, attrs) in found.items():
-            x = zarr_files.as_array(values)
-            zarr_files.new_array(
-                root, name, dims, x.shape, tuple(min(n, 1 << 17) for n in x.shape), x.dtype, np.zeros(1, x.dtype)[0]
-            )
-            zarr_files.array(root, name)[...] = x
-            zarr_files.set_attributes(root, name, attrs)
-        return list(found)
 
     def _load(self) -> None:
         from rbd.studies.stores import zarr_files
@@ -187,6 +174,7 @@ class ZarrStore:
         check_same(old, self.attributes, path)
         self.others = others_of(old, self.attributes)
         self.attributes = continued(old, self.attributes)
+        zarr_files.write_coordinates(self._root, coordinates(self.samples))
         self._listed = list(arrays)
         self._stale = any(name in old for name in OUTCOME)
         for part in self._root.rglob(".*.part"):
@@ -207,22 +195,16 @@ class ZarrStore:
         shape = tuple(self.samples.dims.values())
         self._pieces = Pieces(shape, tuple(arrays[REASON]["chunk_grid"]["configuration"]["chunk_shape"]))
         self._arrays = {name: zarr_files.array(self._root, name) for name in (OK, MESSAGE, REASON, *first)}
-        self._labels = {dim: tuple(zarr_files.labels_of(zarr_files.array(self._root, dim)[...])) for dim in labelled}
+        for dim in labelled:
+            if not zarr_files.chunk_file(self._root, dim, (0,)).is_file():
+                raise ValueError(f"the labels of {dim!r:.80} are missing")
+            self._labels[dim] = tuple(zarr_files.labels_of(zarr_files.array(self._root, dim)[...]))
         for name in first:
             a = self._arrays[name]
             dims = tuple(a.metadata.dimension_names)[len(shape) :]
             values = np.empty((0, *a.shape[len(shape) :]), object if a.dtype.kind in "TO" else a.dtype)
             labels = {dim: self._labels[dim] for dim in dims if dim in self._labels}
-            attrs = arrays[name].get("attributes", {})
-            flags = zip(attrs.get("flag_values", ()), str(attrs.get("flag_meanings", "")).split(), strict=False)
-            self._forms[name] = Variable(
-                values,
-                dims,
-                str(attrs.get("units", "")),
-                str(attrs.get("long_name", "")),
-                labels,
-                {int(k): word for k, word in flags},
-            )
+            self._forms[name] = variable_of(values, dims, labels, arrays[name].get("attributes", {}))
         self.seen.begin(first, self._forms)
         reason = self._reasons()
         self.done = reason != Reason.NOT_RUN.code
@@ -234,6 +216,7 @@ class ZarrStore:
             self.done[start:stop] = False
             self._write(REASON, piece, np.full(stop - start, Reason.NOT_RUN.code, np.int16))
         self._stored -= damaged
+        self._count = self._written = int(np.count_nonzero(self.done))
 
     def _reasons(self) -> Array:
         """Codes of all samples; `NOT_RUN` in chunks that cannot be read."""
@@ -297,10 +280,9 @@ class ZarrStore:
         return found
 
     def _told(self, error: Exception) -> StudyStopped:
-        lost = sum(int(self.done[b.start : b.stop].sum()) for k, b in self._buffers.items() if k in self._dirty - self._stored)
         return StudyStopped(
-            f"{str(self.path)!r:.300} cannot be written: {why(error)}. At least {int(self.done.sum()) - lost:,} of "
-            f"{len(self.samples):,} samples are stored; make room, and the same call goes on from there."
+            f"{str(self.path)!r:.300} cannot be written: {why(error)}. At least {self._written:,} of {len(self.samples):,} "
+            "samples are stored; make room, and the same call goes on from there."
         )
 
     def _write_all(self) -> None:
@@ -335,6 +317,7 @@ class ZarrStore:
             folders |= self._write(REASON, piece, self._buffers[piece].reason)
         zarr_files.sync_folders(folders)
         self._stored |= self._dirty
+        self._written = self._count
         self._dirty.clear()
         complete = [k for k, b in self._buffers.items() if self.done[b.start : b.stop].all()]
         spare = [k for k in self._buffers if k not in complete]
@@ -404,9 +387,3 @@ class ZarrStore:
             }
         )
         return {**self.attributes, **self._outcome, LAYOUT: layout} | ({"coordinates": " ".join(plain)} if plain else {})
-
-
-def _piece_size(block: Block, n: int) -> int:
-    """Samples in a chunk, so that all its variables take some megabytes."""
-    each = 16 + sum(math.prod(v.values.shape[1:]) * v.values.dtype.itemsize for v in block.variables.values())
-    return max(64, int(min(LARGEST_PIECE, max(PIECE, each * n / 1000)) / each))

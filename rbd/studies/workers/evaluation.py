@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.model.forks import RenewedLock
 from rbd.studies.kept.rows import KeptRows
 from rbd.studies.kept.variable import Block
 from rbd.studies.kept.wanted import Keep
@@ -22,7 +22,7 @@ BATCH = 512
 """Samples that a batched function gets at a time: as many as `solve_many` puts in a block, whatever the chunk."""
 Columns: TypeAlias = Mapping[str, Sequence[Any] | Array]
 """{argument: values of some samples}, of one length."""
-ONE_AT_A_TIME = threading.RLock()
+ONE_AT_A_TIME = RenewedLock()
 """Held during an evaluation: the filters of warnings are those of the whole process, and user's functions may not be safe."""
 
 
