@@ -102,7 +102,7 @@ class KeptRows:
         self._reason[start:stop] = codes
         self._ok[start:stop] = codes == 0
         for row, message in messages.items():
-            self._messages[self._start + start + row] = storable(message[:LONGEST_MESSAGE])
+            self._messages[self._start + start + row] = _shortened(message)
 
     def refuse(self, i: int, error: BaseException) -> None:
         """Sample i has no result, for an error's reason.
@@ -121,7 +121,7 @@ class KeptRows:
 
     def _no_answer(self, i: int, reason: Reason, message: str) -> None:
         self._ok[i], self._reason[i] = False, reason.code
-        self._messages[self._start + i] = storable(message[:LONGEST_MESSAGE])
+        self._messages[self._start + i] = _shortened(message)
 
     def _column(self, name: str, variable: Variable, shape: tuple[int, ...], where: str) -> _Column:
         self._layout.agree(name, variable, shape, where)
@@ -139,6 +139,10 @@ class KeptRows:
 
     def _sample(self, i: int) -> str:
         return words_of(self._start + i, self._start + i + 1)
+
+
+def _shortened(message: str) -> str:
+    return storable(message if len(message) <= LONGEST_MESSAGE else f"{message[: LONGEST_MESSAGE - 4]} ...")
 
 
 class _Column:
