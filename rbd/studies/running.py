@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rbd.arrays import check_flag
 from rbd.errors import InputError, RbdError, StudyStopped, StudyWarning
 from rbd.errors.warned import stacklevel_of_user
 from rbd.studies.kept.wanted import Keep
@@ -84,6 +85,8 @@ def study(
         >>> print(held.ok.sel(friction=0.8).values)
         [ True  True False]
     """
+    check_flag("batched", batched)
+    check_flag("progress", progress)
     path, found = checked_path(out), samples_of(samples)
     evaluation = Evaluation(bound(function, found), keep, _seed(seed), bool(batched))
     check_all(evaluation, executor, chunk)

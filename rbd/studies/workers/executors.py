@@ -76,6 +76,10 @@ def check(executor: Executor | int | None) -> None:
         if executor != 0:
             end_if_unguarded()
         return
+    if isinstance(executor, int) and executor > MOST:
+        raise InputError(
+            f"executor is {executor}; expected at most {MOST:,} processes. For more, give the executor of a cluster."
+        )
     wanted = "expected None (one process a core), a number of processes, 0 for this one, or an executor of concurrent.futures"
     if hasattr(executor, "get_executor"):
         raise InputError(f"executor is {executor!r:.80}; expected its executor: executor=client.get_executor().")

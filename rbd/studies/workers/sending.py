@@ -7,6 +7,7 @@ import io
 import pickle
 import sys
 import types
+from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
@@ -48,8 +49,28 @@ def _dumps() -> Callable[[Any], bytes]:
         import cloudpickle
     except ImportError:
         return pickle.dumps
-    found: Callable[[Any], bytes] = cloudpickle.dumps
-    return found
+    # cloudpickle alone sends a file that is open for reading as its text, which is another value than the file
+    table = ChainMap({io.TextIOWrapper: _of_file}, cloudpickle.Pickler.dispatch_table)
+    pickler = type("Pickler", (cloudpickle.Pickler,), {"dispatch_table": table})
+
+    def dumps(value: Any) -> bytes:
+        with io.BytesIO() as file:
+            pickler(file).dump(value)
+            return file.getvalue()
+
+    return dumps
+
+
+def _of_file(file: io.TextIOWrapper) -> tuple[Any, ...]:
+    """How a text file is pickled: not at all, but for those by which every process writes.
+
+    Raises:
+        pickle.PicklingError: it is another one.
+    """
+    for name in ("stdout", "stderr"):
+        if file is getattr(sys, name):
+            return getattr, (sys, name)
+    raise pickle.PicklingError(f"cannot pickle the open file {getattr(file, 'name', '')!r:.100}")
 
 
 def _refusal(function: Any, evaluation: Any, error: Exception, dumps: Callable[[Any], bytes]) -> str:
