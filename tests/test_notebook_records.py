@@ -76,7 +76,7 @@ def public_records() -> Iterator[tuple[str, type]]:
     for package in ("rbd", *PACKAGES):
         for public in names_of(package).values():
             kind = public.value
-            if kind in (rbd.visual.Browser, rbd.visual.Explorer):  # tools that run, and nothing to look at
+            if kind in (rbd.visual.Browser, rbd.visual.Explorer, rbd.studies.Workers):  # tools that run, and nothing to look at
                 continue
             if isinstance(kind, type) and not getattr(kind, "_is_protocol", False) and not issubclass(kind, Enum | Warning):
                 yield public.name, kind

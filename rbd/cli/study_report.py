@@ -6,14 +6,13 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.cli.study_plan import StudyPlan
 from rbd.cli.sweeps import QUANTITIES
 from rbd.cli.terminal import Table, counted, facts, in_options
@@ -71,12 +70,12 @@ class StudyReport:
     seconds: float
     resumed: bool = False
 
-    @cached_property
+    @lazy
     def ok(self) -> Array:
         """Which samples have a result, of the shape of the samples."""
         return np.asarray(self.dataset["ok"].values, bool)
 
-    @cached_property
+    @lazy
     def codes(self) -> Array:
         """`Reason.code` of each sample."""
         return np.asarray(self.dataset["reason"].values)
@@ -91,7 +90,7 @@ class StudyReport:
         """Whether Ctrl-C ended it early."""
         return bool(self.dataset.attrs.get("interrupted"))
 
-    @cached_property
+    @lazy
     def reasons(self) -> dict[str, int]:
         """{reason: how many samples}, most frequent first."""
         words = {reason.code: str(reason) for reason in Reason}
@@ -106,7 +105,7 @@ class StudyReport:
         left = "" if done == n else f"; {n - done:,} of them were not run"
         return self.plan.words.verdict(int(self.ok.sum()), n) + left + "."
 
-    @cached_property
+    @lazy
     def axis(self) -> str | None:
         """The dimension along which the boundary is told: a push, else the last one with numbers; None where there is none."""
         numbers = [
@@ -119,7 +118,7 @@ class StudyReport:
         chosen = (pushes or numbers)[-1]
         return None if self.ok.size / self.dataset.sizes[chosen] > MOST_TOLD else chosen
 
-    @cached_property
+    @lazy
     def lines(self) -> list[Line]:
         """The samples along `axis`, a line for each combination of the others."""
         return [] if self.axis is None else list(self._lines(self.axis))

@@ -71,7 +71,8 @@ def study(
     Raises:
         InputError: before work starts: samples, names, executors, functions that cannot be sent, a store of another study; at
             the first result: what cannot be kept; later: a result of another shape. What was finished stays stored.
-        StudyStopped: a full disk, or a chunk that ends each process that computes it; with what was finished.
+        StudyStopped: a full disk, a chunk that ends each process that computes it, or a warning where the filters make errors
+            of warnings; with what was finished.
 
     Example:
         >>> box = rbd.testing.box()
@@ -104,7 +105,14 @@ def _filled(store: Store, evaluation: Evaluation, samples: Samples, **how: Any) 
     """The dataset of a store after what is missing was computed."""
     try:
         filled = fill(store, evaluation, samples, **how)
-        filled.warn()
+        try:
+            filled.warn()
+        except Warning as error:  # by the filters of warnings
+            told = (
+                filled.stopped
+                or f"A warning is an error here, by Python's filters: {error}. This error's `dataset` has the results."
+            )
+            raise StudyStopped(told, dataset=_of_stopped(store)) from error
         if not filled.stopped:
             return store.dataset()
     except StudyStopped as error:

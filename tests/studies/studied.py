@@ -60,6 +60,11 @@ def without_short_axes(x: np.ndarray) -> np.ndarray:
     return np.squeeze(x)
 
 
+def inverse(x: float) -> float:
+    """1 / x."""
+    return float(1.0 / np.float64(x))
+
+
 def ends_at_three(x: float) -> float:
     """Ends the process, as functions do that were scripts."""
     if x == 3:

@@ -181,7 +181,9 @@ def test_a_sample_that_kills_its_processes_is_named(workers):
 def test_smaller_chunks_are_advised_where_they_say_more():
     """Not of one sample, nor of the batch that is the least."""
     lost = [Lost(4, 8, "ended"), Lost(512, 1024, "ended")]
-    assert "samples 4 to 7" in _of_lost(lost, "", 1) and "chunk=1 says" in _of_lost(lost, "", 1)
+    assert "computed samples 4 to 7 or samples 512 to 1023 ended." in _of_lost(lost, "", 1) and "chunk=1 says" in _of_lost(
+        lost, "", 1
+    )
     assert "samples 512 to 1023" in _of_lost(lost[1:], "", BATCH) and "chunk=1" not in _of_lost(lost[1:], "", BATCH)
 
 
@@ -209,6 +211,26 @@ def test_flags_are_true_or_false(name):
     """No words."""
     with pytest.raises(rbd.InputError, match=f"{name} is 'no'; expected True or False"):
         rbd.study(studied.warned, grid(x=[1.0]), executor=0, **{name: "no"})
+
+
+def test_warnings_that_are_errors_lose_no_study():
+    """The filters of Python make an error of the warning at the end: it has the dataset."""
+    with (
+        warnings.catch_warnings(),
+        pytest.raises(rbd.errors.StudyStopped, match="A warning is an error here.*x is 3") as caught,
+    ):
+        warnings.simplefilter("error")
+        rbd.study(studied.warned, grid(x=[1.0, 3.0]), executor=0)
+    assert caught.value.dataset.value.values.tolist() == [1.0, 3.0] and isinstance(caught.value.__cause__, RuntimeWarning)
+
+
+def test_what_numpy_does_about_a_division_by_zero_does_not_depend_on_the_process(workers):
+    """Neither what the caller has set counts, nor what a process has."""
+    with np.errstate(all="raise"):
+        for executor in (0, workers):
+            store, told = filled(Evaluation(studied.inverse), grid(x=[0.0, 2.0]), executor)
+            assert store.found.block().variables["value"].values.tolist() == [np.inf, 0.5]
+            assert [name for _, name in told.told.counts] == ["RuntimeWarning"]
 
 
 def test_one_sample_is_no_samples():

@@ -103,7 +103,7 @@ class KeptRows:
         self._reason[start:stop] = codes
         self._ok[start:stop] = codes == 0
         for row, message in messages.items():
-            self._messages[self._start + start + row] = message[:LONGEST_MESSAGE]
+            self._messages[self._start + start + row] = _short(message)
         return None
 
     def refuse(self, i: int, error: BaseException, more: str = "") -> None:
@@ -123,7 +123,7 @@ class KeptRows:
 
     def _no_answer(self, i: int, reason: Reason, message: str) -> None:
         self._ok[i], self._reason[i] = False, reason.code
-        self._messages[self._start + i] = message[:LONGEST_MESSAGE]
+        self._messages[self._start + i] = _short(message)
 
     def _column(self, name: str, variable: Variable, shape: tuple[int, ...], where: str) -> _Column:
         self._layout.agree(name, variable, shape, where)
@@ -144,9 +144,17 @@ class KeptRows:
 
 
 def text_of(error: BaseException) -> str:
-    """The text of an error; in front of it the name of its class, if that is no class of rbd."""
-    name, text = type(error).__name__, str(error)
+    """The text of an error with its notes; in front of it the name of its class, if that is no class of rbd."""
+    name = type(error).__name__
+    try:
+        text = " ".join([str(error), *map(str, getattr(error, "__notes__", ()))]).strip()
+    except Exception as other:  # the class may be the user's
+        text = f"its text cannot be made ({type(other).__name__})"
     return text if isinstance(error, RbdError) else f"{name}: {text}" if text else name
+
+
+def _short(message: str) -> str:
+    return message if len(message) <= LONGEST_MESSAGE else f"{message[: LONGEST_MESSAGE - 3]}..."
 
 
 class _Column:

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable
 
 from rbd.errors.stopped import StudyStopped
+from rbd.model.forks import RenewedLock
 
 SELDOM, SHARE = 5.0, 20.0
 """The longest time between two writings [s]; and how many times as long as one writing takes it is at least."""
@@ -25,7 +26,7 @@ class Pacing:
     """
 
     def __init__(self, write: Callable[[], None], told: Callable[[Exception], StudyStopped], least: float = 1.0) -> None:
-        self.guard = threading.RLock()
+        self.guard = RenewedLock()
         self._write, self._told, self._least = write, told, least
         self._last, self._pause = time.monotonic() - least, least
         self._timer: threading.Timer | None = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError
+from rbd.model.forks import RenewedLock
 from rbd.studies.kept.layout import words_of
 from rbd.studies.kept.plain import NotKept
 from rbd.studies.kept.rows import KeptRows, text_of
@@ -25,7 +25,7 @@ BATCH = 512
 """Samples that a batched function gets at a time: as many as `solve_many` puts in a block, whatever the chunk."""
 Columns: TypeAlias = Mapping[str, Sequence[Any] | Array]
 """{argument: values of some samples}, of one length."""
-ONE_AT_A_TIME = threading.RLock()
+ONE_AT_A_TIME = RenewedLock()
 """Held during an evaluation: the filters of warnings are those of the whole process, and user's functions may not be safe."""
 
 
@@ -68,7 +68,7 @@ class Evaluation:
         """Results of consecutive samples; an exception of the function is a row without a result, with its reason.
 
         A batch that raises is computed again sample by sample, with arrays of length one, so that only samples that raise
-        have no result.
+        have no result. What NumPy does about divisions by zero is its default, whatever this process has set.
 
         Args:
             start: Number of the first sample; of a batched function a multiple of `BATCH`.
@@ -82,7 +82,7 @@ class Evaluation:
         n, told = len(next(iter(columns.values()))), Told()
         rows = KeptRows(n, self.keep, first=start, arguments=tuple(columns))
         draws = "rng" not in columns and takes_rng(self.function)
-        with ONE_AT_A_TIME, recorded() as caught:
+        with ONE_AT_A_TIME, recorded() as caught, np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"):
             evaluate = self._batches if self.batched else self._singles
             evaluate(rows, start, columns, draws, _After(told, caught, check))
         return Finished(rows.block(), time.perf_counter() - began, told)

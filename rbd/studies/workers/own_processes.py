@@ -16,6 +16,7 @@ from contextlib import contextmanager
 from typing import Any, TypeVar
 
 from rbd.errors import InputError
+from rbd.model.forks import RenewedLock
 
 T = TypeVar("T")
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
@@ -27,7 +28,7 @@ MOST = 1024
 """Processes, at most; more are a cluster's."""
 DEATHS = 2
 """A task is given up when so many processes have died of it."""
-_STARTING = threading.Lock()
+_STARTING = RenewedLock()
 
 
 class WorkerDied(BrokenExecutor):
@@ -109,7 +110,7 @@ class Workers(Executor):
         self.count = count or cores()
         self._seats = [_Seat() for _ in range(self.count)]
         self._waiting: deque[_Task] = deque()
-        self._lock = threading.RLock()
+        self._lock = RenewedLock()
         self._closed = False
 
     def __repr__(self) -> str:
