@@ -108,10 +108,8 @@ def _filled(store: Store, evaluation: Evaluation, samples: Samples, **how: Any) 
         try:
             filled.warn()
         except Warning as error:  # by the filters of warnings
-            told = (
-                filled.stopped
-                or f"A warning is an error here, by Python's filters: {error}. This error's `dataset` has the results."
-            )
+            made = f"a warning is an error here, by Python's filters: {error}. This error's `dataset` has the results."
+            told = filled.stopped or made
             raise StudyStopped(told, dataset=_of_stopped(store)) from error
         if not filled.stopped:
             return store.dataset()

@@ -7,6 +7,7 @@ import signal
 import sys
 import time
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -63,6 +64,11 @@ def without_short_axes(x: np.ndarray) -> np.ndarray:
 def inverse(x: float) -> float:
     """1 / x."""
     return float(1.0 / np.float64(x))
+
+
+def applied(law: Callable[[float], float], x: float) -> float:
+    """A law at x."""
+    return law(x)
 
 
 def ends_at_three(x: float) -> float:

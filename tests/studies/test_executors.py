@@ -34,6 +34,7 @@ from rbd.studies.workers.executors import Lost
 from rbd.studies.workers.filling import Filled, _of_lost, check_all, fill
 from rbd.studies.workers.own_processes import Workers
 from rbd.studies.workers.progress_bar import Progress, counted
+from rbd.studies.workers.sending import sent_columns
 
 GRID = {"x": np.arange(12.0), "y": np.linspace(0.0, 1.0, 9)}
 
@@ -217,7 +218,7 @@ def test_warnings_that_are_errors_lose_no_study():
     """The filters of Python make an error of the warning at the end: it has the dataset."""
     with (
         warnings.catch_warnings(),
-        pytest.raises(rbd.errors.StudyStopped, match="A warning is an error here.*x is 3") as caught,
+        pytest.raises(rbd.errors.StudyStopped, match="a warning is an error here.*x is 3") as caught,
     ):
         warnings.simplefilter("error")
         rbd.study(studied.warned, grid(x=[1.0, 3.0]), executor=0)
@@ -305,6 +306,24 @@ def test_what_cannot_be_sent_is_named(tmp_path):
         check_all(Evaluation(studied.sums, keep={"wrote": writes}), 2, None)
     file.close()
     read.close()
+
+
+def test_samples_go_as_functions_do(workers):
+    """Functions without a name, and objects of local classes; what cannot is named."""
+
+    class Scaled:
+        def __init__(self, by: float) -> None:
+            self.by = by
+
+        def __call__(self, x: float) -> float:
+            return self.by * x
+
+    samples = grid(law={"double": lambda x: 2.0 * x, "half": Scaled(0.5)}, x=[1.0, 2.0])
+    found = rbd.study(studied.applied, samples, executor=workers)
+    assert found.value.values.tolist() == [[2.0, 4.0], [0.5, 1.0]] and found.ok.values.all()
+    with pytest.raises(rbd.InputError, match=r"samples cannot be sent .*item 1 of the item 'law' is a lock \(lock\)"):
+        sent_columns({"law": ["b", LOCK]})
+    assert sent_columns(texts := {"law": ["b", "c"], "x": np.ones(2)}) is texts
 
 
 def test_without_cloudpickle_functions_of_modules_go_by_name(monkeypatch):

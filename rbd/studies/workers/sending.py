@@ -11,6 +11,8 @@ from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
+import numpy as np
+
 from rbd.errors import InputError
 
 DEPTH = 6
@@ -42,6 +44,29 @@ def pickled(evaluation: Any, function: Callable[..., Any], *, same_script: bool)
             "cloudpickle (pip install 'rbd-contact[study]'), or define it in a module; executor=0 computes in this process."
         )
     return sent
+
+
+def sent_columns(columns: Mapping[str, Any]) -> Mapping[str, Any] | bytes:
+    """The samples of a chunk as they go to another process: with objects among them as bytes, as functions do.
+
+    Args:
+        columns: {argument: values}: an array, or a list of texts and objects.
+
+    Raises:
+        InputError: an object that cannot be pickled; names it.
+    """
+    if all(isinstance(values, np.ndarray) or all(type(x) is str for x in values) for values in columns.values()):
+        return columns
+    dumps = _dumps()
+    try:
+        return dumps(dict(columns))
+    except Exception as error:  # pickling calls code of the user's classes
+        path, culprit = _culprit(dict(columns), dumps)
+        install = "install cloudpickle (pip install 'rbd-contact[study]'), or " if dumps is pickle.dumps else ""
+        raise InputError(
+            f"samples cannot be sent to other processes: {path or 'one'} is {_described(culprit)} ({error!s:.160}). To try: "
+            f"{install}give what it is made of and create it in the function; executor=0 computes in this process."
+        ) from error
 
 
 def _dumps() -> Callable[[Any], bytes]:
