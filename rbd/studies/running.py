@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rbd.arrays import check_flag
 from rbd.errors import InputError, RbdError, StudyStopped, StudyWarning
 from rbd.errors.warned import stacklevel_of_user
 from rbd.studies.kept.wanted import Keep
@@ -24,7 +25,6 @@ from rbd.studies.workers.calling import bound
 from rbd.studies.workers.evaluation import Evaluation
 from rbd.studies.workers.filling import check_all, fill
 from rbd.studies.workers.interruption import Interruption
-from rbd.studies.workers.told import Told
 
 if TYPE_CHECKING:
     import xarray
@@ -74,7 +74,8 @@ def study(
     Raises:
         InputError: before work starts: samples, names, executors, functions that cannot be sent, a store of another study; at
             the first result: what cannot be kept; later: a result of another shape. What was finished stays stored.
-        StudyStopped: a full disk, or a chunk that ends each process that computes it; with what was finished.
+        StudyStopped: a full disk, a chunk that ends each process that computes it, or a warning where the filters make errors
+            of warnings; with what was finished.
 
     Example:
         >>> box = rbd.testing.box()
@@ -88,6 +89,8 @@ def study(
         >>> print(held.ok.sel(friction=0.8).values)
         [ True  True False]
     """
+    check_flag("batched", batched)
+    check_flag("progress", progress)
     path, found = checked_path(out), samples_of(samples)
     evaluation = Evaluation(bound(function, found), keep, _seed(seed), bool(batched))
     check_all(evaluation, executor, chunk)
@@ -107,20 +110,25 @@ def _filled(store: Store, evaluation: Evaluation, samples: Samples, interruption
     """The dataset of a store after what is missing was computed. Ctrl-C while it is made does not lose it."""
     try:
         filled = fill(store, evaluation, samples, interruption=interruption, **how)
+        stopped, cause = filled.stopped, filled.cause
         with interruption.counted():
-            filled.warn()
-            if not filled.stopped:
-                found = store.dataset()
-                if interruption.asked and not filled.interrupted:
-                    replace(filled, interrupted=f"Ctrl-C after all {filled.total:,} samples", told=Told()).warn()
+            found = None if stopped else store.dataset()
+            if found is not None and interruption.asked and not filled.interrupted:
+                filled = replace(filled, interrupted=f"Ctrl-C after all {filled.total:,} samples")
+            try:
+                filled.warn()
+            except Warning as error:  # by the filters of warnings
+                made = f"a warning is an error here, by Python's filters: {error}. This error's `dataset` has the results."
+                stopped, cause = stopped or made, cause or error
+            if found is not None and not stopped:
                 return found
     except StudyStopped as error:
         with interruption.counted():
             error.dataset = _of_stopped(store)
         raise
     with interruption.counted():
-        stopped = _of_stopped(store)
-    raise StudyStopped(filled.stopped, dataset=stopped) from filled.cause
+        kept = _of_stopped(store)
+    raise StudyStopped(stopped, dataset=kept) from cause
 
 
 def _of_stopped(store: Store) -> xarray.Dataset | None:

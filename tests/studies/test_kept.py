@@ -21,7 +21,7 @@ from rbd.studies.kept.layout import Layout
 from rbd.studies.kept.limits_of_standing import inscribed_radius
 from rbd.studies.kept.plain import NotKept
 from rbd.studies.kept.registry import kind_of, known_types
-from rbd.studies.kept.rows import KeptRows
+from rbd.studies.kept.rows import KeptRows, text_of
 from rbd.studies.kept.variable import Block, Variable
 from rbd.studies.kept.wanted import Keep, Wanted
 
@@ -141,22 +141,12 @@ class TestPlainValues:
             kept(result, arguments=["friction"])
 
 
-class Mute(Exception):  # noqa: N818
-    """An error without a text."""
-
-    def __str__(self) -> str:
-        raise RuntimeError
-
-
-def test_messages_of_errors():
-    """With their notes; long ones end in dots, and an error whose text fails is a row, too."""
-    rows, noted = KeptRows(3, None), ValueError("no")
-    noted.add_note("at the left foot")
-    for i, error in enumerate((noted, ValueError("x" * 2000), Mute())):
-        rows.refuse(i, error)
-    found = rows.block().messages
-    assert found[0] == "ValueError: no\nat the left foot" and found[2] == "Mute: its text cannot be read"
-    assert len(found[1]) == 1000 and found[1].endswith("xx ...")
+def test_long_messages_end_in_dots():
+    """At a thousand characters."""
+    rows = KeptRows(1, None)
+    rows.refuse(0, ValueError("x" * 2000))
+    found = rows.block().messages[0]
+    assert len(found) == 1000 and found.endswith("xx...")
 
 
 class TestMasked:
@@ -566,7 +556,25 @@ def test_errors_are_rows():
     block = rows.block()
     assert block.reason.tolist() == [Reason.BAD_INPUT.code, Reason.OTHER_ERROR.code, Reason.NOT_RUN.code]
     assert block.messages[10] == "friction is -1." and block.messages[11].startswith("ValueError: xxx")
-    assert len(block.messages[11]) == 1000 and not block.ok.any()
+    assert len(block.messages[11]) == 1000 and block.messages[11].endswith("x...") and not block.ok.any()
+
+
+def test_texts_of_errors():
+    """Notes are told; without a text it is the class; a text that cannot be made loses nothing."""
+
+    class Mute(ValueError):
+        def __str__(self) -> str:
+            raise RuntimeError
+
+    noted = ValueError("friction is -1")
+    noted.add_note("in sample 3")
+    told = [text_of(error) for error in (noted, SystemExit(), Mute(), rbd.InputError("It is wrong."))]
+    assert told == [
+        "ValueError: friction is -1 in sample 3",
+        "SystemExit",
+        "Mute: its text cannot be made (RuntimeError)",
+        "It is wrong.",
+    ]
 
 
 def test_the_largest_circle_in_a_polygon():

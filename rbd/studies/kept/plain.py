@@ -88,7 +88,7 @@ def _label(given: Any) -> Any:
 def _array(name: str, value: Any) -> Array:
     """Numbers as float64, truth values and text as they are."""
     if isinstance(value, tuple | list) and any(isinstance(x, np.ma.MaskedArray) for x in value):
-        value = np.ma.array(value)
+        value = [_filled(name, x) if isinstance(x, np.ma.MaskedArray) else x for x in value]
     if isinstance(value, np.ma.MaskedArray):
         value = _filled(name, value)
     if isinstance(value, tuple | list) and not value:
