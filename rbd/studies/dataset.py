@@ -126,7 +126,7 @@ def with_outcome(dataset: xarray.Dataset) -> xarray.Dataset:
     parts = [f"{good:,} ok", *(f"{count:,} {texts.get(code, code)}" for code, count in failed)]
     parts += [f"{not_run:,} not run"] if not_run else []
     dataset.attrs.pop("interrupted", None)
-    dataset.attrs["summary"] = f"{n:,} samples: {'; '.join(parts)}"
+    dataset.attrs["summary"] = f"{n:,} sample{'s' if n > 1 else ''}: {'; '.join(parts)}"
     if not_run:
         dataset.attrs["interrupted"] = f"{n - not_run:,} of {n:,} samples are done"
     return dataset

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rbd.arrays import check_flag
 from rbd.errors import InputError, RbdError, StudyStopped, StudyWarning
 from rbd.errors.warned import stacklevel_of_user
 from rbd.studies.kept.wanted import Keep
@@ -74,7 +75,8 @@ def study(
     Raises:
         InputError: before work starts: samples, names, executors, functions that cannot be sent, a store of another study; at
             the first result: what cannot be kept; later: a result of another shape. What was finished stays stored.
-        StudyStopped: a full disk, or a chunk that ends each process that computes it; with what was finished.
+        StudyStopped: a full disk, a chunk that ends each process that computes it, or a warning where the filters make errors
+            of warnings; with what was finished.
 
     Example:
         >>> box = rbd.testing.box()
@@ -88,6 +90,8 @@ def study(
         >>> print(held.ok.sel(friction=0.8).values)
         [ True  True False]
     """
+    check_flag("batched", batched)
+    check_flag("progress", progress)
     path, found = checked_path(out), samples_of(samples)
     evaluation = Evaluation(bound(function, found), keep, _seed(seed), bool(batched))
     check_all(evaluation, executor, chunk)
@@ -108,7 +112,11 @@ def _filled(store: Store, evaluation: Evaluation, samples: Samples, interruption
     try:
         filled = fill(store, evaluation, samples, interruption=interruption, **how)
         with interruption.counted():
-            filled.warn()
+            try:
+                filled.warn()
+            except Warning as error:  # by the filters of warnings
+                made = f"a warning is an error here, by Python's filters: {error}. This error's `dataset` has the results."
+                raise StudyStopped(filled.stopped or made, dataset=_of_stopped(store)) from error
             if not filled.stopped:
                 found = store.dataset()
                 if interruption.asked and not filled.interrupted:

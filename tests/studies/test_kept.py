@@ -21,7 +21,7 @@ from rbd.studies.kept.layout import Layout
 from rbd.studies.kept.limits_of_standing import inscribed_radius
 from rbd.studies.kept.plain import NotKept
 from rbd.studies.kept.registry import kind_of, known_types
-from rbd.studies.kept.rows import KeptRows
+from rbd.studies.kept.rows import KeptRows, text_of
 from rbd.studies.kept.variable import Block, Variable
 from rbd.studies.kept.wanted import Keep, Wanted
 
@@ -546,7 +546,25 @@ def test_errors_are_rows():
     block = rows.block()
     assert block.reason.tolist() == [Reason.BAD_INPUT.code, Reason.OTHER_ERROR.code, Reason.NOT_RUN.code]
     assert block.messages[10] == "friction is -1." and block.messages[11].startswith("ValueError: xxx")
-    assert len(block.messages[11]) == 1000 and not block.ok.any()
+    assert len(block.messages[11]) == 1000 and block.messages[11].endswith("x...") and not block.ok.any()
+
+
+def test_texts_of_errors():
+    """Notes are told; without a text it is the class; a text that cannot be made loses nothing."""
+
+    class Mute(ValueError):
+        def __str__(self) -> str:
+            raise RuntimeError
+
+    noted = ValueError("friction is -1")
+    noted.add_note("in sample 3")
+    told = [text_of(error) for error in (noted, SystemExit(), Mute(), rbd.InputError("It is wrong."))]
+    assert told == [
+        "ValueError: friction is -1 in sample 3",
+        "SystemExit",
+        "Mute: its text cannot be made (RuntimeError)",
+        "It is wrong.",
+    ]
 
 
 def test_the_largest_circle_in_a_polygon():

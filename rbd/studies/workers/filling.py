@@ -121,7 +121,7 @@ def fill(
         return Filled(total, counts.done, interrupted=f"Ctrl-C after {so_far}", told=told)
     if ended:
         return Filled(total, counts.done, "", f"{ended[0].why}; {so_far} are done.", ended[0].cause, told)
-    return Filled(total, counts.done, stopped=_of_lost(lost, so_far), told=told)
+    return Filled(total, counts.done, stopped=_of_lost(lost, so_far, chunks.unit), told=told)
 
 
 def _put(store: Store, finished: Finished, told: Told, counts: Progress) -> None:
@@ -132,12 +132,13 @@ def _put(store: Store, finished: Finished, told: Told, counts: Progress) -> None
     counts.add(int(np.count_nonzero(new)), int(np.count_nonzero(new & ~np.asarray(block.ok))))
 
 
-def _of_lost(lost: Sequence[Lost], so_far: str) -> str:
+def _of_lost(lost: Sequence[Lost], so_far: str, unit: int) -> str:
     if not lost:
         return ""
-    places = ", ".join(x.told for x in lost[:5])
-    more = f" and {len(lost) - 5} chunks more" if len(lost) > 5 else ""
+    places = [x.told for x in lost[:5]] + ([f"one of {len(lost) - 5} chunks more"] if len(lost) > 5 else [])
+    told = " or ".join(filter(None, (", ".join(places[:-1]), places[-1])))
+    which = "" if all(x.stop - x.start <= unit for x in lost) else "chunk=1 says which sample it is. "
     return (
-        f"each process that computed {places}{more} {lost[0].why}. All others are done, {so_far}. chunk=1 says which sample "
-        "it is; call the function with it in a process of its own to see why."
+        f"each process that computed {told} {lost[0].why}. All others are done, {so_far}. {which}Call "
+        "the function with it in a process of its own to see why."
     )
