@@ -102,8 +102,8 @@ class KeptRows:
         self._refuse_twice(found, where)
         self._reason[start:stop] = codes
         self._ok[start:stop] = codes == 0
-        for row, message in messages.items():
-            self._messages[self._start + start + row] = _shortened(message)
+        for row, message in messages.items():  # the number of a state is that within the batch
+            self._messages[self._start + start + row] = _shortened(message.removeprefix(f"at state {row}: "))
         return None
 
     def refuse(self, i: int, error: BaseException, more: str = "") -> None:
