@@ -549,7 +549,7 @@ def test_errors_are_rows():
     block = rows.block()
     assert block.reason.tolist() == [Reason.BAD_INPUT.code, Reason.OTHER_ERROR.code, Reason.NOT_RUN.code]
     assert block.messages[10] == "friction is -1." and block.messages[11].startswith("ValueError: xxx")
-    assert len(block.messages[11]) == 1000 and block.messages[11].endswith("x...") and not block.ok.any()
+    assert len(block.messages[11]) == 1000 and block.messages[11].endswith("x ...") and not block.ok.any()
 
 
 def test_texts_of_errors():
@@ -563,9 +563,9 @@ def test_texts_of_errors():
     noted.add_note("in sample 3")
     told = [text_of(error) for error in (noted, SystemExit(), Mute(), rbd.InputError("It is wrong."))]
     assert told == [
-        "ValueError: friction is -1 in sample 3",
+        "ValueError: friction is -1\nin sample 3",
         "SystemExit",
-        "Mute: its text cannot be made (RuntimeError)",
+        "Mute: its text cannot be read",
         "It is wrong.",
     ]
 
