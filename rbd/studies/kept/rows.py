@@ -154,7 +154,7 @@ def text_of(error: BaseException) -> str:
 
 
 def _shortened(message: str) -> str:
-    return storable(message if len(message) <= LONGEST_MESSAGE else f"{message[: LONGEST_MESSAGE - 3]}...")
+    return storable(message if len(message) <= LONGEST_MESSAGE else f"{message[: LONGEST_MESSAGE - 4]} ...")
 
 
 class _Column:
