@@ -10,7 +10,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors.reasons import Reason
 from rbd.modules import xarray_or_error
-from rbd.studies.kept.variable import Block
+from rbd.studies.kept.variable import Block, storable
 from rbd.studies.sampling.samples import Samples
 
 if TYPE_CHECKING:
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 OK, REASON, MESSAGE = "ok", "reason", "message"
 """Variables that every study has."""
+OUTCOME = ("summary", "interrupted")
+"""Attributes on how many samples have a result, and how many were not computed."""
 OWN: Mapping[str, dict[str, Any]] = {
     OK: {"long_name": "whether there is a result"},
     REASON: {
@@ -57,7 +59,16 @@ def coordinates(samples: Samples) -> dict[str, tuple[tuple[str, ...], Array, dic
     found = {}
     for name, (dims, values, attrs) in samples.coords().items():
         x = np.asarray(values)
-        found[name] = (tuple(dims), x.astype(object) if x.dtype.kind in "UT" else x, dict(attrs))
+        found[name] = (tuple(dims), _text(x) if x.dtype.kind in "OUT" else x, dict(attrs))
+    return found
+
+
+def _text(values: Array) -> Array:
+    """Text as objects, as zarr and netCDF can store it."""
+    found = values.astype(object)
+    for i, x in enumerate(found.flat):
+        if isinstance(x, str):
+            found.flat[i] = storable(x)
     return found
 
 

@@ -7,6 +7,7 @@ import sys
 import warnings
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -23,6 +24,8 @@ from rbd.studies.stores.store import Store
 from rbd.studies.workers.calling import bound
 from rbd.studies.workers.evaluation import Evaluation
 from rbd.studies.workers.filling import check_all, fill
+from rbd.studies.workers.interruption import Interruption
+from rbd.studies.workers.told import Told
 
 if TYPE_CHECKING:
     import xarray
@@ -56,8 +59,9 @@ def study(
             function}, or both; None: what its type says, with its certificate.
         executor: None: spawned processes, one a core; n: that many; 0: this process; or an executor of `concurrent.futures`,
             e.g. `dask.distributed`'s `client.get_executor()`, which is left open.
-        out: A path that ends in .zarr, or in .nc for a small study: what is finished is written there within a second or so.
-            The same call goes on with what is missing. None: in memory only.
+        out: A path that ends in .zarr, or in .nc for a small study: what is finished is written there within a second, or 5 s
+            where a writing takes more than 0.05 s; a process that is killed loses what it has not written yet, and the chunks
+            under way. The same call goes on with what is missing. None: in memory only.
         seed: Root of the seeds of all samples.
         chunk: Samples that a worker gets at a time; None: about a second's.
         batched: Whether the function takes arrays over samples, as `rbd.solve_many` does.
@@ -90,33 +94,41 @@ def study(
     check_flag("progress", progress)
     path, found = checked_path(out), samples_of(samples)
     evaluation = Evaluation(bound(function, found), keep, _seed(seed), bool(batched))
-    check_all(evaluation, executor, chunk)
+    check_all(evaluation, executor, chunk, found)
     store = store_of(path, found, attributes_of(function, found, keep=keep, seed=evaluation.seed, batched=evaluation.batched))
-    try:
-        _tell(store, progress)
-        if not store.done.all():
-            return _filled(store, evaluation, found, executor=executor, chunk=chunk, progress=progress)
-        return store.dataset()
-    finally:
-        store.close()
-
-
-def _filled(store: Store, evaluation: Evaluation, samples: Samples, **how: Any) -> xarray.Dataset:
-    """The dataset of a store after what is missing was computed."""
-    try:
-        filled = fill(store, evaluation, samples, **how)
+    with Interruption() as interruption:
         try:
-            filled.warn()
-        except Warning as error:  # by the filters of warnings
-            made = f"a warning is an error here, by Python's filters: {error}. This error's `dataset` has the results."
-            told = filled.stopped or made
-            raise StudyStopped(told, dataset=_of_stopped(store)) from error
-        if not filled.stopped:
-            return store.dataset()
+            _tell(store, progress)
+            if store.done.all():
+                return store.dataset()
+            return _filled(store, evaluation, found, interruption, executor=executor, chunk=chunk, progress=progress)
+        finally:
+            with interruption.counted():
+                store.close()
+
+
+def _filled(store: Store, evaluation: Evaluation, samples: Samples, interruption: Interruption, **how: Any) -> xarray.Dataset:
+    """The dataset of a store after what is missing was computed. Ctrl-C while it is made does not lose it."""
+    try:
+        filled = fill(store, evaluation, samples, interruption=interruption, **how)
+        with interruption.counted():
+            try:
+                filled.warn()
+            except Warning as error:  # by the filters of warnings
+                made = f"a warning is an error here, by Python's filters: {error}. This error's `dataset` has the results."
+                raise StudyStopped(filled.stopped or made, dataset=_of_stopped(store)) from error
+            if not filled.stopped:
+                found = store.dataset()
+                if interruption.asked and not filled.interrupted:
+                    replace(filled, interrupted=f"Ctrl-C after all {filled.total:,} samples", told=Told()).warn()
+                return found
     except StudyStopped as error:
-        error.dataset = _of_stopped(store)
+        with interruption.counted():
+            error.dataset = _of_stopped(store)
         raise
-    raise StudyStopped(filled.stopped, dataset=_of_stopped(store)) from filled.cause
+    with interruption.counted():
+        stopped = _of_stopped(store)
+    raise StudyStopped(filled.stopped, dataset=stopped) from filled.cause
 
 
 def _of_stopped(store: Store) -> xarray.Dataset | None:

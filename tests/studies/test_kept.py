@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import rbd
 from rbd.errors import Reason
@@ -140,6 +141,18 @@ class TestPlainValues:
             kept(result, arguments=["friction"])
 
 
+class TestMasked:
+    """Masked arrays of NumPy."""
+
+    def test_what_is_masked_is_nan(self):
+        """Numbers; other masked entries are refused, and masks without any are nothing."""
+        block = kept(np.ma.array([1, 2], mask=[0, 1]), np.ma.array([3.0, 4.0]))
+        assert np.array_equal(block.variables["value"].values, [[1, np.nan], [3, 4]], equal_nan=True)
+        assert np.isnan(kept({"x": np.ma.masked}).variables["x"].values).all()
+        with pytest.raises(rbd.InputError, match="'value' is a masked array of bool; only those of numbers"):
+            kept(np.ma.array([True, False], mask=[0, 1]))
+
+
 class TestAgreement:
     """Samples have the same shapes, kinds and labels under one name."""
 
@@ -151,8 +164,14 @@ class TestAgreement:
                 np.zeros(3),
                 r"'value' has shape \(3,\) in sample 8, and \(2,\) in sample 7. Return arrays of one shape",
             ),
-            ({"x": 1.0}, {"x": True}, "'x' is of truth values in sample 8, and of numbers in sample 7"),
-            ({"x": "a"}, {"x": 1.0}, "'x' is of numbers in sample 8, and of text in sample 7"),
+            ({"x": 1.0}, {"x": True}, "'x' holds truth values in sample 8, and numbers in sample 7"),
+            ({"x": "a"}, {"x": 1.0}, "'x' holds numbers in sample 8, and text in sample 7"),
+            (
+                xr.DataArray([1.0], dims="leg", attrs={"units": "m"}),
+                xr.DataArray([1.0], dims="leg", attrs={"units": "mm"}),
+                "'value' has the unit 'mm' in sample 8, and 'm' in sample 7. Return it in one unit always",
+            ),
+            (1.0, np.zeros(0), r"sample 8: 'value' has shape \(0,\), without entries; leave it out, or return None"),
         ],
     )
     def test_of_two_samples(self, first: Any, second: Any, message: str):

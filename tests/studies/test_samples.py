@@ -395,7 +395,10 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: table({"a": [1, 2], "b": [1, 2, 3], "c": [4, 5]}), "2 values of a, c; 3 values of b"),
     (lambda: table({}), "no columns"),
     (lambda: table([]), "samples are empty"),
-    (lambda: table([{"a": 1}, {"b": 1}]), "sample 1 has no a and b besides; sample 0 has a"),
+    (
+        lambda: table([{"a": 1}, {"b": 1}]),
+        "sample 1 has no a, and b, which sample 0 has not; expected the arguments a, as in sample 0",
+    ),
     (lambda: table([(0.5, 1.0)]), r"sample 0 is \(0\.5, 1\.0\); expected a mapping of arguments.*'friction': 0\.5"),
     (lambda: table([0.5, 0.6]), "sample 0 is 0.5"),
     (lambda: table(np.zeros((3, 2))), r"array of shape \(3, 2\) without names"),

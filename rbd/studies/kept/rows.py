@@ -15,7 +15,7 @@ from rbd.many.naming import Named
 from rbd.many.variable import Variable
 from rbd.studies.kept.layout import Layout, described, words_of
 from rbd.studies.kept.plain import NotKept
-from rbd.studies.kept.variable import Block, missing
+from rbd.studies.kept.variable import Block, missing, storable
 from rbd.studies.kept.wanted import Keep, Wanted
 
 LONGEST_MESSAGE = 1000
@@ -103,7 +103,7 @@ class KeptRows:
         self._reason[start:stop] = codes
         self._ok[start:stop] = codes == 0
         for row, message in messages.items():  # the number of a state is that within the batch
-            self._messages[self._start + start + row] = _short(message.removeprefix(f"at state {row}: "))
+            self._messages[self._start + start + row] = _short(storable(message.removeprefix(f"at state {row}: ")))
         return None
 
     def refuse(self, i: int, error: BaseException, more: str = "") -> None:
@@ -123,7 +123,7 @@ class KeptRows:
 
     def _no_answer(self, i: int, reason: Reason, message: str) -> None:
         self._ok[i], self._reason[i] = False, reason.code
-        self._messages[self._start + i] = _short(message)
+        self._messages[self._start + i] = _short(storable(message))
 
     def _column(self, name: str, variable: Variable, shape: tuple[int, ...], where: str) -> _Column:
         self._layout.agree(name, variable, shape, where)
@@ -175,6 +175,7 @@ class _Column:
             and variable.dims == self.dims
             and values.shape[skip:] == self._shape
             and values.dtype.kind == self._kind
+            and variable.units == self._about.units
         )
 
     def variable(self) -> Variable:

@@ -18,12 +18,12 @@ from rbd.model.output_files import write_file
 from rbd.modules import xarray_or_error
 from rbd.simulation.trajectory_file import check_netcdf
 from rbd.studies.dataset import MESSAGE, OK, REASON, normal, with_outcome
-from rbd.studies.kept.variable import Block, Variable
+from rbd.studies.kept.variable import Block
 from rbd.studies.provenance.provenance import LAYOUT, check_same, continued, format_of, others_of
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.pacing import Pacing, why
 from rbd.studies.stores.places import Lock
-from rbd.studies.stores.store import MemoryStore
+from rbd.studies.stores.store import MemoryStore, variable_of
 
 if TYPE_CHECKING:
     import xarray
@@ -37,10 +37,10 @@ class NetcdfStore(MemoryStore):
 
     def __init__(self, path: Path, samples: Samples, attributes: Mapping[str, Any]) -> None:
         super().__init__(samples, attributes)
-        self.path = path
+        self.path, self._written = path, 0
         place = path.resolve()
         self._lock = Lock(path, place.with_name(f".{place.name}.lock"))
-        self._pacing = Pacing(self._write, self._told, least=3.0)
+        self._pacing = Pacing(self._write, self._told)
         try:
             if path.exists():
                 self._load()
@@ -83,12 +83,12 @@ class NetcdfStore(MemoryStore):
     def _write(self) -> None:
         content = encoded(self.kept(), json.dumps({"first": self.seen.first, "coords": list(self.samples.coords())}), self.path)
         write_file(self.path, lambda file: file.write(content), StudyStopped)
+        self._written = int(np.count_nonzero(self.done))
 
     def _told(self, error: Exception) -> StudyStopped:
-        n = int(np.count_nonzero(self.done))
         return StudyStopped(
-            f"{str(self.path)!r:.300} cannot be written: {why(error)}. {n:,} of {len(self.samples):,} samples were done, and "
-            "the file holds them up to some seconds ago; make room, and the same call goes on from there."
+            f"{str(self.path)!r:.300} cannot be written: {why(error)}. {self._written:,} of {len(self.samples):,} samples are "
+            "stored; make room, and the same call goes on from there."
         )
 
     def _load(self) -> None:
@@ -103,20 +103,13 @@ class NetcdfStore(MemoryStore):
             dims = tuple(str(dim) for dim in x.dims[axes:])
             labels = {dim: tuple(x[dim].values.tolist()) for dim in dims if dim in found.coords}
             values = np.array(x.values).reshape(n, *x.shape[axes:])
-            flags = zip(x.attrs.get("flag_values", ()), str(x.attrs.get("flag_meanings", "")).split(), strict=False)
-            self.found.variables[name] = Variable(
-                values,
-                dims,
-                x.attrs.get("units", ""),
-                x.attrs.get("long_name", ""),
-                labels,
-                {int(k): word for k, word in flags},
-            )
+            self.found.variables[name] = variable_of(values, dims, labels, x.attrs)
         self.seen.begin(first, self.found.variables)
         self.found.ok[:] = found[OK].values.ravel()
         self.found.reason[:] = found[REASON].values.ravel()
         self.found.messages |= {i: str(text) for i, text in enumerate(found[MESSAGE].values.ravel()) if text}
         self.done = self.found.reason != Reason.NOT_RUN.code
+        self._written = int(np.count_nonzero(self.done))
 
 
 def read_netcdf_study(path: Path) -> xarray.Dataset:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -20,6 +20,7 @@ from rbd.studies.workers.evaluation import Evaluation, Finished
 from rbd.studies.workers.executors import Lost, Stopped
 from rbd.studies.workers.interruption import Interruption
 from rbd.studies.workers.progress_bar import Progress, counted
+from rbd.studies.workers.sending import sent_columns
 from rbd.studies.workers.told import Told
 
 
@@ -47,13 +48,14 @@ class Filled:
         """Issue the function's warnings, one of each kind, and one of an interruption."""
         self.told.warn(self.total)
         if self.interrupted:
-            warnings.warn(
-                f"{self.interrupted}; the others have the reason not_run.", StudyWarning, stacklevel=stacklevel_of_user()
-            )
+            left = "the others have the reason not_run" if self.done < self.total else "none is missing"
+            warnings.warn(f"{self.interrupted}; {left}.", StudyWarning, stacklevel=stacklevel_of_user())
 
 
-def check_all(evaluation: Evaluation, executor: Executor | int | None, chunk: int | None) -> None:
-    """Refuse before work starts what could not be done: chunks, executors, functions that cannot be sent.
+def check_all(
+    evaluation: Evaluation, executor: Executor | int | None, chunk: int | None, samples: Samples | None = None
+) -> None:
+    """Refuse before work starts what could not be done: chunks, executors, functions and samples that cannot be sent.
 
     Raises:
         InputError: names it, and what to try.
@@ -63,7 +65,8 @@ def check_all(evaluation: Evaluation, executor: Executor | int | None, chunk: in
     if not callable(evaluation.function):
         raise InputError(f"function is {evaluation.function!r:.80}; expected one that is called with the values of a sample.")
     executors.check(executor)
-    executors.sent_of(evaluation, executor)
+    if executors.sent_of(evaluation, executor) and samples is not None:
+        sent_columns({each.name: list(each.choices) for each in samples.given if each.dim and each.choices is not None})
 
 
 def fill(
@@ -74,6 +77,7 @@ def fill(
     executor: Executor | int | None = None,
     chunk: int | None = None,
     progress: bool = True,
+    interruption: Interruption | None = None,
 ) -> Filled:
     """Evaluate what the store lacks, and put it there; Ctrl-C ends it in order, a second one at once.
 
@@ -84,6 +88,7 @@ def fill(
         executor: None: spawned processes, one a core; n: that many, 0: in this process; or an executor, which stays open.
         chunk: Samples that are sent at a time; None: about a second's.
         progress: Whether a bar is drawn, where stderr is a terminal.
+        interruption: That within which the caller is; None: one of its own.
 
     Returns:
         How it ended. Chunks that were under way when it ended are lost.
@@ -92,12 +97,13 @@ def fill(
         InputError: as `check_all`; results that cannot be kept.
         OSError: the store cannot be written.
     """
-    check_all(evaluation, executor, chunk)
+    check_all(evaluation, executor, chunk, samples)
     done = np.asarray(store.done, bool)
     chunks = Chunks(done, chunk, batched=evaluation.batched)
     told, lost, ended = Told(), list[Lost](), list[Stopped]()
     interrupted = False
-    with counted(len(samples), int(np.count_nonzero(done)), shown=progress) as counts, Interruption() as interruption:
+    within = Interruption() if interruption is None else nullcontext(interruption)
+    with counted(len(samples), int(np.count_nonzero(done)), shown=progress) as counts, within as interruption:
         try:
             with closing(executors.blocks(evaluation, samples, chunks, executor, check=interruption.check)) as found:
                 for each in found:
