@@ -59,6 +59,8 @@ def coordinates(samples: Samples) -> dict[str, tuple[tuple[str, ...], Array, dic
     found = {}
     for name, (dims, values, attrs) in samples.coords().items():
         x = np.asarray(values)
+        if x.dtype.kind in "mM" and np.datetime_data(x.dtype)[0] in ("Y", "M", "W", "D", "h", "m"):
+            x = x.astype(f"{x.dtype.kind}8[s]")  # as xarray does in memory, and zarr does not
         found[name] = (tuple(dims), _text(x) if x.dtype.kind in "OUT" else x, dict(attrs))
     return found
 

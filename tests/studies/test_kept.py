@@ -141,6 +141,24 @@ class TestPlainValues:
             kept(result, arguments=["friction"])
 
 
+class Mute(Exception):  # noqa: N818
+    """An error without a text."""
+
+    def __str__(self) -> str:
+        raise RuntimeError
+
+
+def test_messages_of_errors():
+    """With their notes; long ones end in dots, and an error whose text fails is a row, too."""
+    rows, noted = KeptRows(3, None), ValueError("no")
+    noted.add_note("at the left foot")
+    for i, error in enumerate((noted, ValueError("x" * 2000), Mute())):
+        rows.refuse(i, error)
+    found = rows.block().messages
+    assert found[0] == "ValueError: no\nat the left foot" and found[2] == "Mute: its text cannot be read"
+    assert len(found[1]) == 1000 and found[1].endswith("xx ...")
+
+
 class TestMasked:
     """Masked arrays of NumPy."""
 
@@ -148,6 +166,8 @@ class TestMasked:
         """Numbers; other masked entries are refused, and masks without any are nothing."""
         block = kept(np.ma.array([1, 2], mask=[0, 1]), np.ma.array([3.0, 4.0]))
         assert np.array_equal(block.variables["value"].values, [[1, np.nan], [3, 4]], equal_nan=True)
+        inside = kept([1.0, np.ma.masked], [2.0, 3.0]).variables["value"].values
+        assert np.array_equal(inside, [[1, np.nan], [2, 3]], equal_nan=True)
         assert np.isnan(kept({"x": np.ma.masked}).variables["x"].values).all()
         with pytest.raises(rbd.InputError, match="'value' is a masked array of bool; only those of numbers"):
             kept(np.ma.array([True, False], mask=[0, 1]))
@@ -547,7 +567,7 @@ def test_errors_are_rows():
     block = rows.block()
     assert block.reason.tolist() == [Reason.BAD_INPUT.code, Reason.OTHER_ERROR.code, Reason.NOT_RUN.code]
     assert block.messages[10] == "friction is -1." and block.messages[11].startswith("ValueError: xxx")
-    assert len(block.messages[11]) == 1000 and block.messages[11].endswith("x...") and not block.ok.any()
+    assert len(block.messages[11]) == 1000 and block.messages[11].endswith("x ...") and not block.ok.any()
 
 
 def test_texts_of_errors():

@@ -406,6 +406,7 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: table(100), r"rbd\.sample\(100, friction"),
     (lambda: table({"a": {"x": 1}}), "is a mapping"),
     (lambda: table(xarray.DataArray([1.0, 2.0])), "without coordinates"),
+    (lambda: rbd.grid(k=[0.0, -0.0]), "k has 0.0 more than once"),
     (lambda: table(xarray.Dataset({"a": ("x", [1]), "b": ("y", [1])})), "several dimensions"),
     (lambda: table(xarray.Dataset({"a": (("x", "y"), [[1]])}, {"x": [1], "y": [1]})), r"dataset\.coords"),
 ]

@@ -482,6 +482,17 @@ def test_a_new_array_leaves_the_root_as_it_is(tmp_path: Path):
     store.close()
 
 
+@pytest.mark.parametrize("name", FORMATS)
+def test_coordinates_that_netcdf_has_not(name: str, tmp_path: Path):
+    """Dates, and whole numbers beyond 2^31, come back as they were."""
+    days = np.array(["2020-01-01", "2020-01-02"], "M8[D]")
+    for k, axis in enumerate((days, [1, 2**40])):
+        path = tmp_path / f"{k}{name}"
+        found = rbd.study(lambda at: 1.0, rbd.grid(at=axis), executor=0, out=path)
+        assert_same(found, rbd.study(lambda at: 1.0, rbd.grid(at=axis), executor=0))
+        assert found["at"].values.tolist() == open_study(path)["at"].values.tolist() != [0, 1]
+
+
 def test_extras_are_named_where_they_are_missing(tmp_path: Path):
     """Without zarr the extra is named, before work."""
     code = (

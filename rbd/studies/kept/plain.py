@@ -87,6 +87,8 @@ def _label(given: Any) -> Any:
 
 def _array(name: str, value: Any) -> Array:
     """Numbers as float64, truth values and text as they are."""
+    if isinstance(value, tuple | list) and any(isinstance(x, np.ma.MaskedArray) for x in value):
+        value = np.ma.array(value)
     if isinstance(value, np.ma.MaskedArray):
         value = _filled(name, value)
     if isinstance(value, tuple | list) and not value:
@@ -118,7 +120,7 @@ def _array(name: str, value: Any) -> Array:
     raise NotKept(f"{_what(name)} {given}; {WANTED}.{more}".rstrip("."))
 
 
-def _filled(name: str, value: np.ma.MaskedArray) -> Array:
+def _filled(name: str, value: Any) -> Array:
     """A masked array of numbers with NaN for what is masked."""
     if not np.ma.is_masked(value):
         return np.asarray(value.data)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.errors.reasons import Reason
 from rbd.errors.stopped import StudyStopped
@@ -130,6 +131,9 @@ def encoded(dataset: xarray.Dataset, layout: str, path: Path) -> bytes:
         InputError: text or numbers that netCDF 3 does not have.
     """
     blank = [name for name in dataset.coords if " " in str(name) and name not in dataset.dims]
+    texts = {name: _as_text(x.values) for name, x in dataset.coords.items() if _is_foreign(x.values)}
+    layout = json.dumps({**json.loads(layout), "kinds": {str(name): str(dataset[name].dtype) for name in texts}})
+    dataset = dataset.assign_coords({name: (dataset[name].dims, text, dataset[name].attrs) for name, text in texts.items()})
     whole = dataset.reset_coords(blank).assign_attrs({**dataset.attrs, LAYOUT: layout})
     try:
         return bytes(whole.to_netcdf(engine="scipy", format="NETCDF3_64BIT"))
@@ -137,6 +141,20 @@ def encoded(dataset: xarray.Dataset, layout: str, path: Path) -> bytes:
         raise InputError(
             f"these results cannot be written as {path.name!r}: {error!s:.200}. Give out= a path that ends in .zarr."
         ) from error
+
+
+def _is_foreign(values: Array) -> bool:
+    """Whether netCDF 3 lacks values: dates, times, and whole numbers of more than 32 bits. They are written as text."""
+    return values.dtype.kind in "mM" or (values.dtype.kind == "i" and bool(values.size) and int(np.abs(values).max()) >= 2**31)
+
+
+def _as_text(values: Array) -> Array:
+    return (values if values.dtype.kind == "M" else values.astype(np.int64)).astype(str).astype(object)
+
+
+def _of_text(values: Array, kind: np.dtype) -> Array:
+    texts = values.astype(str)
+    return texts.astype(kind) if kind.kind == "M" else texts.astype(np.int64).astype(kind)
 
 
 def _decoded(path: Path) -> xarray.Dataset:
@@ -154,6 +172,10 @@ def _decoded(path: Path) -> xarray.Dataset:
     try:
         layout = json.loads(found.attrs[LAYOUT])
         first = layout["first"]
+        kinds = {name: np.dtype(kind) for name, kind in layout.get("kinds", {}).items()}
+        found = found.assign_coords(
+            {n: (found[n].dims, _of_text(found[n].values, k), found[n].attrs) for n, k in kinds.items()}
+        )
         return normal(found, [OK, REASON, MESSAGE, *sorted(first, key=first.__getitem__)], layout["coords"])
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(
