@@ -93,7 +93,7 @@ def study(
     check_flag("progress", progress)
     path, found = checked_path(out), samples_of(samples)
     evaluation = Evaluation(bound(function, found), keep, _seed(seed), bool(batched))
-    check_all(evaluation, executor, chunk)
+    check_all(evaluation, executor, chunk, found)
     store = store_of(path, found, attributes_of(function, found, keep=keep, seed=evaluation.seed, batched=evaluation.batched))
     with Interruption() as interruption:
         try:

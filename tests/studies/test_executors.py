@@ -308,7 +308,7 @@ def test_what_cannot_be_sent_is_named(tmp_path):
     read.close()
 
 
-def test_samples_go_as_functions_do(workers):
+def test_samples_go_as_functions_do(workers, monkeypatch):
     """Functions without a name, and objects of local classes; what cannot is named."""
 
     class Scaled:
@@ -323,6 +323,9 @@ def test_samples_go_as_functions_do(workers):
     assert found.value.values.tolist() == [[2.0, 4.0], [0.5, 1.0]] and found.ok.values.all()
     with pytest.raises(rbd.InputError, match=r"samples cannot be sent .*item 1 of the item 'law' is a lock \(lock\)"):
         sent_columns({"law": ["b", LOCK]})
+    monkeypatch.setitem(sys.modules, "cloudpickle", None)
+    with pytest.raises(rbd.InputError, match=r"item 0 of the item 'law' is an object .*To try: install cloudpickle"):
+        check_all(Evaluation(studied.applied), 2, None, samples)
     assert sent_columns(texts := {"law": ["b", "c"], "x": np.ones(2)}) is texts
 
 

@@ -20,6 +20,7 @@ from rbd.studies.workers.evaluation import Evaluation, Finished
 from rbd.studies.workers.executors import Lost, Stopped
 from rbd.studies.workers.interruption import Interruption
 from rbd.studies.workers.progress_bar import Progress, counted
+from rbd.studies.workers.sending import sent_columns
 from rbd.studies.workers.told import Told
 
 
@@ -51,8 +52,10 @@ class Filled:
             warnings.warn(f"{self.interrupted}; {left}.", StudyWarning, stacklevel=stacklevel_of_user())
 
 
-def check_all(evaluation: Evaluation, executor: Executor | int | None, chunk: int | None) -> None:
-    """Refuse before work starts what could not be done: chunks, executors, functions that cannot be sent.
+def check_all(
+    evaluation: Evaluation, executor: Executor | int | None, chunk: int | None, samples: Samples | None = None
+) -> None:
+    """Refuse before work starts what could not be done: chunks, executors, functions and samples that cannot be sent.
 
     Raises:
         InputError: names it, and what to try.
@@ -62,7 +65,8 @@ def check_all(evaluation: Evaluation, executor: Executor | int | None, chunk: in
     if not callable(evaluation.function):
         raise InputError(f"function is {evaluation.function!r:.80}; expected one that is called with the values of a sample.")
     executors.check(executor)
-    executors.sent_of(evaluation, executor)
+    if executors.sent_of(evaluation, executor) and samples is not None:
+        sent_columns({each.name: list(each.choices) for each in samples.given if each.dim and each.choices is not None})
 
 
 def fill(
@@ -93,7 +97,7 @@ def fill(
         InputError: as `check_all`; results that cannot be kept.
         OSError: the store cannot be written.
     """
-    check_all(evaluation, executor, chunk)
+    check_all(evaluation, executor, chunk, samples)
     done = np.asarray(store.done, bool)
     chunks = Chunks(done, chunk, batched=evaluation.batched)
     told, lost, ended = Told(), list[Lost](), list[Stopped]()
