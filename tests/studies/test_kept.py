@@ -47,6 +47,12 @@ def values(block: Block) -> dict[str, list[Any]]:
     return {name: variable.values.tolist() for name, variable in block.variables.items()}
 
 
+def failed_answer() -> rbd.Solution:
+    """Of two rows that contradict each other."""
+    rows = [rbd.Rows(x, J=np.ones((1, 2)), bias=np.array([y]), cone=rbd.problem.Free(1)) for x, y in (("a", 0.0), ("b", 1.0))]
+    return rbd.solve_problem(rbd.GaussProblem(M=np.eye(2), rhs=np.zeros(2), rows=rows), check=False)
+
+
 @pytest.fixture(scope="module")
 def solo() -> rbd.Robot:
     """Solo, 12 motors; do not change it."""
@@ -252,6 +258,31 @@ class TestKeep:
         with pytest.raises(rbd.InputError, match=message):
             Wanted(keep)
 
+    def test_names_within_a_mapping(self, held: rbd.Actuation, solution: rbd.Solution):
+        """`<key>_<name>`: of the record, or the mapping, under a key; certificates of that record always."""
+        result = {"a": solution, "b": held, "feet": {"left": 1.0, "right": 2.0}, "mass": 2.5}
+        assert list(kept(result, keep=("a_method",)).variables) == ["a_status", "a_worst_residual", "a_method"]
+        found = kept(result, keep=("mass", "feet_right", "b_worst_torque", "b_least"))
+        assert list(found.variables) == ["mass", "feet_right", "b_status", "b_worst_residual", "b_worst_torque", "b_least"]
+        more = set(kept(result, keep=("a", "a_method")).variables)
+        assert more == {*kept(result, keep=("a",)).variables, "a_method"}
+        contacts = {name for name in kept(result, keep=("a_normal_force",)).variables if "normal_force" in name}
+        assert len(contacts) == 4 and all(name.startswith("a_normal_force_") for name in contacts)
+        with pytest.raises(
+            rbd.InputError, match="keep names 'a_forcs', which the function did not return; nearest: 'a_forces'"
+        ):
+            kept(result, keep=("a_forcs",))
+        doubled = kept(result, keep=("feet_left", {"double": lambda found: 2 * found["mass"]}))
+        assert values(doubled) == {"feet_left": [1.0], "double": [5.0]}
+
+    def test_names_within_a_failed_record(self):
+        """Its certificate only, and the row is not ok, as of a record alone."""
+        failed = failed_answer()
+        block = kept({"a": failed}, keep=("a_forces", "a_residuals"))
+        assert not block.ok[0] and block.reason[0] == kept(failed).reason[0]
+        names = list(block.variables)
+        assert names[:2] == ["a_status", "a_worst_residual"] and all(name.startswith("a_residual_") for name in names[2:])
+
     def test_unknown_names(self, held: rbd.Actuation):
         """At the first result, with the nearest names."""
         with pytest.raises(rbd.InputError, match="sample 0: keep names 'forcs', which Actuation has not; nearest: 'forces'"):
@@ -288,10 +319,7 @@ class TestRecords:
 
     def test_a_failed_answer_is_a_row_that_is_not_ok(self):
         """As a row of solve_many: its certificate stays, its numbers do not."""
-        rows = [
-            rbd.Rows(x, J=np.ones((1, 2)), bias=np.array([y]), cone=rbd.problem.Free(1)) for x, y in (("a", 0.0), ("b", 1.0))
-        ]
-        failed = rbd.solve_problem(rbd.GaussProblem(M=np.eye(2), rhs=np.zeros(2), rows=rows), check=False)
+        failed = failed_answer()
         block = kept(failed)
         assert not block.ok[0] and block.reason[0] == Reason.CONTRADICTION.code and block.messages[0]
         assert list(block.variables) == ["status", "worst_residual"] and values(block)["status"] == [
@@ -454,6 +482,12 @@ class TestBatches:
             one = rows.variables[name]
             assert (found.dims, found.units, found.labels, found.long_name) == (one.dims, one.units, one.labels, one.long_name)
             np.testing.assert_allclose(found.values, one.values, rtol=1e-6, atol=1e-9, err_msg=name)
+
+    def test_names_within_a_mapping(self, solo: rbd.Robot, held: rbd.Actuation):
+        """Of rows under a key as of one record."""
+        many = rbd.solve_many(solo, solo.standing().q, None, held.tau, solo.feet(), friction=np.array([0.7, 0.9]))
+        block = batch({"a": many, "b": np.zeros(2)}, 2, ("a_a", "b"))
+        assert list(block.variables) == ["a_status", "a_worst_residual", "a_a", "b"]
 
     def test_names_are_those_of_the_dataset(self, solo: rbd.Robot, held: rbd.Actuation):
         """`to_xarray` of many answers and a study have one list of names."""
