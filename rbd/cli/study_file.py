@@ -17,6 +17,7 @@ from rbd.cli.study_plan import ANY_ROBOT, RESULTS, Given, StudyPlan, Words, stan
 from rbd.cli.sweeps import QUANTITIES, QUESTIONS, Drawn, Values, argument_of, as_kind, quantity_of, ranges_of, values_of
 from rbd.errors import InputError, nearest
 from rbd.studies import Samples, grid, kept_names, sample
+from rbd.studies.workers.calling import name_of, parameters_of
 
 TOP = ("question", "function", "robot", "keep", "seed", "batched")
 TABLES = {
@@ -174,8 +175,21 @@ class StudyFile:
         self._once(values, ranges)
         samples = self._samples(values, ranges, seed, {})
         function, module = self._imported(name)
+        self._taken(function, fixed)
         called = partial(function, **fixed) if fixed else function
         return StudyPlan(called, samples, Words(name), keep, seed, batched, plot, module)
+
+    def _taken(self, function: Callable[..., Any], fixed: Iterable[str]) -> None:
+        """Refuse arguments that are the same in all samples and that the function lacks."""
+        parameters = parameters_of(function)
+        if parameters is None or any(p.kind is p.VAR_KEYWORD for p in parameters):
+            return
+        known = [p.name for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+        places = {argument_of(key): key for key in self.table("fixed")}
+        for name in fixed:
+            if name not in known:
+                told = f"is no parameter of {name_of(function)}; {nearest(name, known) if known else 'it has none'}"
+                raise self.wrong(places.get(name, name), told, "fixed" if name in places else "")
 
     def _several(self, key: str, value: Any) -> Any:
         if isinstance(value, str | list):

@@ -158,7 +158,9 @@ def plot_of(plan: StudyPlan) -> dict[str, str]:
         x, y = (dim for dim in wide if dim != by)
         return {**plan.plot, "x": x, "y": y, "by": by}
     shown = {dim for name in chosen.values() for dim in dims_of[name]} if chosen else set(list(wide)[:2])
-    free = 1 if "x" in chosen and not {"y", "by"} & chosen.keys() else 0  # it becomes by
+    if "y" in chosen and "x" not in chosen:
+        raise InputError("[plot] has y and no x; name both, or x alone for curves.")
+    free = 0 if not chosen or "y" in chosen else 1 if "x" in chosen else 2  # they become x, y and by
     left = [dim for dim in wide if dim not in shown]
     if len(left) > free:
         raise InputError(
@@ -216,6 +218,11 @@ def _push_arguments(given: Given, fixed: Mapping[str, Any], swept: Mapping[str, 
     if direction is not None:
         along = _vector(direction, given.at("direction"))
     has_size = "push" in swept or (push is not None and vector is None)
+    if has_size and (both := [name for name in COMPONENTS if name in swept or name in parts]):
+        raise InputError(
+            f"{given.at('push')} is the size of the push and {given.at(both[0])} a component of it; give one of them: "
+            "components push.x, push.y and push.z, or a size with its direction, by push X,Y,Z or push.angle."
+        )
     if has_size and along is None and not {"push.angle"} & (swept.keys() | fixed.keys()):
         raise InputError(
             f"{given.at('push')} has a size and no direction; give it by push X,Y,Z (whose length does not matter), by "

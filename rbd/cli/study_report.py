@@ -102,7 +102,7 @@ class StudyReport:
     def verdict(self) -> str:
         """How many samples have a result."""
         n, done = self.ok.size, int(self.run.sum())
-        left = "" if done == n else f"; {n - done:,} of them were not run"
+        left = "" if done == n else f"; {n - done:,} of the {n:,} were not run"
         return self.plan.words.verdict(int(self.ok.sum()), n) + left + "."
 
     @lazy

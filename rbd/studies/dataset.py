@@ -10,7 +10,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors.reasons import Reason
 from rbd.modules import xarray_or_error
-from rbd.studies.kept.variable import Block
+from rbd.studies.kept.variable import Block, storable
 from rbd.studies.sampling.samples import Samples
 
 if TYPE_CHECKING:
@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 
 OK, REASON, MESSAGE = "ok", "reason", "message"
 """Variables that every study has."""
+OUTCOME = ("summary", "interrupted")
+"""Attributes on how many samples have a result, and how many were not computed."""
 OWN: Mapping[str, dict[str, Any]] = {
     OK: {"long_name": "whether there is a result"},
     REASON: {
@@ -57,7 +59,18 @@ def coordinates(samples: Samples) -> dict[str, tuple[tuple[str, ...], Array, dic
     found = {}
     for name, (dims, values, attrs) in samples.coords().items():
         x = np.asarray(values)
-        found[name] = (tuple(dims), x.astype(object) if x.dtype.kind in "UT" else x, dict(attrs))
+        if x.dtype.kind in "mM" and np.datetime_data(x.dtype)[0] in ("Y", "M", "W", "D", "h", "m"):
+            x = x.astype(f"{x.dtype.kind}8[s]")  # as xarray does in memory, and zarr does not
+        found[name] = (tuple(dims), _text(x) if x.dtype.kind in "OUT" else x, dict(attrs))
+    return found
+
+
+def _text(values: Array) -> Array:
+    """Text as objects, as zarr and netCDF can store it."""
+    found = values.astype(object)
+    for i, x in enumerate(found.flat):
+        if isinstance(x, str):
+            found.flat[i] = storable(x)
     return found
 
 
@@ -115,7 +128,7 @@ def with_outcome(dataset: xarray.Dataset) -> xarray.Dataset:
     parts = [f"{good:,} ok", *(f"{count:,} {texts.get(code, code)}" for code, count in failed)]
     parts += [f"{not_run:,} not run"] if not_run else []
     dataset.attrs.pop("interrupted", None)
-    dataset.attrs["summary"] = f"{n:,} samples: {'; '.join(parts)}"
+    dataset.attrs["summary"] = f"{n:,} sample{'s' if n > 1 else ''}: {'; '.join(parts)}"
     if not_run:
         dataset.attrs["interrupted"] = f"{n - not_run:,} of {n:,} samples are done"
     return dataset

@@ -7,10 +7,12 @@ import sys
 import warnings
 from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rbd.arrays import check_flag
 from rbd.errors import InputError, RbdError, StudyStopped, StudyWarning
 from rbd.errors.warned import stacklevel_of_user
 from rbd.studies.kept.wanted import Keep
@@ -22,6 +24,7 @@ from rbd.studies.stores.store import Store
 from rbd.studies.workers.calling import bound
 from rbd.studies.workers.evaluation import Evaluation
 from rbd.studies.workers.filling import check_all, fill
+from rbd.studies.workers.interruption import Interruption
 
 if TYPE_CHECKING:
     import xarray
@@ -55,8 +58,9 @@ def study(
             function}, or both; None: what its type says, with its certificate.
         executor: None: spawned processes, one a core; n: that many; 0: this process; or an executor of `concurrent.futures`,
             e.g. `dask.distributed`'s `client.get_executor()`, which is left open.
-        out: A path that ends in .zarr, or in .nc for a small study: what is finished is written there within a second or so.
-            The same call goes on with what is missing. None: in memory only.
+        out: A path that ends in .zarr, or in .nc for a small study: what is finished is written there within a second, or 5 s
+            where a writing takes more than 0.05 s; a process that is killed loses what it has not written yet, and the chunks
+            under way. The same call goes on with what is missing. None: in memory only.
         seed: Root of the seeds of all samples.
         chunk: Samples that a worker gets at a time; None: about a second's.
         batched: Whether the function takes arrays over samples, as `rbd.solve_many` does.
@@ -70,7 +74,8 @@ def study(
     Raises:
         InputError: before work starts: samples, names, executors, functions that cannot be sent, a store of another study; at
             the first result: what cannot be kept; later: a result of another shape. What was finished stays stored.
-        StudyStopped: a full disk, or a chunk that ends each process that computes it; with what was finished.
+        StudyStopped: a full disk, a chunk that ends each process that computes it, or a warning where the filters make errors
+            of warnings; with what was finished.
 
     Example:
         >>> box = rbd.testing.box()
@@ -84,30 +89,46 @@ def study(
         >>> print(held.ok.sel(friction=0.8).values)
         [ True  True False]
     """
+    check_flag("batched", batched)
+    check_flag("progress", progress)
     path, found = checked_path(out), samples_of(samples)
     evaluation = Evaluation(bound(function, found), keep, _seed(seed), bool(batched))
     check_all(evaluation, executor, chunk)
     store = store_of(path, found, attributes_of(function, found, keep=keep, seed=evaluation.seed, batched=evaluation.batched))
-    try:
-        _tell(store, progress)
-        if not store.done.all():
-            return _filled(store, evaluation, found, executor=executor, chunk=chunk, progress=progress)
-        return store.dataset()
-    finally:
-        store.close()
+    with Interruption() as interruption:
+        try:
+            _tell(store, progress)
+            if store.done.all():
+                return store.dataset()
+            return _filled(store, evaluation, found, interruption, executor=executor, chunk=chunk, progress=progress)
+        finally:
+            with interruption.counted():
+                store.close()
 
 
-def _filled(store: Store, evaluation: Evaluation, samples: Samples, **how: Any) -> xarray.Dataset:
-    """The dataset of a store after what is missing was computed."""
+def _filled(store: Store, evaluation: Evaluation, samples: Samples, interruption: Interruption, **how: Any) -> xarray.Dataset:
+    """The dataset of a store after what is missing was computed. Ctrl-C while it is made does not lose it."""
     try:
-        filled = fill(store, evaluation, samples, **how)
-        filled.warn()
-        if not filled.stopped:
-            return store.dataset()
+        filled = fill(store, evaluation, samples, interruption=interruption, **how)
+        stopped, cause = filled.stopped, filled.cause
+        with interruption.counted():
+            found = None if stopped else store.dataset()
+            if found is not None and interruption.asked and not filled.interrupted:
+                filled = replace(filled, interrupted=f"Ctrl-C after all {filled.total:,} samples")
+            try:
+                filled.warn()
+            except Warning as error:  # by the filters of warnings
+                made = f"a warning is an error here, by Python's filters: {error}. This error's `dataset` has the results."
+                stopped, cause = stopped or made, cause or error
+            if found is not None and not stopped:
+                return found
     except StudyStopped as error:
-        error.dataset = _of_stopped(store)
+        with interruption.counted():
+            error.dataset = _of_stopped(store)
         raise
-    raise StudyStopped(filled.stopped, dataset=_of_stopped(store)) from filled.cause
+    with interruption.counted():
+        kept = _of_stopped(store)
+    raise StudyStopped(stopped, dataset=kept) from cause
 
 
 def _of_stopped(store: Store) -> xarray.Dataset | None:

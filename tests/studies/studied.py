@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import signal
+import sys
 import time
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -35,10 +37,44 @@ def batch_drawn(x: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     return np.asarray(x + rng.standard_normal(len(x)))
 
 
-def half_of_batches(x: np.ndarray) -> np.ndarray:
-    """Fails for the second batch."""
-    if x[0] == 512:
+def with_one_bad_sample(x: np.ndarray) -> dict[str, np.ndarray]:
+    """Changes what it is given, and fails where 700 is among it."""
+    x += 0.5
+    if (x == 700.5).any():
+        raise ValueError("no number of mine")
+    return {"above": x, "size": np.full(len(x), len(x))}
+
+
+def only_whole_batches(x: np.ndarray) -> np.ndarray:
+    """Fails for the second batch, and cannot take one sample."""
+    if x[0] == 512 and len(x) > 1:
         raise ValueError("no batch of mine")
+    if len(x) == 1:
+        raise IndexError("x has no second entry")
+    return x
+
+
+def without_short_axes(x: np.ndarray) -> np.ndarray:
+    """Fails for the second batch, and returns one sample without its axis."""
+    if x[0] == 512 and len(x) > 1:
+        raise ValueError("no batch of mine")
+    return np.squeeze(x)
+
+
+def inverse(x: float) -> float:
+    """1 / x."""
+    return float(1.0 / np.float64(x))
+
+
+def applied(law: Callable[[float], float], x: float) -> float:
+    """A law at x."""
+    return law(x)
+
+
+def ends_at_three(x: float) -> float:
+    """Ends the process, as functions do that were scripts."""
+    if x == 3:
+        sys.exit("no case of mine")
     return x
 
 

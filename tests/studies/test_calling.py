@@ -101,6 +101,7 @@ def test_what_can_be_called_is_taken(function: Callable[..., Any], names: list[s
         (anything, ["reason"], "'reason'"),
         (later, ["friction"], "async"),
         (each, ["friction"], "generator"),
+        (partial(push, robot="solo12"), ["friction"], "push cannot be called with .*partial gives it: robot='solo12'"),
         ("push", ["friction"], "function is 'push'; expected a function"),
         (None, ["friction"], "function is None"),
     ],

@@ -234,7 +234,11 @@ def test_a_picture_that_would_not_show_the_study_is_refused_before_it_is_compute
     assert code == 0 and "of 18 cases" in out and (folder / "three.png").is_file()
     code, out, complaint = run("stand", "solo12", *three, "--sweep", "push.x=0,1", "--png", "four.png")
     assert code == 2 and not out and "at most three" in complaint
-    for plot, words in (('x = "fricton"', "'friction'"), ('x = "friction"\nby = "push.z"', "'push_y'")):
+    for plot, words in (
+        ('x = "fricton"', "'friction'"),
+        ('x = "friction"\nby = "push.z"', "'push_y'"),
+        ('y = "friction"', "y and no x"),
+    ):
         (folder / "solo.toml").write_text(SOLO + f"[plot]\n{plot}\n")
         code, out, complaint = run("study", "solo.toml", "--workers", "0", "--png", "map.png")
         assert code == 2 and not out and words in complaint, complaint
@@ -317,6 +321,8 @@ def test_functions_that_are_wrong_are_refused(folder):
         (":slide", ":slied", ["'slide'"]),
         ("friction =", "frction =", ["'frction'", "'friction'"]),
         ("push_x =", "wiat =", ["'wiat'", "'wait'"]),
+        ("[samples]", 'robot = "solo12"\n[samples]', ["robot (line 2 of slide.toml) is no parameter of slide", "'friction'"]),
+        ("[samples]", "[fixed]\nwiat = 1.0\n[samples]", ["[fixed] wiat (line 3", "nearest", "'wait'"]),
     ):
         file.write_text(right.replace(old, new))
         code, out, complaint = run("study", "slide.toml", "--workers", "0")
@@ -344,6 +350,10 @@ def test_functions_that_are_wrong_are_refused(folder):
         (["--sweep", "at=base_link,base_lnk", "--push", "0,1,0"], ["--sweep at", "'base_link'"]),
         (["--sweep", "push=0:1:2"], ["--sweep push", "direction"]),
         (["--sweep", "push=0:1:2", "--push", "0,0,0"], ["zero"]),
+        (
+            ["--sweep", "push=0:1:2", "--sweep", "push.x=1,2"],
+            ["--sweep push is the size", "--sweep push.x a component", "one of"],
+        ),
         (["--sweep", "push.angle=0:90:2"], ["--sweep push.angle", "no size"]),
         (["--sweep", "push.y=0:1:2", "--push", "0,1"], ["--push", "three numbers"]),
         (["--sweep", "friction=0.1:1:3", "--html", "a.html"], ["--html", "one case"]),

@@ -30,9 +30,11 @@ from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.store import MemoryStore
 from rbd.studies.workers.chunks import Chunks
 from rbd.studies.workers.evaluation import BATCH, Evaluation
-from rbd.studies.workers.filling import Filled, check_all, fill
+from rbd.studies.workers.executors import Lost
+from rbd.studies.workers.filling import Filled, _of_lost, check_all, fill
 from rbd.studies.workers.own_processes import Workers
 from rbd.studies.workers.progress_bar import Progress, counted
+from rbd.studies.workers.sending import sent_columns
 
 GRID = {"x": np.arange(12.0), "y": np.linspace(0.0, 1.0, 9)}
 
@@ -79,7 +81,7 @@ def test_seeds_are_those_that_numpy_spawns():
     assert found.variables["value"].values.tolist() == (np.arange(6.0) + expected).tolist()
 
 
-@pytest.mark.parametrize("function", [studied.sizes, studied.batch_drawn, studied.half_of_batches])
+@pytest.mark.parametrize("function", [studied.sizes, studied.batch_drawn, studied.with_one_bad_sample])
 def test_batches_are_the_same_whatever_the_chunk(function, workers):
     """512 samples from multiples of 512, the last ones fewer."""
     samples, evaluation = grid(x=np.arange(1300.0)), Evaluation(function, batched=True)
@@ -90,9 +92,51 @@ def test_batches_are_the_same_whatever_the_chunk(function, workers):
     kept = first.found.block()
     if function is studied.sizes:
         assert np.array_equal(kept.variables["size"].values, np.repeat([BATCH, BATCH, 1300 - 2 * BATCH], [BATCH, BATCH, 276]))
-    if function is studied.half_of_batches:
-        assert np.array_equal(kept.ok, (samples.columns(0, 1300)["x"] // BATCH) != 1)
-        assert kept.messages[600] == "ValueError: no batch of mine"
+    if function is studied.with_one_bad_sample:  # only the second batch is computed one by one, from what was given
+        assert np.array_equal(np.flatnonzero(~kept.ok), [700]) and kept.messages == {700: "ValueError: no number of mine"}
+        assert np.array_equal(kept.variables["above"].values[kept.ok], np.arange(1300)[kept.ok] + 0.5)
+        sizes = kept.variables["size"].values[[0, 511, 512, 1023, 1024]].tolist()
+        assert sizes == [BATCH, BATCH, 1, 1, 276]
+
+
+@pytest.mark.parametrize(
+    ("function", "told"),
+    [
+        (studied.only_whole_batches, "IndexError: x has no second entry"),
+        (studied.without_short_axes, "sample 600: 'value' has shape () for 1 sample"),
+    ],
+)
+def test_a_batch_that_raises_and_whose_samples_cannot_be_computed_alone_is_told_with_its_samples(function, told):
+    """What the batch raised stands behind what the samples do; the study goes on."""
+    samples, evaluation = grid(x=np.arange(1300.0)), Evaluation(function, batched=True)
+    kept = filled(evaluation, samples, 0)[0].found.block()
+    assert np.array_equal(kept.ok, np.arange(1300) // BATCH != 1)
+    assert kept.messages[600].startswith(told)
+    assert kept.messages[600].endswith("(samples 512 to 1023 in one call: ValueError: no batch of mine)")
+
+
+def test_a_function_of_keep_that_raises_for_one_sample_of_a_batch_loses_no_others():
+    """The same as of the function itself; its warnings are counted once a sample."""
+
+    def square(x: np.ndarray) -> np.ndarray:
+        if (x == 3).any():
+            warnings.warn("three", UserWarning, stacklevel=2)
+        return x * x
+
+    def root(y: np.ndarray) -> np.ndarray:
+        if (y == 9).any():
+            raise rbd.InputError("y is 9.")
+        return np.sqrt(y)
+
+    store, told = filled(Evaluation(square, keep={"root": root}, batched=True), grid(x=np.arange(20.0)), 0)
+    assert store.found.block().messages == {3: "y is 9."} and list(told.told.first.values()) == [0]
+
+
+def test_an_exit_in_a_sample_is_a_row(workers):
+    """Of `sys.exit`, in this process and others, as any other exception."""
+    for executor in (0, workers):
+        store, told = filled(Evaluation(studied.ends_at_three), grid(x=np.arange(6.0)), executor)
+        assert store.done.all() and store.found.block().messages == {3: "SystemExit: no case of mine"} and not told.stopped
 
 
 def test_an_unfinished_store_is_filled_batch_by_batch():
@@ -129,9 +173,19 @@ def test_a_sample_that_kills_its_processes_is_named(workers):
     """After two processes the others go on without it; where nothing else is left, the study ends."""
     store, told = filled(Evaluation(studied.killed_at_seven), grid(x=np.arange(30.0)), workers)
     assert "each process that computed sample 7 was ended by signal 9" in told.stopped and "29 of 30" in told.stopped
+    assert "chunk=1" not in told.stopped  # it is one sample already
     assert np.array_equal(np.flatnonzero(~store.done), [7])
     again = fill(store, Evaluation(studied.killed_at_seven), grid(x=np.arange(30.0)), executor=workers, chunk=4, progress=False)
     assert again.done == 29 and "sample 7 " in again.stopped
+
+
+def test_smaller_chunks_are_advised_where_they_say_more():
+    """Not of one sample, nor of the batch that is the least."""
+    lost = [Lost(4, 8, "ended"), Lost(512, 1024, "ended")]
+    assert "computed samples 4 to 7 or samples 512 to 1023 ended." in _of_lost(lost, "", 1) and "chunk=1 says" in _of_lost(
+        lost, "", 1
+    )
+    assert "samples 512 to 1023" in _of_lost(lost[1:], "", BATCH) and "chunk=1" not in _of_lost(lost[1:], "", BATCH)
 
 
 def test_another_executor_that_breaks_ends_the_study():
@@ -148,8 +202,41 @@ def test_another_executor_that_breaks_ends_the_study():
 @pytest.mark.parametrize("given", [-1, True, 2.5, "two", 10**9, multiprocessing])
 def test_what_is_no_executor_is_refused(given):
     """Before work, with what was expected."""
-    with pytest.raises(rbd.InputError, match="executor is .*; expected"):
+    told = "executor is 1000000000; expected at most 1,024 processes" if given == 10**9 else "executor is .*; expected None"
+    with pytest.raises(rbd.InputError, match=told):
         check_all(Evaluation(studied.sums), given, None)
+
+
+@pytest.mark.parametrize("name", ["batched", "progress"])
+def test_flags_are_true_or_false(name):
+    """No words."""
+    with pytest.raises(rbd.InputError, match=f"{name} is 'no'; expected True or False"):
+        rbd.study(studied.warned, grid(x=[1.0]), executor=0, **{name: "no"})
+
+
+def test_warnings_that_are_errors_lose_no_study():
+    """The filters of Python make an error of the warning at the end: it has the dataset."""
+    with (
+        warnings.catch_warnings(),
+        pytest.raises(rbd.errors.StudyStopped, match="a warning is an error here.*x is 3") as caught,
+    ):
+        warnings.simplefilter("error")
+        rbd.study(studied.warned, grid(x=[1.0, 3.0]), executor=0)
+    assert caught.value.dataset.value.values.tolist() == [1.0, 3.0] and isinstance(caught.value.__cause__, RuntimeWarning)
+
+
+def test_what_numpy_does_about_a_division_by_zero_does_not_depend_on_the_process(workers):
+    """Neither what the caller has set counts, nor what a process has."""
+    with np.errstate(all="raise"):
+        for executor in (0, workers):
+            store, told = filled(Evaluation(studied.inverse), grid(x=[0.0, 2.0]), executor)
+            assert store.found.block().variables["value"].values.tolist() == [np.inf, 0.5]
+            assert [name for _, name in told.told.counts] == ["RuntimeWarning"]
+
+
+def test_one_sample_is_no_samples():
+    """In the summary."""
+    assert rbd.study(studied.warned, grid(x=[1.0]), executor=0).attrs["summary"] == "1 sample: 1 ok"
 
 
 def test_executors_that_are_shut_down_are_refused():
@@ -188,6 +275,14 @@ def test_what_cannot_be_sent_is_named(tmp_path):
         file.write("x")
         return x
 
+    read, told = (tmp_path / "log").open(), io.TextIOWrapper(io.BytesIO(b"1"))
+
+    def reads(x: float) -> float:
+        return read.fileno() + x
+
+    def says(x: float) -> float:
+        return float(told.read()) + x
+
     class Box:
         def __init__(self) -> None:
             self.parts = {"next": drawing}
@@ -197,17 +292,38 @@ def test_what_cannot_be_sent_is_named(tmp_path):
 
     cases = [
         (writes, r"its variable file is an open file \(TextIOWrapper\)"),
+        (reads, r"its variable read is an open file \(TextIOWrapper\), .*cannot pickle the open file '.*log'"),
+        (says, r"its variable told is an open file \(TextIOWrapper\)"),
         (partial(studied.killed_once, mark=LOCK), r"the argument mark is a lock \(lock\)"),
         (Box().value, "the item 'next' of the attribute parts of its object is a generator"),
     ]
-    for function, told in cases:
-        with pytest.raises(rbd.InputError, match=told) as caught:
+    for function, words in cases:
+        with pytest.raises(rbd.InputError, match=words) as caught:
             check_all(Evaluation(function), 2, None)
         assert "cannot be sent to other processes" in str(caught.value) and "executor=0" in str(caught.value)
         check_all(Evaluation(function), 0, None)
     with pytest.raises(rbd.InputError, match="keep|file"):
         check_all(Evaluation(studied.sums, keep={"wrote": writes}), 2, None)
     file.close()
+    read.close()
+
+
+def test_samples_go_as_functions_do(workers):
+    """Functions without a name, and objects of local classes; what cannot is named."""
+
+    class Scaled:
+        def __init__(self, by: float) -> None:
+            self.by = by
+
+        def __call__(self, x: float) -> float:
+            return self.by * x
+
+    samples = grid(law={"double": lambda x: 2.0 * x, "half": Scaled(0.5)}, x=[1.0, 2.0])
+    found = rbd.study(studied.applied, samples, executor=workers)
+    assert found.value.values.tolist() == [[2.0, 4.0], [0.5, 1.0]] and found.ok.values.all()
+    with pytest.raises(rbd.InputError, match=r"samples cannot be sent .*item 1 of the item 'law' is a lock \(lock\)"):
+        sent_columns({"law": ["b", LOCK]})
+    assert sent_columns(texts := {"law": ["b", "c"], "x": np.ones(2)}) is texts
 
 
 def test_without_cloudpickle_functions_of_modules_go_by_name(monkeypatch):

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import xarray as xr
 
 import rbd
 from rbd.errors import Reason
@@ -20,7 +21,7 @@ from rbd.studies.kept.layout import Layout
 from rbd.studies.kept.limits_of_standing import inscribed_radius
 from rbd.studies.kept.plain import NotKept
 from rbd.studies.kept.registry import kind_of, known_types
-from rbd.studies.kept.rows import KeptRows
+from rbd.studies.kept.rows import KeptRows, text_of
 from rbd.studies.kept.variable import Block, Variable
 from rbd.studies.kept.wanted import Keep, Wanted
 
@@ -146,6 +147,28 @@ class TestPlainValues:
             kept(result, arguments=["friction"])
 
 
+def test_long_messages_end_in_dots():
+    """At a thousand characters."""
+    rows = KeptRows(1, None)
+    rows.refuse(0, ValueError("x" * 2000))
+    found = rows.block().messages[0]
+    assert len(found) == 1000 and found.endswith("xx...")
+
+
+class TestMasked:
+    """Masked arrays of NumPy."""
+
+    def test_what_is_masked_is_nan(self):
+        """Numbers; other masked entries are refused, and masks without any are nothing."""
+        block = kept(np.ma.array([1, 2], mask=[0, 1]), np.ma.array([3.0, 4.0]))
+        assert np.array_equal(block.variables["value"].values, [[1, np.nan], [3, 4]], equal_nan=True)
+        inside = kept([1.0, np.ma.masked], [2.0, 3.0]).variables["value"].values
+        assert np.array_equal(inside, [[1, np.nan], [2, 3]], equal_nan=True)
+        assert np.isnan(kept({"x": np.ma.masked}).variables["x"].values).all()
+        with pytest.raises(rbd.InputError, match="'value' is a masked array of bool; only those of numbers"):
+            kept(np.ma.array([True, False], mask=[0, 1]))
+
+
 class TestAgreement:
     """Samples have the same shapes, kinds and labels under one name."""
 
@@ -157,8 +180,14 @@ class TestAgreement:
                 np.zeros(3),
                 r"'value' has shape \(3,\) in sample 8, and \(2,\) in sample 7. Return arrays of one shape",
             ),
-            ({"x": 1.0}, {"x": True}, "'x' is of truth values in sample 8, and of numbers in sample 7"),
-            ({"x": "a"}, {"x": 1.0}, "'x' is of numbers in sample 8, and of text in sample 7"),
+            ({"x": 1.0}, {"x": True}, "'x' holds truth values in sample 8, and numbers in sample 7"),
+            ({"x": "a"}, {"x": 1.0}, "'x' holds numbers in sample 8, and text in sample 7"),
+            (
+                xr.DataArray([1.0], dims="leg", attrs={"units": "m"}),
+                xr.DataArray([1.0], dims="leg", attrs={"units": "mm"}),
+                "'value' has the unit 'mm' in sample 8, and 'm' in sample 7. Return it in one unit always",
+            ),
+            (1.0, np.zeros(0), r"sample 8: 'value' has shape \(0,\), without entries; leave it out, or return None"),
         ],
     )
     def test_of_two_samples(self, first: Any, second: Any, message: str):
@@ -561,7 +590,25 @@ def test_errors_are_rows():
     block = rows.block()
     assert block.reason.tolist() == [Reason.BAD_INPUT.code, Reason.OTHER_ERROR.code, Reason.NOT_RUN.code]
     assert block.messages[10] == "friction is -1." and block.messages[11].startswith("ValueError: xxx")
-    assert len(block.messages[11]) == 1000 and not block.ok.any()
+    assert len(block.messages[11]) == 1000 and block.messages[11].endswith("x...") and not block.ok.any()
+
+
+def test_texts_of_errors():
+    """Notes are told; without a text it is the class; a text that cannot be made loses nothing."""
+
+    class Mute(ValueError):
+        def __str__(self) -> str:
+            raise RuntimeError
+
+    noted = ValueError("friction is -1")
+    noted.add_note("in sample 3")
+    told = [text_of(error) for error in (noted, SystemExit(), Mute(), rbd.InputError("It is wrong."))]
+    assert told == [
+        "ValueError: friction is -1 in sample 3",
+        "SystemExit",
+        "Mute: its text cannot be made (RuntimeError)",
+        "It is wrong.",
+    ]
 
 
 def test_the_largest_circle_in_a_polygon():

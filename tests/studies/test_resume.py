@@ -107,7 +107,7 @@ def test_a_study_goes_on_after_its_process_was_killed(tmp_path: Path):
 @pytest.mark.parametrize("damage", ["missing", "cut", "changed", "empty"])
 def test_damaged_chunks_are_computed_again(damage: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Only those; the others stay. Opened alone, the store says that it is damaged."""
-    monkeypatch.setattr("rbd.studies.stores.zarr_store._piece_size", lambda block, n: 6)
+    monkeypatch.setattr("rbd.studies.stores.zarr_store.piece_size", lambda block, n: 6)
     path = tmp_path / "sums.zarr"
     whole = rbd.study(Stops(), rbd.grid(**GRID), executor=0, out=path)
     file = path / "sum" / "c" / "2" / "0"
@@ -126,7 +126,7 @@ def test_damaged_chunks_are_computed_again(damage: str, tmp_path: Path, monkeypa
 
 def test_a_damaged_record_of_what_is_done_costs_its_chunk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """`reason` says what is computed; where it cannot be read, nothing is."""
-    monkeypatch.setattr("rbd.studies.stores.zarr_store._piece_size", lambda block, n: 6)
+    monkeypatch.setattr("rbd.studies.stores.zarr_store.piece_size", lambda block, n: 6)
     path = tmp_path / "sums.zarr"
     whole = rbd.study(Stops(), rbd.grid(**GRID), executor=0, out=path)
     (path / "reason" / "c" / "1" / "0").write_bytes(b"nonsense")

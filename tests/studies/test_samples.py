@@ -478,7 +478,10 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: table({"a": [1, 2], "b": [1, 2, 3], "c": [4, 5]}), "2 values of a, c; 3 values of b"),
     (lambda: table({}), "no columns"),
     (lambda: table([]), "samples are empty"),
-    (lambda: table([{"a": 1}, {"b": 1}]), "sample 1 has no a and b besides; sample 0 has a"),
+    (
+        lambda: table([{"a": 1}, {"b": 1}]),
+        "sample 1 has no a, and b, which sample 0 does not have; expected the arguments a, as in sample 0",
+    ),
     (lambda: table([(0.5, 1.0)]), r"sample 0 is \(0\.5, 1\.0\); expected a mapping of arguments.*'friction': 0\.5"),
     (lambda: table([0.5, 0.6]), "sample 0 is 0.5"),
     (lambda: table(np.zeros((3, 2))), r"array of shape \(3, 2\) without names"),
@@ -486,6 +489,7 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: table(100), r"rbd\.sample\(100, friction"),
     (lambda: table({"a": {"x": 1}}), "is a mapping"),
     (lambda: table(xarray.DataArray([1.0, 2.0])), "without coordinates"),
+    (lambda: rbd.grid(k=[0.0, -0.0]), "k has 0.0 more than once"),
     (lambda: table(xarray.Dataset({"a": ("x", [1]), "b": ("y", [1])})), "several dimensions"),
     (lambda: table(xarray.Dataset({"a": (("x", "y"), [[1]])}, {"x": [1], "y": [1]})), r"dataset\.coords"),
 ]

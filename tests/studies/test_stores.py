@@ -7,6 +7,7 @@ import itertools
 import json
 import math
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -20,12 +21,14 @@ import pytest
 import xarray as xr
 
 import rbd
-from rbd.errors import InputError, Reason, StudyStopped
+from rbd.errors import InputError, Reason, StudyStopped, StudyWarning
 from rbd.studies import open_study
 from rbd.studies.kept.variable import Block, Variable
+from rbd.studies.provenance.provenance import SAME
 from rbd.studies.stores import pacing, zarr_files, zarr_reading
 from rbd.studies.stores.opened import store_of
 from rbd.studies.stores.pieces import Pieces
+from rbd.studies.stores.store import MemoryStore
 
 FORMATS = ["push.zarr", "push.nc"]
 OTHER = ("command", "started", "finished")
@@ -41,6 +44,7 @@ def mixed(a: float, b: float) -> dict[str, Any]:
     return found | ({"late": 1.0} if a > 1 else {})
 
 
+ATTRIBUTES = {"format": "rbd study 1", **dict.fromkeys((*SAME, "versions", "machine", "command", "started"), "")}
 GRID = {"a": np.arange(4.0), "b": [0.0, 1.0, 2.0]}
 
 
@@ -136,7 +140,7 @@ def block(start: int, stop: int, **more: Any) -> Block:
 
 def test_blocks_of_any_size_in_any_order(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Chunks of the store are rows of the grid; blocks end anywhere, and each is written at once."""
-    monkeypatch.setattr("rbd.studies.stores.zarr_store._piece_size", lambda block, n: 7)
+    monkeypatch.setattr("rbd.studies.stores.zarr_store.piece_size", lambda block, n: 7)
     monkeypatch.setattr(pacing.Pacing, "changed", lambda self, now=False: (setattr(self, "_changed", True), self.write()))
     rng = np.random.default_rng(0)
     for trial in range(2):
@@ -222,6 +226,7 @@ def test_a_study_without_any_result_leaves_no_store(tmp_path: Path):
     ("out", "message"),
     [
         ("push.txt", r"expected a path that ends in \.zarr"),
+        ("s3://bucket/push.zarr", r"out is 's3://bucket/push\.zarr', a URL; expected a path in a file system"),
         ("", "expected the path of a store"),
         (3, "expected the path of a store"),
         ("nowhere/push.zarr", "there is no folder"),
@@ -307,6 +312,185 @@ def test_the_last_blocks_are_written_though_nothing_follows(tmp_path: Path, monk
         assert time.monotonic() < till
         time.sleep(0.05)
     store.close()
+
+
+@pytest.mark.parametrize("name", [None, *FORMATS])
+def test_text_that_cannot_be_stored_is_escaped(name: str | None, tmp_path: Path):
+    """NUL, and what UTF-8 has not: in text, messages, labels, units and arguments; the same in memory, zarr and netCDF."""
+
+    def f(word: str) -> dict[str, Any]:
+        if word == "c":
+            raise OSError("no file bad\udc80")
+        part = xr.DataArray([1.0, 2.0], dims="part", coords={"part": ["p\udc80", "q"]}, attrs={"units": "\udc80"})
+        return {"text": f"{word}\0", "several": ["x", "y\udc81"], "part_length": part}
+
+    out = None if name is None else tmp_path / name
+    found = rbd.study(f, rbd.grid(word=["a\udc80", "b", "c"]), executor=0, out=out)
+    assert found.word.values.tolist() == ["a\\udc80", "b", "c"]
+    assert found.text.values.tolist() == ["a\\udc80\\x00", "b\\x00", ""] and found.several.values[1].tolist() == [
+        "x",
+        "y\\udc81",
+    ]
+    assert found.message.values.tolist() == ["", "", "OSError: no file bad\\udc80"]
+    if out is not None:
+        xr.testing.assert_identical(found, open_study(out))
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_dataset_that_xarray_wrote_is_no_store(name: str, tmp_path: Path):
+    """It is refused as out= and by open_study, with what reads it, and stays as it is."""
+    whole, path = rbd.study(mixed, rbd.grid(**GRID), executor=0), tmp_path / name
+    if name.endswith(".nc"):
+        whole.to_netcdf(path, engine="scipy")
+    else:
+        whole.to_zarr(path, consolidated=False)
+    reader, options = ("open_dataset", {}) if name.endswith(".nc") else ("open_zarr", {"consolidated": False})
+    for use in (lambda: rbd.study(mixed, rbd.grid(**GRID), executor=0, out=path), lambda: open_study(path)):
+        with pytest.raises(InputError, match=rf"written by xarray .*no store that rbd\.study wrote.*xarray\.{reader}\("):
+            use()
+    assert getattr(xr, reader)(path, **options).total.identical(whole.total)
+
+
+def test_the_unit_of_a_store_is_that_of_all_samples(tmp_path: Path):
+    """Also when it goes on in a later call."""
+    samples = rbd.grid(**GRID)
+    for name in FORMATS:
+        for start, unit in ((0, "m"), (3, "mm")):
+            store = store_of(tmp_path / name, samples, ATTRIBUTES)
+            one = block(start, start + 3)
+            one.variables["value"] = Variable(one.variables["value"].values, (), unit)  # type: ignore[index]
+            if start:
+                with pytest.raises(InputError, match="'value' has the unit 'mm' in samples 3 to 5, and 'm' in the store"):
+                    store.put(one)
+            else:
+                store.put(one)
+            store.close()
+        assert open_study(tmp_path / name).value.attrs["units"] == "m"
+
+
+def test_the_outcome_stands_in_the_store_itself(tmp_path: Path):
+    """As attributes that xarray alone reads; those of an earlier call are gone once more is done."""
+    path = tmp_path / "push.zarr"
+    store = store_of(path, rbd.grid(**GRID), ATTRIBUTES)
+    store.put(block(0, 3))
+    xr.testing.assert_identical(store.dataset(), open_study(path))
+    store.close()
+    assert xr.open_zarr(path).attrs["summary"] == "12 samples: 3 ok; 9 not run"
+    assert xr.open_zarr(path).attrs["interrupted"] == "3 of 12 samples are done"
+    store = store_of(path, rbd.grid(**GRID), ATTRIBUTES)
+    store.put(block(3, 12))
+    assert "summary" not in xr.open_zarr(path).attrs
+    store.dataset()
+    store.close()
+    alone = xr.open_zarr(path)
+    assert alone.attrs["summary"] == "12 samples: 12 ok" and "interrupted" not in alone.attrs
+
+
+@pytest.mark.parametrize("name", [None, *FORMATS])
+def test_records_without_entries_are_left_out_whatever_the_chunks(name: str | None, tmp_path: Path):
+    """Their shape is compared before: an array is either always empty or never."""
+    store = store_of(name and tmp_path / name, rbd.grid(**GRID), {"format": "rbd study 1", "versions": ""})  # type: ignore[arg-type]
+    store.put(block(0, 3, tau=np.zeros((3, 0))))
+    assert "tau" not in store.dataset()
+    with pytest.raises(InputError, match=r"'tau' has shape \(2,\) in samples 3 to 5, and \(0,\) in samples 0 to 2"):
+        store.put(block(3, 6, tau=np.zeros((3, 2))))
+    store.close()
+
+
+def test_how_often_a_store_is_written(monkeypatch: pytest.MonkeyPatch):
+    """Each second, up to 5 s where writing takes more than 0.05 s; the first writing, of new arrays, does not count."""
+    now, each = [100.0], [3.0]
+    monkeypatch.setattr(pacing.time, "monotonic", lambda: now[0])
+    paced = pacing.Pacing(lambda: now.__setitem__(0, now[0] + each[0]), lambda error: StudyStopped(str(error)))
+    pauses = []
+    for each[0] in (3.0, 0.01, 0.1, 1.0):
+        paced.changed(now=True)
+        pauses.append(paced._pause)
+    assert pauses == pytest.approx([1, 1, 2, 5])
+
+
+def test_ctrl_c_while_the_dataset_is_made_loses_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """It is returned, whole, with a StudyWarning; a second one ends at once."""
+    whole, presses = rbd.study(mixed, rbd.grid(**GRID), executor=0), [1]
+    made = MemoryStore.dataset
+
+    def pressed(self: MemoryStore) -> xr.Dataset:
+        for _ in range(presses[0]):
+            signal.raise_signal(signal.SIGINT)
+        return made(self)
+
+    monkeypatch.setattr(MemoryStore, "dataset", pressed)
+    with pytest.warns(StudyWarning, match="Ctrl-C after all 12 samples; none is missing"):
+        assert_same(rbd.study(mixed, rbd.grid(**GRID), executor=0), whole)
+    presses[0] = 2
+    with pytest.raises(KeyboardInterrupt):
+        rbd.study(mixed, rbd.grid(**GRID), executor=0)
+    assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+
+
+@pytest.mark.parametrize("file", ["a/c/0", "total/c/0/0", "ok/c/0/0", "message/c/0/0", "text/c/0/0", "part/c/0"])
+def test_a_store_that_lacks_a_file_is_damaged(file: str, tmp_path: Path):
+    """open_study says so, whatever stands there by default; the same call makes it whole, but for labels, of which it tells."""
+    path = tmp_path / "push.zarr"
+    whole = rbd.study(mixed, rbd.grid(**GRID), executor=0, out=path)
+    (path / file).unlink()
+    with pytest.raises(InputError, match=f"is damaged: the file '{file}' is missing"):
+        open_study(path)
+    if file == "part/c/0":
+        with pytest.raises(InputError, match="is a damaged store: the labels of 'part' are missing"):
+            rbd.study(mixed, rbd.grid(**GRID), executor=0, out=path)
+        return
+    assert_same(rbd.study(mixed, rbd.grid(**GRID), executor=0, out=path, progress=False), whole)
+    assert_same(open_study(path), whole)
+
+
+def test_samples_that_a_writing_left_half_are_not_read(tmp_path: Path):
+    """Their reason, which is written last, is not_run: neither values nor ok stand in the dataset."""
+    path = tmp_path / "push.zarr"
+    rbd.study(mixed, rbd.grid(**GRID), executor=0, out=path)
+    reason = zarr_files.array(path, "reason")
+    reason[1, :] = Reason.NOT_RUN.code
+    found = open_study(path)
+    assert not found.ok[1].any() and np.isnan(found.total[1]).all() and set(found.text[1].values) == {""}
+    assert found.ok[0].all() and found.attrs["interrupted"] == "9 of 12 samples are done"
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_a_full_disk_says_what_is_stored(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """What was finished since the last writing is not counted."""
+    store = store_of(tmp_path / name, rbd.grid(**GRID), {"format": "rbd study 1", "versions": ""})
+    store.put(block(0, 3))
+
+    def full(path: Path, write: Any, error: type = InputError) -> None:
+        raise error("no") from OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    for module in ("zarr_files", "netcdf_store"):
+        monkeypatch.setattr(f"rbd.studies.stores.{module}.write_file", full)
+    store.put(block(3, 9))
+    with pytest.raises(StudyStopped, match=r"No space left on device\. (At least )?3 of 12 samples are stored"):
+        store.dataset()
+    with pytest.raises(StudyStopped):
+        store.close()
+
+
+def test_a_new_array_leaves_the_root_as_it_is(tmp_path: Path):
+    """Zarr writes an empty root with each array; a process that is killed then would leave a folder that is no store."""
+    store = store_of(tmp_path / "push.zarr", rbd.grid(**GRID), {"format": "rbd study 1", "versions": ""})
+    before = (tmp_path / "push.zarr" / "zarr.json").read_bytes()
+    zarr_files.new_array(tmp_path / "push.zarr", "late", ("a",), (4,), (4,), np.dtype(float), np.nan)
+    assert (tmp_path / "push.zarr" / "zarr.json").read_bytes() == before
+    store.close()
+
+
+@pytest.mark.parametrize("name", FORMATS)
+def test_coordinates_that_netcdf_has_not(name: str, tmp_path: Path):
+    """Dates, and whole numbers beyond 2^31, come back as they were."""
+    days = np.array(["2020-01-01", "2020-01-02"], "M8[D]")
+    for k, axis in enumerate((days, [1, 2**40])):
+        path = tmp_path / f"{k}{name}"
+        found = rbd.study(lambda at: 1.0, rbd.grid(at=axis), executor=0, out=path)
+        assert_same(found, rbd.study(lambda at: 1.0, rbd.grid(at=axis), executor=0))
+        assert found["at"].values.tolist() == open_study(path)["at"].values.tolist() != [0, 1]
 
 
 def test_extras_are_named_where_they_are_missing(tmp_path: Path):

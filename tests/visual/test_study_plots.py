@@ -181,6 +181,16 @@ def test_a_third_dimension_is_selected_or_gives_one_map_for_each_value():
     drawn = plot_study(found, x="friction", y="push", by="stance", value="share")
     maps = [artist for artist in drawn if not isinstance(artist, LineCollection | PolyCollection)]
     assert [m.axes.get_title() for m in maps] == ["low", "high"] and maps[0].norm.vmax == maps[1].norm.vmax
+    for names in ({"by": "stance"}, {"x": "friction", "by": "stance"}):  # the others are those that are left
+        again = plot_study(found, value="share", **names)
+        assert len(again) == len(drawn) and again[0].axes.get_ylabel() == drawn[0].axes.get_ylabel()
+        assert np.ma.allequal(again[0].get_array(), drawn[0].get_array())
+    with pytest.raises(rbd.InputError, match=r"also has friction.*by='friction'"):
+        plot_study(found, value="share")
+    assert len(plot_study(found, by="friction", value="share")[0].axes.figure.axes) == len(FRICTION) + 1
+    four = xarray.concat([found, found], xarray.DataArray([0.0, 1.0], dims="wind", name="wind"))
+    with pytest.raises(rbd.InputError, match=r"also has push \(5 values\).*dataset\.sel\(push=0\.0\)\.$"):
+        plot_study(four, by="stance", x="wind", y="friction")
     left, right = Figure().subplots(1, 2)
     assert {artist.axes for artist in plot_study(found, "friction", "push", "share", "stance", ax=(left, right))} == {
         left,
@@ -275,6 +285,8 @@ def test_draws_at_each_point_of_a_grid_give_a_share():
     assert np.allclose(line.get_ydata(), expected, equal_nan=True) and line.axes.get_ylabel() == "samples that are ok [%]"
     with pytest.raises(rbd.InputError, match=r"sample \(30 values\).*dataset\.sel\(sample=0\)"):
         plot_study(found.expand_dims(side=["left", "right"]), x="friction", by="side", value="share")
+    with pytest.raises(rbd.InputError, match=r"sample \(30 values\).*dataset\.sel\(sample=0\)"):
+        plot_study(found.expand_dims(side=["left", "right"]), by="side", value="share")
 
 
 def test_words_and_codes_are_categories():
@@ -333,6 +345,16 @@ def test_nothing_to_draw_and_too_much_are_refused():
     many = xarray.concat([grid()] * 13, xarray.DataArray(np.arange(13.0), dims="run", name="run"))
     with pytest.raises(rbd.InputError, match="by='run' has 13 values"):
         plot_study(many, x="friction", y="push", by="run")
+
+
+def test_a_number_that_is_the_same_everywhere_or_nowhere():
+    """One colour, at the middle of its scale; a scale without numbers."""
+    found = grid().assign(share=0.0 * grid().share.fillna(0.0) + 3.0)
+    cells = plot_study(found, value="share")[0]
+    assert (cells.norm.vmin, cells.norm.vmax) == pytest.approx((2.7, 3.3))
+    cells = plot_study(found.assign(share=found.share * np.nan), value="share")[0]
+    bar = cells.axes.figure.axes[1]
+    assert bar.get_ylabel() == "friction used [%]" and not len(bar.get_yticks())
 
 
 def test_a_study_without_any_answer_still_shows_why():

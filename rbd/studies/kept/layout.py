@@ -57,7 +57,7 @@ class Layout:
         first, old, old_kind, since = found
         if kind != old_kind:
             raise InputError(
-                f"{name!r:.80} is of {_KINDS[kind]} in {where}, and of {_KINDS[old_kind]} in {since}. Return one kind always."
+                f"{name!r:.80} holds {_KINDS[kind]} in {where}, and {_KINDS[old_kind]} in {since}. Return one kind always."
             )
         if shape != old:
             raise InputError(
@@ -66,6 +66,11 @@ class Layout:
             )
         if variable.dims != first.dims:
             raise InputError(f"{name!r:.80} has dimensions {variable.dims} in {where}, and {first.dims} in {since}.")
+        if variable.units != first.units:
+            raise InputError(
+                f"{name!r:.80} has the unit {variable.units!r:.40} in {where}, and {first.units!r:.40} in {since}. Return "
+                "it in one unit always."
+            )
         if variable.labels is not first.labels:
             for dim, labels in variable.labels.items():
                 self._same_labels(name, dim, labels, first.labels.get(dim, ()), where, since)

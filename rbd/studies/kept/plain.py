@@ -13,6 +13,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.many.variable import Variable
+from rbd.studies.kept.variable import storable
 
 _EXACT = 2**53
 """Whole numbers up to this are exact as float64, which numbers are kept as."""
@@ -75,12 +76,21 @@ def _labelled(name: str, value: Any, rows: int | None) -> Variable:
     if rows is not None:
         _rows_checked(name, values, rows)
         dims = dims[1:]
-    labels = {dim: tuple(value.coords[dim].values.tolist()) for dim in dims if dim in value.coords}
-    return Variable(values, dims, str(attributes.get("units", "")), str(attributes.get("long_name", "")), labels)
+    labels = {dim: tuple(map(_label, value.coords[dim].values.tolist())) for dim in dims if dim in value.coords}
+    units, long_name = (storable(str(attributes.get(key, ""))) for key in ("units", "long_name"))
+    return Variable(values, dims, units, long_name, labels)
+
+
+def _label(given: Any) -> Any:
+    return storable(given) if isinstance(given, str) else given
 
 
 def _array(name: str, value: Any) -> Array:
     """Numbers as float64, truth values and text as they are."""
+    if isinstance(value, tuple | list) and any(isinstance(x, np.ma.MaskedArray) for x in value):
+        value = [_filled(name, x) if isinstance(x, np.ma.MaskedArray) else x for x in value]
+    if isinstance(value, np.ma.MaskedArray):
+        value = _filled(name, value)
     if isinstance(value, tuple | list) and not value:
         raise NotKept(f"{name!r:.80} is {value!r}, which has no entries")
     if isinstance(value, str | bool | int | float | np.ndarray | np.generic | tuple | list):
@@ -93,19 +103,39 @@ def _array(name: str, value: Any) -> Array:
     else:
         raise NotKept(f"{_what(name)} {_told(value)}; {WANTED}")
     kind = found.dtype.kind
+    if not found.size and kind in "fiubU":
+        raise NotKept(f"{name!r:.80} has shape {found.shape}, without entries; leave it out, or return None in its place")
     if kind == "f":
         return found.astype(np.float64, copy=False)
     if kind in "iu":
         if found.size and (found.max() > _EXACT or found.min() < -_EXACT):
             raise NotKept(f"{name!r:.80} has a whole number beyond 2^53, which no float64 is exactly; return it as text")
         return found.astype(np.float64)
-    if kind == "b" or kind == "U" and not isinstance(value, tuple | list):
+    if kind == "b":
         return found
-    if kind == "U" and all(isinstance(x, str) for x in value):
-        return found
+    if kind == "U" and (not isinstance(value, tuple | list) or all(isinstance(x, str) for x in value)):
+        return _text(value, found)
     given = f"an array of {found.dtype}" if isinstance(value, np.ndarray | np.generic) else _told(value)
     more = " Return real and imaginary part by name." if kind == "c" else ""
     raise NotKept(f"{_what(name)} {given}; {WANTED}.{more}".rstrip("."))
+
+
+def _filled(name: str, value: Any) -> Array:
+    """A masked array of numbers with NaN for what is masked."""
+    if not np.ma.is_masked(value):
+        return np.asarray(value.data)
+    if value.dtype.kind not in "fiu":
+        raise NotKept(
+            f"{name!r:.80} is a masked array of {value.dtype}; only those of numbers are kept, with NaN for the masked"
+        )
+    return np.asarray(value.astype(np.float64).filled(np.nan))
+
+
+def _text(value: Any, found: Array) -> Array:
+    """Text with escapes for what cannot be stored. Arrays of NumPy drop a NUL at the end, so that the text as given is read."""
+    given: list[str] = [value] if isinstance(value, str) else list(value if isinstance(value, tuple | list) else found.flat)
+    texts = [storable(x) for x in given]
+    return np.asarray(texts).reshape(found.shape) if texts != given else found
 
 
 def _what(name: str) -> str:

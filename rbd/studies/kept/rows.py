@@ -15,7 +15,7 @@ from rbd.many.naming import Named
 from rbd.many.variable import Variable
 from rbd.studies.kept.layout import Layout, described, words_of
 from rbd.studies.kept.plain import NotKept
-from rbd.studies.kept.variable import Block, missing
+from rbd.studies.kept.variable import Block, missing, storable
 from rbd.studies.kept.wanted import Keep, Wanted
 
 LONGEST_MESSAGE = 1000
@@ -57,7 +57,7 @@ class KeptRows:
             found, verdict = self._wanted.of_one(result)
         except NotKept as told:
             raise InputError(f"{self._sample(i)}: {told}.") from None
-        except Exception as error:  # of a function of `keep`, or of a quantity that this result has not
+        except (Exception, SystemExit) as error:  # of a function of `keep`, or of a quantity that this result has not
             self.refuse(i, error)
             return
         columns = self._columns
@@ -73,13 +73,16 @@ class KeptRows:
         else:
             self._no_answer(i, *verdict)
 
-    def put_batch(self, start: int, stop: int, result: Any) -> None:
+    def put_batch(self, start: int, stop: int, result: Any) -> BaseException | None:
         """Keep the result of a batched function: one row a sample.
 
         Args:
             start: The first of its samples, from 0 within the chunk.
             stop: The one after the last.
             result: What the function returned.
+
+        Returns:
+            What a function of `keep` raised, if one did; then nothing is kept.
 
         Raises:
             InputError: what cannot be kept: it ends the study. Names the samples.
@@ -89,10 +92,8 @@ class KeptRows:
             found, (codes, messages) = self._wanted.of_batch(result, stop - start)
         except NotKept as told:
             raise InputError(f"{where}: {told}.") from None
-        except Exception as error:  # of a function of `keep`
-            for i in range(start, stop):
-                self.refuse(i, error)
-            return
+        except (Exception, SystemExit) as error:  # of a function of `keep`
+            return error
         for name, variable in found:
             column = self._columns.get(name)
             if column is None or not column.fits(variable, 1):
@@ -102,17 +103,18 @@ class KeptRows:
         self._reason[start:stop] = codes
         self._ok[start:stop] = codes == 0
         for row, message in messages.items():
-            self._messages[self._start + start + row] = message[:LONGEST_MESSAGE]
+            self._messages[self._start + start + row] = _short(message)
+        return None
 
-    def refuse(self, i: int, error: BaseException) -> None:
+    def refuse(self, i: int, error: BaseException, more: str = "") -> None:
         """Sample i has no result, for an error's reason.
 
         Args:
             i: Which one, from 0 within the chunk.
             error: What the function raised.
+            more: Stands behind the error's text in the message.
         """
-        text = str(error) if isinstance(error, RbdError) else f"{type(error).__name__}: {error}"
-        self._no_answer(i, Reason.of(error), text)
+        self._no_answer(i, Reason.of(error), text_of(error) + more)
 
     def block(self) -> Block:
         """All that was kept; samples that were not put have `Reason.NOT_RUN`."""
@@ -121,7 +123,7 @@ class KeptRows:
 
     def _no_answer(self, i: int, reason: Reason, message: str) -> None:
         self._ok[i], self._reason[i] = False, reason.code
-        self._messages[self._start + i] = message[:LONGEST_MESSAGE]
+        self._messages[self._start + i] = _short(message)
 
     def _column(self, name: str, variable: Variable, shape: tuple[int, ...], where: str) -> _Column:
         self._layout.agree(name, variable, shape, where)
@@ -139,6 +141,20 @@ class KeptRows:
 
     def _sample(self, i: int) -> str:
         return words_of(self._start + i, self._start + i + 1)
+
+
+def text_of(error: BaseException) -> str:
+    """The text of an error with its notes; in front of it the name of its class, if that is no class of rbd."""
+    name = type(error).__name__
+    try:
+        text = " ".join([str(error), *map(str, getattr(error, "__notes__", ()))]).strip()
+    except Exception as other:  # the class may be the user's
+        text = f"its text cannot be made ({type(other).__name__})"
+    return text if isinstance(error, RbdError) else f"{name}: {text}" if text else name
+
+
+def _short(message: str) -> str:
+    return storable(message if len(message) <= LONGEST_MESSAGE else f"{message[: LONGEST_MESSAGE - 3]}...")
 
 
 class _Column:
@@ -159,6 +175,7 @@ class _Column:
             and variable.dims == self.dims
             and values.shape[skip:] == self._shape
             and values.dtype.kind == self._kind
+            and variable.units == self._about.units
         )
 
     def variable(self) -> Variable:

@@ -10,7 +10,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.many.variable import Variable
 
-__all__ = ["Block", "Variable", "missing"]
+__all__ = ["Block", "Variable", "missing", "storable"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,3 +38,10 @@ class Block:
 def missing(kind: np.dtype) -> float | int | bool | str:
     """The value that stands where there is none: NaN of a number, -1 of a code, False or an empty text."""
     return {"f": np.nan, "i": -1, "b": False}.get(kind.kind, "")
+
+
+def storable(text: str) -> str:
+    """Text that zarr and netCDF can store: what UTF-8 has not (parts of file names in other codes), and NUL, as escapes."""
+    if text.isascii() and "\0" not in text:
+        return text
+    return text.encode("utf-8", "backslashreplace").decode().replace("\0", "\\x00")

@@ -16,6 +16,7 @@ import numpy as np
 
 from rbd.errors import InputError
 from rbd.installation import VERSION as VERSION_OF_RBD
+from rbd.studies.kept.variable import storable
 from rbd.studies.kept.wanted import Keep, Wanted
 from rbd.studies.provenance.identity import function_hash, name_of
 from rbd.studies.sampling.samples import Samples
@@ -61,7 +62,7 @@ def attributes_of(
         "batched": "yes" if batched else "no",
         "versions": versions(),
         "machine": machine(),
-        "command": shlex.join(sys.argv) or "python",
+        "command": storable(shlex.join(sys.argv)) or "python",
         "started": now,
         "finished": now,
     }
@@ -164,7 +165,7 @@ def others_of(old: Mapping[str, Any], new: Mapping[str, Any]) -> str:
 
 
 def format_of(attributes: Mapping[str, Any], path: str) -> None:
-    """Refuse what is no study, or of a newer `rbd`.
+    """Refuse what is no study, of a newer `rbd`, or no store but a dataset that was written by xarray.
 
     Raises:
         InputError: says which.
@@ -177,4 +178,10 @@ def format_of(attributes: Mapping[str, Any], path: str) -> None:
         raise InputError(
             f"{path!r:.200} was written by a newer rbd (layout {number}; this one reads {VERSION}). Update rbd, or give "
             "another path."
+        )
+    if LAYOUT not in attributes:
+        opener = "open_dataset" if path.endswith(".nc") else "open_zarr"
+        raise InputError(
+            f"{path!r:.200} is the dataset of a study, written by xarray (to_netcdf, to_zarr), and no store that rbd.study "
+            f"wrote as out=. Read it by xarray.{opener}({path!r:.200}); as out= give another path."
         )

@@ -298,6 +298,7 @@ def _check_distinct(found: Column) -> None:
         InputError: naming the label, and what to do.
     """
     shown = found.shown if found.labels is not None or found.values.ndim == 1 else found.values
+    shown = shown + 0.0 if shown.dtype.kind == "f" else shown  # -0.0 is 0.0
     unique = (
         np.unique(shown, axis=0, equal_nan=True) if shown.dtype.kind in "fc" and shown.ndim == 1 else np.unique(shown, axis=0)
     )

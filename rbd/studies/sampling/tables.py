@@ -96,9 +96,11 @@ def _columns_of(rows: Iterable[Any]) -> dict[str, list[Any]]:
         if row.keys() != found.keys():
             missing = [str(name) for name in found if name not in row]
             more = [str(name) for name in row if name not in found]
-            parts = [f"no {', '.join(missing)}"] * bool(missing) + [f"{', '.join(more)} besides"] * bool(more)
+            parts = [f"no {', '.join(missing)}"] * bool(missing) + [f"{', '.join(more)}, which sample 0 does not have"] * bool(
+                more
+            )
             raise InputError(
-                f"sample {i} has {' and '.join(parts)}; sample 0 has {', '.join(map(str, found))}. Give all the same."
+                f"sample {i} has {', and '.join(parts)}; expected the arguments {', '.join(map(str, found))}, as in sample 0."
             )
         for name, value in row.items():
             found[name].append(value)

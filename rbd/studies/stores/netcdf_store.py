@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.errors.reasons import Reason
 from rbd.errors.stopped import StudyStopped
@@ -18,12 +19,12 @@ from rbd.model.output_files import write_file
 from rbd.modules import xarray_or_error
 from rbd.simulation.trajectory_file import check_netcdf
 from rbd.studies.dataset import MESSAGE, OK, REASON, normal, with_outcome
-from rbd.studies.kept.variable import Block, Variable
+from rbd.studies.kept.variable import Block
 from rbd.studies.provenance.provenance import LAYOUT, check_same, continued, format_of, others_of
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.pacing import Pacing, why
 from rbd.studies.stores.places import Lock
-from rbd.studies.stores.store import MemoryStore
+from rbd.studies.stores.store import MemoryStore, variable_of
 
 if TYPE_CHECKING:
     import xarray
@@ -37,10 +38,10 @@ class NetcdfStore(MemoryStore):
 
     def __init__(self, path: Path, samples: Samples, attributes: Mapping[str, Any]) -> None:
         super().__init__(samples, attributes)
-        self.path = path
+        self.path, self._written = path, 0
         place = path.resolve()
         self._lock = Lock(path, place.with_name(f".{place.name}.lock"))
-        self._pacing = Pacing(self._write, self._told, least=3.0)
+        self._pacing = Pacing(self._write, self._told)
         try:
             if path.exists():
                 self._load()
@@ -83,12 +84,12 @@ class NetcdfStore(MemoryStore):
     def _write(self) -> None:
         content = encoded(self.kept(), json.dumps({"first": self.seen.first, "coords": list(self.samples.coords())}), self.path)
         write_file(self.path, lambda file: file.write(content), StudyStopped)
+        self._written = int(np.count_nonzero(self.done))
 
     def _told(self, error: Exception) -> StudyStopped:
-        n = int(np.count_nonzero(self.done))
         return StudyStopped(
-            f"{str(self.path)!r:.300} cannot be written: {why(error)}. {n:,} of {len(self.samples):,} samples were done, and "
-            "the file holds them up to some seconds ago; make room, and the same call goes on from there."
+            f"{str(self.path)!r:.300} cannot be written: {why(error)}. {self._written:,} of {len(self.samples):,} samples are "
+            "stored; make room, and the same call goes on from there."
         )
 
     def _load(self) -> None:
@@ -103,20 +104,13 @@ class NetcdfStore(MemoryStore):
             dims = tuple(str(dim) for dim in x.dims[axes:])
             labels = {dim: tuple(x[dim].values.tolist()) for dim in dims if dim in found.coords}
             values = np.array(x.values).reshape(n, *x.shape[axes:])
-            flags = zip(x.attrs.get("flag_values", ()), str(x.attrs.get("flag_meanings", "")).split(), strict=False)
-            self.found.variables[name] = Variable(
-                values,
-                dims,
-                x.attrs.get("units", ""),
-                x.attrs.get("long_name", ""),
-                labels,
-                {int(k): word for k, word in flags},
-            )
+            self.found.variables[name] = variable_of(values, dims, labels, x.attrs)
         self.seen.begin(first, self.found.variables)
         self.found.ok[:] = found[OK].values.ravel()
         self.found.reason[:] = found[REASON].values.ravel()
         self.found.messages |= {i: str(text) for i, text in enumerate(found[MESSAGE].values.ravel()) if text}
         self.done = self.found.reason != Reason.NOT_RUN.code
+        self._written = int(np.count_nonzero(self.done))
 
 
 def read_netcdf_study(path: Path) -> xarray.Dataset:
@@ -137,6 +131,9 @@ def encoded(dataset: xarray.Dataset, layout: str, path: Path) -> bytes:
         InputError: text or numbers that netCDF 3 does not have.
     """
     blank = [name for name in dataset.coords if " " in str(name) and name not in dataset.dims]
+    texts = {name: _as_text(x.values) for name, x in dataset.coords.items() if _is_foreign(x.values)}
+    layout = json.dumps({**json.loads(layout), "kinds": {str(name): str(dataset[name].dtype) for name in texts}})
+    dataset = dataset.assign_coords({name: (dataset[name].dims, text, dataset[name].attrs) for name, text in texts.items()})
     whole = dataset.reset_coords(blank).assign_attrs({**dataset.attrs, LAYOUT: layout})
     try:
         return bytes(whole.to_netcdf(engine="scipy", format="NETCDF3_64BIT"))
@@ -144,6 +141,20 @@ def encoded(dataset: xarray.Dataset, layout: str, path: Path) -> bytes:
         raise InputError(
             f"these results cannot be written as {path.name!r}: {error!s:.200}. Give out= a path that ends in .zarr."
         ) from error
+
+
+def _is_foreign(values: Array) -> bool:
+    """Whether netCDF 3 lacks values: dates, times, and whole numbers of more than 32 bits. They are written as text."""
+    return values.dtype.kind in "mM" or (values.dtype.kind == "i" and bool(values.size) and int(np.abs(values).max()) >= 2**31)
+
+
+def _as_text(values: Array) -> Array:
+    return (values if values.dtype.kind == "M" else values.astype(np.int64)).astype(str).astype(object)
+
+
+def _of_text(values: Array, kind: np.dtype) -> Array:
+    texts = values.astype(str)
+    return texts.astype(kind) if kind.kind == "M" else texts.astype(np.int64).astype(kind)
 
 
 def _decoded(path: Path) -> xarray.Dataset:
@@ -161,6 +172,10 @@ def _decoded(path: Path) -> xarray.Dataset:
     try:
         layout = json.loads(found.attrs[LAYOUT])
         first = layout["first"]
+        kinds = {name: np.dtype(kind) for name, kind in layout.get("kinds", {}).items()}
+        found = found.assign_coords(
+            {n: (found[n].dims, _of_text(found[n].values, k), found[n].attrs) for n, k in kinds.items()}
+        )
         return normal(found, [OK, REASON, MESSAGE, *sorted(first, key=first.__getitem__)], layout["coords"])
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rbd.modules import xarray_or_error, zarr_or_error
+from rbd.studies.sampling.grids import grid
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.netcdf_store import NetcdfStore, read_netcdf_study
 from rbd.studies.stores.places import NETCDF, ZARR, a_store_path, check_store_place
@@ -41,6 +43,7 @@ def checked_path(out: object) -> Path | None:
         InputError: where none can be, or xarray or zarr are not installed.
     """
     xarray_or_error()
+    _import_all()
     if out is None:
         return None
     path = a_store_path(out)
@@ -48,6 +51,12 @@ def checked_path(out: object) -> Path | None:
         zarr_or_error()
     check_store_place(path)
     return path
+
+
+@cache
+def _import_all() -> None:
+    """Make a dataset: xarray imports dask, among others, when the first one is made; it is to fail before work."""
+    MemoryStore(grid(x=[0.0]), {}).dataset()
 
 
 def open_study(path: object) -> xarray.Dataset:

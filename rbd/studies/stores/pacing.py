@@ -1,4 +1,4 @@
-"""`Pacing`: a store is written once a second or so, and soon after the last change, whoever computes and however long."""
+"""`Pacing`: a store is written once a second, every 5 s at least, and also where nothing follows for a long time."""
 
 from __future__ import annotations
 
@@ -9,26 +9,28 @@ from collections.abc import Callable
 from rbd.errors.stopped import StudyStopped
 from rbd.model.forks import RenewedLock
 
-SELDOM, SHARE = 5.0, 20.0
-"""The longest time between two writings [s]; and how many times as long as one writing takes it is at least."""
+OFTEN, SELDOM, SHARE = 1.0, 5.0, 20.0
+"""The shortest and the longest time between two writings [s]; between them it is so many times as long as a writing takes."""
 
 
 class Pacing:
-    """When to write what was changed: seldom enough to cost a twentieth of the time, and from a thread where nothing follows.
+    """When to write what was changed: once a second, less often where that takes long, from a thread where nothing follows.
+
+    A process that is killed, or a machine without power, loses what was finished since the last writing: of a second, or of up
+    to 5 s where a writing takes more than 0.05 s.
 
     Args:
         write: Writes all that is not yet written.
         told: The error of a store that cannot be written, from its reason.
-        least: The shortest time between two writings [s].
 
     Attributes:
         guard: Held while a store is changed or written.
     """
 
-    def __init__(self, write: Callable[[], None], told: Callable[[Exception], StudyStopped], least: float = 1.0) -> None:
+    def __init__(self, write: Callable[[], None], told: Callable[[Exception], StudyStopped]) -> None:
         self.guard = RenewedLock()
-        self._write, self._told, self._least = write, told, least
-        self._last, self._pause = time.monotonic() - least, least
+        self._write, self._told = write, told
+        self._last, self._pause = time.monotonic() - OFTEN, OFTEN
         self._timer: threading.Timer | None = None
         self._failed: StudyStopped | None = None
         self._changed = self._made = False
@@ -78,7 +80,7 @@ class Pacing:
         self._changed = False
         self._last = time.monotonic()
         if self._made:  # the first writing makes the arrays, and says nothing about later ones
-            self._pause = min(SELDOM, max(self._least, SHARE * (self._last - began)))
+            self._pause = min(SELDOM, max(OFTEN, SHARE * (self._last - began)))
         self._made = True
 
     def stop(self) -> None:

@@ -6,6 +6,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from rbd.studies.kept.variable import Block
+
+PIECE, LARGEST_PIECE = 8_000_000, 64_000_000
+"""Bytes of a chunk of all variables together: of studies up to 8 GB, and at most."""
+
 
 @dataclass(frozen=True)
 class Pieces:
@@ -81,3 +86,14 @@ class Pieces:
         return tuple(
             slice(i * k, min((i + 1) * k, n)) for i, k, n in zip(self.index(piece), self.chunk, self.shape, strict=True)
         )
+
+
+def piece_size(block: Block, n: int) -> int:
+    """Samples in a chunk, so that all its variables take some megabytes.
+
+    Args:
+        block: Some results.
+        n: Number of all samples.
+    """
+    each = 16 + sum(math.prod(v.values.shape[1:]) * v.values.dtype.itemsize for v in block.variables.values())
+    return max(64, int(min(LARGEST_PIECE, max(PIECE, each * n / 1000)) / each))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import re
 from contextlib import suppress
 from pathlib import Path
 
@@ -22,6 +23,11 @@ def a_store_path(path: object) -> Path:
     text = os.fspath(path) if isinstance(path, str | os.PathLike) else None
     if not isinstance(text, str) or not text or "\0" in text:
         raise InputError(f"out is {path!r:.80}; expected the path of a store, e.g. 'push.zarr'.")
+    if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", text) and not Path(Path(text).parts[0]).is_dir():
+        raise InputError(
+            f"out is {text!r:.200}, a URL; expected a path in a file system. Give one of this machine, or a mounted one, and "
+            "copy the store when the study is done."
+        )
     try:
         found = Path(text).expanduser()
     except RuntimeError:  # "~nobody"

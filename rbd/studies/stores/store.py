@@ -34,7 +34,7 @@ class Store(Protocol):
     def put(self, block: Block) -> None:
         """Keep a finished block.
 
-        A store on disk writes it within a second or so, or when it is closed.
+        A store on disk writes it within a second, in 5 s where writing takes long, or when it is closed.
 
         Raises:
             InputError: a variable that does not agree with that of earlier samples.
@@ -73,15 +73,19 @@ class Seen:
         self._layout = Layout(samples.taken)
         self.first: dict[str, tuple[int, int]] = {}
 
-    def check(self, block: Block) -> None:
-        """Refuse variables whose shape, kind or labels differ from those of earlier samples.
+    def checked(self, block: Block) -> Block:
+        """A block without arrays that have no entries, such as torques of a robot without motors: netCDF has no such thing.
 
         Raises:
-            InputError: names the variable, both shapes, and the samples.
+            InputError: variables whose shape, kind, unit or labels differ from those of earlier samples; names the variable,
+                both values, and the samples.
         """
         self._layout.check(block)
+        if not all(v.values.size for v in block.variables.values()):
+            block = replace(block, variables={name: v for name, v in block.variables.items() if v.values.size})
         for place, name in enumerate(block.variables):
             self.first[name] = min(self.first.get(name, (block.start, place)), (block.start, place))
+        return block
 
     def begin(self, first: Mapping[str, tuple[int, int]], forms: Mapping[str, Variable]) -> None:
         """Take over the variables of a store."""
@@ -132,17 +136,19 @@ class Buffer:
         return Block(self.start, self.stop, variables, self.ok, self.reason, self.messages)
 
 
-def with_entries(block: Block) -> Block:
-    """The block without arrays that have no entries, as torques of a robot without motors: netCDF has no such thing."""
-    if all(v.values.size for v in block.variables.values()):
-        return block
-    return replace(block, variables={name: v for name, v in block.variables.items() if v.values.size})
-
-
 def empty_of(v: Variable, n: int) -> Variable:
     """A variable of n samples without values; text as objects, of any length."""
     kind = np.dtype(object) if v.values.dtype.kind in "UOT" else v.values.dtype
     return replace(v, values=np.full((n, *v.values.shape[1:]), missing(kind), kind))
+
+
+def variable_of(
+    values: Array, dims: tuple[str, ...], labels: Mapping[str, tuple[Any, ...]], attrs: Mapping[str, Any]
+) -> Variable:
+    """A variable of a store, from its values, names and attributes."""
+    flags = zip(attrs.get("flag_values", ()), str(attrs.get("flag_meanings", "")).split(), strict=False)
+    told = [str(attrs.get(key, "")) for key in ("units", "long_name")]
+    return Variable(values, dims, told[0], told[1], labels, {int(k): word for k, word in flags})
 
 
 class MemoryStore:
@@ -162,8 +168,7 @@ class MemoryStore:
 
     def put(self, block: Block) -> None:
         """As `Store.put`."""
-        block = with_entries(block)
-        self.seen.check(block)
+        block = self.seen.checked(block)
         self.found.put(block)
         self.done[block.start : block.stop] = True
 

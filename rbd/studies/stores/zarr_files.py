@@ -17,6 +17,7 @@ from zarr.storage import LocalStore
 from rbd.arrays import Array
 from rbd.errors.stopped import StudyStopped
 from rbd.model.output_files import write_file
+from rbd.studies.provenance.provenance import LAYOUT
 
 ROOT = "zarr.json"
 
@@ -26,6 +27,8 @@ class SyncedStore(LocalStore):
 
     async def _set(self, key: str, value: Any, exclusive: bool = False) -> None:
         path = self.root / key
+        if exclusive and path.exists():  # zarr asks for a new root at each new array
+            raise FileExistsError(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         view = value.as_buffer_like()
         await asyncio.to_thread(write_file, path, lambda file: file.write(view), StudyStopped)
@@ -65,6 +68,57 @@ def array(root: Path, name: str) -> Any:
         return zarr.open_array(SyncedStore(root), path=name, mode="r+")
 
 
+def write_coordinates(root: Path, coordinates: Mapping[str, tuple[Iterable[str], Array, Mapping[str, Any]]]) -> list[str]:
+    """Write coordinates that are not there as they should be.
+
+    Args:
+        root: The folder of the store.
+        coordinates: {name: (dimensions, values, attributes)}.
+
+    Returns:
+        The names of all.
+    """
+    for name, (dims, values, attrs) in coordinates.items():
+        x = as_array(values)
+        if has_values(root, name, x):
+            continue
+        chunk = tuple(min(n, 1 << 17) for n in x.shape)
+        new_array(root, name, dims, x.shape, chunk, x.dtype, np.zeros(1, x.dtype)[0])
+        array(root, name)[...] = x
+        set_attributes(root, name, attrs)
+    return list(coordinates)
+
+
+def has_values(root: Path, name: str, wanted: Array) -> bool:
+    """Whether an array is there, can be read, and has these values: numbers, truth values, or text as objects."""
+    if not (root / name / ROOT).is_file():
+        return False
+    try:
+        found = np.asarray(array(root, name)[...])
+    except (RuntimeError, ValueError, OSError, KeyError, TypeError):
+        return False
+    if wanted.dtype == object:
+        return found.shape == wanted.shape and list(map(str, found.flat)) == list(map(str, wanted.flat))
+    return found.dtype == wanted.dtype and np.array_equal(found, wanted, equal_nan=wanted.dtype.kind == "f")
+
+
+def missing_file(root: Path, name: str, description: Mapping[str, Any], done: Array | None = None) -> Path | None:
+    """The first file of an array that is not there; None if all are.
+
+    Args:
+        root: The folder of the store.
+        name: Name of the array.
+        description: As `read_root` has it.
+        done: Of the first axes of chunks, which are to be there; None: all.
+    """
+    chunk = description["chunk_grid"]["configuration"]["chunk_shape"]
+    number = [-(-n // k) for n, k in zip(description["shape"], chunk, strict=True)]
+    for index in np.ndindex(*number):
+        if (done is None or done[index[: done.ndim]]) and not (file := chunk_file(root, name, index)).is_file():
+            return file
+    return None
+
+
 def chunk_file(root: Path, name: str, index: tuple[int, ...]) -> Path:
     """The file of a chunk."""
     return root.joinpath(name, "c", *(str(i) for i in index))
@@ -90,7 +144,7 @@ def write_root(root: Path, attributes: Mapping[str, Any], names: Iterable[str]) 
 
 
 def read_root(root: Path) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Attributes and {array: description}, as `write_root` wrote them.
+    """Attributes and {array: description}, as `write_root` wrote them; of another zarr folder its attributes.
 
     Raises:
         OSError: no such file.
@@ -98,7 +152,8 @@ def read_root(root: Path) -> tuple[dict[str, Any], dict[str, Any]]:
     """
     found = json.loads((root / ROOT).read_bytes())
     try:
-        return dict(found["attributes"]), dict(found["consolidated_metadata"]["metadata"])
+        attributes = dict(found["attributes"])
+        return attributes, dict(found["consolidated_metadata"]["metadata"]) if LAYOUT in attributes else {}
     except (KeyError, TypeError) as error:
         raise ValueError(f"it has no {error}") from error
 

@@ -18,21 +18,19 @@ from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.errors.reasons import Reason
 from rbd.errors.stopped import StudyStopped
-from rbd.studies.dataset import MESSAGE, OK, OWN, REASON, coordinates
+from rbd.studies.dataset import MESSAGE, OK, OUTCOME, OWN, REASON, coordinates
 from rbd.studies.kept.variable import Block, Variable, missing
 from rbd.studies.provenance.provenance import LAYOUT, check_same, continued, finished, format_of, others_of
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.pacing import Pacing, why
-from rbd.studies.stores.pieces import Pieces
+from rbd.studies.stores.pieces import Pieces, piece_size
 from rbd.studies.stores.places import Lock
-from rbd.studies.stores.store import Buffer, Seen, empty_of, with_entries
+from rbd.studies.stores.store import Buffer, Seen, empty_of, variable_of
 from rbd.studies.stores.zarr_reading import LOADED, read_zarr
 
 if TYPE_CHECKING:
     import xarray
 
-PIECE, LARGEST_PIECE = 8_000_000, 64_000_000
-"""Bytes of a chunk of all variables together: of studies up to 8 GB, and at most."""
 MOST_BUFFERS = 8
 """Chunks in memory beyond which they are written at once."""
 
@@ -41,7 +39,7 @@ class ZarrStore:
     """A study in a folder; one array for each variable, of the shape of the samples' grid.
 
     Files are replaced whole, after their contents are on the disk. `reason` of a chunk is written after all other variables:
-    what it marks as computed is there. Blocks are collected, and written once a second or when a chunk is complete.
+    what it marks as computed is there. Blocks are collected, and written once a second or less often (`Pacing`).
 
     Args:
         path: The folder; a store of the same study goes on.
@@ -68,6 +66,9 @@ class ZarrStore:
         self._dirty: set[int] = set()
         self._stored: set[int] = set()
         self._computed = False
+        self._outcome: dict[str, str] = {}
+        self._stale = False
+        self._count = self._written = 0
         self._pacing = Pacing(self._write_all, self._told)
         self.made = not (self._root.is_dir() and any(self._root.iterdir()))
         if self.made:
@@ -85,10 +86,9 @@ class ZarrStore:
         """As `Store.put`."""
         with self._pacing.guard:
             self._pacing.check()
-            block = with_entries(block)
-            self.seen.check(block)
+            block = self.seen.checked(block)
             if self._pieces is None:
-                self._pieces = Pieces.of(tuple(self.samples.dims.values()), _piece_size(block, len(self.samples)))
+                self._pieces = Pieces.of(tuple(self.samples.dims.values()), piece_size(block, len(self.samples)))
             for name, v in block.variables.items():
                 if name not in self._forms:
                     self._forms[name] = empty_of(v, 0)
@@ -96,6 +96,7 @@ class ZarrStore:
             for piece in range(self._pieces.number(block.start), self._pieces.number(block.stop - 1) + 1):
                 self._buffer(piece).put(block)
                 self._dirty.add(piece)
+            self._count += int(np.count_nonzero(~self.done[block.start : block.stop]))
             self.done[block.start : block.stop], self._computed = True, True
             self._pacing.changed(now=len(self._buffers) > MOST_BUFFERS)
 
@@ -103,10 +104,13 @@ class ZarrStore:
         """As `Store.dataset`; read from the disk, into memory if it is small."""
         with self._pacing.guard:
             self._pacing.write()
+            found = self.kept()
             if self._computed:
                 self.attributes = finished(self.attributes)
+                self._outcome = {name: found.attrs[name] for name in OUTCOME if name in found.attrs}
                 self._write_root()
-        return self.kept()
+                found.attrs = {**self.attributes, **self._outcome}
+        return found
 
     def kept(self) -> xarray.Dataset:
         """As `Store.kept`."""
@@ -139,25 +143,12 @@ class ZarrStore:
         part = self._root.with_name(f".{self._root.name}.{time.time_ns():x}.part")
         try:
             part.mkdir()
-            self._listed = self._write_coordinates(part)
+            self._listed = zarr_files.write_coordinates(part, coordinates(self.samples))
             zarr_files.write_root(part, self._whole_attributes(), self._listed)
             part.replace(self._root)
         except (OSError, StudyStopped) as error:
             shutil.rmtree(part, ignore_errors=True)
             raise InputError(f"out {str(self.path)!r:.300} cannot be written: {why(error)}.") from error
-
-    def _write_coordinates(self, root: Path) -> list[str]:
-        from rbd.studies.stores import zarr_files
-
-        found = coordinates(self.samples)
-        for name, (dims, values, attrs) in found.items():
-            x = zarr_files.as_array(values)
-            zarr_files.new_array(
-                root, name, dims, x.shape, tuple(min(n, 1 << 17) for n in x.shape), x.dtype, np.zeros(1, x.dtype)[0]
-            )
-            zarr_files.array(root, name)[...] = x
-            zarr_files.set_attributes(root, name, attrs)
-        return list(found)
 
     def _load(self) -> None:
         from rbd.studies.stores import zarr_files
@@ -183,7 +174,9 @@ class ZarrStore:
         check_same(old, self.attributes, path)
         self.others = others_of(old, self.attributes)
         self.attributes = continued(old, self.attributes)
+        zarr_files.write_coordinates(self._root, coordinates(self.samples))
         self._listed = list(arrays)
+        self._stale = any(name in old for name in OUTCOME)
         for part in self._root.rglob(".*.part"):
             with suppress(OSError):
                 part.unlink()
@@ -202,13 +195,16 @@ class ZarrStore:
         shape = tuple(self.samples.dims.values())
         self._pieces = Pieces(shape, tuple(arrays[REASON]["chunk_grid"]["configuration"]["chunk_shape"]))
         self._arrays = {name: zarr_files.array(self._root, name) for name in (OK, MESSAGE, REASON, *first)}
-        self._labels = {dim: tuple(zarr_files.labels_of(zarr_files.array(self._root, dim)[...])) for dim in labelled}
+        for dim in labelled:
+            if not zarr_files.chunk_file(self._root, dim, (0,)).is_file():
+                raise ValueError(f"the labels of {dim!r:.80} are missing")
+            self._labels[dim] = tuple(zarr_files.labels_of(zarr_files.array(self._root, dim)[...]))
         for name in first:
             a = self._arrays[name]
             dims = tuple(a.metadata.dimension_names)[len(shape) :]
             values = np.empty((0, *a.shape[len(shape) :]), object if a.dtype.kind in "TO" else a.dtype)
             labels = {dim: self._labels[dim] for dim in dims if dim in self._labels}
-            self._forms[name] = Variable(values, dims, labels=labels)
+            self._forms[name] = variable_of(values, dims, labels, arrays[name].get("attributes", {}))
         self.seen.begin(first, self._forms)
         reason = self._reasons()
         self.done = reason != Reason.NOT_RUN.code
@@ -220,6 +216,7 @@ class ZarrStore:
             self.done[start:stop] = False
             self._write(REASON, piece, np.full(stop - start, Reason.NOT_RUN.code, np.int16))
         self._stored -= damaged
+        self._count = self._written = int(np.count_nonzero(self.done))
 
     def _reasons(self) -> Array:
         """Codes of all samples; `NOT_RUN` in chunks that cannot be read."""
@@ -283,10 +280,9 @@ class ZarrStore:
         return found
 
     def _told(self, error: Exception) -> StudyStopped:
-        lost = sum(int(self.done[b.start : b.stop].sum()) for k, b in self._buffers.items() if k in self._dirty - self._stored)
         return StudyStopped(
-            f"{str(self.path)!r:.300} cannot be written: {why(error)}. At least {int(self.done.sum()) - lost:,} of "
-            f"{len(self.samples):,} samples are stored; make room, and the same call goes on from there."
+            f"{str(self.path)!r:.300} cannot be written: {why(error)}. At least {self._written:,} of {len(self.samples):,} "
+            "samples are stored; make room, and the same call goes on from there."
         )
 
     def _write_all(self) -> None:
@@ -310,16 +306,18 @@ class ZarrStore:
             for name, form in self._forms.items():
                 values = buffer.variables[name].values if name in buffer.variables else empty_of(form, n).values
                 folders |= self._write(name, piece, values)
-        if new or REASON not in self._listed:
+        if new or REASON not in self._listed or self._stale:
             extra = (OK, REASON, MESSAGE, *self.seen.in_order(), *self._labels)
             self._listed = [*(name for name in self._listed if name not in extra), *extra]
             zarr_files.write_root(self._root, self._whole_attributes(), self._listed)
+            self._stale = False
         zarr_files.sync_folders(folders | {self._root})
         folders = set()
         for piece in dirty:
             folders |= self._write(REASON, piece, self._buffers[piece].reason)
         zarr_files.sync_folders(folders)
         self._stored |= self._dirty
+        self._written = self._count
         self._dirty.clear()
         complete = [k for k, b in self._buffers.items() if self.done[b.start : b.stop].all()]
         spare = [k for k in self._buffers if k not in complete]
@@ -388,10 +386,4 @@ class ZarrStore:
                 "coords": list(self.samples.coords()),
             }
         )
-        return {**self.attributes, LAYOUT: layout} | ({"coordinates": " ".join(plain)} if plain else {})
-
-
-def _piece_size(block: Block, n: int) -> int:
-    """Samples in a chunk, so that all its variables take some megabytes."""
-    each = 16 + sum(math.prod(v.values.shape[1:]) * v.values.dtype.itemsize for v in block.variables.values())
-    return max(64, int(min(LARGEST_PIECE, max(PIECE, each * n / 1000)) / each))
+        return {**self.attributes, **self._outcome, LAYOUT: layout} | ({"coordinates": " ".join(plain)} if plain else {})

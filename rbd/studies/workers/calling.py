@@ -40,8 +40,8 @@ def check_call(function: object, names: Iterable[str], shown: Collection[str] = 
         shown: Coordinates that they have, which are no arguments.
 
     Raises:
-        InputError: no callable; arguments that it lacks, with the nearest of its own; parameters without a value; parameters
-            that cannot be given by name; names that datasets of studies have.
+        InputError: no callable; a partial that does not fit; arguments that it lacks, with the nearest of its own; parameters
+            without a value; parameters that cannot be given by name; names that datasets of studies have.
     """
     if not callable(function):
         raise InputError(
@@ -57,6 +57,10 @@ def check_call(function: object, names: Iterable[str], shown: Collection[str] = 
         raise InputError(f"an argument has the name {taken[0]!r}, which every dataset of a study has for itself. {told}.")
     parameters = parameters_of(function)
     if parameters is None:
+        if isinstance(function, partial) and parameters_of(function.func) is not None:
+            named = [f"{name}={x!r:.40}" for name, x in function.keywords.items()]
+            told = ", ".join([*(f"{x!r:.40}" for x in function.args), *named])
+            raise InputError(f"{called} cannot be called with what its functools.partial gives it: {told:.200}.")
         return
     by_name = [p.name for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
     hidden = [p.name for p in parameters if p.kind is p.POSITIONAL_ONLY]

@@ -10,8 +10,11 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.errors import InputError
 from rbd.model.forks import RenewedLock
-from rbd.studies.kept.rows import KeptRows
+from rbd.studies.kept.layout import words_of
+from rbd.studies.kept.plain import NotKept
+from rbd.studies.kept.rows import KeptRows, text_of
 from rbd.studies.kept.variable import Block
 from rbd.studies.kept.wanted import Keep
 from rbd.studies.sampling.samples import arguments
@@ -64,6 +67,9 @@ class Evaluation:
     def run(self, start: int, columns: Columns, *, check: Callable[[], None] = _nothing) -> Finished:
         """Results of consecutive samples; an exception of the function is a row without a result, with its reason.
 
+        A batch that raises is computed again sample by sample, with arrays of length one, so that only samples that raise
+        have no result. What NumPy does about divisions by zero is its default, whatever this process has set.
+
         Args:
             start: Number of the first sample; of a batched function a multiple of `BATCH`.
             columns: {argument: values}, of one length.
@@ -76,7 +82,7 @@ class Evaluation:
         n, told = len(next(iter(columns.values()))), Told()
         rows = KeptRows(n, self.keep, first=start, arguments=tuple(columns))
         draws = "rng" not in columns and takes_rng(self.function)
-        with ONE_AT_A_TIME, recorded() as caught:
+        with ONE_AT_A_TIME, recorded() as caught, np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"):
             evaluate = self._batches if self.batched else self._singles
             evaluate(rows, start, columns, draws, _After(told, caught, check))
         return Finished(rows.block(), time.perf_counter() - began, told)
@@ -93,7 +99,7 @@ class Evaluation:
                 given["rng"] = np.random.default_rng(self.seed_of(start + i))
             try:
                 result = function(**given)
-            except Exception as error:  # the function is the user's: whatever it raises is told in this sample's row
+            except (Exception, SystemExit) as error:  # the user's function: whatever it raises is told in this sample's row
                 after(start + i)
                 rows.refuse(i, error)
                 continue
@@ -101,26 +107,55 @@ class Evaluation:
             rows.put(i, result)
 
     def _batches(self, rows: KeptRows, start: int, columns: Columns, draws: bool, after: _After) -> None:
-        """`BATCH` samples by one call; an exception is told in the rows of all of them."""
+        """`BATCH` samples by one call; where that raises, each of them by a call of its own."""
         n = len(next(iter(columns.values())))
-        for i in range(0, n, BATCH):
-            j = min(i + BATCH, n)
-            given: dict[str, Any] = {name: values[i:j] for name, values in columns.items()}
+
+        def put(i: int, j: int) -> BaseException | None:
+            given: dict[str, Any] = {name: _part(values, i, j) for name, values in columns.items()}
             if draws:
                 given["rng"] = np.random.default_rng(self.seed_of(start + i))
             try:
                 result = self.function(**given)
-            except Exception as error:
+            except (Exception, SystemExit) as error:
+                if j > i + 1:  # each sample alone warns again
+                    after.caught.clear()
                 after(start + i)
-                for k in range(i, j):
-                    rows.refuse(k, error)
-                continue
+                return error
             after(start + i)
-            rows.put_batch(i, j, result)
+            return rows.put_batch(i, j, result)
+
+        for i in range(0, n, BATCH):
+            j = min(i + BATCH, n)
+            if (together := put(i, j)) is None:
+                continue
+            alone = {k: together if j == i + 1 else _alone(put, k) for k in range(i, j)}
+            failed = {k: error for k, error in alone.items() if error is not None}
+            where = words_of(start + i, start + j)
+            for k, error in failed.items():  # where all fail, the function may not be made for arrays of length one
+                same = len(failed) < j - i or text_of(error) == text_of(together)
+                rows.refuse(k, error, "" if same else f" ({where} in one call: {text_of(together)})")
 
     def seed_of(self, i: int) -> np.random.SeedSequence:
-        """The seed of sample i: child i of `SeedSequence(seed).spawn`, whatever the chunks; of a batch, that of its first."""
+        """The seed of sample i: child i of `SeedSequence(seed).spawn`, whatever the chunks.
+
+        A batch has that of its first sample; a sample that is computed again alone, because its batch raised, its own.
+        """
         return np.random.SeedSequence(self.seed, spawn_key=(i,))
+
+
+def _part(values: Sequence[Any] | Array, i: int, j: int) -> Sequence[Any] | Array:
+    """Values i to j, which the function may change: samples are computed again alone from what they were."""
+    return values[i:j].copy() if isinstance(values, np.ndarray) else values[i:j]
+
+
+def _alone(put: Callable[[int, int], BaseException | None], k: int) -> BaseException | None:
+    """What a batched function raised for one sample alone, or why what it returned cannot be kept."""
+    try:
+        return put(k, k + 1)
+    except InputError as error:
+        if isinstance(error.__context__, NotKept):  # as of a function that drops axes of length one
+            return error
+        raise
 
 
 class _After:

@@ -22,7 +22,7 @@ from rbd.studies.sampling.samples import Samples
 from rbd.studies.workers.chunks import Chunks
 from rbd.studies.workers.evaluation import ONE_AT_A_TIME, Columns, Evaluation, Finished
 from rbd.studies.workers.own_processes import MOST, WITHOUT_GUARD, WorkerDied, Workers, cores, end_if_unguarded
-from rbd.studies.workers.sending import pickled
+from rbd.studies.workers.sending import pickled, sent_columns
 from rbd.studies.workers.told import recorded
 
 TICK = 0.5
@@ -76,6 +76,10 @@ def check(executor: Executor | int | None) -> None:
         if executor != 0:
             end_if_unguarded()
         return
+    if isinstance(executor, int) and executor > MOST:
+        raise InputError(
+            f"executor is {executor}; expected at most {MOST:,} processes. For more, give the executor of a cluster."
+        )
     wanted = "expected None (one process a core), a number of processes, 0 for this one, or an executor of concurrent.futures"
     if hasattr(executor, "get_executor"):
         raise InputError(f"executor is {executor!r:.80}; expected its executor: executor=client.get_executor().")
@@ -190,7 +194,9 @@ class _Crew:
     def _submit(self, start: int, stop: int, *, with_bytes: bool) -> None:
         columns, begun = self.samples.columns(start, stop), time.monotonic()
         if self.sent:
-            future: Future[Any] = self.executor.submit(_evaluate, self.key, self.sent if with_bytes else None, start, columns)
+            future: Future[Any] = self.executor.submit(
+                _evaluate, self.key, self.sent if with_bytes else None, start, sent_columns(columns)
+            )
         else:
             future = self.executor.submit(_evaluate_here, self.evaluation, start, columns)
         number = next(self.numbers)
@@ -243,7 +249,7 @@ def _nothing() -> None:
 _loaded: OrderedDict[str, Evaluation] = OrderedDict()
 
 
-def _evaluate(key: str, sent: bytes | None, start: int, columns: Columns) -> Finished | NotLoaded:
+def _evaluate(key: str, sent: bytes | None, start: int, columns: Columns | bytes) -> Finished | NotLoaded:
     """In another process: the results of a chunk. The evaluation is loaded once, so that its robots are built once."""
     with ONE_AT_A_TIME:
         evaluation = _loaded.get(key)
@@ -255,14 +261,25 @@ def _evaluate(key: str, sent: bytes | None, start: int, columns: Columns) -> Fin
                 with recorded():  # what robots warn of, they did where they were loaded first
                     evaluation = pickle.loads(sent)
             except Exception as error:  # modules of the user are imported
-                return NotLoaded(
-                    f"the processes cannot load the function: {type(error).__name__}: {error!s:.300}. What it needs must be "
-                    "importable there: install the module, put its folder on PYTHONPATH, or for dask client.upload_file(...)."
-                )
+                return _not_loaded("function", error)
             _loaded[key] = evaluation
             while len(_loaded) > KEPT:
                 _loaded.popitem(last=False)
+        if isinstance(columns, bytes):
+            try:
+                with recorded():
+                    columns = pickle.loads(columns)
+            except Exception as error:
+                return _not_loaded("samples", error)
+        assert not isinstance(columns, bytes)
     return _evaluate_here(evaluation, start, columns)
+
+
+def _not_loaded(what: str, error: Exception) -> NotLoaded:
+    return NotLoaded(
+        f"the processes cannot load the {what}: {type(error).__name__}: {error!s:.300}. What is needed must be importable "
+        "there: install the module, put its folder on PYTHONPATH, or for dask client.upload_file(...)."
+    )
 
 
 def _evaluate_here(evaluation: Evaluation, start: int, columns: Columns) -> Finished:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from contextlib import closing
+from contextlib import closing, nullcontext
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -47,9 +47,8 @@ class Filled:
         """Issue the function's warnings, one of each kind, and one of an interruption."""
         self.told.warn(self.total)
         if self.interrupted:
-            warnings.warn(
-                f"{self.interrupted}; the others have the reason not_run.", StudyWarning, stacklevel=stacklevel_of_user()
-            )
+            left = "the others have the reason not_run" if self.done < self.total else "none is missing"
+            warnings.warn(f"{self.interrupted}; {left}.", StudyWarning, stacklevel=stacklevel_of_user())
 
 
 def check_all(evaluation: Evaluation, executor: Executor | int | None, chunk: int | None) -> None:
@@ -74,6 +73,7 @@ def fill(
     executor: Executor | int | None = None,
     chunk: int | None = None,
     progress: bool = True,
+    interruption: Interruption | None = None,
 ) -> Filled:
     """Evaluate what the store lacks, and put it there; Ctrl-C ends it in order, a second one at once.
 
@@ -84,6 +84,7 @@ def fill(
         executor: None: spawned processes, one a core; n: that many, 0: in this process; or an executor, which stays open.
         chunk: Samples that are sent at a time; None: about a second's.
         progress: Whether a bar is drawn, where stderr is a terminal.
+        interruption: That within which the caller is; None: one of its own.
 
     Returns:
         How it ended. Chunks that were under way when it ended are lost.
@@ -97,7 +98,8 @@ def fill(
     chunks = Chunks(done, chunk, batched=evaluation.batched)
     told, lost, ended = Told(), list[Lost](), list[Stopped]()
     interrupted = False
-    with counted(len(samples), int(np.count_nonzero(done)), shown=progress) as counts, Interruption() as interruption:
+    within = Interruption() if interruption is None else nullcontext(interruption)
+    with counted(len(samples), int(np.count_nonzero(done)), shown=progress) as counts, within as interruption:
         try:
             with closing(executors.blocks(evaluation, samples, chunks, executor, check=interruption.check)) as found:
                 for each in found:
@@ -119,7 +121,7 @@ def fill(
         return Filled(total, counts.done, interrupted=f"Ctrl-C after {so_far}", told=told)
     if ended:
         return Filled(total, counts.done, "", f"{ended[0].why}; {so_far} are done.", ended[0].cause, told)
-    return Filled(total, counts.done, stopped=_of_lost(lost, so_far), told=told)
+    return Filled(total, counts.done, stopped=_of_lost(lost, so_far, chunks.unit), told=told)
 
 
 def _put(store: Store, finished: Finished, told: Told, counts: Progress) -> None:
@@ -130,12 +132,13 @@ def _put(store: Store, finished: Finished, told: Told, counts: Progress) -> None
     counts.add(int(np.count_nonzero(new)), int(np.count_nonzero(new & ~np.asarray(block.ok))))
 
 
-def _of_lost(lost: Sequence[Lost], so_far: str) -> str:
+def _of_lost(lost: Sequence[Lost], so_far: str, unit: int) -> str:
     if not lost:
         return ""
-    places = ", ".join(x.told for x in lost[:5])
-    more = f" and {len(lost) - 5} chunks more" if len(lost) > 5 else ""
+    places = [x.told for x in lost[:5]] + ([f"one of {len(lost) - 5} chunks more"] if len(lost) > 5 else [])
+    told = " or ".join(filter(None, (", ".join(places[:-1]), places[-1])))
+    which = "" if all(x.stop - x.start <= unit for x in lost) else "chunk=1 says which sample it is. "
     return (
-        f"each process that computed {places}{more} {lost[0].why}. All others are done, {so_far}. chunk=1 says which sample "
-        "it is; call the function with it in a process of its own to see why."
+        f"each process that computed {told} {lost[0].why}. All others are done, {so_far}. {which}Call "
+        "the function with it in a process of its own to see why."
     )

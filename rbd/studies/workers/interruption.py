@@ -47,9 +47,15 @@ class Interruption:
     @contextmanager
     def held(self) -> Iterator[None]:
         """A first Ctrl-C within waits for the end."""
+        with self.counted():
+            yield
+        self.check()
+
+    @contextmanager
+    def counted(self) -> Iterator[None]:
+        """A first Ctrl-C within raises nothing, also not at the end: `asked` tells of it."""
         self._held = True
         try:
             yield
         finally:
             self._held = False
-        self.check()

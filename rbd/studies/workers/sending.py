@@ -7,8 +7,11 @@ import io
 import pickle
 import sys
 import types
+from collections import ChainMap
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
+
+import numpy as np
 
 from rbd.errors import InputError
 
@@ -43,13 +46,56 @@ def pickled(evaluation: Any, function: Callable[..., Any], *, same_script: bool)
     return sent
 
 
+def sent_columns(columns: Mapping[str, Any]) -> Mapping[str, Any] | bytes:
+    """The samples of a chunk as they go to another process: with objects among them as bytes, as functions do.
+
+    Args:
+        columns: {argument: values}: an array, or a list of texts and objects.
+
+    Raises:
+        InputError: an object that cannot be pickled; names it.
+    """
+    if all(isinstance(values, np.ndarray) or all(type(x) is str for x in values) for values in columns.values()):
+        return columns
+    dumps = _dumps()
+    try:
+        return dumps(dict(columns))
+    except Exception as error:  # pickling calls code of the user's classes
+        path, culprit = _culprit(dict(columns), dumps)
+        install = "install cloudpickle (pip install 'rbd-contact[study]'), or " if dumps is pickle.dumps else ""
+        raise InputError(
+            f"samples cannot be sent to other processes: {path or 'one'} is {_described(culprit)} ({error!s:.160}). To try: "
+            f"{install}give what it is made of and create it in the function; executor=0 computes in this process."
+        ) from error
+
+
 def _dumps() -> Callable[[Any], bytes]:
     try:
         import cloudpickle
     except ImportError:
         return pickle.dumps
-    found: Callable[[Any], bytes] = cloudpickle.dumps
-    return found
+    # cloudpickle alone sends a file that is open for reading as its text, which is another value than the file
+    table = ChainMap({io.TextIOWrapper: _of_file}, cloudpickle.Pickler.dispatch_table)
+    pickler = type("Pickler", (cloudpickle.Pickler,), {"dispatch_table": table})
+
+    def dumps(value: Any) -> bytes:
+        with io.BytesIO() as file:
+            pickler(file).dump(value)
+            return file.getvalue()
+
+    return dumps
+
+
+def _of_file(file: io.TextIOWrapper) -> tuple[Any, ...]:
+    """How a text file is pickled: not at all, but for those by which every process writes.
+
+    Raises:
+        pickle.PicklingError: it is another one.
+    """
+    for name in ("stdout", "stderr"):
+        if file is getattr(sys, name):
+            return getattr, (sys, name)
+    raise pickle.PicklingError(f"cannot pickle the open file {getattr(file, 'name', '')!r:.100}")
 
 
 def _refusal(function: Any, evaluation: Any, error: Exception, dumps: Callable[[Any], bytes]) -> str:

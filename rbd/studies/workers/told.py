@@ -19,7 +19,7 @@ class Told:
     """Warnings by their kind.
 
     Attributes:
-        counts: {kind: number of samples that gave such a warning}; of a batched function, of batches.
+        counts: {kind: number of samples that gave such a warning}; of a batched function, of calls.
         first: {kind: number of the first of these samples}.
         texts: {kind: its message}.
     """

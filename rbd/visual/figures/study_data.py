@@ -213,8 +213,12 @@ class StudyData:
         out.dataset, out.share = out.dataset.assign(ok=some, reason=reasons), share
         return out
 
-    def check_left(self, used: Sequence[str]) -> None:
+    def check_left(self, used: Sequence[str], *, by_given: bool) -> None:
         """Refuse dimensions that are neither drawn nor selected.
+
+        Args:
+            used: Dimensions that are drawn.
+            by_given: Whether there is a picture for each value of one already.
 
         Raises:
             InputError: names them.
@@ -224,8 +228,8 @@ class StudyData:
             shown = repr(first.item() if isinstance(first, np.generic) else first)
             told = ", ".join(f"{d} ({self.dataset.sizes[d]} values)" for d in left)
             raise InputError(
-                f"the study also has {told}, which nothing here shows; "
-                f"select a value: dataset.sel({left[0]}={shown:.40}), or draw a picture for each: by={left[0]!r}."
+                f"the study also has {told}, which nothing here shows; select a value: dataset.sel({left[0]}={shown:.40})"
+                f"{'' if by_given else f', or draw a picture for each: by={left[0]!r}'}."
             )
 
     def _default(self) -> str:

@@ -48,7 +48,8 @@ def plot_study(
 
     - Two dimensions (`x` and `y`, or a grid of two): a map, a cell for each sample. Samples without a value are grey and
       hatched. The boundary between ok and not ok is a line along the edges of cells, midway between two samples: nothing is
-      interpolated. `by` draws one map for each value of a third dimension.
+      interpolated. `by` draws one map for each value of a third dimension; x and y are then the
+      other two, if they are not named.
     - One dimension (`x` alone, or a grid of one): curves of the value, one for each value of `by`, or of the other dimension
       of two. Samples that are not ok are crosses at the axis, and the last ok one has a ring.
     - Draws and tables: points of two coordinates coloured by the value, or, with `x` alone, of the value
@@ -96,7 +97,7 @@ def plot_study(
     dims = [data.dim(what, name) for what, name in (("x", across), ("y", up), ("by", rest)) if name is not None]
     if len(set(dims)) < len(dims):
         raise InputError(f"x, y and by are {across!r}, {up!r} and {rest!r}, which are not all of different dimensions.")
-    data.check_left(dims)
+    data.check_left(dims, by_given=rest is not None)
     shown, (ok, not_run) = data.quantity(value, dims), data.states(dims)
     if up is None and not shown.categories:
         return _curves(data, across, rest, shown, ok, not_run, ax)
@@ -122,10 +123,10 @@ def _chosen(data: StudyData, x: object, y: object, by: object) -> tuple[str, str
     free = [d for d in data.dims if d not in used]
     if x is None:
         x = free.pop(0) if free else by
-        if by is None and len(free) == 1:
+        if len(free) == 1 and (by is None or not data.numbered(free[0])):
             y = free.pop(0)
-    elif y is None and by is None and len(free) == 1:
-        by = free.pop(0)
+    elif y is None and len(free) == 1 and (by is None or not data.numbered(free[0])):
+        by, y = (free.pop(0), None) if by is None else (by, free.pop(0))
     if x == by:
         by = None
     return str(x), None if y is None else str(y), None if by is None else str(by)
@@ -152,7 +153,7 @@ def _maps(
             one.set_title(title, fontsize="medium")
         drawn += made
     if not shown.categories:
-        axes[0].figure.colorbar(drawn[0], ax=axes, label=shown.label)  # type: ignore[arg-type]
+        _color_bar(axes, drawn[0], shown)
     _legend(axes, own, keys_of_map(shown, ok, not_run, bounded=bounded), shown.label if shown.categories else "")
     return drawn
 
@@ -208,7 +209,7 @@ def _draws(data: StudyData, x: str, y: str | None, value: object, by: str | None
         if title:
             one.set_title(title, fontsize="medium")
     if colored is not None and norm is not None:
-        axes[0].figure.colorbar(drawn[0], ax=axes, label=colored.label)  # type: ignore[arg-type]
+        _color_bar(axes, drawn[0], colored)
     keys = keys_of_points(colored, ok, not_run)
     _legend(axes, own, keys, colored.label if colored is not None and colored.categories else "")
     return drawn
@@ -260,7 +261,15 @@ def _norm(shown: Quantity, values: Array) -> Normalize | None:
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     if low < 0.0 < high:
         low, high = -max(-low, high), max(-low, high)
-    return Normalize(low, high if high > low else low + (abs(low) or 1.0))
+    half = 0.0 if high > low else 0.1 * abs(low) or 1.0  # one value alone has the colour in the middle
+    return Normalize(low - half, high + half)
+
+
+def _color_bar(axes: list[Axes], drawn: Artist, shown: Quantity) -> None:
+    """The scale of colours of numbers; without numbers on it where no sample has one."""
+    bar = axes[0].figure.colorbar(drawn, ax=axes, label=shown.label)  # type: ignore[arg-type]
+    if not np.isfinite(shown.values).any():
+        bar.set_ticks([])
 
 
 def _axes(ax: object, count: int, size: tuple[float, float]) -> tuple[list[Axes], Figure | None]:
