@@ -197,7 +197,7 @@ class _Table:
 
     def _message(self, robot: CheckedModel, row: Array) -> str:
         if self.what.startswith("friction"):
-            return f"{self.what} is {row[0]!r}; expected a finite number of 0 or more."
+            return f"{self.what} is {row[0]}; expected a finite number of 0 or more."
         check = {"q": robot.check_q, "tau": robot.check_tau}.get(self.what, lambda x: robot.check_v(x, self.what))
         try:
             check(row)

@@ -25,6 +25,7 @@ from rbd.studies.workers.calling import bound
 from rbd.studies.workers.evaluation import Evaluation
 from rbd.studies.workers.filling import check_all, fill
 from rbd.studies.workers.interruption import Interruption
+from rbd.studies.workers.told import Told
 
 if TYPE_CHECKING:
     import xarray
@@ -110,25 +111,24 @@ def _filled(store: Store, evaluation: Evaluation, samples: Samples, interruption
     """The dataset of a store after what is missing was computed. Ctrl-C while it is made does not lose it."""
     try:
         filled = fill(store, evaluation, samples, interruption=interruption, **how)
-        stopped, cause = filled.stopped, filled.cause
         with interruption.counted():
-            found = None if stopped else store.dataset()
-            if found is not None and interruption.asked and not filled.interrupted:
-                filled = replace(filled, interrupted=f"Ctrl-C after all {filled.total:,} samples")
             try:
                 filled.warn()
             except Warning as error:  # by the filters of warnings
                 made = f"a warning is an error here, by Python's filters: {error}. This error's `dataset` has the results."
-                stopped, cause = stopped or made, cause or error
-            if found is not None and not stopped:
+                raise StudyStopped(filled.stopped or made, dataset=_of_stopped(store)) from error
+            if not filled.stopped:
+                found = store.dataset()
+                if interruption.asked and not filled.interrupted:
+                    replace(filled, interrupted=f"Ctrl-C after all {filled.total:,} samples", told=Told()).warn()
                 return found
     except StudyStopped as error:
         with interruption.counted():
             error.dataset = _of_stopped(store)
         raise
     with interruption.counted():
-        kept = _of_stopped(store)
-    raise StudyStopped(stopped, dataset=kept) from cause
+        stopped = _of_stopped(store)
+    raise StudyStopped(filled.stopped, dataset=stopped) from filled.cause
 
 
 def _of_stopped(store: Store) -> xarray.Dataset | None:

@@ -532,7 +532,8 @@ class TestBatches:
         held = rbd.statics.hold_many(solo, solo.standing().q, solo.feet(), coefficients=[0.7, 0.0, -1.0])
         block = batch(held, 3)
         assert block.ok.tolist() == [True, True, False] and block.reason[2] == Reason.BAD_INPUT.code
-        assert list(block.messages) == [1002] and np.isnan(block.variables["tau"].values[2]).all()
+        assert list(block.messages) == [1002] and block.messages[1002].startswith("friction of 'front_left' is -1.0; expected")
+        assert np.isnan(block.variables["tau"].values[2]).all()
         assert block.variables["status"].values.tolist() == held.status.tolist()
 
     def test_arrays(self):

@@ -62,9 +62,9 @@ def test_each_refusal_has_its_reason(serial):
     assert (serial.worst_residual.values[~refused] < 1e-9).all() and np.isnan(serial.worst_residual.values[refused]).all()
 
 
-def test_two_processes(serial):
+def test_two_processes(serial, workers):
     """Chunks in two processes give the same bits."""
-    assert_same_bits(serial, pushed.run(executor=2))
+    assert_same_bits(serial, pushed.run(executor=workers))
 
 
 def test_a_cluster_that_loses_a_worker(serial):

@@ -102,8 +102,8 @@ class KeptRows:
         self._refuse_twice(found, where)
         self._reason[start:stop] = codes
         self._ok[start:stop] = codes == 0
-        for row, message in messages.items():
-            self._messages[self._start + start + row] = _short(message)
+        for row, message in messages.items():  # the number of a state is that within the batch
+            self._messages[self._start + start + row] = _shortened(message.removeprefix(f"at state {row}: "))
         return None
 
     def refuse(self, i: int, error: BaseException, more: str = "") -> None:
@@ -123,7 +123,7 @@ class KeptRows:
 
     def _no_answer(self, i: int, reason: Reason, message: str) -> None:
         self._ok[i], self._reason[i] = False, reason.code
-        self._messages[self._start + i] = _short(message)
+        self._messages[self._start + i] = _shortened(message)
 
     def _column(self, name: str, variable: Variable, shape: tuple[int, ...], where: str) -> _Column:
         self._layout.agree(name, variable, shape, where)
@@ -153,8 +153,8 @@ def text_of(error: BaseException) -> str:
     return text if isinstance(error, RbdError) else f"{name}: {text}" if text else name
 
 
-def _short(message: str) -> str:
-    return storable(message if len(message) <= LONGEST_MESSAGE else f"{message[: LONGEST_MESSAGE - 3]}...")
+def _shortened(message: str) -> str:
+    return storable(message if len(message) <= LONGEST_MESSAGE else f"{message[: LONGEST_MESSAGE - 4]} ...")
 
 
 class _Column:
