@@ -591,7 +591,7 @@ def test_errors_are_rows():
     block = rows.block()
     assert block.reason.tolist() == [Reason.BAD_INPUT.code, Reason.OTHER_ERROR.code, Reason.NOT_RUN.code]
     assert block.messages[10] == "friction is -1." and block.messages[11].startswith("ValueError: xxx")
-    assert len(block.messages[11]) == 1000 and block.messages[11].endswith("x...") and not block.ok.any()
+    assert len(block.messages[11]) == 1000 and block.messages[11].endswith("x ...") and not block.ok.any()
 
 
 def test_texts_of_errors():

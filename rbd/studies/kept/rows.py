@@ -147,9 +147,9 @@ def text_of(error: BaseException) -> str:
     """The text of an error with its notes; in front of it the name of its class, if that is no class of rbd."""
     name = type(error).__name__
     try:
-        text = " ".join([str(error), *map(str, getattr(error, "__notes__", ()))]).strip()
-    except Exception as other:  # the class may be the user's
-        text = f"its text cannot be made ({type(other).__name__})"
+        text = "\n".join([str(error), *map(str, getattr(error, "__notes__", ()))]).strip()
+    except Exception:  # the class may be the user's
+        text = "its text cannot be read"
     return text if isinstance(error, RbdError) else f"{name}: {text}" if text else name
 
 
