@@ -147,12 +147,22 @@ class TestPlainValues:
             kept(result, arguments=["friction"])
 
 
-def test_long_messages_end_in_dots():
-    """At a thousand characters."""
-    rows = KeptRows(1, None)
-    rows.refuse(0, ValueError("x" * 2000))
-    found = rows.block().messages[0]
-    assert len(found) == 1000 and found.endswith("xx...")
+class Mute(Exception):  # noqa: N818
+    """An error without a text."""
+
+    def __str__(self) -> str:
+        raise RuntimeError
+
+
+def test_messages_of_errors():
+    """With their notes; long ones end in dots, and an error whose text fails is a row, too."""
+    rows, noted = KeptRows(3, None), ValueError("no")
+    noted.add_note("at the left foot")
+    for i, error in enumerate((noted, ValueError("x" * 2000), Mute())):
+        rows.refuse(i, error)
+    found = rows.block().messages
+    assert found[0] == "ValueError: no\nat the left foot" and found[2] == "Mute: its text cannot be read"
+    assert len(found[1]) == 1000 and found[1].endswith("xx ...")
 
 
 class TestMasked:
