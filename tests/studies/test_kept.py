@@ -615,9 +615,9 @@ def test_texts_of_errors():
     noted.add_note("in sample 3")
     told = [text_of(error) for error in (noted, SystemExit(), Mute(), rbd.InputError("It is wrong."))]
     assert told == [
-        "ValueError: friction is -1 in sample 3",
+        "ValueError: friction is -1\nin sample 3",
         "SystemExit",
-        "Mute: its text cannot be made (RuntimeError)",
+        "Mute: its text cannot be read",
         "It is wrong.",
     ]
 
