@@ -352,6 +352,82 @@ def test_nan_is_a_number() -> None:
         rbd.grid(a=[np.nan, np.nan])
 
 
+@pytest.mark.parametrize("given", [[1, 2], [1.0, 2.0]])
+def test_masked_numbers_are_nan(given: list[float]) -> None:
+    """Never what lies under the mask: in grids, tables, structured arrays, lists of vectors, and as one value."""
+    values = np.ma.masked_array(given, [0, 1])
+    for samples in (rbd.grid(a=values), table({"a": values}), rbd.grid(a={"x": values[0], "y": values[1]})):
+        np.testing.assert_array_equal([row["a"] for row in samples], [1.0, np.nan])
+    records = np.ma.masked_array([(1, 2.0), (3, 4.0)], [(0, 0), (1, 0)], [("a", int), ("b", float)])
+    np.testing.assert_array_equal([[row["a"], row["b"]] for row in table(records)], [[1, 2], [np.nan, 4]])
+    vectors = rbd.grid(a=[values, np.ma.masked_array([3.0, 4.0])])
+    np.testing.assert_array_equal(vectors.columns(0, 2)["a"], [[1.0, np.nan], [3.0, 4.0]])
+    assert np.isnan(rbd.grid(a=np.ma.masked, b=[1]).row(0)["a"])
+    full = rbd.grid(a=np.ma.masked_array(given, [0, 0]))
+    assert [row["a"] for row in full] == given and type(full.row(0)["a"]) is type(given[0])
+
+
+def test_missing_values_of_data_frames() -> None:
+    """Texts and truth values are None, numbers NaN; None among numbers of a list is meant."""
+    pandas = pytest.importorskip("pandas")
+    frame = pandas.DataFrame({"text": ["a", None], "n": pandas.array([1, None], "Int64"), "x": [1.5, None]})
+    frame["kind"] = frame.text.astype("category")
+    frame["old"] = np.array(["a", np.nan], object)
+    frame["yes"] = pandas.array([True, None], "boolean")
+    first, second = table(frame)
+    assert first == {"text": "a", "n": 1.0, "x": 1.5, "kind": "a", "old": "a", "yes": True}
+    assert [second[name] for name in ("text", "kind", "old", "yes")] == [None] * 4
+    assert np.isnan(second["n"]) and np.isnan(second["x"])
+    assert table(frame).coords()["text"][1].tolist() == ["a", "None"]
+    assert [row["limit"] for row in rbd.grid(limit=np.array([0.5, None], object))] == [0.5, None]
+
+
+def test_samples_are_gone_through_one_by_one() -> None:
+    """Each as `row` gives it, over the seams of what is computed at once; as often as wanted."""
+    for samples in (
+        rbd.grid(a=range(30), b=["x", "y"], c=range(20), d=1.0),
+        rbd.grid(a=0.5, law="convex"),
+        rbd.sample(3, a=(0, 1)),
+    ):
+        found = list(samples)
+        assert found == [samples.row(i) for i in range(len(samples))] == list(samples)
+        assert all(list(row) == list(samples.names) for row in found)
+    assert next(iter(rbd.grid(a=range(10**6), b=range(10**6)))) == {"a": 0, "b": 0}
+
+
+def test_a_grid_takes_a_mapping() -> None:
+    """Alone, or beside arguments by name; for names that are computed, or any other."""
+    samples = rbd.grid({"x": [1, 2], "arguments": 3}, y=[4])
+    assert samples.digest() == rbd.grid(x=[1, 2], arguments=3, y=[4]).digest()
+    assert rbd.grid({"x": [1]}).row(0) == {"x": 1}
+
+
+def _along(dim: str, labels: list[int]) -> xarray.DataArray:
+    return xarray.DataArray([1.0, 2.0], {dim: labels}, [dim])
+
+
+def test_rows_of_a_dataset_keep_its_coordinates() -> None:
+    """They are coordinates of the study, too, and no arguments; samples are found by them; numbers of rows say nothing."""
+    coords = {"t": ("t", [5, 6], {"units": "s"}), "who": ("t", ["a", "b"])}
+    given = xarray.Dataset({"a": ("t", [1.0, 2.0])}, coords)
+    samples = table(given)
+    assert samples.names == ("a",) and samples.at(t=6) == {"a": 2.0} and samples.row(0) == {"a": 1.0}
+    found = rbd.study(lambda a: 2 * a, given, executor=0, progress=False)
+    assert found.value.sel(t=6).item() == 4.0 and found.who.values.tolist() == ["a", "b"] and found.t.attrs == {"units": "s"}
+    assert table(dict(given.data_vars)).coords()["t"][1].tolist() == [5, 6]
+    both = (rbd.grid(f=[1, 2]) * samples).with_units(a="m")
+    assert both.at(f=2, t=5) == {"f": 2, "a": 1.0} and set(both.coords()) == {"f", "a", "t", "who"} <= set(both.taken)
+    assert table(dict(given.data_vars, t=given.t)).row(0) == {"a": 1.0, "t": 5}
+    with pytest.raises(InputError, match=r"needs t.*it is a coordinate only: dict\(dataset\.data_vars, t=dataset\.t\)"):
+        rbd.study(lambda a, t: a + t, given, executor=0)
+    bare = table(given.drop_vars(["t", "who"]))
+    assert samples.digest() != bare.digest() == table(given.drop_vars("who").assign_coords(t=[0, 1])).digest()
+    levels = xarray.Dataset({"a": (("x", "y"), [[1, 2]])}, {"x": [1], "y": [3, 4]}).stack(sample=["x", "y"])
+    assert rows(table(levels)) == [{"a": 1}, {"a": 2}] and table(levels).coords()["y"][1].tolist() == [3, 4]
+    some = rbd.study(lambda a: a, rbd.sample(4, a=(0, 1)), executor=0, progress=False).isel(sample=[1, 3])
+    assert table(some.coords).coords()["sample"][1].tolist() == [1, 3]
+
+
 WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: rbd.grid(), "at least one, such as friction"),
     (lambda: rbd.grid(a=[]), "a has no values"),
@@ -366,7 +442,14 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     ),
     (lambda: rbd.grid(a={"x": 1, 2: 2}), "all texts, or all numbers"),
     (lambda: rbd.grid(a=[[1], [1, 2]]), r"arrays of different shapes, \(1,\), \(2,\)"),
-    (lambda: rbd.grid(a=np.ma.masked_array([1.0, 2.0], [0, 1])), "compressed"),
+    (lambda: rbd.grid(a=np.ma.masked_array([True, False], [0, 1])), "masked array of bool, of which some.*compressed"),
+    (lambda: table({"a": [1, 2]}, dimension="ok"), "dimension or coordinate 'ok', which every dataset of a study has"),
+    (lambda: table(_along("reason", [1, 2]).rename("a").to_dataset()), "dimension or coordinate 'reason'"),
+    (lambda: rbd.grid({"a": [1]}, a=[2]), "a is given twice, in the mapping and by name"),
+    (lambda: rbd.grid([0.3, 0.6]), r"grid has a list; expected arguments by name.*rbd\.grid\(\{'friction'"),  # type: ignore[arg-type]
+    (lambda: rbd.grid(ALONG), "grid has a Dataset;.*takes the rows of tables as they are"),
+    (lambda: table({"a": _along("t", [5, 6]), "b": _along("t", [6, 7])}), "b has other values of the coordinate 't'.*align"),
+    (lambda: table(xarray.Dataset({"a": ("t", [1, 2])}, {"t": [5, 5]})), "t has 5 more than once"),
     (lambda: rbd.grid(**{"a/b": [1]}), "without '/'"),
     (lambda: table({"push y": [1]}), "'push y' cannot be the name"),
     (lambda: rbd.grid(push={"x": (1, 0)}, push_value=[1]), "'push_value' twice"),
@@ -397,7 +480,7 @@ WRONG: list[tuple[Callable[[], object], str]] = [
     (lambda: table([]), "samples are empty"),
     (
         lambda: table([{"a": 1}, {"b": 1}]),
-        "sample 1 has no a, and b, which sample 0 has not; expected the arguments a, as in sample 0",
+        "sample 1 has no a, and b, which sample 0 does not have; expected the arguments a, as in sample 0",
     ),
     (lambda: table([(0.5, 1.0)]), r"sample 0 is \(0\.5, 1\.0\); expected a mapping of arguments.*'friction': 0\.5"),
     (lambda: table([0.5, 0.6]), "sample 0 is 0.5"),

@@ -128,7 +128,7 @@ def _filled(name: str, value: Any) -> Array:
         raise NotKept(
             f"{name!r:.80} is a masked array of {value.dtype}; only those of numbers are kept, with NaN for the masked"
         )
-    return np.asarray(value.astype(np.float64).filled(np.nan))
+    return np.where(np.ma.getmaskarray(value), np.nan, value.data)
 
 
 def _text(value: Any, found: Array) -> Array:

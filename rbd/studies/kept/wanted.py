@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -117,8 +117,8 @@ class Wanted:
             self._chosen[given] = chosen
         return chosen
 
-    def _picked(self, result: Any) -> Mapping[Any, Any]:
-        """A result that is no record of rbd, as values by name, those that are kept."""
+    def _picked(self, result: Any) -> Iterable[tuple[Any, Any, tuple[str, ...] | None]]:
+        """A result that is no record of rbd: the name and value of each that is kept, and what is kept in it; None: all."""
         found = mapping_of(result)
         if found is None:
             if result is None:
@@ -131,23 +131,21 @@ class Wanted:
             found = {"value": result}
         names = self.names
         if self.functions and not names:
-            return {}
+            return []
         if names is None:
-            return found
-        for name in names:
-            if name not in found:
-                told = nearest(name, [str(x) for x in found])
-                raise NotKept(f"keep names {name!r:.80}, which the function did not return; {told}")
-        return {name: found[name] for name in names}
+            return [(name, value, None) for name, value in found.items()]
+        if all(name in found for name in names):
+            return [(name, found[name], None) for name in names]
+        return _within(names, found)
 
     def _plain(self, result: Any, rows: int | None) -> tuple[list[Named], Verdict]:
         found: list[Named] = []
         verdict: Verdict = None
-        for name, value in self._picked(result).items():
+        for name, value, within in self._picked(result):
             if isinstance(value, float | bool | np.bool_):  # what most functions return, without the looks at other types
                 found.append((name, Variable(np.array(value))))
                 continue
-            inner, told = _named(name, value, rows)
+            inner, told = _named(name, value, rows, within)
             found += inner
             verdict = verdict or told
         return found, verdict
@@ -155,39 +153,75 @@ class Wanted:
     def _plain_batch(self, result: Any, n: int) -> tuple[list[Named], Rows]:
         found: list[Named] = []
         codes, messages = np.zeros(n, np.int16), dict[int, str]()
-        for name, value in self._picked(result).items():
-            inner, (own, told) = _named_batch(name, value, n)
+        for name, value, within in self._picked(result):
+            inner, (own, told) = _named_batch(name, value, n, within)
             found += inner
             if told or own.any():
                 codes, messages = np.where(codes, codes, own), {**told, **messages}
         return found, (codes, messages)
 
 
-def _named(name: str, value: Any, rows: int | None) -> tuple[list[Named], Verdict]:
-    """A value by name; of a record of rbd or a mapping its own variables, with the name in front."""
+def _within(names: Sequence[str], found: Mapping[Any, Any]) -> list[tuple[Any, Any, tuple[str, ...] | None]]:
+    """Values that are kept, where some names are `<key>_<name>`: of a record, or a mapping, that stands under a key.
+
+    Raises:
+        NotKept: a name that there is not, with the nearest.
+    """
+    known = {f"{key}_{own}": (key, own) for key, value in found.items() for own in _names_in(value)}
+    chosen: dict[Any, tuple[str, ...]] = {}
+    for name in names:
+        if name not in found and name not in known:
+            told = nearest(name, [*map(str, found), *known])
+            raise NotKept(f"keep names {name!r:.80}, which the function did not return; {told}")
+        key, own = (name, ()) if name in found else (known[name][0], known[name][1:])
+        more = tuple(_names_in(found[key], defaults=True)) if name in found else own
+        chosen[key] = tuple(dict.fromkeys((*chosen.get(key, ()), *more)))
+    return [(key, found[key], within) for key, within in chosen.items()]
+
+
+def _names_in(value: Any, *, defaults: bool = False) -> Iterable[str]:
+    """Names of what can be kept in a value: of a record, or of a mapping; all, or those that are kept where nothing is said."""
+    kind = kind_of(type(value))
+    if kind is not None:
+        return kind.defaults if defaults else kind.names
+    return [str(own) for own in mapping_of(value) or ()]
+
+
+def _named(name: str, value: Any, rows: int | None, within: tuple[str, ...] | None = None) -> tuple[list[Named], Verdict]:
+    """A value by name; of a record of rbd or a mapping its own variables, those of `within`, with the name in front."""
     kind = kind_of(type(value))
     if kind is not None:
         if kind.rows is not None:
             raise NotKept(f"{name!r:.80} is {_told(value)}, of many states. Set batched=True, or return one of them")
         verdict = kind.verdict(value)
-        names = kind.defaults if verdict is None else kind.certificate
+        names = _chosen(kind, within)
+        if verdict is not None:
+            names = [k for k in names if k in kind.certificate or k == "residuals"]
         return [(f"{name}_{own}", x) for k in names for own, x in kind.names[k].of(value)], verdict
     inner = mapping_of(value)
     if inner is None:
         variable = variable_of(name, value, rows)
         return ([] if variable is None else [(name, variable)]), None
-    pairs = [(f"{name}_{own}", variable_of(f"{name}_{own}", x, rows)) for own, x in inner.items()]
+    pairs = [
+        (f"{name}_{own}", variable_of(f"{name}_{own}", x, rows)) for own, x in inner.items() if within is None or own in within
+    ]
     return [(own, x) for own, x in pairs if x is not None], None
 
 
-def _named_batch(name: str, value: Any, n: int) -> tuple[list[Named], Rows]:
+def _named_batch(name: str, value: Any, n: int, within: tuple[str, ...] | None = None) -> tuple[list[Named], Rows]:
     kind = kind_of(type(value))
     none: Array = np.zeros(n, np.int16)
     if kind is None:
-        return _named(name, value, n)[0], (none, {})
+        return _named(name, value, n, within)[0], (none, {})
     if kind.rows is None or len(value) != n:
         raise NotKept(f"{name!r:.80} is {_told(value)}; expected one row a sample: {n}")
-    return [(f"{name}_{own}", x) for k in kind.defaults for own, x in kind.names[k].of(value)], kind.rows(value)
+    found = [(f"{name}_{own}", x) for k in _chosen(kind, within) for own, x in kind.names[k].of(value)]
+    return found, kind.rows(value)
+
+
+def _chosen(kind: Kind, within: tuple[str, ...] | None) -> Sequence[str]:
+    """Names that are kept of a record under a key: certificates, and those of `within`; None: the defaults."""
+    return kind.defaults if within is None else list(dict.fromkeys([*kind.certificate, *within]))
 
 
 def _check_function(name: object, function: object) -> None:

@@ -13,6 +13,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.studies.provenance.fingerprint import Hash, add
+from rbd.studies.sampling.gaps import without_gaps
 
 Coordinate = tuple[tuple[str, ...], Array, dict[str, str]]
 """Dimensions, values and attributes, as xarray takes them."""
@@ -118,9 +119,10 @@ def column(name: str, given: Any, dim: str, *, distinct: bool = False) -> Column
         distinct: Whether labels must differ: of an axis of a grid, and of what has the name of its dimension.
 
     Raises:
-        InputError: no values, arrays of different lengths, a set, labels that repeat.
+        InputError: no values, arrays of different lengths, a set, labels that repeat, masked values that are no numbers.
     """
     check_name(name)
+    given = without_gaps(name, given)
     labels: Array | None = None
     units = str(getattr(given, "attrs", {}).get("units", "")) if hasattr(given, "dims") else ""
     if isinstance(given, Mapping):
@@ -132,8 +134,7 @@ def column(name: str, given: Any, dim: str, *, distinct: bool = False) -> Column
         raise InputError(f"{name} is a set, which has no order; give a list.")
     elif not isinstance(given, np.ndarray):
         given = _sequence(name, given)
-    if isinstance(given, np.ma.MaskedArray):
-        raise InputError(f"{name} is a masked array; give its values without the masked ones: {name}.compressed().")
+    given = without_gaps(name, given)
     if not len(given):
         raise InputError(f"{name} has no values; give at least one.")
     found = replace(_column(name, given, dim), units=units)

@@ -18,6 +18,10 @@ from rbd.studies.sampling.columns import Column, Coordinate
 MOST_SAMPLES = 2**53
 """More are refused: beyond, a sample's number is not exact as a float."""
 FORMAT = b"rbd samples 1"
+AT_ONCE = 512
+"""Samples that are computed at once where they are gone through one by one."""
+RESERVED = ("ok", "reason", "message")
+"""Variables that every dataset of a study has."""
 ONE = "sample"
 """The dimension, of length 1, of samples of which no argument varies."""
 
@@ -31,6 +35,7 @@ class Samples(Displayed):
     Attributes:
         dims: {dimension of the dataset: its length}; of a grid one for each argument that varies, of draws and tables "sample".
         given: The values of each argument.
+        shown: Coordinates of the dataset that are no arguments, as of the rows of an xarray.Dataset.
 
     Example:
         >>> samples = rbd.grid(friction=[0.3, 0.6, 0.9], push_y=[0.0, 100.0]).with_units(push_y="N")
@@ -48,6 +53,7 @@ class Samples(Displayed):
 
     dims: Mapping[str, int]
     given: tuple[Column, ...]
+    shown: tuple[Column, ...] = ()
 
     def __post_init__(self) -> None:
         if not self.given:
@@ -56,8 +62,12 @@ class Samples(Displayed):
             object.__setattr__(self, "dims", {ONE: 1})
         if len(self) > MOST_SAMPLES:
             raise InputError(f"samples are {len(self):.3g}, more than 2^53; give fewer values of each argument.")
+        if own := [x for x in self.taken if x in RESERVED and x not in self.names]:
+            raise InputError(
+                f"samples have a dimension or coordinate {own[0]!r}, which every dataset of a study has for itself; rename it."
+            )
         taken = [*self.dims]
-        for each in self.given:
+        for each in self._columns:
             taken += [x for x in each.coords() if x not in self.dims or each.dim != x]
             taken += [x for x in dict.fromkeys(dim for dims, _, _ in each.coords().values() for dim in dims) if x != each.dim]
         if twice := [x for x in dict.fromkeys(taken) if taken.count(x) > 1]:
@@ -69,6 +79,13 @@ class Samples(Displayed):
     def __len__(self) -> int:
         return math.prod(self.dims.values())
 
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """All arguments of each sample, one after the other, as of `row`."""
+        n, fixed = len(self), self.fixed
+        for start in range(0, n, AT_ONCE):
+            for found in arguments(self.columns(start, min(start + AT_ONCE, n))):
+                yield {name: found[name] if name in found else fixed[name] for name in self.names}
+
     @property
     def names(self) -> tuple[str, ...]:
         """Names of all arguments."""
@@ -78,7 +95,7 @@ class Samples(Displayed):
     def taken(self) -> tuple[str, ...]:
         """All names that the samples have in the dataset, which results cannot have: arguments, coordinates, dimensions."""
         found = dict.fromkeys((*self.names, *self.dims))
-        for each in self.given:
+        for each in self._columns:
             for name, (dims, _, _) in each.coords().items():
                 found |= dict.fromkeys((name, *dims))
         return tuple(found)
@@ -87,6 +104,11 @@ class Samples(Displayed):
     def fixed(self) -> dict[str, Any]:
         """{name: value} of the arguments that are the same in all samples, and are not in `columns`."""
         return {each.name: each.one(0) for each in self.given if not each.dim} if self._vary else {}
+
+    @property
+    def _columns(self) -> tuple[Column, ...]:
+        """All that stands in the coordinates."""
+        return (*self.given, *self.shown)
 
     @property
     def _vary(self) -> bool:
@@ -154,7 +176,7 @@ class Samples(Displayed):
         have the labels (or numbers) under their name and the values in `<name>_value`.
         """
         found: dict[str, Coordinate] = {dim: ((dim,), self._labels(dim), {}) for dim in self.dims}
-        for each in self.given:
+        for each in self._columns:
             found |= each.coords()
         return {name: (dims, np.array(values), attrs) for name, (dims, values, attrs) in found.items()}
 
@@ -167,6 +189,10 @@ class Samples(Displayed):
         found = hashlib.sha256(FORMAT)
         found.update(repr([(dim, n) for dim, n in self.dims.items()]).encode())
         for each in self.given:
+            each.add_to(found)
+        if self.shown:
+            found.update(b"shown")
+        for each in self.shown:
             each.add_to(found)
         return found.hexdigest()
 
@@ -197,7 +223,7 @@ class Samples(Displayed):
         if both := sorted(set(dims) & set(more)):
             told = "Draw all that is random in one rbd.sample; name the dimension of a table: rbd.studies.table(..., dimension="
             raise InputError(f"both samples vary along {both[0]!r:.80}. {told}'case').")
-        return Samples({**dims, **more}, (*self.given, *other.given))
+        return Samples({**dims, **more}, (*self.given, *other.given), (*self.shown, *other.shown))
 
     __array_ufunc__ = None  # so that an array times samples is refused, and not tried entry by entry
 
@@ -209,7 +235,7 @@ class Samples(Displayed):
         return found
 
     def _labels(self, dim: str) -> Array:
-        own = [each for each in self.given if each.name == each.dim == dim]
+        own = [each for each in self._columns if each.name == each.dim == dim]
         return own[0].shown if own else np.arange(self.dims[dim])
 
     def _place(self, dim: str, label: object) -> int:

@@ -34,14 +34,16 @@ def table(rows: object, *, dimension: str = "sample") -> Samples:
 
             - a mapping of columns of one length, {argument: values}; one value, such as a robot, is the same in all rows;
             - a data frame of pandas or polars; its index is left out;
-            - an xarray.Dataset whose variables vary along one dimension, which keeps its name; of a DataArray, of `.coords`,
-              and of a dataset without variables the coordinates: along several dimensions, as a grid;
+            - an xarray.Dataset whose variables vary along one dimension, which keeps its name; its coordinates stand in the
+              dataset of the study, and are no arguments: for these give `dict(rows.data_vars, t=rows.t)`;
+            - of a DataArray, of `.coords`, and of a dataset without variables the coordinates: along several dimensions, as a
+              grid;
             - a structured NumPy array;
             - mappings of arguments, in a list or any iterable, which is read once, to its end.
         dimension: Name of the dimension in the dataset.
 
     Returns:
-        The samples. NaN is a number like others.
+        The samples. NaN is a number like others; masked and missing numbers are NaN, missing texts of a data frame None.
 
     Raises:
         InputError: columns of different lengths, rows with different arguments, none at all, tuples without names.
@@ -94,7 +96,9 @@ def _columns_of(rows: Iterable[Any]) -> dict[str, list[Any]]:
         if row.keys() != found.keys():
             missing = [str(name) for name in found if name not in row]
             more = [str(name) for name in row if name not in found]
-            parts = [f"no {', '.join(missing)}"] * bool(missing) + [f"{', '.join(more)}, which sample 0 has not"] * bool(more)
+            parts = [f"no {', '.join(missing)}"] * bool(missing) + [f"{', '.join(more)}, which sample 0 does not have"] * bool(
+                more
+            )
             raise InputError(
                 f"sample {i} has {', and '.join(parts)}; expected the arguments {', '.join(map(str, found))}, as in sample 0."
             )
@@ -168,7 +172,36 @@ def _of_variables(variables: Mapping[Any, Any], indices: list[str]) -> Samples:
     for x in names.values():
         if x.dims:
             dims[str(x.dims[0])] = x.sizes[x.dims[0]]
-    return Samples(dims, tuple(_columns_of_variables(names, indices)))
+    shown = {name: x for name, x in _coordinates(names).items() if not _numbers_only(x)}
+    return Samples(dims, tuple(_columns_of_variables(names, indices)), tuple(_columns_of_variables(shown, [])))
+
+
+def _coordinates(names: Mapping[str, Any]) -> dict[str, Any]:
+    """Coordinates along the first dimensions of variables, which are no variables themselves.
+
+    Raises:
+        InputError: two variables with different ones, which therefore are not of the same samples.
+    """
+    found: dict[str, Any] = {}
+    for own, x in names.items():
+        for coordinate, values in getattr(x, "coords", {}).items():
+            name = str(coordinate)
+            if not x.dims or values.dims != x.dims[:1] or name in names:
+                continue
+            if not found.setdefault(name, values).equals(values):
+                raise InputError(
+                    f"{own} has other values of the coordinate {name!r:.80} than the variables before it; bring them to the "
+                    "same ones by xarray.align(...)."
+                )
+    return found
+
+
+def _numbers_only(x: Any) -> bool:
+    """Whether a coordinate says no more than the numbers of samples, or than its levels, which are coordinates too."""
+    values = x.values
+    several = values.dtype.kind == "O" and any(isinstance(value, tuple) for value in values.tolist())
+    numbered = x.name == x.dims[0] and values.dtype.kind in "iu" and np.array_equal(values, np.arange(len(values)))
+    return several or (numbered and not x.attrs)
 
 
 def _columns_of_variables(names: Mapping[str, Any], indices: list[str]) -> Iterator[Column]:

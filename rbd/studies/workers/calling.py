@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from functools import partial
 from typing import Any
 
 from rbd.errors import InputError, nearest
-from rbd.studies.sampling.samples import Samples
-
-RESERVED = ("ok", "reason", "message")
-"""Variables that every dataset of a study has."""
+from rbd.studies.sampling.samples import RESERVED, Samples
 
 
 def bound(function: Callable[..., Any], samples: Samples) -> Callable[..., Any]:
@@ -28,18 +25,19 @@ def bound(function: Callable[..., Any], samples: Samples) -> Callable[..., Any]:
     Raises:
         InputError: as of `check_call`.
     """
-    check_call(function, samples.names)
+    check_call(function, samples.names, [each.name for each in samples.shown])
     fixed = samples.fixed
     return partial(function, **fixed) if fixed else function
 
 
-def check_call(function: object, names: Iterable[str]) -> None:
+def check_call(function: object, names: Iterable[str], shown: Collection[str] = ()) -> None:
     """Refuse a function that cannot be called with these arguments by name.
 
     Args:
         function: Any callable: a function, method, partial, class, or object with `__call__`. Of builtins without a signature
             nothing is checked.
         names: The arguments that samples have; `rng` need not be among them.
+        shown: Coordinates that they have, which are no arguments.
 
     Raises:
         InputError: no callable; a partial that does not fit; arguments that it lacks, with the nearest of its own; parameters
@@ -77,6 +75,9 @@ def check_call(function: object, names: Iterable[str]) -> None:
     needed = [p for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
     missing = [p.name for p in needed if p.name not in given and not (p.name == "rng" and p.name in by_name)]
     if missing:
+        if both := [name for name in missing if name in shown]:
+            told = f"it is a coordinate only: dict(dataset.data_vars, {both[0]}=dataset.{both[0]}) gives it as an argument"
+            raise InputError(f"{called} needs {both[0]}, which the samples do not give; {told}.")
         told = f"add them to the samples (one value is the same for all: rbd.grid({missing[0]}=...)), or give them defaults"
         raise InputError(f"{called} needs {', '.join(missing)}, which the samples do not give; {told}.")
 
