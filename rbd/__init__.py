@@ -38,6 +38,9 @@ if _TYPE_CHECKING:
         NoSolution as NoSolution,
         RbdError as RbdError,
     )
+    from rbd.identification import (
+        identify as identify,
+    )
     from rbd.least_constraint import (
         gauss_problem as gauss_problem,
         solve as solve,
@@ -129,6 +132,7 @@ _NAMES = {
     """,
     "rbd.control.torques": "inverse_dynamics",
     "rbd.errors": "CannotHold CannotMove InputError NoSolution RbdError",
+    "rbd.identification": "identify",
     "rbd.least_constraint": "gauss_problem solve solve_problem",
     "rbd.many.solving": "solve_many",
     "rbd.mechanism.pose_search": "find_pose",

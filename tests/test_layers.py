@@ -33,6 +33,7 @@ control
 simulation
 planar
 motion
+identification
 visual testing studies
 cli
 __main__

@@ -35,6 +35,7 @@
       ModelWarning                      a robot file that loads, but is not what it seems
       NonUniqueMotionWarning            more than one motion satisfies the contact law; the answer is one of them
       OpeningContactWarning             a contact separates, and its force is zero
+      PoorExcitationWarning             measured motions tell less of some parameters than the model does
       DistantContactWarning             a contact is not on its plane
       RelaxedLimitsWarning              a step of control violates contacts or joint limits by the least
       StudyWarning                      a study ended early, or goes on with what another version computed
@@ -75,6 +76,7 @@ from rbd.errors.warned import (
     ModelWarning,
     NonUniqueMotionWarning,
     OpeningContactWarning,
+    PoorExcitationWarning,
     RbdWarning,
     RelaxedLimitsWarning,
     StudyWarning,
@@ -102,6 +104,7 @@ __all__ = [
     "NotDifferentiable",
     "OpeningContactWarning",
     "PictureError",
+    "PoorExcitationWarning",
     "RbdError",
     "RbdWarning",
     "Reason",
