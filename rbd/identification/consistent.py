@@ -138,6 +138,6 @@ class _Program:
         others[:, 10 * count :] = np.eye(n - 10 * count)
         stack = np.concatenate([root * self.A, C, others])
         right = np.concatenate([root * (self.A @ x - self.rest), gradient_rest, x[10 * count :]])
-        R = np.linalg.qr(np.column_stack([stack, right]), mode="r")
+        R = np.asarray(np.linalg.qr(np.column_stack([stack, right]), mode="r"))
         factor, g = R[:n, :n], R[:n, n]
         return -solve_triangular(factor, g), float(np.linalg.norm(g)) / w**0.5, factor

@@ -15,14 +15,17 @@ from rbd.errors import InputError, UnknownName, nearest
 from rbd.identification.base_parameters import BaseParameters
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, generalised
-from rbd.model.inertial import regressor
+from rbd.model.inertial import columns_at
 from rbd.model.sampled_motion import SampledAccelerations
 from rbd.model.state import State
+from rbd.motion.lanes import Lanes
 from rbd.motion.measured import checked_touches, frame_rows
 from rbd.motion.sensor_noise import SensorNoise, force_scale, whitening
 
 EXACT = 1e-9
 """Residuals up to this share of `force_scale` count as exact."""
+UNTOLD = 1e-9
+"""Directions that the data tell less than this share of the best one are not told."""
 _CHUNK = 4000  # equations that are compressed at once
 
 
@@ -74,11 +77,11 @@ class MeasuredMotion(Displayed):
         set_ = object.__setattr__
         set_(self, "tau", None if tau is None else frame_rows("tau", tau, frames, robot.nu))
         lanes = getattr(x, "contacts", None)
-        found = None if lanes is None or isinstance(lanes, tuple) else getattr(lanes, "contacts", None)
-        if self.contacts is None and found is not None:
-            set_(self, "contacts", tuple(found))
+        if self.contacts is None and isinstance(lanes, Lanes):
+            set_(self, "contacts", lanes.contacts)
             if self.touches is None:
-                set_(self, "touches", np.array([lanes.of_contact(c.name) for c in found]).reshape(len(found), -1).T)
+                on = [lanes.of_contact(c.name) for c in lanes.contacts]
+                set_(self, "touches", np.array(on, bool).reshape(len(on), frames).T)
         given = listed(() if self.contacts is None else self.contacts)
         set_(self, "contacts", given)
         set_(self, "touches", checked_touches(self.touches, frames, len(given)))
@@ -102,8 +105,9 @@ class MeasuredMotion(Displayed):
         for name, force in simulated.items() if isinstance(simulated, Mapping) else ():
             if name not in names and np.abs(force).max(initial=0.0) > 0.0:
                 raise InputError(
-                    f"the trajectory has forces of {name!r}, and it is none of the contacts given ({', '.join(names) or 'none'}). "
-                    "Give contacts=[...] with it, and forces=trajectory.forces if they count as measured."
+                    f"the trajectory has forces of {name!r}, which is none of the contacts given "
+                    f"({', '.join(names) or 'none'}). Give contacts=[...] with it, and forces=trajectory.forces if they count as "
+                    "measured."
                 )
 
     @property
@@ -125,8 +129,8 @@ class MeasuredMotion(Displayed):
         """(state, Y, b, E) of frame i: Y theta = b + E x with unknown forces x; shapes (nv, p), (nv,), (nv, k)."""
         robot, motion = self.robot, self.motion
         state = State(robot, motion.q[i], motion.v[i])
-        Y = regressor(state, np.asarray(motion.a[i]), columns=columns)
-        b = -Y.known
+        Y, known = columns_at(state, np.asarray(motion.a[i]), columns)
+        b = -known
         unknown = [np.zeros((robot.nv, 0))]
         if self.tau is None:
             unknown.append(robot.actuation.T)
@@ -147,7 +151,7 @@ class MeasuredMotion(Displayed):
             if f.shape != (len(rows),):
                 raise InputError(f"forces of {rows.name!r} have {len(f)} columns; expected {len(rows)}.")
             b += rows.J.T @ f
-        return state, Y.Y, b, np.hstack(unknown)
+        return state, Y, b, np.hstack(unknown)
 
     def __str__(self) -> str:
         t = self.motion.t
@@ -199,6 +203,17 @@ class Equations:
     rest: float
     count: int
 
+    def condition(self, unit: Array) -> float:
+        """Largest over smallest singular value of R in changes of the base parameters over `unit`; inf where it is singular."""
+        s = np.linalg.svd(self.R * unit, compute_uv=False)
+        least = float(s[-1]) if len(s) == len(unit) and len(s) else 0.0
+        return float(s[0]) / least if least > UNTOLD * (float(s[0]) if len(s) else 1.0) else float("inf")
+
+
+def _triangle(parts: list[Array]) -> Array:
+    """R of the QR factorisation of stacked rows."""
+    return np.asarray(np.linalg.qr(np.concatenate(parts), mode="r"))
+
 
 class Assembly:
     """The equations of motions, with weights.
@@ -239,8 +254,8 @@ class Assembly:
             stack.append(np.column_stack([T @ Y[:, self.base.columns], T @ b]))
             count, waiting = count + len(T), waiting + len(T)
             if waiting > _CHUNK:
-                kept, stack, waiting = np.linalg.qr(np.concatenate([kept, *stack]), mode="r"), [], 0
-        kept = np.linalg.qr(np.concatenate([kept, *stack]), mode="r")
+                kept, stack, waiting = _triangle([kept, *stack]), [], 0
+        kept = _triangle([kept, *stack])
         rest = float(np.sum(kept[r:, r] ** 2))
         return Equations(kept[:r, :r], kept[:r, r], rest, count)
 

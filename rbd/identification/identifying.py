@@ -19,6 +19,10 @@ from rbd.model.inertial import body_names, checked_columns, inertial_parameters,
 from rbd.motion.sensor_noise import SensorNoise, checked_noise
 
 _ROUNDS = 4
+MANY = 0.1
+"""Share of the base parameters that must be open for a warning, where none is open altogether."""
+LEAST = 0.01
+"""No coordinate's residual counts as smaller than this share of all, over `force_scale`: few equations are fitted too well."""
 BROAD = 10.0
 """Standard deviation of rotor inertia, damping and dry friction before the data, over the scale of the force."""
 
@@ -37,18 +41,18 @@ def identify(
 
         1/2 sum |W (Y theta - b)|^2 + w sum_bodies D(P, P_model),      w = 1 / (4 prior^2)
 
-    with P the pseudo-inertia matrix of a body, positive definite, and D the entropic divergence [Lee2020]: a convex program with
-    one answer, solved by Newton's method. What the data tell they decide; what they leave open is the model's.
+    with P the pseudo-inertia matrix of a body, positive definite, and D the entropic divergence [Lee2020]: a convex program
+    with one answer, solved by Newton's method. What the data tell they decide; what they leave open is the model's.
 
     Contact forces that were not measured are eliminated: the equations are multiplied by a basis of the null space of J.
     Without torques only the equations count that no motor enters, six of a floating base.
 
-    Neglected: errors of q, v and a in Y itself (they bias the answer towards small inertias; smooth the data first), elasticity,
-    and correlation of errors in time, by which the deviations are too small where a was derived over windows.
+    Neglected: errors of q, v and a in Y itself (they bias the answer towards small inertias; smooth the data first),
+    elasticity, and correlation of errors in time, by which the deviations are too small where a was derived over windows.
 
     Args:
-        motions: `rbd.Motion`, `rbd.Trajectory`, or `rbd.identification.MeasuredMotion` with torques, contacts and forces; one or
-            several, of one robot. A trajectory has its torques; its contacts are given by a `MeasuredMotion`.
+        motions: `rbd.Motion`, `rbd.Trajectory`, or `rbd.identification.MeasuredMotion` with torques, contacts and forces; one
+            or several, of one robot. A trajectory has its torques; its contacts are given by a `MeasuredMotion`.
         columns: What is identified: "inertia", and any of "rotor_inertia", "damping", "dry_friction".
         prior: Relative standard deviation with which the masses of the model are believed, 0.01 to 100.
         noise: Of the sensors, which gives the weights W; None: each coordinate has one deviation, found from the residuals.
@@ -62,7 +66,7 @@ def identify(
         NoSolution: Newton's method did not converge.
 
     Warns:
-        PoorExcitationWarning: the motions tell less than the model about some base parameters; names them.
+        PoorExcitationWarning: some base parameters are not told at all, or a tenth of them no better than by the model.
         ModelWarning: a body of the model is impossible; its second moments are raised first.
 
     Example:
@@ -99,29 +103,32 @@ def identify(
     scale = BROAD * data.scale[joint_velocities(robot)]
     wide = np.tile(scale, len(asked) - inertia)
     before = Prior(values, bodies, wide, 1.0 / (4.0 * spread**2))
-    unit = np.concatenate([_sizes(theta).ravel() if inertia else np.zeros(0), wide])[base.columns]
+    sizes = np.concatenate([_sizes(theta).ravel() if inertia else np.zeros(0), wide])
+    unit = np.linalg.norm(base.B * sizes, axis=1)
     equations = data.compressed()
     if equations.count < base.rank:
         raise InputError(
-            f"{equations.count} equations of {sum(x.frames for x in given)} frames for {base.rank} base parameters of {robot.name}: "
-            "too few samples. Give more frames."
+            f"{equations.count} equations of {sum(x.frames for x in given)} frames for {base.rank} base parameters of "
+            f"{robot.name}: too few samples. Give more frames."
         )
+    excitation = equations.condition(unit)
     if noise is None:
         equations = _weighed(data, equations, unit)
     found = minimise(equations.R @ base.B, equations.z, before)
-    result = Identification.of(given, data, equations, base, before, found, unit, asked, theta)
+    result = Identification.of(given, data, equations, base, before, found, unit, asked, excitation)
     _warn(result, spread)
     return result
 
 
 def _weighed(data: Assembly, equations: Equations, unit: Array) -> Equations:
     """The equations weighted by the deviation of each coordinate, which their residuals give."""
-    floor = EXACT * data.scale
     for _ in range(_ROUNDS):
         beta = least_squares(equations, unit)
         rms, share = data.residuals(beta)
         lost = equations.count / max(1, equations.count - data.base.rank)
         told = share > 1e-9
+        of_all = float(np.sqrt(((rms / data.scale) ** 2 * share).sum() / share.sum()))
+        floor = max(EXACT, LEAST * of_all) * data.scale
         before, data.sigma = data.sigma, np.where(told, np.maximum(rms * lost**0.5, floor), data.sigma)
         equations = data.compressed()
         if np.abs(np.log(data.sigma / before)).max() < 0.02:
@@ -151,8 +158,8 @@ def _possible(robot: CheckedModel, theta: Array) -> Array:
         out[i] = made_possible(theta[i])
     if wrong:
         warnings.warn(
-            f"no body can have the inertia of {', '.join(names[i] for i in wrong)} in {robot.name}: the second moments about its "
-            "centre of mass are raised to be positive before the data are fitted.",
+            f"no body can have the inertia of {', '.join(names[i] for i in wrong)} in {robot.name}: the second moments about "
+            "its centre of mass are raised to be positive before the data are fitted.",
             ModelWarning,
             stacklevel=3,
         )
@@ -160,18 +167,18 @@ def _possible(robot: CheckedModel, theta: Array) -> Array:
 
 
 def _warn(result: Identification, spread: float) -> None:
-    """Say what the data do not tell."""
-    open_ = [i for i, d in enumerate(result.relative_deviations) if not d < spread]
-    if not open_:
+    """Say what the data do not tell, where it is much."""
+    open_, r = result.open_base(spread), result.base.rank
+    if result.certificate.rank == r and len(open_) < MANY * r:
         return
-    worst = sorted(open_, key=lambda i: -result.relative_deviations[i])[:4]
-    told = ", ".join(
-        f"{result.base.labels[i]} ({'not at all' if np.isinf(result.deviations[i]) else f'{result.relative_deviations[i]:.2g} of its size'})"
-        for i in worst
-    )
+    told = []
+    for i in open_[:4]:
+        size = result.relative_deviations[i]
+        told.append(f"{result.base.labels[i]} ({f'to {size:.2g} of its size' if np.isfinite(size) else 'not at all'})")
     warnings.warn(
-        f"poor excitation: of {result.base.rank} base parameters {len(open_)} are known no better than the model believes "
-        f"(prior = {spread:g}): {told}. They stay near the model. Move these joints more and faster, in several postures.",
+        f"poor excitation: {len(open_)} of {r} base parameters are known no better than the model's are believed "
+        f"(prior = {spread:g}): {', '.join(told)}{', ...' * (len(open_) > 4)}. They stay near the model. Move all joints, "
+        "more and faster, in several postures.",
         PoorExcitationWarning,
         stacklevel=3,
     )

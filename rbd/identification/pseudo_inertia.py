@@ -1,4 +1,4 @@
-"""Pseudo-inertia matrices: the inertial parameters of a body as a symmetric 4 x 4 matrix, positive definite where a body can have them.
+"""Pseudo-inertia matrices: a body's inertial parameters as a symmetric 4 x 4 matrix, positive definite if a body can have them.
 
     P = [ Sigma   m c ]        Sigma = integral of x x^T dm = 1/2 tr(I) 1 - I,    I about the origin
         [ m c^T   m   ]

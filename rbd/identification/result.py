@@ -10,19 +10,17 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
 from rbd.identification.base_parameters import BaseParameters
 from rbd.identification.consistent import Minimum, Prior
-from rbd.identification.data import Assembly, Equations, MeasuredMotion, measured_motions
+from rbd.identification.data import UNTOLD, Assembly, Equations, MeasuredMotion, measured_motions
 from rbd.identification.open_masses import mass_interval
 from rbd.identification.pseudo_inertia import central, pseudo_inertia
 from rbd.model.checked_model import CheckedModel
 from rbd.model.inertial import body_names
 
-_UNTOLD = 1e-9
-"""Directions that the data tell less than this share of the best one are not told."""
 _LISTED = 6
 
 
@@ -64,8 +62,8 @@ class IdentificationCertificate(Displayed):
         least_eigenvalue: Of all pseudo-inertia matrices, each in units of the model's; positive: bodies can have them.
         equations: How many were given.
         rank: How many base combinations they tell.
-        condition: Largest over smallest singular value of the weighted equations in relative changes of the base parameters;
-            the smaller, the better the excitation.
+        condition: Excitation: largest over smallest singular value of the equations, over `force_scale`, in relative changes of
+            the base parameters; the smaller, the better. inf: some are not told.
 
     Example:
         >>> proof = rbd.identification.IdentificationCertificate(1e-12, 0.4, 700, 213, 90.0)
@@ -99,13 +97,15 @@ class Identification(Displayed):
         base_values: Base parameters of theta, shape (r,).
         least_squares: Base parameters of the data alone, without prior and without what is possible, shape (r,).
         deviations: Standard deviations of `least_squares`, shape (r,); inf of those that the data do not tell.
-        relative_deviations: The same over the typical size of each, shape (r,).
+        relative_deviations: The same over `unit`, shape (r,).
         covariance: Of `least_squares`, shape (r, r), without those that are not told.
-        sigma: Standard deviation of the residual at each velocity's equation, shape (nv,) [N, N m].
+        sigma: Standard deviation of the residual at each velocity's equation, shape (nv,) [N, N m], by which the data were
+            weighed; with noise=, that of the weights does this, and here is `force_scale`.
         residual: Root mean square residual of the data with theta, shape (nv,) [N, N m].
         model_residual: The same with the model's parameters.
         certificate: The proof.
         told: Basis of the base combinations that the data tell, orthonormal in relative changes, shape (r, k).
+        unit: Typical size of each base parameter in the model, shape (r,): the root of the sum of squares of its terms.
 
     Example:
         >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
@@ -146,11 +146,11 @@ class Identification(Displayed):
         found: Minimum,
         unit: Array,
         columns: tuple[str, ...],
-        bodies: Array,
+        excitation: float,
     ) -> Identification:
         """The record of an answer; see `identify`."""
         U, s, Vt = np.linalg.svd(equations.R * unit)
-        good = s > _UNTOLD * s[0] if len(s) and s[0] > 0.0 else np.zeros(len(s), bool)
+        good = s > UNTOLD * s[0] if len(s) and s[0] > 0.0 else np.zeros(len(s), bool)
         rank = int(good.sum())
         V = Vt[:rank].T
         least = unit * (V @ ((U.T @ equations.z)[:rank] / s[:rank]))
@@ -163,7 +163,6 @@ class Identification(Displayed):
             own = slice(10 * b, 10 * b + 10)
             L = np.linalg.inv(np.linalg.cholesky(pseudo_inertia(prior.theta[own])))
             eigenvalues.append(float(np.linalg.eigvalsh(L @ pseudo_inertia(found.theta[own]) @ L.T)[0]))
-        condition = float(s[0] / s[rank - 1]) if rank == base.rank else np.inf
         return cls(
             motions[0].robot,
             columns,
@@ -178,10 +177,15 @@ class Identification(Displayed):
             data.sigma.copy(),
             data.residuals(values)[0],
             data.residuals(base.values(prior.theta))[0],
-            IdentificationCertificate(found.decrement, min(eigenvalues), equations.count, rank, condition),
+            IdentificationCertificate(found.decrement, min(eigenvalues), equations.count, rank, excitation),
             V,
             unit,
         )
+
+    def open_base(self, spread: float) -> list[int]:
+        """Base parameters whose relative deviation is `spread` or more, the least well known first; indices."""
+        open_ = [i for i, d in enumerate(self.relative_deviations) if not d < spread]
+        return sorted(open_, key=lambda i: -self.relative_deviations[i])
 
     def parameter(self, name: str) -> float:
         """One parameter, e.g. "pelvis.m" or "knee.damping".
@@ -193,7 +197,7 @@ class Identification(Displayed):
             raise UnknownName(f"no parameter {name!r:.80}; {nearest(name, self.base.names)}.")
         return float(self.theta[self.base.names.index(name)])
 
-    @property
+    @lazy
     def bodies(self) -> dict[str, BodyInertia]:
         """{body: its inertia}, of bodies with mass; empty where inertia was not identified."""
         out = {}
@@ -206,8 +210,7 @@ class Identification(Displayed):
     @property
     def mass(self) -> float:
         """Total mass of the bodies [kg]."""
-        count = 10 * len(body_names(self.model)) if "inertia" in self.columns else 0
-        return float(self.theta[:count:10].sum()) if count else self.model.mass
+        return float(self._total @ self.theta) if "inertia" in self.columns else self.model.mass
 
     @property
     def mass_deviation(self) -> float:
@@ -230,7 +233,7 @@ class Identification(Displayed):
         relative = k * self.unit
         return bool(np.linalg.norm(relative - self.told @ (self.told.T @ relative)) <= 1e-6 * np.linalg.norm(relative))
 
-    @property
+    @lazy
     def open_bodies(self) -> tuple[str, ...]:
         """Bodies whose mass the data do not tell by itself: only together with others', see `mass_range`."""
         out, p = [], len(self.base.names)
@@ -244,8 +247,8 @@ class Identification(Displayed):
     def mass_range(self, body: str) -> tuple[float, float]:
         """(least, largest) mass of a body [kg] with the same base parameters, all bodies possible: what the data leave open.
 
-        By two semidefinite programs (Clarabel): the bodies' pseudo-inertias are positive semidefinite, and the base combinations
-        that the data tell are those found. inf: no upper limit. The noise is not in it.
+        By two semidefinite programs (Clarabel): the bodies' pseudo-inertias are positive semidefinite, and the base
+        combinations that the data tell are those found. inf: no upper limit. The noise is not in it.
 
         Raises:
             UnknownName: with the nearest names.
@@ -298,7 +301,11 @@ class Identification(Displayed):
         return data.residuals(self.base_values)[0], data.residuals(self.base.values(self.model_theta))[0]
 
     def predicted(self, motion: MeasuredMotion) -> Array:
-        """Generalised force Y theta + known of a motion's frames, shape (n, nv) [N, N m]: what tau and contacts must supply."""
+        """Generalised forces by the parameters found, shape (n, nv) [N, N m]: what motors and unmeasured contacts must supply.
+
+        Known contact forces and other known forces of the world are taken off. In the air, or with all contact forces measured,
+        entries of motors are their torques, to be compared with `motion.tau`, and those of a floating base are zero.
+        """
         given = measured_motions(motion)[0]
         out = []
         for i in range(given.frames):

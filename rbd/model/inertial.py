@@ -37,7 +37,8 @@ class _GivesRows(Protocol):
 
 def body_names(robot: CheckedModel) -> tuple[str, ...]:
     """A name for each body, in the order of the joints: that of its first link, or of its joint where it has none."""
-    model, names = robot.model, {}
+    model = robot.model
+    names: dict[int, str] = {}
     for frame in model.frames:
         if frame.type == pin.FrameType.BODY and frame.parentJoint:
             names.setdefault(frame.parentJoint, frame.name)
@@ -149,26 +150,30 @@ def regressor(
         True
     """
     robot = checked(state).robot
-    a = robot.check_v(a, "a")
     asked = checked_columns(columns)
+    Y, known = columns_at(state, robot.check_v(a, "a"), asked)
     driven = joint_velocities(robot)
-    parts, values = [np.zeros((robot.nv, 0))], [np.zeros(0)]
-    own = np.eye(robot.nv)[:, driven]
-    rotors = np.array(robot.model.armature, float)
-    for column in asked:
-        if column == "inertia":
-            parts.append(inertia_columns(state, a))
-            values.append(inertial_parameters(robot).ravel())
-            continue
-        factor = {"rotor_inertia": a, "damping": state.v, "dry_friction": np.sign(state.v)}[column]
-        parts.append(own * factor[driven])
-        values.append(rotors[driven] if column == "rotor_inertia" else np.zeros(len(driven)))
-    Y, theta = np.hstack(parts), np.concatenate(values)
-    known = np.zeros(robot.nv) if "rotor_inertia" in asked else rotors * a
-    if "inertia" not in asked:
-        known = state.M @ a + state.h - (rotors * a if "rotor_inertia" in asked else 0.0)
+    values = [inertial_parameters(robot).ravel()] if "inertia" in asked else []
+    rotors = np.array(robot.model.armature, float)[driven]
+    values += [rotors if column == "rotor_inertia" else np.zeros(len(driven)) for column in asked if column != "inertia"]
     P = np.eye(robot.nv) if not len(contacts) else free_of_forces(state, contacts)
-    return Regressor(P @ Y, parameter_names(robot, asked), theta, P @ known, P)
+    return Regressor(P @ Y, parameter_names(robot, asked), np.concatenate(values), P @ known, P)
+
+
+def columns_at(state: State, a: Array, columns: Sequence[str]) -> tuple[Array, Array]:
+    """(Y, known) of `regressor` without contacts, names and checks, shapes (nv, p) and (nv,)."""
+    robot = state.robot
+    driven = joint_velocities(robot)
+    own = np.eye(robot.nv)[:, driven]
+    rotors = np.array(robot.model.armature, float) * a
+    factors = {"rotor_inertia": a, "damping": state.v, "dry_friction": np.sign(state.v)}
+    parts = [inertia_columns(state, a) if column == "inertia" else own * factors[column][driven] for column in columns]
+    known = np.zeros(robot.nv)
+    if "inertia" not in columns:
+        known = state.M @ a + state.h - rotors
+    if "rotor_inertia" not in columns:
+        known = known + rotors
+    return np.hstack(parts), known
 
 
 def inertia_columns(state: State, a: Array) -> Array:
@@ -215,20 +220,12 @@ def joint_velocities(robot: CheckedModel) -> Array:
     return np.flatnonzero(own)
 
 
-def free_of_forces(state: State, contacts: Sequence[_GivesRows], also: Array | None = None) -> Array:
-    """Combinations of the equations of motion without some unknown forces, shape (k, nv), with orthonormal rows.
-
-    Args:
-        state: The robot.
-        contacts: Constraints with unknown forces J^T f.
-        also: Further directions of unknown generalised forces as columns, shape (nv, n).
-    """
+def free_of_forces(state: State, contacts: Sequence[_GivesRows]) -> Array:
+    """Combinations of the equations of motion without the forces of some constraints, shape (k, nv), with orthonormal rows."""
     rows = []
     for contact in contacts:
         if not callable(getattr(contact, "rows", None)) or isinstance(contact, type):
             raise InputError(f"{contact!r:.80} is no contact: it has no rows(state). Give e.g. robot.soles().")
         rows.append(np.asarray(contact.rows(state).J))  # type: ignore[attr-defined]
-    if also is not None:
-        rows.append(also.T)
     J = np.concatenate([np.zeros((0, state.robot.nv)), *rows])
     return null_space(J).T
