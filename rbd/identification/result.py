@@ -334,9 +334,8 @@ class Identification(Displayed):
         open_ = self.open_bodies
         if open_:
             more = f" and {len(open_) - _LISTED} more" if len(open_) > _LISTED else ""
-            lines.append(
-                f"  masses that are not told alone: {', '.join(open_[:_LISTED])}{more}; .mass_range(name) says how far"
-            )
+            some = f"all {len(open_)}" if len(open_) == len(self.bodies) else ", ".join(open_[:_LISTED]) + more
+            lines.append(f"  masses that are not told alone: {some}; .mass_range(name) says how far")
         lines.append(f"  {proof}")
         return "\n".join(lines)
 
