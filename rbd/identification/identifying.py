@@ -115,7 +115,7 @@ def identify(
     if noise is None:
         equations = _weighed(data, equations, unit)
     found = minimise(equations.R @ base.B, equations.z, before)
-    result = Identification.of(given, data, equations, base, before, found, unit, asked, excitation)
+    result = Identification.of(given, data, equations, base, before, found, unit, asked, excitation, spread)
     _warn(result, spread)
     return result
 
@@ -123,7 +123,7 @@ def identify(
 def _weighed(data: Assembly, equations: Equations, unit: Array) -> Equations:
     """The equations weighted by the deviation of each coordinate, which their residuals give."""
     for _ in range(_ROUNDS):
-        beta = least_squares(equations, unit)
+        beta = _least_squares(equations, unit)
         rms, share = data.residuals(beta)
         lost = equations.count / max(1, equations.count - data.base.rank)
         told = share > 1e-9
@@ -136,7 +136,7 @@ def _weighed(data: Assembly, equations: Equations, unit: Array) -> Equations:
     return equations
 
 
-def least_squares(equations: Equations, unit: Array) -> Array:
+def _least_squares(equations: Equations, unit: Array) -> Array:
     """Base parameters of least squares, of least norm in their units where the data do not decide, shape (r,)."""
     return np.asarray(unit * np.linalg.lstsq(equations.R * unit, equations.z, rcond=1e-12)[0])
 
@@ -173,12 +173,12 @@ def _warn(result: Identification, spread: float) -> None:
         return
     told = []
     for i in open_[:4]:
-        size = result.relative_deviations[i]
-        told.append(f"{result.base.labels[i]} ({f'to {size:.2g} of its size' if np.isfinite(size) else 'not at all'})")
+        known = f"to {result.relative_deviations[i]:.2g} of its size" if result.untold[i] < 0.5 else "not at all"
+        told.append(f"{result.base.labels[i]} ({known})")
     warnings.warn(
-        f"poor excitation: {len(open_)} of {r} base parameters are known no better than the model's are believed "
-        f"(prior = {spread:g}): {', '.join(told)}{', ...' * (len(open_) > 4)}. They stay near the model. Move all joints, "
-        "more and faster, in several postures.",
+        f"poor excitation: the data tell {result.certificate.rank} of {r} combinations of the base parameters. Known no better "
+        f"than the model is believed (prior = {spread:g}) are {len(open_)} parameters: {', '.join(told)}"
+        f"{', ...' * (len(open_) > 4)}. They stay near the model. Move all joints, more and faster, in several postures.",
         PoorExcitationWarning,
         stacklevel=3,
     )

@@ -95,10 +95,12 @@ class Identification(Displayed):
         theta: All parameters, named by `base.names`, shape (p,).
         model_theta: Those of the model, shape (p,).
         base_values: Base parameters of theta, shape (r,).
-        least_squares: Base parameters of the data alone, without prior and without what is possible, shape (r,).
-        deviations: Standard deviations of `least_squares`, shape (r,); inf of those that the data do not tell.
+        least_squares: Base parameters of the data alone, impossible bodies allowed; the model's where they tell nothing, shape
+            (r,).
+        deviations: Standard deviations of `least_squares`, shape (r,): by the data, and `prior` of what they do not tell.
         relative_deviations: The same over `unit`, shape (r,).
-        covariance: Of `least_squares`, shape (r, r), without those that are not told.
+        untold: How much of each the data do not tell, 0 to 1, shape (r,).
+        covariance: Of `least_squares` by the data alone, shape (r, r).
         sigma: Standard deviation of the residual at each velocity's equation, shape (nv,) [N, N m], by which the data were
             weighed; with noise=, that of the weights does this, and here is `force_scale`.
         residual: Root mean square residual of the data with theta, shape (nv,) [N, N m].
@@ -127,6 +129,7 @@ class Identification(Displayed):
     least_squares: Array
     deviations: Array
     relative_deviations: Array
+    untold: Array
     covariance: Array
     sigma: Array
     residual: Array
@@ -147,16 +150,18 @@ class Identification(Displayed):
         unit: Array,
         columns: tuple[str, ...],
         excitation: float,
+        believed: float,
     ) -> Identification:
         """The record of an answer; see `identify`."""
         U, s, Vt = np.linalg.svd(equations.R * unit)
         good = s > UNTOLD * s[0] if len(s) and s[0] > 0.0 else np.zeros(len(s), bool)
         rank = int(good.sum())
-        V = Vt[:rank].T
-        least = unit * (V @ ((U.T @ equations.z)[:rank] / s[:rank]))
+        V, open_ = Vt[:rank].T, Vt[rank:].T
+        start = base.values(prior.theta)
+        least = start + unit * (V @ ((U.T @ (equations.z - equations.R @ start))[:rank] / s[:rank]))
         spread = (V / s[:rank]) @ (V / s[:rank]).T
-        lost = 1.0 - (V**2).sum(axis=1)
-        relative = np.where(lost > 1e-6, np.inf, np.sqrt(np.maximum(np.diag(spread), 0.0)))
+        untold = np.linalg.norm(open_, axis=1)
+        relative = np.sqrt(np.maximum(np.diag(spread), 0.0) + (believed * untold) ** 2)
         values = base.values(found.theta)
         eigenvalues = [np.inf]
         for b in prior.bodies:
@@ -173,6 +178,7 @@ class Identification(Displayed):
             least,
             unit * relative,
             relative,
+            untold,
             unit[:, None] * spread * unit,
             data.sigma.copy(),
             data.residuals(values)[0],
@@ -184,7 +190,7 @@ class Identification(Displayed):
 
     def open_base(self, spread: float) -> list[int]:
         """Base parameters whose relative deviation is `spread` or more, the least well known first; indices."""
-        open_ = [i for i, d in enumerate(self.relative_deviations) if not d < spread]
+        open_ = [i for i, d in enumerate(self.relative_deviations) if d > 0.99 * spread]
         return sorted(open_, key=lambda i: -self.relative_deviations[i])
 
     def parameter(self, name: str) -> float:
@@ -329,7 +335,7 @@ class Identification(Displayed):
         order = np.argsort(self.relative_deviations, kind="stable")[::-1][:_LISTED]
         lines.append("  least well known of the base parameters:")
         for i in order:
-            deviation = f"+- {self.deviations[i]:.2g}" if np.isfinite(self.deviations[i]) else "not told by the data"
+            deviation = f"+- {self.deviations[i]:.2g}" if self.untold[i] < 0.5 else "not told by the data"
             lines.append(f"    {self.base.expression(int(i), 2)} = {self.base_values[i]:.4g} {deviation}")
         open_ = self.open_bodies
         if open_:
