@@ -9,10 +9,10 @@ import numpy as np
 
 from rbd.arrays import Array, check_positive
 from rbd.errors import InputError, ModelWarning, PoorExcitationWarning
-from rbd.identification.base_parameters import base_parameters
+from rbd.identification.combinations import base_parameters
 from rbd.identification.consistent import Prior, minimise
 from rbd.identification.data import EXACT, Assembly, Equations, measured_motions
-from rbd.identification.pseudo_inertia import is_possible, made_possible, size_of
+from rbd.identification.possible import is_possible, made_possible, size_of
 from rbd.identification.result import Identification
 from rbd.model.checked_model import CheckedModel
 from rbd.model.inertial import body_names, checked_columns, inertial_parameters, joint_velocities
@@ -75,8 +75,9 @@ def identify(
         >>> motion = rbd.Motion.from_function(arm, wave, np.linspace(0.0, 4.0, 81))
         >>> tau = np.array([rbd.dynamics.inverse_dynamics(motion.state(i), motion.a[i]) for i in range(81)])
         >>> found = rbd.identify(rbd.identification.MeasuredMotion(motion, 1.1 * tau))  # every torque a tenth larger
-        >>> found.base.rank, (found.base_values / found.base.values(found.model_theta)).round(4)
-        (6, array([1.1, 1. , 1.1, 1.1, 1. , 1.1]))
+        >>> model = found.base.values(found.model_theta)
+        >>> {name: round(float(x / y), 4) for name, x, y in zip(found.base.labels, found.base_values, model) if abs(y) > 1e-9}
+        {'link_1.mc_x': 1.1, 'link_1.I_yy': 1.1, 'link_2.mc_x': 1.1, 'link_2.I_yy': 1.1}
     """
     given = measured_motions(motions)
     asked = checked_columns(columns)

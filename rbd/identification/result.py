@@ -13,11 +13,11 @@ import pinocchio as pin
 from rbd.arrays import Array, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
-from rbd.identification.base_parameters import BaseParameters
+from rbd.identification.combinations import BaseParameters
 from rbd.identification.consistent import Minimum, Prior
 from rbd.identification.data import UNTOLD, Assembly, Equations, MeasuredMotion, measured_motions
 from rbd.identification.open_masses import mass_interval
-from rbd.identification.pseudo_inertia import central, pseudo_inertia
+from rbd.identification.possible import central, pseudo_inertia
 from rbd.model.checked_model import CheckedModel
 from rbd.model.inertial import body_names
 
@@ -36,14 +36,12 @@ class BodyInertia(Displayed):
         mass_alone: Whether the equations of motion tell its mass by itself.
 
     Example:
-        >>> import warnings
-        >>> box = rbd.testing.box(mass=10.0)
-        >>> turns = lambda t: np.array([t, 0.2 * np.sin(9.0 * t), 1.0 - 4.905 * t * t, 0.0, 0.0, np.sin(t), np.cos(t)])
-        >>> motion = rbd.Motion.from_function(box, turns, np.linspace(0.0, 1.0, 21))
-        >>> forces = [rbd.dynamics.inverse_dynamics(motion.state(i), motion.a[i]) for i in range(21)]
-        >>> body = rbd.identification.BodyInertia("box", 10.0, np.zeros(3), np.eye(3), True)
-        >>> body.name, body.mass
-        ('box', 10.0)
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> motion = rbd.Motion.from_function(arm, lambda t: np.array([np.sin(4.0 * t)]), np.linspace(0.0, 3.0, 61))
+        >>> tau = np.array([rbd.dynamics.inverse_dynamics(motion.state(i), motion.a[i]) for i in range(61)])
+        >>> link = rbd.identify(rbd.identification.MeasuredMotion(motion, tau)).bodies["link_1"]
+        >>> round(float(link.mass * link.com[0]), 6), link.mass_alone  # m c is told, m is not
+        (0.5, False)
     """
 
     name: str
@@ -55,7 +53,7 @@ class BodyInertia(Displayed):
 
 @dataclass(frozen=True, eq=False)
 class IdentificationCertificate(Displayed):
-    """What proves the answer.
+    """What proves an identification: the Newton decrement, and that bodies can have the inertias found.
 
     Attributes:
         decrement: Newton decrement at the answer, lambda: the objective is within lambda^2 of its least.

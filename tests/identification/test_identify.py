@@ -16,7 +16,7 @@ import rbd
 from rbd.errors import PoorExcitationWarning
 from rbd.identification import Identification, MeasuredMotion
 from rbd.identification.consistent import Prior, minimise
-from rbd.identification.pseudo_inertia import pseudo_inertia
+from rbd.identification.possible import pseudo_inertia
 from rbd.model.inertial import body_names, inertial_parameters
 
 ARM = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 0.8]), masses=[1.0, 2.0])

@@ -16,7 +16,7 @@ PACKAGES = tuple(
     f"rbd.{name}"
     for name in (
         *("dynamics", "constraints", "problem", "solvers", "analysis", "robots", "model", "statics", "control", "mechanism"),
-        *("simulation", "motion", "many", "studies", "planar", "visual", "testing", "errors"),
+        *("simulation", "motion", "identification", "many", "studies", "planar", "visual", "testing", "errors"),
     )
 )
 """Sub-packages and modules that users import from, besides `rbd` itself."""
@@ -31,7 +31,7 @@ GROUPS = {
     """,
     "Torques": "hold inverse_dynamics Actuation",
     "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8",
-    "Motions": "Motion check_motion estimate_forces",
+    "Motions": "Motion check_motion estimate_forces identify",
     "Studies": "study grid sample",
     "Errors": "RbdError InputError NoSolution CannotHold CannotMove",
 }
