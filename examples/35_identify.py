@@ -77,21 +77,19 @@ def draw(found: Identification, unseen: MeasuredMotion, model: rbd.Robot) -> Non
     """Torques measured and predicted, with and without identification."""
     from matplotlib.figure import Figure  # in the extra `plot`
 
-    figure = Figure(figsize=(7.0, 5.6), layout="constrained")
-    predicted = found.predicted(unseen)
-    t, motion = unseen.motion.t, unseen.motion
-    before = predicted - [
-        rbd.dynamics.inverse_dynamics(rbd.State(found.robot(), q, v), a) - rbd.dynamics.inverse_dynamics(rbd.State(model, q, v), a)
-        for q, v, a in zip(motion.q, motion.v, motion.a, strict=True)
-    ]
+    figure, motion = Figure(figsize=(7.0, 5.6), layout="constrained"), unseen.motion
+    each, predicted = list(zip(motion.q, motion.v, motion.a, strict=True)), found.predicted(unseen)
+    new, old = (
+        np.array([rbd.dynamics.inverse_dynamics(rbd.State(robot, q, v), a) for q, v, a in each]) for robot in (found.robot(), model)
+    )
     for ax, name in zip(figure.subplots(3, sharex=True), SHOWN, strict=True):
         i = model.joints[name].v.start
-        ax.plot(t, unseen.tau[:, model.actuated_names.index(name)], ".", color="0.6", markersize=4, label="measured")
-        ax.plot(t, before[:, i], "--", color="tab:red", label="by the model")
-        ax.plot(t, predicted[:, i], color="tab:blue", label="identified")
+        ax.plot(motion.t, unseen.tau[:, model.actuated_names.index(name)], ".", color="0.6", markersize=4, label="measured")
+        ax.plot(motion.t, (predicted - new + old)[:, i], "--", color="tab:red", label="by the model")
+        ax.plot(motion.t, predicted[:, i], color="tab:blue", label="identified")
         ax.set(ylabel="torque [N m]", title=name.replace("_", " "))
     ax.set(xlabel="time [s]")
-    figure.axes[0].legend(frameon=False, ncols=3, loc="upper right")
+    figure.legend(*ax.get_legend_handles_labels(), frameon=False, ncols=3, loc="outside upper center")
     Path("out").mkdir(exist_ok=True)
     figure.savefig("out/35_identify.png", dpi=150)
 
