@@ -50,7 +50,7 @@ if _TYPE_CHECKING:
         find_pose as find_pose,
     )
     from rbd.model import dynamics as dynamics
-    from rbd.model.dynamics import (
+    from rbd.model.external import (
         ExternalForce as ExternalForce,
     )
     from rbd.model.state import (
@@ -75,13 +75,15 @@ if _TYPE_CHECKING:
     from rbd.problem.rows import (
         Rows as Rows,
     )
+    from rbd.robots.loading import (
+        doctor as doctor,
+        load_robot as load_robot,
+    )
     from rbd.robots.loop_file import (
         register_constraint as register_constraint,
     )
     from rbd.robots.robot import (
         Robot as Robot,
-        doctor as doctor,
-        load_robot as load_robot,
     )
     from rbd.simulation import (
         DormandPrince8 as DormandPrince8,
@@ -131,7 +133,7 @@ _NAMES = {
     "rbd.many.solving": "solve_many",
     "rbd.mechanism.pose_search": "find_pose",
     "rbd.model": "dynamics",
-    "rbd.model.dynamics": "ExternalForce",
+    "rbd.model.external": "ExternalForce",
     "rbd.model.state": "State",
     "rbd.motion.checking": "check_motion",
     "rbd.motion.measured": "estimate_forces",
@@ -140,7 +142,8 @@ _NAMES = {
     "rbd.problem.problem": "GaussProblem",
     "rbd.problem.rows": "Rows",
     "rbd.robots.loop_file": "register_constraint",
-    "rbd.robots.robot": "Robot doctor load_robot",
+    "rbd.robots.loading": "doctor load_robot",
+    "rbd.robots.robot": "Robot",
     "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory simulate",
     "rbd.solution": "Solution",
     "rbd.solvers.admm": "ConeSolver",

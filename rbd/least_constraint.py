@@ -25,7 +25,8 @@ from rbd.errors import (
     Unsupported,
 )
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import External, free_force, generalised as generalised_force
+from rbd.model.dynamics import free_force
+from rbd.model.external import External, generalised as generalised_force
 from rbd.model.state import State
 from rbd.prepared.contact_dynamics import prepared
 from rbd.problem.answer import Status

@@ -116,7 +116,7 @@ def test_a_pose_that_cannot_be_held_ends_with_code_1(monkeypatch):
         robot.effort_limit = 0.1 * robot.effort_limit
         return robot
 
-    monkeypatch.setattr("rbd.robots.robot.load_robot", weak)
+    monkeypatch.setattr("rbd.robots.loading.load_robot", weak)
     code, out, complaint = run("stand", "talos")
     assert code == 1
     assert "cannot be held" in complaint and "_joint'" in complaint and "torque limit" in complaint

@@ -248,7 +248,7 @@ def test_the_command_line_refuses_a_place_before_it_works(command: str, option: 
 
     for module in pkgutil.iter_modules(rbd.cli.__path__):  # one that is first imported below would keep what is put there
         importlib.import_module(f"rbd.cli.{module.name}")
-    for door in ("rbd.robots.robot.load_robot", "rbd.cli.simulate_setup.load_robot", "rbd.cli.plane_report.plane_task"):
+    for door in ("rbd.robots.loading.load_robot", "rbd.cli.simulate_setup.load_robot", "rbd.cli.plane_report.plane_task"):
         monkeypatch.setattr(door, never)
     (tmp_path / f"taken.{ending}").mkdir()
     places = {"there is no folder": [tmp_path / "nowhere" / f"x.{ending}"], "it is a folder": [tmp_path / f"taken.{ending}"]}

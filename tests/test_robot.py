@@ -377,7 +377,7 @@ def test_a_folder_is_no_file(tmp_path: Path) -> None:
     ],
 )
 @pytest.mark.parametrize("root", ["free_flyer", "fixed"])
-def test_a_file_that_is_no_robot_is_refused(tmp_path: Path, content: bytes, root: rbd.robots.robot.Root) -> None:
+def test_a_file_that_is_no_robot_is_refused(tmp_path: Path, content: bytes, root: rbd.robots.loop_file.Root) -> None:
     """Empty, binary, cut off, another format: an error of ours with the file's name."""
     path = tmp_path / "r.urdf"
     path.write_bytes(content)
@@ -407,7 +407,7 @@ BASE, ARM, HINGE = link("a"), link("b"), joint("j", "a", "b")
 )
 @pytest.mark.parametrize("root", ["free_flyer", "fixed"])
 def test_what_pinocchio_would_take_for_another_robot_is_refused(
-    tmp_path: Path, parts: tuple[str, ...], culprit: str, root: rbd.robots.robot.Root
+    tmp_path: Path, parts: tuple[str, ...], culprit: str, root: rbd.robots.loop_file.Root
 ) -> None:
     """Masses, axes and trees that are none: refused, with the file and the link or joint at fault, on either root."""
     with pytest.raises(ModelError, match=rf"mine\.urdf.*'{culprit}'"):
@@ -427,7 +427,7 @@ def test_what_pinocchio_would_take_for_another_robot_is_refused(
 )
 @pytest.mark.parametrize("root", ["free_flyer", "fixed"])
 def test_what_the_parser_refuses_is_an_error_of_ours(
-    tmp_path: Path, parts: tuple[str, ...], root: rbd.robots.robot.Root
+    tmp_path: Path, parts: tuple[str, ...], root: rbd.robots.loop_file.Root
 ) -> None:
     """No limit where one must be, an unknown kind of joint, a circle, names given twice, nothing at all."""
     with pytest.raises(ModelError, match=r"mine\.urdf"):

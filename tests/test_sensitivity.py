@@ -19,7 +19,7 @@ from scipy.optimize import nnls
 import rbd
 from rbd.analysis.differences import SMOOTH, slope as slope_of
 from rbd.analysis.sensitivity import Derivatives
-from rbd.model.dynamics import generalised
+from rbd.model.external import generalised
 from rbd.testing import box
 
 G, MASS, MU = 9.81, 10.0, 0.6

@@ -8,7 +8,7 @@ of patches on ground at rest, d(J^T f) and d(J a + J_dot v), are Pinocchio's ana
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -22,7 +22,8 @@ from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
 from rbd.constraints.loop_stack import rows_function
 from rbd.displayed import Displayed
 from rbd.errors import NotDifferentiable, Unsupported
-from rbd.model.dynamics import External, ExternalForce, HasRows
+from rbd.model.dynamics import HasRows
+from rbd.model.external import External, ExternalForce, elements_of
 from rbd.model.pose_derivatives import FixedPose, state_derivatives
 from rbd.model.state import State
 from rbd.problem.answer import Answer, Status
@@ -229,6 +230,9 @@ class _Chain:
         for i, more in enumerate(internal.T if self.fixed else ()):  # J^T f is linear in f
             other = state_derivatives(self.origin.state, self.answer.a, poses, given + applied(f + more))
             by_q.internal[:, i] = other.force_dq - found.force_dq
+        for element in elements_of(self.origin.external):
+            for change, slopes in zip((by_q, by_v), element.derivatives(self.origin.state), strict=True):
+                change.force[:] += slopes
         return by_q, by_v
 
     def _sample(self, state: State) -> Array:
@@ -357,7 +361,7 @@ def _same_set(one: Cone, other: Cone) -> bool:
 
 def _pushes(external: External) -> list[tuple[FixedPose, Array]]:
     """Where external forces act, with axes of the world, and (force, moment) there; a generalised force does not change."""
-    given = (external,) if isinstance(external, ExternalForce) else () if external is None else external
+    given = (external,) if isinstance(external, ExternalForce) else external if isinstance(external, Sequence) else ()
     return [
         (FixedPose(e.frame, pin.SE3(_WORLD, np.asarray(e.offset)), _WORLD), np.concatenate([e.force, e.moment]))
         for e in given

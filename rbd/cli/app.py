@@ -90,7 +90,7 @@ def info(
 ) -> None:
     """Show one robot's joints, limits, frames, effort limits, mass, and what the model validation (`doctor`) found."""
     from rbd.cli.robot_reports import robot_info
-    from rbd.robots.robot import load_robot
+    from rbd.robots.loading import load_robot
 
     console = open_console()
     with answering(info):
@@ -116,7 +116,7 @@ def mechanism(
     Constraints of velocity (wheels, knife edges) are tested for integrability. Every branch is drawn.
     """
     from rbd.cli.mechanism_report import check_tries, report_mechanism
-    from rbd.robots.robot import load_robot
+    from rbd.robots.loading import load_robot
 
     console = open_console()
     with answering(mechanism):

@@ -361,7 +361,7 @@ def _one_report(report: MotionReport, save: Path | None, plot: Path | None, vide
 
 
 def _loaded(robot: str, feet: list[str] | None, package_dirs: list[Path] | None) -> Robot:
-    from rbd.robots.robot import load_robot
+    from rbd.robots.loading import load_robot
 
     return load_robot(robot, feet=feet, package_dirs=package_dirs or ())
 

@@ -15,7 +15,7 @@ from rbd.cli.terminal import in_options, rounded
 from rbd.constraints.constraint import Constraint
 from rbd.errors import RbdError
 from rbd.least_constraint import solve
-from rbd.model.dynamics import ExternalForce
+from rbd.model.external import ExternalForce
 from rbd.model.state import State
 from rbd.robots.robot import Robot
 from rbd.statics.actuation import Actuation

@@ -13,7 +13,7 @@ from rich.text import Text
 from rbd.cli.terminal import Table, counted, facts, rounded, save_figure, timed
 from rbd.errors import InputError
 from rbd.problem.cones import check_friction
-from rbd.robots.robot import load_robot
+from rbd.robots.loading import load_robot
 from rbd.statics.regions import SupportRegion, support_region
 
 LARGEST_TORQUES = 3

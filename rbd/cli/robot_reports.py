@@ -18,11 +18,12 @@ from rbd.arrays import Array
 from rbd.cli.terminal import Table, facts, in_commands, in_options, rounded
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotHold, ModelWarning, RbdError
-from rbd.model.dynamics import ExternalForce
+from rbd.model.external import ExternalForce
 from rbd.model.state import State
 from rbd.problem.answer import ContactForce
 from rbd.robots.catalogue import licence
-from rbd.robots.robot import Robot, doctor, load_robot
+from rbd.robots.loading import doctor, load_robot
+from rbd.robots.robot import Robot
 from rbd.solution import Solution
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold

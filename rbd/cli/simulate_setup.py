@@ -17,8 +17,9 @@ from rbd.control.posture import HoldPosture
 from rbd.control.schedules import Controller, Push
 from rbd.errors import InputError
 from rbd.model.state import State
+from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import Root
-from rbd.robots.robot import Robot, load_robot
+from rbd.robots.robot import Robot
 
 Value = TypeVar("Value")
 

@@ -70,9 +70,9 @@ def stand(
     from rbd.cli.robot_reports import StandReport, holding
     from rbd.cli.study_plan import sweep_plan
     from rbd.least_constraint import solve
-    from rbd.model.dynamics import ExternalForce
+    from rbd.model.external import ExternalForce
     from rbd.problem.cones import check_friction
-    from rbd.robots.robot import load_robot
+    from rbd.robots.loading import load_robot
     from rbd.solvers.default import slip_law
     from rbd.statics.actuation import Actuation
     from rbd.statics.equilibrium import hold

@@ -14,7 +14,8 @@ from rbd.cli.sweeps import COMPONENTS, QUANTITIES, QUESTIONS, Values, as_kind, q
 from rbd.errors import InputError, nearest
 from rbd.problem.cones import check_friction
 from rbd.robots import catalogue
-from rbd.robots.robot import Robot, load_robot
+from rbd.robots.loading import load_robot
+from rbd.robots.robot import Robot
 from rbd.solution import Solution
 from rbd.solvers.default import slip_law
 from rbd.statics.actuation import Actuation

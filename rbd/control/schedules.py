@@ -13,7 +13,7 @@ from rbd.arrays import Array, as_array, as_float, check_finite
 from rbd.control.accepted_steps import INSTANT, AcceptedStep, hook, sample_at, told
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.model.dynamics import External, ExternalForce
+from rbd.model.external import External, ExternalForce
 from rbd.model.state import State
 
 Controller: TypeAlias = Callable[[State, float], Array]

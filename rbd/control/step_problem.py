@@ -15,7 +15,7 @@ from rbd.control.step_program import StepProgram
 from rbd.control.task_actuation import Violation
 from rbd.control.task_terms import Task, TaskTerms, checked_tasks
 from rbd.errors import InputError, UnknownName, nearest
-from rbd.model.dynamics import External, generalised
+from rbd.model.external import External, generalised
 from rbd.model.state import State
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest

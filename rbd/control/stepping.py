@@ -28,7 +28,7 @@ from rbd.control.step_solution import minimiser
 from rbd.control.task_actuation import StepCertificate, TaskActuation
 from rbd.control.task_terms import Task
 from rbd.errors import InaccurateWarning, InputError, NoSolution, RbdWarning, RelaxedLimitsWarning
-from rbd.model.dynamics import External
+from rbd.model.external import External
 from rbd.model.state import State, check_state
 from rbd.problem.answer import Status
 from rbd.problem.cones import project_cones

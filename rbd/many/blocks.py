@@ -15,7 +15,7 @@ from rbd.many.answers import Sheet
 from rbd.many.states import ManyStates
 from rbd.many.status import StateStatus
 from rbd.many.warned import DISTANT
-from rbd.model.dynamics import generalised
+from rbd.model.external import generalised
 from rbd.prepared.contact_dynamics import DOUBTFUL, Found
 from rbd.prepared.many import BLOCK, METHODS, BlockAnswer, prepared_blocks
 from rbd.problem.problem import BILATERAL, COULOMB, GaussProblem, Law

@@ -13,7 +13,7 @@ from rbd.constraints.constraint import Constraint, check_on, has_friction, liste
 from rbd.errors import InputError, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.model.checked_model import FARTHEST, CheckedModel
-from rbd.model.dynamics import ExternalForce
+from rbd.model.external import ExternalForce
 from rbd.model.joint_errors import UNIT_TOLERANCE
 from rbd.model.state import State
 

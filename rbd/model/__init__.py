@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING as _TYPE_CHECKING
 from rbd.modules import named as _named
 
 if _TYPE_CHECKING:
-    from rbd.model.dynamics import ExternalForce as ExternalForce
+    from rbd.model.external import ExternalForce as ExternalForce
     from rbd.model.input_files import FileLimits as FileLimits
     from rbd.model.state import State as State
 
-_HOME = {"ExternalForce": "rbd.model.dynamics", "FileLimits": "rbd.model.input_files", "State": "rbd.model.state"}
+_HOME = {"ExternalForce": "rbd.model.external", "FileLimits": "rbd.model.input_files", "State": "rbd.model.state"}
 
 __all__ = ["ExternalForce", "FileLimits", "State"]
 

@@ -277,3 +277,14 @@ def _again(robot: CheckedModel, q: bytes, v: bytes | None) -> State:
     state = State.__new__(State)
     state._begin(robot, np.frombuffer(q).copy(), robot.zero_v if v is None else np.frombuffer(v).copy())
     return state
+
+
+def checked(state: State) -> State:
+    """The state itself.
+
+    Raises:
+        InputError: if it is none.
+    """
+    if not isinstance(state, State):
+        raise InputError(f"expected a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v) or robot.standing().")
+    return state

@@ -15,9 +15,9 @@ from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import External, checked, generalised
+from rbd.model.external import External, generalised
 from rbd.model.sampled_motion import SampledMotion
-from rbd.model.state import State
+from rbd.model.state import State, checked
 from rbd.motion.force_estimate import ForceEstimate
 from rbd.motion.force_fit import fit_forces
 from rbd.motion.sensor_noise import SensorNoise, checked_noise, force_scale, whitening

@@ -15,7 +15,7 @@ from rbd.motion.derivation import NEARLY_UNIT, Derivation, Method
 from rbd.motion.frames import Frames, check_rate, joint_positions, unit_of
 from rbd.motion.joint_orders import breadth_first, checked_joints, file_order, formats, left_still, standing_q
 from rbd.motion.quaternion_order import chosen_order
-from rbd.robots.robot import load_robot
+from rbd.robots.loading import load_robot
 from rbd.simulation.trajectory_file import npz_arrays
 
 NEAR, TURNED = 1e-3, 5e-3

@@ -25,9 +25,10 @@ from rbd.constraints.constraint import Constraint, check_on, listed
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import External, checked, coriolis_matrix, generalised, gravity_torque
+from rbd.model.dynamics import coriolis_matrix, gravity_torque
+from rbd.model.external import External, generalised
 from rbd.model.sampled_motion import SampledMotion
-from rbd.model.state import State
+from rbd.model.state import State, checked
 from rbd.motion.force_estimate import ForceEstimate
 from rbd.motion.measured import Fitting, ForceHistory, check_measured, checked_touches, frame_rows
 from rbd.motion.sensor_noise import SensorNoise, checked_noise

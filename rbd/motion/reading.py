@@ -21,7 +21,7 @@ from rbd.motion.frames import Frames, check_rate, joint_positions, unit_of
 from rbd.motion.joint_orders import left_still, standing_q
 from rbd.motion.npz_files import of_npz
 from rbd.motion.quaternion_order import chosen_order
-from rbd.robots.robot import load_robot
+from rbd.robots.loading import load_robot
 from rbd.simulation.trajectory import Trajectory
 
 ROUNDING = 1.0 / np.sqrt(12.0)

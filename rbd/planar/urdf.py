@@ -35,7 +35,8 @@ from rbd.planar.chain import Chain, check_chain
 from rbd.planar.equations_of_motion import Dynamics
 from rbd.robots import catalogue
 from rbd.robots.linkage import COLORS, GRAVITY
-from rbd.robots.robot import Robot, load_robot
+from rbd.robots.loading import load_robot
+from rbd.robots.robot import Robot
 
 Plane = Literal["xz", "xy"]
 END = "end"

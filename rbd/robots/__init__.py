@@ -2,9 +2,10 @@
 
 from rbd.modules import submodule as _submodule
 from rbd.robots.diagnosis import ModelIssue, ModelReport
+from rbd.robots.loading import doctor, load_robot
 from rbd.robots.merge import RobotPair, merge_robots
 from rbd.robots.posture import place_on_ground
-from rbd.robots.robot import Robot, doctor, load_robot
+from rbd.robots.robot import Robot
 
 __all__ = ["ModelIssue", "ModelReport", "Robot", "RobotPair", "doctor", "load_robot", "merge_robots", "place_on_ground"]
 

@@ -20,8 +20,9 @@ from rbd.errors import InputError, ModelError
 from rbd.model.output_files import check_place, new_folder, write_text
 from rbd.model.state import State
 from rbd.robots import catalogue
+from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import ENDING
-from rbd.robots.robot import Robot, load_robot
+from rbd.robots.robot import Robot
 
 Point = tuple[float, float]
 GROUND = "ground"

@@ -18,7 +18,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import External, generalised
+from rbd.model.external import External, generalised
 from rbd.model.state import State, state_at
 
 OPEN, STICKS, SLIPS, HOLDS, PUSHES = "open", "sticks", "slips", "holds", "pushes"

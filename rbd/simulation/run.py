@@ -32,7 +32,7 @@ from rbd.errors import (
 )
 from rbd.errors.inputs import check_different
 from rbd.mechanism.projection import Projection
-from rbd.model.dynamics import External
+from rbd.model.external import External
 from rbd.model.state import State
 from rbd.problem.cones import Free
 from rbd.problem.problem import Law

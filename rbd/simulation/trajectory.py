@@ -16,7 +16,7 @@ from rbd.control.schedules import ExternalAt
 from rbd.displayed import Displayed
 from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import External
+from rbd.model.external import External
 from rbd.model.output_files import check_place
 from rbd.model.state import State
 from rbd.simulation.motion import ConstraintForce, Event, Integrator, Motion, Sample

@@ -24,8 +24,9 @@ from rbd.model.input_files import FileLimits
 from rbd.model.joints import FORCE_OF
 from rbd.modules import xarray_or_error
 from rbd.robots import catalogue
+from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import beside
-from rbd.robots.robot import Robot, load_robot
+from rbd.robots.robot import Robot
 from rbd.simulation.motion import Event
 from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS, WORDS, Fields
 from rbd.simulation.trajectory_file import checksum, listed_in, words_in

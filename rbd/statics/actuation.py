@@ -13,7 +13,8 @@ from rbd.constraints.constraint import Constraint
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.displayed import Displayed
 from rbd.least_constraint import momentum_balance
-from rbd.model.dynamics import External, free_force
+from rbd.model.dynamics import free_force
+from rbd.model.external import External
 from rbd.model.state import State
 from rbd.problem.answer import Answer, ContactForce, Status, corner_split
 from rbd.problem.conic import Conic

@@ -16,7 +16,7 @@ from rbd.many.blocks import external_of, friction_of, write
 from rbd.many.states import ManyStates
 from rbd.many.status import StateStatus
 from rbd.many.warned import INACCURATE, OPENED, of_rows, warn
-from rbd.model.dynamics import generalised
+from rbd.model.external import generalised
 from rbd.prepared.many import BLOCK, prepared_blocks
 from rbd.problem.answer import Status
 from rbd.statics.actuation import CHOICE, Actuation

@@ -11,7 +11,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.errors import InaccurateWarning
-from rbd.model.dynamics import External
+from rbd.model.external import External
 from rbd.problem.answer import Status
 from rbd.problem.conic import Conic, ConicAnswer
 from rbd.problem.programs import Outcome

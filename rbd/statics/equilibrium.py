@@ -8,8 +8,8 @@ from rbd.arrays import Array, zeros
 from rbd.constraints.constraint import Constraint
 from rbd.many.states import Friction, ManyExternal, ManyStates
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import External, checked
-from rbd.model.state import State
+from rbd.model.external import External
+from rbd.model.state import State, checked
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.statics.actuation import Actuation
 from rbd.statics.actuations import Actuations, Asked, actuations_of

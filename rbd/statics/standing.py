@@ -11,8 +11,7 @@ from rbd.arrays import Array, as_float, as_vector3
 from rbd.constraints.constraint import Constraint, listed
 from rbd.errors import InputError
 from rbd.model.checked_model import FARTHEST
-from rbd.model.dynamics import checked
-from rbd.model.state import State
+from rbd.model.state import State, checked
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.motion_forces import narrowed
 from rbd.problem.rows import Rows

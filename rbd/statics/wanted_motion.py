@@ -15,7 +15,7 @@ from rbd.arrays import Array, as_float, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, listed
 from rbd.constraints.distance_warnings import warn_of_opening
 from rbd.errors import CannotMove, ContactMoves, InputError, NoSolution, Reason
-from rbd.model.dynamics import External, generalised
+from rbd.model.external import External, generalised
 from rbd.model.state import State
 from rbd.problem.conic import ConicAnswer
 from rbd.problem.contact_motion import REST_SPEED

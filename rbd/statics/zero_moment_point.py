@@ -21,8 +21,8 @@ from rbd.constraints.constraint import Constraint
 from rbd.constraints.convex.polygons import inside_distance
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
-from rbd.model.dynamics import External, checked, generalised
-from rbd.model.state import State
+from rbd.model.external import External, generalised
+from rbd.model.state import State, checked
 from rbd.problem.ground import Ground, On, plane_of
 from rbd.problem.programs import Outcome
 from rbd.problem.rows import Rows

@@ -15,7 +15,7 @@ from rbd.constraints.constraint import Constraint
 from rbd.displayed import Displayed
 from rbd.errors import NoSolution
 from rbd.least_constraint import answered, assembled
-from rbd.model.dynamics import External
+from rbd.model.external import External
 from rbd.model.state import State
 from rbd.problem.answer import CARRIES_NOTHING_N, Status
 from rbd.problem.cones import NonNegative

@@ -12,10 +12,11 @@ import pinocchio as pin
 from rbd.arrays import Array, as_float, as_vector3
 from rbd.errors import InputError
 from rbd.least_constraint import solve
-from rbd.model.dynamics import ExternalForce
+from rbd.model.external import ExternalForce
 from rbd.model.state import State
 from rbd.problem.cones import check_friction
-from rbd.robots.robot import Robot, load_robot
+from rbd.robots.loading import load_robot
+from rbd.robots.robot import Robot
 from rbd.solution import Solution
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold

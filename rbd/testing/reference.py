@@ -17,7 +17,7 @@ from rbd.constraints.rolling import RollingBall
 from rbd.displayed import Displayed
 from rbd.least_constraint import gauss_problem
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import ExternalForce
+from rbd.model.external import ExternalForce
 from rbd.model.state import State
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, NonNegative, Product
 from rbd.problem.ground import Ground

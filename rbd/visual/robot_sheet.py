@@ -12,7 +12,8 @@ from string import Template
 
 from rbd.errors import InputError
 from rbd.least_constraint import solve
-from rbd.robots.robot import Robot, load_robot
+from rbd.robots.loading import load_robot
+from rbd.robots.robot import Robot
 from rbd.statics.equilibrium import hold
 from rbd.visual.pages.browser import Browser, one_browser
 from rbd.visual.pages.page import screenshot

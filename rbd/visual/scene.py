@@ -17,7 +17,7 @@ from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import External, ExternalForce
+from rbd.model.external import External, ExternalForce
 from rbd.model.state import State
 from rbd.visual.drawing import described, send_mark, send_part
 from rbd.visual.drawn_robot import DrawnRobot

@@ -16,7 +16,7 @@ from PIL import Image
 import rbd
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.dynamics import ExternalForce
+from rbd.model.external import ExternalForce
 from rbd.simulation.motion import Event
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
 from rbd.visual.playback.animation import export_motion, motion_sheet, replay

@@ -19,9 +19,9 @@ from PIL import Image
 
 import rbd
 from rbd.errors import InputError, PictureError
-from rbd.model.dynamics import ExternalForce
+from rbd.model.external import ExternalForce
 from rbd.problem.rows import Patch
-from rbd.robots.robot import load_robot
+from rbd.robots.loading import load_robot
 from rbd.statics.equilibrium import hold
 from rbd.visual import Scene, contact_colors, screenshot
 from rbd.visual.pages.recorder import Recorder

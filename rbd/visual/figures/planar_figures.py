@@ -16,7 +16,8 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelWarning, nearest
-from rbd.robots.robot import Robot, load_robot
+from rbd.robots.loading import load_robot
+from rbd.robots.robot import Robot
 from rbd.visual.figures.planar_plots import PATH_COLOR, check_motion
 from rbd.visual.figures.plots import an_axis, frame
 from rbd.visual.playback.animation import export_motion, replay

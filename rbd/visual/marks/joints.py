@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.model.dynamics import generalised
+from rbd.model.external import generalised
 from rbd.model.state import State
 from rbd.visual import shapes
 from rbd.visual.marks.arrows import SMALLEST_ARC, force_arrow, moment_marks, share_color, tip_of
