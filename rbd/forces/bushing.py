@@ -59,7 +59,7 @@ class Bushing(BetweenPlaces):
     name: str = field(default=None, kw_only=True)  # type: ignore[assignment]  # made in __post_init__
 
     parameters = ("stiffness", "damping")
-    """Each is a factor on the whole matrix, at 1: `parameter_force(state, "stiffness")` is that of K."""
+    """`parameter_force` has the derivatives by the six numbers on the diagonal: "x", "y", "z", "about x", ..."""
 
     def __post_init__(self) -> None:
         what = f"a bushing at {self.frame!r:.80}"
@@ -122,8 +122,9 @@ class Bushing(BetweenPlaces):
     def _preload(self, m: int) -> Array:
         return np.asarray(self.preload)
 
-    def _by_parameter(self, parameter: str, x: Array, rate: Array, m: int) -> Array:
-        return -self._stiffness(6) @ x if parameter == "stiffness" else -self._damping(6) @ rate
+    def _by_parameter(self, parameter: str, x: Array, rate: Array) -> dict[str, Array]:
+        size = x if parameter == "stiffness" else rate
+        return dict(zip(("x", "y", "z", "about x", "about y", "about z"), np.diag(-size), strict=True))
 
     def displacement(self, state: State) -> Array:
         """The coordinates x: position [m], then rotation vector [rad], of the frame in the axes of `to`, shape (6,)."""

@@ -129,14 +129,19 @@ class BetweenPlaces(Displayed):
         rate = found.D @ pair.u
         return float(rate @ self._damping(len(rate)) @ rate)
 
-    def parameter_force(self, state: State, parameter: str) -> Array:
-        """Derivative of tau by one of its `parameters`, shape (nv,)."""
+    def parameter_force(self, state: State, parameter: str) -> Array | dict[str, Array]:
+        """Derivative of tau by one of its `parameters`, shape (nv,); of several numbers {label: (nv,)}.
+
+        Raises:
+            InputError: it has no such parameter; or none that the force depends on smoothly at this state.
+        """
         check_parameter(self.name, parameter, self.parameters)
         pair, found, _ = self._at(state)
-        m = len(found.x)
-        return pair.J.T @ (found.D.T @ self._by_parameter(parameter, found.x, found.D @ pair.u, m))
+        A = found.D @ pair.J
+        by = self._by_parameter(parameter, found.x, found.D @ pair.u)
+        return {label: A.T @ dF for label, dF in by.items()} if isinstance(by, dict) else A.T @ by
 
-    def _by_parameter(self, parameter: str, x: Array, rate: Array, m: int) -> Array:
+    def _by_parameter(self, parameter: str, x: Array, rate: Array) -> Array | dict[str, Array]:
         """The derivative of F by a parameter, shape (m,)."""
         raise NotImplementedError
 

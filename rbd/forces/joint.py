@@ -12,7 +12,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_array, check_finite
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.forces.coordinates import WIDEST, from_rest, inverse_change, inverse_left_jacobian, rotation_vector, too_far
+from rbd.forces.coordinates import WIDEST, from_rest, inverse_left_jacobian, rotation_vector, too_far
 from rbd.forces.element import ElementPicture, check_parameter
 from rbd.forces.numbers import damping_of, number, stiffness_of
 from rbd.model.checked_model import CheckedModel
@@ -64,9 +64,8 @@ class JointSpring(Displayed):
             raise InputError(f"rest of {what} has shape {rest.shape}; expected a number, or the quaternion of a ball joint.")
         check_finite(f"rest of {what}", np.atleast_1d(rest))
         if rest.shape and not abs(np.linalg.norm(rest) - 1.0) <= 1e-6:
-            raise InputError(
-                f"rest of {what} is the quaternion {rest.tolist()!r:.80} of norm {np.linalg.norm(rest):.6g}; expected 1."
-            )
+            norm = f"{np.linalg.norm(rest):.6g}"
+            raise InputError(f"rest of {what} is the quaternion {rest.tolist()!r:.80} of norm {norm}; expected norm 1.")
         for key, value in (
             ("rest", rest / np.linalg.norm(rest) if rest.shape else float(rest)),
             ("preload", number(f"preload of {what}", self.preload)),
@@ -152,7 +151,7 @@ class JointSpring(Displayed):
         if joint.nv != 1 and parameter != "stiffness":
             raise InputError(f"{self.name!r:.80} is in a ball joint, where its torque has a derivative by stiffness alone.")
         out = np.zeros(state.robot.nv)
-        out[joint.v] = {"stiffness": -stretch, "rest": self.stiffness, "preload": 1.0}[parameter]
+        out[joint.v] = -stretch if parameter == "stiffness" else self.stiffness if parameter == "rest" else 1.0
         return out
 
     def picture(self, state: State) -> ElementPicture:
@@ -183,7 +182,6 @@ class JointDamping(Displayed):
     name: str = "joint_damping"
 
     parameters = ("damping",)
-    """A factor on all dampings, at 1."""
 
     def __post_init__(self) -> None:
         if not isinstance(self.damping, Mapping):
@@ -209,7 +207,7 @@ class JointDamping(Displayed):
         self.diagonal(robot)
 
     def diagonal(self, robot: CheckedModel) -> Array:
-        """d of each velocity, shape (nv,); that of a name given twice, by joint and by velocity, adds up.
+        """Damping of each velocity, shape (nv,); that of a name given twice, by joint and by velocity, adds up.
 
         Raises:
             JointNotFound: with the nearest names.
@@ -236,10 +234,14 @@ class JointDamping(Displayed):
         """v^T d v [W]."""
         return float(state.v @ (self.diagonal(state.robot) * state.v))
 
-    def parameter_force(self, state: State, parameter: str) -> Array:
-        """Derivative of tau by a factor on all dampings, shape (nv,)."""
+    def parameter_force(self, state: State, parameter: str) -> dict[str, Array]:
+        """Derivatives of tau by the damping of each joint, {joint: (nv,)}."""
         check_parameter(self.name, parameter, self.parameters)
-        return self.generalised(state)[0]
+        out = {joint: np.zeros(state.robot.nv) for joint in self.damping}
+        for joint, tau in out.items():
+            at = state.robot.joints.velocity(joint)
+            tau[at] = -state.v[at]
+        return out
 
 
 def _picture(kind: str, joint: Joint, state: State, force: Array) -> ElementPicture:

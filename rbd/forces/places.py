@@ -2,9 +2,9 @@
 
 With p_e the place of an end and J_e its Jacobian in world axes, linear then angular, an element applies J_e^T w_e for a wrench
 w_e at each end. As q moves, J_e^T w_e of a constant wrench changes too: that is the geometric stiffness. Column k of J_e moves
-as a rigid body with all joints up to its own, so that of the point's motion under joints k and i, i nearer to the root,
+as a rigid body with all joints up to its own: for joints k and i, i nearer to the root,
 
-    d(lin_k) / dq_i = ang_i x lin_k,    d(ang_k) / dq_i = ang_i x ang_k,    d(lin_i) / dq_k = ang_i x lin_k,    d(ang_i) / dq_k = 0.
+    d(lin_k)/dq_i = ang_i x lin_k,    d(ang_k)/dq_i = ang_i x ang_k,    d(lin_i)/dq_k = ang_i x lin_k,    d(ang_i)/dq_k = 0.
 
 Joints with several coordinates on one body (spherical, planar, free) count as one joint: their tangent space is the body's.
 """
@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -43,9 +44,9 @@ class Place:
         return f"{self.frame} at {at}" if self.p.any() else self.frame
 
 
-Anchor = str | Sequence[float] | Array | pin.SE3
+Anchor: TypeAlias = str | Sequence[float] | Array | pin.SE3
 """The other end of an element: a frame's name, or a point of the ground (3,) in W [m], or a pose on the ground."""
-Offset = Sequence[float] | Array | pin.SE3
+Offset: TypeAlias = Sequence[float] | Array | pin.SE3
 """From a frame's origin, in its axes: a point (3,) [m], or a pose, whose axes then count."""
 
 
@@ -89,7 +90,7 @@ class Pair:
     """The two ends of an element at a state: `to` first, then `frame`. Velocities and wrenches of both are in one vector.
 
     Attributes:
-        J: Jacobians, shape (12, nv): linear and angular of `to`, linear and angular of `frame`, in world axes; zero on the ground.
+        J: Jacobians, shape (12, nv): linear and angular of `to`, then of `frame`, in world axes; zero on the ground.
         u: J v, shape (12,) [m/s, rad/s].
         points: Shape (2, 3) [m].
         R: Axes of the place at `to`, in W, shape (3, 3).

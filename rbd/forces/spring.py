@@ -130,10 +130,10 @@ class Spring(_Line):
     def _preload(self, m: int) -> Array:
         return np.full(m, self.preload)
 
-    def _by_parameter(self, parameter: str, x: Array, rate: Array, m: int) -> Array:
+    def _by_parameter(self, parameter: str, x: Array, rate: Array) -> Array:
         if parameter == "stiffness":
             return -self._stretch(x)
-        if m == 3:
+        if len(x) == 3:
             length = float(np.linalg.norm(x))
             if not length > 0.0:
                 raise InputError(f"{self.name!r:.80} has zero length, where its force has no derivative by its {parameter}.")
@@ -196,5 +196,5 @@ class Damper(_Line):
     def _damping(self, m: int) -> Array:
         return self.damping * np.eye(m)
 
-    def _by_parameter(self, parameter: str, x: Array, rate: Array, m: int) -> Array:
+    def _by_parameter(self, parameter: str, x: Array, rate: Array) -> Array:
         return -rate
