@@ -47,9 +47,9 @@ def load_robot(
         limits: How large the file may be; `FileLimits(max_dof=400)` takes a robot of more than 200 degrees of freedom.
         loops: The file that closes its tree, see `rbd.robots.loop_file`; by default `<stem>.loops.yaml` next to the robot's
             file, if there is one, and the <equality> of an MJCF. None leaves all loops open.
-        leave_out: What of an MJCF file is to be left out, where the equation of motion has no term for it and the file would
-            else be refused: "springs" of joints, "gravcomp", "tendons" with springs or inertia; "actuators" gives every joint
-            a motor without limits in place of those of the file.
+        leave_out: What of an MJCF file is to be left out: "gravcomp" and "tendons" with springs or inertia, for which the
+            equation of motion has no term, so that the file would else be refused; "springs" of joints, which are else in
+            `robot.joint_springs()`; "actuators" gives every joint a motor without limits in place of those of the file.
         feet: Its feet, in place of those of the catalogue, for `standing`, `feet`, `soles` and `rbd.find_pose`: frames, each
             with the flat underside of its body's collision shapes (for a ball, its lowest point), taken in the standing
             posture, else in the neutral one; or surface and point contacts, whose friction and ground `robot.feet` replaces.
@@ -117,6 +117,7 @@ def _loaded(
         raise ModelError(f"nothing moves in {source.urdf.name}: it has no joints, and its root is fixed.")
     closed = mechanism(model, source.urdf.name, closing, file.equalities if loops else ())
     robot = Robot(model, source, root, passive, limits, closed, leave_out)
+    robot.springs = mjcf.springs(file.mjcf) if file.mjcf is not None and "springs" not in leave_out else {}
     if not source.known:
         robot._keep_text(file)
     robot.report = examine(robot, file, robot.postures, source.package_dirs)
