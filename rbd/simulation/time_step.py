@@ -384,8 +384,8 @@ class StepSystem:
         leaves = self._leaves(after)
         passed.append(ImpactRecord(now.t, layout, arrives, approach, answer.impulse[layout.normals], leaves))
         gaps = self.sizes.tolerances(after, now.gaps)
-        done = {"work": now.work, "dissipated": now.dissipated}
-        return Instant(now.t, after, gaps, touches, leaves, now.force, answer.norms, **done)
+        end = Instant(now.t, after, gaps, touches, leaves, now.force, answer.norms, work=now.work)
+        return replace(end, dissipated=now.dissipated)
 
     def _leaves(self, at: Snapshot) -> Array:
         """Which points separate from their surface faster than the rest speed, shape (k,)."""

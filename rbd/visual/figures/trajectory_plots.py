@@ -18,7 +18,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import ANGLE, FORCE_OF, PURE, Coordinate
 from rbd.simulation.motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS
 from rbd.simulation.trajectory import Trajectory
-from rbd.visual.figures.energy_curves import energy_curves
+from rbd.visual.figures.energies import energy_curves
 from rbd.visual.figures.plots import an_axis, frame, note
 from rbd.visual.style import CONTACT_COLORS, contact_colors
 

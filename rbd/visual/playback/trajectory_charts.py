@@ -13,7 +13,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
 from rbd.problem.residuals import USABLE
 from rbd.simulation.trajectory_fields import RESIDUALS
-from rbd.visual.figures.energy_curves import energy_curves
+from rbd.visual.figures.energies import energy_curves
 from rbd.visual.playback.contact_planes import edge_distances, normals_of
 from rbd.visual.playback.curves import FINE, GREY, Chart, Choice, Line, a_list, chart, most_used
 from rbd.visual.style import COM_COLOR, CONTACT_COLORS, contact_colors
