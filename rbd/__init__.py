@@ -38,6 +38,13 @@ if _TYPE_CHECKING:
         NoSolution as NoSolution,
         RbdError as RbdError,
     )
+    from rbd.forces import (
+        Bushing as Bushing,
+        Damper as Damper,
+        JointDamping as JointDamping,
+        JointSpring as JointSpring,
+        Spring as Spring,
+    )
     from rbd.least_constraint import (
         gauss_problem as gauss_problem,
         solve as solve,
@@ -129,6 +136,7 @@ _NAMES = {
     """,
     "rbd.control.torques": "inverse_dynamics",
     "rbd.errors": "CannotHold CannotMove InputError NoSolution RbdError",
+    "rbd.forces": "Bushing Damper JointDamping JointSpring Spring",
     "rbd.least_constraint": "gauss_problem solve solve_problem",
     "rbd.many.solving": "solve_many",
     "rbd.mechanism.pose_search": "find_pose",

@@ -29,6 +29,7 @@
 
     RbdWarning (a UserWarning)
       EffortLimitWarning                a torque given is beyond a motor's limit
+      ForceElementWarning               a spring has a negative stiffness
       InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7; or a simulation recorded a
                                         residual above 1e-7
       LoopNotClosedWarning              a loop is not closed at this state, and is solved unchanged
@@ -70,6 +71,7 @@ from rbd.errors.stopped import StudyStopped
 from rbd.errors.warned import (
     DistantContactWarning,
     EffortLimitWarning,
+    ForceElementWarning,
     InaccurateWarning,
     LoopNotClosedWarning,
     ModelWarning,
@@ -89,6 +91,7 @@ __all__ = [
     "DistantContactWarning",
     "DuplicateName",
     "EffortLimitWarning",
+    "ForceElementWarning",
     "FrameNotFound",
     "InaccurateWarning",
     "InputError",

@@ -122,6 +122,20 @@ class ModelWarning(RbdWarning):
     """
 
 
+class ForceElementWarning(RbdWarning):
+    """A spring or another force element has a constant that is unusual: a negative stiffness pushes away from rest.
+
+    Example:
+        >>> import warnings
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("error", rbd.errors.ForceElementWarning)
+        ...     rbd.Spring("hand", to=(0, 0, 2), stiffness=-100.0, rest=1.0)
+        Traceback (most recent call last):
+            ...
+        rbd.errors.ForceElementWarning: stiffness of 'spring from hand to the ground at (0, 0, 2)' is -100: ...
+    """
+
+
 class RelaxedLimitsWarning(RbdWarning):
     """A step of whole-body control cannot keep all contacts and joint limits: it violates them by the least.
 
