@@ -15,6 +15,7 @@ D' agrees with D to h^2 and ends ringing: for a damper alone v+ = R(z) v, where 
     D' = D (M + h/6 D + h^2/12 D M^-1 D)^-1 (M + h/6 D)                                      positive semidefinite as D is
 
 With constant M, K, D and without contacts the energy changes by -h ((v + v+)/2)^T D' (v + v+)/2 exactly: it never grows.
+An element without `derivatives` is taken as a push is: steps must be short against it.
 Source: [Hairer2006], of the midpoint rule; [Butcher2016], of Pade's approximations.
 """
 
@@ -26,10 +27,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas
 
-from rbd.arrays import Array, inertia_factor, is_finite
-from rbd.errors import NoSolution
+from rbd.analysis.external_derivatives import derivatives_of
+from rbd.arrays import Array, inertia_factor
 from rbd.model.external import ForceElement
 from rbd.model.state import State
+from rbd.simulation.motion import dissipation
 
 _ROUNDING = 1e-12
 """Negative eigenvalues up to this, over the largest one, are rounding."""
@@ -52,22 +54,16 @@ class ElementTerms(NamedTuple):
 
     @classmethod
     def of(cls, state: State, elements: Sequence[ForceElement]) -> ElementTerms | None:
-        """The terms of elements at a state; None without elements.
+        """The terms of elements at a state; None without elements that have derivatives of their own.
 
         Raises:
-            NoSolution: the derivatives of an element are not finite.
+            InputError: derivatives of a wrong size or not finite, with the element's name.
         """
-        if not elements:
+        known = [element for element in elements if callable(getattr(element, "derivatives", None))]
+        if not known:
             return None
-        nv = state.robot.nv
-        K, D, power = np.zeros((nv, nv)), np.zeros((nv, nv)), 0.0
-        for element in elements:
-            by_q, by_v = element.derivatives(state)
-            if not (is_finite(by_q) and is_finite(by_v)):
-                raise NoSolution(f"the derivatives of the force element {element.name!r:.80} are not finite at this state.")
-            K -= by_q
-            D -= by_v
-            power += element.dissipation(state)
+        by_q, by_v = derivatives_of(known, state)
+        K, D, power = -by_q, -by_v, dissipation(known, state)
         diagonal = _is_diagonal(K) and _is_diagonal(D)
         return cls(_definite(D), _definite(K), diagonal, power)
 
