@@ -30,7 +30,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rbd.arrays import Array, lazy, max_abs
+from rbd.arrays import Array
 from rbd.constraints.contact_points import sources_of
 from rbd.model.state import State
 from rbd.simulation.bases import Bases
@@ -38,7 +38,7 @@ from rbd.simulation.contact_gaps import BodySizes, Correction, first_crossing
 from rbd.simulation.contact_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
 from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.ground_dynamics import GroundDynamics
-from rbd.simulation.implicit_forces import ElementTerms, first_half, whole_step
+from rbd.simulation.implicit_forces import ElementTerms, ImplicitElements
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, WholeStep
 from rbd.simulation.motion import Motion
 from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
@@ -53,10 +53,11 @@ class StepSystem:
     """The constant data of time steps: a motion from a state, and the settings of `TimeStepping`."""
 
     def __init__(self, motion: Motion, start: State, *, impact_speed: float, impacts: int, extrapolate: bool) -> None:
-        self.motion, self.robot, self._start = motion, start.robot, start
+        self.motion, self.robot = motion, start.robot
         self.impact_speed, self.impacts, self.extrapolate = impact_speed, impacts, extrapolate
         self.points = Points(sources_of(motion.constraints, start))
         self.bases, self.sizes = Bases(start.robot), BodySizes.of(start)
+        self.implicit = ImplicitElements(start)
         self.correction = Correction.of(self.points, motion.stabilisation)
         self.restitution: Mapping[str, float] = dict(motion.restitution or {})
         self.ground = GroundDynamics.of(self.points, start)
@@ -105,10 +106,9 @@ class StepSystem:
         v, u, guess = at.state.v, start.rates(active), half * start.force
         turned = self.bases.turned(v, v, half)
         terms = None if exact else ElementTerms.of(at.state, elements)
-        fast, force, E = self.ground is not None and self._is_light(terms, h), applied, None
+        fast, force, E = self.ground is not None and self.implicit.is_light(terms), applied, None
         if terms is not None:
-            found = first_half(terms, None if fast else at.state.M, v, turned, applied, h)
-            force, E = found.applied, found.E
+            E, force = self.implicit.first_half(terms, at.state, turned, applied, h)
 
         def solution(shift: Array | None, guess: Array, norms: Array | None) -> VelocityAnswer:
             if self.ground is not None and fast:
@@ -139,21 +139,6 @@ class StepSystem:
         if half.implicit is not None:
             h *= min(1.0, _SLOW / max(h * half.implicit.rate(half.start.at.state.M), _SLOW))
         return self.solved(half.start, h, exact=True)
-
-    def _is_light(self, terms: ElementTerms | None, h: float) -> bool:
-        """Whether elements are in joints alone, and so soft that D is D', which the ground's dynamics can take."""
-        if terms is None:
-            return True
-        if not terms.diagonal:
-            return False
-        d, on_bases = terms.D.diagonal(), [slice(at, at + 6) for _, at in self.bases.places]
-        free = not any(d[part].any() or terms.K.diagonal()[part].any() for part in on_bases)
-        return free and h * max_abs(d * self._mobility) <= 1.0
-
-    @lazy
-    def _mobility(self) -> Array:
-        """Diagonal of M^-1 at the start, shape (nv,)."""
-        return np.linalg.inv(self._start.M).diagonal()
 
     def _general(
         self,
@@ -229,29 +214,33 @@ class StepSystem:
         q_m, v, v_h, turned, mean = bases.middle(q, v, v_h, h)
         state = self.motion.reached(q_m, v_h, t + 0.5 * h)
         tau, applied, elements = self.motion.acting(state, t + 0.5 * h)
-        terms, E, implicit = ElementTerms.of(state, elements), None, None
-        fast = ground is not None and self._is_light(terms, h)
-        if terms is not None:
-            implicit = whole_step(terms, None if fast else state.M, v, v_h, turned, applied, h)
-            applied, E = implicit.applied, implicit.E
+        terms = ElementTerms.of(state, elements)
+        fast = ground is not None and self.implicit.is_light(terms)
         middle = None if fast else self.points.at(state, t + 0.5 * h)
         layout = start.at.layout if middle is None else middle.layout
         active, u0, error, before = half.points_in(layout)
         guess = before.impulse * (2.0 * h / half.h)
         still = self._still(u0) and self._still(before.velocity)
         shift = None if still else turned_back(layout, active, u0, before.velocity - u0, guess)
-        answer = None
-        if ground is not None and fast:
-            answer = ground.answer(
-                state.q, state.v, applied, turned, h, active, guess, law=self.motion.law, shift=shift, mean=mean, added=E
-            )
-        if answer is None:
-            middle = middle or self.points.at(state, t + 0.5 * h)
-            begins = middle.velocity + middle.J @ (mean - v_h)
-            answer = self._general(middle, active, applied, turned, h, guess, u0, error, shift, before.norms, begins, 0.5, E)
+
+        def solution(force: Array, E: Array | None) -> VelocityAnswer:
+            if ground is not None and fast:
+                answer = ground.answer(
+                    state.q, state.v, force, turned, h, active, guess, law=self.motion.law, shift=shift, mean=mean, added=E
+                )
+                if answer is not None:
+                    return answer
+            at = middle or self.points.at(state, t + 0.5 * h)
+            begins = at.velocity + at.J @ (mean - v_h)
+            return self._general(at, active, force, turned, h, guess, u0, error, shift, before.norms, begins, 0.5, E)
+
+        if terms is None:
+            answer, dissipated = solution(applied, None), 0.0
+        else:
+            answer, dissipated = self.implicit.whole_step(terms, state, v, turned, applied, h, solution)
         q_end, v_end = bases.moved(state.q, answer.v, 0.5 * h)
         end = self.snapshot(self.motion.reached(q_end, v_end, t + h), t + h)
-        return WholeStep(h, end, answer, layout, tau, 0.0 if implicit is None else implicit.dissipated(v, v_h, answer.v, h))
+        return WholeStep(h, end, answer, layout, tau, dissipated)
 
     def _plastic(self, half: HalfStep, t_end: float, passed: Passed) -> Instant:
         """Remainder of a step with too many impacts: points that would penetrate their surface are stopped without a bounce."""
