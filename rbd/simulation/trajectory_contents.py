@@ -28,7 +28,7 @@ from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import beside
 from rbd.robots.robot import Robot
 from rbd.simulation.motion import Event
-from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS, WORDS, Fields
+from rbd.simulation.trajectory_fields import COLUMNS, LATER, RESIDUALS, WORDS, Fields
 from rbd.simulation.trajectory_file import checksum, listed_in, words_in
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def fields_of(
     return {
         "robot": robot_of(header["robot"], found(NUMBERS), folder, robot),
         "t": found("t"),
-        **{c.name: found(c.name) for c in COLUMNS},
+        **{c.name: found(c.name) for c in COLUMNS if c.name in arrays or c.name not in LATER},
         "residuals": {c.name: found(f"residual_{c.name}") for c in RESIDUALS},
         "forces": {name: found(f"force_{key[name]}") for name in names},
         "modes": {name: found(f"mode_{key[name]}", "U") for name in names},
@@ -132,7 +132,7 @@ def dataset_of(fields: Fields) -> xarray.Dataset:
     for name, key in keys(tuple(fields["forces"])).items():
         m = fields["forces"][name].shape[1]
         coords[f"{key}_row"] = SPATIAL[:m] if name in fields["points"] and m in (3, 6) else np.arange(m).astype(str)
-    energy: Variable = "energy", fields["kinetic"] + fields["potential"], [], "J", "kinetic and potential energy"
+    energy: Variable = "energy", fields["kinetic"] + fields["potential"] + fields["elastic"], [], "J", "whole energy"
     variables: dict[str, Any] = {}
     for name, x, dims, unit, meaning in [*_variables(fields), energy]:
         variables[name] = (["time", *dims], x, {"long_name": meaning} | ({"units": unit} if unit else {}))
