@@ -8,11 +8,13 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from rbd.arrays import Array
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model import mjcf
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import build_model, check_freedoms, read
+from rbd.model.gravity import STANDARD, checked_gravity, is_standard
 from rbd.model.input_files import FileLimits
 from rbd.model.travelling import Recipe
 from rbd.robots import catalogue, travelling
@@ -33,6 +35,7 @@ def load_robot(
     loops: str | os.PathLike[str] | bool | None = True,
     leave_out: Collection[str] = (),
     feet: Sequence[str | SurfaceContact | PointContact] | None = None,
+    gravity: Sequence[float] | Array | None = None,
 ) -> Robot:
     """A robot by its short name, by the name of a file of example-robot-data, or by the path of a URDF or MJCF file.
 
@@ -53,6 +56,8 @@ def load_robot(
         feet: Its feet, in place of those of the catalogue, for `standing`, `feet`, `soles` and `rbd.find_pose`: frames, each
             with the flat underside of its body's collision shapes (for a ball, its lowest point), taken in the standing
             posture, else in the neutral one; or surface and point contacts, whose friction and ground `robot.feet` replaces.
+        gravity: In W, shape (3,) [m/s2]; zero too. By default that of an MJCF's <option>, else (0, 0, -9.81). The planes of
+            contacts stay: see `robot.with_gravity`.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
     reports it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
@@ -78,6 +83,7 @@ def load_robot(
         raise InputError(f"limits is {limits!r:.80}; expected rbd.model.FileLimits(max_dof=...).")
     limits = FileLimits() if limits is None else limits
     mjcf.check_leave_out(leave_out)
+    fall = None if gravity is None else checked_gravity(gravity)
     source = catalogue.find(name_or_path, package_dirs)
     robot = _loaded(source, root, passive, limits, loops, leave_out)
     if feet is not None:
@@ -87,6 +93,8 @@ def load_robot(
     if place is not None:
         options = robot.root, sorted(robot.passive), None if limits == FileLimits() else limits, loops, sorted(robot.leave_out)
         robot.known = Recipe(_known_again, (place, options, None if feet is None else robot.source.feet))
+    if fall is not None:
+        robot.model.gravity.linear = fall  # last: its feet are where level ground under it would touch
     report = robot.report
     assert report is not None
     if not source.known:
@@ -159,9 +167,14 @@ def doctor(robot: Robot) -> ModelReport:
     """
     if not isinstance(robot, CheckedModel) or not hasattr(robot, "source"):
         raise InputError(f"doctor wants a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
-    source = robot.source
+    source, more = robot.source, []
+    if not is_standard(robot.gravity):
+        told = f"is {(robot.gravity + 0.0).tolist()} m/s2, not {list(STANDARD)}; planes of contacts stay as they are"
+        more.append(ModelIssue("gravity", robot.name, told))
     if robot.report is not None and not source.urdf.is_file():
-        gone = ModelIssue("file", source.urdf.name, "is no longer there; this is what was found when it was loaded")
-        return replace(robot.report, notes=(*robot.report.notes, gone))
-    file = read(source.urdf, robot.limits, base=ROOTS[robot.root], folders=source.package_dirs, leave_out=robot.leave_out)
-    return examine(robot, file, robot.postures, source.package_dirs)
+        report = robot.report
+        more.append(ModelIssue("file", source.urdf.name, "is no longer there; this is what was found when it was loaded"))
+    else:
+        file = read(source.urdf, robot.limits, base=ROOTS[robot.root], folders=source.package_dirs, leave_out=robot.leave_out)
+        report = examine(robot, file, robot.postures, source.package_dirs)
+    return replace(report, notes=(*report.notes, *more)) if more else report
