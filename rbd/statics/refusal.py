@@ -136,11 +136,8 @@ class Refusal:
             return ""
         points = along_gravity(g, np.concatenate([self.loads.state.com[None], *ground]))
         d = inside_distance(points[0], convex_hull(points[1:]))
-        return (
-            f", seen {'from above' if is_along_z(g) else 'along gravity'} {-1e3 * d:.1f} mm outside the hull of the contact points"
-            if d < -1e-4
-            else ""
-        )
+        seen = "from above" if is_along_z(g) else "along gravity"
+        return f", seen {seen} {-1e3 * d:.1f} mm outside the hull of the contact points" if d < -1e-4 else ""
 
     def _why_friction(self) -> tuple[str, str] | None:
         """(detail, sentences): whether more friction would do, and how much; None where none would."""

@@ -51,8 +51,8 @@ class SupportRegion(Region, Displayed):
         friction: "cone", "inscribed" or "circumscribed".
         torque_limits: Whether motors keep within their limits.
         margin: Share of each coefficient of friction that is left unused.
-        vertices: Corners on z = 0, counterclockwise seen from above, shape (k, 2) [m]: each proven by forces. Two of a segment, one of a point, none of
-            an empty region. Of a region that is `cut`, of its part within 10 m of the contacts' middle.
+        vertices: Corners on z = 0, counterclockwise seen from above, shape (k, 2) [m]: each proven by forces. Two of a segment,
+            one of a point, none of an empty region. Of a region that is `cut`, of its part within 10 m of the contacts' middle.
         outer: Corners of a polygon that holds the region, shape (j, 2) [m]; those of the region itself with pyramids.
         weights: Forces that prove each corner, as weights of `loads.sets` over the robot's weight, shape (k, p).
         directions: Unit vectors that span the directions in which the region has no end, shape (r, 2); none if it ends.
