@@ -247,6 +247,7 @@ def recipe(robot: CheckedModel) -> dict[str, Any]:
         "package_dirs": [] if robot.source.known else [str(folder) for folder in robot.source.package_dirs],
         "limits": asdict(robot.limits),
         "leave_out": sorted(robot.leave_out),
+        "gravity": None if np.array_equal(robot.gravity, robot._as_made.gravity.linear) else robot.gravity.tolist(),
     }
 
 
@@ -331,6 +332,7 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
                 limits=FileLimits(**given.get("limits", {})),
                 loops=loops,
                 leave_out=given.get("leave_out", ()),
+                gravity=given.get("gravity"),
             )
     except (RbdError, TypeError) as error:
         raise ModelError(

@@ -105,6 +105,11 @@ class SupportRegion(Region, Displayed):
             raise InputError(f"point is {point!r:.80}; expected two finite numbers, x and y in metres.")
         return inside_distance(at if len(at) == 2 else along_gravity(self.state.robot.gravity, at), self.vertices)
 
+    def corners_at(self, height: float) -> Array:
+        """Its corners on the level plane z = height, along gravity from those on z = 0, in W, shape (k, 3) [m]."""
+        g = self.state.robot.gravity
+        return np.column_stack([self.vertices + height / g[2] * g[:2], np.full(len(self.vertices), float(height))])
+
     def forces(self, corner: int) -> dict[str, Array]:
         """{contact: force (3,) or wrench (6,) at the patch's centre}, world axes [N, N m], that prove a corner."""
         return contact_forces(self.loads, self.weights[self._corner(corner)])
