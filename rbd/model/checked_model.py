@@ -23,6 +23,7 @@ from rbd.model.data_pool import DataPool
 from rbd.model.gravity import checked_gravity
 from rbd.model.joint_errors import UNIT_TOLERANCE
 from rbd.model.joints import Coordinate, Joints
+from rbd.model.planar_base import Plane, base_turn, plane_of_base
 from rbd.model.travelling import Recipe, Travelling, packed, unpacked
 
 check_whole()  # the version of the installed Pinocchio
@@ -75,7 +76,7 @@ class CheckedModel(Travelling, Displayed):
         self.floating = self.bases == (1,)
         driven = [joint for joint in self.joints.values() if joint.id not in floating and joint.name not in self.passive]
         motors = [(joint.name, i) for joint in driven for i in range(joint.v.start, joint.v.stop)]
-        self.actuated = np.array([i for _, i in motors], dtype=int)
+        self.actuated = self.joints.actuated = np.array([i for _, i in motors], dtype=int)
         self.unactuated = np.setdiff1d(np.arange(self.nv), self.actuated)
         self.actuated_names = tuple(n for n, _ in motors)
         self.nu = len(motors)
@@ -104,6 +105,11 @@ class CheckedModel(Travelling, Displayed):
         return float(pin.computeTotalMass(self.model))  # not cached: the equations of motion, too, read the present model
 
     @lazy
+    def base_turn(self) -> pin.SE3 | None:
+        """X_JB from the axes of a planar base's joint to those of its link; None where they are the same."""
+        return base_turn(self.model)
+
+    @lazy
     def least_inertia(self) -> Array:
         """Of min(1, M_ii), shape (nv,): a quarter of the least of a few random postures. A scale of residuals, no bound."""
         data, rng = self.model.createData(), np.random.default_rng(0)
@@ -113,6 +119,11 @@ class CheckedModel(Travelling, Displayed):
             least = np.minimum(least, 0.25 * data.M.diagonal())
             q = pin.integrate(self.model, q, rng.uniform(-2.0, 2.0, self.nv))
         return least
+
+    @property
+    def plane(self) -> Plane | None:
+        """The plane of W in which its base slides, "xy", "xz" or "yz"; None where the base is no planar joint."""
+        return plane_of_base(self.model)
 
     @property
     def gravity(self) -> Array:

@@ -16,6 +16,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.files import build_model, check_freedoms, read
 from rbd.model.gravity import STANDARD, checked_gravity, is_standard
 from rbd.model.input_files import FileLimits
+from rbd.model.planar_base import Plane, checked_plane
 from rbd.model.travelling import Recipe
 from rbd.robots import catalogue, travelling
 from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse
@@ -36,13 +37,14 @@ def load_robot(
     leave_out: Collection[str] = (),
     feet: Sequence[str | SurfaceContact | PointContact] | None = None,
     gravity: Sequence[float] | Array | None = None,
+    plane: Plane | None = None,
 ) -> Robot:
     """A robot by its short name, by the name of a file of example-robot-data, or by the path of a URDF or MJCF file.
 
     Args:
         name_or_path: "talos", "g1", "panda", "tiago_dual", "my/robot.urdf", ...
-        root: "free_flyer" gives it six unactuated coordinates, position and quaternion; "planar" three, on the ground: x, y
-            and the cosine and sine of its heading; "fixed" welds its root link to the world (and so drops that link's mass).
+        root: "free_flyer" gives it six unactuated coordinates, position and quaternion; "planar" three, in `plane`: x, y and
+            the cosine and sine of its heading; "fixed" welds its root link to the world (and so drops that link's mass).
             By default that of the loop file, else "free_flyer". An MJCF file states itself whether it floats.
         passive: Joints without a motor, besides those of the loop file.
         package_dirs: Folders with the packages of `package://` meshes, or the meshes and included files of an MJCF that
@@ -58,6 +60,9 @@ def load_robot(
             posture, else in the neutral one; or surface and point contacts, whose friction and ground `robot.feet` replaces.
         gravity: In W, shape (3,) [m/s2]; zero too. By default that of an MJCF's <option>, else (0, 0, -9.81). The planes of
             contacts stay: see `robot.with_gravity`.
+        plane: Of a planar root, the axes of W along which it slides: "xy", the ground, by default; "xz" upright, where it turns
+            counter-clockwise seen from -y, as `rbd.mechanism.link_angles` measures; "yz", seen from x. Its q has these two
+            coordinates, then cosine and sine of the angle.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
     reports it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
@@ -85,13 +90,14 @@ def load_robot(
     mjcf.check_leave_out(leave_out)
     fall = None if gravity is None else checked_gravity(gravity)
     source = catalogue.find(name_or_path, package_dirs)
-    robot = _loaded(source, root, passive, limits, loops, leave_out)
+    robot = _loaded(source, root, passive, limits, loops, leave_out, plane)
     if feet is not None:
         robot.source = replace(source, feet=registered(robot, robot._collision, feet, robot._down()))
     named = source.package_dirs[0] == source.urdf.parent and (loops is None or isinstance(loops, bool))
     place = travelling.known_place(source) if named else None
     if place is not None:
-        options = robot.root, sorted(robot.passive), None if limits == FileLimits() else limits, loops, sorted(robot.leave_out)
+        kept = None if limits == FileLimits() else limits
+        options = robot.root, sorted(robot.passive), kept, loops, sorted(robot.leave_out), robot.plane
         robot.known = Recipe(_known_again, (place, options, None if feet is None else robot.source.feet))
     if fall is not None:
         robot.model.gravity.linear = fall  # last: its feet are where level ground under it would touch
@@ -111,12 +117,13 @@ def _loaded(
     limits: FileLimits,
     loops: str | os.PathLike[str] | bool | None,
     leave_out: Collection[str],
+    plane: Plane | None,
 ) -> Robot:
     """The robot of a file and its report, whatever is in that."""
     closing = loop_file_of(source.urdf, loops)
     root = root or (closing.root if closing else None) or "free_flyer"
     file = read(source.urdf, limits, base=ROOTS[root], known=source.known, folders=source.package_dirs, leave_out=leave_out)
-    model = build_model(file, root)
+    model = build_model(file, root, checked_plane(plane, root))
     if file.mjcf is not None:
         passive = tuple(joined(passive, mjcf.passive(file.mjcf)))
         root = "free_flyer" if model.nv and model.joints[1].shortname() == "JointModelFreeFlyer" else "fixed"
@@ -137,8 +144,8 @@ def _known_again(
 ) -> Robot:
     """A robot of the catalogue in another process."""
     source = travelling.again_known(place)
-    root, passive, limits, loops, leave_out = options
-    robot = _loaded(source, root, passive, limits or FileLimits(), loops, leave_out)
+    root, passive, limits, loops, leave_out, plane = options
+    robot = _loaded(source, root, passive, limits or FileLimits(), loops, leave_out, plane)
     if feet is not None:
         robot.source = replace(source, feet=feet)
     travelling.check_same(robot, digest, versions)

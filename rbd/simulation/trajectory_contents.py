@@ -242,6 +242,7 @@ def recipe(robot: CheckedModel) -> dict[str, Any]:
     return out | {
         "file": name if by_name else str(robot.urdf.resolve()),
         "root": robot.root,
+        "plane": robot.plane,
         "passive": sorted(robot.passive),
         "loops": loops,
         "package_dirs": [] if robot.source.known else [str(folder) for folder in robot.source.package_dirs],
@@ -333,6 +334,7 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
                 loops=loops,
                 leave_out=given.get("leave_out", ()),
                 gravity=given.get("gravity"),
+                plane=given.get("plane"),
             )
     except (RbdError, TypeError) as error:
         raise ModelError(
