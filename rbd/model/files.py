@@ -17,6 +17,7 @@ from rbd.model import mjcf
 from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.mjcf import Mjcf, read_mjcf
 from rbd.model.mjcf.equality import Equality, read_equalities
+from rbd.model.planar_base import Plane, turn_base
 from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf
 
 MOST_MESHES = 5_000
@@ -169,12 +170,13 @@ def _without_scheme(name: str) -> str:
     return rest.lstrip("/") if scheme == "package" else rest
 
 
-def build_model(file: RobotFile, root: str) -> pin.Model:
+def build_model(file: RobotFile, root: str, plane: Plane = "xy") -> pin.Model:
     """Pinocchio's model of a checked file, with the rotor inertias that Pinocchio's own reader of URDF drops.
 
     Args:
         file: As `rbd.model.files.read` gives it.
         root: "free_flyer", "planar" or "fixed".
+        plane: That of a planar root.
 
     Raises:
         InputError: a root that this file does not take.
@@ -193,6 +195,8 @@ def build_model(file: RobotFile, root: str) -> pin.Model:
             base = {"planar": pin.JointModelPlanar, "free_flyer": pin.JointModelFreeFlyer}.get(root)
             model = pin.buildModelFromXML(file.urdf.text, *((base(), BASE_JOINT) if base else ()))
             _add_rotors(model, file.urdf)
+            if root == "planar":
+                turn_base(model, plane)
     except (ValueError, RuntimeError, IndexError) as error:
         reason = str(error).strip().split("\n")[0].rstrip(".")
         raise ModelError(

@@ -8,12 +8,15 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from rbd.arrays import Array
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model import mjcf
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import build_model, check_freedoms, read
+from rbd.model.gravity import STANDARD, checked_gravity, is_standard
 from rbd.model.input_files import FileLimits
+from rbd.model.planar_base import Plane, checked_plane
 from rbd.model.travelling import Recipe
 from rbd.robots import catalogue, travelling
 from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse
@@ -33,13 +36,15 @@ def load_robot(
     loops: str | os.PathLike[str] | bool | None = True,
     leave_out: Collection[str] = (),
     feet: Sequence[str | SurfaceContact | PointContact] | None = None,
+    gravity: Sequence[float] | Array | None = None,
+    plane: Plane | None = None,
 ) -> Robot:
     """A robot by its short name, by the name of a file of example-robot-data, or by the path of a URDF or MJCF file.
 
     Args:
         name_or_path: "talos", "g1", "panda", "tiago_dual", "my/robot.urdf", ...
-        root: "free_flyer" gives it six unactuated coordinates, position and quaternion; "planar" three, on the ground: x, y
-            and the cosine and sine of its heading; "fixed" welds its root link to the world (and so drops that link's mass).
+        root: "free_flyer" gives it six unactuated coordinates, position and quaternion; "planar" three, in `plane`: x, y and
+            the cosine and sine of its heading; "fixed" welds its root link to the world (and so drops that link's mass).
             By default that of the loop file, else "free_flyer". An MJCF file states itself whether it floats.
         passive: Joints without a motor, besides those of the loop file.
         package_dirs: Folders with the packages of `package://` meshes, or the meshes and included files of an MJCF that
@@ -53,6 +58,11 @@ def load_robot(
         feet: Its feet, in place of those of the catalogue, for `standing`, `feet`, `soles` and `rbd.find_pose`: frames, each
             with the flat underside of its body's collision shapes (for a ball, its lowest point), taken in the standing
             posture, else in the neutral one; or surface and point contacts, whose friction and ground `robot.feet` replaces.
+        gravity: In W, shape (3,) [m/s2]; zero too. By default that of an MJCF's <option>, else (0, 0, -9.81). The planes of
+            contacts stay: see `robot.with_gravity`.
+        plane: Of a planar root, the axes of W along which it slides: "xy", the ground, by default; "xz" upright, where it turns
+            counter-clockwise seen from -y, as `rbd.mechanism.link_angles` measures; "yz", seen from x. Its q has these two
+            coordinates, then cosine and sine of the angle.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
     reports it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
@@ -78,15 +88,19 @@ def load_robot(
         raise InputError(f"limits is {limits!r:.80}; expected rbd.model.FileLimits(max_dof=...).")
     limits = FileLimits() if limits is None else limits
     mjcf.check_leave_out(leave_out)
+    fall = None if gravity is None else checked_gravity(gravity)
     source = catalogue.find(name_or_path, package_dirs)
-    robot = _loaded(source, root, passive, limits, loops, leave_out)
+    robot = _loaded(source, root, passive, limits, loops, leave_out, plane)
     if feet is not None:
         robot.source = replace(source, feet=registered(robot, robot._collision, feet, robot._down()))
     named = source.package_dirs[0] == source.urdf.parent and (loops is None or isinstance(loops, bool))
     place = travelling.known_place(source) if named else None
     if place is not None:
-        options = robot.root, sorted(robot.passive), None if limits == FileLimits() else limits, loops, sorted(robot.leave_out)
+        kept = None if limits == FileLimits() else limits
+        options = robot.root, sorted(robot.passive), kept, loops, sorted(robot.leave_out), robot.plane
         robot.known = Recipe(_known_again, (place, options, None if feet is None else robot.source.feet))
+    if fall is not None:
+        robot.model.gravity.linear = fall  # last: its feet are where level ground under it would touch
     report = robot.report
     assert report is not None
     if not source.known:
@@ -103,12 +117,13 @@ def _loaded(
     limits: FileLimits,
     loops: str | os.PathLike[str] | bool | None,
     leave_out: Collection[str],
+    plane: Plane | None,
 ) -> Robot:
     """The robot of a file and its report, whatever is in that."""
     closing = loop_file_of(source.urdf, loops)
     root = root or (closing.root if closing else None) or "free_flyer"
     file = read(source.urdf, limits, base=ROOTS[root], known=source.known, folders=source.package_dirs, leave_out=leave_out)
-    model = build_model(file, root)
+    model = build_model(file, root, checked_plane(plane, root))
     if file.mjcf is not None:
         passive = tuple(joined(passive, mjcf.passive(file.mjcf)))
         root = "free_flyer" if model.nv and model.joints[1].shortname() == "JointModelFreeFlyer" else "fixed"
@@ -130,8 +145,8 @@ def _known_again(
 ) -> Robot:
     """A robot of the catalogue in another process."""
     source = travelling.again_known(place)
-    root, passive, limits, loops, leave_out = options
-    robot = _loaded(source, root, passive, limits or FileLimits(), loops, leave_out)
+    root, passive, limits, loops, leave_out, plane = options
+    robot = _loaded(source, root, passive, limits or FileLimits(), loops, leave_out, plane)
     if feet is not None:
         robot.source = replace(source, feet=feet)
     travelling.check_same(robot, digest, versions)
@@ -160,9 +175,14 @@ def doctor(robot: Robot) -> ModelReport:
     """
     if not isinstance(robot, CheckedModel) or not hasattr(robot, "source"):
         raise InputError(f"doctor wants a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
-    source = robot.source
+    source, more = robot.source, []
+    if not is_standard(robot.gravity):
+        told = f"is {(robot.gravity + 0.0).tolist()} m/s2, not {list(STANDARD)}; planes of contacts stay as they are"
+        more.append(ModelIssue("gravity", robot.name, told))
     if robot.report is not None and not source.urdf.is_file():
-        gone = ModelIssue("file", source.urdf.name, "is no longer there; this is what was found when it was loaded")
-        return replace(robot.report, notes=(*robot.report.notes, gone))
-    file = read(source.urdf, robot.limits, base=ROOTS[robot.root], folders=source.package_dirs, leave_out=robot.leave_out)
-    return examine(robot, file, robot.postures, source.package_dirs)
+        report = robot.report
+        more.append(ModelIssue("file", source.urdf.name, "is no longer there; this is what was found when it was loaded"))
+    else:
+        file = read(source.urdf, robot.limits, base=ROOTS[robot.root], folders=source.package_dirs, leave_out=robot.leave_out)
+        report = examine(robot, file, robot.postures, source.package_dirs)
+    return replace(report, notes=(*report.notes, *more)) if more else report

@@ -144,8 +144,9 @@ class Robot(ShapedRobot):
     def standing(self, posture: str | None = None) -> State:
         """At rest on its feet: soles (or points) on z = 0, the base turned so that they lie flat.
 
-        A robot on point feet is then turned about them until its centre of mass is over its support. A fixed-base robot
-        keeps its base.
+        A robot on two points is then turned about them until its centre of mass is over them along gravity. The ground is z = 0
+        whatever the gravity: under one that leans, feet are flat on an incline, joint angles are those of the posture, and
+        whether the robot can stand so is for `rbd.hold` to say. A fixed-base robot keeps its base.
 
         Args:
             posture: A name in `postures`; by default that of the catalogue, else the only one; a robot without postures stands

@@ -242,11 +242,13 @@ def recipe(robot: CheckedModel) -> dict[str, Any]:
     return out | {
         "file": name if by_name else str(robot.urdf.resolve()),
         "root": robot.root,
+        "plane": robot.plane,
         "passive": sorted(robot.passive),
         "loops": loops,
         "package_dirs": [] if robot.source.known else [str(folder) for folder in robot.source.package_dirs],
         "limits": asdict(robot.limits),
         "leave_out": sorted(robot.leave_out),
+        "gravity": None if np.array_equal(robot.gravity, robot._as_made.gravity.linear) else robot.gravity.tolist(),
     }
 
 
@@ -331,6 +333,8 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
                 limits=FileLimits(**given.get("limits", {})),
                 loops=loops,
                 leave_out=given.get("leave_out", ()),
+                gravity=given.get("gravity"),
+                plane=given.get("plane"),
             )
     except (RbdError, TypeError) as error:
         raise ModelError(
