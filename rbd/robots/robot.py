@@ -110,6 +110,7 @@ class Robot(ShapedRobot):
         out = Robot(model, self.source, self.root, self.passive, self.limits, closed, self.leave_out, self.postures)
         out.known, out.report, out.sound = self.known, self.report, self.sound
         self._share_shapes(out)
+        out._take_motors(self.motor_data)
         return out
 
     def neutral(self) -> Array:

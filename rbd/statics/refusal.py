@@ -11,6 +11,7 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, has_friction, rows_of
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import CannotHold, CannotMove, Reason
+from rbd.model.motors import limited_torque
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import CONIC_STEPS, FRICTION_PROGRAMS
 from rbd.statics.actuation import Actuation
@@ -18,7 +19,7 @@ from rbd.statics.effort import Effort
 from rbd.statics.least_friction import Balance, LimitReached, rounded_up
 from rbd.statics.limits import Limit, Relaxable
 from rbd.statics.loads import Loads
-from rbd.statics.shortfall import Missing, excess, missing
+from rbd.statics.shortfall import Excess, Missing, excess, missing
 
 _NOTHING = 1e-7
 """What is missing below this, over the body weight, is nothing."""
@@ -66,10 +67,10 @@ class Refusal:
             )
         limits, irreducible = relaxable.irreducible(proof)
         lack = missing(self.loads, self.effort)
-        over = None
+        beyond = None
         if lack is not None and lack.size <= _NOTHING * self.loads.unit:
-            over = excess(self.loads, self.effort)
-        detail, why = self._why(limits if irreducible else (), lack, over)
+            beyond = excess(self.loads, self.effort)
+        detail, why = self._why(limits if irreducible else (), lack, beyond)
         words = f"{name} cannot {does}{self._on()}: {why}"
         if limits:
             together = "Together these limits prevent it" if irreducible else "All or some of these limits prevent it"
@@ -79,7 +80,8 @@ class Refusal:
         if not self.holds:
             words += " `error.nearest()` is the nearest acceleration that is possible with the contacts kept."
         return kind(
-            words, limits=limits, irreducible=irreducible, certificate=proof, missing=lack, excess=over, nearest=self.nearest,
+            words, limits=limits, irreducible=irreducible, certificate=proof, missing=lack,
+            excess=None if beyond is None else beyond.share, nearest=self.nearest,
             reason=self._reason(detail),
         )  # fmt: skip
 
@@ -89,13 +91,15 @@ class Refusal:
     def _on(self) -> str:
         return " on " + _listed([f"{r.name!r:.80}" for r in self.loads.rows], ", ") if self.loads.rows else ""
 
-    def _why(self, limits: Sequence[Limit], lack: Missing | None, over: Array | None) -> tuple[str, str]:
+    def _why(self, limits: Sequence[Limit], lack: Missing | None, over: Excess | None) -> tuple[str, str]:
         """(detail of the `Reason`, sentences): the first of all possible reasons that is shown to be one."""
         robot = self.loads.state.robot
         if over is not None:
-            beyond = np.flatnonzero(over > 1e-7)
-            beyond = beyond[np.argsort(-over[beyond])][:4]
-            needs = ", ".join(f"{robot.actuated_names[i]!r} needs {100 * (1 + over[i]):.4g} %" for i in beyond)
+            beyond = np.flatnonzero(over.share > 1e-7)
+            beyond = beyond[np.argsort(-over.share[beyond])][:4]
+            if told := [words for i in beyond if (words := self._on_its_line(int(i), float(over.tau[i])))]:
+                return "motor", f"the torque-speed line of a motor prevents it. At best {_listed(told)}."
+            needs = ", ".join(f"{robot.actuated_names[i]!r} needs {100 * (1 + over.share[i]):.4g} %" for i in beyond)
             return "motor", f"a torque limit prevents it. At best {needs} of its limit."
         passive = [repr(limit.name) for limit in limits if limit.kind == "passive"]
         if passive and not any(limit.kind == "base" for limit in limits):
@@ -113,6 +117,16 @@ class Refusal:
         if any(limit.kind == "friction" for limit in limits):
             return "friction", "friction prevents it."
         return "support", self._unbalanced()
+
+    def _on_its_line(self, motor: int, tau: float) -> str:
+        """That a motor would drive with more than its torque-speed line leaves; "" of one that has no line, or brakes."""
+        robot, v = self.loads.state.robot, self.loads.state.v
+        speed = float(v[robot.actuated[motor]])
+        if not robot.torque_lines.has(motor) or tau * speed <= 0.0:
+            return ""
+        name = robot.actuated_names[motor]
+        most = float(robot.torque_limits(v)[tau > 0.0][motor])
+        return f"{name!r:.80} needs {limited_torque(robot.joints[name], tau, speed, most)}"
 
     def _unbalanced(self) -> str:
         state = self.loads.state
