@@ -29,6 +29,7 @@
 
     RbdWarning (a UserWarning)
       EffortLimitWarning                a torque given is beyond a motor's limit
+      SpeedLimitWarning                 a joint is faster than its motor can turn
       InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7; or a simulation recorded a
                                         residual above 1e-7
       LoopNotClosedWarning              a loop is not closed at this state, and is solved unchanged
@@ -77,6 +78,7 @@ from rbd.errors.warned import (
     OpeningContactWarning,
     RbdWarning,
     RelaxedLimitsWarning,
+    SpeedLimitWarning,
     StudyWarning,
 )
 
@@ -109,6 +111,7 @@ __all__ = [
     "SimulationStopped",
     "SingularInertia",
     "SingularPose",
+    "SpeedLimitWarning",
     "StudyStopped",
     "StudyWarning",
     "StudyWarning",

@@ -11,7 +11,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite, check_flag
 from rbd.errors import InputError
-from rbd.model.joints import Joints
+from rbd.model.joints import FORCE_OF, Joints
 from rbd.model.motors import Motor, Motors, TorqueLines, checked_motors, put_motors, torque_use
 from rbd.model.travelling import Travelling
 
@@ -108,6 +108,15 @@ class ActuatedModel(Travelling):
             check_finite(f"v of {self.name}", v)
         return self.torque_lines.limits(v)
 
+    def too_fast(self, v: Array) -> Array:
+        """Which motors' joints are faster than the `speed_limit` of their `Motor`, of shape (nu,) or (n, nu), truth values.
+
+        Speed limits that only the robot's file states do not count here: those are for controllers and `rbd.check_motion`.
+        """
+        given = [self.motor_data.get(name) for name in self.actuated_names]
+        limit = [np.inf if motor is None or motor.speed_limit is None else motor.speed_limit for motor in given]
+        return np.asarray(np.abs(v[..., self.actuated]) > limit)
+
     def torque_use(self, tau: Array, v: Array | None = None) -> Array:
         """Torques over their limits at a velocity, of shape (nu,) or (n, nu): 1 is at the limit, 0 where there is none.
 
@@ -115,13 +124,32 @@ class ActuatedModel(Travelling):
             tau: Motor torques, shape (nu,) or (n, nu) [N, N m].
             v: Velocity, shape (nv,) or (n, nv) [m/s, rad/s]; None: at rest.
         """
-        return torque_use(tau, *self.torque_limits(v))
+        return torque_use(tau, *self.torque_lines.limits(v))
 
     def _extras(self) -> tuple[Any, ...]:
         return tuple(self.motor_data.items())
 
     def _take_extras(self, extras: tuple[Any, ...]) -> None:
         self._take_motors(dict(extras))
+
+
+def on_its_line(robot: ActuatedModel, motor: int, tau: float, v: Array) -> str:
+    """A torque beyond a torque-speed line, in words: "35 N m at 12 rad/s, where its torque-speed line leaves 20 N m".
+
+    Empty for a motor without a line, and for one that brakes or is at rest.
+    """
+    speed = float(v[robot.actuated[motor]])
+    if not robot.torque_lines.has(motor) or tau * speed <= 0.0:
+        return ""
+    joint = robot.joints[robot.actuated_names[motor]]
+    unit, most = FORCE_OF[joint.unit], abs(float(robot.torque_limits(v)[tau > 0.0][motor]))
+    return f"{tau:.4g} {unit} at {speed:.4g} {joint.unit}/s, where its torque-speed line leaves {most:.4g} {unit}"
+
+
+def beyond_limit(robot: ActuatedModel, motor: int, tau: float, v: Array) -> str:
+    """A torque that is beyond its limit, in words."""
+    limit = f"{tau:.4g}, beyond its effort limit of {robot.effort_limit[motor]:.4g} N m"
+    return on_its_line(robot, motor, tau, v) or limit
 
 
 def _as_slice(indices: Array) -> slice | Array:

@@ -18,7 +18,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_float
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.model.joints import FORCE_OF, Joint, Joints
+from rbd.model.joints import Joints
 
 _MOST = 1e12
 
@@ -224,9 +224,3 @@ def torque_use(tau: Array, least: Array, most: Array) -> Array:
     limit = np.where(tau < 0.0, -least, most)
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(tau == 0.0, 0.0, np.abs(tau) / limit))
-
-
-def limited_torque(joint: Joint, tau: float, speed: float, limit: float) -> str:
-    """A torque that drives beyond its limit, in words: "35 N m at 12 rad/s, where its torque-speed line leaves 20 N m"."""
-    unit = FORCE_OF.get(joint.unit, "N m")
-    return f"{tau:.4g} {unit} at {speed:.4g} {joint.unit}/s, where its torque-speed line leaves {abs(limit):.4g} {unit}"

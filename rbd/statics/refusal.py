@@ -11,7 +11,7 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, has_friction, rows_of
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import CannotHold, CannotMove, Reason
-from rbd.model.motors import limited_torque
+from rbd.model.actuated_model import on_its_line
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import CONIC_STEPS, FRICTION_PROGRAMS
 from rbd.statics.actuation import Actuation
@@ -97,7 +97,8 @@ class Refusal:
         if over is not None:
             beyond = np.flatnonzero(over.share > 1e-7)
             beyond = beyond[np.argsort(-over.share[beyond])][:4]
-            if told := [words for i in beyond if (words := self._on_its_line(int(i), float(over.tau[i])))]:
+            words = {int(i): on_its_line(robot, int(i), float(over.tau[i]), self.loads.state.v) for i in beyond}
+            if told := [f"{robot.actuated_names[i]!r:.80} needs {text}" for i, text in words.items() if text]:
                 return "motor", f"the torque-speed line of a motor prevents it. At best {_listed(told)}."
             needs = ", ".join(f"{robot.actuated_names[i]!r} needs {100 * (1 + over.share[i]):.4g} %" for i in beyond)
             return "motor", f"a torque limit prevents it. At best {needs} of its limit."
@@ -117,16 +118,6 @@ class Refusal:
         if any(limit.kind == "friction" for limit in limits):
             return "friction", "friction prevents it."
         return "support", self._unbalanced()
-
-    def _on_its_line(self, motor: int, tau: float) -> str:
-        """That a motor would drive with more than its torque-speed line leaves; "" of one that has no line, or brakes."""
-        robot, v = self.loads.state.robot, self.loads.state.v
-        speed = float(v[robot.actuated[motor]])
-        if not robot.torque_lines.has(motor) or tau * speed <= 0.0:
-            return ""
-        name = robot.actuated_names[motor]
-        most = float(robot.torque_limits(v)[tau > 0.0][motor])
-        return f"{name!r:.80} needs {limited_torque(robot.joints[name], tau, speed, most)}"
 
     def _unbalanced(self) -> str:
         state = self.loads.state
