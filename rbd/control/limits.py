@@ -88,7 +88,7 @@ class Limits(Displayed):
         robot = check_state(state).robot
         if self.torque is None:
             return np.full(robot.nu, -np.inf), np.full(robot.nu, np.inf)
-        least, most = robot.torque_lines.limits(state.v)
+        least, most = robot.limits_at(state.v)
         return self.torque * least, self.torque * most
 
     def accelerations(self, state: State) -> tuple[Array, Array]:

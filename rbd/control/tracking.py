@@ -133,7 +133,7 @@ class TrackingController(Displayed):
         Raises:
             InputError: a state of another robot.
         """
-        return np.clip(self._wanted(state, t), *self.motion.robot.torque_limits(state.v))
+        return np.clip(self._wanted(state, t), *self.motion.robot.limits_at(state.v))
 
     def reset(self) -> None:
         """Counts start at zero: a motion begins."""

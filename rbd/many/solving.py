@@ -103,6 +103,6 @@ def _overloaded(states: ManyStates) -> Array:
     """At which states some torque is beyond its limit, shape (n,), of truth values."""
     tau = states.vectors["tau"]
     with np.errstate(invalid="ignore"):
-        least, most = states.robot.torque_lines.limits(states.v)
+        least, most = states.robot.limits_at(states.v)
         beyond = (tau < least) | (tau > most)
     return np.asarray(beyond.any(axis=1)) if beyond.any() else np.zeros(len(states), bool)

@@ -42,7 +42,7 @@ class ActuatedModel(Travelling):
             motor = self.motor_data.get(name)
             if motor is not None and motor.standstill is not None:
                 self.effort_limit[i] = motor.standstill
-        self.torque_lines = TorqueLines(self.actuated, self.actuated_names, self.effort_limit, self.motor_data)
+        self.torque_lines = TorqueLines(self.actuated, self.actuated_names, self.motor_data)
 
     def with_motors(self, motors: Mapping[str, Motor | None], *, others_passive: bool = False) -> Self:
         """The same robot with other motors; this one stays as it is.
@@ -106,7 +106,12 @@ class ActuatedModel(Travelling):
             if v.shape[-1:] != (self.nv,) or v.ndim > 2:
                 raise InputError(f"v of {self.name} has shape {v.shape}; expected ({self.nv},) or (n, {self.nv}).")
             check_finite(f"v of {self.name}", v)
-        return self.torque_lines.limits(v)
+        least, most = self.limits_at(v)
+        return least, most.copy()
+
+    def limits_at(self, v: Array | None) -> tuple[Array, Array]:
+        """`torque_limits` of a checked velocity; not to be changed in place."""
+        return self.torque_lines.limits(v, self.effort_limit)
 
     def too_fast(self, v: Array) -> Array:
         """Which motors' joints are faster than the `speed_limit` of their `Motor`, of shape (nu,) or (n, nu), truth values.
@@ -124,7 +129,7 @@ class ActuatedModel(Travelling):
             tau: Motor torques, shape (nu,) or (n, nu) [N, N m].
             v: Velocity, shape (nv,) or (n, nv) [m/s, rad/s]; None: at rest.
         """
-        return torque_use(tau, *self.torque_lines.limits(v))
+        return torque_use(tau, *self.limits_at(v))
 
     def _extras(self) -> tuple[Any, ...]:
         return tuple(self.motor_data.items())

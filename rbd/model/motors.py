@@ -123,7 +123,7 @@ def _checked_line(given: object) -> tuple[tuple[float, float], ...]:
             )
     if not line[0][1] > 0.0:
         raise InputError(f"a motor's torque_speed starts with the torque 0; {expected}.")
-    return line
+    return tuple((point[0], point[1]) for point in line)
 
 
 Motors = Mapping[str, Motor | None]
@@ -181,22 +181,18 @@ def put_motors(model: pin.Model, file: pin.Model, joints: Joints, motors: Motors
 
 
 class TorqueLines:
-    """The torque limits of a robot's motors, at rest and in motion.
+    """The torque-speed lines of a robot's motors.
 
     Args:
         actuated: Indices in v of its motors, shape (nu,).
         names: Their joints.
-        limit: Torque limits at rest, shape (nu,).
         motors: {joint: motor}.
     """
 
-    def __init__(self, actuated: Array, names: Sequence[str], limit: Array, motors: Motors) -> None:
+    def __init__(self, actuated: Array, names: Sequence[str], motors: Motors) -> None:
         given = [(i, motors.get(name)) for i, name in enumerate(names)]
         self._lines = {i: np.array(motor.torque_speed).T for i, motor in given if motor and motor.torque_speed}
         self._actuated = actuated
-        self._still = -limit, limit.copy()
-        for each in self._still:
-            each.flags.writeable = False
 
     def __bool__(self) -> bool:
         """Whether any motor has a line."""
@@ -206,11 +202,16 @@ class TorqueLines:
         """Whether the motor of this number has a line."""
         return motor in self._lines
 
-    def limits(self, v: Array | None) -> tuple[Array, Array]:
-        """(least, most) torques at velocities v (..., nv), shapes (..., nu) [N m, N]; at rest for None."""
+    def limits(self, v: Array | None, limit: Array) -> tuple[Array, Array]:
+        """(least, most) torques at velocities v (..., nv), at rest for None, shapes (..., nu) [N m, N].
+
+        Args:
+            v: The velocities.
+            limit: Torque limits at rest, shape (nu,).
+        """
         if v is None or (v.ndim == 1 and not self._lines):
-            return self._still
-        least, most = (np.broadcast_to(each, (*v.shape[:-1], len(each))).copy() for each in self._still)
+            return -limit, limit
+        least, most = (np.broadcast_to(each, (*v.shape[:-1], len(each))).copy() for each in (-limit, limit))
         for i, (speeds, torques) in self._lines.items():
             rate = v[..., self._actuated[i]]
             left = np.minimum(np.interp(np.abs(rate), speeds, torques, right=0.0), most[..., i])

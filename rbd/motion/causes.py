@@ -152,14 +152,14 @@ def torque_bounds(
         torque_limits: As of `check_motion`: whether the robot's limits and lines count, or a share of them.
         torque_speed: As of `check_motion`.
     """
-    least, most = robot.torque_lines.limits(v)
+    least, most = robot.limits_at(v)
     if not isinstance(torque_limits, bool | np.bool_):
         least, most = least * as_float(torque_limits), most * as_float(torque_limits)
     elif not torque_limits:
         least, most = np.full_like(least, -np.inf), np.full_like(most, np.inf)
     if curves := speed_curves(robot, torque_speed):
         stall = np.array([motor.standstill if (motor := curves.get(name)) else np.inf for name in robot.actuated_names])
-        slow, fast = TorqueLines(robot.actuated, robot.actuated_names, stall, curves).limits(v)
+        slow, fast = TorqueLines(robot.actuated, robot.actuated_names, curves).limits(v, stall)
         least, most = np.maximum(least, slow), np.minimum(most, fast)
     return least, most
 

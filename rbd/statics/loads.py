@@ -115,7 +115,7 @@ class Loads:
     @lazy
     def bounds(self) -> tuple[Array, Array]:
         """(least, most) torques over `limit`, shapes (nu,): -1 and 1 but where a torque-speed line leaves less."""
-        least, most = self.state.robot.torque_limits(self.state.v)
+        least, most = self.state.robot.limits_at(self.state.v)
         return least / self.limit, most / self.limit
 
     @lazy
