@@ -22,7 +22,7 @@ from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check
 MOST_MESHES = 5_000
 """So many names of meshes are looked up; no robot has more."""
 _ROTORS = ("motorInertia", "rotorInertia", "rotor_inertia")
-"""Elements in which some URDFs state their motors' rotor inertias, with different conventions of the gear ratio."""
+"""Elements in which some URDFs state their motors' rotor inertias; see `rbd.robots.rotors`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,8 +145,8 @@ def _remarks(urdf: UrdfFile, robot: ElementTree.Element) -> Iterator[tuple[str, 
         for element in part.iter():
             if element.tag.rpartition("}")[2].rpartition(":")[2] in _ROTORS and not _is_zero(element):
                 name = (part if driven is None else driven).get("name", "")
-                told = f"<{element.tag.rpartition('}')[2]:.40}> states a rotor inertia, which is not read"
-                yield "armature", name, f"{told}; give it as the joint's <dynamics armature=...>, seen through the gear [kg m2]"
+                told = f"<{element.tag.rpartition('}')[2]:.40}> states a rotor inertia, which is not in M"
+                yield "armature", name, f"{told}; load_robot(..., rotors=True), or robot.with_motors, adds it"
 
 
 def _is_zero(element: ElementTree.Element) -> bool:

@@ -10,7 +10,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -156,6 +157,24 @@ def checked_motors(joints: Joints, given: object, name: str) -> dict[str, Motor 
             raise InputError(f"joint {joint!r:.80} of {name} has {freedoms}; a motor is at a joint with one.")
         out[joint] = motor
     return out
+
+
+def plain_motors(motors: Motors) -> dict[str, Any]:
+    """Motors as plain data, for JSON."""
+    return {name: None if motor is None else asdict(motor) for name, motor in motors.items()}
+
+
+def motors_of_plain(plain: object) -> dict[str, Motor | None]:
+    """The motors of `plain_motors`; none for None.
+
+    Raises:
+        InputError: what is no such data.
+    """
+    try:
+        given = dict(plain or {})  # type: ignore[call-overload]
+        return {name: None if motor is None else Motor(**motor) for name, motor in given.items()}
+    except (TypeError, ValueError):
+        raise InputError(f"the motors in a file are {plain!r:.80}; expected {{joint: data of a motor}}.") from None
 
 
 def put_motors(model: pin.Model, file: pin.Model, joints: Joints, motors: Motors) -> None:

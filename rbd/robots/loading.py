@@ -8,6 +8,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from rbd.arrays import check_flag
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model import mjcf
@@ -16,7 +17,7 @@ from rbd.model.files import build_model, check_freedoms, read
 from rbd.model.input_files import FileLimits
 from rbd.model.travelling import Recipe
 from rbd.robots import catalogue, travelling
-from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse
+from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse, with_rotors
 from rbd.robots.feet import registered
 from rbd.robots.loop_file import ROOTS, Root
 from rbd.robots.loops import loop_file_of, mechanism
@@ -33,6 +34,7 @@ def load_robot(
     loops: str | os.PathLike[str] | bool | None = True,
     leave_out: Collection[str] = (),
     feet: Sequence[str | SurfaceContact | PointContact] | None = None,
+    rotors: bool = False,
 ) -> Robot:
     """A robot by its short name, by the name of a file of example-robot-data, or by the path of a URDF or MJCF file.
 
@@ -53,6 +55,8 @@ def load_robot(
         feet: Its feet, in place of those of the catalogue, for `standing`, `feet`, `soles` and `rbd.find_pose`: frames, each
             with the flat underside of its body's collision shapes (for a ball, its lowest point), taken in the standing
             posture, else in the neutral one; or surface and point contacts, whose friction and ground `robot.feet` replaces.
+
+        rotors: Whether the rotor inertias of a URDF's transmissions and of its SRDF are added to M; see `Robot.rotors`.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
     reports it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
@@ -78,6 +82,7 @@ def load_robot(
         raise InputError(f"limits is {limits!r:.80}; expected rbd.model.FileLimits(max_dof=...).")
     limits = FileLimits() if limits is None else limits
     mjcf.check_leave_out(leave_out)
+    check_flag("rotors", rotors)
     source = catalogue.find(name_or_path, package_dirs)
     robot = _loaded(source, root, passive, limits, loops, leave_out)
     if feet is not None:
@@ -87,6 +92,10 @@ def load_robot(
     if place is not None:
         options = robot.root, sorted(robot.passive), None if limits == FileLimits() else limits, loops, sorted(robot.leave_out)
         robot.known = Recipe(_known_again, (place, options, None if feet is None else robot.source.feet))
+    if rotors:
+        robot = robot.with_motors(robot.rotors())
+        assert robot.report is not None
+        robot.report = with_rotors(robot.report, robot)
     report = robot.report
     assert report is not None
     if not source.known:

@@ -18,6 +18,7 @@ from rbd.constraints.joint_limit import JointLimit
 from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
 from rbd.errors import InputError, ModelError, nearest
 from rbd.model.input_files import FileLimits
+from rbd.model.motors import Motor
 from rbd.model.state import State
 from rbd.model.travelling import Recipe, packed, unpacked
 from rbd.model.urdf import BASE_JOINT
@@ -28,6 +29,7 @@ from rbd.robots.feet import contacts_of
 from rbd.robots.loop_file import Root
 from rbd.robots.loops import Mechanism, read_postures
 from rbd.robots.posture import stand
+from rbd.robots.rotors import rotors_of
 from rbd.robots.shapes import ShapedRobot
 
 
@@ -222,6 +224,26 @@ class Robot(ShapedRobot):
     def joint_frictions(self) -> list[JointFriction]:
         """The dry friction of its joints, as `rbd.constraints.joint_frictions`."""
         return joint_frictions(self)
+
+    def rotors(self) -> dict[str, Motor]:
+        """The rotor inertias that its files state and that are in no term of M: {joint: `rbd.Motor` with gear and inertia}.
+
+        Of <motorInertia> and <mechanicalReduction> in the transmissions of a URDF (or Drake's rotor_inertia and gear_ratio),
+        then of <rotor_params> in its SRDF. `load_robot(..., rotors=True)` is `robot.with_motors(robot.rotors())`: n^2 I of a
+        rotor I behind a gear n is then on the diagonal of M. Left out are joints without a motor, and differentials that drive
+        several joints. What <dynamics armature> states is in M in any case, and replaced where both are given.
+
+        Raises:
+            ModelError: the files cannot be read, or have numbers that are none.
+
+        Example:
+            >>> talos = rbd.load_robot("talos")
+            >>> knee = talos.rotors()["leg_left_4_joint"]
+            >>> knee.gear, knee.rotor_inertia, knee.inertia  # the last at the joint [kg m2]
+            (100.0, 1e-05, 0.1)
+        """
+        stated = rotors_of(self.element, self.urdf.name, self.source.srdf, self.limits, self.actuated_names)
+        return {rotor.joint: rotor.motor for rotor in stated}
 
     def mimics(self) -> list[JointCoupling]:
         """The joint couplings of its URDF's <mimic> tags, as `rbd.constraints.mimics`."""

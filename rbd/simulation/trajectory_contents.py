@@ -23,6 +23,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits
 from rbd.model.joints import FORCE_OF
 from rbd.modules import xarray_or_error
+from rbd.model.motors import motors_of_plain, plain_motors
 from rbd.robots import catalogue
 from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import beside
@@ -247,6 +248,7 @@ def recipe(robot: CheckedModel) -> dict[str, Any]:
         "package_dirs": [] if robot.source.known else [str(folder) for folder in robot.source.package_dirs],
         "limits": asdict(robot.limits),
         "leave_out": sorted(robot.leave_out),
+        "motor_data": plain_motors(robot.motor_data),
     }
 
 
@@ -323,7 +325,7 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModelWarning)  # they were given when the robot was first loaded
-            return load_robot(
+            loaded = load_robot(
                 file,
                 root=given.get("root"),
                 passive=given.get("passive", ()),
@@ -332,6 +334,8 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
                 loops=loops,
                 leave_out=given.get("leave_out", ()),
             )
+            motors = motors_of_plain(given.get("motor_data"))
+            return loaded.with_motors(motors) if motors else loaded
     except (RbdError, TypeError) as error:
         raise ModelError(
             f"the robot of this motion cannot be loaded again: {error} Give it: Trajectory.load(path, robot=...)."
