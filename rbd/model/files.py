@@ -15,8 +15,9 @@ import pinocchio as pin
 from rbd.errors import InputError, ModelError
 from rbd.model import mjcf
 from rbd.model.input_files import FileLimits, read_xml
-from rbd.model.mjcf import Mjcf, read_mjcf
+from rbd.model.mjcf import Mjcf, carry_out_includes, read_mjcf
 from rbd.model.mjcf.equality import Equality, read_equalities
+from rbd.model.mjcf.flattening import writers_in, written_out
 from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf
 
 MOST_MESHES = 5_000
@@ -111,6 +112,9 @@ def read(
 def _read_mjcf(
     path: Path, element: ElementTree.Element, limits: FileLimits, folders: tuple[Path, ...], leave_out: Collection[str]
 ) -> RobotFile:
+    carry_out_includes(path, element, limits, folders)
+    if writers_in(element):
+        element = written_out(path, element, limits)
     mjcf = read_mjcf(path, element, limits, folders, leave_out)
     mjcf.meshes.check_folders()
     off = "equality" in mjcf.settings.off

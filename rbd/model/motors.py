@@ -160,8 +160,9 @@ def checked_motors(joints: Joints, given: object, name: str) -> dict[str, Motor 
 
 
 def plain_motors(motors: Motors) -> dict[str, Any]:
-    """Motors as plain data, for JSON."""
-    return {name: None if motor is None else asdict(motor) for name, motor in motors.items()}
+    """Motors as plain data, for JSON, which has no infinity: that is a word."""
+    plain = {name: None if motor is None else asdict(motor) for name, motor in motors.items()}
+    return {name: data and {k: "inf" if x == math.inf else x for k, x in data.items()} for name, data in plain.items()}
 
 
 def motors_of_plain(plain: object) -> dict[str, Motor | None]:
@@ -172,8 +173,9 @@ def motors_of_plain(plain: object) -> dict[str, Motor | None]:
     """
     try:
         given = dict(plain or {})  # type: ignore[call-overload]
-        return {name: None if motor is None else Motor(**motor) for name, motor in given.items()}
-    except (TypeError, ValueError):
+        data = {name: motor and {k: math.inf if x == "inf" else x for k, x in motor.items()} for name, motor in given.items()}
+        return {name: None if motor is None else Motor(**motor) for name, motor in data.items()}
+    except (TypeError, ValueError, AttributeError):
         raise InputError(f"the motors in a file are {plain!r:.80}; expected {{joint: data of a motor}}.") from None
 
 

@@ -22,8 +22,8 @@ from rbd.installation import VERSION
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits
 from rbd.model.joints import FORCE_OF
-from rbd.modules import xarray_or_error
 from rbd.model.motors import motors_of_plain, plain_motors
+from rbd.modules import xarray_or_error
 from rbd.robots import catalogue
 from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import beside
