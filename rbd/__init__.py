@@ -60,6 +60,9 @@ if _TYPE_CHECKING:
     from rbd.model.external import (
         ExternalForce as ExternalForce,
     )
+    from rbd.model.motors import (
+        Motor as Motor,
+    )
     from rbd.model.state import (
         State as State,
     )
@@ -142,6 +145,7 @@ _NAMES = {
     "rbd.mechanism.pose_search": "find_pose",
     "rbd.model": "dynamics",
     "rbd.model.external": "ExternalForce",
+    "rbd.model.motors": "Motor",
     "rbd.model.state": "State",
     "rbd.motion.checking": "check_motion",
     "rbd.motion.measured": "estimate_forces",

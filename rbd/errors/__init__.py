@@ -30,6 +30,7 @@
     RbdWarning (a UserWarning)
       EffortLimitWarning                a torque given is beyond a motor's limit
       ForceElementWarning               a spring has a negative stiffness
+      SpeedLimitWarning                 a joint is faster than its motor can turn
       InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7; or a simulation recorded a
                                         residual above 1e-7
       LoopNotClosedWarning              a loop is not closed at this state, and is solved unchanged
@@ -79,6 +80,7 @@ from rbd.errors.warned import (
     OpeningContactWarning,
     RbdWarning,
     RelaxedLimitsWarning,
+    SpeedLimitWarning,
     StudyWarning,
 )
 
@@ -112,6 +114,7 @@ __all__ = [
     "SimulationStopped",
     "SingularInertia",
     "SingularPose",
+    "SpeedLimitWarning",
     "StudyStopped",
     "StudyWarning",
     "StudyWarning",

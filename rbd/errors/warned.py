@@ -34,6 +34,22 @@ class EffortLimitWarning(RbdWarning):
     """
 
 
+class SpeedLimitWarning(RbdWarning):
+    """A joint is faster than the `speed_limit` of its `rbd.Motor`.
+
+    Example:
+        >>> import warnings
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> arm = arm.with_motors({"joint_1": rbd.Motor(speed_limit=5.0)})
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("error", rbd.errors.SpeedLimitWarning)
+        ...     rbd.inverse_dynamics(arm.at([0.0], [6.0]), [0.0], [])
+        Traceback (most recent call last):
+            ...
+        rbd.errors.SpeedLimitWarning: joint_1 moves at 6 rad/s, faster than the 5 rad/s of its motor ...
+    """
+
+
 class InaccurateWarning(RbdWarning):
     """An answer's residuals are above 1e-9, though at most 1e-7, scaled; or those of a simulation's record are above 1e-7.
 

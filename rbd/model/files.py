@@ -15,15 +15,16 @@ import pinocchio as pin
 from rbd.errors import InputError, ModelError
 from rbd.model import mjcf
 from rbd.model.input_files import FileLimits, read_xml
-from rbd.model.mjcf import Mjcf, read_mjcf
+from rbd.model.mjcf import Mjcf, carry_out_includes, read_mjcf
 from rbd.model.mjcf.equality import Equality, read_equalities
+from rbd.model.mjcf.flattening import writers_in, written_out
 from rbd.model.planar_base import Plane, turn_base
 from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf
 
 MOST_MESHES = 5_000
 """So many names of meshes are looked up; no robot has more."""
 _ROTORS = ("motorInertia", "rotorInertia", "rotor_inertia")
-"""Elements in which some URDFs state their motors' rotor inertias, with different conventions of the gear ratio."""
+"""Elements in which some URDFs state their motors' rotor inertias; see `rbd.robots.rotors`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +113,9 @@ def read(
 def _read_mjcf(
     path: Path, element: ElementTree.Element, limits: FileLimits, folders: tuple[Path, ...], leave_out: Collection[str]
 ) -> RobotFile:
+    carry_out_includes(path, element, limits, folders)
+    if writers_in(element):
+        element = written_out(path, element, limits)
     mjcf = read_mjcf(path, element, limits, folders, leave_out)
     mjcf.meshes.check_folders()
     off = "equality" in mjcf.settings.off
@@ -146,8 +150,8 @@ def _remarks(urdf: UrdfFile, robot: ElementTree.Element) -> Iterator[tuple[str, 
         for element in part.iter():
             if element.tag.rpartition("}")[2].rpartition(":")[2] in _ROTORS and not _is_zero(element):
                 name = (part if driven is None else driven).get("name", "")
-                told = f"<{element.tag.rpartition('}')[2]:.40}> states a rotor inertia, which is not read"
-                yield "armature", name, f"{told}; give it as the joint's <dynamics armature=...>, seen through the gear [kg m2]"
+                told = f"<{element.tag.rpartition('}')[2]:.40}> states a rotor inertia, which is not in M"
+                yield "armature", name, f"{told}; load_robot(..., rotors=True), or robot.with_motors, adds it"
 
 
 def _is_zero(element: ElementTree.Element) -> bool:

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
-from rbd.arrays import Array
+from rbd.arrays import Array, check_flag
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model import mjcf
@@ -19,7 +19,7 @@ from rbd.model.input_files import FileLimits
 from rbd.model.planar_base import Plane, checked_plane
 from rbd.model.travelling import Recipe
 from rbd.robots import catalogue, travelling
-from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse
+from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse, with_rotors
 from rbd.robots.feet import registered
 from rbd.robots.loop_file import ROOTS, Root
 from rbd.robots.loops import loop_file_of, mechanism
@@ -38,6 +38,7 @@ def load_robot(
     feet: Sequence[str | SurfaceContact | PointContact] | None = None,
     gravity: Sequence[float] | Array | None = None,
     plane: Plane | None = None,
+    rotors: bool = False,
 ) -> Robot:
     """A robot by its short name, by the name of a file of example-robot-data, or by the path of a URDF or MJCF file.
 
@@ -63,6 +64,7 @@ def load_robot(
         plane: Of a planar root, the axes of W along which it slides: "xy", the ground, by default; "xz" upright, where it turns
             counter-clockwise seen from -y, as `rbd.mechanism.link_angles` measures; "yz", seen from x. Its q has these two
             coordinates, then cosine and sine of the angle.
+        rotors: Whether the rotor inertias of a URDF's transmissions and of its SRDF are added to M; see `Robot.rotors`.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
     reports it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
@@ -89,6 +91,7 @@ def load_robot(
     limits = FileLimits() if limits is None else limits
     mjcf.check_leave_out(leave_out)
     fall = None if gravity is None else checked_gravity(gravity)
+    check_flag("rotors", rotors)
     source = catalogue.find(name_or_path, package_dirs)
     robot = _loaded(source, root, passive, limits, loops, leave_out, plane)
     if feet is not None:
@@ -99,6 +102,10 @@ def load_robot(
         kept = None if limits == FileLimits() else limits
         options = robot.root, sorted(robot.passive), kept, loops, sorted(robot.leave_out), robot.plane
         robot.known = Recipe(_known_again, (place, options, None if feet is None else robot.source.feet))
+    if rotors:
+        robot = robot.with_motors(robot.rotors())
+        assert robot.report is not None
+        robot.report = with_rotors(robot.report, robot)
     if fall is not None:
         robot.model.gravity.linear = fall  # last: its feet are where level ground under it would touch
     report = robot.report

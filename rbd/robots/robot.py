@@ -19,6 +19,7 @@ from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
 from rbd.errors import InputError, ModelError, nearest
 from rbd.forces.joint import JointDamping, JointSpring
 from rbd.model.input_files import FileLimits
+from rbd.model.motors import Motor
 from rbd.model.state import State
 from rbd.model.travelling import Recipe, packed, unpacked
 from rbd.model.urdf import BASE_JOINT
@@ -30,6 +31,7 @@ from rbd.robots.joint_elements import file_damping, file_springs
 from rbd.robots.loop_file import Root
 from rbd.robots.loops import Mechanism, read_postures
 from rbd.robots.posture import stand
+from rbd.robots.rotors import rotors_of
 from rbd.robots.shapes import ShapedRobot
 
 
@@ -116,6 +118,7 @@ class Robot(ShapedRobot):
         out = Robot(model, self.source, self.root, self.passive, self.limits, closed, self.leave_out, self.postures)
         out.known, out.report, out.sound, out.springs = self.known, self.report, self.sound, self.springs
         self._share_shapes(out)
+        out._take_motors(self.motor_data)
         return out
 
     def neutral(self) -> Array:
@@ -244,6 +247,26 @@ class Robot(ShapedRobot):
         >>> solution = rbd.solve(state, tau, contacts, external=everything)
         """
         return file_springs(self.springs)
+
+    def rotors(self) -> dict[str, Motor]:
+        """The rotor inertias that its files state and that are in no term of M: {joint: `rbd.Motor` with gear and inertia}.
+
+        Of <motorInertia> and <mechanicalReduction> in the transmissions of a URDF (or Drake's rotor_inertia and gear_ratio),
+        then of <rotor_params> in its SRDF. `load_robot(..., rotors=True)` is `robot.with_motors(robot.rotors())`: n^2 I of a
+        rotor I behind a gear n is then on the diagonal of M. Left out are joints without a motor, and differentials that drive
+        several joints. What <dynamics armature> states is in M in any case, and replaced where both are given.
+
+        Raises:
+            ModelError: the files cannot be read, or have numbers that are none.
+
+        Example:
+            >>> talos = rbd.load_robot("talos")
+            >>> knee = talos.rotors()["leg_left_4_joint"]
+            >>> knee.gear, knee.rotor_inertia, knee.inertia  # the last at the joint [kg m2]
+            (100.0, 1e-05, 0.1)
+        """
+        stated = rotors_of(self.element, self.urdf.name, self.source.srdf, self.limits, self.actuated_names)
+        return {rotor.joint: rotor.motor for rotor in stated}
 
     def mimics(self) -> list[JointCoupling]:
         """The joint couplings of its URDF's <mimic> tags, as `rbd.constraints.mimics`."""

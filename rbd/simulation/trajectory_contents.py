@@ -22,6 +22,7 @@ from rbd.installation import VERSION
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits
 from rbd.model.joints import FORCE_OF
+from rbd.model.motors import motors_of_plain, plain_motors
 from rbd.modules import xarray_or_error
 from rbd.robots import catalogue
 from rbd.robots.loading import load_robot
@@ -249,6 +250,7 @@ def recipe(robot: CheckedModel) -> dict[str, Any]:
         "limits": asdict(robot.limits),
         "leave_out": sorted(robot.leave_out),
         "gravity": None if np.array_equal(robot.gravity, robot._as_made.gravity.linear) else robot.gravity.tolist(),
+        "motor_data": plain_motors(robot.motor_data),
     }
 
 
@@ -325,7 +327,7 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModelWarning)  # they were given when the robot was first loaded
-            return load_robot(
+            loaded = load_robot(
                 file,
                 root=given.get("root"),
                 passive=given.get("passive", ()),
@@ -336,6 +338,8 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
                 gravity=given.get("gravity"),
                 plane=given.get("plane"),
             )
+            motors = motors_of_plain(given.get("motor_data"))
+            return loaded.with_motors(motors) if motors else loaded
     except (RbdError, TypeError) as error:
         raise ModelError(
             f"the robot of this motion cannot be loaded again: {error} Give it: Trajectory.load(path, robot=...)."
