@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from rbd.errors import InputError, ModelError
 from rbd.model import mjcf
-from rbd.model.input_files import FileLimits, read_xml
+from rbd.model.input_files import FileLimits, parse_xml, read_xml
 from rbd.model.mjcf import Mjcf, read_mjcf
 from rbd.model.mjcf.equality import Equality, read_equalities
 from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf
@@ -76,23 +76,25 @@ def read(
     known: bool = False,
     folders: tuple[Path, ...] = (),
     leave_out: Collection[str] = (),
+    data: bytes | None = None,
 ) -> RobotFile:
     """A robot's file, checked: its bytes before it is parsed, its names, tree and numbers before Pinocchio sees it.
 
     Args:
-        path: A URDF or MJCF file.
+        path: A URDF or MJCF file; of a text in memory a name for messages.
         limits: How large it may be.
         base: Degrees of freedom of the URDF's root joint: 6 for a floating base, 3 for one that slides and turns
             on the ground, 0 where it is welded to the world.
         known: A file of the robot data: a mimic of an unknown joint is ignored, as the dynamics use no mimics.
         folders: Folders of an MJCF's meshes and included files, besides its own.
         leave_out: Of `rbd.model.mjcf.LEAVABLE`: parts of an MJCF that the dynamics may ignore.
+        data: The text of the file; None to read it from the path.
 
     Raises:
         ModelError: naming the fault.
     """
     limits = FileLimits() if limits is None else limits
-    element = read_xml(path, limits)
+    element = read_xml(path, limits) if data is None else parse_xml(path.name, data, limits)
     if element.tag == "mujoco":
         return _read_mjcf(path, element, limits, folders, leave_out)
     if element.tag != "robot":
