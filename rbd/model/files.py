@@ -17,6 +17,7 @@ from rbd.model import mjcf
 from rbd.model.input_files import FileLimits, parse_xml, read_xml
 from rbd.model.mjcf import Mjcf, read_mjcf
 from rbd.model.mjcf.equality import Equality, read_equalities
+from rbd.model.spherical import with_ball_joints
 from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf
 
 MOST_MESHES = 5_000
@@ -194,6 +195,8 @@ def build_model(file: RobotFile, root: str) -> pin.Model:
             assert file.urdf is not None
             base = {"planar": pin.JointModelPlanar, "free_flyer": pin.JointModelFreeFlyer}.get(root)
             model = pin.buildModelFromXML(file.urdf.text, *((base(), BASE_JOINT) if base else ()))
+            balls = [joint.name for joint in file.urdf.joints.values() if joint.kind == "spherical"]
+            model = with_ball_joints(model, balls)
             _add_rotors(model, file.urdf)
     except (ValueError, RuntimeError, IndexError) as error:
         reason = str(error).strip().split("\n")[0].rstrip(".")

@@ -35,7 +35,7 @@ def load_robot(
     leave_out: Collection[str] = (),
     feet: Sequence[str | SurfaceContact | PointContact] | None = None,
 ) -> Robot:
-    """A robot by its short name, by the name of a file of example-robot-data, by the path of a URDF or MJCF file, or by its text.
+    """A robot by its short name, the name of a file of example-robot-data, the path of a URDF or MJCF file, or its text.
 
     Args:
         name_or_path: "talos", "g1", "panda", "tiago_dual", "my/robot.urdf", ...

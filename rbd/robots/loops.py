@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -110,9 +109,7 @@ def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: It
     return Mechanism(file, read, file_name)
 
 
-def loop_file_of(
-    source: catalogue.Source, loops: str | os.PathLike[str] | LoopFile | bool | None
-) -> LoopFile | None:
+def loop_file_of(source: catalogue.Source, loops: str | os.PathLike[str] | LoopFile | bool | None) -> LoopFile | None:
     """The loop file that is named or given; if `loops` is true, that beside the robot's file; None if there is none."""
     if isinstance(loops, LoopFile):
         return loops
