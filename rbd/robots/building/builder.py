@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -100,6 +100,7 @@ class RobotBuilder:
         mass: float | None = None,
         com: Sequence[float] | Array | None = None,
         inertia: Sequence[float] | Array | None = None,
+        elements: str = "",
     ) -> None:
         """Declare a body: of solids, or by its mass, centre of mass and inertia.
 
@@ -111,13 +112,14 @@ class RobotBuilder:
             com: Its centre of mass in the body's axes, shape (3,) [m]; the origin by default.
             inertia: About the centre of mass in the body's axes [kg m2]: (Ixx, Iyy, Izz), six entries (xx, xy, xz, yy, yz, zz),
                 or the matrix (3, 3).
+            elements: More <visual> and <collision> elements of a URDF, such as meshes, see `package_dirs` of `robot`.
 
         Raises:
             InputError: a name that is taken, numbers that are wrong, an inertia that no body can have, with the violated
                 triangle inequality.
         """
         self._free("body", name)
-        self._parts.append(a_body(name, solids, mass, com, inertia))
+        self._parts.append(a_body(name, solids, mass, com, inertia, elements))
 
     def joint(
         self,
@@ -129,7 +131,8 @@ class RobotBuilder:
         at: Sequence[float] | Array = (0.0, 0.0, 0.0),
         rpy: Sequence[float] | Array = (0.0, 0.0, 0.0),
         axis: Sequence[float] | Array = (0.0, 0.0, 1.0),
-        motor: bool | float = False,
+        motor: bool = False,
+        effort: float | None = None,
         limits: Sequence[float] | Array | None = None,
         speed: float | None = None,
         damping: float = 0.0,
@@ -147,7 +150,8 @@ class RobotBuilder:
             at: Origin of the child's axes in the parent's, shape (3,) [m].
             rpy: Their roll, pitch and yaw [rad].
             axis: In the child's axes, shape (3,), of any length.
-            motor: Whether it has a motor; a number is the motor's limit [N m, N].
+            motor: Whether it has a motor.
+            effort: The motor's limit [N m, N]; None where it has none.
             limits: (lower, upper) of a revolute or prismatic joint [rad, m]; if none are given, 10,000 rad or 1 km either way.
             speed: Largest speed [rad/s, m/s]; None where it has none.
             damping: Of the file [N m s/rad, N s/m]; the dynamics have it where `external` does.
@@ -161,7 +165,7 @@ class RobotBuilder:
         if name in self.joints or name == BASE_JOINT:
             raise InputError(f"there is a joint {name!r:.80} already; expected another name.")
         made = a_joint(
-            name, parent, child, kind, at=at, rpy=rpy, axis=axis, motor=motor, limits=limits, speed=speed,
+            name, parent, child, kind, at=at, rpy=rpy, axis=axis, motor=motor, effort=effort, limits=limits, speed=speed,
             damping=damping, friction=friction, armature=armature,
         )  # fmt: skip
         if made.child == GROUND and self.root == "fixed":
@@ -296,13 +300,14 @@ class RobotBuilder:
     def loop_file(self) -> str:
         """The loop file, in YAML: the root, passive joints, loops, couplings, wheels and postures."""
         passive = [part.name for part in self._parts if isinstance(part, Joint) and _is_passive(part)]
-        return yaml_text(self.about, self.root, passive, self._lists, self._postures)
+        return yaml_text(self.root, passive, self._lists, self._postures)
 
     def robot(
         self,
         *,
         feet: Sequence[str | SurfaceContact | PointContact] | None = None,
         limits: FileLimits | None = None,
+        package_dirs: Iterable[str | os.PathLike[str]] = (),
     ) -> Robot:
         """The robot: the one that `load_robot` gives for the saved file. No file is written.
 
@@ -312,6 +317,7 @@ class RobotBuilder:
         Args:
             feet: Its feet, as for `load_robot`.
             limits: How large it may be, as for `load_robot`.
+            package_dirs: Folders of meshes, as for `load_robot`.
 
         Raises:
             ModelError: no tree with one root, unknown names, moving bodies without mass, an M that is singular.
@@ -320,7 +326,7 @@ class RobotBuilder:
         loops = LoopFile.of_text(self.loop_file(), f"{self.name}{ENDING}")
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModelWarning)
-            robot = load_robot(text=self.urdf(), loops=loops, limits=limits, feet=feet)
+            robot = load_robot(text=self.urdf(), loops=loops, limits=limits, feet=feet, package_dirs=package_dirs)
         report = robot.report
         assert report is not None
         thin = {part.name for part in self._parts if isinstance(part, Body) and part.thin}

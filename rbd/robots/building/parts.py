@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -18,6 +19,7 @@ from rbd.robots.building.numbers import (
     checked_number,
     checked_numbers,
     checked_triple,
+    checked_truth,
 )
 from rbd.robots.building.solids import Drawn, MassProperties, Solid, joined
 
@@ -58,7 +60,7 @@ class Body:
 
 @dataclass(frozen=True)
 class Joint:
-    """A joint from a parent to a child; `effort` is the motor's limit, zero for none."""
+    """A joint from a parent to a child; `effort` and `speed` are zero where it has no such limit."""
 
     name: str
     parent: str
@@ -92,6 +94,7 @@ def a_body(
     mass: float | None,
     com: Sequence[float] | Array | None,
     inertia: Sequence[float] | Array | None,
+    elements: str,
 ) -> Body:
     """A body of solids, or of given mass properties.
 
@@ -99,6 +102,7 @@ def a_body(
         InputError: both or half of the mass properties, numbers that are wrong, an inertia that no body can have.
     """
     what = f"body {name!r:.80}"
+    _check_elements(what, elements)
     for solid in solids:
         if not isinstance(solid, Solid):
             raise InputError(
@@ -110,7 +114,7 @@ def a_body(
         if com is not None or inertia is not None:
             raise InputError(f"{what} has com or inertia, and no mass; expected all three: mass=..., com=..., inertia=...")
         thin = own.mass > 0.0 and float(np.linalg.eigvalsh(own.inertia)[0]) <= 0.0
-        return Body(name, own if own.mass > 0.0 else None, shapes, thin)
+        return Body(name, own if own.mass > 0.0 else None, shapes, thin, elements)
     if own.mass > 0.0:
         raise InputError(f"{what} has the mass of its solids, {own.mass:g} kg, and mass={mass!r:.40}; expected one of them.")
     kg = checked_number(f"mass of {what}", mass, least=0.0)
@@ -125,7 +129,17 @@ def a_body(
         why = f"{kg:g} kg" if kg else "an inertia and no mass"
         raise InputError(f"{what} has {why}; no body can have that. Expected a mass of {LIGHTEST:g} kg or more, or nothing.")
     check_moments(what, tensor)
-    return Body(name, MassProperties(kg, centre, tensor), shapes, float(np.linalg.eigvalsh(tensor)[0]) <= 0.0)
+    return Body(name, MassProperties(kg, centre, tensor), shapes, float(np.linalg.eigvalsh(tensor)[0]) <= 0.0, elements)
+
+
+def _check_elements(what: str, elements: object) -> None:
+    """Refuse what is no row of <visual> and <collision> elements."""
+    try:
+        found = None if not isinstance(elements, str) else [e.tag for e in ElementTree.fromstring(f"<link>{elements}</link>")]
+    except (ElementTree.ParseError, ValueError):
+        found = None
+    if found is None or "<!" in str(elements) or any(tag not in ("visual", "collision") for tag in found):
+        raise InputError(f"elements of {what} are {elements!r:.80}; expected <visual> and <collision> elements of a URDF.")
 
 
 def _tensor(what: str, inertia: object) -> Array:
@@ -178,6 +192,7 @@ def a_joint(
     rpy: object,
     axis: object,
     motor: object,
+    effort: object,
     limits: object,
     speed: object,
     damping: object,
@@ -199,21 +214,15 @@ def a_joint(
     single = sort in SINGLE
     if sort == "planar" and direction != (0.0, 0.0, 1.0):
         raise InputError(f"{what} is planar, with axis {axis!r:.80}; it moves in the x-y plane of its frame: turn that by rpy.")
-    if isinstance(motor, bool | np.bool_):
-        driven, effort = bool(motor), 0.0
-    else:
-        effort = checked_number(f"motor of {what}", motor, least=0.0, most=1e300)
-        driven = effort > 0.0
+    driven, strongest = checked_truth(f"motor of {what}", motor), _limit(f"effort of {what}", effort)
     if driven and sort in ("fixed", "free"):
         raise InputError(f"{what} is {sort} and has a motor; expected a joint that a motor can move: {', '.join(SINGLE)}.")
     numbers = {
         key: checked_number(f"{key} of {what}", value, least=0.0, most=1e300)
         for key, value in (("damping", damping), ("friction", friction), ("armature", armature))
     }
-    fastest = 0.0 if speed is None else checked_number(f"speed of {what}", speed, least=0.0, most=1e300)
-    if speed is not None and fastest == 0.0:
-        raise InputError(f"speed of {what} is {speed!r:.40}; expected a limit above zero [rad/s, m/s], or None.")
-    given = [key for key, value in (*numbers.items(), ("an effort limit", effort), ("speed", fastest)) if value]
+    fastest = _limit(f"speed of {what}", speed)
+    given = [key for key, value in (*numbers.items(), ("effort", strongest), ("speed", fastest)) if value]
     if given and not single:
         raise InputError(
             f"{what} is {sort} and has {given[0]}; a file has that for one degree of freedom: {', '.join(SINGLE)}."
@@ -227,4 +236,12 @@ def a_joint(
             raise InputError(f"limits of {what} are {low:g}, {high:g}; expected the lower one first.")
         bounds = low, high
     place = checked_triple(f"at of {what}", at), checked_triple(f"rpy of {what}", rpy)
-    return Joint(title, *ends, sort, *place, direction, bounds, driven, effort, fastest, **numbers)
+    return Joint(title, *ends, sort, *place, direction, bounds, driven, strongest, fastest, **numbers)
+
+
+def _limit(what: str, value: object) -> float:
+    """A limit above zero; zero stands for none, as in a URDF."""
+    number = 0.0 if value is None else checked_number(what, value, least=0.0, most=1e300)
+    if value is not None and number == 0.0:
+        raise InputError(f"{what} is {value!r:.40}; expected a limit above zero, or None.")
+    return number

@@ -96,7 +96,6 @@ def _frame(frame: Frame) -> str:
 
 
 def yaml_text(
-    about: str,
     root: str,
     passive: Sequence[str],
     lists: Mapping[str, Sequence[Entry]],
@@ -105,13 +104,12 @@ def yaml_text(
     """The loop file.
 
     Args:
-        about: A comment, may be empty.
         root: Kind of the root joint.
         passive: Joints without a motor.
         lists: {"loops", "couplings", "wheels": entries}.
         postures: {name: {joint: value}}.
     """
-    out = [*(f"# {line}" for line in about.splitlines()), f"root: {root}"]
+    out = [f"root: {root}"]
     if passive:
         out.append(f"passive: [{', '.join(map(_word, passive))}]")
     for part, entries in lists.items():
