@@ -217,12 +217,13 @@ def a_joint(
     driven, strongest = checked_truth(f"motor of {what}", motor), _limit(f"effort of {what}", effort)
     if driven and sort in ("fixed", "free"):
         raise InputError(f"{what} is {sort} and has a motor; expected a joint that a motor can move: {', '.join(SINGLE)}.")
-    numbers = {
-        key: checked_number(f"{key} of {what}", value, least=0.0, most=1e300)
+    lost, dry, rotor = (
+        checked_number(f"{key} of {what}", value, least=0.0, most=1e300)
         for key, value in (("damping", damping), ("friction", friction), ("armature", armature))
-    }
+    )
     fastest = _limit(f"speed of {what}", speed)
-    given = [key for key, value in (*numbers.items(), ("effort", strongest), ("speed", fastest)) if value]
+    limited = {"damping": lost, "friction": dry, "armature": rotor, "effort": strongest, "speed": fastest}
+    given = [key for key, value in limited.items() if value]
     if given and not single:
         raise InputError(
             f"{what} is {sort} and has {given[0]}; a file has that for one degree of freedom: {', '.join(SINGLE)}."
@@ -235,8 +236,10 @@ def a_joint(
         if low > high:
             raise InputError(f"limits of {what} are {low:g}, {high:g}; expected the lower one first.")
         bounds = low, high
-    place = checked_triple(f"at of {what}", at), checked_triple(f"rpy of {what}", rpy)
-    return Joint(title, *ends, sort, *place, direction, bounds, driven, strongest, fastest, **numbers)
+    origin, turned = checked_triple(f"at of {what}", at), checked_triple(f"rpy of {what}", rpy)
+    return Joint(
+        title, ends[0], ends[1], sort, origin, turned, direction, bounds, driven, strongest, fastest, lost, dry, rotor
+    )  # fmt: skip
 
 
 def _limit(what: str, value: object) -> float:
