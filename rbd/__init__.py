@@ -85,6 +85,9 @@ if _TYPE_CHECKING:
     from rbd.problem.rows import (
         Rows as Rows,
     )
+    from rbd.robots.building.builder import (
+        RobotBuilder as RobotBuilder,
+    )
     from rbd.robots.loading import (
         doctor as doctor,
         load_robot as load_robot,
@@ -153,6 +156,7 @@ _NAMES = {
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",
     "rbd.problem.rows": "Rows",
+    "rbd.robots.building.builder": "RobotBuilder",
     "rbd.robots.loop_file": "register_constraint",
     "rbd.robots.loading": "doctor load_robot",
     "rbd.robots.robot": "Robot",

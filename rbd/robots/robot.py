@@ -41,7 +41,7 @@ class Robot(ShapedRobot):
     Made by `load_robot`. In addition to `CheckedModel`:
 
     Attributes:
-        urdf: The model file.
+        urdf: The model file; of a robot in memory, `load_robot(text=...)`, a name in "(in memory)", where there is no file.
         root: "free_flyer", "planar" or "fixed".
         postures: {name: q, shape (nq,)}, from the SRDF, the catalogue and the loop file.
         leave_out: Parts of an MJCF file that were left out, as requested from `load_robot`.
