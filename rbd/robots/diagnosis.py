@@ -340,9 +340,8 @@ def _friction(model: pin.Model) -> Iterator[ModelIssue]:
     damping, friction = np.array(model.damping), np.array(model.upperDryFrictionLimit)
     for i in np.flatnonzero((damping != 0.0) | (np.isfinite(friction) & (friction != 0.0))):
         name = _joint_of(model, int(i), "idx_v", "nv")
-        acting = [f"damping {damping[i]:.3g} acts where external=robot.joint_damping() is given"] * bool(damping[i] != 0.0)
-        acting += [f"dry friction {friction[i]:.3g} where robot.joint_frictions() are constraints"] * bool(friction[i] != 0.0)
-        yield ModelIssue("friction", name, "; ".join(acting))
+        text = f"damping {damping[i]:.3g} and dry friction {friction[i]:.3g} act only where they are given: "
+        yield ModelIssue("friction", name, text + "external=robot.joint_damping(), and robot.joint_frictions() as constraints")
 
 
 def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple[ModelIssue, bool]]:
