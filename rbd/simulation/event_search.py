@@ -136,12 +136,12 @@ class EventSearch:
             if not crosses or course.event.direction * side > 0:
                 course.recent.append(False)
                 continue
-            zero = self._zero(course, side, since, before, t, value, at)
-            if zero <= self._begun + INSTANT and since == self._begun:
+            when = self._zero(course, side, since, before, t, value, at)
+            if when <= self._begun + INSTANT and since == self._begun:
                 course.recent.append(False)  # rounding at the start
                 continue
             course.recent.append(True)
-            found.append((Zero(zero, course.event, side < 0), course))
+            found.append((Zero(when, course.event, side < 0), course))
         found.sort(key=lambda each: each[0].t)
         out: list[Zero] = []
         until = np.inf
@@ -195,9 +195,9 @@ class EventSearch:
                 else f"{often} zeros in {_WINDOW} steps"
             )
             raise BadEvent(
-                f"event {course.event.name!r:.80} chatters: {how}, the last at t = {t:.6g} s. If it is zero but for rounding, give "
-                "StateEvent(..., zero=) the size of its errors; if its zeros come ever faster, as the bounces of a ball, end the "
-                "motion before, or switch a constraint on; if it oscillates, give a shorter step."
+                f"event {course.event.name!r:.80} chatters: {how}, the last at t = {t:.6g} s. If it is zero but for "
+                "rounding, give StateEvent(..., zero=) the size of its errors; if its zeros come ever faster, as the bounces "
+                "of a ball, end the motion before, or switch a constraint on; if it oscillates, give a shorter step."
             )
 
     def _zero(
@@ -212,7 +212,8 @@ class EventSearch:
                 cache[t] = side * event.value(at(t), t) - zero
             return cache[t]
 
-        return bracketed_zero(off, a, b, max(FOUND, 4.0 * np.finfo(float).eps * abs(b)))
+        found = bracketed_zero(off, a, b, max(FOUND, 4.0 * float(np.finfo(float).eps) * abs(b)))
+        return max(found, float(np.nextafter(a, np.inf)))  # the interval begins with a sample
 
 
 def bracketed_zero(f: Callable[[float], float], a: float, b: float, within: float) -> float:

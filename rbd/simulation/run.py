@@ -94,8 +94,8 @@ def simulate(
             robot's mass below the floor. Contacts support the points that are given alone.
         progress: Show a bar on a terminal where it takes long.
         events: Functions of the state, or of state and time, whose zeros are found to 1e-12 s on the integrator's interpolant:
-            `rbd.simulation.StateEvent`, or plain functions with the attributes `direction` and `terminal` of SciPy's `solve_ivp`.
-            Each is an entry of `trajectory.events` and a sample; contacts can be switched there.
+            `rbd.simulation.StateEvent`, or plain functions with the attributes `direction` and `terminal`, as of SciPy's
+            `solve_ivp`. Each is an entry of `trajectory.events` and a sample; contacts can be switched there.
         inactive: Names of constraints that do not act until an event switches them on.
 
     Returns:

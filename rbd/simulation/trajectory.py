@@ -362,6 +362,7 @@ class Trajectory(Displayed):
             partial(dict, acting),  # which a copy or a pickle includes
             **{name: float(x[i]) for name, x in self.residuals.items()},
             motor_work=float(self.motor_work[i]),
+            found=None,
             events=self.events[since : bisect_right(self.events, self.t[i], key=_time)],
         )
 
