@@ -103,6 +103,7 @@ if _TYPE_CHECKING:
         RungeKutta4 as RungeKutta4,
         TimeStepping as TimeStepping,
         Trajectory as Trajectory,
+        impact as impact,
         simulate as simulate,
     )
     from rbd.solution import (
@@ -160,7 +161,7 @@ _NAMES = {
     "rbd.robots.loop_file": "register_constraint",
     "rbd.robots.loading": "doctor load_robot",
     "rbd.robots.robot": "Robot",
-    "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory simulate",
+    "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory impact simulate",
     "rbd.solution": "Solution",
     "rbd.solvers.admm": "ConeSolver",
     "rbd.solvers.kkt": "KKT",

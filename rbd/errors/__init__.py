@@ -7,6 +7,7 @@
         UnknownName                     a name that is not in the model; nearest names in the message
           UnknownRobot, FrameNotFound, JointNotFound
         DuplicateName                   two constraints, or two rows, under one name
+        BadEvent                        an event of a simulation that is no number, is zero throughout, or chatters
       ModelError                        a robot file is missing, broken or not a robot
       ContactMoves                      a contact that can break or slip already moves
       NotAtRest                         statics of a moving robot
@@ -43,6 +44,7 @@
 """
 
 from rbd.errors.inputs import (
+    BadEvent,
     ContactMoves,
     DuplicateName,
     FrameNotFound,
@@ -85,6 +87,7 @@ from rbd.errors.warned import (
 )
 
 __all__ = [
+    "BadEvent",
     "CannotAssemble",
     "CannotHold",
     "CannotMove",

@@ -30,7 +30,7 @@ GROUPS = {
         VelocityConstraint FunctionConstraint
     """,
     "Torques": "hold inverse_dynamics Actuation",
-    "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8",
+    "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8 impact",
     "Motions": "Motion check_motion estimate_forces",
     "Studies": "study grid sample",
     "Errors": "RbdError InputError NoSolution CannotHold CannotMove",
