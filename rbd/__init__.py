@@ -92,6 +92,9 @@ if _TYPE_CHECKING:
         Trajectory as Trajectory,
         simulate as simulate,
     )
+    from rbd.small_motion.linearisation import (
+        linearise as linearise,
+    )
     from rbd.solution import (
         Solution as Solution,
     )
@@ -145,6 +148,7 @@ _NAMES = {
     "rbd.robots.loading": "doctor load_robot",
     "rbd.robots.robot": "Robot",
     "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory simulate",
+    "rbd.small_motion.linearisation": "linearise",
     "rbd.solution": "Solution",
     "rbd.solvers.admm": "ConeSolver",
     "rbd.solvers.kkt": "KKT",

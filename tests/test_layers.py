@@ -29,6 +29,7 @@ least_constraint
 many
 statics
 mechanism
+small_motion
 control
 simulation
 planar

@@ -34,6 +34,7 @@
       LoopNotClosedWarning              a loop is not closed at this state, and is solved unchanged
       ModelWarning                      a robot file that loads, but is not what it seems
       NonUniqueMotionWarning            more than one motion satisfies the contact law; the answer is one of them
+      NotSteadyWarning                  a state is linearised that is neither an equilibrium nor a steady motion
       OpeningContactWarning             a contact separates, and its force is zero
       DistantContactWarning             a contact is not on its plane
       RelaxedLimitsWarning              a step of control violates contacts or joint limits by the least
@@ -74,6 +75,7 @@ from rbd.errors.warned import (
     LoopNotClosedWarning,
     ModelWarning,
     NonUniqueMotionWarning,
+    NotSteadyWarning,
     OpeningContactWarning,
     RbdWarning,
     RelaxedLimitsWarning,
@@ -100,6 +102,7 @@ __all__ = [
     "NonUniqueMotionWarning",
     "NotAtRest",
     "NotDifferentiable",
+    "NotSteadyWarning",
     "OpeningContactWarning",
     "PictureError",
     "RbdError",

@@ -1,0 +1,96 @@
+"""The true motion near a state: its rates along curves on the constraints, and their derivatives by differences.
+
+About a motion with constant v_0, q_0(t) = q_0 (+) v_0 t, a neighbour has the coordinates
+
+    dq = q (-) q_0(t)        dv = v - v_0        dq' = P v + P_0 v_0        dv' = a(q, v)
+
+P and P_0 are the derivatives of the difference by q and by q_0. To first order dq' = dv - ad(v_0) dq, where ad holds the
+structure constants of these velocities (w x u and the like of a floating base): zero for joints with one degree of freedom.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.analysis.differences import STEP, slope
+from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint
+from rbd.constraints.manifold import RANK, ConstraintManifold
+from rbd.errors import RbdWarning
+from rbd.least_constraint import solve
+from rbd.mechanism.frobenius import ad
+from rbd.model.checked_model import CheckedModel
+from rbd.model.external import External
+from rbd.model.state import State
+
+
+def ad_matrix(robot: CheckedModel, v: Array) -> Array:
+    """The matrix of ad(v), shape (nv, nv): ad(v) y is the bracket of v and y, both constant in body axes."""
+    return np.column_stack([ad(robot, v, along) for along in np.eye(robot.nv)])
+
+
+class Flow:
+    """Rates of motion at states on the constraints, and their slopes.
+
+    Args:
+        state: The state of the motion with which others are compared.
+        tau: Its torques, shape (nu,).
+        constraints: Its constraints.
+        external: Its external forces.
+        manifold: The constraints' manifold.
+        S: Combinations of the rows that are held, shape (k, m).
+    """
+
+    def __init__(
+        self,
+        state: State,
+        tau: Array,
+        constraints: Sequence[Constraint],
+        external: External,
+        manifold: ConstraintManifold,
+        S: Array,
+    ) -> None:
+        self._state, self._tau, self._constraints, self._external = state, tau, constraints, external
+        self._manifold, self._S = manifold, S
+        self._at = np.zeros(2 * state.robot.nv)
+
+    def slope(self, change: Array, torques: Array) -> tuple[Array, Array]:
+        """(x', f') at the state: tangents of a curve on the constraints and of its rates, shapes (2 nv,).
+
+        Args:
+            change: (dq, dv) along which the curve begins, before its projection onto the constraints, shape (2 nv,).
+            torques: Change of tau along the curve, shape (nu,).
+
+        Raises:
+            NotDifferentiable: the rates have a kink there.
+        """
+
+        def sample(h: float) -> Array:
+            return self._sample(h * change, h * torques)
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RbdWarning)
+            found = slope(sample, self._sample(0.0 * change, 0.0 * torques), STEP, "the state")
+        n = len(change)
+        return found[:n], found[n:]
+
+    def _sample(self, change: Array, torques: Array) -> Array:
+        """(dq, dv, dq', dv') at the state on the constraints that is nearest to a change, shape (4 nv,)."""
+        state, robot = self._state, self._state.robot
+        model, nv = robot.model, robot.nv
+        q = pin.integrate(model, state.q, change[:nv])
+        if self._manifold.constraints and self._manifold.placed.any() and change.any():
+            q = self._manifold.project(q).q
+        v = state.v + change[nv:]
+        near = State(robot, q, v)
+        if len(self._S):
+            rows, scale = self._manifold.rows(near), robot.joints.scale
+            v = v - scale * np.linalg.lstsq(self._S @ rows.J * scale, self._S @ rows.velocity, rcond=RANK)[0]
+            near = State(robot, q, v)
+        a = solve(near, self._tau + torques, self._constraints, external=self._external).a
+        by_start, by_end = (pin.dDifference(model, state.q, near.q, which) for which in (pin.ARG0, pin.ARG1))
+        return np.concatenate([pin.difference(model, state.q, near.q), v - state.v, by_end @ v + by_start @ state.v, a])
