@@ -92,6 +92,10 @@ if _TYPE_CHECKING:
         Trajectory as Trajectory,
         simulate as simulate,
     )
+    from rbd.small_motion.finding import (
+        find_equilibrium as find_equilibrium,
+        find_steady_motion as find_steady_motion,
+    )
     from rbd.small_motion.linearisation import (
         linearise as linearise,
     )
@@ -148,6 +152,7 @@ _NAMES = {
     "rbd.robots.loading": "doctor load_robot",
     "rbd.robots.robot": "Robot",
     "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory simulate",
+    "rbd.small_motion.finding": "find_equilibrium find_steady_motion",
     "rbd.small_motion.linearisation": "linearise",
     "rbd.solution": "Solution",
     "rbd.solvers.admm": "ConeSolver",

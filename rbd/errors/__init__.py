@@ -19,6 +19,7 @@
         CannotAssemble                  loops that do not close, or not from here; names the rows and the distance
         CannotReach                     no pose satisfies the targets, or none was found; with the nearest pose
         SingularPose                    here the known motions do not decide the others
+        NoSteadyState                   no equilibrium, or no steady motion, was found; with the nearest state
         SimulationStopped               a step of a simulation has no solution, or a function of the user raised an error;
                                         carries what was computed till then
       StudyStopped                      a study ended before all samples were computed; carries what is done
@@ -63,6 +64,7 @@ from rbd.errors.no_solution import (
     CannotMove,
     CannotReach,
     NoSolution,
+    NoSteadyState,
     SimulationStopped,
     SingularPose,
 )
@@ -99,6 +101,7 @@ __all__ = [
     "ModelError",
     "ModelWarning",
     "NoSolution",
+    "NoSteadyState",
     "NonUniqueMotionWarning",
     "NotAtRest",
     "NotDifferentiable",

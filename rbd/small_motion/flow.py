@@ -6,6 +6,7 @@ About a motion with constant v_0, q_0(t) = q_0 (+) v_0 t, a neighbour has the co
 
 P and P_0 are the derivatives of the difference by q and by q_0. To first order dq' = dv - ad(v_0) dq, where ad holds the
 structure constants of these velocities (w x u and the like of a floating base): zero for joints with one degree of freedom.
+Where a body of revolution spins by eta (`rbd.small_motion.spin`), v - eta takes the place of v in dq', and dv' = a + ad(eta) v.
 """
 
 from __future__ import annotations
@@ -22,15 +23,9 @@ from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import RANK, ConstraintManifold
 from rbd.errors import RbdWarning
 from rbd.least_constraint import solve
-from rbd.mechanism.frobenius import ad
-from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External
 from rbd.model.state import State
-
-
-def ad_matrix(robot: CheckedModel, v: Array) -> Array:
-    """The matrix of ad(v), shape (nv, nv): ad(v) y is the bracket of v and y, both constant in body axes."""
-    return np.column_stack([ad(robot, v, along) for along in np.eye(robot.nv)])
+from rbd.small_motion.spin import ad_matrix
 
 
 class Flow:
@@ -43,6 +38,7 @@ class Flow:
         external: Its external forces.
         manifold: The constraints' manifold.
         S: Combinations of the rows that are held, shape (k, m).
+        spin: eta, shape (nv,).
     """
 
     def __init__(
@@ -53,10 +49,11 @@ class Flow:
         external: External,
         manifold: ConstraintManifold,
         S: Array,
+        spin: Array,
     ) -> None:
         self._state, self._tau, self._constraints, self._external = state, tau, constraints, external
         self._manifold, self._S = manifold, S
-        self._at = np.zeros(2 * state.robot.nv)
+        self._spin, self._turning = spin, ad_matrix(state.robot, spin)
 
     def slope(self, change: Array, torques: Array) -> tuple[Array, Array]:
         """(x', f') at the state: tangents of a curve on the constraints and of its rates, shapes (2 nv,).
@@ -93,4 +90,5 @@ class Flow:
             near = State(robot, q, v)
         a = solve(near, self._tau + torques, self._constraints, external=self._external).a
         by_start, by_end = (pin.dDifference(model, state.q, near.q, which) for which in (pin.ARG0, pin.ARG1))
-        return np.concatenate([pin.difference(model, state.q, near.q), v - state.v, by_end @ v + by_start @ state.v, a])
+        moved = by_end @ (v - self._spin) + by_start @ (state.v - self._spin)
+        return np.concatenate([pin.difference(model, state.q, near.q), v - state.v, moved, a + self._turning @ v])

@@ -16,8 +16,9 @@ from rbd.errors import NotDifferentiable, NotSteadyWarning
 from rbd.least_constraint import solve
 from rbd.model.external import External
 from rbd.model.state import State, checked
-from rbd.small_motion.flow import Flow, ad_matrix
+from rbd.small_motion.flow import Flow
 from rbd.small_motion.linearised import Linearised
+from rbd.small_motion.spin import ad_matrix, fitted_spin
 from rbd.small_motion.tangent_space import TangentSpace, allowed_changes, check_on, held_rows, manifold_of
 from rbd.solution import Solution
 
@@ -92,16 +93,17 @@ def linearise(
     words = _words(solution) if found is None else found.active
     S = held_rows(solution, words)
     space = allowed_changes(state, manifold, S)
-    flow = Flow(state, torques, given, external, manifold, S)
+    spin = fitted_spin(robot, state.v, solution.a)
+    flow = Flow(state, torques, given, external, manifold, S, spin)
     rng = np.random.default_rng(seed)
     if found is None:
         A, B, invariance = _by_differences(flow, space, robot.nu)
         change = 0.0
     else:
-        A, B, invariance = _reduced(full_matrix(state, found), found.da_dtau, space)
-        change = _change_ahead(state, torques, given, external, found)
+        A, B, invariance = _reduced(full_matrix(state, found, spin), found.da_dtau, space)
+        change = _change_ahead(state, torques, given, external, found, spin)
     off = _compared(flow, space, A, B, rng)
-    acceleration = max_abs(solution.a)
+    acceleration = max_abs(solution.a + ad_matrix(robot, spin) @ state.v)
     if acceleration > STEADY or change > STEADY:
         _warn(state, acceleration, change)
     return Linearised.of(
@@ -109,6 +111,7 @@ def linearise(
         torques=torques,
         words=words,
         space=space,
+        spin=spin,
         A=A,
         B=B,
         method="derivatives" if found is not None else f"differences: {why}",
@@ -119,10 +122,17 @@ def linearise(
     )
 
 
-def full_matrix(state: State, found: Derivatives) -> Array:
-    """The matrix of (dq', dv') by (dq, dv) without constraints between them, shape (2 nv, 2 nv)."""
-    nv = state.robot.nv
-    return np.block([[-ad_matrix(state.robot, state.v), np.eye(nv)], [found.da_dq, found.da_dv]])
+def full_matrix(state: State, found: Derivatives, spin: Array) -> Array:
+    """The matrix of (dq', dv') by (dq, dv) without constraints between them, shape (2 nv, 2 nv).
+
+    Args:
+        state: The steady motion.
+        found: Derivatives of its acceleration.
+        spin: eta of bodies of revolution, shape (nv,).
+    """
+    robot = state.robot
+    carried, turning = ad_matrix(robot, state.v - spin), ad_matrix(robot, spin)
+    return np.block([[-carried, np.eye(robot.nv)], [found.da_dq, found.da_dv + turning]])
 
 
 def _reduced(full: Array, by_tau: Array, space: TangentSpace) -> tuple[Array, Array, float]:
@@ -159,13 +169,15 @@ def _compared(flow: Flow, space: TangentSpace, A: Array, B: Array, rng: np.rando
     return worst
 
 
-def _change_ahead(state: State, tau: Array, constraints: Sequence[Constraint], external: External, found: Derivatives) -> float:
-    """Relative change of da/dq and da/dv, and the acceleration, a little ahead on the motion with constant v_0."""
+def _change_ahead(
+    state: State, tau: Array, constraints: Sequence[Constraint], external: External, found: Derivatives, spin: Array
+) -> float:
+    """Relative change of da/dq and da/dv a little ahead on the motion with constant v_0."""
     robot, v = state.robot, state.v
-    speed = max_abs(v / robot.joints.scale)
+    speed = max_abs((v - spin) / robot.joints.scale)
     if not speed:
         return 0.0
-    ahead = State(robot, pin.integrate(robot.model, state.q, AHEAD / speed * v), v)
+    ahead = State(robot, pin.integrate(robot.model, state.q, AHEAD / speed * (v - spin)), v)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         there = solve(ahead, tau, constraints, external=external).derivatives()

@@ -14,6 +14,7 @@ from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.small_motion.modes import Mode, normalised, shares_of
 from rbd.small_motion.spectrum import INVARIANT, Spectrum, controllable, spectrum_of
+from rbd.small_motion.spin import ad_matrix, spin_axes
 from rbd.small_motion.tangent_space import TangentSpace
 
 _SHOWN = 12
@@ -38,6 +39,8 @@ class Linearised(Displayed):
         rows: Number of constraint rows that are held.
         rank_q: Rank of those that hold a position: n_q = nv - rank_q.
         rank_v: Rank of all: n_v = nv - rank_v.
+        spin: eta, the part of v with which bodies of revolution turn about their own axes, seen from axes that do not, shape
+            (nv,); zero of other robots. dq and dv are in those axes (`rbd.small_motion.spin`).
         modes_of_contacts: {constraint: mode of each part}, "holds", "sticks" or "presses".
         method: "derivatives", or "differences" with the reason.
         acceleration: Largest |a| of the state [m/s2, rad/s2]: zero at an equilibrium and on a steady motion.
@@ -66,6 +69,7 @@ class Linearised(Displayed):
     rows: int
     rank_q: int
     rank_v: int
+    spin: Array
     modes_of_contacts: dict[str, tuple[str, ...]]
     method: str
     acceleration: float
@@ -82,6 +86,7 @@ class Linearised(Displayed):
         torques: Array,
         words: dict[str, tuple[str, ...]],
         space: TangentSpace,
+        spin: Array,
         A: Array,
         B: Array,
         **proof: str | float,
@@ -101,6 +106,7 @@ class Linearised(Displayed):
             space.m,
             space.rank_q,
             space.rank_v,
+            spin,
             words,
             **proof,  # type: ignore[arg-type]  # the last fields, by name
             _scale=np.concatenate([scale[space.positions], scale[space.velocities]]),
@@ -121,7 +127,16 @@ class Linearised(Displayed):
         scale, nv = self._scale, self.state.robot.nv
         A = self.A * scale / scale[:, None]
         C = (self.basis[nv:] * scale) / self.state.robot.joints.scale[:, None]
-        return spectrum_of(A, C)
+        return spectrum_of(A, C, self._turned() / scale[:, None])
+
+    def _turned(self) -> Array:
+        """Turns of spinning bodies of revolution about their axes, with the velocity in axes that turn along, shape (n, j)."""
+        robot, nv = self.state.robot, self.state.robot.nv
+        axes = spin_axes(robot) if self.spin.any() else np.zeros((nv, 0))
+        full = np.vstack([axes, ad_matrix(robot, self.state.v) @ axes])
+        names = [c.name for c in robot.joints.velocities]
+        picked = [names.index(name) for name in self.positions] + [nv + names.index(name) for name in self.velocities]
+        return full[picked]
 
     @property
     def eigenvalues(self) -> Array:
@@ -169,7 +184,11 @@ class Linearised(Displayed):
                 dq, dv = bare[0], bare[1]
             shares = shares_of(bare[1] if of_velocity else bare[0], scale, names)
             moved = self._moved(value) if len(self.tau) else None
-            out.append(Mode(complex(value), dq, dv, shares, of_velocity, moved, found.condition[k] * error, zero, self.state))
+            out.append(
+                Mode(
+                    complex(value), dq, dv, shares, of_velocity, moved, found.condition[k] * error, zero, self.state, self.spin
+                )
+            )
         return tuple(out)
 
     def _moved(self, value: complex) -> bool:

@@ -49,6 +49,7 @@ class Mode(Displayed):
     uncertainty: float
     zero: float
     _state: State = field(repr=False)
+    _spin: Array = field(repr=False)
 
     @property
     def frequency(self) -> float:
@@ -111,8 +112,9 @@ class Mode(Displayed):
         """
         state, robot = self._state, self._state.robot
         factor = amplitude * np.exp(self.eigenvalue * t)
-        q = pin.integrate(robot.model, state.q, t * state.v)
+        q = pin.integrate(robot.model, state.q, t * (state.v - self._spin))
         q = pin.integrate(robot.model, q, np.real(factor * self.dq))
+        q = pin.integrate(robot.model, q, t * self._spin)
         return State(robot, pin.normalize(robot.model, q), state.v + np.real(factor * self.dv))
 
     def __repr__(self) -> str:

@@ -45,12 +45,13 @@ class Spectrum:
     condition: Array
 
 
-def spectrum_of(A: Array, C: Array) -> Spectrum:
+def spectrum_of(A: Array, C: Array, known: Array | None = None) -> Spectrum:
     """The spectrum of A, with the symmetries that no velocity C x observes split off.
 
     Args:
         A: Shape (n, n), in scaled coordinates.
         C: Velocities of x, shape (k, n), in scaled units.
+        known: Further symmetries, which may change velocities, as columns, shape (n, j); those with A x = 0 are taken.
     """
     n, size = len(A), float(np.abs(A).max(initial=0.0)) or 1.0
     S = _kernel(C, max(1.0, float(np.abs(C).max(initial=0.0))))
@@ -60,6 +61,11 @@ def spectrum_of(A: Array, C: Array) -> Spectrum:
         if out.shape[1] == S.shape[1]:
             break
         S = np.linalg.qr(S @ out)[0] if out.shape[1] else S[:, :0]
+    for x in () if known is None else known.T:
+        x = x / max(1e-300, float(np.linalg.norm(x)))
+        fresh = x - S @ (S.T @ x)
+        if np.linalg.norm(A @ x) <= INVARIANT * size and np.linalg.norm(fresh) > 1e-3:
+            S = np.column_stack([S, fresh / np.linalg.norm(fresh)])
     P = np.linalg.svd(S.T)[2][S.shape[1] :].T if S.shape[1] else np.eye(n)
     A_p, A_s, A_sp = P.T @ A @ P, S.T @ A @ S, S.T @ A @ P
     values, vectors = np.linalg.eig(A_p) if len(A_p) else (np.zeros(0, complex), np.zeros((0, 0), complex))
