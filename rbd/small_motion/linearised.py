@@ -192,11 +192,11 @@ class Linearised(Displayed):
         return tuple(out)
 
     def _moved(self, value: complex) -> bool:
-        """Whether (A - value, B) has full rank."""
-        scale, n = self._scale, self.n
-        A, B = self.A * scale / scale[:, None], self.B / scale[:, None]
-        largest, size = float(np.abs(B).max(initial=0.0)) or 1.0, float(np.abs(A).max(initial=0.0)) or 1.0
-        both = np.hstack([(A - value * np.eye(n)) / size, B / largest])
+        """Whether (A_p - value, B_p) has full rank, symmetries left out."""
+        found, B = self._spectrum, self._spectrum.P.T @ (self.B / self._scale[:, None])
+        largest = float(np.abs(B).max(initial=0.0)) or 1.0
+        size = float(np.abs(found.reduced).max(initial=0.0)) or 1.0
+        both = np.hstack([(found.reduced - value * np.eye(len(B))) / size, B / largest])
         return bool(np.linalg.svd(both, compute_uv=False)[-1] > INVARIANT)
 
     @property

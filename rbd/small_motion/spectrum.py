@@ -33,6 +33,8 @@ class Spectrum:
         right: Eigenvectors x of unit length without their parts along S, columns, shape (n, n - s).
         whole: The same eigenvectors with their parts along S; these parts are zero where they do not exist (Jordan blocks).
         left: y with y^H A = lambda y^H, columns, shape (n, n - s), y^H x = 1.
+        P: Orthonormal basis of what is perpendicular to S, shape (n, n - s).
+        reduced: A_p, shape (n - s, n - s).
         condition: |y| |x|: how much an error of A changes the eigenvalue, shape (n - s,).
     """
 
@@ -42,6 +44,8 @@ class Spectrum:
     right: Array
     whole: Array
     left: Array
+    P: Array
+    reduced: Array
     condition: Array
 
 
@@ -82,7 +86,7 @@ def spectrum_of(A: Array, C: Array, known: Array | None = None) -> Spectrum:
     right = P @ vectors
     symmetric = np.linalg.eigvals(A_s).astype(complex) if len(A_s) else np.zeros(0, complex)
     condition = np.linalg.norm(left, axis=0) * np.linalg.norm(vectors, axis=0)
-    return Spectrum(S, symmetric, values, right, right + S @ along, P @ left, condition)
+    return Spectrum(S, symmetric, values, right, right + S @ along, P @ left, P, A_p, condition)
 
 
 def _kernel(A: Array, size: float) -> Array:

@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.analysis.differences import STEP, slope
-from rbd.arrays import Array, as_array, max_abs
+from rbd.arrays import Array, as_array, max_abs, range_of
 from rbd.constraints.constraint import Constraint, has_friction, member
 from rbd.constraints.manifold import ConstraintManifold, null_space
 from rbd.errors import InputError, NoSolution, RbdWarning
@@ -39,8 +39,7 @@ FARTHEST = 0.3
 AT = (0.0, 0.35, 0.8)
 """Times at which a motion must be steady, over the time in which its fastest coordinate moves by a radian."""
 SINGULAR = 1e-9
-TORQUES = 1e-3
-"""Weight of a change of torques, over that of the same change of position: torques adapt first."""
+"""Singular values below this fraction of the largest count as zero."""
 
 Condition = Callable[[State], Any]
 
@@ -101,40 +100,64 @@ class Search:
             return self._run(state, tau)
 
     def _run(self, state: State, tau: Array) -> Found:
-        robot = state.robot
-        scale, axes = robot.joints.scale, self._axes(state)
+        robot, axes = state.robot, self._axes(state)
         here = _Point(state, tau, axes, np.zeros(axes.shape[1]))
+        here = self._newton(here, AT[:1], moving=False)[0]  # onto the constraints first
         if axes.shape[1]:
             a = self._residuals(here, AT[:1])[1]
-            here = replace(here, s=np.linalg.lstsq(axes, fitted_spin(robot, state.v, a), rcond=None)[0])
-        moves, times = len(self.positions) + len(self.velocities), self._times(here)
-        torques = np.full(robot.nu * self.free_torques, 1.0 / TORQUES)
-        units = np.concatenate([scale[self.positions], scale[self.velocities], np.ones(axes.shape[1]), torques])
-        F, a = self._residuals(here, times)
-        steps, freedoms, stuck = 0, 0, False
-        while True:
-            slopes = self._slopes(here, times) * units
-            freedoms = self._freedoms(slopes)
-            if max_abs(F) <= MET or stuck or steps == STEPS or not len(units):
-                break
-            steps += 1
-            z = -np.linalg.lstsq(slopes, F, rcond=SINGULAR)[0]
+            here = replace(here, s=np.linalg.lstsq(axes, fitted_spin(robot, here.state.v, a), rcond=None)[0])
+        times = self._times(here)
+        here, F, steps = self._newton(here, times)
+        freedoms = self._freedoms(self._slopes(here, times) * self._units(here))
+        return Found(here.state, here.tau, here.spin, max_abs(F), self._residuals(here, AT[:1])[1], steps, freedoms)
+
+    def _units(self, here: _Point) -> Array:
+        scale = here.state.robot.joints.scale
+        ones = np.ones(len(here.s) + len(here.tau) * self.free_torques)
+        return np.concatenate([scale[self.positions], scale[self.velocities], ones])
+
+    def _newton(self, here: _Point, times: Sequence[float], moving: bool = True) -> tuple[_Point, Array, int]:
+        """(where the steps end, residuals there, number of steps).
+
+        Args:
+            here: Where they start.
+            times: When the equations are to hold.
+            moving: With a = 0; else the constraints alone.
+        """
+        moves, units = len(self.positions) + len(self.velocities), self._units(here)
+        scale = here.state.robot.joints.scale
+        F = self._residuals(here, times, moving)[0]
+        for step in range(STEPS):
+            if max_abs(F) <= MET or not len(units):
+                return here, F, step
+            z = self._step(self._slopes(here, times, moving) * units, F, len(here.tau))
             length = max_abs(z[:moves])
             z *= min(1.0, FARTHEST * max(1.0, max_abs(here.state.v / scale)) / length) if length else 1.0
             for _ in range(12):
                 try:
                     nearer = self._moved(here, units * z)
-                    F_there, a_there = self._residuals(nearer, times)
+                    F_there = self._residuals(nearer, times, moving)[0]
                 except (NoSolution, InputError):
                     z *= 0.5
                     continue
                 if np.linalg.norm(F_there) < np.linalg.norm(F):
-                    here, F, a = nearer, F_there, a_there
+                    here, F = nearer, F_there
                     break
                 z *= 0.5
             else:
-                stuck = True  # rounding, or a least residual that is not zero
-        return Found(here.state, here.tau, here.spin, max_abs(F), a, steps, freedoms)
+                return here, F, step  # rounding, or a least residual that is not zero
+        return here, F, STEPS
+
+    def _step(self, slopes: Array, F: Array, nu: int) -> Array:
+        """The least step that solves the linearised equations; the torques do what they can before anything moves."""
+        if not self.free_torques or not nu:
+            z: Array = -np.linalg.lstsq(slopes, F, rcond=SINGULAR)[0]
+            return z
+        moves, torques = slopes[:, :-nu], slopes[:, -nu:]
+        U = range_of(torques, SINGULAR)
+        first = np.linalg.lstsq(moves - U @ (U.T @ moves), -(F - U @ (U.T @ F)), rcond=SINGULAR)[0]
+        rest = np.linalg.lstsq(torques, -(F + moves @ first), rcond=SINGULAR)[0]
+        return np.concatenate([first, rest])
 
     def _axes(self, state: State) -> Array:
         """Axes about which bodies of revolution may spin, shape (nv, j); none of an equilibrium."""
@@ -158,19 +181,21 @@ class Search:
         moved = State(robot, q, state.v + dv)
         return _Point(moved, here.tau + tau if self.free_torques else here.tau, here.axes, here.s + s)
 
-    def _residuals(self, here: _Point, times: Sequence[float]) -> tuple[Array, Array]:
-        """(the residuals, a + ad(eta) v at the first time)."""
+    def _residuals(self, here: _Point, times: Sequence[float], moving: bool = True) -> tuple[Array, Array]:
+        """(the residuals, a + ad(eta) v at the first time); without `moving` those of the constraints alone."""
         parts = []
         for t in times:
             there = here.at(t)
             rows = self.manifold.rows(there)
+            if not moving:
+                return np.concatenate([rows.error, rows.velocity]), np.zeros(0)
             a = solve(there, here.tau, self.constraints, external=self.external, rest_speed=1e3).a
             parts += [rows.error, rows.velocity, a + ad_matrix(there.robot, here.spin) @ there.v]
         first = parts[2]
         parts += [_value(condition, here.state) for condition in self.conditions]
         return np.concatenate(parts), first
 
-    def _slopes(self, here: _Point, times: Sequence[float]) -> Array:
+    def _slopes(self, here: _Point, times: Sequence[float], moving: bool = True) -> Array:
         state, robot = here.state, here.state.robot
         model, blocks = robot.model, []
         carried = state.v - here.spin
@@ -181,19 +206,17 @@ class Search:
             placed = np.ones(len(rows.J), bool) if rows.placed is None else rows.placed
             by_q = pin.dIntegrate(model, state.q, t * carried, pin.ARG0)
             by_v = t * pin.dIntegrate(model, state.q, t * carried, pin.ARG1)
-            solution = solve(there, here.tau, self.constraints, external=self.external, rest_speed=1e3)
-            d = solution.derivatives()
             H, D = np.where(placed[:, None], rows.J, 0.0), velocity_slopes(there, self.manifold, rows)
             none, no_torque = np.zeros((len(H), len(here.s))), np.zeros((len(H), robot.nu))
-            for q_part, v_part, s_part, tau_part in (
-                (H, np.zeros_like(H), none, no_torque),
-                (D, rows.J, none, no_torque),
-                (d.da_dq, d.da_dv + turning, by_spin, d.da_dtau),
-            ):
+            equations = [(H, np.zeros_like(H), none, no_torque), (D, rows.J, none, no_torque)]
+            if moving:
+                d = solve(there, here.tau, self.constraints, external=self.external, rest_speed=1e3).derivatives()
+                equations.append((d.da_dq, d.da_dv + turning, by_spin, d.da_dtau))
+            for q_part, v_part, s_part, tau_part in equations:
                 of_q, moved = q_part @ by_q, q_part @ by_v
                 parts = [of_q[:, self.positions], (moved + v_part)[:, self.velocities], s_part - moved @ here.axes]
                 blocks.append(np.hstack([*parts, tau_part] if self.free_torques else parts))
-        blocks += [self._condition_slopes(condition, here) for condition in self.conditions]
+        blocks += [self._condition_slopes(condition, here) for condition in self.conditions if moving]
         return np.vstack(blocks)
 
     def _condition_slopes(self, condition: Condition, here: _Point) -> Array:
