@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +17,10 @@ from rbd.small_motion.modes import Mode, normalised, shares_of
 from rbd.small_motion.spectrum import INVARIANT, Spectrum, controllable, spectrum_of
 from rbd.small_motion.spin import ad_matrix, spin_axes
 from rbd.small_motion.tangent_space import TangentSpace
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
 
 _SHOWN = 12
 
@@ -244,6 +249,12 @@ class Linearised(Displayed):
         robot, change = self.state.robot, self.basis @ given
         q = pin.integrate(robot.model, self.state.q, change[: robot.nv])
         return State(robot, pin.normalize(robot.model, q), self.state.v + change[robot.nv :])
+
+    def plot(self, ax: Axes) -> list[Artist]:
+        """Its eigenvalues in the complex plane, on axes; see `rbd.visual.plot_eigenvalues`."""
+        from rbd.visual.mode_drawing import plot_eigenvalues
+
+        return plot_eigenvalues(ax, self)
 
     def __repr__(self) -> str:
         return f"Linearised({self.state.robot.name!r}, n = {self.n}, {self.verdict[:-1]})"

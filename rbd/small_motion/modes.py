@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -10,6 +13,12 @@ import pinocchio as pin
 from rbd.arrays import Array, max_abs
 from rbd.displayed import Displayed
 from rbd.model.state import State
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+    from rbd.visual.scene import Scene
 
 _NAMED = 3
 """So many coordinates are named in a mode's title."""
@@ -32,6 +41,8 @@ class Mode(Displayed):
         motors_move_it: Whether the motors can change it (Popov, Belevitch, Hautus); None without motors.
         uncertainty: How far the eigenvalue may be off: its condition number times the error of A [1/s].
         zero: Real and imaginary parts up to this count as zero [1/s].
+        state: The state about which it is a mode.
+        spin: As `Linearised.spin`.
 
     Example:
         >>> pendulum = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[2.0], angles="vertical"), masses=[1.0])
@@ -48,8 +59,8 @@ class Mode(Displayed):
     motors_move_it: bool | None
     uncertainty: float
     zero: float
-    _state: State = field(repr=False)
-    _spin: Array = field(repr=False)
+    state: State = field(repr=False)
+    spin: Array = field(repr=False)
 
     @property
     def frequency(self) -> float:
@@ -110,12 +121,40 @@ class Mode(Displayed):
             t: [s].
             amplitude: At t = 0.
         """
-        state, robot = self._state, self._state.robot
+        state, robot = self.state, self.state.robot
         factor = amplitude * np.exp(self.eigenvalue * t)
-        q = pin.integrate(robot.model, state.q, t * (state.v - self._spin))
+        q = pin.integrate(robot.model, state.q, t * (state.v - self.spin))
         q = pin.integrate(robot.model, q, np.real(factor * self.dq))
-        q = pin.integrate(robot.model, q, t * self._spin)
+        q = pin.integrate(robot.model, q, t * self.spin)
         return State(robot, pin.normalize(robot.model, q), state.v + np.real(factor * self.dv))
+
+    def pose(self, factor: complex = 0.1) -> State:
+        """The state's configuration changed by Re(factor dq), at rest; the constraints are satisfied to first order.
+
+        Args:
+            factor: Amplitude of its largest entry [rad, robot's lengths] times exp(i phase).
+        """
+        robot = self.state.robot
+        q = pin.integrate(robot.model, self.state.q, np.real(factor * self.dq))
+        return State(robot, pin.normalize(robot.model, q))
+
+    def scene(self, **options: Any) -> Scene:
+        """A scene with its two poses of largest displacement; see `rbd.visual.mode_scene`."""
+        from rbd.visual.mode_drawing import mode_scene
+
+        return mode_scene(self, **options)
+
+    def plot(self, ax: Axes, **options: Any) -> list[Artist]:
+        """Bars of its shape on axes; see `rbd.visual.plot_mode`."""
+        from rbd.visual.mode_drawing import plot_mode
+
+        return plot_mode(ax, self, **options)
+
+    def export(self, path: str | os.PathLike[str], **options: Any) -> Path:
+        """Write it as an HTML page that plays one period for ever; see `rbd.visual.export_mode`."""
+        from rbd.visual.mode_drawing import export_mode
+
+        return export_mode(self, path, **options)
 
     def __repr__(self) -> str:
         return f"Mode({self})"
