@@ -106,6 +106,13 @@ if _TYPE_CHECKING:
         impact as impact,
         simulate as simulate,
     )
+    from rbd.small_motion.finding import (
+        find_equilibrium as find_equilibrium,
+        find_steady_motion as find_steady_motion,
+    )
+    from rbd.small_motion.linearisation import (
+        linearise as linearise,
+    )
     from rbd.solution import (
         Solution as Solution,
     )
@@ -162,6 +169,8 @@ _NAMES = {
     "rbd.robots.loading": "doctor load_robot",
     "rbd.robots.robot": "Robot",
     "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory impact simulate",
+    "rbd.small_motion.finding": "find_equilibrium find_steady_motion",
+    "rbd.small_motion.linearisation": "linearise",
     "rbd.solution": "Solution",
     "rbd.solvers.admm": "ConeSolver",
     "rbd.solvers.kkt": "KKT",

@@ -20,6 +20,7 @@
         CannotAssemble                  loops that do not close, or not from here; names the rows and the distance
         CannotReach                     no pose satisfies the targets, or none was found; with the nearest pose
         SingularPose                    here the known motions do not decide the others
+        NoSteadyState                   no equilibrium, or no steady motion, was found; with the nearest state
         SimulationStopped               a step of a simulation has no solution, or a function of the user raised an error;
                                         carries what was computed till then
       StudyStopped                      a study ended before all samples were computed; carries what is done
@@ -37,6 +38,7 @@
       LoopNotClosedWarning              a loop is not closed at this state, and is solved unchanged
       ModelWarning                      a robot file that loads, but is not what it seems
       NonUniqueMotionWarning            more than one motion satisfies the contact law; the answer is one of them
+      NotSteadyWarning                  a state is linearised that is neither an equilibrium nor a steady motion
       OpeningContactWarning             a contact separates, and its force is zero
       DistantContactWarning             a contact is not on its plane
       RelaxedLimitsWarning              a step of control violates contacts or joint limits by the least
@@ -66,6 +68,7 @@ from rbd.errors.no_solution import (
     CannotMove,
     CannotReach,
     NoSolution,
+    NoSteadyState,
     SimulationStopped,
     SingularPose,
 )
@@ -79,6 +82,7 @@ from rbd.errors.warned import (
     LoopNotClosedWarning,
     ModelWarning,
     NonUniqueMotionWarning,
+    NotSteadyWarning,
     OpeningContactWarning,
     RbdWarning,
     RelaxedLimitsWarning,
@@ -105,9 +109,11 @@ __all__ = [
     "ModelError",
     "ModelWarning",
     "NoSolution",
+    "NoSteadyState",
     "NonUniqueMotionWarning",
     "NotAtRest",
     "NotDifferentiable",
+    "NotSteadyWarning",
     "OpeningContactWarning",
     "PictureError",
     "RbdError",

@@ -168,6 +168,21 @@ class RelaxedLimitsWarning(RbdWarning):
     """
 
 
+class NotSteadyWarning(RbdWarning):
+    """A state is linearised that is neither an equilibrium nor a steady motion: the equations hold at this instant alone.
+
+    Example:
+        >>> import warnings
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("error", rbd.errors.NotSteadyWarning)
+        ...     rbd.linearise(arm.at([0.0]))
+        Traceback (most recent call last):
+            ...
+        rbd.errors.NotSteadyWarning: ... is linearised about a state that is no equilibrium: it accelerates by up to ...
+    """
+
+
 class StudyWarning(RbdWarning):
     """A study ended early, or goes on with what another version computed: its dataset is usable, and says what is missing.
 

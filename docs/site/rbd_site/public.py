@@ -16,6 +16,7 @@ PACKAGES = tuple(
     f"rbd.{name}"
     for name in (
         *("dynamics", "constraints", "problem", "solvers", "analysis", "robots", "model", "statics", "control", "mechanism"),
+        "small_motion",
         *("simulation", "motion", "many", "studies", "planar", "visual", "testing", "errors"),
     )
 )
@@ -30,6 +31,7 @@ GROUPS = {
         VelocityConstraint FunctionConstraint
     """,
     "Torques": "hold inverse_dynamics Actuation",
+    "Small motion": "linearise find_equilibrium find_steady_motion",
     "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8 impact",
     "Motions": "Motion check_motion estimate_forces",
     "Studies": "study grid sample",
