@@ -45,6 +45,9 @@ if _TYPE_CHECKING:
         JointSpring as JointSpring,
         Spring as Spring,
     )
+    from rbd.identification import (
+        identify as identify,
+    )
     from rbd.least_constraint import (
         gauss_problem as gauss_problem,
         solve as solve,
@@ -151,6 +154,7 @@ _NAMES = {
     "rbd.control.torques": "inverse_dynamics",
     "rbd.errors": "CannotHold CannotMove InputError NoSolution RbdError",
     "rbd.forces": "Bushing Damper JointDamping JointSpring Spring",
+    "rbd.identification": "identify",
     "rbd.least_constraint": "gauss_problem solve solve_problem",
     "rbd.many.solving": "solve_many",
     "rbd.mechanism.pose_search": "find_pose",

@@ -40,6 +40,7 @@
       NonUniqueMotionWarning            more than one motion satisfies the contact law; the answer is one of them
       NotSteadyWarning                  a state is linearised that is neither an equilibrium nor a steady motion
       OpeningContactWarning             a contact separates, and its force is zero
+      PoorExcitationWarning             measured motions tell less of some parameters than the model does
       DistantContactWarning             a contact is not on its plane
       RelaxedLimitsWarning              a step of control violates contacts or joint limits by the least
       StudyWarning                      a study ended early, or goes on with what another version computed
@@ -84,6 +85,7 @@ from rbd.errors.warned import (
     NonUniqueMotionWarning,
     NotSteadyWarning,
     OpeningContactWarning,
+    PoorExcitationWarning,
     RbdWarning,
     RelaxedLimitsWarning,
     SpeedLimitWarning,
@@ -116,6 +118,7 @@ __all__ = [
     "NotSteadyWarning",
     "OpeningContactWarning",
     "PictureError",
+    "PoorExcitationWarning",
     "RbdError",
     "RbdWarning",
     "Reason",

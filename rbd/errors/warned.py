@@ -79,6 +79,21 @@ class NonUniqueMotionWarning(RbdWarning):
     """
 
 
+class PoorExcitationWarning(RbdWarning):
+    """Measured motions tell less of some base parameters than the model does; those stay near the model.
+
+    Example:
+        >>> import warnings
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> rest = rbd.Motion.of_arrays(arm, np.arange(5.0), np.zeros((5, 2)), np.zeros((5, 2)), np.zeros((5, 2)))
+        >>> with warnings.catch_warnings(record=True) as seen:
+        ...     warnings.simplefilter("always")
+        ...     found = rbd.identify(rbd.identification.MeasuredMotion(rest, np.tile([19.62, 4.905], (5, 1))))
+        >>> print(seen[0].category.__name__, found.certificate.rank, "of", found.base.rank)
+        PoorExcitationWarning 2 of 6
+    """
+
+
 class OpeningContactWarning(RbdWarning):
     """A contact, or some of its points, separates: its force is zero. `Solution.opening` names it.
 
