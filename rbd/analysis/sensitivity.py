@@ -16,6 +16,7 @@ import pinocchio as pin
 
 from rbd.analysis.active_set import CONSISTENT, ActiveSet
 from rbd.analysis.differences import STEP, slope
+from rbd.analysis.external_derivatives import derivatives_of
 from rbd.analysis.held_rows import HeldRows
 from rbd.analysis.parameters import ParameterDerivatives, by_parameter, checked_parameters
 from rbd.arrays import RANK, Array
@@ -24,7 +25,7 @@ from rbd.constraints.loop_stack import rows_function
 from rbd.displayed import Displayed
 from rbd.errors import NotDifferentiable, Unsupported
 from rbd.model.dynamics import HasRows
-from rbd.model.external import External, ExternalForce, elements_of
+from rbd.model.external import External, ExternalForce
 from rbd.model.pose_derivatives import FixedPose, state_derivatives
 from rbd.model.state import State
 from rbd.problem.answer import Answer, Status
@@ -241,9 +242,8 @@ class _Chain:
         for i, more in enumerate(internal.T if self.fixed else ()):  # J^T f is linear in f
             other = state_derivatives(self.origin.state, self.answer.a, poses, given + applied(f + more))
             by_q.internal[:, i] = other.force_dq - found.force_dq
-        for element in elements_of(self.origin.external):
-            for change, slopes in zip((by_q, by_v), element.derivatives(self.origin.state), strict=True):
-                change.force[:] += slopes
+        for change, slopes in zip((by_q, by_v), derivatives_of(self.origin.external, self.origin.state), strict=True):
+            change.force[:] += slopes
         return by_q, by_v
 
     def _sample(self, state: State) -> Array:
