@@ -130,7 +130,7 @@ def test_springs_of_every_kind_agree_with_differences(talos: rbd.Robot):
         return [
             rbd.Spring("gripper_left_base_link", (0.5, 0.5, 1.2), stiffness=spring, rest=rest, preload=preload),
             rbd.Damper("gripper_right_base_link", "torso_2_link", damping=damper),
-            rbd.Bushing("head_2_link", "torso_2_link", stiffness=[100.0, 100.0, bushing, 5.0, 5.0, 5.0]),
+            rbd.Bushing("gripper_left_base_link", "torso_2_link", stiffness=[100.0, 100.0, bushing, 5.0, 5.0, 5.0]),
             rbd.JointSpring("arm_left_4_joint", stiffness=joint, rest=-0.3),
             rbd.JointDamping({"arm_right_4_joint": damping, "torso_1_joint": 2.0}),
         ]
