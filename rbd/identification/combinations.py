@@ -74,7 +74,8 @@ class BaseParameters(Displayed):
     def expression(self, i: int, most: int = 6) -> str:
         """The combination as text, e.g. "knee.I_yy  + 1 foot.m - 0.3 foot.mc_x", with so many terms at most."""
         own = self.columns[i]
-        others = [j for j in np.argsort(-np.abs(self.B[i]), kind="stable") if j != own and abs(self.B[i, j]) > SAID]
+        order = np.argsort(-np.abs(self.B[i]).round(9), kind="stable")  # equal ones in the order of the tree
+        others = [j for j in order if j != own and abs(self.B[i, j]) > SAID]
         told = [f"{'+' if self.B[i, j] > 0.0 else '-'} {abs(self.B[i, j]):.4g} {self.names[j]}" for j in others[:most]]
         more = [f"and {len(others) - most} more"] if len(others) > most else []
         return "  ".join([self.names[own], " ".join([*told, *more])]).rstrip()

@@ -229,7 +229,7 @@ class Assembly:
     """
 
     def __init__(
-        self, motions: Sequence[MeasuredMotion], base: BaseParameters, columns: Sequence[str], noise: SensorNoise | None
+        self, motions: tuple[MeasuredMotion, ...], base: BaseParameters, columns: Sequence[str], noise: SensorNoise | None
     ) -> None:
         self.motions, self.base, self.columns, self.noise = motions, base, columns, noise
         first = motions[0]

@@ -139,7 +139,7 @@ class Identification(Displayed):
     @classmethod
     def of(
         cls,
-        motions: Sequence[MeasuredMotion],
+        motions: tuple[MeasuredMotion, ...],
         data: Assembly,
         equations: Equations,
         base: BaseParameters,
