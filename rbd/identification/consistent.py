@@ -21,7 +21,7 @@ from rbd.errors import NoSolution
 from rbd.identification.possible import pseudo_inertia, whitened_basis
 
 _STEPS = 200
-_GROWTH = 1e3
+_GROWTH = 30.0
 _NEAR = 0.25
 _DONE = 1e-9
 _ROUNDING = 1e-14

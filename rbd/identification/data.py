@@ -44,7 +44,7 @@ class MeasuredMotion(Displayed):
 
     Raises:
         InputError: sizes that do not fit, numbers that are not finite; a motion without accelerations; a trajectory with forces
-            of contacts that are not given.
+            of contacts, or of springs, that are not given.
         UnknownName: forces of a contact that is not given.
 
     Example:
@@ -89,6 +89,12 @@ class MeasuredMotion(Displayed):
         set_(self, "contacts", given)
         set_(self, "touches", checked_touches(self.touches, frames, len(given)))
         self._check_forces(frames)
+        springs = getattr(x, "elements", ())
+        if isinstance(springs, tuple) and springs and self.external is None:
+            raise InputError(
+                f"springs or dampers acted in the trajectory ({', '.join(e.name for e in springs):.200}), and external is "
+                "not given. Give external=list(trajectory.elements) with it, and pushes that acted."
+            )
 
     def _check_forces(self, frames: int) -> None:
         names = [c.name for c in self._given]
