@@ -201,6 +201,25 @@ def use_force(**given: Any) -> Any:
     return rbd.dynamics.free_acceleration(STATE, TAU, rbd.ExternalForce(**given))
 
 
+def use_element(element: Any) -> Any:
+    """What a force element does, with its derivatives and its energy."""
+    state = rbd.State(BOX, [0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0], np.full(6, 0.1))
+    return (
+        element.generalised(state),
+        element.derivatives(state),
+        element.energy(state),
+        rbd.solve(state, [], external=element).a,
+    )
+
+
+def use_joint_element(element: Any) -> Any:
+    """The same of one in a joint of Bolt."""
+    return element.generalised(MOVING), element.derivatives(MOVING), element.energy(MOVING)
+
+
+ENDS = {"frame": "box", "to": np.array([0.0, 0.1, 2.0]), "offset": (0.1, 0.0, 0.0), "to_offset": np.zeros(3), "name": "one"}
+
+
 def use_scene(state: Any, solution: Any, external: Any, arrow_per_weight: Any, seen_from: Any) -> Any:
     """The scale of a picture, and its marks."""
     scene = Scene(BOLT, arrow_per_weight=arrow_per_weight, seen_from=seen_from)
@@ -462,6 +481,32 @@ CASES: dict[str, Case] = {
     "ExternalForce": Case(
         use_force, {"frame": FRAME, "force": np.array([1.0, 0.0, 9.0]), "moment": (0.0, 1.0, 0.0), "offset": (0.1, 0.0, 0.0)}
     ),
+    "Spring": Case(
+        lambda **given: use_element(rbd.Spring(**given)),
+        {**ENDS, "stiffness": 20.0, "rest": 0.5, "preload": 1.0, "axis": np.array([0.0, 0.6, 0.8])},
+    ),
+    "Spring, along a line": Case(
+        lambda **given: use_element(rbd.Spring(**given)), {**ENDS, "stiffness": 20.0, "rest": 0.5, "preload": 1.0}
+    ),
+    "Damper": Case(lambda **given: use_element(rbd.Damper(**given)), {**ENDS, "damping": 2.0, "axis": (0, 0, 1)}),
+    "Bushing": Case(
+        lambda **given: use_element(rbd.Bushing(**given)),
+        {**ENDS, "stiffness": np.arange(1.0, 7.0), "damping": np.eye(6), "preload": np.zeros(6)},
+    ),
+    "Bushing.relaxed_at": Case(
+        lambda **given: use_element(rbd.Bushing.relaxed_at(**given)),
+        {"state": BOX.at(), "frame": "box", "to": None, "stiffness": 2.0, "damping": 0.1, "offset": np.zeros(3), "name": "one"},
+        30,
+    ),
+    "JointSpring": Case(
+        lambda **given: use_joint_element(rbd.JointSpring(**given)),
+        {"joint": list(BOLT.joints)[3], "stiffness": 20.0, "rest": 0.1, "preload": 1.0, "name": "one"},
+    ),
+    "JointDamping": Case(
+        lambda **given: use_joint_element(rbd.JointDamping(**given)),
+        {"damping": {list(BOLT.joints)[3]: 0.5}, "name": "one"},
+    ),
+    "JointDamping, a number": Case(lambda d: use_joint_element(rbd.JointDamping({list(BOLT.joints)[3]: d})), {"d": 0.5}, 30),
     "Rows": Case(
         use_rows,
         {**PLAIN, "cone": rbd.problem.Free(2), "velocity": np.zeros(2), "feedback": np.zeros(2), "resultant": np.eye(2)},
