@@ -53,6 +53,8 @@ class RobotPair(CheckedModel):
         passive = [p + n for robot, p in zip(self.members, prefixes, strict=True) for n in sorted(robot.passive)]
         super().__init__(model, passive=passive, name=f"{first.name} and {second.name}")
         self.sound = first.sound and second.sound
+        both = zip(self.members, prefixes, strict=True)
+        self._take_motors({prefix + name: motor for robot, prefix in both for name, motor in robot.motor_data.items()})
 
     def _recipe(self) -> Recipe:
         """The two robots."""
@@ -71,6 +73,7 @@ class RobotPair(CheckedModel):
         out.sound = self.sound
         if memo is None:
             out.model, out.pool = model, DataPool(model)
+        out._take_motors(self.motor_data)
         return out
 
     def neutral(self) -> Array:

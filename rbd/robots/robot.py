@@ -19,6 +19,7 @@ from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
 from rbd.errors import InputError, ModelError, nearest
 from rbd.forces.joint import JointDamping, JointSpring
 from rbd.model.input_files import FileLimits
+from rbd.model.motors import Motor
 from rbd.model.state import State
 from rbd.model.travelling import Recipe, packed, unpacked
 from rbd.model.urdf import BASE_JOINT
@@ -30,6 +31,7 @@ from rbd.robots.joint_elements import file_damping, file_springs
 from rbd.robots.loop_file import Root
 from rbd.robots.loops import Mechanism, read_postures
 from rbd.robots.posture import stand
+from rbd.robots.rotors import rotors_of
 from rbd.robots.shapes import ShapedRobot
 
 
@@ -39,7 +41,7 @@ class Robot(ShapedRobot):
     Made by `load_robot`. In addition to `CheckedModel`:
 
     Attributes:
-        urdf: The model file.
+        urdf: The model file; of a robot in memory, `load_robot(text=...)`, a name in "(in memory)", where there is no file.
         root: "free_flyer", "planar" or "fixed".
         postures: {name: q, shape (nq,)}, from the SRDF, the catalogue and the loop file.
         leave_out: Parts of an MJCF file that were left out, as requested from `load_robot`.
@@ -116,6 +118,7 @@ class Robot(ShapedRobot):
         out = Robot(model, self.source, self.root, self.passive, self.limits, closed, self.leave_out, self.postures)
         out.known, out.report, out.sound, out.springs = self.known, self.report, self.sound, self.springs
         self._share_shapes(out)
+        out._take_motors(self.motor_data)
         return out
 
     def neutral(self) -> Array:
@@ -144,8 +147,9 @@ class Robot(ShapedRobot):
     def standing(self, posture: str | None = None) -> State:
         """At rest on its feet: soles (or points) on z = 0, the base turned so that they lie flat.
 
-        A robot on point feet is then turned about them until its centre of mass is over its support. A fixed-base robot
-        keeps its base.
+        A robot on two points is then turned about them until its centre of mass is over them along gravity. The ground is z = 0
+        whatever the gravity: under one that leans, feet are flat on an incline, joint angles are those of the posture, and
+        whether the robot can stand so is for `rbd.hold` to say. A fixed-base robot keeps its base.
 
         Args:
             posture: A name in `postures`; by default that of the catalogue, else the only one; a robot without postures stands
@@ -243,6 +247,26 @@ class Robot(ShapedRobot):
         >>> solution = rbd.solve(state, tau, contacts, external=everything)
         """
         return file_springs(self.springs)
+
+    def rotors(self) -> dict[str, Motor]:
+        """The rotor inertias that its files state and that are in no term of M: {joint: `rbd.Motor` with gear and inertia}.
+
+        Of <motorInertia> and <mechanicalReduction> in the transmissions of a URDF (or Drake's rotor_inertia and gear_ratio),
+        then of <rotor_params> in its SRDF. `load_robot(..., rotors=True)` is `robot.with_motors(robot.rotors())`: n^2 I of a
+        rotor I behind a gear n is then on the diagonal of M. Left out are joints without a motor, and differentials that drive
+        several joints. What <dynamics armature> states is in M in any case, and replaced where both are given.
+
+        Raises:
+            ModelError: the files cannot be read, or have numbers that are none.
+
+        Example:
+            >>> talos = rbd.load_robot("talos")
+            >>> knee = talos.rotors()["leg_left_4_joint"]
+            >>> knee.gear, knee.rotor_inertia, knee.inertia  # the last at the joint [kg m2]
+            (100.0, 1e-05, 0.1)
+        """
+        stated = rotors_of(self.element, self.urdf.name, self.source.srdf, self.limits, self.actuated_names)
+        return {rotor.joint: rotor.motor for rotor in stated}
 
     def mimics(self) -> list[JointCoupling]:
         """The joint couplings of its URDF's <mimic> tags, as `rbd.constraints.mimics`."""
