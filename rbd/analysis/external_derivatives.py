@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import pinocchio as pin
 
 from rbd.analysis.differences import STEP, slope
 from rbd.arrays import Array, as_array, check_finite
 from rbd.errors import InputError
+from rbd.model.chart import Charts
 from rbd.model.external import External, ForceElement, applied, elements_of
 from rbd.model.state import State
 
@@ -64,5 +64,6 @@ def _differences(element: ForceElement, state: State) -> tuple[Array, Array]:
 
         return np.column_stack([by(i) for i in range(robot.nv)])
 
-    by_q = along(lambda dq: State(robot, pin.integrate(robot.model, q, dq), v), STEP, "q")
+    chart = Charts(robot).at(q)
+    by_q = along(lambda dq: State(robot, chart.q(dq), v), STEP, "q")
     return by_q, along(lambda dv: State(robot, q, v + dv), 10.0 * STEP, "v")

@@ -287,7 +287,7 @@ def _busiest_motor(x: Trajectory) -> str:
     robot: CheckedModel = x.robot
     if not robot.nu or not np.abs(x.tau).max(initial=0.0):
         return ""
-    used = np.abs(x.tau) / robot.effort_limit
+    used = robot.torque_use(x.tau, x.v)
     if not used.max() > 0.0:
         used = np.abs(x.tau)
     at, i = np.unravel_index(int(np.argmax(used)), used.shape)

@@ -23,6 +23,7 @@ from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.contact_points import slide, stopping
 from rbd.simulation.event_detection import EventDetection
+from rbd.simulation.event_samples import crossed_in_step, crossed_smoothly
 from rbd.simulation.instant import HalfStep
 from rbd.simulation.motion import Event, Motion, Sample, stored
 from rbd.simulation.recording import constraint_forces, least_forces
@@ -66,9 +67,13 @@ class RungeKutta4(Displayed):
         smooth = SmoothMotion(motion, state)
         lengths = _lengths(times)
         stage = smooth.start(state, times[0], lengths[0])
+        motion.watch(stage.state, times[0])
         yield smooth.sample(stage)
         for (t, end), h in zip(pairwise(times), lengths[1:], strict=True):
-            stage = smooth.begun(_kutta_step(smooth, stage, t, end), h)
+            reached = _kutta_step(smooth, stage, t, end)
+            if motion.search and (yield from crossed_smoothly(smooth, t, reached, partial(_kutta_step, smooth, stage, t))):
+                return
+            stage = smooth.begun(reached, h)
             yield smooth.sample(stage)
 
 
@@ -141,13 +146,19 @@ class DormandPrince8(Displayed):
         smooth = SmoothMotion(motion, state)
         stop = _next_stop(times[0], times, motion.sample_period)
         stage = smooth.start(state, times[0], min(self.longest, stop - times[0]))
+        motion.watch(stage.state, times[0])
         yield smooth.sample(stage)
         at, h = 1, None
         while at < len(times):
-            step = _AdaptiveStep(smooth, stage, self, stop, h)
+            step, since = _AdaptiveStep(smooth, stage, self, stop, h), stage.t
             while at < len(times) and times[at] < step.end.t:
-                yield smooth.sample(step.at(times[at]))
-                at += 1
+                inside = step.at(times[at])
+                if motion.search and (yield from crossed_smoothly(smooth, since, inside, step.at, step.state_at)):
+                    return
+                yield smooth.sample(inside)
+                at, since = at + 1, times[at]
+            if motion.search and (yield from crossed_smoothly(smooth, since, step.end, step.at, step.state_at)):
+                return
             stop, h, length = _next_stop(step.end.t, times, motion.sample_period), step.next, step.end.t - stage.t
             stage = smooth.begun(step.end, min(self.longest, stop - step.end.t) or length)
             if at < len(times) and times[at] == stage.t:
@@ -209,9 +220,17 @@ class _AdaptiveStep:
 
     def at(self, t: float) -> Stage:
         """A stage within the step, by dense output, on the constraints."""
+        return self._landed(t, self._dense(t))
+
+    def state_at(self, t: float) -> State:
+        """The state within the step, as `at`, without its acceleration."""
+        y = self._dense(t)
+        return self._smooth.placed(self._chart.q(y[: self._n]), y[self._n : 2 * self._n], t).state
+
+    def _dense(self, t: float) -> Array:
         if self._between is None:
             self._between = self._code.dense_output()
-        return self._landed(t, self._between(t))
+        return self._between(t)
 
     def _landed(self, t: float, y: Array) -> Stage:
         xi, v, work = y[: self._n], y[self._n : 2 * self._n], y[2 * self._n :]
@@ -272,6 +291,7 @@ class TimeStepping(Displayed):
         system = StepSystem(motion, state, impact_speed=self.impact_speed, impacts=self.impacts, extrapolate=self.extrapolate)
         detection, last, tells = EventDetection(), len(times) - 1, motion.hook is not None
         now, passed = system.begin(state, times[0])
+        motion.watch(now.at.state, times[0])
         detection.add(passed)
         for k, t in enumerate(times):
             h = times[k + 1] - t if k < last else t - times[k - 1] if k else 1e-3
@@ -280,9 +300,13 @@ class TimeStepping(Displayed):
             half = system.half_step(now, h)
             make = _recorded if motion.recorded(k, times) else _passed_by
             yield make(system, half, detection.taken())
-            if k < last:
-                now, passed = system.step(half, times[k + 1])
-                detection.add(passed)
+            if k == last:
+                return
+            end = system.step(half, times[k + 1])
+            if motion.search and (yield from crossed_in_step(system, half, end, times[k + 1], detection, _recorded)):
+                return
+            now, passed = end
+            detection.add(passed)
 
 
 def _passed_by(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:

@@ -147,11 +147,16 @@ class SmoothMotion:
         Raises:
             NoSolution: as `at`; or the constraints cannot be satisfied.
         """
+        held = self.placed(q, v, t)
+        self._solver.learn(held)
+        return self._stage(held, t)
+
+    def placed(self, q: Array, v: Array, t: float) -> StackedRows:
+        """The state and the rows of `landed`, without the acceleration."""
         held = self._anchored.rows(self.motion.reached(q, v, t))
         if self._projection is not None and len(held.J):
             held = self._projected(held, self._projection, t)
-        self._solver.learn(held)
-        return self._stage(held, t)
+        return held
 
     def powers(self, first: Stage, stage: Stage) -> Array:
         """Powers whose integrals over a step are work [W]: of the motors if there are any, then of force elements, likewise.

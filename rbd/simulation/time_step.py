@@ -38,13 +38,12 @@ from rbd.simulation.contact_gaps import BodySizes, Correction, first_crossing
 from rbd.simulation.contact_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
 from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.ground_dynamics import GroundDynamics
+from rbd.simulation.impacts import AT_REST, impact_answer
 from rbd.simulation.implicit_forces import ElementTerms, ImplicitElements
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, WholeStep
 from rbd.simulation.motion import Motion
 from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
 
-_AT_REST = 1e-7
-"""A point that arrives more slowly than this [m/s, rad/s] needs no impulse."""
 _SLOW = 0.2
 """Longest half step over the time scale of force elements in which their forces are taken as constant."""
 
@@ -264,7 +263,7 @@ class StepSystem:
             return end.layout.nothing
         deep: Array = ~half.active_in(end.layout) & (end.gap < -self.sizes.tolerances(end, start.gaps).tight)
         if end.layout is not start.at.layout and deep.any():
-            deep &= PointMatching(start.at.layout, end.layout).known | (end.approach < -_AT_REST)
+            deep &= PointMatching(start.at.layout, end.layout).known | (end.approach < -AT_REST)
         return deep
 
     def _sliding_end(self, half: HalfStep, answer: VelocityAnswer, h: float) -> float:
@@ -356,19 +355,16 @@ class StepSystem:
         touches, approach, slow = now.touching, at.approach, -self.impact_speed
         if len(approach) and now.closed is layout.everything and not first and approach[approach.argmin()] >= slow:
             return now
-        limit = -_AT_REST if first else np.where(now.closed, slow, -_AT_REST)
+        limit = -AT_REST if first else np.where(now.closed, slow, -AT_REST)
         arrives = touches & layout.pushes & (approach < limit)
-        if not arrives.any() and (not first or at.drift_rate <= _AT_REST):
+        if not arrives.any() and (not first or at.drift_rate <= AT_REST):
             return replace(now, leaves=self._leaves(at)) if first else now
         if arrives.any():  # points within the gap of closed ones take part in the impact
             touches = touches | (at.gap <= now.gaps.loose)
             arrives = touches & layout.pushes & (approach < limit)
-        offset = at.velocity - at.J @ at.state.v
-        n = layout.normals[arrives]
-        e = np.array([self.restitution.get(layout.owners[i], 0.0) for i in np.flatnonzero(arrives)])
-        offset[n] += np.where(approach[arrives] < slow, e * approach[arrives], 0.0)
-        M, guess = at.state.M, np.zeros(len(offset))
-        answer = solve_velocity(at, touches, M @ at.state.v, offset, 0.0, guess, law=self.motion.law, norms=now.norms)
+        answer = impact_answer(
+            at, touches, arrives, self.restitution, plastic=self.impact_speed, law=self.motion.law, norms=now.norms
+        )
         after = self.snapshot(at.state.with_velocity(answer.v), now.t)
         leaves = self._leaves(after)
         passed.append(ImpactRecord(now.t, layout, arrives, approach, answer.impulse[layout.normals], leaves))

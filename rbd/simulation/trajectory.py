@@ -373,6 +373,7 @@ class Trajectory(Displayed):
             partial(dict, acting),  # which a copy or a pickle includes
             **{name: float(x[i]) for name, x in self.residuals.items()},
             **{name: float(getattr(self, name)[i]) for name in ("motor_work", "elastic", "dissipated")},
+            found=None,
             events=self.events[since : bisect_right(self.events, self.t[i], key=_time)],
         )
 

@@ -17,7 +17,7 @@ from rbd.visual.marks.force_elements import ShownElement, element_marks, only_pu
 from rbd.visual.marks.joints import ShownTorque, constraint_torque_marks, motor_torques, torque_marks
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.others import LOOP_COLOR, Others, constraints_of, loop_marks, others_of, points_mark
-from rbd.visual.marks.support import com_marks, ground_under, not_supporting, support_marks, support_outline
+from rbd.visual.marks.support import DOWN, com_marks, ground_under, not_supporting, support_marks, support_outline
 from rbd.visual.marks.surfaces import ShownSurface, surface_marks, surfaces_of
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ class Picture:
         surfaces: Planes that the contacts touch, other than the floor.
         outline: Corners of the support polygon, each on the plane of its contact, shape (k, 3) [m].
         unshown: What of the external forces and constraints has no picture, in words.
+        gravity: In W, shape (3,) [m/s2].
     """
 
     com: Array
@@ -49,6 +50,7 @@ class Picture:
     surfaces: tuple[ShownSurface, ...] = ()
     outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
     unshown: tuple[str, ...] = ()
+    gravity: Array = field(default_factory=DOWN.copy)
     elements: tuple[ShownElement, ...] = ()
 
     @classmethod
@@ -63,9 +65,9 @@ class Picture:
         pushed, unshown = pushes(state, only_pushes(external))
         elements, words = shown_elements(state, known_external(solution) if external is None else external)
         unshown += words
-        com = np.asarray(state.com, float)
+        com, gravity = np.asarray(state.com, float), state.robot.gravity
         if solution is None:
-            return cls(com, pushes=tuple(pushed), unshown=tuple(unshown), elements=tuple(elements))
+            return cls(com, pushes=tuple(pushed), unshown=tuple(unshown), gravity=gravity, elements=tuple(elements))
         contacts = tuple(shown_forces(solution))
         given = constraints_of(solution)
         keeper: Any = getattr(solution, "problem", solution)
@@ -79,6 +81,7 @@ class Picture:
             tuple(surfaces_of(contacts, given)),
             support_outline(contacts),
             (*unshown, *others.left_out),
+            gravity,
             tuple(elements),
         )
 
@@ -98,7 +101,7 @@ class Picture:
         drawn: list[Mark] = []
         for i, surface in enumerate(self.surfaces):
             drawn += surface_marks(i, surface, sizes)
-        drawn += com_marks(self.com, sizes, ground_under(self.com, self.contacts))
+        drawn += com_marks(self.com, sizes, ground_under(self.com, self.contacts), self.gravity)
         drawn += support_marks(self.outline, sizes)
         for contact in self.contacts:
             drawn += contact_marks(contact, colors[contact.name], sizes)

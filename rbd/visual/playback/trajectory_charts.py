@@ -119,7 +119,7 @@ def _torques(shown: Any) -> Chart | None:
     if not tau.shape[1]:
         return None
     if np.isfinite(robot.effort_limit).any():
-        share = 100.0 * tau / robot.effort_limit
+        share = 100.0 * (robot.torque_use(shown.tau, shown.v) if robot.torque_lines else tau / robot.effort_limit)
         return most_used("torques", "motor torques, % of their limits", robot.actuated_names, share, limit=100.0)
     if not tau.any():
         return None
