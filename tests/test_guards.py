@@ -653,7 +653,8 @@ CASES: dict[str, Case] = {
     ),
     "load_robot": Case(
         rbd.load_robot,
-        {"name_or_path": str(URDF), "root": "free_flyer", "passive": ["root_joint"], "package_dirs": ["."], "limits": None},
+        {"name_or_path": str(URDF), "root": "free_flyer", "passive": ["root_joint"], "package_dirs": ["."], "limits": None}
+        | {"gravity": (0.0, 0.0, -1.62), "plane": None},
     ),
     "load_robot, its feet": Case(rbd.load_robot, {"name_or_path": str(URDF), "feet": ["box"]}),
     "load_robot, its loops": Case(
@@ -778,6 +779,16 @@ CASES: dict[str, Case] = {
         lambda foot: SOLUTION.with_forces({SOLUTION.problem.rows[0].name: foot}), {"foot": [2.0]}
     ),
     "State.with_velocity": Case(STATE.with_velocity, {"v": V}),
+    "State.with_joint_velocities": Case(
+        lambda values, rate: (
+            STATE.with_joint_velocities(values),
+            STATE.with_joint_velocities({list(BOLT.joints)[3]: rate}),
+        ),
+        {"values": {"root_joint": V[:6]}, "rate": 0.3},
+    ),
+    "Robot.with_gravity": Case(
+        lambda gravity: rbd.State(BOLT.with_gravity(gravity), STATE.q).h, {"gravity": (0.5, 0.0, -9.0)}, 20
+    ),
     "State.with_joints": Case(
         lambda values, angle: (STATE.with_joints(values), STATE.with_joints({list(BOLT.joints)[3]: angle})),
         {"values": {"root_joint": STATE.q[:7]}, "angle": 0.3},
