@@ -110,7 +110,8 @@ class SimulateReport:
             "reason_code": x.end_reason.code,
             "verdict": self.verdict,
             "energy": {"start": float(x.energy[0]), "end": float(x.energy[-1]), "change": float(x.energy[-1] - x.energy[0]),
-                       "largest_kinetic": float(x.kinetic.max()), "motor_work": float(x.motor_work[-1])},
+                       "largest_kinetic": float(x.kinetic.max()), "motor_work": float(x.motor_work[-1]),
+                       "elastic": float(x.elastic[-1]), "dissipated": float(x.dissipated[-1])},
             "residuals": residuals,
             "constraints": {name: self._constraint(name) for name in x.forces},
             "events": [{"t": e.t, "name": e.name, "kind": e.kind, "point": e.point, "speed": e.speed, "impulse": e.impulse}

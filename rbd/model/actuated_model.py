@@ -29,7 +29,7 @@ class ActuatedModel(Travelling):
         """Make the tables of the motors: of all joints but free-flyers and passive ones."""
         driven = [joint for joint in self.joints.values() if joint.kind != "FreeFlyer" and joint.name not in self.passive]
         motors = [(joint.name, i) for joint in driven for i in range(joint.v.start, joint.v.stop)]
-        self.actuated = np.array([i for _, i in motors], dtype=int)
+        self.actuated = self.joints.actuated = np.array([i for _, i in motors], dtype=int)
         self.unactuated = np.setdiff1d(np.arange(self.nv), self.actuated)
         self.actuated_names = tuple(n for n, _ in motors)
         self.nu = len(motors)

@@ -6,9 +6,10 @@ reaches it here unchecked.
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, Self
 
 import numpy as np
 import pinocchio as pin
@@ -20,8 +21,10 @@ from rbd.errors import FrameNotFound, InputError, ModelError, nearest
 from rbd.installation import check_whole
 from rbd.model.actuated_model import ActuatedModel
 from rbd.model.data_pool import DataPool
+from rbd.model.gravity import checked_gravity
 from rbd.model.joint_errors import UNIT_TOLERANCE
 from rbd.model.joints import Coordinate, Joints
+from rbd.model.planar_base import Plane, base_turn, plane_of_base
 from rbd.model.travelling import Recipe, packed, unpacked
 
 check_whole()  # the version of the installed Pinocchio
@@ -95,6 +98,11 @@ class CheckedModel(ActuatedModel, Displayed):
         return float(pin.computeTotalMass(self.model))  # not cached: the equations of motion, too, read the present model
 
     @lazy
+    def base_turn(self) -> pin.SE3 | None:
+        """X_JB from the axes of a planar base's joint to those of its link; None where they are the same."""
+        return base_turn(self.model)
+
+    @lazy
     def least_inertia(self) -> Array:
         """Of min(1, M_ii), shape (nv,): a quarter of the least of a few random postures. A scale of residuals, no bound."""
         data, rng = self.model.createData(), np.random.default_rng(0)
@@ -106,9 +114,36 @@ class CheckedModel(ActuatedModel, Displayed):
         return least
 
     @property
+    def plane(self) -> Plane | None:
+        """The plane of W in which its base slides, "xy", "xz" or "yz"; None where the base is no planar joint."""
+        return plane_of_base(self.model)
+
+    @property
     def gravity(self) -> Array:
         """In W, shape (3,) [m/s2]."""
         return np.array(self.model.gravity.linear)
+
+    def with_gravity(self, gravity: Sequence[float] | Array) -> Self:
+        """The same robot in a world with another gravity; this one is not changed.
+
+        Planes and normals of contacts stay where they are: under a gravity that leans, level ground is an incline. Weight,
+        balance, `potential_energy`, `standing` of robots on two points, support regions and simulations follow.
+
+        Args:
+            gravity: In W, shape (3,) [m/s2]; zero too.
+
+        Raises:
+            InputError: not three finite numbers, or more than 1e4 m/s2.
+
+        Example:
+            >>> solo = rbd.load_robot("solo12").with_gravity((0.0, 0.0, -1.62))  # on the Moon
+            >>> print(f"{rbd.hold(solo.standing(), solo.feet()).forces['front_left'][2]:.3f} N")
+            1.013 N
+        """
+        given = checked_gravity(gravity)
+        out = copy.deepcopy(self)
+        out.model.gravity.linear = given
+        return out
 
     @property
     def force_unit(self) -> float:

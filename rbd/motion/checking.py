@@ -19,7 +19,7 @@ from rbd.motion.missing import least_effort, least_wrench, nearest_acceleration
 from rbd.motion.motion import Motion
 from rbd.motion.report import CheckSettings, MotionReport
 from rbd.motion.self_collision import self_collisions
-from rbd.simulation.run import progress_of
+from rbd.simulation.progress_bar import progress_of
 
 BLOCK = 2048
 """Frames computed at once: those of an hour would not fit into memory."""

@@ -21,7 +21,7 @@ from rbd.motion.lanes import Lanes
 from rbd.motion.motion import Motion
 from rbd.motion.nearest import nearest_motion
 from rbd.motion.self_collision import SelfCollisions
-from rbd.simulation.run import progress_of
+from rbd.simulation.progress_bar import progress_of
 
 if TYPE_CHECKING:
     from pathlib import Path

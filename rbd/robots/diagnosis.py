@@ -40,8 +40,12 @@ SUMMARY = {
     "mesh": ("mesh is missing", "meshes are missing"),
     "effort": ("motor has no effort limit", "motors have no effort limit"),
     "friction": (
-        "joint has damping or friction that the dynamics leave out",
-        "joints have damping or friction that the dynamics leave out",
+        "joint has damping or friction, which act where robot.joint_damping() or joint_frictions() are given",
+        "joints have damping or friction, which act where robot.joint_damping() or joint_frictions() are given",
+    ),
+    "joint spring": (
+        "joint has a spring, which acts where external=robot.joint_springs() is given",
+        "joints have springs, which act where external=robot.joint_springs() is given",
     ),
     "spring": ("joint has a spring that is left out", "joints have springs that are left out"),
     "gravcomp": ("body has its weight, which the file takes off it", "bodies have their weight, which the file takes off them"),
@@ -336,8 +340,8 @@ def _friction(model: pin.Model) -> Iterator[ModelIssue]:
     damping, friction = np.array(model.damping), np.array(model.upperDryFrictionLimit)
     for i in np.flatnonzero((damping != 0.0) | (np.isfinite(friction) & (friction != 0.0))):
         name = _joint_of(model, int(i), "idx_v", "nv")
-        text = f"damping {damping[i]:.3g} and dry friction {friction[i]:.3g} are in no term of the dynamics"
-        yield ModelIssue("friction", name, text)
+        text = f"damping {damping[i]:.3g} and dry friction {friction[i]:.3g} act only where they are given: "
+        yield ModelIssue("friction", name, text + "external=robot.joint_damping(), and robot.joint_frictions() as constraints")
 
 
 def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple[ModelIssue, bool]]:

@@ -61,6 +61,17 @@ class ShapedRobot(CheckedModel):
             return read_xml(self.source.urdf, self.limits)
         return ElementTree.fromstring(zlib.decompress(self._text))
 
+    @property
+    def text(self) -> str:
+        """The text of its file as it was loaded, without comments; of a robot of the catalogue as the file is now.
+
+        Raises:
+            ModelError: the file cannot be read.
+        """
+        if self._text is None:
+            return ElementTree.tostring(self.element, encoding="unicode")
+        return zlib.decompress(self._text).decode()
+
     @lazy
     def visual_model(self) -> pin.GeometryModel:
         """Meshes and shapes to draw, boxes in place of meshes that cannot be loaded; the first use warns of those."""

@@ -12,6 +12,7 @@ from rbd.constraints.constraint import Constraint, has_friction, rows_of
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import CannotHold, CannotMove, Reason
 from rbd.model.actuated_model import on_its_line
+from rbd.model.gravity import LEAST_FALL, along_gravity, is_along_z
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import CONIC_STEPS, FRICTION_PROGRAMS
 from rbd.statics.actuation import Actuation
@@ -135,8 +136,13 @@ class Refusal:
         ground = [patch.point + patch.corners @ patch.axes.T for patch in patches]
         if not ground:
             return ""
-        d = inside_distance(self.loads.state.com[:2], convex_hull(np.concatenate(ground)[:, :2]))
-        return f", seen from above {-1e3 * d:.1f} mm outside the hull of the contact points" if d < -1e-4 else ""
+        g = self.loads.state.robot.gravity
+        if not abs(g[2]) > LEAST_FALL * np.linalg.norm(g):
+            return ""
+        points = along_gravity(g, np.concatenate([self.loads.state.com[None], *ground]))
+        d = inside_distance(points[0], convex_hull(points[1:]))
+        seen = "from above" if is_along_z(g) else "along gravity"
+        return f", seen {seen} {-1e3 * d:.1f} mm outside the hull of the contact points" if d < -1e-4 else ""
 
     def _why_friction(self) -> tuple[str, str] | None:
         """(detail, sentences): whether more friction would do, and how much; None where none would."""
