@@ -57,6 +57,8 @@ def contact_answers() -> Iterator[object]:
     held = rbd.hold(state, soles)
     push = rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))
     yield from (talos, talos.joints, talos.joints["leg_left_4_joint"], state, held, push, rbd.doctor(talos))
+    motors = {"leg_left_4_joint": rbd.Motor(gear=100.0, rotor_inertia=1e-5, torque_speed=[(0.0, 300.0), (5.0, 0.0)])}
+    yield from (motors["leg_left_4_joint"], talos.with_motors(motors))
     yield from (held.uniqueness(), rbd.statics.Effort({"leg_left_4_joint": 2.0}, normal_force={"left_sole": (10.0, 900.0)}))
     yield state.frame("left_sole_link")
     for solver in (rbd.ProxQP(), rbd.ConeSolver()):

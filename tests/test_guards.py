@@ -474,6 +474,15 @@ CASES: dict[str, Case] = {
     "RollingDisk": rolling_case(rbd.RollingDisk, axis=np.array([0.0, 1.0, 0.2])),
     "RollingWheel": rolling_case(rbd.RollingWheel, axis=(0, 1, 0), friction=None),
     "joint_limits": Case(rbd.constraints.joint_limits, {"robot": BOLT, "margin": 0.1}),
+    "Motor": Case(
+        lambda **given: BOLT.with_motors({BOLT.actuated_names[0]: rbd.Motor(**given)}),
+        {"limit": 4.0, "gear": 9.0, "speed_limit": 20.0, "torque_speed": [(0.0, 4.0), (9.0, 0.0)], "rotor_inertia": 1e-5},
+    ),
+    "Robot.with_motors": Case(
+        lambda motor, **given: BOLT.with_motors({BOLT.actuated_names[0]: motor}, **given),
+        {"motor": rbd.Motor(limit=3.0), "others_passive": True},
+    ),
+    "Robot.torque_limits": Case(BOLT.torque_limits, {"v": V}),
     "Robot.is_like": Case(BOLT.is_like, {"other": BOLT}),
     "Robot.joint_limits": Case(BOLT.joint_limits, {"margin": 0.1}),
     "joint_frictions": Case(rbd.constraints.joint_frictions, {"robot": BOLT}),
@@ -656,6 +665,7 @@ CASES: dict[str, Case] = {
         {"name_or_path": str(URDF), "root": "free_flyer", "passive": ["root_joint"], "package_dirs": ["."], "limits": None}
         | {"gravity": (0.0, 0.0, -1.62), "plane": None},
     ),
+    "load_robot, its rotors": Case(rbd.load_robot, {"name_or_path": str(URDF), "rotors": True}),
     "load_robot, its feet": Case(rbd.load_robot, {"name_or_path": str(URDF), "feet": ["box"]}),
     "load_robot, its loops": Case(
         rbd.load_robot, {"name_or_path": str(LOOPED), "root": "fixed", "loops": str(LOOPED.with_suffix(".loops.yaml"))}
@@ -1417,6 +1427,7 @@ def public() -> Iterator[str]:
 
 
 INNER = {"State.moving", "State.balance", "State.base_pose", "State.joint_places", "State.joint_motion", "dynamics.polarised"}
+INNER |= {"Robot.limits_at", "Robot.torque_use", "Robot.too_fast"}
 """What constraints and problems call, with what was checked."""
 
 
