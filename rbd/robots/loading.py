@@ -147,7 +147,7 @@ def _loaded(
     closing = loop_file_of(source, loops)
     root = root or (closing.root if closing else None) or "free_flyer"
     file = read(
-        source.urdf,
+        source.place,
         limits,
         base=ROOTS[root],
         known=source.known,
@@ -212,5 +212,5 @@ def doctor(robot: Robot) -> ModelReport:
         gone = ModelIssue("file", source.urdf.name, "is no longer there; this is what was found when it was loaded")
         return replace(robot.report, notes=(*robot.report.notes, gone))
     folders = source.package_dirs
-    file = read(source.urdf, robot.limits, base=ROOTS[robot.root], folders=folders, leave_out=robot.leave_out, data=data)
+    file = read(source.place, robot.limits, base=ROOTS[robot.root], folders=folders, leave_out=robot.leave_out, data=data)
     return examine(robot, file, robot.postures, source.package_dirs)

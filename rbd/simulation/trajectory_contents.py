@@ -244,7 +244,7 @@ def recipe(robot: CheckedModel) -> dict[str, Any]:
     return out | {
         "file": "" if texts else name if by_name else str(robot.urdf.resolve()),
         **texts,
-        "root": robot.root,
+        "root": None if robot.urdf.suffix == ".xml" else robot.root,  # an MJCF says itself
         "passive": sorted(robot.passive),
         "loops": loops,
         "package_dirs": [] if robot.source.known else [str(folder) for folder in robot.source.package_dirs],
