@@ -8,15 +8,18 @@ from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
+from rbd.arrays import Array, check_flag
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model import mjcf
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import build_model, check_freedoms, read
+from rbd.model.gravity import STANDARD, checked_gravity, is_standard
 from rbd.model.input_files import FileLimits, parse_xml
+from rbd.model.planar_base import Plane, checked_plane
 from rbd.model.travelling import Recipe
 from rbd.robots import catalogue, travelling
-from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse
+from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse, with_rotors
 from rbd.robots.feet import registered
 from rbd.robots.loop_file import ROOTS, LoopFile, Root
 from rbd.robots.loops import loop_file_of, mechanism
@@ -34,6 +37,9 @@ def load_robot(
     loops: str | os.PathLike[str] | LoopFile | bool | None = True,
     leave_out: Collection[str] = (),
     feet: Sequence[str | SurfaceContact | PointContact] | None = None,
+    gravity: Sequence[float] | Array | None = None,
+    plane: Plane | None = None,
+    rotors: bool = False,
 ) -> Robot:
     """A robot by its short name, the name of a file of example-robot-data, the path of a URDF or MJCF file, or its text.
 
@@ -42,8 +48,8 @@ def load_robot(
         text: The URDF or MJCF itself, as a string or as bytes in UTF-8, in place of a name or path. No file is written. The
             robot's `urdf` is then a name in "(in memory)", which is no file. Meshes and included files come from
             `package_dirs` only.
-        root: "free_flyer" gives it six unactuated coordinates, position and quaternion; "planar" three, on the ground: x, y
-            and the cosine and sine of its heading; "fixed" welds its root link to the world (and so drops that link's mass).
+        root: "free_flyer" gives it six unactuated coordinates, position and quaternion; "planar" three, in `plane`: x, y and
+            the cosine and sine of its heading; "fixed" welds its root link to the world (and so drops that link's mass).
             By default that of the loop file, else "free_flyer". An MJCF file states itself whether it floats.
         passive: Joints without a motor, besides those of the loop file.
         package_dirs: Folders with the packages of `package://` meshes, or the meshes and included files of an MJCF that
@@ -52,12 +58,18 @@ def load_robot(
         loops: The file that closes its tree, see `rbd.robots.loop_file`, or its contents, `rbd.robots.LoopFile.of_text(...)`;
             by default `<stem>.loops.yaml` next to the robot's file, if there is one, and the <equality> of an MJCF. None
             leaves all loops open.
-        leave_out: What of an MJCF file is to be left out, where the equation of motion has no term for it and the file would
-            else be refused: "springs" of joints, "gravcomp", "tendons" with springs or inertia; "actuators" gives every joint
-            a motor without limits in place of those of the file.
+        leave_out: What of an MJCF file is to be left out: "gravcomp" and "tendons" with springs or inertia, for which the
+            equation of motion has no term, so that the file would else be refused; "springs" of joints, which are else in
+            `robot.joint_springs()`; "actuators" gives every joint a motor without limits in place of those of the file.
         feet: Its feet, in place of those of the catalogue, for `standing`, `feet`, `soles` and `rbd.find_pose`: frames, each
             with the flat underside of its body's collision shapes (for a ball, its lowest point), taken in the standing
             posture, else in the neutral one; or surface and point contacts, whose friction and ground `robot.feet` replaces.
+        gravity: In W, shape (3,) [m/s2]; zero too. By default that of an MJCF's <option>, else (0, 0, -9.81). The planes of
+            contacts stay: see `robot.with_gravity`.
+        plane: Of a planar root, the axes of W along which it slides: "xy", the ground, by default; "xz" upright, where it turns
+            counter-clockwise seen from -y, as `rbd.mechanism.link_angles` measures; "yz", seen from x. Its q has these two
+            coordinates, then cosine and sine of the angle.
+        rotors: Whether the rotor inertias of a URDF's transmissions and of its SRDF are added to M; see `Robot.rotors`.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
     reports it in full. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's and iCub's M is
@@ -86,16 +98,25 @@ def load_robot(
         raise InputError(f"limits is {limits!r:.80}; expected rbd.model.FileLimits(max_dof=...).")
     limits = FileLimits() if limits is None else limits
     mjcf.check_leave_out(leave_out)
+    fall = None if gravity is None else checked_gravity(gravity)
+    check_flag("rotors", rotors)
     source, data = _source(name_or_path, text, package_dirs, limits)
-    robot = _loaded(source, root, passive, limits, loops, leave_out, data)
+    robot = _loaded(source, root, passive, limits, loops, leave_out, plane, data)
     if feet is not None:
         robot.source = replace(source, feet=registered(robot, robot._collision, feet, robot._down()))
     plain = data is None and source.package_dirs[0] == source.urdf.parent
     named = plain and (loops is None or isinstance(loops, bool))
     place = travelling.known_place(source) if named else None
     if place is not None:
-        options = robot.root, sorted(robot.passive), None if limits == FileLimits() else limits, loops, sorted(robot.leave_out)
+        kept = None if limits == FileLimits() else limits
+        options = robot.root, sorted(robot.passive), kept, loops, sorted(robot.leave_out), robot.plane
         robot.known = Recipe(_known_again, (place, options, None if feet is None else robot.source.feet))
+    if rotors:
+        robot = robot.with_motors(robot.rotors())
+        assert robot.report is not None
+        robot.report = with_rotors(robot.report, robot)
+    if fall is not None:
+        robot.model.gravity.linear = fall  # last: its feet are where level ground under it would touch
     report = robot.report
     assert report is not None
     if not source.known:
@@ -141,6 +162,7 @@ def _loaded(
     limits: FileLimits,
     loops: str | os.PathLike[str] | LoopFile | bool | None,
     leave_out: Collection[str],
+    plane: Plane | None,
     data: bytes | None = None,
 ) -> Robot:
     """The robot of a file and its report, whatever is in that."""
@@ -155,7 +177,7 @@ def _loaded(
         leave_out=leave_out,
         data=data,
     )
-    model = build_model(file, root)
+    model = build_model(file, root, checked_plane(plane, root))
     if file.mjcf is not None:
         passive = tuple(joined(passive, mjcf.passive(file.mjcf)))
         root = "free_flyer" if model.nv and model.joints[1].shortname() == "JointModelFreeFlyer" else "fixed"
@@ -164,6 +186,7 @@ def _loaded(
         raise ModelError(f"nothing moves in {source.urdf.name}: it has no joints, and its root is fixed.")
     closed = mechanism(model, source.urdf.name, closing, file.equalities if loops else ())
     robot = Robot(model, source, root, passive, limits, closed, leave_out)
+    robot.springs = mjcf.springs(file.mjcf) if file.mjcf is not None and "springs" not in leave_out else {}
     if not source.known:
         robot._keep_text(file)
     robot.report = examine(robot, file, robot.postures, source.package_dirs)
@@ -176,8 +199,8 @@ def _known_again(
 ) -> Robot:
     """A robot of the catalogue in another process."""
     source = travelling.again_known(place)
-    root, passive, limits, loops, leave_out = options
-    robot = _loaded(source, root, passive, limits or FileLimits(), loops, leave_out)
+    root, passive, limits, loops, leave_out, plane = options
+    robot = _loaded(source, root, passive, limits or FileLimits(), loops, leave_out, plane)
     if feet is not None:
         robot.source = replace(source, feet=feet)
     travelling.check_same(robot, digest, versions)
@@ -206,11 +229,16 @@ def doctor(robot: Robot) -> ModelReport:
     """
     if not isinstance(robot, CheckedModel) or not hasattr(robot, "source"):
         raise InputError(f"doctor wants a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
-    source = robot.source
+    source, more = robot.source, []
     data = robot.text.encode() if source.in_memory else None
+    if not is_standard(robot.gravity):
+        told = f"is {(robot.gravity + 0.0).tolist()} m/s2, not {list(STANDARD)}; planes of contacts stay as they are"
+        more.append(ModelIssue("gravity", robot.name, told))
     if data is None and robot.report is not None and not source.urdf.is_file():
-        gone = ModelIssue("file", source.urdf.name, "is no longer there; this is what was found when it was loaded")
-        return replace(robot.report, notes=(*robot.report.notes, gone))
-    folders = source.package_dirs
-    file = read(source.place, robot.limits, base=ROOTS[robot.root], folders=folders, leave_out=robot.leave_out, data=data)
-    return examine(robot, file, robot.postures, source.package_dirs)
+        report = robot.report
+        more.append(ModelIssue("file", source.urdf.name, "is no longer there; this is what was found when it was loaded"))
+    else:
+        folders = source.package_dirs
+        file = read(source.place, robot.limits, base=ROOTS[robot.root], folders=folders, leave_out=robot.leave_out, data=data)
+        report = examine(robot, file, robot.postures, source.package_dirs)
+    return replace(report, notes=(*report.notes, *more)) if more else report

@@ -22,6 +22,7 @@ from rbd.installation import VERSION
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits
 from rbd.model.joints import FORCE_OF
+from rbd.model.motors import motors_of_plain, plain_motors
 from rbd.modules import xarray_or_error
 from rbd.robots import catalogue
 from rbd.robots.loading import load_robot
@@ -29,7 +30,7 @@ from rbd.robots.loop_file import beside
 from rbd.robots.robot import Robot
 from rbd.robots.travelling import given_texts, texts_of
 from rbd.simulation.motion import Event
-from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS, WORDS, Fields
+from rbd.simulation.trajectory_fields import COLUMNS, LATER, RESIDUALS, WORDS, Fields
 from rbd.simulation.trajectory_file import checksum, listed_in, words_in
 
 if TYPE_CHECKING:
@@ -114,7 +115,7 @@ def fields_of(
     return {
         "robot": robot_of(header["robot"], found(NUMBERS), folder, robot),
         "t": found("t"),
-        **{c.name: found(c.name) for c in COLUMNS},
+        **{c.name: found(c.name) for c in COLUMNS if c.name in arrays or c.name not in LATER},
         "residuals": {c.name: found(f"residual_{c.name}") for c in RESIDUALS},
         "forces": {name: found(f"force_{key[name]}") for name in names},
         "modes": {name: found(f"mode_{key[name]}", "U") for name in names},
@@ -133,7 +134,7 @@ def dataset_of(fields: Fields) -> xarray.Dataset:
     for name, key in keys(tuple(fields["forces"])).items():
         m = fields["forces"][name].shape[1]
         coords[f"{key}_row"] = SPATIAL[:m] if name in fields["points"] and m in (3, 6) else np.arange(m).astype(str)
-    energy: Variable = "energy", fields["kinetic"] + fields["potential"], [], "J", "kinetic and potential energy"
+    energy: Variable = "energy", fields["kinetic"] + fields["potential"] + fields["elastic"], [], "J", "whole energy"
     variables: dict[str, Any] = {}
     for name, x, dims, unit, meaning in [*_variables(fields), energy]:
         variables[name] = (["time", *dims], x, {"long_name": meaning} | ({"units": unit} if unit else {}))
@@ -245,11 +246,14 @@ def recipe(robot: CheckedModel) -> dict[str, Any]:
         "file": "" if texts else name if by_name else str(robot.urdf.resolve()),
         **texts,
         "root": None if robot.urdf.suffix == ".xml" else robot.root,  # an MJCF says itself
+        "plane": robot.plane,
         "passive": sorted(robot.passive),
         "loops": loops,
         "package_dirs": [] if robot.source.known else [str(folder) for folder in robot.source.package_dirs],
         "limits": asdict(robot.limits),
         "leave_out": sorted(robot.leave_out),
+        "gravity": None if np.array_equal(robot.gravity, robot._as_made.gravity.linear) else robot.gravity.tolist(),
+        "motor_data": plain_motors(robot.motor_data),
     }
 
 
@@ -327,7 +331,7 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModelWarning)  # they were given when the robot was first loaded
-            return load_robot(
+            loaded = load_robot(
                 file or None,
                 **(text or {"loops": loops}),
                 root=given.get("root"),
@@ -335,7 +339,11 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
                 package_dirs=given.get("package_dirs", ()),
                 limits=FileLimits(**given.get("limits", {})),
                 leave_out=given.get("leave_out", ()),
+                gravity=given.get("gravity"),
+                plane=given.get("plane"),
             )
+            motors = motors_of_plain(given.get("motor_data"))
+            return loaded.with_motors(motors) if motors else loaded
     except (RbdError, TypeError) as error:
         raise ModelError(
             f"the robot of this motion cannot be loaded again: {error} Give it: Trajectory.load(path, robot=...)."

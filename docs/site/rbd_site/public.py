@@ -16,6 +16,7 @@ PACKAGES = tuple(
     f"rbd.{name}"
     for name in (
         *("dynamics", "constraints", "problem", "solvers", "analysis", "robots", "model", "statics", "control", "mechanism"),
+        "small_motion",
         *("simulation", "motion", "many", "studies", "planar", "visual", "testing", "errors"),
     )
 )
@@ -30,7 +31,8 @@ GROUPS = {
         VelocityConstraint FunctionConstraint
     """,
     "Torques": "hold inverse_dynamics Actuation",
-    "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8",
+    "Small motion": "linearise find_equilibrium find_steady_motion",
+    "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8 impact",
     "Motions": "Motion check_motion estimate_forces",
     "Studies": "study grid sample",
     "Errors": "RbdError InputError NoSolution CannotHold CannotMove",
