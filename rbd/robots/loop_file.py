@@ -4,6 +4,7 @@ A URDF is a tree. `four_bar.loops.yaml` next to `four_bar.urdf` closes it; `load
 left out:
 
     root: fixed                         # or planar, or free_flyer: what load_robot takes by default
+    plane: xz                           # of a planar root: xy (the ground), xz or yz
     passive: [coupler_joint]            # joints that carry no motor
     frames:                             # more frames, on links of the robot [m, rad]
       coupler_tip: {link: coupler, xyz: [0.12, 0, 0], rpy: [0, 0, 0]}
@@ -47,6 +48,7 @@ from rbd.constraints.nonholonomic import KnifeEdge
 from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, nearest
+from rbd.model.planar_base import PLANES, Plane
 from rbd.model.urdf import FARTHEST, LARGEST, LONGEST_NAME
 
 Root = Literal["free_flyer", "fixed", "planar"]
@@ -55,7 +57,7 @@ Triple = tuple[float, float, float]
 ENDING = ".loops.yaml"
 ROOTS: dict[Root, int] = {"free_flyer": 6, "planar": 3, "fixed": 0}
 """Kinds of root joint, and their degrees of freedom."""
-PARTS = ("root", "passive", "frames", "loops", "couplings", "wheels", "postures")
+PARTS = ("root", "plane", "passive", "frames", "loops", "couplings", "wheels", "postures")
 LARGEST_FILE = 200_000
 """Bytes. Larger files would take seconds to read, and no robot needs them."""
 DEEPEST = 8
@@ -79,6 +81,7 @@ class LoopFile(Displayed):
     Attributes:
         name: Of the file, for messages.
         root: Kind of the robot's root joint, if given.
+        plane: Of a planar root, if given.
         passive: Joints without a motor.
         frames: To be added to the robot.
         loops: Closures, then couplings, as constraints.
@@ -94,6 +97,7 @@ class LoopFile(Displayed):
 
     name: str = ""
     root: Root | None = None
+    plane: Plane | None = None
     passive: tuple[str, ...] = ()
     frames: tuple[NamedFrame, ...] = ()
     loops: tuple[Constraint, ...] = ()
@@ -115,11 +119,7 @@ class LoopFile(Displayed):
         """
         if not isinstance(text, str) or not isinstance(name, str):
             raise InputError(f"the text of a loop file is {text!r:.80}; expected YAML as a string.")
-        try:
-            data = text.encode()
-        except UnicodeEncodeError as error:
-            raise InputError(f"a loop file has the character {error.object[error.start]!r}, which UTF-8 has not.") from None
-        return _contents(name, data)
+        return _contents(name, text.encode(errors="surrogatepass"))  # which then is no UTF-8
 
 
 @dataclass(frozen=True)
@@ -215,6 +215,9 @@ def _contents(file: str, data: bytes) -> LoopFile:
     root = top.get("root")
     if root is not None and not (isinstance(root, str) and root in ROOTS):
         what.stop(f"root is {root!r:.80}; expected one of {', '.join(ROOTS)}.")
+    plane = top.get("plane")
+    if plane is not None and not (root == "planar" and isinstance(plane, str) and plane in PLANES):
+        what.stop(f"plane is {plane!r:.80}; expected one of {', '.join(PLANES)}, with `root: planar`.")
     marks = what.mapping("frames", top.get("frames", {}))
     frames = tuple(what.frame(name, entry) for name, entry in marks.items())
     loops, couplings, wheels = (what.constraints(part, top) for part in ("loops", "couplings", "wheels"))
@@ -223,7 +226,7 @@ def _contents(file: str, data: bytes) -> LoopFile:
         if names.count(name) > 1:
             what.stop(f"{names.count(name)} constraints are called {name!r:.80}; expected different names.")
     passive, postures = what.words("passive", top.get("passive", [])), what.postures(top.get("postures", {}))
-    return LoopFile(file, root, passive, frames, (*loops, *couplings), wheels, postures, data.decode())
+    return LoopFile(file, root, plane, passive, frames, (*loops, *couplings), wheels, postures, data.decode())
 
 
 @dataclass(frozen=True)
