@@ -29,10 +29,12 @@ least_constraint
 many
 statics
 mechanism
+small_motion
 control
 simulation
 planar
 motion
+identification
 visual testing studies
 cli
 __main__
@@ -40,7 +42,7 @@ __main__
 """A room imports those of the lines above it, and its own modules; two rooms of a line know nothing of each other."""
 
 LAYERS = {room: layer for layer, line in enumerate(ORDER.split("\n")) for room in line.split()}
-DRAWN = re.compile(r"^(show|plot|export|replay|video|_repr_.*_$)")
+DRAWN = re.compile(r"^(show|scene$|plot|export|replay|video|_repr_.*_$)")
 """Methods of records that draw: they may import `rbd.visual` inside themselves."""
 
 

@@ -45,6 +45,7 @@ FROZEN = {
     33: "cannot_reach",
     34: "cannot_reach: proved",
     35: "singular_pose",
+    36: "no_steady_state",
     40: "cannot_hold",
     41: "cannot_hold: friction",
     42: "cannot_hold: motor",

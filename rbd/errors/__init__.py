@@ -20,6 +20,7 @@
         CannotAssemble                  loops that do not close, or not from here; names the rows and the distance
         CannotReach                     no pose satisfies the targets, or none was found; with the nearest pose
         SingularPose                    here the known motions do not decide the others
+        NoSteadyState                   no equilibrium, or no steady motion, was found; with the nearest state
         SimulationStopped               a step of a simulation has no solution, or a function of the user raised an error;
                                         carries what was computed till then
       StudyStopped                      a study ended before all samples were computed; carries what is done
@@ -30,12 +31,16 @@
 
     RbdWarning (a UserWarning)
       EffortLimitWarning                a torque given is beyond a motor's limit
+      ForceElementWarning               a spring has a negative stiffness
+      SpeedLimitWarning                 a joint is faster than its motor can turn
       InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7; or a simulation recorded a
                                         residual above 1e-7
       LoopNotClosedWarning              a loop is not closed at this state, and is solved unchanged
       ModelWarning                      a robot file that loads, but is not what it seems
       NonUniqueMotionWarning            more than one motion satisfies the contact law; the answer is one of them
+      NotSteadyWarning                  a state is linearised that is neither an equilibrium nor a steady motion
       OpeningContactWarning             a contact separates, and its force is zero
+      PoorExcitationWarning             measured motions tell less of some parameters than the model does
       DistantContactWarning             a contact is not on its plane
       RelaxedLimitsWarning              a step of control violates contacts or joint limits by the least
       StudyWarning                      a study ended early, or goes on with what another version computed
@@ -64,6 +69,7 @@ from rbd.errors.no_solution import (
     CannotMove,
     CannotReach,
     NoSolution,
+    NoSteadyState,
     SimulationStopped,
     SingularPose,
 )
@@ -72,13 +78,17 @@ from rbd.errors.stopped import StudyStopped
 from rbd.errors.warned import (
     DistantContactWarning,
     EffortLimitWarning,
+    ForceElementWarning,
     InaccurateWarning,
     LoopNotClosedWarning,
     ModelWarning,
     NonUniqueMotionWarning,
+    NotSteadyWarning,
     OpeningContactWarning,
+    PoorExcitationWarning,
     RbdWarning,
     RelaxedLimitsWarning,
+    SpeedLimitWarning,
     StudyWarning,
 )
 
@@ -92,6 +102,7 @@ __all__ = [
     "DistantContactWarning",
     "DuplicateName",
     "EffortLimitWarning",
+    "ForceElementWarning",
     "FrameNotFound",
     "InaccurateWarning",
     "InputError",
@@ -100,11 +111,14 @@ __all__ = [
     "ModelError",
     "ModelWarning",
     "NoSolution",
+    "NoSteadyState",
     "NonUniqueMotionWarning",
     "NotAtRest",
     "NotDifferentiable",
+    "NotSteadyWarning",
     "OpeningContactWarning",
     "PictureError",
+    "PoorExcitationWarning",
     "RbdError",
     "RbdWarning",
     "Reason",
@@ -112,6 +126,7 @@ __all__ = [
     "SimulationStopped",
     "SingularInertia",
     "SingularPose",
+    "SpeedLimitWarning",
     "StudyStopped",
     "StudyWarning",
     "StudyWarning",

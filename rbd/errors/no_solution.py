@@ -273,3 +273,26 @@ class SingularPose(NoSolution):
     """
 
     reason = Reason.SINGULAR_POSE
+
+
+class NoSteadyState(NoSolution):
+    """No equilibrium, or no steady motion, was found from this start; the message names what is left, and the worst joint.
+
+    Attributes:
+        state: The nearest `State` that was found, or None.
+        acceleration: Its largest acceleration [m/s2, rad/s2].
+
+    Example:
+        >>> box = rbd.testing.box(mass=2.0)
+        >>> try:
+        ...     rbd.find_equilibrium(box.at())  # nothing carries it
+        ... except rbd.errors.NoSteadyState as error:
+        ...     print(f"{error.acceleration:.2f} m/s2")
+        9.81 m/s2
+    """
+
+    reason = Reason.NO_STEADY_STATE
+
+    def __init__(self, message: str, *, state: Any = None, acceleration: float = 0.0) -> None:
+        super().__init__(message)
+        self.state, self.acceleration = state, acceleration

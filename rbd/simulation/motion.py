@@ -18,7 +18,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
-from rbd.model.external import External, generalised
+from rbd.model.external import External, ForceElement, elements_of, generalised
 from rbd.model.state import State, state_at
 from rbd.simulation.event_search import EventSearch
 from rbd.simulation.state_events import StateEvent
@@ -28,6 +28,14 @@ OPEN, STICKS, SLIPS, HOLDS, PUSHES = "open", "sticks", "slips", "holds", "pushes
 
 Stabilisation: TypeAlias = Projection | Baumgarte | None
 """Stabilisation of bilateral constraints: by projection, by feedback, or not at all."""
+
+
+class Acting(NamedTuple):
+    """What acts on a robot besides constraints: motor torques (nu,), S^T tau + tau_ext (nv,), and the force elements in it."""
+
+    tau: Array
+    applied: Array
+    elements: tuple[ForceElement, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +83,11 @@ class Motion:
     def sample_period(self) -> float | None:
         """Times at multiples of which the controller computes torques [s]; None for any."""
         return sample_period(self.controller)
+
+    @lazy
+    def may_have_elements(self) -> bool:
+        """Whether force elements act, or may: those of a function of time are not known before."""
+        return callable(self.external) or bool(elements_of(self.external))
 
     def work(self, tau: Array, q: Array, q_end: Array) -> float:
         """Work of constant motor torques from one configuration to another, near it [J].
@@ -140,8 +153,8 @@ class Motion:
                 "check what drives it."
             ) from error
 
-    def applied(self, state: State, t: float) -> tuple[Array, Array]:
-        """(tau (nu,), S^T tau + tau_ext (nv,)) at a state and a time.
+    def acting(self, state: State, t: float) -> Acting:
+        """Torques, forces and force elements at a state and a time; the controller and `external` are called once.
 
         Raises:
             InputError: torques or forces of the wrong size, or not finite.
@@ -150,16 +163,12 @@ class Motion:
         if callable(external):
             external = asked("external", external, state, t)
         applied = np.zeros(robot.nv) if external is None else generalised(state, external)[0]
+        elements = () if external is None else elements_of(external)
         if self.controller is None:
-            return zeros(robot.nu), applied
+            return Acting(zeros(robot.nu), applied, elements)
         tau = robot.check_tau(asked("controller", self.controller, state, t))
         applied[robot.motors] += tau
-        return tau, applied
-
-    def forces(self, state: State, t: float) -> tuple[Array, Array]:
-        """(tau (nu,), S^T tau + tau_ext - h (nv,)) at a state and a time; errors as of `applied`."""
-        tau, applied = self.applied(state, t)
-        return tau, applied - state.h
+        return Acting(tau, applied, elements)
 
 
 @dataclass(frozen=True, eq=False)
@@ -246,6 +255,8 @@ class Sample(Displayed):
         penetration: Depth of the deepest contact [m, rad]; zero or more.
         events: Events since the sample before, in order of time.
         motor_work: Work of the motors since the start of the motion [J].
+        elastic: Energy stored in force elements, e.g. springs [J].
+        dissipated: Work that force elements, e.g. dampers, have taken out of the motion since its start [J].
         found: What it says of events of the user; None of a sample at a sample time.
     """
 
@@ -262,6 +273,8 @@ class Sample(Displayed):
     penetration: float = 0.0
     events: tuple[Event, ...] = ()
     motor_work: float = 0.0
+    elastic: float = 0.0
+    dissipated: float = 0.0
     found: AtEvents | None = None
 
     @classmethod
@@ -314,6 +327,16 @@ class Sample(Displayed):
     @lazy
     def _acting(self) -> Mapping[str, ConstraintForce]:
         return self.constraint_forces()
+
+
+def stored(elements: Sequence[ForceElement], state: State) -> float:
+    """Energy stored in force elements at a state [J]."""
+    return sum([element.energy(state) for element in elements])
+
+
+def dissipation(elements: Sequence[ForceElement], state: State) -> float:
+    """Power that force elements take out of the motion at a state [W]."""
+    return sum([element.dissipation(state) for element in elements])
 
 
 class Integrator(Protocol):

@@ -10,6 +10,7 @@ from rbd.visual.figures.study_plots import plot_study
 from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint
 from rbd.visual.live.controls import Choice, Slider
 from rbd.visual.live.explorer import Explorer, Verdict, explore
+from rbd.visual.mode_drawing import export_mode, mode_scene, plot_eigenvalues, plot_mode
 from rbd.visual.notebook.frames import notebook_page
 from rbd.visual.pages.browser import Browser, find_browser
 from rbd.visual.pages.page import screenshot
@@ -32,18 +33,22 @@ __all__ = [
     "contact_colors",
     "contact_sheet",
     "explore",
+    "export_mode",
     "export_motion",
     "export_planar",
     "export_report",
     "export_video",
     "find_browser",
+    "mode_scene",
     "motion_sheet",
     "notebook_page",
     "plot_directions",
+    "plot_eigenvalues",
     "plot_ellipses",
     "plot_energy",
     "plot_forces",
     "plot_joint",
+    "plot_mode",
     "plot_panels",
     "plot_paths",
     "plot_pushes",

@@ -1,0 +1,195 @@
+"""`Mode`: one way in which small motion grows, decays or oscillates."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, max_abs
+from rbd.displayed import Displayed
+from rbd.model.state import State
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+
+    from rbd.visual.scene import Scene
+
+_NAMED = 3
+"""So many coordinates are named in a mode's title."""
+_LEAST = 0.05
+"""Smaller shares are not named."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mode(Displayed):
+    """A mode of small motion: dq(t) = Re(dq exp(lambda t)), of a pair of complex eigenvalues or of one real eigenvalue.
+
+    Attributes:
+        eigenvalue: lambda [1/s], of a pair the one with positive imaginary part.
+        dq: Its shape: change of the configuration on the tangent space, shape (nv,); its largest entry (in radians, or parts
+            of the robot's length) is 1. Real where all move in phase, else complex.
+        dv: Change of v that belongs to it, shape (nv,).
+        shares: {coordinate of v: its part of the squared shape}, descending, symmetries left out; of angles in radians and
+            lengths over the robot's length.
+        of_velocity: Whether the shape changes velocities alone (dq is zero then), and the shares are those of dv.
+        motors_move_it: Whether the motors can change it (Popov, Belevitch, Hautus); None without motors.
+        uncertainty: How far the eigenvalue may be off: its condition number times the error of A [1/s].
+        zero: Real and imaginary parts up to this count as zero [1/s].
+        state: The state about which it is a mode.
+        spin: As `Linearised.spin`.
+
+    Example:
+        >>> pendulum = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[2.0], angles="vertical"), masses=[1.0])
+        >>> (mode,) = rbd.linearise(pendulum.at([-0.5 * np.pi])).modes()
+        >>> print(f"{mode.frequency:.4f} Hz, damping ratio {abs(mode.damping_ratio):.0f}; {mode.words}")
+        0.4317 Hz, damping ratio 0; oscillates without damping
+    """
+
+    eigenvalue: complex
+    dq: Array
+    dv: Array
+    shares: dict[str, float]
+    of_velocity: bool
+    motors_move_it: bool | None
+    uncertainty: float
+    zero: float
+    state: State = field(repr=False)
+    spin: Array = field(repr=False)
+
+    @property
+    def frequency(self) -> float:
+        """Oscillations per second, Im(lambda) / (2 pi) [Hz]; zero if it does not oscillate."""
+        return 0.0 if abs(self.eigenvalue.imag) <= self.zero else abs(self.eigenvalue.imag) / (2.0 * np.pi)
+
+    @property
+    def natural_frequency(self) -> float:
+        """|lambda| / (2 pi) [Hz]: of the same mode without damping."""
+        return abs(self.eigenvalue) / (2.0 * np.pi)
+
+    @property
+    def damping_ratio(self) -> float:
+        """-Re(lambda) / |lambda|: 1 of a decay without oscillation, 0 without damping, negative where it grows; NaN of zero."""
+        size = abs(self.eigenvalue)
+        return float("nan") if size <= self.zero else -self.eigenvalue.real / size
+
+    @property
+    def time_constant(self) -> float:
+        """1 / |Re(lambda)| [s], in which it decays or grows by the factor e; inf if it does neither."""
+        return float("inf") if self.neutral else 1.0 / abs(self.eigenvalue.real)
+
+    @property
+    def grows(self) -> bool:
+        """Whether it grows."""
+        return self.eigenvalue.real > self.zero
+
+    @property
+    def decays(self) -> bool:
+        """Whether it decays."""
+        return self.eigenvalue.real < -self.zero
+
+    @property
+    def neutral(self) -> bool:
+        """Whether it neither grows nor decays: the linear equations do not decide what becomes of it."""
+        return not self.grows and not self.decays
+
+    @property
+    def words(self) -> str:
+        """What it does, in words."""
+        if not self.frequency:
+            return "grows" if self.grows else "decays" if self.decays else "stays as it is (neighbouring states are steady too)"
+        return "oscillates " + ("and grows" if self.grows else "and decays" if self.decays else "without damping")
+
+    @property
+    def title(self) -> str:
+        """What moves most, e.g. "steer 62 %, roll 31 %"."""
+        named = [(name, share) for name, share in self.shares.items() if share >= _LEAST][:_NAMED]
+        what = ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in named)
+        return f"speed: {what}" if self.of_velocity else what
+
+    def at(self, t: float, amplitude: float = 0.1) -> State:
+        """The state at a time, of a motion that begins with this amplitude of its largest entry [rad, robot's lengths].
+
+        Of a moving robot the motion without the mode is added. The constraints are satisfied to first order.
+
+        Args:
+            t: [s].
+            amplitude: At t = 0.
+        """
+        state, robot = self.state, self.state.robot
+        factor = amplitude * np.exp(self.eigenvalue * t)
+        q = pin.integrate(robot.model, state.q, t * (state.v - self.spin))
+        q = pin.integrate(robot.model, q, np.real(factor * self.dq))
+        q = pin.integrate(robot.model, q, t * self.spin)
+        return State(robot, pin.normalize(robot.model, q), state.v + np.real(factor * self.dv))
+
+    def pose(self, factor: complex = 0.1) -> State:
+        """The state's configuration changed by Re(factor dq), at rest; the constraints are satisfied to first order.
+
+        Args:
+            factor: Amplitude of its largest entry [rad, robot's lengths] times exp(i phase).
+        """
+        robot = self.state.robot
+        q = pin.integrate(robot.model, self.state.q, np.real(factor * self.dq))
+        return State(robot, pin.normalize(robot.model, q))
+
+    def scene(self, **options: Any) -> Scene:
+        """A scene with its two poses of largest displacement; see `rbd.visual.mode_scene`."""
+        from rbd.visual.mode_drawing import mode_scene
+
+        return mode_scene(self, **options)
+
+    def plot(self, ax: Axes, **options: Any) -> list[Artist]:
+        """Bars of its shape on axes; see `rbd.visual.plot_mode`."""
+        from rbd.visual.mode_drawing import plot_mode
+
+        return plot_mode(ax, self, **options)
+
+    def export(self, path: str | os.PathLike[str], **options: Any) -> Path:
+        """Write it as an HTML page that plays one period for ever; see `rbd.visual.export_mode`."""
+        from rbd.visual.mode_drawing import export_mode
+
+        return export_mode(self, path, **options)
+
+    def __repr__(self) -> str:
+        return f"Mode({self})"
+
+    def __str__(self) -> str:
+        size = self.eigenvalue
+        parts = [f"{size.real:+.6g}" + (f" +- {abs(size.imag):.6g} i" if self.frequency else "") + " 1/s", self.words]
+        if self.frequency:
+            parts.append(f"{self.frequency:.4g} Hz, damping ratio {self.damping_ratio + 0.0:.3g}")
+        if not self.neutral:
+            parts.append(f"time constant {self.time_constant:.4g} s")
+        if self.motors_move_it is False:
+            parts.append("no motor changes it")
+        return f"{self.title}: {', '.join(parts)}"
+
+
+def normalised(dq: Array, dv: Array, scale: Array) -> tuple[Array, Array, bool]:
+    """(dq, dv, of velocity): with 1 as the largest entry of dq over its scale, of dv where dq is zero; real if in phase."""
+    sizes, speeds = np.abs(dq) / scale, np.abs(dv) / scale
+    of_velocity = max_abs(sizes) <= 1e-7 * max_abs(speeds)
+    largest = (dv / scale)[int(speeds.argmax())] if of_velocity else (dq / scale)[int(sizes.argmax())]
+    if not largest:
+        return dq.real, dv.real, of_velocity
+    dq, dv = dq / largest, dv / largest
+    if of_velocity:
+        dq = np.zeros_like(dq)
+    if max_abs(np.abs(dq.imag) / scale) < 1e-9 and (not of_velocity or max_abs(np.abs(dv.imag) / scale) < 1e-9):
+        dq = dq.real
+        dv = dv.real if np.abs(dv.imag).max(initial=0.0) < 1e-9 * np.abs(dv).max(initial=1e-300) else dv
+    return dq, dv, of_velocity
+
+
+def shares_of(shape: Array, scale: Array, names: list[str]) -> dict[str, float]:
+    """{coordinate: part of the squared shape}, descending."""
+    squares = (np.abs(shape) / scale) ** 2
+    total = float(squares.sum()) or 1.0
+    order = np.argsort(-squares, kind="stable")
+    return {names[i]: float(squares[i]) / total for i in order if squares[i] > 1e-9 * total}
