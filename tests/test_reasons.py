@@ -75,6 +75,7 @@ FROZEN = {
     65: "interrupted",
     66: "simulation_stopped: event",
     67: "event",
+    68: "simulation_stopped: no event",
     70: "not_possible",
     71: "not_possible: floats",
     72: "not_possible: sinks",

@@ -227,10 +227,23 @@ def test_a_function_that_is_zero_throughout_is_an_error_with_the_motion():
 def test_an_event_that_is_required_must_happen():
     """One that is nowhere zero is none; where it is required, that is an error with the motion."""
     never = StateEvent(lambda s: 1.0 + s.q[2] ** 2, "never")
-    assert not rbd.simulate(thrown(), duration=0.2, step=0.01, events=[never]).events
+    motion = rbd.simulate(thrown(), duration=0.2, step=0.01, events=[never])
+    assert (motion.events, motion.absent) == ((), ("never",))
+    assert "never did not happen" in str(motion)
     needed = StateEvent(lambda s: s.q[2] + 9.0, "landing", required=True)
-    with pytest.raises(SimulationStopped, match="'landing' is required, and did not happen; its last value is 9.8"):
+    with pytest.raises(SimulationStopped, match="'landing' is required, and did not happen; its last value is 9.8") as caught:
         rbd.simulate(thrown(), duration=0.2, step=0.01, events=[needed])
+    assert caught.value.reason is Reason.STOPPED_NO_EVENT
+    assert len(caught.value.trajectory) == 21
+
+
+def test_what_did_not_happen_is_in_files(tmp_path):
+    """In both formats; older files have no such entry."""
+    never = StateEvent(lambda s: 1.0 + s.q[2] ** 2, "never")
+    motion = rbd.simulate(thrown(), duration=0.1, step=0.05, events=[never])
+    for name in ("fall.npz", "fall.nc"):
+        motion.save(tmp_path / name)
+        assert rbd.Trajectory.load(tmp_path / name, robot=motion.robot).absent == ("never",)
 
 
 def test_zeros_that_come_ever_faster_are_chatter():

@@ -221,7 +221,7 @@ def _cut_peaks(ax: Axes, t: Array, curves: list[Array]) -> list[Artist]:
 
 
 def _event_marks(ax: Axes, trajectory: Trajectory, names: Iterable[str], colors: dict[str, str] | None = None) -> list[Artist]:
-    """A hairline for each time at which a contact begins or ends, in its colour or grey, and a dotted one for events of yours."""
+    """A hairline for each time at which a contact begins or ends, in its colour or grey; events of yours are dotted."""
     out: list[Artist] = []
     for name in [*names, *sorted({e.name for e in trajectory.events} - set(trajectory.names))]:
         own = name not in trajectory.forces
