@@ -33,6 +33,11 @@ WAYS: dict[str, Callable[[Any], Any]] = {
 }
 
 
+def height(state: rbd.State) -> float:
+    """A function of the state, for an event."""
+    return float(state.q[2])
+
+
 def fixed(state: rbd.State) -> np.ndarray:
     """A function of the configuration, for a constraint: one that a pickle can name."""
     return state.q[:1]
@@ -111,6 +116,11 @@ def motions() -> Iterator[object]:
     fall = rbd.simulate(start, [floor], duration=0.25, step=5e-3, external=rbd.control.Pushes([nudge]), progress=False)
     assert fall.events
     yield from (fall, fall[0], nudge, rbd.control.Pushes([nudge]))
+    corner = rbd.PointContact("corner", "box", friction=0.5, on=0.0)
+    struck = rbd.impact(start.with_velocity(np.array([0.1, 0.0, -1.0, 0.0, 0.0, 0.0])), [corner], restitution=0.5)
+    assert struck.energy_lost and str(struck)
+    switch = rbd.simulation.Switch(on="corner")
+    yield from (struck, switch, rbd.simulation.StateEvent(height, "height", then=switch))
     yield from (
         rbd.TimeStepping(),
         rbd.RungeKutta4(),

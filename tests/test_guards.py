@@ -263,6 +263,14 @@ HOLD_BOLT = rbd.control.HoldPosture(STATE, FEET)
 STILL_BOLT = rbd.motion.minimum_jerk(BOLT, [STATE.q, STATE.q], [0.0, 0.02], rate=100.0)
 
 
+def height(state: Any) -> float:
+    """An event: the box is 0.1 mm below its start."""
+    return float(state.q[2] - BOX.at().q[2] + 1e-4)
+
+
+FALLING = BOX.at().with_velocity(np.array([0.1, 0.0, -1.0, 0.0, 0.2, 0.0]))
+
+
 def use_simulate(**given: Any) -> Any:
     """Where a motion went."""
     moved = rbd.simulate(**given)
@@ -828,10 +836,31 @@ CASES: dict[str, Case] = {
         use_simulate,
         {"state": BOX.at(), "constraints": FLOOR, "duration": 0.01, "step": 0.005, "controller": None, "external": np.zeros(6)}
         | {"law": "coulomb", "restitution": 0.5, "integrator": rbd.TimeStepping(), "stabilisation": rbd.simulation.Projection()}
-        | {"record_every": 1, "may_sink": False, "progress": False},
+        | {"record_every": 1, "may_sink": False, "progress": False, "events": [height], "inactive": ()},
         30,
     ),
-    "TimeStepping": Case(lambda **given: use_integrator(rbd.TimeStepping(**given)), {"impact_speed": 1e-3, "impacts": 20}, 20),
+    "TimeStepping": Case(
+        lambda **given: use_integrator(rbd.TimeStepping(**given)),
+        {"impact_speed": 1e-3, "impacts": 20, "touch_tolerance": 1e-9},
+        20,
+    ),
+    "StateEvent": Case(
+        lambda **given: use_simulate(
+            state=BOX.at(), constraints=[], duration=0.01, step=0.005, events=[rbd.simulation.StateEvent(**given)]
+        ),
+        {"function": height, "name": "height", "direction": -1, "terminal": 2, "zero": 1e-12, "required": False},
+        20,
+    ),
+    "Switch": Case(
+        lambda **given: (lambda switch: (switch.on, switch.off))(rbd.simulation.Switch(**given)),
+        {"on": "left", "off": ("right",), "impact": True},
+        20,
+    ),
+    "impact": Case(
+        lambda **given: (lambda found: (found.v, found.energy_lost, *found.impulses.values()))(rbd.impact(**given)),
+        {"state": FALLING, "contacts": FLOOR, "restitution": 0.5, "law": "coulomb", "plastic_below": 1e-3},
+        30,
+    ),
     "DormandPrince8": Case(lambda **given: use_integrator(rbd.DormandPrince8(**given)), {"rtol": 1e-9, "atol": 1e-9}, 20),
     "Projection": Case(
         lambda **given: use_simulate(
@@ -1161,6 +1190,7 @@ MADE_BY_RBD = {
     "ForceHistory",
     "OpenComponents",
     "Event",
+    "Impact",
     "ContactPoints",
     "Solutions",
     "SolverComparison",
