@@ -11,7 +11,8 @@ import pinocchio as pin
 from rbd.analysis.modes import modes_of
 from rbd.analysis.sensitivity import Derivatives
 from rbd.arrays import Array, max_abs
-from rbd.constraints.constraint import Constraint, listed
+from rbd.constraints.constraint import Constraint
+from rbd.constraints.manifold import own_or
 from rbd.errors import NotDifferentiable, NotSteadyWarning
 from rbd.least_constraint import solve
 from rbd.model.external import External
@@ -79,7 +80,7 @@ def linearise(
         array([3.414214, 3.414214, 0.585786, 0.585786])
     """
     robot = checked(state).robot
-    given = (*robot.loops(), *robot.wheels()) if constraints is None else listed(constraints)
+    given = own_or(robot, constraints)
     torques = np.zeros(robot.nu) if tau is None else robot.check_tau(tau)
     manifold = manifold_of(state, given)
     check_on(manifold.rows(state))
