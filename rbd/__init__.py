@@ -38,6 +38,16 @@ if _TYPE_CHECKING:
         NoSolution as NoSolution,
         RbdError as RbdError,
     )
+    from rbd.forces import (
+        Bushing as Bushing,
+        Damper as Damper,
+        JointDamping as JointDamping,
+        JointSpring as JointSpring,
+        Spring as Spring,
+    )
+    from rbd.identification import (
+        identify as identify,
+    )
     from rbd.least_constraint import (
         gauss_problem as gauss_problem,
         solve as solve,
@@ -52,6 +62,9 @@ if _TYPE_CHECKING:
     from rbd.model import dynamics as dynamics
     from rbd.model.external import (
         ExternalForce as ExternalForce,
+    )
+    from rbd.model.motors import (
+        Motor as Motor,
     )
     from rbd.model.state import (
         State as State,
@@ -75,6 +88,9 @@ if _TYPE_CHECKING:
     from rbd.problem.rows import (
         Rows as Rows,
     )
+    from rbd.robots.building.builder import (
+        RobotBuilder as RobotBuilder,
+    )
     from rbd.robots.loading import (
         doctor as doctor,
         load_robot as load_robot,
@@ -90,6 +106,7 @@ if _TYPE_CHECKING:
         RungeKutta4 as RungeKutta4,
         TimeStepping as TimeStepping,
         Trajectory as Trajectory,
+        impact as impact,
         simulate as simulate,
     )
     from rbd.small_motion.finding import (
@@ -136,11 +153,14 @@ _NAMES = {
     """,
     "rbd.control.torques": "inverse_dynamics",
     "rbd.errors": "CannotHold CannotMove InputError NoSolution RbdError",
+    "rbd.forces": "Bushing Damper JointDamping JointSpring Spring",
+    "rbd.identification": "identify",
     "rbd.least_constraint": "gauss_problem solve solve_problem",
     "rbd.many.solving": "solve_many",
     "rbd.mechanism.pose_search": "find_pose",
     "rbd.model": "dynamics",
     "rbd.model.external": "ExternalForce",
+    "rbd.model.motors": "Motor",
     "rbd.model.state": "State",
     "rbd.motion.checking": "check_motion",
     "rbd.motion.measured": "estimate_forces",
@@ -148,10 +168,11 @@ _NAMES = {
     "rbd.problem.ground": "Body Ground",
     "rbd.problem.problem": "GaussProblem",
     "rbd.problem.rows": "Rows",
+    "rbd.robots.building.builder": "RobotBuilder",
     "rbd.robots.loop_file": "register_constraint",
     "rbd.robots.loading": "doctor load_robot",
     "rbd.robots.robot": "Robot",
-    "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory simulate",
+    "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory impact simulate",
     "rbd.small_motion.finding": "find_equilibrium find_steady_motion",
     "rbd.small_motion.linearisation": "linearise",
     "rbd.solution": "Solution",

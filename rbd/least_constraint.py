@@ -24,7 +24,7 @@ from rbd.errors import (
     Reason,
     Unsupported,
 )
-from rbd.model.checked_model import CheckedModel
+from rbd.model.actuated_model import beyond_limit
 from rbd.model.dynamics import free_force
 from rbd.model.external import External, generalised as generalised_force
 from rbd.model.state import State
@@ -147,7 +147,7 @@ def _prepared_answer(
     solution = Solution.prepared(problem, found, law, time.perf_counter() - start)
     if not found.worst <= SOLVED and not solution.residuals.within(SOLVED):
         return None
-    _warn_of_effort(robot, torques)
+    _warn_of_effort(state, torques)
     return solution
 
 
@@ -250,7 +250,7 @@ def assembled(
     if not isinstance(state, State):
         raise InputError(f"solve wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
     rhs, wrench = free_force(state, tau, external)
-    _warn_of_effort(state.robot, np.asarray(tau, float))
+    _warn_of_effort(state, np.asarray(tau, float))
     given = listed(constraints)
     rows = rows_of(state, given)
     _warn_of_open(given, rows)
@@ -309,13 +309,14 @@ def _warn_of_open(constraints: tuple[Constraint, ...], rows: Sequence[Rows]) -> 
             )
 
 
-def _warn_of_effort(robot: CheckedModel, tau: Array) -> None:
-    used = tau / robot.effort_limit
+def _warn_of_effort(state: State, tau: Array) -> None:
+    robot = state.robot
+    used = robot.torque_use(tau, state.v) if robot.torque_lines else np.abs(tau) / robot.effort_limit
     if max_abs(used) > 1.0:
-        worst, beyond = int(np.argmax(np.abs(used))), int((np.abs(used) > 1.0).sum())
+        worst, beyond = int(np.argmax(used)), int((used > 1.0).sum())
         warnings.warn(
-            f"tau of {robot.actuated_names[worst]} is {tau[worst]:.4g}, beyond its effort limit of "
-            f"{robot.effort_limit[worst]:.4g} N m; {beyond} of {robot.nu} motors are beyond theirs.",
+            f"tau of {robot.actuated_names[worst]} is {beyond_limit(robot, worst, float(tau[worst]), state.v)}; "
+            f"{beyond} of {robot.nu} motors are beyond theirs.",
             EffortLimitWarning,
             stacklevel=4,  # the line that called `solve` or `gauss_problem`
         )

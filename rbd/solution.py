@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -253,10 +253,15 @@ class Solution(Answer):
         """
         return feedback_acceleration(self.problem, self.weights, self.law)
 
-    def derivatives(self) -> Derivatives:
+    def derivatives(self, parameters: Sequence[str] = ()) -> Derivatives:
         """Derivatives of a and the forces by q, v, tau and external forces, for fixed contact modes; see `Derivatives`.
 
+        Args:
+            parameters: Others to differentiate by, see `rbd.analysis.ParameterDerivatives`: "friction", "mass", "inertia",
+                "rotor_inertia", "gravity", and "stiffness", "damping", "rest", "preload" of springs in `external`.
+
         Raises:
+            InputError: unknown parameters, or those of springs where there are none.
             NotDifferentiable: at a change of contact mode.
             Unsupported: of a problem built by hand, which has no state to differentiate by.
         """
@@ -265,7 +270,7 @@ class Solution(Answer):
                 "a problem built by hand has no state to differentiate by. Use rbd.solve(state, ...), or "
                 "rbd.solve_problem(rbd.gauss_problem(state, ...))."
             )
-        return self.problem.origin.derivatives(self)
+        return self.problem.origin.derivatives(self, parameters)
 
     def __str__(self) -> str:
         lines = [f"{self.status} by {self.method or self.solver}, law: {self.law}; {self.problem.m} rows of rank {self.rank}"]

@@ -123,7 +123,8 @@ def test_all_there_is_to_say_of_the_good_file(tmp_path: Path) -> None:
     with pytest.warns(ModelWarning) as caught:
         robot = rbd.load_robot(written(tmp_path, GOOD))
     assert [str(w.message) for w in caught] == [
-        "mine: 1 motor has no effort limit ('ankle'); 1 joint has damping or friction that the dynamics leave out ('hip'); "
+        "mine: 1 motor has no effort limit ('ankle'); 1 joint has damping or friction, which act where "
+        "robot.joint_damping() or joint_frictions() are given ('hip'); "
         "1 joint mimics another in the file, and is free here ('ankle'). rbd.doctor(robot) lists everything."
     ]
     report = rbd.doctor(robot)

@@ -34,6 +34,7 @@ control
 simulation
 planar
 motion
+identification
 visual testing studies
 cli
 __main__

@@ -202,7 +202,7 @@ class TestBroadcasting:
             solutions = rbd.solve_many(talos, q, None, tau, contacts, external=external)
             assert solutions.counts == {"solved": 4}
             agrees(solutions)
-        with pytest.raises(rbd.InputError, match="mixes ExternalForce"):
+        with pytest.raises(rbd.InputError, match="mixes forces"):
             rbd.solve_many(talos, q, None, tau, contacts, external=[push, 1.0])
 
     def test_friction_of_each_state(self, talos: rbd.Robot, rng: np.random.Generator):

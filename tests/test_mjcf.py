@@ -358,10 +358,9 @@ def test_limits_of_motors_are_torques_at_the_joint(write) -> None:
 
 REFUSED = {
     "gravcomp": (body(BOX, attributes='gravcomp="1"'), "", "", "body 'b' has gravcomp 1.*leave_out=..gravcomp"),
-    "stiffness": (body(BOX, '<joint name="j" stiffness="3"/>'), "", "",
+    "stiffness of a free joint": (body(BOX, '<joint name="j" type="free" stiffness="3"/>'), "", "",
         "joint 'j' has a spring .stiffness 3..*leave_out=..springs"),
-    "stiffness of a class": (body(BOX), '<default><joint stiffness="3"/></default>', "", "joint 'j' has a spring"),
-    "springdamper": (body(BOX, '<joint name="j" springdamper=".1 1"/>'), "", "", "joint 'j' has a spring"),
+    "springdamper": (body(BOX, '<joint name="j" springdamper=".1 1"/>'), "", "", "joint 'j' has a springdamper.*from the inertia"),
     "tendon spring": (ARM, "", '<tendon><fixed name="t" stiffness="1"><joint joint="j" coef="1"/></fixed></tendon>',
                       "tendon 't' has stiffness.*leave_out=..tendons"),
     "tendon armature": (ARM, "", '<tendon><fixed name="t" armature="1"><joint joint="j" coef="1"/></fixed></tendon>',
@@ -491,18 +490,18 @@ def test_what_would_be_another_robot_is_refused_by_name(write, case: str) -> Non
 
 
 def test_a_user_can_leave_out_what_the_equation_has_no_term_for(write) -> None:
-    """Springs, weight taken off, tendons and actuators, each told by the doctor; M and gravity are those of the rest."""
+    """Weight taken off, tendons, actuators, and springs, each told by the doctor; M and gravity are those of the rest."""
     world = ARM.replace('name="k"', 'name="k" stiffness="3"').replace('name="c"', 'name="c" gravcomp="1"')
     tendon = '<tendon><fixed name="t" stiffness="1"><joint joint="j" coef="1"/></fixed></tendon>'
     path = write(world, after=tendon + '<actuator><motor tendon="t"/></actuator>')
     everything = ["springs", "gravcomp", "tendons", "actuators"]
-    for missing in everything:
+    for missing in everything[1:]:
         with pytest.raises(ModelError, match=f"leave_out=..{missing}"):
             load(path, leave_out=[each for each in everything if each != missing])
     with pytest.warns(ModelWarning, match="1 joint has a spring that is left out .'k'.; .*1 tendon is left out"):
         robot = rbd.load_robot(path, leave_out=everything)
     assert {f.kind for f in rbd.doctor(robot).warnings} >= {"spring", "gravcomp", "tendon"}
-    assert robot.nu == 2 and np.isinf(robot.effort_limit).all()
+    assert robot.nu == 2 and np.isinf(robot.effort_limit).all() and robot.joint_springs() == []
     assert mjcf_twin.differences(robot, mjcf_twin.compiled(path), motors=False) == []
     for wrong in ("springs", ["spring"], 3, [None]):
         with pytest.raises(InputError, match="leave_out has .* expected a list of some of 'actuators'"):

@@ -11,6 +11,7 @@ its tangential rows, as its friction turns with its acceleration.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,6 +27,19 @@ from rbd.problem.rows import Rows
 
 CONSISTENT = 1e-6
 """Largest residual of redundant rows after a change, over its largest entry."""
+
+
+@dataclass(frozen=True, eq=False)
+class SetChange:
+    """How sets of forces change along n directions.
+
+    Attributes:
+        forces: Row forces at fixed weights, shape (m, n).
+        answers: The accelerations that stay zero, at fixed a, shape (k, n).
+    """
+
+    forces: Array
+    answers: Array
 
 
 class ActiveSet:
@@ -45,6 +59,7 @@ class ActiveSet:
     def __init__(self, answer: Answer) -> None:
         P = self._problem = answer.problem
         self._modes = modes_of(answer)
+        self._convex = answer.law.kind == "convex"
         T, k = self._modes.sets, len(self._modes.start)
         self._Phi = np.array(self._modes.phi).reshape(k, -1).T if k else np.zeros((T.size, 0))
         self._Psi = np.array(self._modes.psi).reshape(k, -1).T if k else np.zeros((T.size, 0))
@@ -84,13 +99,14 @@ class ActiveSet:
             )
         self._meeting = meeting
 
-    def derivative(self, r: Array, c: Array, u: Array) -> tuple[Array, Array]:
+    def derivative(self, r: Array, c: Array, u: Array, rubs: SetChange | None = None) -> tuple[Array, Array]:
         """(da, df): change of the acceleration and of the row forces, shapes (nv, n) and (m, n).
 
         Args:
             r: Change of forces less inertia forces at fixed a and f, shape (nv, n) [N, N m].
             c: Change of the rows' accelerations at fixed a, shape (m, n).
             u: Change of the rows' velocities, shape (m, n).
+            rubs: Change of the sets of forces, or None.
 
         Raises:
             NotDifferentiable: if rows are redundant here and not after the change, or if the change depends on a
@@ -102,7 +118,10 @@ class ActiveSet:
         weights = np.zeros_like(y)
         for slip in self._modes.slips:
             weights[slip.columns] = self._modes.start[slip.active] * slip.turning @ y[slip.columns]
-        p, z = self._motion(r + P.J.T @ (forces + T.G @ weights), -(self._Psi.T @ y), c)
+        b = -(self._Psi.T @ y)
+        if rubs is not None:
+            forces, b = forces + rubs.forces, b - rubs.answers
+        p, z = self._motion(r + P.J.T @ (forces + T.G @ weights), b, c)
         da = self._back(z)
         dy = self._J @ da + y
         weights += self._Phi @ (self._to_weights @ p)
@@ -115,6 +134,50 @@ class ActiveSet:
         """(da, df) by a generalised force, shapes (nv, nv) and (m, nv); errors as `derivative`."""
         nv, m = self._problem.nv, self._problem.m
         return self.derivative(np.eye(nv), np.zeros((m, nv)), np.zeros((m, nv)))
+
+    def by_friction(self, names: Sequence[str]) -> tuple[Array, Array]:
+        """(da, df) by the friction coefficient of each of some constraints, shapes (nv, n) and (m, n); errors as `derivative`.
+
+        A point that slips or slides rubs with f_t = -mu f_n t, so that its force changes by f_t / mu at fixed f_n. Under the
+        convex law its acceleration is y_n = mu |y_t| besides. What sticks is not affected.
+        """
+        P, T, modes = self._problem, self._modes.sets, self._modes
+        w, n = modes.w, len(names)
+        rubs = SetChange(np.zeros((P.m, n)), np.zeros((len(modes.start), n)))
+        loose = np.zeros((P.m, self._kernel.shape[1], n))
+        shares = self._Phi @ self._kernel
+        generators = block_diagonal([r.cone.generators()[0] for r in P.rows])
+        for i, name in enumerate(names):
+            row = [r.name for r in P.rows].index(name)
+            changed = np.zeros(T.size)  # of the accelerations, by that of the columns
+            for e in T.elements:
+                if e.rows != row or not e.mu or modes.words[e] == "sticks":
+                    continue
+                tangents, push = generators[:, e.source][:, :2], T.push[e.columns, :2] / e.mu
+                rubs.forces[:, i] += tangents @ (w[e.columns] @ push)
+                loose[:, :, i] += tangents @ (push.T @ shares[e.columns])
+                if e.facets:  # rays at rest: y_j is the acceleration of the point along ray j
+                    point = np.linalg.lstsq(T.push[e.columns], modes.y[e.columns], rcond=None)[0]
+                    changed[e.columns] = push @ point[:2]
+            rubs.answers[:, i] = self._Psi.T @ changed
+            for slip in modes.slips if self._convex else ():
+                if T.elements[T.element_at[slip.columns.start]].rows == row:
+                    rubs.answers[slip.active, i] -= slip.direction @ modes.y[slip.columns]
+        self._check_friction(rubs, loose)
+        nothing = np.zeros((P.m, n))
+        return self.derivative(np.zeros((P.nv, n)), nothing, nothing, rubs)
+
+    def _check_friction(self, rubs: SetChange, loose: Array) -> None:
+        """Refuse if undetermined forces affect how friction changes."""
+        scale = float(np.abs(self._modes.start).max(initial=0.0))
+        size = max(1.0, float(np.abs(rubs.forces).max(initial=0.0)))
+        for i in range(loose.shape[2]):
+            moved = self.response(self._problem.J.T @ loose[:, :, i]) if loose.shape[1] else np.zeros(0)
+            if np.abs(moved).max(initial=0.0) * scale > CONSISTENT * size:
+                raise NotDifferentiable(
+                    "how the points that slip share the load is not unique, and it decides what more friction does. Use "
+                    "fewer contact points, three at most."
+                )
 
     def response(self, r: Array) -> Array:
         """Acceleration by a generalised force r under the active constraints, shape (nv, n)."""

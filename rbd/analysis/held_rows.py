@@ -12,6 +12,7 @@ It covers rows of full rank alone: the rest, and all other modes, is `rbd.analys
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import lru_cache
 
 import numpy as np
@@ -89,6 +90,10 @@ class HeldRows:
     def by_force(self) -> tuple[Array, Array]:
         """(da, df) by a generalised force, shapes (nv, nv) and (m, nv)."""
         return self._free.copy(), -self._B.T
+
+    def by_friction(self, names: Sequence[str]) -> tuple[Array, Array]:
+        """(da, df) by friction coefficients: zero, as nothing slips, shapes (nv, n) and (m, n)."""
+        return np.zeros((len(self._free), len(names))), np.zeros((len(self.internal), len(names)))
 
     def response(self, r: Array) -> Array:
         """Acceleration by a generalised force r under the rows, shape (nv, n)."""

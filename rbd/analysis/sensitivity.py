@@ -9,21 +9,23 @@ of patches on ground at rest, d(J^T f) and d(J a + J_dot v), are Pinocchio's ana
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.analysis.active_set import CONSISTENT, ActiveSet
 from rbd.analysis.differences import STEP, slope
+from rbd.analysis.external_derivatives import derivatives_of
 from rbd.analysis.held_rows import HeldRows
+from rbd.analysis.parameters import ParameterDerivatives, by_parameter, checked_parameters
 from rbd.arrays import RANK, Array
 from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
 from rbd.constraints.loop_stack import rows_function
 from rbd.displayed import Displayed
 from rbd.errors import NotDifferentiable, Unsupported
 from rbd.model.dynamics import HasRows
-from rbd.model.external import External, ExternalForce, elements_of
+from rbd.model.external import External, ExternalForce
 from rbd.model.pose_derivatives import FixedPose, state_derivatives
 from rbd.model.state import State
 from rbd.problem.answer import Answer, Status
@@ -72,6 +74,7 @@ class Derivatives(Displayed):
         active: {constraint: mode of each part of its set}: "holds", "sticks", "presses" (without friction), "slips" (begins
             to), "slides" (already), "opens", or "yields" (a force at its bound).
         not_unique: Names of the constraints whose forces are not unique.
+        parameters: {parameter: derivatives by it}, of those asked for.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -92,6 +95,7 @@ class Derivatives(Displayed):
     forces: dict[str, ForceDerivatives | None]
     active: dict[str, tuple[str, ...]]
     not_unique: tuple[str, ...]
+    parameters: dict[str, ParameterDerivatives] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"Derivatives({self})"
@@ -121,17 +125,24 @@ class StateOrigin:
     constraints: tuple[HasRows, ...]
     external: External
 
-    def derivatives(self, answer: Answer) -> Derivatives:
+    def derivatives(self, answer: Answer, parameters: Sequence[str] = ()) -> Derivatives:
         """Derivatives of an answer to the problem; see `Derivatives`.
 
         Raises:
+            InputError: unknown parameters.
             NotDifferentiable: at a change of contact mode, if the problem was not solved, or where the answer is discontinuous.
         """
         if answer.status not in (Status.SOLVED, Status.INACCURATE):
             raise NotDifferentiable(
                 f"this is no answer ({answer.status}: {answer.worst}), so it has no derivatives. Solve it first."
             )
-        return _Chain(self, answer).derivatives()
+        asked = checked_parameters(parameters)
+        chain = _Chain(self, answer)
+        found = chain.derivatives()
+        if not asked:
+            return found
+        by = {name: by_parameter(name, self, answer, chain.active, found.not_unique) for name in asked}
+        return replace(found, parameters=by)
 
     def __reduce__(self) -> tuple[type[LeftBehind], tuple[()]]:
         return LeftBehind, ()
@@ -147,7 +158,7 @@ class StateOrigin:
 class LeftBehind:
     """In place of a `StateOrigin` in another process: with the state each answer would carry the whole robot."""
 
-    def derivatives(self, answer: Answer) -> Derivatives:
+    def derivatives(self, answer: Answer, parameters: Sequence[str] = ()) -> Derivatives:
         """Always refused.
 
         Raises:
@@ -230,9 +241,8 @@ class _Chain:
         for i, more in enumerate(internal.T if self.fixed else ()):  # J^T f is linear in f
             other = state_derivatives(self.origin.state, self.answer.a, poses, given + applied(f + more))
             by_q.internal[:, i] = other.force_dq - found.force_dq
-        for element in elements_of(self.origin.external):
-            for change, slopes in zip((by_q, by_v), element.derivatives(self.origin.state), strict=True):
-                change.force[:] += slopes
+        for change, slopes in zip((by_q, by_v), derivatives_of(self.origin.external, self.origin.state), strict=True):
+            change.force[:] += slopes
         return by_q, by_v
 
     def _sample(self, state: State) -> Array:

@@ -17,7 +17,7 @@ import typer
 from rich.progress import track
 
 from rbd.cli.checking import check
-from rbd.cli.options import Feet, Friction, Json, Law, Motion, PackageDirs, RobotName, Show, Verbose, Video
+from rbd.cli.options import Feet, Friction, Gravity, Json, Law, Motion, PackageDirs, RobotName, Show, Verbose, Video
 from rbd.cli.standing import region, stand
 from rbd.cli.study_command import study
 from rbd.cli.terminal import (
@@ -27,6 +27,7 @@ from rbd.cli.terminal import (
     VIDEOS,
     answering,
     check_outputs,
+    in_gravity,
     names_of,
     open_console,
     print_path,
@@ -162,6 +163,7 @@ def simulate(
     stops: Annotated[bool, typer.Option("--stops", help="Let joints stop at the limits of the robot's file.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the standing or first one.")] = None,
     root: Annotated[str | None, typer.Option(help="free_flyer, planar or fixed; arms are fixed by default.")] = None,
+    gravity: Gravity = None,
     package_dir: PackageDirs = None,
     save: Annotated[Path | None, typer.Option(help="Write the trajectory, .npz or .nc.")] = None,
     plot: Annotated[Path | None, typer.Option(help="Draw forces and energy over time, .png, .svg or .pdf.")] = None,
@@ -200,6 +202,7 @@ def simulate(
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
             found = loaded(robot, root=_root(root), package_dirs=package_dir or (), feet=names_of("--feet", feet_))
+            found = in_gravity(found, gravity)
         for p in pushed:
             found.frame(p.frame)  # an unknown frame is refused before anything is computed
         with timed(seconds, "set up"):

@@ -10,7 +10,7 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from rbd.cli.terminal import Table, counted, facts, rounded, save_figure, timed
+from rbd.cli.terminal import Table, counted, facts, in_gravity, rounded, save_figure, timed
 from rbd.errors import InputError
 from rbd.problem.cones import check_friction
 from rbd.robots.loading import load_robot
@@ -124,6 +124,7 @@ def report_region(
     friction: float,
     margin: float,
     torque_limits: bool,
+    gravity: str | None = None,
     verbose: bool = False,
 ) -> RegionReport:
     """The report of a robot on its feet; with torque limits asked for, that region first.
@@ -134,7 +135,7 @@ def report_region(
     check_friction(friction, 4)
     seconds: dict[str, float] = {}
     with timed(seconds, "load"):
-        robot = load_robot(name, package_dirs=package_dirs)
+        robot = in_gravity(load_robot(name, package_dirs=package_dirs), gravity)
     if not robot.source.feet:
         raise InputError(f"no feet are known for {robot.name}, so that it cannot stand; `rbd robots` lists those that do.")
     with timed(seconds, "regions"):

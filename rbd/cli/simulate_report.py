@@ -110,7 +110,8 @@ class SimulateReport:
             "reason_code": x.end_reason.code,
             "verdict": self.verdict,
             "energy": {"start": float(x.energy[0]), "end": float(x.energy[-1]), "change": float(x.energy[-1] - x.energy[0]),
-                       "largest_kinetic": float(x.kinetic.max()), "motor_work": float(x.motor_work[-1])},
+                       "largest_kinetic": float(x.kinetic.max()), "motor_work": float(x.motor_work[-1]),
+                       "elastic": float(x.elastic[-1]), "dissipated": float(x.dissipated[-1])},
             "residuals": residuals,
             "constraints": {name: self._constraint(name) for name in x.forces},
             "events": [{"t": e.t, "name": e.name, "kind": e.kind, "point": e.point, "speed": e.speed, "impulse": e.impulse}
@@ -286,7 +287,7 @@ def _busiest_motor(x: Trajectory) -> str:
     robot: CheckedModel = x.robot
     if not robot.nu or not np.abs(x.tau).max(initial=0.0):
         return ""
-    used = np.abs(x.tau) / robot.effort_limit
+    used = robot.torque_use(x.tau, x.v)
     if not used.max() > 0.0:
         used = np.abs(x.tau)
     at, i = np.unravel_index(int(np.argmax(used)), used.shape)

@@ -10,13 +10,28 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from rbd.cli.options import Dask, Feet, Friction, Json, Law, Out, PackageDirs, Resume, RobotName, Show, Verbose, Workers
+from rbd.cli.options import (
+    Dask,
+    Feet,
+    Friction,
+    Gravity,
+    Json,
+    Law,
+    Out,
+    PackageDirs,
+    Resume,
+    RobotName,
+    Show,
+    Verbose,
+    Workers,
+)
 from rbd.cli.study_command import Running, run_study
 from rbd.cli.terminal import (
     FIGURES,
     PAGES,
     answering,
     check_outputs,
+    in_gravity,
     names_of,
     numbers_of,
     open_console,
@@ -40,6 +55,7 @@ def stand(
     at: Annotated[str | None, typer.Option(metavar="FRAME", help="... at this frame's origin (the heaviest link's).")] = None,
     braced: Annotated[bool, typer.Option("--braced", help="With torques that withstand the push.")] = False,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
+    gravity: Gravity = None,
     package_dir: PackageDirs = None,
     html: Annotated[Path | None, typer.Option(help="Write the picture: one page that opens anywhere.")] = None,
     json_: Json = None,
@@ -83,7 +99,8 @@ def stand(
         running = Running.of(out, resume, workers, dask, png, json_)
         if sweep:
             _only(
-                {"--html": html, "--show": show, "--braced": braced, "--verbose": verbose}, "is of one case; --sweep has many"
+                {"--html": html, "--show": show, "--braced": braced, "--verbose": verbose, "--gravity": gravity},
+                "is of one case; --sweep has many",
             )
             _only(
                 {"--facets": facets != FACETS, "--law": law != LAW},
@@ -109,6 +126,7 @@ def stand(
         seconds: dict[str, float] = {}
         with timed(seconds, "load"):
             loaded = load_robot(robot, package_dirs=package_dir or (), feet=names_of("--feet", feet_))
+            loaded = in_gravity(loaded, gravity)
         if not loaded.source.feet:
             raise InputError(
                 f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` lists those that do. Or name the "
@@ -158,6 +176,7 @@ def region(
     friction: Friction = 0.7,
     margin: Annotated[float, typer.Option(help="Share of friction to leave unused.")] = 0.0,
     posture: Annotated[str | None, typer.Option(help="Posture by name; the catalogue's by default.")] = None,
+    gravity: Gravity = None,
     package_dir: PackageDirs = None,
     png: Annotated[Path | None, typer.Option(help="Draw it from above, .png, .svg or .pdf.")] = None,
     json_: Json = None,
@@ -173,8 +192,9 @@ def region(
     with answering(region):
         check_outputs({"--png": (png, FIGURES), "--json": (json_, ())}, reads=robot)
         report = report_region(
-            robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits, verbose=verbose
-        )
+            robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits, gravity=gravity,
+            verbose=verbose,
+        )  # fmt: skip
         write_json(json_, report)
         console.print(report)
         if png is not None:

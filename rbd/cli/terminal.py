@@ -34,6 +34,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rbd.arrays import Array
+    from rbd.robots.robot import Robot
 
 Command: TypeAlias = Callable[..., None]
 NO_SOLUTION, BAD_INPUT = 1, 2
@@ -107,6 +108,13 @@ def rounded(values: Array, digits: int) -> str:
 def counted(n: int, what: str) -> str:
     """A count with its noun, as "1 step" or "2 steps"."""
     return f"{n} {what}{'' if n == 1 else 's'}"
+
+
+def in_gravity(robot: Robot, gravity: str | None) -> Robot:
+    """The robot in a world with the gravity of the option --gravity; as it is where there is none."""
+    if gravity is None:
+        return robot
+    return robot.with_gravity(numbers_of("--gravity", gravity, "m/s2", names="X,Y,Z"))
 
 
 def numbers_of(option: str, text: str, unit: str, *, names: str = "") -> Array:

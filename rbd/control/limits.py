@@ -38,7 +38,8 @@ class Limits(Displayed):
     """Limits that a step of whole-body control keeps.
 
     Attributes:
-        torque: Share of the file's effort limits that motors may use, in (0, 1]; None for no limit.
+        torque: Share of the effort limits that motors may use, in (0, 1], and of what their torque-speed lines leave; None for
+            no limit.
         position: Keep joints within their positions, so that they can brake in time.
         velocity: Keep joints within their velocities.
         braking: A: deceleration that the motors can bring at any posture [rad/s2, m/s2]. More lets joints come nearer to their
@@ -77,10 +78,18 @@ class Limits(Displayed):
             raise InputError(f"margin is {self.margin!r:.80}; expected a distance of 0 or more [rad, m].")
 
     def torques(self, robot: CheckedModel) -> Array:
-        """Largest torques, shape (nu,) [N, N m]; inf where there is no limit."""
+        """Largest torques at rest, shape (nu,) [N, N m]; inf where there is no limit."""
         if not isinstance(robot, CheckedModel):
             raise InputError(f"expected a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
         return np.full(robot.nu, np.inf) if self.torque is None else self.torque * robot.effort_limit
+
+    def torque_bounds(self, state: State) -> tuple[Array, Array]:
+        """(least, most) torques at a state, shapes (nu,) [N, N m]: `robot.torque_limits` at its velocity, times the share."""
+        robot = check_state(state).robot
+        if self.torque is None:
+            return np.full(robot.nu, -np.inf), np.full(robot.nu, np.inf)
+        least, most = robot.limits_at(state.v)
+        return self.torque * least, self.torque * most
 
     def accelerations(self, state: State) -> tuple[Array, Array]:
         """(least, most) accelerations of all coordinates, shapes (nv,) [rad/s2, m/s2]; infinite where there is no limit."""

@@ -195,7 +195,7 @@ class HoldPosture(Displayed):
         motors = robot.motors
         back = pin.difference(robot.model, state.q, self.state.q)[motors]
         tau = gains.torque + gains.stiffness @ back - gains.damping @ state.v[motors]
-        return np.clip(tau, -robot.effort_limit, robot.effort_limit)
+        return np.clip(tau, *robot.limits_at(state.v))
 
     def gains(self, state: State, t: float = 0.0) -> Gains:
         """Torque, stiffness and damping for the contacts at a state.

@@ -50,7 +50,7 @@ class StepProblem:
         stacked: (A, wanted) of all tasks of accelerations.
         unit: The body weight [N]; 1 without gravity.
         program: In (a, w / unit).
-        torques: Largest torques, shape (nu,).
+        torques: Least and largest torques, shapes (nu,).
         limited: Joints' coordinates with a bound, shape (j,).
         joint_rows: Their rows between bounds in the program.
     """
@@ -69,7 +69,7 @@ class StepProblem:
     stacked: tuple[Array, Array]
     unit: float
     program: StepProgram
-    torques: Array
+    torques: tuple[Array, Array]
     limited: Array
     joint_rows: slice
 
@@ -115,9 +115,8 @@ class StepProblem:
         H.flat[:: nv + 1] += ACCELERATION_COST
         K, k = _force_cost(terms, rows, sets, unit)
         M, idle, motors = state.M, robot.idle, robot.motors
-        torques = limits.torques(robot)
-        size = np.where(torques < np.inf, torques, unit)
-        share = np.where(torques < np.inf, 1.0, np.inf)
+        still, torques = limits.torques(robot), limits.torque_bounds(state)
+        size = np.where(still < np.inf, still, unit)
         lower, upper = sets.lower / unit, sets.upper / unit
         least, most = limits.accelerations(state)
         limited = np.flatnonzero((least > -np.inf) | (most < np.inf))
@@ -140,8 +139,8 @@ class StepProblem:
             np.concatenate([need[idle] / -unit, -offset]),
             T,
             W,
-            np.concatenate([-share - own, low_n, least[limited]]),
-            np.concatenate([share - own, high_n, most[limited]]),
+            np.concatenate([torques[0] / size - own, low_n, least[limited]]),
+            np.concatenate([torques[1] / size - own, high_n, most[limited]]),
             lower,
             upper,
             slice(n, n + r),

@@ -163,20 +163,22 @@ def complaints(found: TaskActuation) -> list[tuple[type[RbdWarning], str]]:
 
 def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased: Relaxed | None) -> TaskActuation:
     """Torques and forces at a point of the program, with their certificate."""
-    program, unit, most = problem.program, problem.unit, problem.torques
+    program, unit, (least, most) = problem.program, problem.unit, problem.torques
+    limit = problem.limits.torques(problem.state.robot)
     a, w = point.a, np.minimum(np.maximum(point.w, program.lower), program.upper) * unit
     feedback = problem.feedback if eased is None else problem.feedback - eased.contacts
     loads = problem.loads(a, feedback)
     tau, left = loads.torques(w)
-    over = np.abs(tau) > most
+    inside = np.minimum(np.maximum(tau, least), most)
+    over = tau != inside
     if over.any():
-        over &= np.abs(tau) <= most * (1.0 + SOLVED)
-        tau[over] = np.copysign(most[over], tau[over])
+        over &= np.abs(tau - inside) <= SOLVED * limit
+        tau[over] = inside[over]
     joints = program.T[problem.joint_rows] @ a
     passed = np.maximum(program.low[problem.joint_rows] - joints, joints - program.high[problem.joint_rows])
     if eased is not None:
         passed = passed - eased.joints
-    excess = np.maximum(np.abs(tau) - most, 0.0)
+    excess = np.maximum(np.maximum(least - tau, tau - most), 0.0)
     moves = max(1.0, max_abs(a), max_abs(program.e))
     forces = max(unit, max_abs(loads.need), max_abs(w))
     values = (
@@ -186,7 +188,7 @@ def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased:
         float(excess.max(initial=0.0)),
         float(passed.max(initial=0.0)),
     )
-    torque = float((excess / np.minimum(most, 1e300)).max(initial=0.0))
+    torque = float((excess / np.minimum(limit, 1e300)).max(initial=0.0))
     scaled = (values[0] / forces, values[1] / moves, values[2] / forces, torque, values[4] / moves, optimality)
     return TaskActuation(
         a, tau, w, loads, problem.contacts, problem.external, DEFAULT, 0.0, REST_SPEED, point.iterations, point.method, True,

@@ -139,8 +139,8 @@ class TaskActuation(Actuation):
     def at_limit(self) -> dict[str, tuple[str, ...]]:
         """{"torque", "position", "velocity": joints at that limit}, of those that some joint is at."""
         robot, out = self.state.robot, dict[str, tuple[str, ...]]()
-        most = self.limits.torques(robot)
-        loaded = np.abs(self.tau) >= most * (1.0 - _AT)
+        (least, most), slack = self.limits.torque_bounds(self.state), _AT * np.minimum(self.limits.torques(robot), 1e300)
+        loaded = (self.tau <= least + slack) | (self.tau >= most - slack)
         if loaded.any():
             out["torque"] = tuple(name for name, is_at in zip(robot.actuated_names, loaded, strict=True) if is_at)
         out.update(joints_at_bounds(self.limits, self.state, self.a, _AT))

@@ -133,8 +133,7 @@ class TrackingController(Displayed):
         Raises:
             InputError: a state of another robot.
         """
-        limit = self.motion.robot.effort_limit
-        return np.clip(self._wanted(state, t), -limit, limit)
+        return np.clip(self._wanted(state, t), *self.motion.robot.limits_at(state.v))
 
     def reset(self) -> None:
         """Counts start at zero: a motion begins."""
@@ -142,7 +141,7 @@ class TrackingController(Displayed):
 
     def accepted(self, step: AcceptedStep) -> None:
         """Counts the motors whose torque is clipped at the beginning of a step."""
-        over = np.abs(self._wanted(step.state, step.t)) > self.motion.robot.effort_limit
+        over = self.motion.robot.torque_use(self._wanted(step.state, step.t), step.state.v) > 1.0
         counts = self._counts
         counts["steps"] += 1
         counts["any"] += bool(over.any())

@@ -171,14 +171,14 @@ class WholeBodyController(Displayed):
         memory.robot = robot
         seen = memory.watch.see(step)
         actuation = self._step(step, seen)
-        most = self.limits.torques(robot)
-        memory.actuation, memory.tau = actuation, np.minimum(np.maximum(actuation.tau, -most), most)  # beyond by rounding
+        least, most = self.limits.torque_bounds(step.state)
+        memory.actuation, memory.tau = actuation, np.minimum(np.maximum(actuation.tau, least), most)  # beyond by rounding
         memory.log.add(
             ControlStep(
                 step.t,
                 actuation.certificate.worst,
                 0.0 if actuation.violation is None else actuation.violation.worst,
-                float(np.abs(memory.tau / robot.effort_limit).max(initial=0.0)),  # 0 where there is no limit
+                float(robot.torque_use(memory.tau, step.state.v).max(initial=0.0)),  # 0 where there is no limit
                 {name: math.sqrt(float(missed @ missed)) for name, missed in actuation.missed.items()},
                 seen.planned,
                 seen.touching,

@@ -7,6 +7,7 @@
         UnknownName                     a name that is not in the model; nearest names in the message
           UnknownRobot, FrameNotFound, JointNotFound
         DuplicateName                   two constraints, or two rows, under one name
+        BadEvent                        an event of a simulation that is no number, is zero throughout, or chatters
       ModelError                        a robot file is missing, broken or not a robot
       ContactMoves                      a contact that can break or slip already moves
       NotAtRest                         statics of a moving robot
@@ -30,6 +31,8 @@
 
     RbdWarning (a UserWarning)
       EffortLimitWarning                a torque given is beyond a motor's limit
+      ForceElementWarning               a spring has a negative stiffness
+      SpeedLimitWarning                 a joint is faster than its motor can turn
       InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7; or a simulation recorded a
                                         residual above 1e-7
       LoopNotClosedWarning              a loop is not closed at this state, and is solved unchanged
@@ -37,12 +40,14 @@
       NonUniqueMotionWarning            more than one motion satisfies the contact law; the answer is one of them
       NotSteadyWarning                  a state is linearised that is neither an equilibrium nor a steady motion
       OpeningContactWarning             a contact separates, and its force is zero
+      PoorExcitationWarning             measured motions tell less of some parameters than the model does
       DistantContactWarning             a contact is not on its plane
       RelaxedLimitsWarning              a step of control violates contacts or joint limits by the least
       StudyWarning                      a study ended early, or goes on with what another version computed
 """
 
 from rbd.errors.inputs import (
+    BadEvent,
     ContactMoves,
     DuplicateName,
     FrameNotFound,
@@ -73,18 +78,22 @@ from rbd.errors.stopped import StudyStopped
 from rbd.errors.warned import (
     DistantContactWarning,
     EffortLimitWarning,
+    ForceElementWarning,
     InaccurateWarning,
     LoopNotClosedWarning,
     ModelWarning,
     NonUniqueMotionWarning,
     NotSteadyWarning,
     OpeningContactWarning,
+    PoorExcitationWarning,
     RbdWarning,
     RelaxedLimitsWarning,
+    SpeedLimitWarning,
     StudyWarning,
 )
 
 __all__ = [
+    "BadEvent",
     "CannotAssemble",
     "CannotHold",
     "CannotMove",
@@ -93,6 +102,7 @@ __all__ = [
     "DistantContactWarning",
     "DuplicateName",
     "EffortLimitWarning",
+    "ForceElementWarning",
     "FrameNotFound",
     "InaccurateWarning",
     "InputError",
@@ -108,6 +118,7 @@ __all__ = [
     "NotSteadyWarning",
     "OpeningContactWarning",
     "PictureError",
+    "PoorExcitationWarning",
     "RbdError",
     "RbdWarning",
     "Reason",
@@ -115,6 +126,7 @@ __all__ = [
     "SimulationStopped",
     "SingularInertia",
     "SingularPose",
+    "SpeedLimitWarning",
     "StudyStopped",
     "StudyWarning",
     "StudyWarning",

@@ -105,6 +105,22 @@ class ContactMoves(RbdError):
     reason = Reason.CONTACT_MOVES
 
 
+class BadEvent(InputError):
+    """An event of a simulation is no finite number, is zero throughout, or chatters.
+
+    Raised at the start of a motion; after it, it is the cause of a `SimulationStopped`.
+
+    Example:
+        >>> box = rbd.State(rbd.testing.box(), [0, 0, 1, 0, 0, 0, 1])
+        >>> rbd.simulate(box, duration=0.1, step=0.01, events=[lambda state: state.q])
+        Traceback (most recent call last):
+            ...
+        rbd.errors.BadEvent: event 'event 1' gave an array of shape (7,) at t = 0 s; expected one number. ...
+    """
+
+    reason = Reason.BAD_EVENT
+
+
 class NotAtRest(RbdError):
     """Statics was requested for a moving robot.
 

@@ -47,6 +47,7 @@ class Reason(StrEnum):
     UNKNOWN_ROBOT = "unknown_name: robot", 15, "No robot and no file has this name."
     UNKNOWN_FRAME = "unknown_name: frame", 16, "No frame of the robot has this name."
     UNKNOWN_JOINT = "unknown_name: joint", 17, "No joint of the robot has this name."
+    BAD_EVENT = "bad_input: event", 18, "An event of a simulation is no finite number, is zero throughout, or chatters."
 
     CONTACT_MOVES = "contact_moves", 20, "A contact has a velocity that the law does not cover."
     CONTACT_MOVES_IMPACT = "contact_moves: impact", 21, "A contact approaches its surface: an impact."
@@ -129,6 +130,12 @@ class Reason(StrEnum):
     STOPPED_BAD_INPUT = "simulation_stopped: bad input", 63, "A controller or a force of the user gave what cannot be taken."
     STOPPED_OTHER = "simulation_stopped: other error", 64, "A controller, force or constraint of the user raised an error."
     INTERRUPTED = "interrupted", 65, "Ctrl-C ended it."
+    STOPPED_BAD_EVENT = (
+        "simulation_stopped: event",
+        66,
+        "An event is a bad one, see bad_input: event; or did not happen.",
+    )
+    EVENT = "event", 67, "An event with `terminal` ended it."
 
     NOT_POSSIBLE = "not_possible", 70, "A frame of a motion is not possible."
     NOT_POSSIBLE_FLOATS = "not_possible: floats", 71, "Nothing touches the floor, or it falls faster than it could."

@@ -34,6 +34,22 @@ class EffortLimitWarning(RbdWarning):
     """
 
 
+class SpeedLimitWarning(RbdWarning):
+    """A joint is faster than the `speed_limit` of its `rbd.Motor`.
+
+    Example:
+        >>> import warnings
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> arm = arm.with_motors({"joint_1": rbd.Motor(speed_limit=5.0)})
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("error", rbd.errors.SpeedLimitWarning)
+        ...     rbd.inverse_dynamics(arm.at([0.0], [6.0]), [0.0], [])
+        Traceback (most recent call last):
+            ...
+        rbd.errors.SpeedLimitWarning: joint_1 moves at 6 rad/s, faster than the 5 rad/s of its motor ...
+    """
+
+
 class InaccurateWarning(RbdWarning):
     """An answer's residuals are above 1e-9, though at most 1e-7, scaled; or those of a simulation's record are above 1e-7.
 
@@ -60,6 +76,21 @@ class NonUniqueMotionWarning(RbdWarning):
         ...     jammed = rbd.solve(rbd.State(rbd.testing.box(), [0, 0, 0, 0, 0, 0, 1]), [], walls)
         >>> print(seen[0].category.__name__, *(f"{each.a[2]:.2f} m/s2" for each in (jammed, *jammed.others)))
         NonUniqueMotionWarning 0.00 m/s2 -9.81 m/s2
+    """
+
+
+class PoorExcitationWarning(RbdWarning):
+    """Measured motions tell less of some base parameters than the model does; those stay near the model.
+
+    Example:
+        >>> import warnings
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> rest = rbd.Motion.of_arrays(arm, np.arange(5.0), np.zeros((5, 2)), np.zeros((5, 2)), np.zeros((5, 2)))
+        >>> with warnings.catch_warnings(record=True) as seen:
+        ...     warnings.simplefilter("always")
+        ...     found = rbd.identify(rbd.identification.MeasuredMotion(rest, np.tile([19.62, 4.905], (5, 1))))
+        >>> print(seen[0].category.__name__, found.certificate.rank, "of", found.base.rank)
+        PoorExcitationWarning 2 of 6
     """
 
 
@@ -119,6 +150,20 @@ class ModelWarning(RbdWarning):
         Traceback (most recent call last):
             ...
         rbd.errors.ModelWarning: romeo: 2 links have inertias that no body has ('RShoulderYawLink', ...
+    """
+
+
+class ForceElementWarning(RbdWarning):
+    """A spring or another force element has a constant that is unusual: a negative stiffness pushes away from rest.
+
+    Example:
+        >>> import warnings
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("error", rbd.errors.ForceElementWarning)
+        ...     rbd.Spring("hand", to=(0, 0, 2), stiffness=-100.0, rest=1.0)
+        Traceback (most recent call last):
+            ...
+        rbd.errors.ForceElementWarning: stiffness of 'spring from hand to the ground at (0, 0, 2)' is -100: ...
     """
 
 

@@ -15,7 +15,6 @@ from rbd.many.answers import Sheet
 from rbd.many.states import ManyStates
 from rbd.many.status import StateStatus
 from rbd.many.warned import DISTANT
-from rbd.model.external import generalised
 from rbd.prepared.contact_dynamics import DOUBTFUL, Found
 from rbd.prepared.many import BLOCK, METHODS, BlockAnswer, prepared_blocks
 from rbd.problem.problem import BILATERAL, COULOMB, GaussProblem, Law
@@ -57,20 +56,8 @@ def friction_of(states: ManyStates) -> Array | None:
 
 def _generalised(states: ManyStates, part: Array) -> Array:
     """S^T tau + tau_ext of some states, shape (n, nv)."""
-    out = external_of(states, part)
+    out = states.external_of(part)
     out[:, states.robot.motors] += states.vectors["tau"][part]
-    return out
-
-
-def external_of(states: ManyStates, part: Array) -> Array:
-    """tau_ext of some states, shape (n, nv)."""
-    external = states.external
-    if isinstance(external, np.ndarray):
-        return np.array(external[part])
-    out = np.zeros((len(part), states.robot.nv))
-    if external is not None:
-        for row, i in zip(out, part.tolist(), strict=True):
-            row += generalised(states.state(i), external)[0]
     return out
 
 

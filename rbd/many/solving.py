@@ -100,7 +100,9 @@ def _one(sheet: Sheet, i: int, law: Law, rest_speed: float) -> None:
 
 
 def _overloaded(states: ManyStates) -> Array:
-    """At which states some torque is beyond its effort limit, shape (n,), of truth values."""
+    """At which states some torque is beyond its limit, shape (n,), of truth values."""
+    tau = states.vectors["tau"]
     with np.errstate(invalid="ignore"):
-        beyond = np.abs(states.vectors["tau"]) > states.robot.effort_limit
+        least, most = states.robot.limits_at(states.v)
+        beyond = (tau < least) | (tau > most)
     return np.asarray(beyond.any(axis=1)) if beyond.any() else np.zeros(len(states), bool)

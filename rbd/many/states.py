@@ -13,14 +13,15 @@ from rbd.constraints.constraint import Constraint, check_on, has_friction, liste
 from rbd.errors import InputError, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.model.checked_model import FARTHEST, CheckedModel
-from rbd.model.external import ExternalForce
+from rbd.model.external import ExternalForce, ForceElement, generalised, is_element
 from rbd.model.joint_errors import UNIT_TOLERANCE
 from rbd.model.state import State
 
 Friction: TypeAlias = float | Sequence[float] | Array | Mapping[str, Any] | None
 """Coefficients in place of the contacts' own: a number, one a state (n,), or {contact: either}."""
-ManyExternal: TypeAlias = Array | Sequence[Any] | ExternalForce | None
-"""Generalised forces (nv,) or (n, nv), or `ExternalForce` objects that act at every state."""
+ManyExternal: TypeAlias = Array | Sequence[Any] | ExternalForce | ForceElement | None
+"""Generalised forces (nv,) or (n, nv), or `ExternalForce` objects and force elements that act at every state."""
+Acting: TypeAlias = tuple[ExternalForce | ForceElement, ...]
 
 
 _KEPT = 64
@@ -39,7 +40,7 @@ class ManyStates:
         v: Velocities, shape (n, nv).
         vectors: {"tau": (n, nu)} or {"a": (n, nv)}: what else was given, a row a state.
         constraints: As given.
-        external: None, `ExternalForce` objects, or generalised forces (n, nv).
+        external: None, `ExternalForce` objects and force elements, or generalised forces (n, nv).
         friction: {contact: coefficients (n,)} where they replace those of the contacts.
         refused: {state: message} of states that are no input: not finite, or a quaternion off the unit sphere.
     """
@@ -49,10 +50,11 @@ class ManyStates:
     v: Array
     vectors: Mapping[str, Array]
     constraints: tuple[Constraint, ...]
-    external: tuple[ExternalForce, ...] | Array | None
+    external: Acting | Array | None
     friction: Mapping[str, Array]
     refused: Mapping[int, str]
     _made: dict[tuple[float, ...], tuple[Constraint, ...]] = field(default_factory=dict, repr=False)
+    _applied: Array | None = field(default=None, repr=False)
 
     @classmethod
     def of(
@@ -93,7 +95,11 @@ class ManyStates:
         found = {name: table.broadcast(n) for name, table in tables.items()}
         mu = {name: found[f"friction of {name!r:.80}"][:, 0] for name in _coefficients(given, friction)}
         outer = found["external"] if isinstance(forces, _Table) else forces
-        return cls(robot, found["q"], found["v"], {x: found[x] for x in vectors}, given, outer, mu, refused)
+        applied = None
+        if isinstance(outer, tuple) and any([is_element(each) for each in outer]):
+            applied = _applied(robot, found["q"], found["v"], outer, refused)
+        vectors_found = {x: found[x] for x in vectors}
+        return cls(robot, found["q"], found["v"], vectors_found, given, outer, mu, refused, _applied=applied)
 
     def __len__(self) -> int:
         return len(self.q)
@@ -116,9 +122,20 @@ class ManyStates:
         if i in self.refused:
             raise InputError(f"at state {i}: {self.refused[i]}")
 
-    def external_at(self, i: int) -> Array | tuple[ExternalForce, ...] | None:
+    def external_at(self, i: int) -> Array | Acting | None:
         """The external forces at state i, as `rbd.solve` takes them."""
         return self.external[i] if isinstance(self.external, np.ndarray) else self.external
+
+    def external_of(self, part: Array) -> Array:
+        """tau_ext of some states, shape (n, nv)."""
+        table = self._applied if self._applied is not None else self.external
+        if isinstance(table, np.ndarray):
+            return np.array(table[part])
+        out = np.zeros((len(part), self.robot.nv))
+        if self.external is not None:
+            for row, i in zip(out, part.tolist(), strict=True):
+                row += generalised(self.state(i), self.external)[0]
+        return out
 
     def constraints_at(self, i: int) -> tuple[Constraint, ...]:
         """The constraints at state i, with its friction."""
@@ -230,25 +247,42 @@ def _checked_constraints(robot: CheckedModel, constraints: Sequence[Constraint])
     return given
 
 
-def _forces_of(robot: CheckedModel, external: ManyExternal) -> _Table | tuple[ExternalForce, ...] | None:
+def _applied(robot: CheckedModel, q: Array, v: Array, external: Acting, refused: dict[int, str]) -> Array:
+    """tau_ext of all states, shape (n, nv); where an element has no force, the state is refused with the reason."""
+    out = np.zeros((len(q), robot.nv))
+    for i in range(len(q)):
+        if i in refused:
+            continue
+        try:
+            out[i] = generalised(State(robot, q[i], v[i]), external)[0]
+        except InputError as error:
+            refused[i] = str(error)
+    return out
+
+
+def _forces_of(robot: CheckedModel, external: ManyExternal) -> _Table | Acting | None:
     if external is None:
         return None
-    if isinstance(external, ExternalForce):
+    if isinstance(external, ExternalForce) or is_element(external):
         external = (external,)
     if not isinstance(external, np.ndarray):
         if not isinstance(external, Sequence) or isinstance(external, str | bytes):
             raise InputError(f"external is {external!r:.80}; {_WANTED}")
-        pushes = [e for e in external if isinstance(e, ExternalForce)]
-        if len(pushes) == len(external):
-            for push in pushes:
-                robot.site(push.frame)
-            return tuple(pushes)
-        if pushes:
-            raise InputError(f"external mixes ExternalForce with something else; {_WANTED}")
+        acting = [e for e in external if isinstance(e, ExternalForce) or is_element(e)]
+        if len(acting) == len(external):
+            for each in acting:
+                if isinstance(each, ExternalForce):
+                    robot.site(each.frame)
+                elif callable(fits := getattr(each, "check_on", None)):
+                    fits(robot)
+            check_different([each.name for each in acting if not isinstance(each, ExternalForce)], "force elements")
+            return tuple(acting)
+        if acting:
+            raise InputError(f"external mixes forces and springs with something else; {_WANTED}")
     return _Table("external", external, robot.nv, f"nv; {_WANTED}")
 
 
-_WANTED = "expected ExternalForces, or generalised forces (nv,) or (n, nv)."
+_WANTED = "expected ExternalForces and force elements, or generalised forces (nv,) or (n, nv)."
 
 
 def _coefficients(constraints: tuple[Constraint, ...], friction: Friction) -> dict[str, Any]:

@@ -14,17 +14,19 @@ from rbd.errors import (
     NonUniqueMotionWarning,
     OpeningContactWarning,
     RbdWarning,
+    SpeedLimitWarning,
 )
 from rbd.many.answers import ManyAnswers
 from rbd.problem.rows import Rows
 
-TORQUE, DISTANT, OPENED, LOOP, SEVERAL, INACCURATE = (
+TORQUE, DISTANT, OPENED, LOOP, SEVERAL, INACCURATE, SPEED = (
     "a torque is beyond its effort limit",
     "a contact is off its plane",
     "a contact separates and carries no force",
     "a loop is open",
     "more than one motion satisfies the law",
     "inaccurate",
+    "a joint is faster than its motor can turn",
 )
 WARNINGS: dict[str, type[RbdWarning]] = {
     TORQUE: EffortLimitWarning,
@@ -33,6 +35,7 @@ WARNINGS: dict[str, type[RbdWarning]] = {
     LOOP: LoopNotClosedWarning,
     SEVERAL: NonUniqueMotionWarning,
     INACCURATE: InaccurateWarning,
+    SPEED: SpeedLimitWarning,
 }
 """The warning of each kind."""
 

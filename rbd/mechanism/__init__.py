@@ -19,7 +19,7 @@ from rbd.mechanism.singular_configurations import Singularities, SingularitiesAl
 from rbd.mechanism.topology import MechanismClass, classify
 from rbd.mechanism.traced_poses import Trace
 from rbd.modules import submodule as _submodule
-from rbd.robots.linkage import link_angles
+from rbd.robots.linkage import Link, Linkage, link_angles
 from rbd.robots.standard_linkages import four_bar, n_four_bar, slider_crank
 
 __all__ = [
@@ -29,6 +29,8 @@ __all__ = [
     "Branches",
     "FoundPose",
     "Integrability",
+    "Link",
+    "Linkage",
     "Mobility",
     "ProjectedAcceleration",
     "Singularities",

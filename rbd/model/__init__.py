@@ -10,11 +10,17 @@ from rbd.modules import named as _named
 if _TYPE_CHECKING:
     from rbd.model.external import ExternalForce as ExternalForce
     from rbd.model.input_files import FileLimits as FileLimits
+    from rbd.model.motors import Motor as Motor
     from rbd.model.state import State as State
 
-_HOME = {"ExternalForce": "rbd.model.external", "FileLimits": "rbd.model.input_files", "State": "rbd.model.state"}
+_HOME = {
+    "ExternalForce": "rbd.model.external",
+    "FileLimits": "rbd.model.input_files",
+    "Motor": "rbd.model.motors",
+    "State": "rbd.model.state",
+}
 
-__all__ = ["ExternalForce", "FileLimits", "State"]
+__all__ = ["ExternalForce", "FileLimits", "Motor", "State"]
 
 
 def __getattr__(name: str) -> object:

@@ -6,9 +6,10 @@ reaches it here unchecked.
 
 from __future__ import annotations
 
+import copy
 import math
-from collections.abc import Iterable
-from typing import Any
+from collections.abc import Iterable, Sequence
+from typing import Any, Self
 
 import numpy as np
 import pinocchio as pin
@@ -18,10 +19,13 @@ from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
 from rbd.displayed import Displayed
 from rbd.errors import FrameNotFound, InputError, ModelError, nearest
 from rbd.installation import check_whole
+from rbd.model.actuated_model import ActuatedModel
 from rbd.model.data_pool import DataPool
+from rbd.model.gravity import checked_gravity
 from rbd.model.joint_errors import UNIT_TOLERANCE
 from rbd.model.joints import Coordinate, Joints
-from rbd.model.travelling import Recipe, Travelling, packed, unpacked
+from rbd.model.planar_base import Plane, base_turn, plane_of_base
+from rbd.model.travelling import Recipe, packed, unpacked
 
 check_whole()  # the version of the installed Pinocchio
 
@@ -29,7 +33,7 @@ FARTHEST = 1e5
 """Largest entry of q and of v: at 100 km from the origin M is right to 3e-11 of its largest entry, beyond it gets worse."""
 
 
-class CheckedModel(Travelling, Displayed):
+class CheckedModel(ActuatedModel, Displayed):
     """A pin.Model whose names, sizes and numbers are checked before Pinocchio sees them.
 
     Args:
@@ -47,7 +51,9 @@ class CheckedModel(Travelling, Displayed):
         idle: Those of `unactuated`, likewise.
         unactuated: The other indices in v, of bases and passive joints, ascending.
         actuated_names: Their joints' names, in the order of tau.
-        effort_limit: Largest `|tau|` that the robot's file states, shape (nu,) [N, N m]; inf where it states none.
+        effort_limit: Largest `|tau|` at rest, of the robot's file or of `with_motors`, shape (nu,) [N, N m]; inf where none is
+            stated. See `torque_limits` for a moving robot.
+        motor_data: {joint: `rbd.Motor`, or None for no motor}, as `with_motors` was given.
         bases: Indices of the free-flyers at the roots of all bodies, one a robot; empty if any body is fixed to the world.
         floating: Whether all bodies hang from one free-flyer joint.
         sound: False where the doctor found errors and the robot was loaded all the same: its M is then checked each time.
@@ -71,17 +77,7 @@ class CheckedModel(Travelling, Displayed):
         floating = {joint.id for joint in self.joints.values() if joint.kind == "FreeFlyer"}
         self.bases = roots if all(i in floating for i in roots) else ()
         self.floating = self.bases == (1,)
-        driven = [joint for joint in self.joints.values() if joint.id not in floating and joint.name not in self.passive]
-        motors = [(joint.name, i) for joint in driven for i in range(joint.v.start, joint.v.stop)]
-        self.actuated = np.array([i for _, i in motors], dtype=int)
-        self.unactuated = np.setdiff1d(np.arange(self.nv), self.actuated)
-        self.actuated_names = tuple(n for n, _ in motors)
-        self.nu = len(motors)
-        self.motors, self.idle = _as_slice(self.actuated), _as_slice(self.unactuated)
-        self.actuation = np.eye(self.nv)[self.actuated]
-        limit = np.array(model.effortLimit, float)[self.actuated]
-        # Zero, missing and +-DBL_MAX all mean that the file states no limit.
-        self.effort_limit = np.where((limit <= 0.0) | (limit > 1e100) | ~np.isfinite(limit), np.inf, limit)
+        self._place_motors()
         pieces = [p for p in self.joints.pieces if p.unit.start < p.unit.stop]
         self._unit_blocks = [(p.q + p.unit.start, p.q + p.unit.stop) for p in pieces]
         circles = [begin for begin, end in self._unit_blocks if end - begin == 2]
@@ -102,6 +98,11 @@ class CheckedModel(Travelling, Displayed):
         return float(pin.computeTotalMass(self.model))  # not cached: the equations of motion, too, read the present model
 
     @lazy
+    def base_turn(self) -> pin.SE3 | None:
+        """X_JB from the axes of a planar base's joint to those of its link; None where they are the same."""
+        return base_turn(self.model)
+
+    @lazy
     def least_inertia(self) -> Array:
         """Of min(1, M_ii), shape (nv,): a quarter of the least of a few random postures. A scale of residuals, no bound."""
         data, rng = self.model.createData(), np.random.default_rng(0)
@@ -113,9 +114,36 @@ class CheckedModel(Travelling, Displayed):
         return least
 
     @property
+    def plane(self) -> Plane | None:
+        """The plane of W in which its base slides, "xy", "xz" or "yz"; None where the base is no planar joint."""
+        return plane_of_base(self.model)
+
+    @property
     def gravity(self) -> Array:
         """In W, shape (3,) [m/s2]."""
         return np.array(self.model.gravity.linear)
+
+    def with_gravity(self, gravity: Sequence[float] | Array) -> Self:
+        """The same robot in a world with another gravity; this one is not changed.
+
+        Planes and normals of contacts stay where they are: under a gravity that leans, level ground is an incline. Weight,
+        balance, `potential_energy`, `standing` of robots on two points, support regions and simulations follow.
+
+        Args:
+            gravity: In W, shape (3,) [m/s2]; zero too.
+
+        Raises:
+            InputError: not three finite numbers, or more than 1e4 m/s2.
+
+        Example:
+            >>> solo = rbd.load_robot("solo12").with_gravity((0.0, 0.0, -1.62))  # on the Moon
+            >>> print(f"{rbd.hold(solo.standing(), solo.feet()).forces['front_left'][2]:.3f} N")
+            1.013 N
+        """
+        given = checked_gravity(gravity)
+        out = copy.deepcopy(self)
+        out.model.gravity.linear = given
+        return out
 
     @property
     def force_unit(self) -> float:
@@ -139,6 +167,7 @@ class CheckedModel(Travelling, Displayed):
     def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> Any:
         out = CheckedModel(model, passive=self.passive, name=self.name)
         out.sound = self.sound
+        out._take_motors(self.motor_data)
         return out
 
     def is_like(self, other: CheckedModel) -> bool:
@@ -149,7 +178,8 @@ class CheckedModel(Travelling, Displayed):
         """
         if not isinstance(other, CheckedModel):
             raise InputError(f"other is {other!r:.80}; expected a robot: rbd.load_robot(...).")
-        return other is self or bool(other.model == self.model and other.passive == self.passive)
+        same = other.passive == self.passive and other.motor_data == self.motor_data
+        return other is self or bool(same and other.model == self.model)
 
     def frames(self) -> list[str]:
         """Names of all frames: links, joints and fixed marks."""
@@ -301,12 +331,6 @@ def _remade(model: bytes, version: str, passive: list[str], name: str, sound: bo
     out = CheckedModel(unpacked(model, version), passive=passive, name=name)
     out.sound = sound
     return out
-
-
-def _as_slice(indices: Array) -> slice | Array:
-    if len(indices) and (np.diff(indices) == 1).all():
-        return slice(int(indices[0]), int(indices[-1]) + 1)
-    return indices
 
 
 def _check_order(model: pin.Model) -> None:

@@ -16,20 +16,25 @@ from scipy.linalg import lapack
 from rbd.arrays import Array, inertia_factor, zeros
 from rbd.errors import InputError
 from rbd.model.external import External, generalised
+from rbd.model.inertial import Regressor, body_names, inertial_parameters, regressor
 from rbd.model.state import State, checked
 
 __all__ = [
+    "Regressor",
     "bias_force",
+    "body_names",
     "constraint_hessian",
     "coriolis_matrix",
     "coriolis_tensor",
     "free_acceleration",
     "gravity_torque",
+    "inertial_parameters",
     "inverse_dynamics",
     "kinetic_energy",
     "mass_matrix",
     "momentum",
     "potential_energy",
+    "regressor",
 ]
 """What users call; the rest serves the package."""
 

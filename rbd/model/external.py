@@ -8,9 +8,10 @@ from typing import Protocol, TypeAlias, TypeGuard
 
 import numpy as np
 
-from rbd.arrays import Array, add_wrench, as_array, as_vector3
+from rbd.arrays import Array, add_wrench, as_array, as_vector3, check_finite
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_different
 from rbd.model.state import State, checked
 
 
@@ -47,12 +48,14 @@ class ExternalForce(Displayed):
 class ForceElement(Protocol):
     """Protocol of force elements: forces that the state determines, e.g. of springs. They go where `external` goes.
 
-    Those of `rbd.forces` are force elements; so is any object with these methods.
+    Those of `rbd.forces` are force elements; so is any object with `name`, `generalised`, `energy` and `dissipation`. If it has
+    `derivatives(state)` too, (dtau/dq on the tangent space, dtau/dv), shapes (nv, nv), it is used; else they are taken by
+    differences (`rbd.analysis.external_derivatives`). What it returns is checked: sizes, and that it is finite.
     """
 
     @property
     def name(self) -> str:
-        """Its name, for messages, records and drawings."""
+        """Its name, for messages, records and drawings; no two elements that act together have the same."""
 
     def generalised(self, state: State) -> tuple[Array, Array]:
         """(tau, wrench): what it adds to tau_ext, shape (nv,), and its wrench from outside the robot about the centre of mass.
@@ -60,9 +63,6 @@ class ForceElement(Protocol):
         The wrench is in world axes, shape (6,) [N, N m]: that of the ground on the robot. Forces between two bodies of the
         robot, and those in joints, have none.
         """
-
-    def derivatives(self, state: State) -> tuple[Array, Array]:
-        """(dtau/dq on the tangent space, dtau/dv), shapes (nv, nv)."""
 
     def energy(self, state: State) -> float:
         """Potential energy [J], zero where it is relaxed."""
@@ -75,11 +75,22 @@ External: TypeAlias = Array | Sequence[float] | Sequence[ExternalForce | ForceEl
 
 
 def is_element(given: object) -> TypeGuard[ForceElement]:
-    """Whether it is a force element: it has the methods of one, and is no class."""
-    return not isinstance(given, type) and all([callable(getattr(given, name, None)) for name in _METHODS])
+    """Whether it is a force element: it has a method `generalised`, and is no class.
 
-
-_METHODS = ("generalised", "derivatives", "energy", "dissipation")
+    Raises:
+        InputError: it has that one, and not the others that a force element must have.
+    """
+    if isinstance(given, type) or not callable(getattr(given, "generalised", None)):
+        return False
+    name = getattr(given, "name", None)
+    missing = [method for method in ("energy", "dissipation") if not callable(getattr(given, method, None))]
+    if missing or not isinstance(name, str) or not name:
+        lacks = f"no {' and no '.join(missing)}" if missing else f"the name {name!r:.80}"
+        raise InputError(
+            f"external holds {type(given).__name__}, which has generalised(state), but {lacks}; a force element has a name, "
+            "generalised, energy and dissipation, see rbd.model.external.ForceElement."
+        )
+    return True
 
 
 def elements_of(external: External) -> tuple[ForceElement, ...]:
@@ -101,6 +112,10 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
     Returns:
         tau_ext, shape (nv,), the sum of J_P^T (force, moment); and the same forces as one wrench about the centre of mass,
         in world axes, shape (6,). For a generalised force, the wrench is its part on the bases, undefined on a fixed base.
+
+    Raises:
+        InputError: no such forces, sizes that do not fit, or an element without a force at this state.
+        DuplicateName: two force elements of one name.
     """
     robot = checked(state).robot
     if external is None:
@@ -126,14 +141,38 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
         tau_ext += at.J.T @ given
         add_wrench(wrench, given.tolist(), at.X_WF.translation.tolist(), com)
     total = np.array(wrench)
+    check_different([element.name for element in elements], "force elements")
     for element in elements:
-        tau, outside = element.generalised(state)
+        tau, outside = applied(element, state)
         tau_ext += tau
         total += outside
     return tau_ext, total
 
 
-_WANTED = "expected ExternalForces, e.g. [rbd.ExternalForce(frame, (0, 80, 0))], or one generalised force (nv,)."
+def applied(element: ForceElement, state: State) -> tuple[Array, Array]:
+    """(tau, wrench) of a force element, as of `ForceElement.generalised`, checked.
+
+    Raises:
+        InputError: it returns something else than two arrays of these sizes, or what is not finite; with the element's name.
+    """
+    found = element.generalised(state)
+    if not isinstance(found, tuple) or len(found) != 2:
+        raise InputError(f"generalised(state) of {element.name!r:.80} is {found!r:.80}; expected (tau (nv,), wrench (6,)).")
+    parts = []
+    for what, value, size in (("tau", found[0], state.robot.nv), ("wrench", found[1], 6)):
+        what = f"{what} of {element.name!r:.80}"
+        array = value if type(value) is np.ndarray and value.dtype == float else as_array(what, value)
+        if array.shape != (size,):
+            raise InputError(f"{what} has shape {array.shape}; expected ({size},).")
+        check_finite(what, array)
+        parts.append(array)
+    return parts[0], parts[1]
+
+
+_WANTED = (
+    "expected ExternalForces and force elements, e.g. [rbd.ExternalForce(frame, (0, 80, 0)), rbd.JointSpring(joint, "
+    "stiffness=20)], or one generalised force (nv,)."
+)
 
 
 def _generalised_force(

@@ -14,15 +14,18 @@ import pinocchio as pin
 
 from rbd.errors import InputError, ModelError
 from rbd.model import mjcf
-from rbd.model.input_files import FileLimits, read_xml
-from rbd.model.mjcf import Mjcf, read_mjcf
+from rbd.model.input_files import FileLimits, parse_xml, read_xml
+from rbd.model.mjcf import Mjcf, carry_out_includes, read_mjcf
 from rbd.model.mjcf.equality import Equality, read_equalities
+from rbd.model.mjcf.flattening import writers_in, written_out
+from rbd.model.planar_base import Plane, turn_base
+from rbd.model.spherical import with_ball_joints
 from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf
 
 MOST_MESHES = 5_000
 """So many names of meshes are looked up; no robot has more."""
 _ROTORS = ("motorInertia", "rotorInertia", "rotor_inertia")
-"""Elements in which some URDFs state their motors' rotor inertias, with different conventions of the gear ratio."""
+"""Elements in which some URDFs state their motors' rotor inertias; see `rbd.robots.rotors`."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,23 +79,25 @@ def read(
     known: bool = False,
     folders: tuple[Path, ...] = (),
     leave_out: Collection[str] = (),
+    data: bytes | None = None,
 ) -> RobotFile:
     """A robot's file, checked: its bytes before it is parsed, its names, tree and numbers before Pinocchio sees it.
 
     Args:
-        path: A URDF or MJCF file.
+        path: A URDF or MJCF file; of a text in memory a name for messages.
         limits: How large it may be.
         base: Degrees of freedom of the URDF's root joint: 6 for a floating base, 3 for one that slides and turns
             on the ground, 0 where it is welded to the world.
         known: A file of the robot data: a mimic of an unknown joint is ignored, as the dynamics use no mimics.
         folders: Folders of an MJCF's meshes and included files, besides its own.
         leave_out: Of `rbd.model.mjcf.LEAVABLE`: parts of an MJCF that the dynamics may ignore.
+        data: The text of the file; None to read it from the path.
 
     Raises:
         ModelError: naming the fault.
     """
     limits = FileLimits() if limits is None else limits
-    element = read_xml(path, limits)
+    element = read_xml(path, limits) if data is None else parse_xml(path.name, data, limits)
     if element.tag == "mujoco":
         return _read_mjcf(path, element, limits, folders, leave_out)
     if element.tag != "robot":
@@ -111,6 +116,9 @@ def read(
 def _read_mjcf(
     path: Path, element: ElementTree.Element, limits: FileLimits, folders: tuple[Path, ...], leave_out: Collection[str]
 ) -> RobotFile:
+    carry_out_includes(path, element, limits, folders)
+    if writers_in(element):
+        element = written_out(path, element, limits)
     mjcf = read_mjcf(path, element, limits, folders, leave_out)
     mjcf.meshes.check_folders()
     off = "equality" in mjcf.settings.off
@@ -145,8 +153,8 @@ def _remarks(urdf: UrdfFile, robot: ElementTree.Element) -> Iterator[tuple[str, 
         for element in part.iter():
             if element.tag.rpartition("}")[2].rpartition(":")[2] in _ROTORS and not _is_zero(element):
                 name = (part if driven is None else driven).get("name", "")
-                told = f"<{element.tag.rpartition('}')[2]:.40}> states a rotor inertia, which is not read"
-                yield "armature", name, f"{told}; give it as the joint's <dynamics armature=...>, seen through the gear [kg m2]"
+                told = f"<{element.tag.rpartition('}')[2]:.40}> states a rotor inertia, which is not in M"
+                yield "armature", name, f"{told}; load_robot(..., rotors=True), or robot.with_motors, adds it"
 
 
 def _is_zero(element: ElementTree.Element) -> bool:
@@ -169,12 +177,13 @@ def _without_scheme(name: str) -> str:
     return rest.lstrip("/") if scheme == "package" else rest
 
 
-def build_model(file: RobotFile, root: str) -> pin.Model:
+def build_model(file: RobotFile, root: str, plane: Plane = "xy") -> pin.Model:
     """Pinocchio's model of a checked file, with the rotor inertias that Pinocchio's own reader of URDF drops.
 
     Args:
         file: As `rbd.model.files.read` gives it.
         root: "free_flyer", "planar" or "fixed".
+        plane: That of a planar root.
 
     Raises:
         InputError: a root that this file does not take.
@@ -192,7 +201,11 @@ def build_model(file: RobotFile, root: str) -> pin.Model:
             assert file.urdf is not None
             base = {"planar": pin.JointModelPlanar, "free_flyer": pin.JointModelFreeFlyer}.get(root)
             model = pin.buildModelFromXML(file.urdf.text, *((base(), BASE_JOINT) if base else ()))
+            balls = [joint.name for joint in file.urdf.joints.values() if joint.kind == "spherical"]
+            model = with_ball_joints(model, balls)
             _add_rotors(model, file.urdf)
+            if root == "planar":
+                turn_base(model, plane)
     except (ValueError, RuntimeError, IndexError) as error:
         reason = str(error).strip().split("\n")[0].rstrip(".")
         raise ModelError(

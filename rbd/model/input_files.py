@@ -77,13 +77,28 @@ def read_xml(path: Path, limits: FileLimits) -> ElementTree.Element:
     Raises:
         ModelError: no regular file, too large, with a document type or entities, in an encoding other than UTF-8, or no XML.
     """
-    data = _bytes(path, limits)
-    _check_bytes(path.name, data, limits)
+    return parse_xml(path.name, _bytes(path, limits), limits)
+
+
+def parse_xml(name: str, data: bytes, limits: FileLimits) -> ElementTree.Element:
+    """The first element of a text in memory, its tag without namespace.
+
+    Args:
+        name: Of the file, for messages.
+        data: Its bytes.
+        limits: How large it may be.
+
+    Raises:
+        ModelError: as `read_xml`.
+    """
+    if len(data) > limits.max_bytes:
+        raise _too_large(name, f"is larger than {limits.max_bytes / 1e6:g} MB", "max_bytes")
+    _check_bytes(name, data, limits)
     try:
         element = ElementTree.fromstring(data)
     except (ElementTree.ParseError, UnicodeError, ValueError, LookupError) as error:
-        raise ModelError(f"{path.name} cannot be read as XML: {error}.") from None
-    _check_depth(path.name, element, limits)
+        raise ModelError(f"{name} cannot be read as XML: {error}.") from None
+    _check_depth(name, element, limits)
     if element.tag.startswith("{"):  # a default namespace, as Drake's files have it
         space = element.tag[: element.tag.index("}") + 1]
         for e in element.iter():

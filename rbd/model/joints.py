@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -14,6 +14,8 @@ from rbd.arrays import Array, block_diagonal, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, JointNotFound, nearest
 from rbd.model.joint_errors import UNIT_TOLERANCE, position_error
+from rbd.model.joint_lookup import JointLookup
+from rbd.model.planar_base import TURN_RATES, Plane, plane_of_base
 
 LENGTH, ANGLE, PURE = "m", "rad", "1"
 FORCE_OF = {LENGTH: "N", ANGLE: "N m"}
@@ -228,8 +230,11 @@ class Joint(Displayed):
         return self.name, self.kind, *places, self.unit, bounds, effort
 
 
-class Joints(Mapping[str, Joint], Displayed):
+class Joints(JointLookup[Joint], Displayed):
     """The joints of a robot by name, in the order of its model: `robot.joints["knee"].v`.
+
+    Of several joints at once: `q_of`, `v_of` and `tau_of` give indices by names or a pattern, `at_q`, `at_v` and `at_tau` the
+    joint of an index, `coordinates` the angles.
 
     Args:
         model: The Pinocchio model.
@@ -331,29 +336,12 @@ class Joints(Mapping[str, Joint], Displayed):
         """Unit of each velocity, shape (nv,): one where it turns, the robot's length where it slides."""
         return np.where(self.angular, 1.0, self.length)
 
-    def velocity(self, name: str) -> slice:
-        """Indices of a velocity in v: all of a joint, by its name, or one of its entries, by that of `velocities`.
-
-        Raises:
-            JointNotFound: with the nearest names.
-        """
-        found = self._joints.get(name) if isinstance(name, str) else None
-        if found is not None:
-            return found.v
-        names = [c.name for c in self.velocities]
-        if name in names:
-            at = names.index(name)
-            return slice(at, at + 1)
-        raise JointNotFound(
-            f"no joint {name!r:.80} in {self._robot}; {nearest(name, dict.fromkeys([*self, *names]))}. See robot.joints."
-        )
-
 
 def _joint(model: pin.Model, i: int, name: str) -> Joint:
     made = model.joints[i]
     positions, velocities = (
         tuple(Coordinate(f"{name}.{label}" if len(labels) > 1 else name, name, unit) for label, unit in labels)
-        for labels in _labels(made)
+        for labels in _labels(made, plane_of_base(model) if i == 1 else None)
     )
     q, v = slice(made.idx_q, made.idx_q + made.nq), slice(made.idx_v, made.idx_v + made.nv)
     kind = made.shortname().removeprefix("JointModel")
@@ -373,8 +361,8 @@ def _pieces(joint: pin.JointModel) -> list[Piece]:
     return [Piece("number", joint.idx_q + i, joint.idx_v + i, turns) for i in range(joint.nv)]
 
 
-def _labels(joint: pin.JointModel) -> tuple[_Labels, _Labels]:
-    """(label, unit) of a joint's entries in q and in v."""
+def _labels(joint: pin.JointModel, plane: Plane | None = None) -> tuple[_Labels, _Labels]:
+    """(label, unit) of a joint's entries in q and in v; of a planar base by its plane."""
     kind = joint.shortname()
     if kind == "JointModelComposite":
         parts = [_labels(part) for part in joint.extract().joints]
@@ -387,7 +375,8 @@ def _labels(joint: pin.JointModel) -> tuple[_Labels, _Labels]:
     if kind == "JointModelSpherical":
         return _TURN, _BODY_V[3:]
     if kind == "JointModelPlanar":
-        return _PLACE[:2] + _CIRCLE, _BODY_V[:2] + _BODY_V[5:]
+        along, turn = plane or "xy", TURN_RATES[plane or "xy"]
+        return [(x, LENGTH) for x in along] + _CIRCLE, [(f"v{x}", LENGTH) for x in along] + [(turn, ANGLE)]
     if kind == "JointModelTranslation":
         return _PLACE, _BODY_V[:3]
     if joint.nq == 2 and joint.nv == 1:

@@ -82,9 +82,25 @@ def load_geometry(
 def _built(
     model: pin.Model, element: Element, kind: pin.GeometryType, meshes: _Meshes
 ) -> tuple[pin.GeometryModel, frozenset[str]]:
-    stand_ins = frozenset(_replaced(element, "visual" if kind == pin.GeometryType.VISUAL else "collision", meshes))
+    tag = "visual" if kind == pin.GeometryType.VISUAL else "collision"
+    stand_ins = frozenset(_replaced(element, tag, meshes))
+    capsules = {kind: dict(_capsules(element, kind)) for kind in ("visual", "collision")}[tag]
     text = ElementTree.tostring(element, encoding="unicode")
-    return pin.buildGeomFromUrdfString(model, text, kind, package_dirs=[], mesh_loader=meshes.loader), stand_ins
+    found = pin.buildGeomFromUrdfString(model, text, kind, package_dirs=[], mesh_loader=meshes.loader)
+    for shape in found.geometryObjects:
+        if shape.name in capsules:
+            shape.geometry = coal.Capsule(*capsules[shape.name])
+    return found, stand_ins
+
+
+def _capsules(robot: Element, tag: str) -> Iterator[tuple[str, tuple[float, float]]]:
+    """Writes capsules, at which Pinocchio's reader drops all shapes, as cylinders; yields their names, radii and lengths."""
+    for link in robot.findall("link"):
+        for i, shape in enumerate(link.findall(tag)):
+            for capsule in shape.iterfind("geometry/capsule"):
+                capsule.tag = "cylinder"
+                size = float(capsule.get("radius", "")), float(capsule.get("length", ""))
+                yield f"{link.get('name', '')}_{i}", size  # as Pinocchio calls it
 
 
 class _Meshes:

@@ -128,6 +128,21 @@ class State(Displayed):
         """
         return State(self.robot, with_values(self.robot, self.q, values), self.v)
 
+    def with_joint_velocities(self, values: Mapping[str, object]) -> State:
+        """The same state with other velocities of some joints; q and the rest of v are unchanged.
+
+        Args:
+            values: {joint: rate}: one number [rad/s, m/s], or the joint's part of v, e.g. the six numbers of a floating base;
+                also of a single entry, {"root_joint.vx": 0.5}.
+
+        Raises:
+            JointNotFound: with the nearest names.
+            InputError: values of a wrong size, or not finite.
+
+        >>> swinging = talos.standing().with_joint_velocities({"arm_left_4_joint": 0.5})
+        """
+        return State(self.robot, self.q, with_rates(self.robot, self.v, values))
+
     def _run(self, data: pin.Data) -> None:
         model, q, v = self.robot.model, self.q, self.v
         pin.crba(model, data, q, pin.Convention.WORLD)  # M, the joint Jacobians, A_g and the centre of mass
@@ -177,9 +192,11 @@ class State(Displayed):
         return FrameKinematics(X_WF, J, v, bias)
 
     def base_pose(self, joint: int = 1) -> pin.SE3:
-        """X_WB of a joint's body, of `robot.bases`; by default of the first."""
+        """X_WB of a joint's body, of `robot.bases`; by default of the first. That of a planar base is its link's."""
+        turn = self.robot.base_turn if joint == 1 else None
         with self._pool.lock:
-            return self._data().oMi[joint].copy()
+            found = self._data().oMi[joint].copy()
+        return found if turn is None else found * turn
 
     def joint_places(self, joints: Sequence[int]) -> tuple[Array, Array]:
         """(R_WJ, p_WJ) of joints by their numbers, shapes (n, 3, 3) and (n, 3) [m]."""
@@ -258,6 +275,33 @@ def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object], *, 
         if given.ndim != 1:
             raise InputError(f"{what} has shape {given.shape}; expected a number, or its part of q.")
         out[joint.q] = joint.target(name, given)
+    return out
+
+
+def with_rates(robot: CheckedModel, v: Array, values: Mapping[str, object], *, argument: str = "values") -> Array:
+    """A copy of v with given velocities of some joints, or of single entries.
+
+    Args:
+        robot: The robot.
+        v: Velocity, shape (nv,).
+        values: {joint or entry: its part of v}.
+        argument: Their name in messages.
+
+    Raises:
+        InputError: not a mapping, or values of a wrong size or not finite.
+        JointNotFound: with the nearest names.
+    """
+    if not isinstance(values, Mapping):
+        raise InputError(f"{argument} is {values!r:.80}; expected a mapping {{joint: velocity}}, e.g. {{'knee': 0.5}}.")
+    out = v.copy()
+    for name, value in values.items():
+        at, what = robot.joints.velocity(name), f"velocity of joint {name!r:.80}"
+        given = np.atleast_1d(as_array(what, value))
+        check_finite(what, given)
+        size = at.stop - at.start
+        if given.shape != (size,):
+            raise InputError(f"{what} has shape {given.shape}; expected {'one number' if size == 1 else f'{size} numbers'}.")
+        out[at] = given
     return out
 
 

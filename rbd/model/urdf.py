@@ -28,7 +28,7 @@ LONGEST_CHAIN = 2_000
 LARGEST = 1e12
 """Masses, lengths and inertias above this are mistakes; their products would soon not be finite."""
 LONGEST_NAME = 120
-FREEDOMS = {"revolute": 1, "continuous": 1, "prismatic": 1, "fixed": 0, "floating": 6, "planar": 3}
+FREEDOMS = {"revolute": 1, "continuous": 1, "prismatic": 1, "fixed": 0, "floating": 6, "planar": 3, "spherical": 3}
 PAIRS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
@@ -215,7 +215,7 @@ def _joint(wrong: Complaints, element: ElementTree.Element) -> Joint:
     mimic = element.find("mimic")
     parts = [_origin(wrong, what, element)]
     direction, armature = None, 0.0
-    if axis is not None and kind not in ("fixed", "floating"):
+    if axis is not None and kind not in ("fixed", "floating", "spherical"):
         direction = wrong.numbers(f"the axis of {what}", axis, "xyz", count=3)
         length = sum(x * x for x in direction) ** 0.5
         if not 1e-6 <= length <= 1e6:
@@ -233,8 +233,9 @@ def _joint(wrong: Complaints, element: ElementTree.Element) -> Joint:
     if mimic is not None:
         for key in ("multiplier", "offset"):
             wrong.numbers(f"the mimic of {what}", mimic, key, default=0.0)
+    told = "floating" if kind == "spherical" else kind  # see rbd.model.spherical
     text = (
-        f"<joint name={quoteattr(name)} type={quoteattr(kind)}><parent link={quoteattr(parent)}/>"
+        f"<joint name={quoteattr(name)} type={quoteattr(told)}><parent link={quoteattr(parent)}/>"
         f"<child link={quoteattr(child)}/>{''.join(parts)}</joint>"
     )
     return Joint(name, kind, parent, child, direction, None if mimic is None else mimic.get("joint", ""), text, armature)

@@ -10,6 +10,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_float
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.motors import Motor, TorqueLines
 from rbd.motion.contact_detection import NOISE
 from rbd.motion.frame_terms import FrameTerms, wrench_scale
 from rbd.motion.missing import least_wrench
@@ -118,8 +119,8 @@ def beyond_speed(motion: Motion) -> Array:
     return np.asarray(out)
 
 
-def speed_curves(robot: CheckedModel, given: Mapping[str, tuple[float, float]] | None) -> dict[int, tuple[float, float]]:
-    """{motor: (stall torque, no-load speed)}, checked.
+def speed_curves(robot: CheckedModel, given: Mapping[str, tuple[float, float]] | None) -> dict[str, Motor]:
+    """{joint: a motor with its torque-speed line}, checked.
 
     Raises:
         InputError: an unknown joint, or numbers that are not positive.
@@ -136,18 +137,45 @@ def speed_curves(robot: CheckedModel, given: Mapping[str, tuple[float, float]] |
             stall = fastest = np.nan
         if not (0.0 < stall < np.inf and 0.0 < fastest < np.inf):
             raise InputError(f"torque_speed[{name!r:.80}] is {curve!r:.80}; expected (stall torque, no-load speed), both > 0.")
-        out[robot.actuated_names.index(name)] = stall, fastest
+        out[name] = Motor(torque_speed=[(0.0, stall), (fastest, 0.0)])
     return out
 
 
-def beyond_curves(motion: Motion, tau: Array, curves: Mapping[int, tuple[float, float]]) -> Array:
-    """Frames in which a motor that drives needs more than stall torque times (1 - speed / no-load speed), shape (n,)."""
-    out = np.zeros(motion.n, bool)
-    for i, (stall, fastest) in curves.items():
-        rate, torque = motion.v[:, motion.robot.actuated[i]], tau[:, i]
-        left = np.where(torque * rate > 0.0, stall * (1.0 - np.abs(rate) / fastest), stall)
-        out |= np.abs(torque) > np.maximum(left, 0.0) * (1.0 + EXCESS) + 1e-9 * stall
-    return out
+def torque_bounds(
+    robot: CheckedModel, v: Array, torque_limits: bool | float, torque_speed: Mapping[str, tuple[float, float]] | None
+) -> tuple[Array, Array]:
+    """(least, most) torques at velocities v (n, nv), shapes (n, nu): of the robot's limits and lines, and of curves given.
+
+    Args:
+        robot: The robot.
+        v: Its velocities.
+        torque_limits: As of `check_motion`: whether the robot's limits and lines count, or a share of them.
+        torque_speed: As of `check_motion`.
+    """
+    least, most = robot.limits_at(v)
+    if not isinstance(torque_limits, bool | np.bool_):
+        least, most = least * as_float(torque_limits), most * as_float(torque_limits)
+    elif not torque_limits:
+        least, most = np.full_like(least, -np.inf), np.full_like(most, np.inf)
+    if curves := speed_curves(robot, torque_speed):
+        stall = np.array([motor.standstill if (motor := curves.get(name)) else np.inf for name in robot.actuated_names])
+        slow, fast = TorqueLines(robot.actuated, robot.actuated_names, curves).limits(v, stall)
+        least, most = np.maximum(least, slow), np.minimum(most, fast)
+    return least, most
+
+
+def beyond_curves(tau: Array, bounds: tuple[Array, Array], limit: Array) -> Array:
+    """Frames in which a motor is beyond what it has at its speed, though not beyond its limit at rest, shape (n,).
+
+    Args:
+        tau: Torques, shape (n, nu).
+        bounds: Of `torque_bounds`.
+        limit: Torque limits at rest, shape (nu,).
+    """
+    least, most = bounds
+    size = np.maximum(np.maximum(-least, most).max(axis=0, initial=0.0), 0.0)  # at rest, or in braking
+    over = np.maximum(least - tau, tau - most) > EXCESS * np.minimum(size, 1e300)
+    return np.asarray((over & (np.abs(tau) <= limit * (1.0 + EXCESS))).any(axis=1))
 
 
 def jumps(motion: Motion) -> Array:

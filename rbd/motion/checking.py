@@ -19,7 +19,7 @@ from rbd.motion.missing import least_effort, least_wrench, nearest_acceleration
 from rbd.motion.motion import Motion
 from rbd.motion.report import CheckSettings, MotionReport
 from rbd.motion.self_collision import self_collisions
-from rbd.simulation.run import progress_of
+from rbd.simulation.progress_bar import progress_of
 
 BLOCK = 2048
 """Frames computed at once: those of an hour would not fit into memory."""
@@ -56,13 +56,15 @@ def check_motion(
     Args:
         motion: The motion.
         friction: Coulomb's coefficient of the floor.
-        torque_limits: Whether those of the robot's file count; or a share of them, 0.6.
+        torque_limits: Whether the robot's torque limits count, and the torque-speed lines of its `rbd.Motor`s; or a share of
+            them, 0.6.
         contacts: Which points touch, when; None: `motion.contacts`, or what `find_contacts` finds.
         ground: Height of the floor, or "fit"; see `find_contacts`.
         threshold: How much of the weight may be missing.
         bodies: Whether other bodies than the feet can touch the floor.
         self_collision: Whether bodies are tested against each other.
-        torque_speed: {joint: (stall torque [N m], no-load speed [rad/s])}: less torque at higher speed, in a straight line.
+        torque_speed: {joint: (stall torque [N m], no-load speed [rad/s])}: less torque at higher speed, in a straight line;
+            besides the lines of `robot.with_motors`.
         rest_speed: Fastest motion of a point that holds [m/s].
         progress: Show a bar on a terminal where it takes long.
 
@@ -87,19 +89,19 @@ def check_motion(
     check_flag("self_collision", self_collision)
     check_flag("bodies", bodies)
     check_flag("progress", progress)
-    curves = why.speed_curves(robot, torque_speed)
+    bounds = why.torque_bounds(robot, motion.v, torque_limits, torque_speed)
     settings = CheckSettings(mu, torque_limits, ground, most, bodies, self_collision, torque_speed, rest_speed)
     lanes = _lanes(motion, contacts, settings)
     span = (0.0, float(motion.n))
     with progress_of(span, shown=progress and motion.n > BLOCK, doing=f"checking {motion.source}") as told:
-        found = balance(motion, lanes, settings, limit, told)
+        found = balance(motion, lanes, settings, limit, told, bounds if robot.torque_lines or torque_speed else None)
     table = found.causes
     column = {name: table[:, i] for i, name in enumerate(why.CAUSES)}
     weight = wrench_scale(robot)[0]
     column["sinks"][:] = (lanes.heights < -why.SINKS_M).any(axis=1)
     column["joint limit"][:] = why.beyond_position(motion).any(axis=1)
     column["speed limit"][:] = why.beyond_speed(motion).any(axis=1)
-    column["torque-speed"][:] = why.beyond_curves(motion, found.tau, curves)
+    column["torque-speed"][:] = why.beyond_curves(found.tau, bounds, limit)
     column["jump"][:] = why.jumps(motion)
     collisions = None
     if self_collision:
@@ -123,7 +125,14 @@ class Balance:
         self.nearest_a = a.copy()
 
 
-def balance(motion: Motion, lanes: Lanes, settings: CheckSettings, limit: Array, done: Callable[[float], None]) -> Balance:
+def balance(
+    motion: Motion,
+    lanes: Lanes,
+    settings: CheckSettings,
+    limit: Array,
+    done: Callable[[float], None],
+    bounds: tuple[Array, Array] | None = None,
+) -> Balance:
     """What is missing in each frame, with forces, torques and the causes that dynamics knows.
 
     Args:
@@ -132,12 +141,14 @@ def balance(motion: Motion, lanes: Lanes, settings: CheckSettings, limit: Array,
         settings: Friction and threshold.
         limit: Torque limits, shape (nu,).
         done: Called with the number of frames that are done, after each block.
+        bounds: Least and largest torques of each frame, shapes (n, nu), where torque-speed lines limit them.
     """
     robot, mu = motion.robot, settings.friction
     out = Balance(motion.n, len(lanes.points), robot.nu, motion.a)
     scale = wrench_scale(robot)
     sigma = None if motion.derivation is None else motion.derivation.noise_a
     names = {name: i for i, name in enumerate(why.CAUSES)}
+    most_torque = limit if bounds is None else np.maximum(-bounds[0], bounds[1]).max(axis=0, initial=0.0)
     step = max(BLOCK * FEW // max(len(lanes.points), FEW), 32)
     for begin in range(0, motion.n, step):
         at = slice(begin, begin + step)
@@ -149,10 +160,12 @@ def balance(motion: Motion, lanes: Lanes, settings: CheckSettings, limit: Array,
         left, start = least_wrench(A, b, mu)
         size = np.linalg.norm(left, axis=1)
         out.missing[at], out.missing_scaled[at], out.open[at] = left * scale, size, terms.wrench_noise
-        effort = least_effort(terms, points, places, touches, A, b - left, start, mu, limit)
+        now = None if bounds is None else (bounds[0][at], bounds[1][at])
+        effort = least_effort(terms, points, places, touches, A, b - left, start, mu, most_torque, now)
         out.forces[at.start : at.stop, used], out.tau[at] = effort.forces, effort.tau
         noise = NOISE * terms.M_size[:, robot.actuated] / limit
-        out.excess[at] = excess = np.where(effort.excess > why.EXCESS + noise, effort.excess, 0.0)
+        over = effort.excess if bounds is None else np.maximum(np.abs(effort.tau) / limit - 1.0, 0.0)
+        out.excess[at] = excess = np.where(over > why.EXCESS + noise, over, 0.0)
         most = np.maximum(settings.threshold, OPEN * terms.wrench_noise)
         out.causes[at, names["motor"]] = excess.any(axis=1)
         out.causes[at, names["slides"]] = why.sliding(A, b, lanes.slides[at][:, used], size, most, mu)

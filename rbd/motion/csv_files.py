@@ -15,7 +15,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.simulation.run import progress_of
+from rbd.simulation.progress_bar import progress_of
 
 BLOCK = 4_000_000
 """Bytes read at once; what a file holds beyond its numbers is never in memory as a whole."""

@@ -55,6 +55,7 @@ def least_effort(
     start: Array,
     mu: float,
     limit: Array,
+    bounds: tuple[Array, Array] | None = None,
 ) -> Efforts:
     """Forces in the cones with a given net wrench, whose torques are least in the sum of squares over their limits.
 
@@ -71,7 +72,9 @@ def least_effort(
         net: Their wrench, scaled, shape (n, 6).
         start: Forces that have it, over the weight, shape (n, k, 3).
         mu: Friction.
-        limit: Torque limits, shape (nu,), inf where there is none.
+        limit: Torque limits at rest, shape (nu,), inf where there is none.
+        bounds: Least and largest torques of each frame, shapes (n, nu), where these are not -limit and limit: of
+            torque-speed lines. Of a motor both are finite, or both infinite.
     """
     robot, n = terms.robot, len(net)
     weight = wrench_scale(robot)[0]
@@ -89,17 +92,33 @@ def least_effort(
         bounded = np.concatenate([np.zeros(6), np.isfinite(limit[moved]).astype(float)])
         forces = _kept_if_balanced(staged_fits(stacked, aims, mu, _stages(bounded, len(moved)), exact=6), start)
         tau = t - _carried(carried, forces)
-        over = np.flatnonzero((np.abs(tau) > 1.0)[:, np.isfinite(limit)].any(axis=1))
+        middle, half = _middles(bounds, scale, n)
+        over = np.flatnonzero((np.abs(tau - middle) > half)[:, np.isfinite(limit)].any(axis=1))
         if len(over):
-            again = staged_fits(stacked[over], aims[over], mu, _stages(bounded, len(moved), limits=True), exact=6)
+            # Limits that differ by direction: seen from their middle they are -1 and 1 again.
+            m, s = middle[over], half[over]
+            stacked, aims = stacked[over], aims[over]
+            if bounds is not None:
+                stacked[:, 6:] /= s[:, moved, None, None]
+                aims[:, 6:] = (aims[:, 6:] - m[:, moved]) / s[:, moved]
+            again = staged_fits(stacked, aims, mu, _stages(bounded, len(moved), limits=True), exact=6)
             found = _kept_if_balanced(again, forces[over])
             for i in np.flatnonzero(np.abs(again.left[:, :6]).max(axis=1) > _BALANCED):
-                found[i] = _one_frame(stacked[over[i]], aims[over[i]], bounded, mu, found[i])
-            forces[over] = _with_less_excess(carried[over], t[over], found, forces[over], start[over])
+                found[i] = _one_frame(stacked[i], aims[i], bounded, mu, found[i])
+            forces[over] = _with_less_excess(carried[over], t[over] - m, s, found, forces[over], start[over])
             tau[over] = t[over] - _carried(carried[over], forces[over])
     assert forces.shape == (n, k, 3)
     excess = np.where(np.isfinite(limit), np.maximum(np.abs(tau) - 1.0, 0.0), 0.0)
     return Efforts(forces * weight, tau * scale, excess)
+
+
+def _middles(bounds: tuple[Array, Array] | None, scale: Array, n: int) -> tuple[Array, Array]:
+    """(middle, half the width) of torque limits over their scale, shapes (n, nu); 0 and 1 of a motor without limits."""
+    if bounds is None:
+        return np.zeros((n, len(scale))), np.ones((n, len(scale)))
+    known = np.isfinite(bounds[0]) & np.isfinite(bounds[1])
+    least, most = (np.where(known, each / scale, end) for each, end in zip(bounds, (-1.0, 1.0), strict=True))
+    return 0.5 * (least + most), 0.5 * (most - least)
 
 
 def _kept_if_balanced(found: ConeFits, other: Array) -> Array:
@@ -141,9 +160,9 @@ def _one_frame(stacked: Array, aim: Array, bounded: Array, mu: float, other: Arr
     return out
 
 
-def _with_less_excess(carried: Array, t: Array, *choices: Array) -> Array:
-    """Of several forces, frame by frame, those with the least sum of squares of torques beyond limits."""
-    over = [np.square(np.maximum(np.abs(t - _carried(carried, w)) - 1.0, 0.0)).sum(axis=1) for w in choices]
+def _with_less_excess(carried: Array, t: Array, half: Array, *choices: Array) -> Array:
+    """Of several forces, frame by frame, those with the least sum of squares of torques beyond limits, -half and half."""
+    over = [np.square(np.maximum(np.abs(t - _carried(carried, w)) - half, 0.0)).sum(axis=1) for w in choices]
     best = np.argmin(over, axis=0)
     return np.asarray(np.stack(choices)[best, np.arange(len(t))])
 

@@ -12,14 +12,16 @@ import numpy as np
 from rbd.arrays import Array, as_array, as_float, check_flag
 from rbd.displayed import Displayed
 from rbd.errors import InputError, Reason
+from rbd.model.joints import FORCE_OF
+from rbd.model.motors import torque_use
 from rbd.motion import report_contents
-from rbd.motion.causes import CAUSES
+from rbd.motion.causes import CAUSES, torque_bounds
 from rbd.motion.contact_detection import fitted_ground
 from rbd.motion.lanes import Lanes
 from rbd.motion.motion import Motion
 from rbd.motion.nearest import nearest_motion
 from rbd.motion.self_collision import SelfCollisions
-from rbd.simulation.run import progress_of
+from rbd.simulation.progress_bar import progress_of
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -54,7 +56,7 @@ class MotionReport(Displayed):
         motion: The motion.
         lanes: Which points touch and slide, when.
         settings: Friction, threshold and the other arguments.
-        limit: Torque limits, shape (nu,) [N m]; inf where there is none.
+        limit: Torque limits at rest, shape (nu,) [N m]; inf where there is none. See `torque_bounds` for those at speed.
         causes: Why frames are not possible, shape (n, len(CAUSES)), in the order of `rbd.motion.CAUSES`.
         missing: The least wrench on the base that no contact force brings, torque limits aside: world axes, moment about the
             centre of mass, shape (n, 6) [N, N m].
@@ -127,8 +129,13 @@ class MotionReport(Displayed):
 
     @property
     def used_torque(self) -> Array:
-        """`|tau|` over the limits, shape (n, nu); zero where there is none."""
-        return np.abs(self.tau) / self.limit
+        """`|tau|` over what the motors have at their speeds, shape (n, nu); zero where there is no limit."""
+        return torque_use(self.tau, *self.torque_bounds)
+
+    @property
+    def torque_bounds(self) -> tuple[Array, Array]:
+        """(least, most) torques of each frame, shapes (n, nu): the limits, less where torque-speed lines limit driving."""
+        return torque_bounds(self.motion.robot, self.motion.v, self.settings.torque_limits, self.settings.torque_speed)
 
     @property
     def score(self) -> float:
@@ -164,9 +171,21 @@ class MotionReport(Displayed):
             return np.where(self.lanes.slides, self.lanes.speeds, 0.0).max(axis=1, initial=0.0)
         if cause == "motor":
             return self.excess.max(axis=1, initial=0.0)
+        if cause == "torque-speed":
+            return np.where(np.isfinite(self.used_torque), self.used_torque, 1e300).max(axis=1, initial=0.0)
         if cause in ("floats", "friction", "tips"):
             return self.missing_scaled
         return np.zeros(self.n)
+
+    def on_line(self, frame: int) -> str:
+        """The motor that is furthest beyond its torque-speed line in a frame: its torque, its speed, and what that leaves."""
+        robot, (least, most) = self.motion.robot, self.torque_bounds
+        tau, v = self.tau[frame], self.motion.v[frame, robot.actuated]
+        i = int(np.argmax(self.used_torque[frame]))
+        unit, left = robot.motor_coordinates[i].unit, (most if tau[i] > 0.0 else least)[frame, i]
+        force = FORCE_OF[unit]
+        needs = f"{robot.actuated_names[i]} {abs(tau[i]):.4g} {force} at {abs(v[i]):.3g} {unit}/s"
+        return f"{needs}, which leaves {abs(left):.4g} {force}"
 
     def share_over(self, thresholds: Sequence[float] | Array = THRESHOLDS) -> Array:
         """The share of frames whose `missing_scaled` is above each threshold."""
@@ -214,7 +233,8 @@ class MotionReport(Displayed):
         this report, joint limits and speeds, on the contacts of its lanes. The motion is integrated from them. The centre of
         mass is shifted, looking ahead, so that the zero-moment point stays within the contacts [Kajita2003]. Where feet hover
         or sink, the reference is moved to the floor by one height; feet that slide are held where they came down.
-        Torque-speed curves and self-collision are left out.
+        The torque-speed lines of the robot's motors are kept; curves of `check_motion(torque_speed=)` and self-collision are
+        left out.
 
         Args:
             margin: Share of the friction, of the soles' size and of the torque limits that is not used, so that a controller

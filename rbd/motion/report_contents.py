@@ -143,6 +143,8 @@ def _worst(report: Any, cause: str) -> str:
     elif cause == "motor":
         j = int(report.excess[f].argmax())
         told += f": {report.motion.robot.actuated_names[j]} {100 * report.excess[f, j]:.0f} % beyond its limit"
+    elif cause == "torque-speed":
+        told += f": {report.on_line(f)}"
     elif cause in ("floats", "friction", "tips"):
         told += f": {100 * report.missing_scaled[f]:.0f} % of the weight missing"
     elif cause == "self-collision" and report.collisions is not None:

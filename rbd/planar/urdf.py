@@ -185,7 +185,7 @@ def to_robot(
 ) -> Robot:
     """A chain as a robot on a fixed base, for `rbd.solve` and `rbd.simulate`; arguments as `to_urdf`.
 
-    Its file exists as long as the process runs: `robot.urdf`. Gravity is that of all robots, 9.81 m/s2 along -z of W.
+    Its file exists as long as the process runs: `robot.urdf`. Gravity acts along -z of W: that of the dynamics, else 9.81 m/s2.
 
     Args:
         chain: The chain; or its dynamics, which know the masses already, and the plane: flat where their gravity is zero.
@@ -199,7 +199,7 @@ def to_robot(
         name: Of the robot.
 
     Raises:
-        InputError: as `to_urdf`; masses given with dynamics, or dynamics of a gravity other than 0 and 9.81.
+        InputError: as `to_urdf`; or masses given with dynamics.
         ModelError: a chain without inertia, whose M is singular.
 
     Example:
@@ -207,6 +207,7 @@ def to_robot(
         >>> print(robot, rbd.solve(robot.at([0.0, 0.0]), [0.0, 0.0]).a.round(3))
         Robot('chain', nq=2, nv=2, nu=2, mass=2.000 kg) [-12.613  16.817]
     """
+    fall = None
     if isinstance(chain, Dynamics):
         given = (("masses", masses), ("lengths", lengths), ("centres", centres), ("inertias", inertias), ("bodies", bodies))
         own = ", ".join(what for what, value in (*given, ("plane", plane)) if value is not None)
@@ -214,6 +215,7 @@ def to_robot(
             raise InputError(f"{own} came with dynamics, which have their own; expected dynamics alone, or a chain.")
         dyn = _known(chain, values)
         chain, values, plane = dyn.chain, None, "xy" if dyn.gravity == 0 else "xz"
+        fall = None if dyn.gravity == 0 else (0.0, 0.0, -float(dyn.gravity))
         masses, centres, inertias = dyn.bodies.masses, dyn.bodies.centres, dyn.bodies.inertias
     text = to_urdf(
         chain, masses=masses, lengths=lengths, centres=centres, inertias=inertias, bodies=bodies,
@@ -224,18 +226,13 @@ def to_robot(
     with warnings.catch_warnings():
         # Point masses were requested: no warning that they are unphysical.
         warnings.filterwarnings("ignore", ".*inertias? that no body has", ModelWarning)
-        return load_robot(file, root="fixed")
+        return load_robot(file, root="fixed", gravity=fall)
 
 
 def _known(dyn: Dynamics, values: Mapping[Any, Any] | None) -> Dynamics:
-    """Dynamics in numbers, with a gravity that robots can have."""
+    """Dynamics in numbers."""
     dyn = dyn if values is None else dyn.subs(values)
     refuse_symbols(dyn.unknowns, "a robot", how="values=")
-    if dyn.gravity != 0 and abs(float(dyn.gravity) - GRAVITY) > 1e-9:
-        raise InputError(
-            f"gravity of these dynamics is {float(dyn.gravity):g} m/s2, and robots fall with {GRAVITY}; expected that, or 0 "
-            f"for a chain that lies flat. to_robot(chain, masses=..., centres=..., inertias=...) does not ask."
-        )
     return dyn
 
 

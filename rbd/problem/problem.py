@@ -94,7 +94,7 @@ class MomentumBalance:
 class Origin(Protocol):
     """What a problem was assembled from: it gives derivatives of the answer with respect to the state."""
 
-    def derivatives(self, solution: Any) -> Any:
+    def derivatives(self, solution: Any, parameters: Any = ()) -> Any:
         """Derivatives of the answer with respect to state, torques and external forces."""
 
 

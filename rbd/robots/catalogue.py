@@ -28,6 +28,9 @@ _HERE = Path(__file__).parent
 MODELS = next((folder for folder in (_HERE / "urdf", _HERE.parents[1] / "urdf") if folder.is_dir()), None)
 """The mechanisms and vehicles that come with `rbd`: in its wheel, or in the checkout that it runs from; None in neither."""
 
+IN_MEMORY = Path("(in memory)")
+"""Stands for the folder of a robot whose text was given in place of a file. No file is looked for there."""
+
 BROKEN = {
     "romeo_description/urdf/romeo_laas_small.urdf": "its meshes are on the author's disk; 'romeo' is romeo_small.urdf",
     "ur_description/urdf/ur3.urdf": "its robot has no name, as URDF demands; 'ur3' is ur3_robot.urdf",
@@ -72,7 +75,7 @@ class Source:
 
     Attributes:
         name: The short name, or the file's stem.
-        urdf: The model file, URDF or MJCF.
+        urdf: The model file, URDF or MJCF; of a robot in memory a name in `IN_MEMORY`, where there is no file.
         srdf: Its semantic file, if there is one.
         package_dirs: Where `package://` starts from, the user's own first.
         feet: Its feet, from the catalogue or from the user; empty if unknown.
@@ -90,6 +93,27 @@ class Source:
     postures: Mapping[str, Mapping[str, float]]
     posture: str | None
     known: bool = False
+
+    @property
+    def in_memory(self) -> bool:
+        """Whether it was made from a text, so that there is no file."""
+        return self.urdf.parent == IN_MEMORY
+
+
+def in_memory(name: str, ending: str, package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:
+    """The source of a robot whose text is in memory: no feet and no postures are known.
+
+    Args:
+        name: Of the robot, as its text states it.
+        ending: ".urdf" or ".xml".
+        package_dirs: Folders of its meshes and included files; without them none is opened, but those of the robot data.
+
+    Raises:
+        InputError: package folders that are no paths.
+    """
+    extra = _package_dirs(package_dirs)
+    file = re.sub(r"[/\\\0]", "_", name).strip()[:80] or "text"
+    return Source(name or file, IN_MEMORY / f"{file}{ending}", None, tuple(dict.fromkeys((*extra, *_shares()))), (), {}, None)
 
 
 def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:
@@ -112,7 +136,7 @@ def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.P
     """
     name = _text(name_or_path, "the robot")
     path = _expanded(name)
-    extra = tuple(_expanded(_text(folder, "a package folder")) for folder in _folders(package_dirs))
+    extra = _package_dirs(package_dirs)
     looks_like_path = not isinstance(name_or_path, str) or path.suffix in MODEL_FILES or path.name != name
     if looks_like_path and _is_file(path):
         return _source(path, extra)
@@ -148,6 +172,19 @@ def _text(value: object, what: str) -> str:
     if "\0" in text:
         raise UnknownRobot(f"{what} is {value!r:.80}; no name or path has a null character in it.")
     return text
+
+
+def _package_dirs(package_dirs: object) -> tuple[Path, ...]:
+    return tuple(_expanded(_text(folder, "a package folder")) for folder in _folders(package_dirs))
+
+
+def _shares() -> tuple[Path, ...]:
+    """Where `package://` meshes of the robot data start from; none if the data are not installed."""
+    try:
+        folder = robots_folder()
+    except ModelError:
+        return ()
+    return folder.parents[1], folder
 
 
 def _folders(package_dirs: object) -> list[object]:

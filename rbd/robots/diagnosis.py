@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -13,9 +13,11 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError
+from rbd.model import mjcf
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import RobotFile
 from rbd.model.state import State
+from rbd.robots.rotors import rotors_of
 
 SINGULAR = 1e-9
 """A joint's articulated inertia over its composite one (see `_weightless`); the real robots' are above 3e-4."""
@@ -38,8 +40,12 @@ SUMMARY = {
     "mesh": ("mesh is missing", "meshes are missing"),
     "effort": ("motor has no effort limit", "motors have no effort limit"),
     "friction": (
-        "joint has damping or friction that the dynamics leave out",
-        "joints have damping or friction that the dynamics leave out",
+        "joint has damping or friction, which act where robot.joint_damping() or joint_frictions() are given",
+        "joints have damping or friction, which act where robot.joint_damping() or joint_frictions() are given",
+    ),
+    "joint spring": (
+        "joint has a spring, which acts where external=robot.joint_springs() is given",
+        "joints have springs, which act where external=robot.joint_springs() is given",
     ),
     "spring": ("joint has a spring that is left out", "joints have springs that are left out"),
     "gravcomp": ("body has its weight, which the file takes off it", "bodies have their weight, which the file takes off them"),
@@ -48,7 +54,7 @@ SUMMARY = {
     "one-sided": ("actuator has limits that differ by direction", "actuators have limits that differ by direction"),
     "limit": ("joint has a limit that is left out", "joints have limits that are left out"),
     "fluid": ("fluid is left out", "fluids are left out"),
-    "armature": ("joint has a rotor inertia that is not read", "joints have rotor inertias that are not read"),
+    "armature": ("joint has a rotor inertia that is not in M", "joints have rotor inertias that are not in M"),
     "mimic": ("joint mimics another in the file, and is free here", "joints mimic others in the file, and are free here"),
     "planar": ("planar joint has an axis that is not its z", "planar joints have axes that are not their z"),
     "equality": ("equality constraint is left out", "equality constraints are left out"),
@@ -141,7 +147,43 @@ def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array],
     ]
     notes = [] if errors else list(_loops(robot, postures))
     warnings += [f for f, closed in notes if not closed]
-    return ModelReport(robot.name, tuple(errors), tuple(warnings), tuple(f for f, closed in notes if closed))
+    told = *(f for f, closed in notes if closed), *_undriven(robot, file), *_semantic_rotors(robot)
+    return with_rotors(ModelReport(robot.name, tuple(errors), tuple(warnings), told), robot)
+
+
+def with_rotors(report: ModelReport, robot: CheckedModel) -> ModelReport:
+    """The report with notes in place of warnings about rotor inertias that `with_motors` put into M."""
+    inside = {name for name, motor in robot.motor_data.items() if motor is not None and motor.inertia is not None}
+    about = [f for f in (*report.warnings, *report.notes) if f.kind == "armature" and f.where in inside]
+    if not about:
+        return report
+    names = dict.fromkeys(f.where for f in about)
+    given = {name: motor.inertia for name in names if (motor := robot.motor_data[name])}
+    notes = [f for f in report.notes if f not in about]
+    notes += [ModelIssue("armature", name, f"its rotor is in M, {given[name]:.4g} at the joint [kg m2, kg]") for name in names]
+    return replace(report, warnings=tuple(f for f in report.warnings if f not in about), notes=tuple(notes))
+
+
+def _undriven(robot: CheckedModel, file: RobotFile) -> Iterator[ModelIssue]:
+    """Joints of an MJCF without an actuator."""
+    for name in () if file.mjcf is None else mjcf.passive(file.mjcf):
+        if name in robot.passive:
+            yield ModelIssue("passive", name, "the file has no actuator at it: it is passive, and has no entry in tau")
+
+
+def _semantic_rotors(robot: Any) -> Iterator[ModelIssue]:
+    """Rotor inertias of an SRDF, which M leaves out unless they are asked for."""
+    source = getattr(robot, "source", None)
+    if source is None:
+        return
+    try:
+        found = rotors_of(None, source.urdf.name, source.srdf, robot.limits, robot.actuated_names)
+    except ModelError as error:
+        yield ModelIssue("armature", source.srdf.name, f"its rotor_params are not read: {error}")
+        return
+    for rotor in found:
+        text = f"{rotor.file} states a rotor of {rotor.inertia:g} kg m2 and a gear of {rotor.gear:g}, which are not in M"
+        yield ModelIssue("armature", rotor.joint, f"{text}; load_robot(..., rotors=True) adds {rotor.motor.inertia:.4g}")
 
 
 def refuse(report: ModelReport, file: str) -> None:
@@ -298,8 +340,8 @@ def _friction(model: pin.Model) -> Iterator[ModelIssue]:
     damping, friction = np.array(model.damping), np.array(model.upperDryFrictionLimit)
     for i in np.flatnonzero((damping != 0.0) | (np.isfinite(friction) & (friction != 0.0))):
         name = _joint_of(model, int(i), "idx_v", "nv")
-        text = f"damping {damping[i]:.3g} and dry friction {friction[i]:.3g} are in no term of the dynamics"
-        yield ModelIssue("friction", name, text)
+        text = f"damping {damping[i]:.3g} and dry friction {friction[i]:.3g} act only where they are given: "
+        yield ModelIssue("friction", name, text + "external=robot.joint_damping(), and robot.joint_frictions() as constraints")
 
 
 def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple[ModelIssue, bool]]:

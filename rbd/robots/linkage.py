@@ -10,32 +10,34 @@ from __future__ import annotations
 import itertools
 import math
 import os
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rbd.arrays import Array, as_float
-from rbd.errors import InputError, ModelError
+from rbd.displayed import Displayed
+from rbd.errors import InputError, ModelError, nearest
 from rbd.model.output_files import check_place, new_folder, write_text
 from rbd.model.state import State
+from rbd.model.urdf import FARTHEST, LIGHTEST
 from rbd.robots import catalogue
+from rbd.robots.building.builder import GROUND, RobotBuilder
+from rbd.robots.building.numbers import COLORS, checked_choice, checked_name, checked_number, checked_numbers
+from rbd.robots.building.thin_solids import Rod
 from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import ENDING
 from rbd.robots.robot import Robot
 
 Point = tuple[float, float]
-GROUND = "ground"
 GRAVITY = 9.81
 """Gravity of robots of `rbd` [m/s2], along -z of W."""
-COLORS = {"grey": "0.35 0.37 0.40 1", "orange": "0.90 0.45 0.10 1", "blue": "0.16 0.42 0.66 1", "green": "0.24 0.58 0.36 1",
-          "red": "0.75 0.22 0.20 1", "violet": "0.48 0.36 0.66 1", "steel": "0.75 0.77 0.80 1"}  # fmt: skip
-NORMAL = "[0, -1, 0]"  # of the plane: loops turn about what joints turn about
+NORMAL = (0.0, -1.0, 0.0)  # of the plane: loops turn about what joints turn about
 
 
 @dataclass(frozen=True)
-class Link:
-    """A body of a flat linkage, its frame at its parent's pin or slide.
+class Link(Displayed):
+    """A body of a flat linkage, its frame at its parent's pin or slide: thin uniform bars that connect its corners.
 
     Attributes:
         name: Its joint is called `<name>_joint`, a tip `<name>_tip`.
@@ -51,6 +53,14 @@ class Link:
         limits: Of the joint [rad] or [m]; None for a continuous one.
         shapes: More to draw or to touch with, as elements of the URDF.
         width: Of a bar as drawn, over the linkage's.
+
+    Raises:
+        InputError: a number, name or colour that is wrong.
+
+    Example:
+        >>> rocker = rbd.mechanism.Link("rocker", "ground", at=(0.3, 0.0), points=((0.2, 0.0),), mass=0.5, tip=1)
+        >>> rocker.name, rocker.points
+        ('rocker', ((0.2, 0.0),))
     """
 
     name: str
@@ -67,29 +77,30 @@ class Link:
     shapes: str = ""
     width: float = 1.0
 
+    def __post_init__(self) -> None:
+        what = f"link {checked_name('the name of a link', self.name)!r:.80}"
+        checked_name(f"the parent of {what}", self.parent)
+        put = object.__setattr__
+        put(self, "at", checked_numbers(f"at of {what}", self.at, (2,), most=FARTHEST))
+        if not isinstance(self.points, Sequence) or isinstance(self.points, str) or not len(self.points):
+            raise InputError(f"points of {what} are {self.points!r:.80}; expected corners (x, z), ((0.2, 0.0),).")
+        put(self, "points", tuple(checked_numbers(f"a point of {what}", p, (2,), most=FARTHEST) for p in self.points))
+        checked_number(f"mass of {what}", self.mass, least=LIGHTEST)
+        checked_choice(f"color of {what}", self.color, COLORS)
+        whole = isinstance(self.tip, int) and not isinstance(self.tip, bool)
+        if self.tip is not None and not (whole and 0 <= self.tip <= len(self.points)):
+            raise InputError(f"tip of {what} is {self.tip!r:.40}; expected the number of a corner, 0 to {len(self.points)}.")
+
     @property
     def bars(self) -> list[tuple[Array, Array]]:
         """(from, to) of each bar, in its axes, shape (3,)."""
         corners = [np.array([x, 0.0, z]) for x, z in ((0.0, 0.0), *self.points)]
         return list(itertools.pairwise(corners))
 
-    def inertia(self, radius: float) -> tuple[Array, Array]:
-        """(centre of mass (3,) [m], inertia about it (3, 3) [kg m2]) of its bars."""
-        lengths = [float(np.linalg.norm(b - a)) for a, b in self.bars]
-        masses = [self.mass * length / sum(lengths) for length in lengths]
-        middles = [(a + b) / 2.0 for a, b in self.bars]
-        com = np.sum([m * p for m, p in zip(masses, middles, strict=True)], axis=0) / self.mass
-        total = np.zeros((3, 3))
-        for (a, b), m, length, p in zip(self.bars, masses, lengths, middles, strict=True):
-            along, r = np.outer(b - a, b - a) / length**2, p - com
-            total += m * length**2 / 12.0 * (np.eye(3) - along) + m * radius**2 / 2.0 * along
-            total += m * (float(r @ r) * np.eye(3) - np.outer(r, r))
-        return com, total
-
 
 @dataclass(frozen=True)
-class Linkage:
-    """A flat linkage: links, loop closures, and a posture.
+class Linkage(Displayed):
+    """A flat linkage in the vertical x-z plane: links, loop closures and postures. `robot()` gives its robot, in memory.
 
     Attributes:
         name: Of the robot.
@@ -102,6 +113,18 @@ class Linkage:
         origin: Source of the file, and its licence.
         hangs: Whether the ground is drawn above its pins, or below.
         rail: (from, to, height) of a rail of the ground, along x [m].
+
+    Raises:
+        InputError: parts of the wrong kind, a radius that is not above zero.
+
+    Example:
+        >>> crank = rbd.mechanism.Link("crank", "ground", (0.0, 0.0), ((0.1, 0.0),), mass=0.1, motor=True)
+        >>> arm = rbd.mechanism.Link("arm", "crank", (0.1, 0.0), ((0.2, 0.0),), mass=0.2, tip=1)
+        >>> lever = rbd.mechanism.Link("lever", "ground", (0.25, 0.0), ((0.2, 0.0),), mass=0.2, tip=1)
+        >>> ground, pin = ((0.0, 0.0), (0.25, 0.0)), {"pin": ("arm", "lever")}
+        >>> linkage = rbd.mechanism.Linkage("my_four_bar", "A four-bar.", ground, (crank, arm, lever), pin, {}, radius=0.005)
+        >>> print(linkage.robot(), linkage.robot().loops()[0].name)
+        Robot('my_four_bar', nq=6, nv=3, nu=1, mass=0.500 kg) pin
     """
 
     name: str
@@ -115,26 +138,68 @@ class Linkage:
     hangs: bool = False
     rail: tuple[float, float, float] | None = None
 
+    def __post_init__(self) -> None:
+        what = f"linkage {checked_name('the name of a linkage', self.name)!r:.80}"
+        put = object.__setattr__
+        if not isinstance(self.links, Sequence) or not self.links or not all(isinstance(link, Link) for link in self.links):
+            raise InputError(f"links of {what} are {self.links!r:.80}; expected some rbd.mechanism.Link(...).")
+        if not isinstance(self.ground, Sequence) or not len(self.ground):
+            raise InputError(f"ground of {what} is {self.ground!r:.80}; expected its pins (x, z), ((0.0, 0.0),).")
+        put(self, "ground", tuple(checked_numbers(f"a pin of {what}", p, (2,), most=FARTHEST) for p in self.ground))
+        checked_number(f"radius of {what}", self.radius, least=1e-9)
+        tips = [link.name for link in self.links if link.tip is not None]
+        for key in ("closures", "postures"):
+            if not isinstance(getattr(self, key), Mapping):
+                raise InputError(f"{key} of {what} is {getattr(self, key)!r:.80}; expected a dictionary.")
+        for name, ends in self.closures.items():
+            for end in ends:
+                if end not in tips:
+                    raise InputError(
+                        f"closure {name!r:.80} of {what} names {end!r:.80}, no link with a tip; {nearest(end, tips)}."
+                    )
+
+    def builder(self) -> RobotBuilder:
+        """Its parts as a builder, to which more can be added."""
+        reach = max(math.hypot(*p) for link in self.links for p in link.points)
+        effort = float(f"{10.0 * GRAVITY * sum(link.mass for link in self.links) * reach:.4g}")
+        out = RobotBuilder(self.name, root="fixed", about=f"{self.about}\n     {self.origin}")
+        com, inertia, shapes = self._ground()
+        out.body(GROUND, mass=sum(link.mass for link in self.links), com=com, inertia=inertia, elements=shapes)
+        for link in self.links:
+            lengths = [float(np.linalg.norm(b - a)) for a, b in link.bars]
+            masses = [link.mass * length / sum(lengths) for length in lengths]
+            bars = [Rod(a, b, mass=m, radius=self.radius) for (a, b), m in zip(link.bars, masses, strict=True)]
+            bars = [replace(bar, draws=False, collides=False) for bar in bars]
+            out.body(link.name, *bars, elements=self._shapes(link))
+            kind = "prismatic" if link.slides else "continuous" if link.limits is None else "revolute"
+            out.joint(
+                f"{link.name}_joint", link.parent, link.name, kind, at=(link.at[0], 0.0, link.at[1]), motor=link.motor,
+                axis=(1.0, 0.0, 0.0) if link.slides else (0.0, -1.0, 0.0), limits=link.limits, effort=effort, speed=100.0,
+            )  # fmt: skip
+            if link.tip is not None:
+                x, z = ((0.0, 0.0), *link.points)[link.tip]
+                out.frame(_tip(link.name), link.name, (x, 0.0, z))
+        for name, (one, other) in self.closures.items():
+            out.loop(name, _tip(one), _tip(other), kind="planar", axis=NORMAL)
+        for name, angles in self.postures.items():
+            out.posture(name, {f"{link}_joint": x for link, x in angles.items()})
+        return out
+
     def urdf(self) -> str:
         """The URDF file."""
-        reach = max(math.hypot(*p) for link in self.links for p in link.points)
-        effort = 10.0 * GRAVITY * sum(link.mass for link in self.links) * reach
-        head = [f'<?xml version="1.0"?>\n<!-- {self.about}\n     {self.origin} -->\n<robot name="{self.name}">\n']
-        head += [f'  <material name="{name}"><color rgba="{rgba}"/></material>\n' for name, rgba in COLORS.items()]
-        return "".join([*head, *self._ground(), *(self._link(link, effort) for link in self.links), "</robot>\n"])
+        return self.builder().urdf()
 
     def yaml(self) -> str:
         """Its loop file."""
-        lines = [f"# Closes {self.name}.urdf. {self.origin}", "root: fixed"]
-        lines += [f"passive: [{', '.join(self._passive())}]", "loops:"]
-        for name, (one, other) in self.closures.items():
-            frames = f"frame_a: {_tip(one)}, frame_b: {_tip(other)}"
-            lines.append(f"  - {{name: {name}, kind: planar, {frames}, axis: {NORMAL}}}")
-        lines.append("postures:")
-        for name, angles in self.postures.items():
-            joints = ", ".join(f"{link}_joint: {float(x)!r}" for link, x in angles.items())
-            lines.append(f"  {name}: {{{joints}}}")
-        return "\n".join(lines) + "\n"
+        return f"# Closes {self.name}.urdf. {self.origin}\n{self.builder().loop_file()}"
+
+    def robot(self) -> Robot:
+        """The robot, in memory: no file is written.
+
+        Raises:
+            ModelError: as `RobotBuilder.robot`.
+        """
+        return self.builder().robot()
 
     def load(self, path: str | os.PathLike[str] | None) -> Robot:
         """The robot, from files written to the path, or to a folder of this process.
@@ -153,11 +218,9 @@ class Linkage:
         write_text(loops, self.yaml(), ModelError)
         return load_robot(urdf)
 
-    def _passive(self) -> Iterator[str]:
-        return (f"{link.name}_joint" for link in self.links if not link.motor)
-
-    def _ground(self) -> Iterator[str]:
-        r = self.radius
+    def _ground(self) -> tuple[Array, Array, str]:
+        """(centre of mass, inertia, shapes) of the ground."""
+        r, out = self.radius, []
         left, right = min(x for x, _ in self.ground), max(x for x, _ in self.ground)
         up = 1.0 if self.hangs else -1.0
         base = max(up * z for _, z in self.ground) * up + up * 4.0 * r
@@ -165,22 +228,20 @@ class Linkage:
         mass = sum(link.mass for link in self.links)
         sizes = np.array(box) ** 2
         com = np.array([(left + right) / 2.0, 0.0, base + up * box[2] / 2.0])
-        yield f'  <link name="{GROUND}">\n{_inertial(mass, com, mass / 12.0 * np.diag(sizes.sum() - sizes))}'
-        yield _shape(com, f'<box size="{_short(box)}"/>', "grey")
+        out.append(_shape(com, f'<box size="{_short(box)}"/>', "grey"))
         for x, z in self.ground:
             size = _short((1.6 * r, 1.2 * r, abs(z - base)))
-            yield _shape(np.array([x, 0.0, (z + base) / 2.0]), f'<box size="{size}"/>', "grey")
-            yield _disc(np.array([x, 0.0, z]), 0.8 * r, 2.0 * r, "steel")
+            out.append(_shape(np.array([x, 0.0, (z + base) / 2.0]), f'<box size="{size}"/>', "grey"))
+            out.append(_disc(np.array([x, 0.0, z]), 0.8 * r, 2.0 * r, "steel"))
         if self.rail is not None:
             start, end, z = self.rail
             at = np.array([(start + end) / 2.0, 0.0, z])
-            yield _shape(at, f'<box size="{_short((end - start, 0.8 * r, 0.8 * r))}"/>', "steel")
-        yield "  </link>\n"
+            out.append(_shape(at, f'<box size="{_short((end - start, 0.8 * r, 0.8 * r))}"/>', "steel"))
+        return com, mass / 12.0 * np.diag(sizes.sum() - sizes), "".join(out)
 
-    def _link(self, link: Link, effort: float) -> str:
-        com, inertia = link.inertia(self.radius)
-        y = -1.4 * self.radius * (link.layer + 1)
-        out = [f'  <link name="{link.name}">\n', _inertial(link.mass, com, inertia)]
+    def _shapes(self, link: Link) -> str:
+        """Its bars and pins as drawn."""
+        y, out = -1.4 * self.radius * (link.layer + 1), []
         for a, b in link.bars:
             length, pitch = float(np.linalg.norm(b - a)), -math.atan2(b[2] - a[2], b[0] - a[0])
             size = _short((length, 1.2 * self.radius, 1.6 * link.width * self.radius))
@@ -189,23 +250,7 @@ class Linkage:
         for p in corners if not link.slides else ():
             out.append(_disc(p + [0.0, y, 0.0], 1.1 * self.radius, 1.3 * self.radius, link.color))
             out.append(_disc(p + [0.0, y, 0.0], 0.5 * self.radius, 1.7 * self.radius, "steel"))
-        out += [link.shapes, "  </link>\n"]
-        out.append(self._joint(link, effort))
-        if link.tip is not None:
-            out.append(_frame(f"{link.name}_tip", link.name, ((0.0, 0.0), *link.points)[link.tip]))
-        return "".join(out)
-
-    def _joint(self, link: Link, effort: float) -> str:
-        kind = "prismatic" if link.slides else "continuous" if link.limits is None else "revolute"
-        low, high = (-1e3, 1e3) if link.slides and link.limits is None else link.limits or (0.0, 0.0)
-        bounds = "" if kind == "continuous" else f'lower="{low!r}" upper="{high!r}" '
-        x, z = link.at
-        return (
-            f'  <joint name="{link.name}_joint" type="{kind}">\n    <parent link="{link.parent}"/>\n'
-            f'    <child link="{link.name}"/>\n    <origin xyz="{x!r} 0 {z!r}"/>\n'
-            f'    <axis xyz="{"1 0 0" if link.slides else "0 -1 0"}"/>\n'
-            f'    <limit {bounds}effort="{effort:.4g}" velocity="100"/>\n  </joint>\n'
-        )
+        return "".join([*out, link.shapes])
 
 
 def link_angles(state: State) -> dict[str, float]:
@@ -309,15 +354,6 @@ def _tip(end: str) -> str:
     return f"{end}_tip"
 
 
-def _inertial(mass: float, com: Array, inertia: Array) -> str:
-    names = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
-    entries = " ".join(f'{name}="{float(inertia[at])!r}"' for name, at in names.items())
-    return (
-        f'    <inertial>\n      <origin xyz="{_spaced(com)}"/>\n      <mass value="{float(mass)!r}"/>\n'
-        f"      <inertia {entries}/>\n    </inertial>\n"
-    )
-
-
 def _shape(p: Array, geometry: str, color: str, rpy: str = "0 0 0") -> str:
     origin = f'<origin xyz="{_short(p)}" rpy="{rpy}"/>'
     return f'    <visual>{origin}<geometry>{geometry}</geometry><material name="{color}"/></visual>\n'
@@ -327,18 +363,6 @@ def _disc(p: Array, radius: float, length: float, color: str) -> str:
     return _shape(p, f'<cylinder radius="{radius:.6g}" length="{length:.6g}"/>', color, f"{math.pi / 2:.12g} 0 0")
 
 
-def _frame(name: str, link: str, at: Point) -> str:
-    x, z = at
-    return (
-        f'  <link name="{name}"/>\n  <joint name="{name}_joint" type="fixed"><parent link="{link}"/><child link="{name}"/>'
-        f'<origin xyz="{x!r} 0 {z!r}"/></joint>\n'
-    )
-
-
 def _short(values: Sequence[float] | Array) -> str:
     """For shapes, which do not enter the dynamics."""
     return " ".join(f"{float(x) + 0.0:.5g}" for x in values)
-
-
-def _spaced(values: Sequence[float] | Array) -> str:
-    return " ".join(repr(float(x) + 0.0) for x in values)

@@ -45,6 +45,7 @@ from rbd.constraints.joint import JointCoupling
 from rbd.constraints.loop import KINDS as CLOSURES, LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge
 from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
+from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, nearest
 from rbd.model.urdf import FARTHEST, LARGEST, LONGEST_NAME
 
@@ -62,7 +63,7 @@ DEEPEST = 8
 
 
 @dataclass(frozen=True)
-class NamedFrame:
+class NamedFrame(Displayed):
     """A frame to be added: its link and position; rpy as in URDF [m, rad]."""
 
     name: str
@@ -72,7 +73,7 @@ class NamedFrame:
 
 
 @dataclass(frozen=True)
-class LoopFile:
+class LoopFile(Displayed):
     """Contents of a loop file, checked; by default empty.
 
     Attributes:
@@ -83,6 +84,12 @@ class LoopFile:
         loops: Closures, then couplings, as constraints.
         wheels: What rolls or slides on the ground, as constraints.
         postures: {name: {joint: numbers}}.
+        text: What was read.
+
+    Example:
+        >>> closing = rbd.robots.LoopFile.of_text("{root: fixed, postures: {up: {crank_joint: 1.57}}}")
+        >>> closing.root, closing.postures
+        ('fixed', {'up': {'crank_joint': (1.57,)}})
     """
 
     name: str = ""
@@ -92,6 +99,27 @@ class LoopFile:
     loops: tuple[Constraint, ...] = ()
     wheels: tuple[Constraint, ...] = ()
     postures: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
+    text: str = field(default="", repr=False, compare=False)
+
+    @classmethod
+    def of_text(cls, text: str, name: str = "loops.yaml") -> LoopFile:
+        """The contents of a loop file in memory, checked: for `load_robot(text=..., loops=...)`.
+
+        Args:
+            text: In YAML, as described in `rbd.robots.loop_file`.
+            name: For messages.
+
+        Raises:
+            InputError: no text.
+            ModelError: too large, no YAML, or an entry that is wrong, by its name.
+        """
+        if not isinstance(text, str) or not isinstance(name, str):
+            raise InputError(f"the text of a loop file is {text!r:.80}; expected YAML as a string.")
+        try:
+            data = text.encode()
+        except UnicodeEncodeError as error:
+            raise InputError(f"a loop file has the character {error.object[error.start]!r}, which UTF-8 has not.") from None
+        return _contents(name, data)
 
 
 @dataclass(frozen=True)
@@ -177,8 +205,12 @@ def read_loop_file(path: Path) -> LoopFile:
     Raises:
         ModelError: no such file, too large, no YAML, or an entry that is not as described above, by its name.
     """
-    what = _Reader(path.name)
-    top = what.mapping("the file", _loaded(path))
+    return _contents(path.name, _bytes(path))
+
+
+def _contents(file: str, data: bytes) -> LoopFile:
+    what = _Reader(file)
+    top = what.mapping("the file", _parsed(f"{file:.120}", data))
     what.keys("the file", top, PARTS)
     root = top.get("root")
     if root is not None and not (isinstance(root, str) and root in ROOTS):
@@ -191,7 +223,7 @@ def read_loop_file(path: Path) -> LoopFile:
         if names.count(name) > 1:
             what.stop(f"{names.count(name)} constraints are called {name!r:.80}; expected different names.")
     passive, postures = what.words("passive", top.get("passive", [])), what.postures(top.get("postures", {}))
-    return LoopFile(path.name, root, passive, frames, (*loops, *couplings), wheels, postures)
+    return LoopFile(file, root, passive, frames, (*loops, *couplings), wheels, postures, data.decode())
 
 
 @dataclass(frozen=True)
@@ -337,16 +369,19 @@ for _tag, _pattern, _first in (
     _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"(?:{_pattern})$", re.ASCII), _first)
 
 
-def _loaded(path: Path) -> object:
+def _bytes(path: Path) -> bytes:
     name = f"{path.name:.120}"
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for, a device has no end
             raise ModelError(f"{name} is no regular file; expected a loop file in YAML.")
         with path.open("rb") as file:
-            data = file.read(LARGEST_FILE + 1)
+            return file.read(LARGEST_FILE + 1)
     except (OSError, ValueError) as error:
         raise ModelError(f"{name} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
+
+
+def _parsed(name: str, data: bytes) -> object:
     if len(data) > LARGEST_FILE:
         raise ModelError(f"{name} is larger than {LARGEST_FILE / 1000:g} kB; no mechanism needs so much.")
     try:

@@ -6,7 +6,6 @@ import os
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -110,8 +109,13 @@ def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: It
     return Mechanism(file, read, file_name)
 
 
-def loop_file_of(path: Path, loops: str | os.PathLike[str] | bool | None) -> LoopFile | None:
-    """The loop file that is named; if `loops` is true, that beside the robot's file; None if there is none."""
+def loop_file_of(source: catalogue.Source, loops: str | os.PathLike[str] | LoopFile | bool | None) -> LoopFile | None:
+    """The loop file that is named or given; if `loops` is true, that beside the robot's file; None if there is none."""
+    if isinstance(loops, LoopFile):
+        return loops
+    if source.in_memory and (loops is None or isinstance(loops, bool)):
+        return None
+    path = source.urdf
     if loops is None or isinstance(loops, bool):
         found = beside(path) if loops else None
     else:

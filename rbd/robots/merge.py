@@ -15,10 +15,12 @@ from rbd.constraints.constraint import renamed
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.constraints.surface import rigid_placement
 from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.forces.joint import JointDamping, JointSpring
 from rbd.model.checked_model import CheckedModel
 from rbd.model.data_pool import DataPool
 from rbd.model.state import State
 from rbd.model.travelling import Recipe
+from rbd.robots.joint_elements import file_damping, file_springs
 
 Kind = TypeVar("Kind")
 
@@ -51,6 +53,8 @@ class RobotPair(CheckedModel):
         passive = [p + n for robot, p in zip(self.members, prefixes, strict=True) for n in sorted(robot.passive)]
         super().__init__(model, passive=passive, name=f"{first.name} and {second.name}")
         self.sound = first.sound and second.sound
+        both = zip(self.members, prefixes, strict=True)
+        self._take_motors({prefix + name: motor for robot, prefix in both for name, motor in robot.motor_data.items()})
 
     def _recipe(self) -> Recipe:
         """The two robots."""
@@ -69,6 +73,7 @@ class RobotPair(CheckedModel):
         out.sound = self.sound
         if memo is None:
             out.model, out.pool = model, DataPool(model)
+        out._take_motors(self.motor_data)
         return out
 
     def neutral(self) -> Array:
@@ -147,6 +152,20 @@ class RobotPair(CheckedModel):
         if not any(feet):
             raise ModelError(f"no feet are known of {self.name}. Give contacts of your own: pair.contacts(first, second).")
         return self.contacts(*feet)
+
+    def joint_damping(self) -> JointDamping:
+        """The viscous damping of both files, as `Robot.joint_damping`."""
+        return file_damping(self)
+
+    def joint_springs(self) -> list[JointSpring]:
+        """The springs of both files, as `Robot.joint_springs`, at the pair's joints."""
+        return file_springs(self.springs)
+
+    @property
+    def springs(self) -> dict[str, tuple[float, float]]:
+        """As `Robot.springs`, of both."""
+        both = zip(self.members, self.prefixes, strict=True)
+        return {p + name: spring for robot, p in both for name, spring in getattr(robot, "springs", {}).items()}
 
     @lazy
     def visual_model(self) -> pin.GeometryModel:

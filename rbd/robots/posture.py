@@ -15,6 +15,7 @@ from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.gravity import LEAST_FALL, along_gravity
 from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.state import State, check_state
 from rbd.model.urdf import BASE_JOINT, Complaints
@@ -183,26 +184,30 @@ def _levelling(state: State, feet: Sequence[Contact], normal: Array) -> Array:
 
 
 def _balance(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> None:
-    """Turn the robot about the middle of its point feet until its centre of mass is over their hull; in place.
+    """Turn the robot about the middle of its two point feet until its centre of mass is over them, along gravity; in place.
+
+    Nothing is turned where gravity does not press the robot on level ground.
 
     The feet stay where they are only for two of them, about the line that joins them; more feet leave the ground, so three
     or more are turned only when the centre of mass is outside, which no posture of the catalogue is.
     """
-    points = corner_points(State(robot, q), feet)
-    if len(points) != 2:
+    points, gravity = corner_points(State(robot, q), feet), robot.gravity
+    if len(points) != 2 or not -gravity[2] > LEAST_FALL * np.linalg.norm(gravity):
         return
     axis = points[1] - points[0]
     axis /= np.linalg.norm(axis)
-    hull = convex_hull(points[:, :2])
+    up = -gravity + (axis @ gravity) * axis
+    if not np.linalg.norm(up) > LEAST_FALL * np.linalg.norm(gravity):  # along the line of the feet
+        return
+    up, hull = up / np.linalg.norm(up), convex_hull(along_gravity(gravity, points))
     for _ in range(20):  # Newton in one angle; three steps are enough from a few degrees
         state = State(robot, q)
         points = corner_points(state, feet)
         arm = state.com - points.mean(axis=0)
-        across = np.cross(axis, [0.0, 0.0, 1.0])
-        lean = float(arm @ across)
-        if abs(lean) < 1e-14 and inside_distance(state.com[:2], hull) > -1e-9:
+        lean = float(arm @ np.cross(axis, up))
+        if abs(lean) < 1e-14 and inside_distance(along_gravity(gravity, state.com), hull) > -1e-9:
             return
-        _turn(q, pin.exp3(-axis * np.arctan2(lean, float(arm[2]))), about=points.mean(axis=0))
+        _turn(q, pin.exp3(-axis * np.arctan2(lean, float(arm @ up))), about=points.mean(axis=0))
 
 
 def _turn(q: Array, R: Array, about: Array | None = None) -> None:

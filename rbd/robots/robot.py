@@ -17,7 +17,9 @@ from rbd.constraints.joint import JointCoupling, JointFriction
 from rbd.constraints.joint_limit import JointLimit
 from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
 from rbd.errors import InputError, ModelError, nearest
+from rbd.forces.joint import JointDamping, JointSpring
 from rbd.model.input_files import FileLimits
+from rbd.model.motors import Motor
 from rbd.model.state import State
 from rbd.model.travelling import Recipe, packed, unpacked
 from rbd.model.urdf import BASE_JOINT
@@ -25,9 +27,11 @@ from rbd.problem.ground import On
 from rbd.robots import catalogue, travelling
 from rbd.robots.diagnosis import ModelReport
 from rbd.robots.feet import contacts_of
+from rbd.robots.joint_elements import file_damping, file_springs
 from rbd.robots.loop_file import Root
 from rbd.robots.loops import Mechanism, read_postures
 from rbd.robots.posture import stand
+from rbd.robots.rotors import rotors_of
 from rbd.robots.shapes import ShapedRobot
 
 
@@ -37,7 +41,7 @@ class Robot(ShapedRobot):
     Made by `load_robot`. In addition to `CheckedModel`:
 
     Attributes:
-        urdf: The model file.
+        urdf: The model file; of a robot in memory, `load_robot(text=...)`, a name in "(in memory)", where there is no file.
         root: "free_flyer", "planar" or "fixed".
         postures: {name: q, shape (nq,)}, from the SRDF, the catalogue and the loop file.
         leave_out: Parts of an MJCF file that were left out, as requested from `load_robot`.
@@ -81,6 +85,9 @@ class Robot(ShapedRobot):
         self._loops: tuple[Constraint, ...] = mechanism.loops(self)
         self._wheels: tuple[Constraint, ...] = mechanism.wheels(self)
 
+    springs: Mapping[str, tuple[float, float]] = MappingProxyType({})
+    """Springs of an MJCF's joints: {joint: (stiffness, coordinate at rest)}; `joint_springs` makes them force elements."""
+
     known: Recipe | None = None
     """Of a robot of the catalogue: how another process loads it."""
 
@@ -97,19 +104,21 @@ class Robot(ShapedRobot):
             self.mechanism,
             sorted(self.leave_out),
         )
-        kept = dict(self.postures), self._text, self._mesh_names, self.report, self.sound
+        kept = dict(self.postures), self._text, self._mesh_names, self.report, self.sound, dict(self.springs)
         return Recipe(_robot_again, (*numbers, *parts, *kept))
 
     def _content(self) -> str:
         postures = [(name, q.tolist()) for name, q in self.postures.items()]
         loops = pickle.dumps(self.mechanism).hex() if self.mechanism.file_name else ""
-        return repr((self.name, self.root, sorted(self.passive), self.source.feet, self.source.posture, postures, loops))
+        told = self.name, self.root, sorted(self.passive), self.source.feet, self.source.posture, postures, loops
+        return repr((*told, *([sorted(self.springs.items())] if self.springs else [])))
 
     def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> Robot:
         closed = self.mechanism if memo is None else copy.deepcopy(self.mechanism, memo)
         out = Robot(model, self.source, self.root, self.passive, self.limits, closed, self.leave_out, self.postures)
-        out.known, out.report, out.sound = self.known, self.report, self.sound
+        out.known, out.report, out.sound, out.springs = self.known, self.report, self.sound, self.springs
         self._share_shapes(out)
+        out._take_motors(self.motor_data)
         return out
 
     def neutral(self) -> Array:
@@ -138,8 +147,9 @@ class Robot(ShapedRobot):
     def standing(self, posture: str | None = None) -> State:
         """At rest on its feet: soles (or points) on z = 0, the base turned so that they lie flat.
 
-        A robot on point feet is then turned about them until its centre of mass is over its support. A fixed-base robot
-        keeps its base.
+        A robot on two points is then turned about them until its centre of mass is over them along gravity. The ground is z = 0
+        whatever the gravity: under one that leans, feet are flat on an incline, joint angles are those of the posture, and
+        whether the robot can stand so is for `rbd.hold` to say. A fixed-base robot keeps its base.
 
         Args:
             posture: A name in `postures`; by default that of the catalogue, else the only one; a robot without postures stands
@@ -222,6 +232,42 @@ class Robot(ShapedRobot):
         """The dry friction of its joints, as `rbd.constraints.joint_frictions`."""
         return joint_frictions(self)
 
+    def joint_damping(self) -> JointDamping:
+        """The viscous damping of its file as one force element: it acts where it is given, `external=robot.joint_damping()`.
+
+        Raises:
+            InputError: a damping of the file is negative or not finite; with the joint's name.
+        """
+        return file_damping(self)
+
+    def joint_springs(self) -> list[JointSpring]:
+        """The springs of an MJCF's joints as force elements, which act where they are given; none of a URDF.
+
+        >>> everything = [*robot.joint_springs(), robot.joint_damping()]
+        >>> solution = rbd.solve(state, tau, contacts, external=everything)
+        """
+        return file_springs(self.springs)
+
+    def rotors(self) -> dict[str, Motor]:
+        """The rotor inertias that its files state and that are in no term of M: {joint: `rbd.Motor` with gear and inertia}.
+
+        Of <motorInertia> and <mechanicalReduction> in the transmissions of a URDF (or Drake's rotor_inertia and gear_ratio),
+        then of <rotor_params> in its SRDF. `load_robot(..., rotors=True)` is `robot.with_motors(robot.rotors())`: n^2 I of a
+        rotor I behind a gear n is then on the diagonal of M. Left out are joints without a motor, and differentials that drive
+        several joints. What <dynamics armature> states is in M in any case, and replaced where both are given.
+
+        Raises:
+            ModelError: the files cannot be read, or have numbers that are none.
+
+        Example:
+            >>> talos = rbd.load_robot("talos")
+            >>> knee = talos.rotors()["leg_left_4_joint"]
+            >>> knee.gear, knee.rotor_inertia, knee.inertia  # the last at the joint [kg m2]
+            (100.0, 1e-05, 0.1)
+        """
+        stated = rotors_of(self.element, self.urdf.name, self.source.srdf, self.limits, self.actuated_names)
+        return {rotor.joint: rotor.motor for rotor in stated}
+
     def mimics(self) -> list[JointCoupling]:
         """The joint couplings of its URDF's <mimic> tags, as `rbd.constraints.mimics`."""
         return mimics(self)
@@ -234,9 +280,9 @@ class Robot(ShapedRobot):
 
 def _robot_again(model: bytes, version: str, source: travelling.SentSource, *rest: Any) -> Robot:
     """A robot of a file in another process."""
-    root, passive, limits, closed, leave_out, postures, text, meshes, report, sound = rest
+    root, passive, limits, closed, leave_out, postures, text, meshes, report, sound, springs = rest
     out = Robot(unpacked(model, version), travelling.source_again(source), root, passive, limits, closed, leave_out, postures)
-    out._text, out._mesh_names, out.report, out.sound = text, meshes, report, sound
+    out._text, out._mesh_names, out.report, out.sound, out.springs = text, meshes, report, sound, springs
     return out
 
 

@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pinocchio as pin
 
@@ -59,6 +60,17 @@ class ShapedRobot(CheckedModel):
         if self._text is None:
             return read_xml(self.source.urdf, self.limits)
         return ElementTree.fromstring(zlib.decompress(self._text))
+
+    @property
+    def text(self) -> str:
+        """The text of its file as it was loaded, without comments; of a robot of the catalogue as the file is now.
+
+        Raises:
+            ModelError: the file cannot be read.
+        """
+        if self._text is None:
+            return ElementTree.tostring(self.element, encoding="unicode")
+        return zlib.decompress(self._text).decode()
 
     @lazy
     def visual_model(self) -> pin.GeometryModel:
@@ -146,13 +158,17 @@ class ShapedRobot(CheckedModel):
         """The state in which feet are assumed to be down."""
         raise NotImplementedError
 
-    def _extras(self) -> tuple[tuple[int, int], ...]:
-        """The collision pairs, as numbers of shapes."""
+    def _extras(self) -> tuple[Any, ...]:
+        """The collision pairs, as numbers of shapes, and the motors."""
+        return self._touching_pairs(), super()._extras()
+
+    def _take_extras(self, extras: tuple[Any, ...]) -> None:
+        self._pairs, motors = extras
+        super()._take_extras(motors)
+
+    def _touching_pairs(self) -> tuple[tuple[int, int], ...]:
         found = self.__dict__.get("_collision")
         return self._pairs if found is None else tuple((int(p.first), int(p.second)) for p in found.model.collisionPairs)
-
-    def _take_extras(self, extras: tuple[tuple[int, int], ...]) -> None:
-        self._pairs = extras
 
     def _files(self) -> bytes | None:
         """The meshes of its collision shapes, if they are small or were used."""
@@ -163,7 +179,7 @@ class ShapedRobot(CheckedModel):
     def _share_shapes(self, out: ShapedRobot) -> None:
         """Give a copy of this robot its text, its meshes, and copies of the shapes that were read."""
         out._text, out._mesh_names, out._mesh_files = self._text, self._mesh_names, self._mesh_files
-        out._pairs = self._extras()
+        out._pairs = self._touching_pairs()
         if (found := self.__dict__.get("_collision")) is not None:
             out.__dict__["_collision"] = replace(found, model=found.model.copy())
         if (drawn := self.__dict__.get("visual_model")) is not None:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+from typing import Any
 
 import pinocchio as pin
 
@@ -14,6 +16,8 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.travelling import numbers_digest
 from rbd.robots import catalogue
 from rbd.robots.catalogue import DATA, Foot, Source
+from rbd.robots.loop_file import ENDING, LoopFile
+from rbd.robots.loops import Mechanism
 
 SentSource = tuple[str, str, tuple[str, ...], tuple[Foot, ...], dict[str, dict[str, float]], str | None]
 """Name, file, folders of meshes, feet, postures and standing posture; paths as text."""
@@ -81,6 +85,30 @@ def source_again(sent: SentSource) -> Source:
     """The source of `sent_source`. Its files need not be there."""
     name, urdf, folders, feet, postures, posture = sent
     return Source(name, Path(urdf), None, tuple(Path(folder) for folder in folders), feet, postures, posture)
+
+
+def texts_of(text: str, mechanism: Mechanism) -> dict[str, Any]:
+    """Of a robot in memory, what a file needs to load it again: its text and that of its loop file, as plain data.
+
+    "loops" is None where its loops are in no text, so that they cannot be written.
+    """
+    closing = mechanism.file
+    loops = (True if closing.text else None) if closing.name else bool(mechanism.equalities)
+    return {"text": text, "loop_file": closing.text, "loops": loops}
+
+
+def given_texts(given: Mapping[str, Any]) -> dict[str, Any] | None:
+    """The arguments `text` and `loops` of `load_robot` from `texts_of`; None where there is no text.
+
+    Raises:
+        InputError: a loop file that is no text.
+        ModelError: a loop file that is wrong.
+    """
+    text, closing = given.get("text"), given.get("loop_file")
+    if not isinstance(text, str) or not text:
+        return None
+    name = f"{given.get('name')!s:.80}{ENDING}"
+    return {"text": text, "loops": LoopFile.of_text(closing, name) if closing else bool(given.get("loops", True))}
 
 
 def _versions() -> str:

@@ -22,7 +22,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, cross_rows, each_times, is_finite, max_abs, rank_of, zeros
+from rbd.arrays import Array, cross_rows, each_times, is_finite, lazy, max_abs, rank_of, zeros
 from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.state import State
 from rbd.prepared.contact_bodies import DEPENDENT, SETTINGS
@@ -135,6 +135,7 @@ class GroundDynamics:
         shift: Array | None,
         u: Array | None = None,
         mean: Array | None = None,
+        added: Array | None = None,
     ) -> VelocityAnswer | None:
         """Velocity start + h a and impulses of a step of length h; None where the general way is to answer.
 
@@ -150,11 +151,13 @@ class GroundDynamics:
             shift: Added to u+ only in the contact law, shape (p,).
             u: The points' velocities at the step's beginning, for u+ = u + h (J a + J_dot v).
             mean: Velocity w for u+ = J w + h J a + h/2 J_dot v, in place of u.
+            added: Diagonal matrix that is added to M, shape (nv, nv), zero for floating bases; None: nothing is.
         """
+        model = self._model if added is None else self._heavier(added)
         everything = active is self.layout.everything
         if not everything and not active.any():
-            return self._free(q, v, applied, start, h)
-        a = pin.constraintDynamics(self._model, self._data, q, v, applied, self._models, self._datas, self._settings)
+            return self._free(model, q, v, applied, start, h)
+        a = pin.constraintDynamics(model, self._data, q, v, applied, self._models, self._datas, self._settings)
         pivots = self._factors.D[: self.size]  # all are negative
         if not (math.isfinite(a.dot(a)) and pivots[pivots.argmax()] < DEPENDENT * pivots[pivots.argmin()]):
             return None
@@ -223,9 +226,18 @@ class GroundDynamics:
         change = self._factors.solve(self._target)
         return VelocityAnswer(start + h * (a + change[self.size :]), impulse, D @ impulse + free, merit, least)
 
-    def _free(self, q: Array, v: Array, applied: Array, start: Array, h: float) -> VelocityAnswer | None:
+    def _heavier(self, added: Array) -> pin.Model:
+        """The model with a diagonal matrix added to M, as rotor inertia of its joints."""
+        self._stiffened.armature = self._model.armature + added.diagonal()
+        return self._stiffened
+
+    @lazy
+    def _stiffened(self) -> pin.Model:
+        return pin.Model(self._model)
+
+    def _free(self, model: pin.Model, q: Array, v: Array, applied: Array, start: Array, h: float) -> VelocityAnswer | None:
         """The step without any contact; the points' velocities are J v, of the velocity after it."""
-        end = start + h * pin.aba(self._model, self._data, q, v, applied)
+        end = start + h * pin.aba(model, self._data, q, v, applied)
         if not is_finite(end):
             return None
         pin.forwardKinematics(self._model, self._data, q, end)

@@ -8,9 +8,11 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from rbd.arrays import Array, lazy
+from rbd.model.external import ForceElement
 from rbd.simulation.contact_gaps import GapTolerances
 from rbd.simulation.contact_points import Layout, PointMatching, Snapshot
 from rbd.simulation.event_detection import ImpactRecord, StepRecord
+from rbd.simulation.implicit_forces import ElementTerms
 from rbd.simulation.velocity_problem import VelocityAnswer
 
 Passed: TypeAlias = list[StepRecord | ImpactRecord]
@@ -18,12 +20,13 @@ Passed: TypeAlias = list[StepRecord | ImpactRecord]
 
 
 class PreviousStep(NamedTuple):
-    """The step before: points at its beginning, which of them were active, length and impulses."""
+    """The step before: points at its beginning, active ones, length, impulses, and whether force elements acted."""
 
     at: Snapshot
     active: Array
     h: float
     impulse: Array
+    elements: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +44,7 @@ class Instant:
         velocity: The points' velocities by the contact law of the step before, shape (p,); None: J v.
         previous: The step before; None where contact or friction has changed.
         work: Work of the motors since the start of the motion [J].
+        dissipated: Work that force elements have taken out of the motion since its start [J].
     """
 
     t: float
@@ -53,6 +57,7 @@ class Instant:
     velocity: Array | None = None
     previous: PreviousStep | None = None
     work: float = 0.0
+    dissipated: float = 0.0
 
     @lazy
     def touching(self) -> Array:
@@ -98,6 +103,8 @@ class HalfStep(NamedTuple):
         u: The points' velocities at its beginning.
         turned: Velocity to which h/2 a was added.
         applied: S^T tau + tau_ext; None where the half step was extrapolated.
+        elements: Force elements that act.
+        implicit: What they were taken implicitly with; None where there are none, or where their true forces were taken.
     """
 
     start: Instant
@@ -108,6 +115,8 @@ class HalfStep(NamedTuple):
     u: Array
     turned: Array
     applied: Array | None = None
+    elements: tuple[ForceElement, ...] = ()
+    implicit: ElementTerms | None = None
 
     @property
     def a(self) -> Array:
@@ -139,13 +148,17 @@ class PointsAtStart(NamedTuple):
 
 
 class WholeStep(NamedTuple):
-    """A step before positions are corrected: its length, its end, its answer, the points and the torques in its middle."""
+    """A step before positions are corrected: its length, its end, its answer, the points and the torques in its middle.
+
+    And the work that force elements take out of the motion in it [J].
+    """
 
     h: float
     end: Snapshot
     answer: VelocityAnswer
     layout: Layout
     tau: Array
+    dissipated: float = 0.0
 
 
 class Step(NamedTuple):

@@ -23,8 +23,9 @@ from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.simulation.contact_points import slide, stopping
 from rbd.simulation.event_detection import EventDetection
+from rbd.simulation.event_samples import crossed_in_step, crossed_smoothly
 from rbd.simulation.instant import HalfStep
-from rbd.simulation.motion import Event, Motion, Sample
+from rbd.simulation.motion import Event, Motion, Sample, stored
 from rbd.simulation.recording import constraint_forces, least_forces
 from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth, reason_unknown_ground
 from rbd.simulation.time_step import StepSystem
@@ -66,9 +67,13 @@ class RungeKutta4(Displayed):
         smooth = SmoothMotion(motion, state)
         lengths = _lengths(times)
         stage = smooth.start(state, times[0], lengths[0])
+        motion.watch(stage.state, times[0])
         yield smooth.sample(stage)
         for (t, end), h in zip(pairwise(times), lengths[1:], strict=True):
-            stage = smooth.begun(_kutta_step(smooth, stage, t, end), h)
+            reached = _kutta_step(smooth, stage, t, end)
+            if motion.search and (yield from crossed_smoothly(smooth, t, reached, partial(_kutta_step, smooth, stage, t))):
+                return
+            stage = smooth.begun(reached, h)
             yield smooth.sample(stage)
 
 
@@ -81,17 +86,16 @@ def _lengths(times: Sequence[float]) -> list[float]:
 def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Stage:
     h, v, a = end - t, first.state.v, first.a
     chart = smooth.charts.at(first.state.q)
-    rates, accelerations, powers, rate = [v], [a], list[float](), v
+    rates, accelerations, powers, rate = [v], [a], [smooth.powers(first, first)], v
     for part in (0.5, 0.5, 1.0):
         xi, w = part * h * rate, v + part * h * a
         stage = smooth.at(chart.q(xi), w, t + part * h)
         a, rate = stage.a, chart.rate(xi, stage.state.v)
         rates.append(rate)
         accelerations.append(a)
-        powers.append(smooth.extra_power(first, stage))
-    xi, dv = (h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3]) for k in (rates, accelerations))
-    extra = h / 6.0 * (2.0 * powers[0] + 2.0 * powers[1] + powers[2])
-    return smooth.worked(first, smooth.landed(chart.q(xi), v + dv, end), extra)
+        powers.append(smooth.powers(first, stage))
+    xi, dv, work = (h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3]) for k in (rates, accelerations, powers))
+    return smooth.worked(first, smooth.landed(chart.q(xi), v + dv, end), work)
 
 
 @dataclass(frozen=True)
@@ -142,13 +146,19 @@ class DormandPrince8(Displayed):
         smooth = SmoothMotion(motion, state)
         stop = _next_stop(times[0], times, motion.sample_period)
         stage = smooth.start(state, times[0], min(self.longest, stop - times[0]))
+        motion.watch(stage.state, times[0])
         yield smooth.sample(stage)
         at, h = 1, None
         while at < len(times):
-            step = _AdaptiveStep(smooth, stage, self, stop, h)
+            step, since = _AdaptiveStep(smooth, stage, self, stop, h), stage.t
             while at < len(times) and times[at] < step.end.t:
-                yield smooth.sample(step.at(times[at]))
-                at += 1
+                inside = step.at(times[at])
+                if motion.search and (yield from crossed_smoothly(smooth, since, inside, step.at, step.state_at)):
+                    return
+                yield smooth.sample(inside)
+                at, since = at + 1, times[at]
+            if motion.search and (yield from crossed_smoothly(smooth, since, step.end, step.at, step.state_at)):
+                return
             stop, h, length = _next_stop(step.end.t, times, motion.sample_period), step.next, step.end.t - stage.t
             stage = smooth.begun(step.end, min(self.longest, stop - step.end.t) or length)
             if at < len(times) and times[at] == stage.t:
@@ -184,10 +194,10 @@ class _AdaptiveStep:
     def __init__(self, smooth: SmoothMotion, start: Stage, by: DormandPrince8, last: float, h: float | None) -> None:
         self._smooth, self._start = smooth, start
         self._chart, self._n = smooth.charts.at(start.state.q), len(start.state.v)
-        works = smooth.motion.controller is not None
-        # With the motors' work, beyond that of torques that are held, as a last entry, in which no error is controlled.
-        y = np.concatenate([np.zeros(self._n), start.state.v, np.zeros(int(works))])
-        atol = np.append(np.full(2 * self._n, by.atol), np.inf) if works else by.atol
+        # The last entries are work, of motors and of force elements, in which no error is controlled.
+        work = smooth.powers(start, start)
+        y = np.concatenate([np.zeros(self._n), start.state.v, np.zeros(len(work))])
+        atol = np.append(np.full(2 * self._n, by.atol), np.full(len(work), np.inf))
         first = None if h is None else min(h, last - start.t)
         while True:
             self._code = DOP853(self._rates, start.t, y, last, rtol=by.rtol, atol=atol, first_step=first, max_step=by.longest)
@@ -210,22 +220,28 @@ class _AdaptiveStep:
 
     def at(self, t: float) -> Stage:
         """A stage within the step, by dense output, on the constraints."""
+        return self._landed(t, self._dense(t))
+
+    def state_at(self, t: float) -> State:
+        """The state within the step, as `at`, without its acceleration."""
+        y = self._dense(t)
+        return self._smooth.placed(self._chart.q(y[: self._n]), y[self._n : 2 * self._n], t).state
+
+    def _dense(self, t: float) -> Array:
         if self._between is None:
             self._between = self._code.dense_output()
-        return self._landed(t, self._between(t))
+        return self._between(t)
 
     def _landed(self, t: float, y: Array) -> Stage:
-        xi, v, extra = y[: self._n], y[self._n : 2 * self._n], y[2 * self._n :]
-        return self._smooth.worked(self._start, self._smooth.landed(self._chart.q(xi), v, t), float(extra.sum()))
+        xi, v, work = y[: self._n], y[self._n : 2 * self._n], y[2 * self._n :]
+        return self._smooth.worked(self._start, self._smooth.landed(self._chart.q(xi), v, t), work)
 
     def _rates(self, t: float, y: Array) -> Array:
-        xi, v, rest = y[: self._n], y[self._n : 2 * self._n], y[2 * self._n :]
-        start = self._start
+        xi, v, start = y[: self._n], y[self._n : 2 * self._n], self._start
         if t == start.t and not xi.any() and np.array_equal(v, start.state.v):
-            return np.concatenate([v, start.a, np.zeros(len(rest))])  # known from the step before
+            return np.concatenate([v, start.a, self._smooth.powers(start, start)])  # known from the step before
         stage = self._smooth.at(self._chart.q(xi), v, t)
-        extra = [self._smooth.extra_power(start, stage)] if len(rest) else []
-        return np.concatenate([self._chart.rate(xi, stage.state.v), stage.a, extra])
+        return np.concatenate([self._chart.rate(xi, stage.state.v), stage.a, self._smooth.powers(start, stage)])
 
 
 @dataclass(frozen=True)
@@ -275,6 +291,7 @@ class TimeStepping(Displayed):
         system = StepSystem(motion, state, impact_speed=self.impact_speed, impacts=self.impacts, extrapolate=self.extrapolate)
         detection, last, tells = EventDetection(), len(times) - 1, motion.hook is not None
         now, passed = system.begin(state, times[0])
+        motion.watch(now.at.state, times[0])
         detection.add(passed)
         for k, t in enumerate(times):
             h = times[k + 1] - t if k < last else t - times[k - 1] if k else 1e-3
@@ -283,15 +300,20 @@ class TimeStepping(Displayed):
             half = system.half_step(now, h)
             make = _recorded if motion.recorded(k, times) else _passed_by
             yield make(system, half, detection.taken())
-            if k < last:
-                now, passed = system.step(half, times[k + 1])
-                detection.add(passed)
+            if k == last:
+                return
+            end = system.step(half, times[k + 1])
+            if motion.search and (yield from crossed_in_step(system, half, end, times[k + 1], detection, _recorded)):
+                return
+            now, passed = end
+            detection.add(passed)
 
 
 def _passed_by(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
     """A sample that is not recorded: no forces, and the acceleration of the half step, possibly extrapolated."""
     state = half.start.at.state
-    return Sample.of(half.start.t, state, half.a, zeros(state.robot.nu), dict, events=events, motor_work=half.start.work)
+    more = {"events": events, "motor_work": half.start.work, "dissipated": half.start.dissipated}
+    return Sample.of(half.start.t, state, half.a, zeros(state.robot.nu), dict, **more)
 
 
 def _tilts(constraint: Constraint, state: State) -> str | None:
@@ -316,10 +338,10 @@ def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> 
     """A sample with torques, forces and residuals; recording does not affect the steps."""
     start = half.start
     at, t, motion = start.at, start.t, system.motion
-    if half.tau is None:
-        half = system.solved(start, half.h)
+    if half.tau is None or half.implicit is not None:
+        half = system.exact(half)
     if stopping(at.layout, half.u, half.answer.velocity, half.answer.impulse) is not None:
-        half = system.solved(start, 1e-3 * half.h)  # points that stop within the half step are recorded as sliding
+        half = system.solved(start, 1e-3 * half.h, exact=True)  # points that stop within the half step are recorded as sliding
     answer, h, active = half.answer, 0.5 * half.h, half.active
     assert half.tau is not None
     speed, names = slide(at.layout, answer.velocity), tuple(c.name for c in motion.constraints)
@@ -335,4 +357,6 @@ def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> 
         penetration=at.penetration,
         events=events,
         motor_work=start.work,
+        elastic=stored(half.elements, at.state),
+        dissipated=start.dissipated,
     )

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Protocol, TypeAlias
+from dataclasses import dataclass, fields
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -18,14 +18,24 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
-from rbd.model.external import External, generalised
+from rbd.model.external import External, ForceElement, elements_of, generalised
 from rbd.model.state import State, state_at
+from rbd.simulation.event_search import EventSearch
+from rbd.simulation.state_events import StateEvent
 
 OPEN, STICKS, SLIPS, HOLDS, PUSHES = "open", "sticks", "slips", "holds", "pushes"
 """Modes of a constraint: no force; at rest; sliding; bilateral; a joint limit or a frictionless contact that pushes."""
 
 Stabilisation: TypeAlias = Projection | Baumgarte | None
 """Stabilisation of bilateral constraints: by projection, by feedback, or not at all."""
+
+
+class Acting(NamedTuple):
+    """What acts on a robot besides constraints: motor torques (nu,), S^T tau + tau_ext (nv,), and the force elements in it."""
+
+    tau: Array
+    applied: Array
+    elements: tuple[ForceElement, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,6 +51,10 @@ class Motion:
         restitution: Newton's coefficient of each named constraint; 0 for the others.
         stabilisation: Stabilisation of bilateral constraints.
         record_every: A sample is recorded every so many times; the others need no forces.
+        search: The search for events of the user; None without any.
+        before: Number of the sample times that were before this part of the motion: it begins at an event; None for the first
+            part, which begins at a sample time.
+        plastic: Speed below which impacts at a switch are plastic [m/s, rad/s].
     """
 
     robot: CheckedModel
@@ -51,6 +65,14 @@ class Motion:
     restitution: Mapping[str, float] | None = None
     stabilisation: Stabilisation = None
     record_every: int = 1
+    search: EventSearch | None = None
+    before: int | None = None
+    plastic: float = 0.0
+
+    @lazy
+    def names(self) -> tuple[str, ...]:
+        """Names of its constraints."""
+        return tuple([c.name for c in self.constraints])
 
     @lazy
     def hook(self) -> Callable[[AcceptedStep], None] | None:
@@ -61,6 +83,11 @@ class Motion:
     def sample_period(self) -> float | None:
         """Times at multiples of which the controller computes torques [s]; None for any."""
         return sample_period(self.controller)
+
+    @lazy
+    def may_have_elements(self) -> bool:
+        """Whether force elements act, or may: those of a function of time are not known before."""
+        return callable(self.external) or bool(elements_of(self.external))
 
     def work(self, tau: Array, q: Array, q_end: Array) -> float:
         """Work of constant motor torques from one configuration to another, near it [J].
@@ -89,6 +116,11 @@ class Motion:
         if reset is not None:
             told(self.controller, reset)
 
+    def watch(self, state: State, t: float) -> None:
+        """Begin the search for events of the user at a state and a time [s]; nothing without any."""
+        if self.search:
+            self.search.begin(state, t, self.names)
+
     def tell(self, state: State, t: float, h: float, touches: Callable[[], Mapping[str, ContactTouch]]) -> None:
         """Tell the controller that a step begins, if it wants to know.
 
@@ -102,7 +134,9 @@ class Motion:
             told(self.controller, self.hook, AcceptedStep(state, t, h, TouchesWhenRead(touches)), t=t)
 
     def recorded(self, k: int, times: Sequence[float]) -> bool:
-        """Whether the k-th sample is recorded: every so many, and the last."""
+        """Whether the k-th sample is recorded: every so many, the last, and one at an event."""
+        if self.before is not None:
+            k, times = k + self.before - 1, [0.0] * (len(times) + self.before - 1)
         return k % self.record_every == 0 or k == len(times) - 1
 
     def reached(self, q: Array, v: Array, t: float) -> State:
@@ -119,8 +153,8 @@ class Motion:
                 "check what drives it."
             ) from error
 
-    def applied(self, state: State, t: float) -> tuple[Array, Array]:
-        """(tau (nu,), S^T tau + tau_ext (nv,)) at a state and a time.
+    def acting(self, state: State, t: float) -> Acting:
+        """Torques, forces and force elements at a state and a time; the controller and `external` are called once.
 
         Raises:
             InputError: torques or forces of the wrong size, or not finite.
@@ -129,16 +163,12 @@ class Motion:
         if callable(external):
             external = asked("external", external, state, t)
         applied = np.zeros(robot.nv) if external is None else generalised(state, external)[0]
+        elements = () if external is None else elements_of(external)
         if self.controller is None:
-            return zeros(robot.nu), applied
+            return Acting(zeros(robot.nu), applied, elements)
         tau = robot.check_tau(asked("controller", self.controller, state, t))
         applied[robot.motors] += tau
-        return tau, applied
-
-    def forces(self, state: State, t: float) -> tuple[Array, Array]:
-        """(tau (nu,), S^T tau + tau_ext - h (nv,)) at a state and a time; errors as of `applied`."""
-        tau, applied = self.applied(state, t)
-        return tau, applied - state.h
+        return Acting(tau, applied, elements)
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,13 +192,14 @@ class ConstraintForce:
 
 @dataclass(frozen=True)
 class Event(Displayed):
-    """An event of a simulated motion: a contact begins, ends, slips or sticks.
+    """An event of a simulated motion: a contact begins, ends, slips or sticks, or an event of yours happens.
 
     Attributes:
         t: Time [s].
-        name: Name of the constraint.
-        kind: "touches" (with an impact, or softly), "leaves", "slips" or "sticks".
-        point: Index of its point, from 0.
+        name: Name of the constraint, or of the `StateEvent`.
+        kind: "touches" (with an impact, or softly), "leaves", "slips" or "sticks"; of a `StateEvent` "rises through zero" or
+            "falls through zero".
+        point: Index of its point, from 0; -1 where the event is of no single point.
         speed: For a touch, the approach speed [m/s, rad/s]; else zero.
         impulse: For a touch, normal impulse of the impact [N s, N m s]; else zero.
 
@@ -190,7 +221,20 @@ class Event(Displayed):
 
     def __str__(self) -> str:
         impact = f" at {self.speed:.3g} m/s, impulse {self.impulse:.3g} N s" if self.speed else ""
-        return f"{self.t:.6f} s: {self.name}[{self.point}] {self.kind}{impact}"
+        which = f"[{self.point}]" if self.point >= 0 else ""
+        return f"{self.t:.6f} s: {self.name}{which} {self.kind}{impact}"
+
+
+class AtEvents(NamedTuple):
+    """What a sample at events of the user says of them.
+
+    Attributes:
+        interrupts: Those that end the motion or may change it; the sample is then the last of an integrator's run.
+        recorded: Whether it is a sample of the trajectory; else another one is at this time.
+    """
+
+    interrupts: tuple[StateEvent, ...]
+    recorded: bool
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -211,6 +255,9 @@ class Sample(Displayed):
         penetration: Depth of the deepest contact [m, rad]; zero or more.
         events: Events since the sample before, in order of time.
         motor_work: Work of the motors since the start of the motion [J].
+        elastic: Energy stored in force elements, e.g. springs [J].
+        dissipated: Work that force elements, e.g. dampers, have taken out of the motion since its start [J].
+        found: What it says of events of the user; None of a sample at a sample time.
     """
 
     robot: CheckedModel
@@ -226,6 +273,9 @@ class Sample(Displayed):
     penetration: float = 0.0
     events: tuple[Event, ...] = ()
     motor_work: float = 0.0
+    elastic: float = 0.0
+    dissipated: float = 0.0
+    found: AtEvents | None = None
 
     @classmethod
     def of(
@@ -235,6 +285,16 @@ class Sample(Displayed):
         out = cls(state.robot, t, state.q, state.v, a, tau, forces, **more)
         out.__dict__["state"] = state  # known, so it need not be computed again
         return out
+
+    def but(self, **changed: Any) -> Sample:
+        """The same with other attributes, at the same state."""
+        return Sample.of(self.t, self.state, self.a, self.tau, self.constraint_forces, **{**self._more, **changed})
+
+    @property
+    def _more(self) -> dict[str, Any]:
+        """Attributes after `constraint_forces`."""
+        names = [f.name for f in fields(self)]
+        return {name: getattr(self, name) for name in names[names.index("constraint_forces") + 1 :]}
 
     def __repr__(self) -> str:
         return f"Sample({self.robot.name!r}, t={self.t:g})"
@@ -267,6 +327,16 @@ class Sample(Displayed):
     @lazy
     def _acting(self) -> Mapping[str, ConstraintForce]:
         return self.constraint_forces()
+
+
+def stored(elements: Sequence[ForceElement], state: State) -> float:
+    """Energy stored in force elements at a state [J]."""
+    return sum([element.energy(state) for element in elements])
+
+
+def dissipation(elements: Sequence[ForceElement], state: State) -> float:
+    """Power that force elements take out of the motion at a state [W]."""
+    return sum([element.dissipation(state) for element in elements])
 
 
 class Integrator(Protocol):

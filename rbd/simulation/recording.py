@@ -34,7 +34,7 @@ from rbd.simulation.velocity_problem import VelocityAnswer, active_rows
 from rbd.solution import Solution
 
 _VECTORS = tuple(c for c in COLUMNS if c.axis)
-_NUMBERS = ("t", "kinetic", "potential", "motor_work", *(c.name for c in RESIDUALS))
+_NUMBERS = ("t", "kinetic", "potential", "motor_work", "elastic", "dissipated", *(c.name for c in RESIDUALS))
 _NO_POINTS = -1
 
 RowLayout = tuple[tuple[str, int, int, int], ...]
@@ -81,7 +81,8 @@ class Recording:
             NoSolution: one of its numbers is not finite; nothing is then recorded.
         """
         state, acting = sample.state, sample.constraint_forces()
-        numbers = [sample.t, kinetic_energy(state), potential_energy(state), sample.motor_work]
+        numbers = [sample.t, kinetic_energy(state), potential_energy(state)]
+        numbers += [sample.motor_work, sample.elastic, sample.dissipated]
         numbers += [sample.law, sample.drift, sample.drift_rate, sample.penetration]
         parts: list[Any] = [state.q, state.v, sample.a, sample.tau, momentum(state), state.com, numbers]
         layout = []
@@ -101,7 +102,7 @@ class Recording:
         self._samples.append((row, tuple([x.mode for x in acting.values()]), known))
 
     def arrays(self) -> dict[str, Array]:
-        """All that is one row a sample: t, q, v, a, tau, momentum, com, kinetic, potential, motor_work and the residuals."""
+        """All that is one row a sample: t, q, v, a, tau, momentum, com, the energies and works, and the residuals."""
         whole = np.array([row[: self._width] for row, _, _ in self._samples])
         ends = np.cumsum(self._sizes)
         out = {c.name: whole[:, end - size : end] for c, size, end in zip(_VECTORS, self._sizes, ends, strict=True)}

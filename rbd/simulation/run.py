@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import math
-import os
-import sys
-import time
 import warnings
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,15 +16,14 @@ from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.accepted_steps import hook, sample_period
 from rbd.control.schedules import Controller, ExternalAt
 from rbd.errors import (
+    BadEvent,
     InaccurateWarning,
     InputError,
     NoSolution,
     RbdError,
     Reason,
     SimulationStopped,
-    UnknownName,
     Unsupported,
-    nearest,
 )
 from rbd.errors.inputs import check_different
 from rbd.mechanism.projection import Projection
@@ -37,18 +32,19 @@ from rbd.model.state import State
 from rbd.problem.cones import Free
 from rbd.problem.problem import Law
 from rbd.problem.residuals import USABLE
+from rbd.simulation.event_search import EventSearch
+from rbd.simulation.impacts import restitution_of
 from rbd.simulation.integrators import RungeKutta4, TimeStepping
 from rbd.simulation.motion import Event, Integrator, Motion, Sample, Stabilisation
+from rbd.simulation.phases import Phases
+from rbd.simulation.progress_bar import progress_of
 from rbd.simulation.recording import Recording
 from rbd.simulation.sinking import Floor
+from rbd.simulation.state_events import StateEvent, check_known, events_of, names_of
 from rbd.simulation.trajectory import Trajectory
 from rbd.solvers.default import slip_law
 
 MOST_STEPS = 100_000_000
-PATIENCE = 1.0
-"""A run that takes less [s] shows no progress bar."""
-PACE = 0.1
-"""Between two drawings of it [s]."""
 
 
 def simulate(
@@ -66,6 +62,8 @@ def simulate(
     record_every: int = 1,
     may_sink: bool = False,
     progress: bool = True,
+    events: Sequence[StateEvent | Callable[..., float]] = (),
+    inactive: str | Sequence[str] = (),
 ) -> Trajectory:
     """Motion of a robot over time, under the same constraints that `rbd.solve` takes, with its residuals.
 
@@ -95,6 +93,10 @@ def simulate(
         may_sink: Go on where a robot falls through the floor of its feet; by default the run stops there, with a quarter of the
             robot's mass below the floor. Contacts support the points that are given alone.
         progress: Show a bar on a terminal where it takes long.
+        events: Functions of the state, or of state and time, whose zeros are found to 1e-12 s on the integrator's interpolant:
+            `rbd.simulation.StateEvent`, or plain functions with the attributes `direction` and `terminal`, as of SciPy's
+            `solve_ivp`. Each is an entry of `trajectory.events` and a sample; contacts can be switched there.
+        inactive: Names of constraints that do not act until an event switches them on.
 
     Returns:
         The trajectory; printed, it shows energy, residuals and events. After Ctrl-C it contains the motion until then, and
@@ -122,21 +124,24 @@ def simulate(
     for what, given in (("may_sink", may_sink), ("progress", progress)):
         if not isinstance(given, bool):
             raise InputError(f"{what} is {given!r:.80}; expected True or False.")
-    motion = _motion(state, constraints, controller, external, law, restitution, stabilisation, every)
     times = _times(duration, step)
-    chosen = _integrator(integrator, motion, state)
-    recording, events = Recording(motion), list[Event]()
+    motion = _motion(state, constraints, controller, external, law, restitution, stabilisation, every, events, inactive, step)
+    off = names_of("inactive", inactive)
+    chosen = _integrator(integrator, motion, state, off)
+    recording, passed, k = Recording(motion), list[Event](), 0
+    phases = Phases(replace(motion, plastic=_plastic(chosen)), off, state, times)
     floors = () if may_sink else Floor.of(state, motion.constraints)
     t, here, interrupted, ended, sunk = 0.0, state, "", Reason.NONE, ""
     with progress_of(times, shown=progress) as shown:
         try:
             motion.start()
-            for k, sample in enumerate(chosen.run(motion, state, times)):
+            for sample in phases.run(chosen):
                 _check(sample)
                 t, here = sample.t, sample.state
-                events += sample.events  # an end of contact can be dated in the step before
-                if motion.recorded(k, times):
+                passed += sample.events  # an end of contact can be dated in the step before
+                if motion.recorded(k, times) if sample.found is None else sample.found.recorded:
                     recording.add(sample)
+                k += sample.found is None
                 shown(t)
                 for floor in floors:
                     sunk = sunk or floor.sunk(here)
@@ -151,17 +156,25 @@ def simulate(
                 raise
             kept, why, ended = None, f"stopped at t = {t:.6g} s", _reason(error)
             if len(recording):
-                kept = Trajectory.of(motion, recording, _in_order(events), chosen, step, why, ended)
+                kept = Trajectory.of(motion, recording, _in_order(passed), chosen, step, why, ended)
             raise _stopped(error, motion, here, t, kept, ended) from error
-    if sunk:
-        interrupted, ended = f"stopped at t = {t:.6g} s", Reason.STOPPED_SINKS
-    trajectory = Trajectory.of(motion, recording, _in_order(events), chosen, step, interrupted, ended)
+    if phases.ended:
+        interrupted, ended = f"ended by event {phases.ended[0]!r} at t = {t:.6g} s", Reason.EVENT
+    missing = motion.search.missing() if motion.search and not interrupted else ""
+    if sunk or missing:
+        interrupted, ended = f"stopped at t = {t:.6g} s", Reason.STOPPED_SINKS if sunk else Reason.STOPPED_BAD_EVENT
+    trajectory = Trajectory.of(motion, recording, _in_order(passed), chosen, step, interrupted, ended)
     inaccurate = _inaccurate(trajectory)
     if sunk:
         raise SimulationStopped(
             f"at t = {t:.6g} s {sunk}. `error.trajectory` and `error.state` have what was reached."
             + (f" Before that, {inaccurate}" if inaccurate else ""),
             state=here, t=t, names=tuple(c.name for c in motion.constraints), trajectory=trajectory, reason=ended,
+        )  # fmt: skip
+    if missing:
+        raise SimulationStopped(
+            f"{missing} `error.trajectory` has the whole motion.",
+            state=here, t=t, names=motion.names, trajectory=trajectory, reason=ended,
         )  # fmt: skip
     if inaccurate:
         warnings.warn(inaccurate, InaccurateWarning, stacklevel=2)
@@ -189,6 +202,8 @@ def _inaccurate(trajectory: Trajectory) -> str:
 
 
 def _reason(error: Exception) -> Reason:
+    if isinstance(error, BadEvent):
+        return Reason.STOPPED_BAD_EVENT
     if isinstance(error, InputError):
         return Reason.STOPPED_BAD_INPUT
     return Reason.STOPPED_NO_SOLUTION if isinstance(error, RbdError | np.linalg.LinAlgError) else Reason.STOPPED_OTHER
@@ -231,12 +246,20 @@ def _motion(
     restitution: float | Mapping[str, float],
     stabilisation: Stabilisation,
     every: int,
+    events: Sequence[StateEvent | Callable[..., float]],
+    inactive: str | Sequence[str],
+    step: float,
 ) -> Motion:
     given = listed(constraints)
     rows = rows_of(state, given)
-    warn_of_distant(state.robot, rows, below_only=True, stacklevel=4)
     names = [c.name for c in given]
     check_different(names, "constraints")
+    off = names_of("inactive", inactive)
+    check_known("inactive", off, names)
+    warn_of_distant(state.robot, [r for r in rows if r.name not in off], below_only=True, stacklevel=4)
+    wanted = events_of(events, names)
+    if off and not wanted:
+        raise InputError(f"inactive is {off!r:.80}, and no event can switch it on; leave the constraint out, or give events=.")
     kind = slip_law(law).kind
     if controller is not None and not callable(controller):
         raise InputError(f"controller is {controller!r:.80}; expected a function of state and time that gives torques (nu,).")
@@ -248,18 +271,8 @@ def _motion(
     for method in ("reset", "accepted"):
         hook(controller, method)  # which raises if it is none
     sample_period(controller)
-    e = _restitution(restitution, names)
-    return Motion(state.robot, given, controller, external, kind, e, stabilisation, every)
-
-
-def _restitution(given: float | Mapping[str, float], names: list[str]) -> dict[str, float]:
-    out = dict(given) if isinstance(given, Mapping) else dict.fromkeys(names, given)
-    for name, e in out.items():
-        if name not in names:
-            raise UnknownName(f"restitution names {name!r:.80}, which is no constraint; {nearest(name, names)}.")
-        if not 0.0 <= as_float(e) <= 1.0:
-            raise InputError(f"restitution of {name!r} is {e!r:.80}; expected a number from 0 (plastic) to 1 (elastic).")
-    return out
+    e, search = restitution_of(restitution, names), EventSearch(wanted, float(step)) if wanted else None
+    return Motion(state.robot, given, controller, external, kind, e, stabilisation, every, search)
 
 
 def _times(duration: float, step: float) -> list[float]:
@@ -281,7 +294,12 @@ def _record_every(given: int) -> int:
     return int(given)
 
 
-def _integrator(given: Integrator | None, motion: Motion, state: State) -> Integrator:
+def _plastic(chosen: Integrator) -> float:
+    """Speed below which impacts are plastic [m/s]: that of the integrator, if it has one."""
+    return float(getattr(chosen, "impact_speed", 0.0))
+
+
+def _integrator(given: Integrator | None, motion: Motion, state: State, inactive: Sequence[str] = ()) -> Integrator:
     if given is None:
         held = all(isinstance(r.cone, Free) for r in rows_of(state, motion.constraints))
         if held:
@@ -291,91 +309,8 @@ def _integrator(given: Integrator | None, motion: Motion, state: State) -> Integ
         raise InputError(
             f"integrator is {given!r:.80}; expected rbd.RungeKutta4(), rbd.DormandPrince8() or rbd.TimeStepping()."
         )
-    reason = given.reason_unsupported(motion, state)
+    active = tuple(c for c in motion.constraints if c.name not in inactive)
+    reason = given.reason_unsupported(replace(motion, constraints=active) if inactive else motion, state)
     if reason is not None:
         raise Unsupported(reason)
     return given
-
-
-@contextmanager
-def progress_of(times: Sequence[float], *, shown: bool = True, doing: str = "simulating") -> Iterator[Callable[[float], None]]:
-    """A function to call with each time reached; after a second it draws a bar on stderr.
-
-    The bar appears only if stderr is a terminal, and is removed at the end, after Ctrl-C and errors too. No thread draws it. A
-    call without drawing costs about 0.1 us.
-
-    Args:
-        times: From the first to the last [s].
-        shown: False for no bar at all.
-        doing: What takes so long; the pace of other work than a simulation is not told.
-    """
-    if not shown or len(times) < 2 or not can_show():
-        yield _nothing
-        return
-    bar = _Bar(float(times[0]), float(times[-1]), doing)
-    try:
-        yield bar
-    finally:
-        bar.stop()
-
-
-def _nothing(t: float) -> None:
-    pass
-
-
-def can_show() -> bool:
-    """Whether stderr is a terminal that can move its cursor. Notebooks and files are not."""
-    try:
-        return bool(sys.stderr is not None and sys.stderr.isatty()) and os.environ.get("TERM") != "dumb"
-    except ValueError:  # closed
-        return False
-
-
-def bar_of(*columns: Any) -> Any:
-    """A bar of `rich` on stderr that is drawn when asked, and removed at the end.
-
-    Args:
-        columns: Its columns after what is done and the bar itself.
-    """
-    from rich.console import Console
-    from rich.progress import BarColumn, Progress, TextColumn
-
-    first = (TextColumn("{task.description}", markup=False), BarColumn())
-    return Progress(*first, *columns, console=Console(stderr=True), auto_refresh=False, transient=True)
-
-
-class _Bar:
-    """The progress bar, created only after a delay."""
-
-    def __init__(self, start: float, end: float, doing: str) -> None:
-        self._start, self._end, self._doing = start, end, doing
-        self._began = time.perf_counter()
-        self._next = self._began + PATIENCE
-        self._progress: Any = None
-        self._task: Any = None
-
-    def __call__(self, t: float) -> None:
-        """Draw, if enough time has passed."""
-        now = time.perf_counter()
-        if now < self._next:
-            return
-        if self._progress is None:
-            self._open()
-        done = t - self._start
-        self._progress.update(self._task, completed=done, pace=done / (now - self._began))
-        self._progress.refresh()
-        self._next = time.perf_counter() + PACE
-
-    def stop(self) -> None:
-        """Remove the bar and restore the cursor."""
-        if self._progress is not None:
-            self._progress.stop()
-
-    def _open(self) -> None:
-        from rich.progress import TextColumn, TimeRemainingColumn
-
-        pace = "{task.completed:.3f} of {task.total:g} s, {task.fields[pace]:.3g} x real time, left"
-        text = TextColumn(pace if self._doing == "simulating" else "{task.percentage:.0f} %, left")
-        self._progress = bar_of(text, TimeRemainingColumn())
-        self._task = self._progress.add_task(self._doing, total=self._end - self._start, pace=0.0)
-        self._progress.start()

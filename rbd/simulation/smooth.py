@@ -21,10 +21,11 @@ from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection, shortened
 from rbd.mechanism.stage_solver import NEAR, StageSolver
 from rbd.model.chart import Charts
+from rbd.model.external import ForceElement
 from rbd.model.state import State
 from rbd.problem.answer import corner_split
 from rbd.problem.problem import BILATERAL, GaussProblem
-from rbd.simulation.motion import HOLDS, ConstraintForce, Motion, Sample
+from rbd.simulation.motion import HOLDS, ConstraintForce, Motion, Sample, dissipation, stored
 from rbd.simulation.touches import held_touches
 from rbd.solution import Solution
 
@@ -56,7 +57,9 @@ class Stage:
         rhs: S^T tau + tau_ext - h, shape (nv,).
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,), if rows are well conditioned; else None.
+        elements: Force elements that act.
         work: Work of the motors since the start of the motion [J].
+        dissipated: Work that force elements have taken out of the motion since its start [J].
     """
 
     t: float
@@ -65,7 +68,9 @@ class Stage:
     rhs: Array
     a: Array
     f: Array | None
+    elements: tuple[ForceElement, ...] = ()
     work: float = 0.0
+    dissipated: float = 0.0
 
     @property
     def state(self) -> State:
@@ -98,6 +103,7 @@ class SmoothMotion:
         self._anchored = ConstraintManifold.unchecked(state, placed, carried)
         self._given = self._anchored if given == placed else ConstraintManifold.unchecked(state, given, carried)
         self._open = 0.0
+        self._elements = motion.may_have_elements
         self._solver = StageSolver()
 
     def start(self, state: State, t: float, h: float) -> Stage:
@@ -120,7 +126,7 @@ class SmoothMotion:
         if self.motion.hook is None:
             return stage
         self.motion.tell(stage.state, stage.t, h, lambda: held_touches(stage.held.rows, self._forces(stage)))
-        return replace(self._stage(stage.held, stage.t), work=stage.work)
+        return replace(self._stage(stage.held, stage.t), work=stage.work, dissipated=stage.dissipated)
 
     def at(self, q: Array, v: Array, t: float) -> Stage:
         """A stage within a step.
@@ -141,30 +147,45 @@ class SmoothMotion:
         Raises:
             NoSolution: as `at`; or the constraints cannot be satisfied.
         """
-        held = self._anchored.rows(self.motion.reached(q, v, t))
-        if self._projection is not None and len(held.J):
-            held = self._projected(held, self._projection, t)
+        held = self.placed(q, v, t)
         self._solver.learn(held)
         return self._stage(held, t)
 
-    def extra_power(self, first: Stage, stage: Stage) -> float:
-        """Power of the motors at a stage of a step less that of the torques at its beginning [W]: zero where they are held."""
-        if self.motion.controller is None:
-            return 0.0
-        return float((stage.tau - first.tau).dot(stage.state.v[self.motion.robot.motors]))
+    def placed(self, q: Array, v: Array, t: float) -> StackedRows:
+        """The state and the rows of `landed`, without the acceleration."""
+        held = self._anchored.rows(self.motion.reached(q, v, t))
+        if self._projection is not None and len(held.J):
+            held = self._projected(held, self._projection, t)
+        return held
 
-    def worked(self, first: Stage, stage: Stage, extra: float) -> Stage:
-        """A stage with the work of the motors up to it.
+    def powers(self, first: Stage, stage: Stage) -> Array:
+        """Powers whose integrals over a step are work [W]: of the motors if there are any, then of force elements, likewise.
+
+        Of the motors, less that of the torques at the step's beginning: zero where they are held. Of the elements, the power
+        that they take out of the motion.
+        """
+        out = []
+        if self.motion.controller is not None:
+            out.append((stage.tau - first.tau).dot(stage.state.v[self.motion.robot.motors]))
+        if self._elements:
+            out.append(dissipation(stage.elements, stage.state))
+        return np.array(out, float)
+
+    def worked(self, first: Stage, stage: Stage, work: Array) -> Stage:
+        """A stage with the work of motors and force elements up to it.
 
         Args:
             first: The stage at the beginning of the step.
             stage: The stage.
-            extra: Integral of `extra_power` between them [J].
+            work: Integrals of `powers` between them [J].
         """
-        if self.motion.controller is None:
+        if not len(work):
             return stage
-        held = self.motion.work(first.tau, first.state.q, stage.state.q)
-        return replace(stage, work=first.work + held + extra)
+        motors = first.work
+        if self.motion.controller is not None:
+            motors += self.motion.work(first.tau, first.state.q, stage.state.q) + float(work[0])
+        taken = float(work[-1]) if self._elements else 0.0
+        return replace(stage, work=motors, dissipated=first.dissipated + taken)
 
     def _projected(self, held: StackedRows, projection: Projection, t: float) -> StackedRows:
         """Newton's steps in position and velocity; a step's error is small, so that one of each usually suffices."""
@@ -213,6 +234,8 @@ class SmoothMotion:
             drift=held.drift,
             drift_rate=held.drift_rate,
             motor_work=stage.work,
+            elastic=stored(stage.elements, stage.state),
+            dissipated=stage.dissipated,
         )
 
     def _forces(self, stage: Stage) -> Mapping[str, ConstraintForce]:
@@ -238,14 +261,15 @@ class SmoothMotion:
         return out
 
     def _stage(self, held: StackedRows, t: float) -> Stage:
-        tau, rhs = self.motion.forces(held.state, t)
+        tau, applied, elements = self.motion.acting(held.state, t)
+        rhs = applied - held.state.h
         found = self._solver.acceleration(held, rhs, t)
         a = found.a
         if found.crossing is not None and self._projection is not None:
             a = self._across(held, rhs, t, a, found.crossing.rate, self._projection)
         if not is_finite(a):
             raise NoSolution(f"the acceleration of {self.motion.robot.name} is not finite at t = {t:.6g} s.")
-        return Stage(t, held, tau, rhs, a, found.f)
+        return Stage(t, held, tau, rhs, a, found.f, elements)
 
     def _across(self, held: StackedRows, rhs: Array, t: float, a: Array, rate: float, projection: Projection) -> Array:
         """The acceleration at a singular pose, from those of its neighbours on the branch, ahead and behind.

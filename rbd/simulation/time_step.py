@@ -8,6 +8,7 @@ A step of length h from (q, v), with the points that are in contact at q:
     4   q+ = q_m (+) h/2 v+,    projected onto the positions of bilateral constraints and of closed points
 
 (velocities of a floating base in axes frozen at q and at q_m: see `rbd.model.chart`)
+(springs, dampers and other force elements are taken implicitly in 1 and 3: see `rbd.simulation.implicit_forces`)
 
 u is the velocity of the points at the end of the (half) step, J v + h/2 J_dot v. For a free conservative system 2 to 4 are
 Verlet's scheme. Friction is directed against the velocity in the middle of the step where a point slides throughout. 1 also
@@ -37,12 +38,14 @@ from rbd.simulation.contact_gaps import BodySizes, Correction, first_crossing
 from rbd.simulation.contact_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
 from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.ground_dynamics import GroundDynamics
+from rbd.simulation.impacts import AT_REST, impact_answer
+from rbd.simulation.implicit_forces import ElementTerms, ImplicitElements
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, WholeStep
 from rbd.simulation.motion import Motion
 from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
 
-_AT_REST = 1e-7
-"""A point that arrives more slowly than this [m/s, rad/s] needs no impulse."""
+_SLOW = 0.2
+"""Longest half step over the time scale of force elements in which their forces are taken as constant."""
 
 
 class StepSystem:
@@ -53,6 +56,7 @@ class StepSystem:
         self.impact_speed, self.impacts, self.extrapolate = impact_speed, impacts, extrapolate
         self.points = Points(sources_of(motion.constraints, start))
         self.bases, self.sizes = Bases(start.robot), BodySizes.of(start)
+        self.implicit = ImplicitElements(start)
         self.correction = Correction.of(self.points, motion.stabilisation)
         self.restitution: Mapping[str, float] = dict(motion.restitution or {})
         self.ground = GroundDynamics.of(self.points, start)
@@ -75,7 +79,8 @@ class StepSystem:
     def half_step(self, start: Instant, h: float) -> HalfStep:
         """The first half of a step of length h: solved, or extrapolated from the step before."""
         at, before = start.at, start.previous
-        if not self.extrapolate or before is None or not np.array_equal(start.touching, before.active):
+        known = self.extrapolate and before is not None and not before.elements
+        if not known or before is None or not np.array_equal(start.touching, before.active):
             return self.solved(start, h)
         part = 0.5 * h / before.h
         v, u = at.state.v, start.rates(before.active)
@@ -85,33 +90,54 @@ class StepSystem:
         answer = VelocityAnswer(v_h, part * before.impulse, u_h, 0.0, norms=start.norms)
         return HalfStep(start, before.active, None, answer, h, u, turned)
 
-    def solved(self, start: Instant, h: float, more: Array | None = None) -> HalfStep:
-        """The first half of a step, solved; points in `more` are active in addition to touching ones."""
+    def solved(self, start: Instant, h: float, more: Array | None = None, *, exact: bool = False) -> HalfStep:
+        """The first half of a step, solved.
+
+        Args:
+            start: Its beginning.
+            h: Length of the whole step [s].
+            more: Points that are active in addition to touching ones.
+            exact: Take force elements as they are at its beginning, not implicitly: accelerations and forces of that instant.
+        """
         at, half = start.at, 0.5 * h
         active = start.touching if more is None else start.touching | more
-        tau, applied = self.motion.applied(at.state, start.t)
+        tau, applied, elements = self.motion.acting(at.state, start.t)
         v, u, guess = at.state.v, start.rates(active), half * start.force
         turned = self.bases.turned(v, v, half)
+        terms = None if exact else ElementTerms.of(at.state, elements)
+        fast, force, E = self.ground is not None and self.implicit.is_light(terms), applied, None
+        if terms is not None:
+            E, force = self.implicit.first_half(terms, at.state, turned, applied, h)
 
-        def found(shift: Array | None, guess: Array, norms: Array | None) -> VelocityAnswer:
-            if self.ground is not None:
+        def solution(shift: Array | None, guess: Array, norms: Array | None) -> VelocityAnswer:
+            if self.ground is not None and fast:
                 answer = self.ground.answer(
-                    at.state.q, v, applied, turned, half, active, guess, law=self.motion.law, shift=shift, u=u
+                    at.state.q, v, force, turned, half, active, guess, law=self.motion.law, shift=shift, u=u, added=E
                 )
                 if answer is not None:
                     return answer
-            return self._general(at, active, applied, turned, half, guess, u, at.error, shift, norms, u, 1.0)
+            return self._general(at, active, force, turned, half, guess, u, at.error, shift, norms, u, 1.0, E)
+
+        def result(answer: VelocityAnswer) -> HalfStep:
+            return HalfStep(start, active, tau, answer, h, u, turned, applied, elements, terms)
 
         if self._still(u):
-            return HalfStep(start, active, tau, found(None, guess, start.norms), h, u, turned, applied)
+            return result(solution(None, guess, start.norms))
         change = start.change(half)
         shift = None if change is None else turned_back(at.layout, active, u, change, guess)
-        answer = found(shift, guess, start.norms)
+        answer = solution(shift, guess, start.norms)
         if change is None:
             shift = turned_back(at.layout, active, u, answer.velocity - u, answer.impulse)
             if shift is not None:
-                answer = found(shift, answer.impulse, answer.norms)
-        return HalfStep(start, active, tau, answer, h, u, turned, applied)
+                answer = solution(shift, answer.impulse, answer.norms)
+        return result(answer)
+
+    def exact(self, half: HalfStep) -> HalfStep:
+        """The same half step with force elements as they are, not implicitly; shorter where they are stiff."""
+        h = half.h
+        if half.implicit is not None:
+            h *= min(1.0, _SLOW / max(h * half.implicit.rate(half.start.at.state.M), _SLOW))
+        return self.solved(half.start, h, exact=True)
 
     def _general(
         self,
@@ -127,13 +153,17 @@ class StepSystem:
         norms: Array | None,
         begins: Array,
         share: float,
+        E: Array | None,
     ) -> VelocityAnswer:
-        """The step from `start`, with u+ = begins + J (v+ - start) + share h J_dot v, by M, h and J."""
+        """The step from `start`, with u+ = begins + J (v+ - start) + share h J_dot v, by M + E, h and J."""
         state = at.state
+        M = state.M if E is None else state.M + E
         offset = begins - at.J @ start + share * h * at.bias
-        rhs = state.M @ start + h * (applied - state.h)
+        rhs = M @ start + h * (applied - state.h)
         wanted = self.correction.wanted(at.layout, u, error, h)
-        answer = solve_velocity(at, active, rhs, offset - wanted, h, guess, law=self.motion.law, shift=shift, norms=norms)
+        answer = solve_velocity(
+            at, active, rhs, offset - wanted, h, guess, law=self.motion.law, shift=shift, norms=norms, inertia=M
+        )
         return answer if self.correction.feedback is None else answer._replace(velocity=answer.velocity + wanted)
 
     def law_residual(self, half: HalfStep) -> float:
@@ -182,25 +212,34 @@ class StepSystem:
         v_h = half.answer.v if h == half.h else v + (half.answer.v - v) * (h / half.h)
         q_m, v, v_h, turned, mean = bases.middle(q, v, v_h, h)
         state = self.motion.reached(q_m, v_h, t + 0.5 * h)
-        tau, applied = self.motion.applied(state, t + 0.5 * h)
-        middle = None if ground is not None else self.points.at(state, t + 0.5 * h)
+        tau, applied, elements = self.motion.acting(state, t + 0.5 * h)
+        terms = ElementTerms.of(state, elements)
+        fast = ground is not None and self.implicit.is_light(terms)
+        middle = None if fast else self.points.at(state, t + 0.5 * h)
         layout = start.at.layout if middle is None else middle.layout
         active, u0, error, before = half.points_in(layout)
         guess = before.impulse * (2.0 * h / half.h)
         still = self._still(u0) and self._still(before.velocity)
         shift = None if still else turned_back(layout, active, u0, before.velocity - u0, guess)
-        answer = None
-        if ground is not None:
-            answer = ground.answer(
-                state.q, state.v, applied, turned, h, active, guess, law=self.motion.law, shift=shift, mean=mean
-            )
-        if answer is None:
-            middle = middle or self.points.at(state, t + 0.5 * h)
-            begins = middle.velocity + middle.J @ (mean - v_h)
-            answer = self._general(middle, active, applied, turned, h, guess, u0, error, shift, before.norms, begins, 0.5)
+
+        def solution(force: Array, E: Array | None) -> VelocityAnswer:
+            if ground is not None and fast:
+                answer = ground.answer(
+                    state.q, state.v, force, turned, h, active, guess, law=self.motion.law, shift=shift, mean=mean, added=E
+                )
+                if answer is not None:
+                    return answer
+            at = middle or self.points.at(state, t + 0.5 * h)
+            begins = at.velocity + at.J @ (mean - v_h)
+            return self._general(at, active, force, turned, h, guess, u0, error, shift, before.norms, begins, 0.5, E)
+
+        if terms is None:
+            answer, dissipated = solution(applied, None), 0.0
+        else:
+            answer, dissipated = self.implicit.whole_step(terms, state, v, turned, applied, h, solution)
         q_end, v_end = bases.moved(state.q, answer.v, 0.5 * h)
         end = self.snapshot(self.motion.reached(q_end, v_end, t + h), t + h)
-        return WholeStep(h, end, answer, layout, tau)
+        return WholeStep(h, end, answer, layout, tau, dissipated)
 
     def _plastic(self, half: HalfStep, t_end: float, passed: Passed) -> Instant:
         """Remainder of a step with too many impacts: points that would penetrate their surface are stopped without a bounce."""
@@ -224,7 +263,7 @@ class StepSystem:
             return end.layout.nothing
         deep: Array = ~half.active_in(end.layout) & (end.gap < -self.sizes.tolerances(end, start.gaps).tight)
         if end.layout is not start.at.layout and deep.any():
-            deep &= PointMatching(start.at.layout, end.layout).known | (end.approach < -_AT_REST)
+            deep &= PointMatching(start.at.layout, end.layout).known | (end.approach < -AT_REST)
         return deep
 
     def _sliding_end(self, half: HalfStep, answer: VelocityAnswer, h: float) -> float:
@@ -270,7 +309,7 @@ class StepSystem:
 
     def _accept(self, half: HalfStep, whole: WholeStep, passed: Passed) -> Instant:
         """The instant at the end of a step: positions corrected, after the impact of arriving points; extends `passed`."""
-        start, (h, end, answer, middle, tau) = half.start, whole
+        start, (h, end, answer, middle, tau, dissipated) = half.start, whole
         t, layout = start.t + h, end.layout
         active, velocity, _, _ = half.points_in(layout)
         if middle is not layout:
@@ -296,11 +335,12 @@ class StepSystem:
             by_law = np.where(np.repeat(match.known, end.layout.widths), match.rows(by_law), end.velocity)
             force, active, gaps = match.rows(force), match.points(active, False), self.sizes.tolerances(end)
         if start.at.layout is end.layout:
-            previous = PreviousStep(start.at, half.active, h, answer.impulse)
+            previous = PreviousStep(start.at, half.active, h, answer.impulse, bool(half.elements))
         work = start.work
         if self.motion.controller is not None:
             work += self.motion.work(tau, start.at.state.q, end.state.q)
-        now = Instant(t, end, gaps, active, end.layout.nothing, force, norms, by_law, previous, work)
+        nothing, dissipated = end.layout.nothing, start.dissipated + dissipated
+        now = Instant(t, end, gaps, active, nothing, force, norms, by_law, previous, work, dissipated)
         return self._after_impact(now, passed)
 
     def _after_impact(self, now: Instant, passed: Passed, *, first: bool = False) -> Instant:
@@ -315,24 +355,22 @@ class StepSystem:
         touches, approach, slow = now.touching, at.approach, -self.impact_speed
         if len(approach) and now.closed is layout.everything and not first and approach[approach.argmin()] >= slow:
             return now
-        limit = -_AT_REST if first else np.where(now.closed, slow, -_AT_REST)
+        limit = -AT_REST if first else np.where(now.closed, slow, -AT_REST)
         arrives = touches & layout.pushes & (approach < limit)
-        if not arrives.any() and (not first or at.drift_rate <= _AT_REST):
+        if not arrives.any() and (not first or at.drift_rate <= AT_REST):
             return replace(now, leaves=self._leaves(at)) if first else now
         if arrives.any():  # points within the gap of closed ones take part in the impact
             touches = touches | (at.gap <= now.gaps.loose)
             arrives = touches & layout.pushes & (approach < limit)
-        offset = at.velocity - at.J @ at.state.v
-        n = layout.normals[arrives]
-        e = np.array([self.restitution.get(layout.owners[i], 0.0) for i in np.flatnonzero(arrives)])
-        offset[n] += np.where(approach[arrives] < slow, e * approach[arrives], 0.0)
-        M, guess = at.state.M, np.zeros(len(offset))
-        answer = solve_velocity(at, touches, M @ at.state.v, offset, 0.0, guess, law=self.motion.law, norms=now.norms)
+        answer = impact_answer(
+            at, touches, arrives, self.restitution, plastic=self.impact_speed, law=self.motion.law, norms=now.norms
+        )
         after = self.snapshot(at.state.with_velocity(answer.v), now.t)
         leaves = self._leaves(after)
         passed.append(ImpactRecord(now.t, layout, arrives, approach, answer.impulse[layout.normals], leaves))
         gaps = self.sizes.tolerances(after, now.gaps)
-        return Instant(now.t, after, gaps, touches, leaves, now.force, answer.norms, work=now.work)
+        end = Instant(now.t, after, gaps, touches, leaves, now.force, answer.norms, work=now.work)
+        return replace(end, dissipated=now.dissipated)
 
     def _leaves(self, at: Snapshot) -> Array:
         """Which points separate from their surface faster than the rest speed, shape (k,)."""

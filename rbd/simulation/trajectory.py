@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast, overload
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array, as_float, zeros
 from rbd.control.schedules import ExternalAt
 from rbd.displayed import Displayed
 from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
-from rbd.model.external import External
+from rbd.model.external import External, ForceElement, elements_of
 from rbd.model.output_files import check_place
 from rbd.model.state import State
 from rbd.simulation.motion import ConstraintForce, Event, Integrator, Motion, Sample
@@ -63,7 +63,10 @@ class Trajectory(Displayed):
         potential: Potential energy, shape (n,) [J]; zero at the world's origin.
         motor_work: Work of the motors since the start of the motion, shape (n,) [J]: exact for torques that are held during a
             step, of the integrator's order for others. `energy` changes by it, by the work of external forces, and by
-            what impacts, friction and moving ground take or give.
+            what dampers, impacts, friction and moving ground take or give.
+        elastic: Energy stored in force elements, e.g. springs, shape (n,) [J]; where a function of time gives them, that of
+            those which it gives at the sample.
+        dissipated: Work that force elements, e.g. dampers, have taken out of the motion since its start, shape (n,) [J].
         momentum: Linear, then angular momentum about the centre of mass, in W, shape (n, 6) [N s, N m s].
         com: Centre of mass in W, shape (n, 3) [m].
         residuals: {"law": residual of the contact law, scaled; "drift", "drift_rate": largest error of the
@@ -75,6 +78,7 @@ class Trajectory(Displayed):
         step: The integrator's step [s].
         interrupted: When it ended early; empty if it did not.
         end_reason: Why it ended early, a `rbd.errors.Reason`; `NONE` if it did not.
+        elements: Force elements that acted, which drawings show; empty where a function of time gave them, and from a file.
 
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
@@ -104,6 +108,8 @@ class Trajectory(Displayed):
     momentum: Array
     com: Array
     residuals: Mapping[str, Array]
+    elastic: Array = field(default_factory=partial(zeros, 0))
+    dissipated: Array = field(default_factory=partial(zeros, 0))
     events: tuple[Event, ...] = ()
     integrator: str = ""
     law: str = ""
@@ -111,6 +117,7 @@ class Trajectory(Displayed):
     step: float = 0.0
     interrupted: str = ""
     end_reason: Reason = Reason.NONE
+    elements: tuple[ForceElement, ...] = ()
 
     def __post_init__(self) -> None:
         for name, value in checked(vars(self)).items():
@@ -163,12 +170,13 @@ class Trajectory(Displayed):
             step=step,
             interrupted=interrupted,
             end_reason=end_reason,
+            elements=() if callable(motion.external) else elements_of(motion.external),
         )
 
     @property
     def energy(self) -> Array:
-        """Kinetic and potential energy, shape (n,) [J]."""
-        return self.kinetic + self.potential
+        """Kinetic, potential and elastic energy, shape (n,) [J]."""
+        return self.kinetic + self.potential + self.elastic
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -284,21 +292,24 @@ class Trajectory(Displayed):
 
     def plot_forces(self, ax: Axes | None = None, *, names: Sequence[str] | None = None) -> list[Artist]:
         """Forces over time, see `rbd.visual.plot_forces`; on axes of a new figure if none are given."""
+        from rbd.visual.figures.plots import axes_or_new
         from rbd.visual.figures.trajectory_plots import plot_forces
 
-        return plot_forces(_axes(ax), self, names=names)
+        return plot_forces(axes_or_new(ax), self, names=names)
 
     def plot_energy(self, ax: Axes | None = None) -> list[Artist]:
         """Energies over time, see `rbd.visual.plot_energy`; on axes of a new figure if none are given."""
+        from rbd.visual.figures.plots import axes_or_new
         from rbd.visual.figures.trajectory_plots import plot_energy
 
-        return plot_energy(_axes(ax), self)
+        return plot_energy(axes_or_new(ax), self)
 
     def plot_joint(self, joint: str | Sequence[str], ax: Axes | None = None, *, what: str = "q") -> list[Artist]:
         """A joint over time, see `rbd.visual.plot_joint`; on axes of a new figure if none are given."""
+        from rbd.visual.figures.plots import axes_or_new
         from rbd.visual.figures.trajectory_plots import plot_joint
 
-        return plot_joint(_axes(ax), self, joint, what=what)
+        return plot_joint(axes_or_new(ax), self, joint, what=what)
 
     def replay(self, *, speed: float = 1.0, external: External | ExternalAt = None) -> None:
         """Show it live in the browser, `speed` seconds a second; `external`, as it was simulated, draws pushes.
@@ -361,7 +372,8 @@ class Trajectory(Displayed):
             self.tau[i],
             partial(dict, acting),  # which a copy or a pickle includes
             **{name: float(x[i]) for name, x in self.residuals.items()},
-            motor_work=float(self.motor_work[i]),
+            **{name: float(getattr(self, name)[i]) for name in ("motor_work", "elastic", "dissipated")},
+            found=None,
             events=self.events[since : bisect_right(self.events, self.t[i], key=_time)],
         )
 
@@ -382,18 +394,3 @@ class Trajectory(Displayed):
 
 def _time(event: Event) -> float:
     return event.t
-
-
-def _axes(ax: Axes | None) -> Axes:
-    """The axes given, or those of a new figure of pyplot, which `plt.show()` then shows.
-
-    Raises:
-        InputError: Matplotlib is not installed.
-    """
-    if ax is not None:
-        return ax
-    try:
-        from matplotlib import pyplot
-    except ImportError as error:
-        raise InputError("Matplotlib is not installed here. Install the extra: pip install 'rbd-contact[plot]'") from error
-    return pyplot.subplots(layout="constrained")[1]

@@ -22,13 +22,15 @@ from rbd.installation import VERSION
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits
 from rbd.model.joints import FORCE_OF
+from rbd.model.motors import motors_of_plain, plain_motors
 from rbd.modules import xarray_or_error
 from rbd.robots import catalogue
 from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import beside
 from rbd.robots.robot import Robot
+from rbd.robots.travelling import given_texts, texts_of
 from rbd.simulation.motion import Event
-from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS, WORDS, Fields
+from rbd.simulation.trajectory_fields import COLUMNS, LATER, RESIDUALS, WORDS, Fields
 from rbd.simulation.trajectory_file import checksum, listed_in, words_in
 
 if TYPE_CHECKING:
@@ -113,7 +115,7 @@ def fields_of(
     return {
         "robot": robot_of(header["robot"], found(NUMBERS), folder, robot),
         "t": found("t"),
-        **{c.name: found(c.name) for c in COLUMNS},
+        **{c.name: found(c.name) for c in COLUMNS if c.name in arrays or c.name not in LATER},
         "residuals": {c.name: found(f"residual_{c.name}") for c in RESIDUALS},
         "forces": {name: found(f"force_{key[name]}") for name in names},
         "modes": {name: found(f"mode_{key[name]}", "U") for name in names},
@@ -132,7 +134,7 @@ def dataset_of(fields: Fields) -> xarray.Dataset:
     for name, key in keys(tuple(fields["forces"])).items():
         m = fields["forces"][name].shape[1]
         coords[f"{key}_row"] = SPATIAL[:m] if name in fields["points"] and m in (3, 6) else np.arange(m).astype(str)
-    energy: Variable = "energy", fields["kinetic"] + fields["potential"], [], "J", "kinetic and potential energy"
+    energy: Variable = "energy", fields["kinetic"] + fields["potential"] + fields["elastic"], [], "J", "whole energy"
     variables: dict[str, Any] = {}
     for name, x, dims, unit, meaning in [*_variables(fields), energy]:
         variables[name] = (["time", *dims], x, {"long_name": meaning} | ({"units": unit} if unit else {}))
@@ -223,7 +225,7 @@ def _event(given: object) -> Event:
 
 
 def recipe(robot: CheckedModel) -> dict[str, Any]:
-    """A robot's source, as plain data; "file" is empty for a robot built by hand."""
+    """A robot's source, as plain data; "file" is empty for a robot built by hand, and for one in memory, which has a "text"."""
     out: dict[str, Any] = {
         "name": robot.name,
         "file": "",
@@ -232,21 +234,26 @@ def recipe(robot: CheckedModel) -> dict[str, Any]:
         "sizes": [robot.nq, robot.nv, robot.nu],
         "motors": list(robot.actuated_names),
     }
-    if not isinstance(robot, Robot) or not os.path.isfile(robot.urdf):
+    if not isinstance(robot, Robot) or not (robot.source.in_memory or os.path.isfile(robot.urdf)):
         return out
-    loops = _loops(robot)
+    texts = texts_of(robot.text, robot.mechanism) if robot.source.in_memory else {}
+    loops = texts.get("loops") if texts else _loops(robot)
     if loops is None:
         return out
     name = robot.source.name
     by_name = robot.source.known and _found(name) == robot.urdf
     return out | {
-        "file": name if by_name else str(robot.urdf.resolve()),
+        "file": "" if texts else name if by_name else str(robot.urdf.resolve()),
+        **texts,
         "root": robot.root,
+        "plane": robot.plane,
         "passive": sorted(robot.passive),
         "loops": loops,
         "package_dirs": [] if robot.source.known else [str(folder) for folder in robot.source.package_dirs],
         "limits": asdict(robot.limits),
         "leave_out": sorted(robot.leave_out),
+        "gravity": None if np.array_equal(robot.gravity, robot._as_made.gravity.linear) else robot.gravity.tolist(),
+        "motor_data": plain_motors(robot.motor_data),
     }
 
 
@@ -309,12 +316,13 @@ def robot_of(given: Mapping[str, Any], numbers: Array, folder: Path, robot: Chec
 
 def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
     file = given.get("file")
-    if not isinstance(file, str) or not file:
+    text = given_texts(given)
+    if text is None and (not isinstance(file, str) or not file):
         raise InputError(
             f"{given.get('name')!r:.80} was built by hand, so no file of it can be read again. "
             "Build it once more and give it: Trajectory.load(path, robot=...)."
         )
-    path = Path(file)
+    path = Path(file if isinstance(file, str) else "")
     loops = given.get("loops", True)
     if path.is_absolute() and not os.path.isfile(path) and os.path.isfile(folder / path.name):
         file = str(folder / path.name)
@@ -323,15 +331,19 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", ModelWarning)  # they were given when the robot was first loaded
-            return load_robot(
-                file,
+            loaded = load_robot(
+                file or None,
+                **(text or {"loops": loops}),
                 root=given.get("root"),
                 passive=given.get("passive", ()),
                 package_dirs=given.get("package_dirs", ()),
                 limits=FileLimits(**given.get("limits", {})),
-                loops=loops,
                 leave_out=given.get("leave_out", ()),
+                gravity=given.get("gravity"),
+                plane=given.get("plane"),
             )
+            motors = motors_of_plain(given.get("motor_data"))
+            return loaded.with_motors(motors) if motors else loaded
     except (RbdError, TypeError) as error:
         raise ModelError(
             f"the robot of this motion cannot be loaded again: {error} Give it: Trajectory.load(path, robot=...)."

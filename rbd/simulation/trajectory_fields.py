@@ -11,6 +11,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, as_float
 from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
+from rbd.model.external import is_element
 from rbd.simulation.motion import Event
 
 Fields: TypeAlias = Mapping[str, Any]
@@ -48,10 +49,14 @@ COLUMNS = (
     Column("kinetic", "", "J", "kinetic energy"),
     Column("potential", "", "J", "potential energy, zero at the world's origin"),
     Column("motor_work", "", "J", "work of the motors since the start of the motion"),
+    Column("elastic", "", "J", "energy stored in force elements, e.g. springs"),
+    Column("dissipated", "", "J", "work that force elements, e.g. dampers, have taken out of the motion since its start"),
     Column("momentum", "spatial", "N s, then N m s", "linear, then angular momentum about the centre of mass, world axes"),
     Column("com", "axis", "m", "centre of mass in W"),
 )
 """Fields of the robot at each time."""
+LATER = ("elastic", "dissipated")
+"""Fields that may be missing, as in files of earlier versions: then they are zero."""
 RESIDUALS = (
     Column("law", "", "1", "residual of the contact law, scaled"),
     Column("drift", "", "m or rad", "largest position error of the bilateral constraints"),
@@ -78,7 +83,11 @@ def checked(fields: Fields) -> dict[str, Any]:
         raise InputError(f"t of a trajectory is {times[:6]}; expected one or more times, increasing.")
     out: dict[str, Any] = {**fields, "t": times}
     for c in COLUMNS:
-        out[c.name] = kept(c.name, fields[c.name], (n, *c.row(robot)))
+        missing = c.name in LATER and not np.size(fields[c.name])
+        out[c.name] = kept(c.name, np.zeros(n) if missing else fields[c.name], (n, *c.row(robot)))
+    out["elements"] = tuple(fields["elements"])
+    if not all(is_element(each) for each in out["elements"]):
+        raise InputError("elements of a trajectory must be force elements, as of rbd.forces.")
     names, residuals = [c.name for c in RESIDUALS], fields["residuals"]
     if sorted(residuals) != sorted(names):
         raise InputError(f"residuals are {', '.join(map(str, residuals)):.80}; expected {', '.join(names)}.")
@@ -151,7 +160,7 @@ _EVENTS, _CONSTRAINTS = 8, 16
 
 def table(fields: Fields) -> str:
     """The certificate of a motion: duration, steps, method; energy and momentum; worst residuals; constraints; first events."""
-    x = {**fields, "energy": fields["kinetic"] + fields["potential"]}
+    x = {**fields, "energy": fields["kinetic"] + fields["potential"] + fields["elastic"]}
     lines = [_headline(x), *_method(x), *_kept(x), *_residuals(x)]
     return "\n".join([*lines, *_constraints(x), *_events(x)])
 
@@ -173,17 +182,31 @@ def _kept(x: Fields) -> list[str]:
     return [
         _line("energy", f"{x['energy'][0]:.6g} J -> {x['energy'][-1]:.6g} J, change {change[-1]:.3g} J, range {swing:.3g} J"),
         _line("", f"kinetic {x['kinetic'][0]:.4g} -> {x['kinetic'][-1]:.4g} J, at most {x['kinetic'].max():.4g} J"),
-        *([_line("", _worked(x["motor_work"], x["energy"]))] if x["motor_work"].any() else []),
+        *_stored(x),
+        *([_line("", _worked(x))] if x["motor_work"].any() or x["dissipated"].any() else []),
         _line("centre of mass", f"moved ({_vector(moved)}) m"),
         _line("momentum", f"({_vector(x['momentum'][-1, :3])}) N s, ({_vector(x['momentum'][-1, 3:])}) N m s at the end"),
     ]
 
 
-def _worked(work: Array, energy: Array) -> str:
-    done = work - work[0]
-    rest = energy - energy[0] - done
+def _stored(x: Fields) -> list[str]:
+    elastic = x["elastic"]
+    if not elastic.any():
+        return []
+    return [_line("", f"in springs {elastic[0]:.4g} -> {elastic[-1]:.4g} J, at most {elastic.max():.4g} J")]
+
+
+def _worked(x: Fields) -> str:
+    done, taken = x["motor_work"] - x["motor_work"][0], x["dissipated"] - x["dissipated"][0]
+    rest = x["energy"] - x["energy"][0] - done + taken
     most = float(rest[np.abs(rest).argmax()])
-    return f"work of the motors {done[-1]:.4g} J; energy less this work changes by {most:.3g} J"
+    if not taken.any():
+        return f"work of the motors {done[-1]:.4g} J; energy less this work changes by {most:.3g} J"
+    if not done.any():
+        return f"work taken by dampers {taken[-1]:.4g} J; energy with this work changes by {most:.3g} J"
+    return (
+        f"work of the motors {done[-1]:.4g} J, taken by dampers {taken[-1]:.4g} J; energy without both changes by {most:.3g} J"
+    )
 
 
 def _residuals(x: Fields) -> list[str]:

@@ -149,6 +149,7 @@ def solve_velocity(
     law: str,
     shift: Array | None = None,
     norms: Array | None = None,
+    inertia: Array | None = None,
 ) -> VelocityAnswer:
     """Velocity and impulses of a step or an impact.
 
@@ -162,14 +163,15 @@ def solve_velocity(
         law: "coulomb" or "convex".
         shift: Added to u+ only in the contact law, shape (p,): friction opposes u+ + shift.
         norms: `norms` of the last answer for this layout.
+        inertia: Takes the place of M, shape (nv, nv): with force elements that are taken implicitly.
 
     Raises:
         NoSolution: naming the active constraints, or the value that is not finite.
         SingularInertia: M is not positive definite.
     """
     rows = active_rows(at.layout, active, h)
-    M, index, impulse = at.state.M, rows.index, np.zeros(len(offset))
-    L = inertia_factor(at.state.M)
+    M, index, impulse = at.state.M if inertia is None else inertia, rows.index, np.zeros(len(offset))
+    L = inertia_factor(M)
     y = blas.dtrsv(L, rhs, lower=1)
     if not is_finite(y):
         raise NoSolution(f"the momentum of {at.state.robot.name}, or a force on it, is not finite at this state.")

@@ -38,7 +38,7 @@ class Margins(Displayed):
     """How far torques and forces of an actuation are from each limit; zero is at the limit.
 
     Attributes:
-        torque: `1 - |tau| / limit` of each motor, shape (nu,); 1 where the file states no limit.
+        torque: `1 - |tau| / limit` of each motor at its speed, shape (nu,); 1 where no limit is stated.
         friction: `{contact: 1 - |f_t| / (mu f_n)}` of its net force; contacts without a coefficient are left out, and those
             that carry nothing.
         corner_friction: {contact: the same of each corner, shape (k,)}; NaN of a corner that carries nothing.
@@ -214,7 +214,12 @@ class Actuation(Displayed):
             if len(r.patch.corners) > 2 and c.centre_of_pressure is not None:
                 at = (c.centre_of_pressure - r.patch.point) @ r.patch.axes
                 pressure[r.name] = inside_distance(at[:2], convex_hull(r.patch.corners[:, :2]))
-        return Margins(1.0 - np.abs(self.tau) / self.state.robot.effort_limit, friction, each, pressure)
+        return Margins(1.0 - self.torque_use, friction, each, pressure)
+
+    @property
+    def torque_use(self) -> Array:
+        """Torques over their limits at this velocity, shape (nu,): 1 is at the limit, 0 where there is none."""
+        return self.state.robot.torque_use(self.tau, self.state.v)
 
     def uniqueness(self) -> ActuationUniqueness:
         """Whether other torques, or other forces, bring the same motion within the same limits."""
@@ -242,7 +247,7 @@ class Actuation(Displayed):
 
     def __str__(self) -> str:
         robot = self.state.robot
-        used = np.abs(self.tau) / robot.effort_limit
+        used = self.torque_use
         largest = "without motors"
         if robot.nu and np.isfinite(robot.effort_limit).any():
             worst = int(np.argmax(used))

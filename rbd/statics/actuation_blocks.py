@@ -68,7 +68,8 @@ def least_effort_of(
     cones = w[:, T.cone_columns]
     with np.errstate(invalid="ignore"):
         inside = (np.hypot(cones[..., 0], cones[..., 1]) <= (1.0 - margin) * own * cones[..., 2]).all(axis=1)
-        inside &= (np.abs(tau) <= robot.effort_limit).all(axis=1)
+        least, most = robot.limits_at(v)
+        inside &= ((least <= tau) & (tau <= most)).all(axis=1)
         answer.found[:] &= inside & (speeds <= rest_speed).all(axis=1) & (answer.still <= SOLVED)
     return LeastEffort(answer, tau)
 

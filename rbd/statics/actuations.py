@@ -12,10 +12,10 @@ from rbd.constraints.constraint import rows_of
 from rbd.displayed import Displayed
 from rbd.errors import CannotHold, CannotMove, RbdError
 from rbd.many.answers import ManyAnswers, Sheet
-from rbd.many.blocks import external_of, friction_of, write
+from rbd.many.blocks import friction_of, write
 from rbd.many.states import ManyStates
 from rbd.many.status import StateStatus
-from rbd.many.warned import INACCURATE, OPENED, of_rows, warn
+from rbd.many.warned import INACCURATE, OPENED, SPEED, of_rows, warn
 from rbd.model.external import generalised
 from rbd.prepared.many import BLOCK, prepared_blocks
 from rbd.problem.answer import Status
@@ -136,6 +136,8 @@ def actuations_of(states: ManyStates, asked: Asked, *, stacklevel: int) -> Actua
         if found is not None:
             tau[i], margin[i], least[i] = found.tau, found.margin, found.least
     sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
+    if not asked.holds:
+        sheet.column("warned", SPEED)[:] = states.robot.too_fast(states.v).any(axis=1) & (sheet.status != StateStatus.BAD_INPUT)
     for array in (tau, margin, least):
         array.flags.writeable = False
     out = Actuations(**sheet.fields(), tau=tau, margin=margin, least=least, asked=asked)
@@ -162,7 +164,7 @@ def _by_blocks(sheet: Sheet, asked: Asked, tau: Array, margin: Array, least: Arr
         part = some[start : start + BLOCK]
         a = np.zeros((len(part), states.robot.nv)) if asked.holds else states.vectors["a"][part]
         own = None if mu is None else mu[part]
-        found = least_effort_of(blocks, states, part, external_of(states, part), a, own, effort, kept, asked.rest_speed)
+        found = least_effort_of(blocks, states, part, states.external_of(part), a, own, effort, kept, asked.rest_speed)
         write(sheet, part, found.answer, (CHOICE,))
         good = found.answer.found
         tau[part[good]], margin[part[good]], least[part[good]] = found.tau[good], kept, True

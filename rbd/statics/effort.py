@@ -149,9 +149,10 @@ class Effort(Displayed):
         H = 2.0 * (weighed @ T)
         H.flat[:: len(H) + 1] += 2.0 * (self.forces if isinstance(self.forces, float) else self.force_weights(loads))
         limited = loads.limited
+        lower, upper = loads.bounds
         if not limited.all():
-            T, t = T[limited], t[limited]
-        low, high = t - 1.0, t + 1.0
+            T, t, lower, upper = T[limited], t[limited], lower[limited], upper[limited]
+        low, high = t - upper, t - lower
         if self.normal_force or self.edge_margin:
             C, least, most = self.rows(loads)
             T, low, high = np.vstack([C, T]), np.concatenate([least, low]), np.concatenate([most, high])

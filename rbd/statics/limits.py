@@ -151,12 +151,13 @@ class Relaxable:
         kept = loads.limited & np.array([name not in gone for name in robot.actuated_names], bool)
         T = np.hstack([loads.T, X[robot.motors] / loads.limit[:, None]])[kept]
         t = loads.t[kept]
+        least, most = (each[kept] for each in loads.bounds)
         A = np.hstack([loads.A, X[robot.unactuated] / (loads.unit * loads.row_size)[:, None]])
         wide = np.full(k, math.inf)
         return Conic(
             np.zeros((n + k, n + k)), np.zeros(n + k), A, loads.b,
             np.vstack([np.hstack([C, np.zeros((len(C), k))]), T]),
-            np.concatenate([low, t - 1.0]), np.concatenate([high, t + 1.0]),
+            np.concatenate([low, t - most]), np.concatenate([high, t - least]),
             np.concatenate([loads.lower, -wide]), np.concatenate([loads.upper, wide]),
             loads.sets.cone_columns, loads.sets.mu,
         )  # fmt: skip

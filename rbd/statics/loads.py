@@ -2,7 +2,7 @@
 
 M a + h - tau_ext = S^T tau + J^T G w      the equations of motion, for a wanted motion (at rest: a = 0, v = 0)
 A x = b                                    its rows without a motor: bases and passive joints; x = w / unit
-tau / limit = t - T x                      its rows with one
+tau / limit = t - T x                      its rows with one; limits are those at rest, and `bounds` those at this speed
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class Loads:
 
     @lazy
     def limit(self) -> Array:
-        """Effort limits, shape (nu,); without a stated one the body weight times one metre."""
+        """Effort limits at rest, shape (nu,); without a stated one the body weight times one metre."""
         limit = self.state.robot.effort_limit
         return np.where(np.isfinite(limit), limit, self.unit)
 
@@ -111,6 +111,12 @@ class Loads:
     def limited(self) -> Array:
         """Which motors have a stated limit, shape (nu,), of truth values."""
         return np.isfinite(self.state.robot.effort_limit)
+
+    @lazy
+    def bounds(self) -> tuple[Array, Array]:
+        """(least, most) torques over `limit`, shapes (nu,): -1 and 1 but where a torque-speed line leaves less."""
+        least, most = self.state.robot.limits_at(self.state.v)
+        return least / self.limit, most / self.limit
 
     @lazy
     def idle_joints(self) -> list[tuple[Joint, list[int]]]:
@@ -169,9 +175,10 @@ class Loads:
         """
         robot = self.state.robot
         load = self.need - self.per_weight @ w
-        tau, limit = load[robot.actuated], robot.effort_limit
-        over = np.abs(tau) > limit
+        tau, (least, most) = load[robot.actuated], self.bounds
+        inside = np.minimum(np.maximum(tau, least * self.limit), most * self.limit)
+        over = tau != inside
         if over.any():
-            over &= np.abs(tau) <= limit * (1.0 + _BEYOND)
-            tau[over] = np.copysign(limit[over], tau[over])
+            over &= np.abs(tau - inside) <= _BEYOND * self.limit
+            tau[over] = inside[over]
         return tau, load[robot.unactuated]

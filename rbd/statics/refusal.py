@@ -11,6 +11,8 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, has_friction, rows_of
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import CannotHold, CannotMove, Reason
+from rbd.model.actuated_model import on_its_line
+from rbd.model.gravity import LEAST_FALL, along_gravity, is_along_z
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import CONIC_STEPS, FRICTION_PROGRAMS
 from rbd.statics.actuation import Actuation
@@ -18,7 +20,7 @@ from rbd.statics.effort import Effort
 from rbd.statics.least_friction import Balance, LimitReached, rounded_up
 from rbd.statics.limits import Limit, Relaxable
 from rbd.statics.loads import Loads
-from rbd.statics.shortfall import Missing, excess, missing
+from rbd.statics.shortfall import Excess, Missing, excess, missing
 
 _NOTHING = 1e-7
 """What is missing below this, over the body weight, is nothing."""
@@ -66,10 +68,10 @@ class Refusal:
             )
         limits, irreducible = relaxable.irreducible(proof)
         lack = missing(self.loads, self.effort)
-        over = None
+        beyond = None
         if lack is not None and lack.size <= _NOTHING * self.loads.unit:
-            over = excess(self.loads, self.effort)
-        detail, why = self._why(limits if irreducible else (), lack, over)
+            beyond = excess(self.loads, self.effort)
+        detail, why = self._why(limits if irreducible else (), lack, beyond)
         words = f"{name} cannot {does}{self._on()}: {why}"
         if limits:
             together = "Together these limits prevent it" if irreducible else "All or some of these limits prevent it"
@@ -79,7 +81,8 @@ class Refusal:
         if not self.holds:
             words += " `error.nearest()` is the nearest acceleration that is possible with the contacts kept."
         return kind(
-            words, limits=limits, irreducible=irreducible, certificate=proof, missing=lack, excess=over, nearest=self.nearest,
+            words, limits=limits, irreducible=irreducible, certificate=proof, missing=lack,
+            excess=None if beyond is None else beyond.share, nearest=self.nearest,
             reason=self._reason(detail),
         )  # fmt: skip
 
@@ -89,13 +92,16 @@ class Refusal:
     def _on(self) -> str:
         return " on " + _listed([f"{r.name!r:.80}" for r in self.loads.rows], ", ") if self.loads.rows else ""
 
-    def _why(self, limits: Sequence[Limit], lack: Missing | None, over: Array | None) -> tuple[str, str]:
+    def _why(self, limits: Sequence[Limit], lack: Missing | None, over: Excess | None) -> tuple[str, str]:
         """(detail of the `Reason`, sentences): the first of all possible reasons that is shown to be one."""
         robot = self.loads.state.robot
         if over is not None:
-            beyond = np.flatnonzero(over > 1e-7)
-            beyond = beyond[np.argsort(-over[beyond])][:4]
-            needs = ", ".join(f"{robot.actuated_names[i]!r} needs {100 * (1 + over[i]):.4g} %" for i in beyond)
+            beyond = np.flatnonzero(over.share > 1e-7)
+            beyond = beyond[np.argsort(-over.share[beyond])][:4]
+            words = {int(i): on_its_line(robot, int(i), float(over.tau[i]), self.loads.state.v) for i in beyond}
+            if told := [f"{robot.actuated_names[i]!r:.80} needs {text}" for i, text in words.items() if text]:
+                return "motor", f"the torque-speed line of a motor prevents it. At best {_listed(told)}."
+            needs = ", ".join(f"{robot.actuated_names[i]!r} needs {100 * (1 + over.share[i]):.4g} %" for i in beyond)
             return "motor", f"a torque limit prevents it. At best {needs} of its limit."
         passive = [repr(limit.name) for limit in limits if limit.kind == "passive"]
         if passive and not any(limit.kind == "base" for limit in limits):
@@ -130,8 +136,13 @@ class Refusal:
         ground = [patch.point + patch.corners @ patch.axes.T for patch in patches]
         if not ground:
             return ""
-        d = inside_distance(self.loads.state.com[:2], convex_hull(np.concatenate(ground)[:, :2]))
-        return f", seen from above {-1e3 * d:.1f} mm outside the hull of the contact points" if d < -1e-4 else ""
+        g = self.loads.state.robot.gravity
+        if not abs(g[2]) > LEAST_FALL * np.linalg.norm(g):
+            return ""
+        points = along_gravity(g, np.concatenate([self.loads.state.com[None], *ground]))
+        d = inside_distance(points[0], convex_hull(points[1:]))
+        seen = "from above" if is_along_z(g) else "along gravity"
+        return f", seen {seen} {-1e3 * d:.1f} mm outside the hull of the contact points" if d < -1e-4 else ""
 
     def _why_friction(self) -> tuple[str, str] | None:
         """(detail, sentences): whether more friction would do, and how much; None where none would."""

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, check_flag, is_finite, lazy
+from rbd.arrays import Array, as_array, check_flag, cross_matrix, is_finite, lazy
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.convex.polygons import inside_distance
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
+from rbd.model.gravity import along_gravity
 from rbd.model.state import State
 from rbd.problem.programs import Outcome
 from rbd.statics.force_program import Contradiction, Program
@@ -40,15 +41,18 @@ _SHARE = 1e-2
 
 @dataclass(frozen=True, eq=False)
 class SupportRegion(Region, Displayed):
-    """Where the centre of mass may be, seen from above, for the robot to be at rest on its contacts.
+    """Where the centre of mass may be, seen along gravity, for the robot to be at rest on its contacts.
+
+    Moved along gravity, a weight keeps its line of action: what counts is where that line meets the level plane z = 0 of W.
+    Under gravity along -z that is the place of the centre of mass seen from above; under one that leans, below or above it.
 
     Attributes:
         loads: The pose, its contacts, and what their forces do.
         friction: "cone", "inscribed" or "circumscribed".
         torque_limits: Whether motors keep within their limits.
         margin: Share of each coefficient of friction that is left unused.
-        vertices: Corners, counterclockwise, shape (k, 2) [m]: each proven by forces. Two of a segment, one of a point, none of
-            an empty region. Of a region that is `cut`, of its part within 10 m of the contacts' middle.
+        vertices: Corners on z = 0, counterclockwise seen from above, shape (k, 2) [m]: each proven by forces. Two of a segment,
+            one of a point, none of an empty region. Of a region that is `cut`, of its part within 10 m of the contacts' middle.
         outer: Corners of a polygon that holds the region, shape (j, 2) [m]; those of the region itself with pyramids.
         weights: Forces that prove each corner, as weights of `loads.sets` over the robot's weight, shape (k, p).
         directions: Unit vectors that span the directions in which the region has no end, shape (r, 2); none if it ends.
@@ -94,12 +98,17 @@ class SupportRegion(Region, Displayed):
         """Distance from a point to the region's edge [m]: positive inside, negative outside; -inf of an empty region.
 
         Args:
-            point: (x, y) in W [m], or (x, y, z), whose height does not count; the centre of mass if not given.
+            point: (x, y) on z = 0 of W [m], or (x, y, z), seen along gravity; the centre of mass if not given.
         """
         at = self.state.com if point is None else as_array("point", point)
         if at.shape not in ((2,), (3,)) or not is_finite(at):
             raise InputError(f"point is {point!r:.80}; expected two finite numbers, x and y in metres.")
-        return inside_distance(at[:2], self.vertices)
+        return inside_distance(at if len(at) == 2 else along_gravity(self.state.robot.gravity, at), self.vertices)
+
+    def corners_at(self, height: float) -> Array:
+        """Its corners on the level plane z = height, along gravity from those on z = 0, in W, shape (k, 3) [m]."""
+        g = self.state.robot.gravity
+        return np.column_stack([self.vertices + height / g[2] * g[:2], np.full(len(self.vertices), float(height))])
 
     def forces(self, corner: int) -> dict[str, Array]:
         """{contact: force (3,) or wrench (6,) at the patch's centre}, world axes [N, N m], that prove a corner."""
@@ -113,11 +122,11 @@ class SupportRegion(Region, Displayed):
     def residual(self) -> float:
         """Largest error of the corners, recomputed from forces: of balance [N, N m], and of forces outside their cones [N]."""
         worst, robot = 0.0, self.state.robot
-        base = robot.bases[0]
+        base, below = robot.bases[0], along_gravity(robot.gravity, self.state.com)
         at, R = robot.model.joints[base].idx_v, self.state.base_pose(base).rotation
         for corner, x in zip(self.vertices, self.weights, strict=True):
             moved = np.zeros(robot.nv)
-            moved[at + 3 : at + 6] = R.T @ np.cross([*(corner - self.state.com[:2]), 0.0], robot.mass * robot.gravity)
+            moved[at + 3 : at + 6] = R.T @ np.cross([*(corner - below), 0.0], robot.mass * robot.gravity)
             left = torques_left(self.loads, x, moved)[1]
             worst = max(worst, float(np.abs(left).max()), outside(self.loads, x))
         return worst
@@ -167,10 +176,11 @@ def support_region(
     friction: str = "cone",
     area_gap: float = 1e-4,
 ) -> SupportRegion:
-    """Where the centre of mass may be, seen from above, for some contact forces to balance the robot's weight.
+    """Where the centre of mass may be, seen along gravity, for some contact forces to balance the robot's weight.
 
     The contacts may be any: soles, hands on walls, rails that are held, on whatever planes. The region is all c with forces f
-    in their cones and J^T f = h where no motor is, h the weight with its line of action through c.
+    in their cones and J^T f = h where no motor is, h the weight with its line of action through c. It is given on the level
+    plane z = 0 of W, along gravity: under gravity along -z it is the region seen from above, at any height.
 
     With torque limits, `|tau| <= limit` besides, with the gravity torques and Jacobians of *this pose*: as if the centre of
     mass moved and the pose stayed. That neglects what a true motion of the centre of mass changes in both, so that it is right
@@ -189,7 +199,7 @@ def support_region(
 
     Raises:
         NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
-        InputError: a robot that is fixed to the world or has two bases, gravity that is not along -z, no contacts.
+        InputError: a robot that is fixed to the world or has two bases, gravity that is zero or level, no contacts.
         NoSolution: a program was not solved.
 
     Example:
@@ -236,25 +246,26 @@ def _check_stands(state: State) -> None:
     if len(robot.bases) != 1:
         bases = "is fixed to the world" if not robot.bases else f"is {len(robot.bases)} robots"
         raise InputError(f"{robot.name} {bases}; a support region is that of one robot with a floating base.")
-    if np.abs(g[:2]).max() > 1e-12 * abs(g[2]) or not g[2] < 0.0:
-        raise InputError(f"gravity is {g}; expected it along -z: a support region is horizontal.")
+    along_gravity(g, np.zeros(3))  # refuses a gravity whose lines do not meet the plane
 
 
 def _program(loads: Loads, limits: bool) -> Program:
     """X = (w, centre of mass): weight and forces balance.
 
-    A centre of mass moved by d adds the moment d x m g to what gravity does on the base.
+    A centre of mass moved by d along z = 0 adds the moment d x m g to what gravity does on the base.
     """
     state, robot = loads.state, loads.state.robot
     R = state.base_pose(robot.bases[0]).rotation
     first = int(np.searchsorted(robot.unactuated, robot.model.joints[robot.bases[0]].idx_v))
     shift = np.zeros((len(loads.b), 2))
-    shift[first + 3 : first + 6] = R.T @ np.array([[0.0, -1.0], [1.0, 0.0], [0.0, 0.0]])  # d x (0, 0, -1) = (-d_y, d_x, 0)
+    down = robot.gravity / np.linalg.norm(robot.gravity)
+    shift[first + 3 : first + 6] = -R.T @ cross_matrix(down)[:, :2]  # d x down = -down x d
     shift /= loads.row_size[:, None]
-    points = [r.patch.corners_W[:, :2] for r in loads.rows if r.patch is not None and len(r.patch.corners)]
-    middle = np.concatenate([state.com[None, :2], *points]).mean(axis=0)
+    points = [along_gravity(down, r.patch.corners_W) for r in loads.rows if r.patch is not None and len(r.patch.corners)]
+    below = along_gravity(down, state.com)
+    middle = np.concatenate([below[None], *points]).mean(axis=0)
     torques = _torque_rows(loads) if limits else TorqueRows.none(loads, 2)
-    A, b = np.hstack([loads.A, shift]), loads.b + shift @ state.com[:2]
+    A, b = np.hstack([loads.A, shift]), loads.b + shift @ below
     return Program.of(A, b, torques.C, torques.low, torques.high, loads).around(middle, WITHIN_M)
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.linalg import blas
@@ -138,20 +139,33 @@ def _length(loads: Loads) -> float:
     return math.sqrt(max(float(np.trace(A_g[3:, at + 3 : at + 6] @ R.T)) / (2.0 * mass), 1e-12))
 
 
-def excess(loads: Loads, effort: Effort) -> Array | None:
-    """By how many times its limit each torque exceeds it, least in sum, shape (nu,); None where no forces balance."""
+class Excess(NamedTuple):
+    """Torques beyond limits.
+
+    Attributes:
+        share: By how many times its limit at rest each torque exceeds what it may be, least in sum, shape (nu,).
+        tau: These torques, of motors with a limit, shape (nu,) [N, N m].
+    """
+
+    share: Array
+    tau: Array
+
+
+def excess(loads: Loads, effort: Effort) -> Excess | None:
+    """The least excess of torques over their limits; None where no forces balance."""
     limited = np.flatnonzero(loads.limited)
     n, k = loads.sets.size, len(limited)
     C, low, high = effort.rows(loads)
     T, I = loads.T[limited], np.eye(k)
     t = loads.t[limited]
+    least, most = (each[limited] for each in loads.bounds)
     wide = np.full(k, math.inf)
     rows = np.vstack([np.hstack([C, np.zeros((len(C), k))]), np.hstack([T, I]), np.hstack([T, -I])])
     found = solve_conic(
         Conic(
             np.diag(np.concatenate([np.full(n, _ANY), np.zeros(k)])), np.concatenate([np.zeros(n), np.ones(k)]),
             np.hstack([loads.A, np.zeros((len(loads.b), k))]), loads.b, rows,
-            np.concatenate([low, t - 1.0, np.full(k, -math.inf)]), np.concatenate([high, np.full(k, math.inf), t + 1.0]),
+            np.concatenate([low, t - most, np.full(k, -math.inf)]), np.concatenate([high, np.full(k, math.inf), t - least]),
             np.concatenate([loads.lower, np.zeros(k)]), np.concatenate([loads.upper, wide]),
             loads.sets.cone_columns, loads.sets.mu,
         ),
@@ -159,9 +173,10 @@ def excess(loads: Loads, effort: Effort) -> Array | None:
     )  # fmt: skip
     if not found.solved:
         return None
-    out = np.zeros(len(loads.limited))
+    out, tau = np.zeros(len(loads.limited)), np.zeros(len(loads.limited))
     out[limited] = found.x[n:]
-    return out
+    tau[limited] = (t - T @ found.x[:n]) * loads.limit[limited]
+    return Excess(out, tau)
 
 
 def nearest_possible(
@@ -199,12 +214,13 @@ def nearest_possible(
     limited = loads.limited
     D = (np.hstack([Mb[mo], -per_weight[mo]]) / loads.limit[:, None])[limited]  # tau / limit = D x + d
     d = (Ma[mo] / loads.limit)[limited]
+    least, most = (each[limited] for each in loads.bounds)
     C, low, high = effort.rows(loads)
     H = np.diag(np.concatenate([np.ones(k), np.full(n, _ANY)]))
     found = solve_conic(
         Conic(
             H, np.zeros(k + n), A, level, np.vstack([np.hstack([np.zeros((len(C), k)), C]), D]),
-            np.concatenate([low, -1.0 - d]), np.concatenate([high, 1.0 - d]),
+            np.concatenate([low, least - d]), np.concatenate([high, most - d]),
             np.concatenate([np.full(k, -math.inf), loads.lower]), np.concatenate([np.full(k, math.inf), loads.upper]),
             loads.sets.cone_columns + k, loads.sets.mu,
         ),

@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,7 +15,7 @@ import numpy as np
 from rbd.arrays import Array, as_float, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, listed
 from rbd.constraints.distance_warnings import warn_of_opening
-from rbd.errors import CannotMove, ContactMoves, InputError, NoSolution, Reason
+from rbd.errors import CannotMove, ContactMoves, InputError, NoSolution, Reason, SpeedLimitWarning
 from rbd.model.external import External, generalised
 from rbd.model.state import State
 from rbd.problem.conic import ConicAnswer
@@ -86,6 +87,8 @@ class WantedMotion:
         """
         given = listed(contacts)
         rows = contact_rows(state, given, stacklevel=stacklevel + 1)
+        if not holds:
+            _warn_of_speed(state, stacklevel + 1)
         effort = DEFAULT if effort is None else effort
         check_choice(effort, friction, rest_speed)
         tau_ext = zeros(state.robot.nv) if external is None else generalised(state, external)[0]
@@ -243,6 +246,21 @@ class WantedMotion:
                 f"{out.residuals.worst:.1e}."
             )
         return checked
+
+
+def _warn_of_speed(state: State, stacklevel: int) -> None:
+    fast = np.flatnonzero(state.robot.too_fast(state.v))
+    for i in fast[:1]:
+        name = state.robot.actuated_names[i]
+        joint, motor = state.robot.joints[name], state.robot.motor_data[name]
+        assert motor is not None
+        more = f"; {len(fast)} joints are faster than theirs" if len(fast) > 1 else ""
+        warnings.warn(
+            f"{name} moves at {abs(state.v[joint.v.start]):.4g} {joint.unit}/s, faster than the {motor.speed_limit:.4g} "
+            f"{joint.unit}/s of its motor{more}.",
+            SpeedLimitWarning,
+            stacklevel=stacklevel,
+        )
 
 
 def check_choice(effort: Effort, friction: str, rest_speed: float) -> None:

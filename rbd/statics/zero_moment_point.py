@@ -22,6 +22,7 @@ from rbd.constraints.convex.polygons import inside_distance
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.external import External, generalised
+from rbd.model.gravity import along_gravity
 from rbd.model.state import State, checked
 from rbd.problem.ground import Ground, On, plane_of
 from rbd.problem.programs import Outcome
@@ -123,7 +124,7 @@ class ZmpRegion(Region, Displayed):
         return inside_distance(self._flat(at[None])[0], self._flat(self.vertices))
 
     def forces(self, corner: int) -> dict[str, Array]:
-        """{contact: force (3,) or wrench (6,), world axes} that prove a corner: of a weight along the plane's normal."""
+        """{contact: force (3,) or wrench (6,), world axes} that prove a corner: of the weight's part across the plane."""
         if isinstance(corner, bool) or not isinstance(corner, int | np.integer) or not 0 <= corner < len(self.vertices):
             raise InputError(f"corner is {corner!r:.80}; expected a whole number from 0 to {len(self.vertices) - 1}.")
         return contact_forces(self.loads, self.weights[corner])
@@ -223,19 +224,23 @@ def wrench_map(rows: Sequence[Rows], sets_G: Array, about: Array) -> Array:
 
 
 def _pendulum(loads: Loads, ground: Ground) -> Program:
-    """X = (w, z - foot): M_c = 0, F_z = the weight, and F along the line from z to c."""
+    """X = (w, z - foot): M_c = 0, F_z = the weight's part along -z, and F along the line from z to c."""
     state, n = loads.state, np.asarray(ground.normal)
     height, g = float(ground.distances(state.com[None])[0]), state.robot.gravity
-    if not ground.level or np.abs(g[:2]).max() > 1e-12 * abs(g[2]) or not g[2] < 0.0:
-        raise InputError("a linear pendulum moves on a level plane under gravity along -z. Try on=0.0.")
+    if not ground.level:
+        raise InputError("a linear pendulum moves on a level plane. Try on=0.0.")
+    along_gravity(g, state.com)  # refuses one that is zero or level
+    if not g[2] < 0.0:
+        raise InputError(f"gravity is {g.tolist()}; expected one that pulls a linear pendulum towards its plane.")
+    down = -float(g[2] / np.linalg.norm(g))
     if abs(height) < 1e-6:
         raise InputError("the plane of the zero-moment point goes through the centre of mass. Give another height.")
     W, E = wrench_map(loads.rows, loads.sets.G, state.com), _plane_axes(ground)
     A = np.zeros((6, W.shape[1] + 2))
     A[:3, :-2], A[3:, :-2] = W[3:], np.vstack([n, E.T]) @ W[:3]
-    A[4:, -2:] = np.eye(2) / height  # F_t / F_z = (c - z)_t / height
+    A[4:, -2:] = down * np.eye(2) / height  # F_t / F_z = (c - z)_t / height
     none = np.zeros((0, A.shape[1]))
-    return Program.of(A, np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0]), none, np.zeros(0), np.zeros(0), loads)
+    return Program.of(A, np.array([0.0, 0.0, 0.0, down, 0.0, 0.0]), none, np.zeros(0), np.zeros(0), loads)
 
 
 def _any_motion(loads: Loads, ground: Ground) -> Program:

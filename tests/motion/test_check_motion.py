@@ -193,14 +193,19 @@ class TestFaults:
         assert np.flatnonzero(report.of_cause("jump")).tolist() == [69, 70]
 
     def test_torque_and_speed(self, squat):
-        """A knee whose torque falls with its speed to less than is used; standing still it has all of it."""
+        """Knees whose torque falls with their speed to less than is used; standing still they have all of it."""
         used = np.abs(check_motion(squat, self_collision=False).tau)
         i = squat.robot.actuated_names.index("left_knee_joint")
         rate = np.abs(squat.v[:, squat.robot.actuated[i]])
-        curve = {"left_knee_joint": (2.0 * used[:, i].max(), 1.2 * rate.max())}
-        report = check_motion(squat, torque_speed=curve, self_collision=False)
+        curve = 2.0 * float(used[:, i].max()), 1.2 * float(rate.max())
+        both = {"left_knee_joint": curve, "right_knee_joint": curve}
+        report = check_motion(squat, torque_speed=both, self_collision=False)
         found = report.of_cause("torque-speed")
-        assert found.any() and not found[rate < 0.2 * rate.max()].any()
+        assert found.any() and not found[rate < 0.2 * rate.max()].any() and not report.of_cause("motor").any()
+        assert "_knee_joint" in str(report) and "rad/s, which leaves" in str(report)
+        alone = check_motion(squat, torque_speed={"left_knee_joint": curve}, self_collision=False)
+        least, most = alone.torque_bounds  # the right leg carries what the left knee cannot
+        assert alone.possible.all() and (alone.tau[:, i] <= 1.01 * most[:, i]).all() and (alone.tau[:, i] >= least[:, i]).all()
 
     def test_a_hand_in_the_trunk(self, g1, squat):
         """Arms bent through the body collide with it, in those frames alone."""

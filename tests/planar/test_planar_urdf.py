@@ -218,10 +218,12 @@ def test_files_that_cannot_be_written_are_told(tmp_path):
         to_urdf(chain, 3, masses=[1.0])  # type: ignore[arg-type]
 
 
-def test_robots_fall_with_earths_gravity_alone():
-    """Dynamics with another gravity are not those of the robot: refused; a chain without inertia too."""
-    with pytest.raises(InputError, match="1.62 m/s2"):
-        to_robot(dynamics(Chain(1, lengths=[1]), masses=[1], bodies="rods", gravity=1.62))
+def test_robots_fall_with_the_gravity_of_their_dynamics():
+    """On the Moon too; a chain without inertia is refused."""
+    dyn = dynamics(Chain(1, lengths=[1]), masses=[1], bodies="rods", gravity=1.62)
+    made = to_robot(dyn)
+    assert made.gravity.tolist() == [0.0, 0.0, -1.62]
+    assert abs(rbd.dynamics.gravity_torque(made.at([0.0]))[0] + 0.5 * 1.62) < 1e-12
     with pytest.raises(ModelError, match="singular"):
         to_robot(Chain(2, lengths=[1, 1]), masses=[1, 1], centres=[1, 0], inertias=[0, 0])
 

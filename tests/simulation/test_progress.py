@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from work import calls
 
-from rbd.simulation import run as entry
-from rbd.simulation.run import _times, progress_of
+from rbd.simulation import progress_bar as entry
+from rbd.simulation.progress_bar import progress_of
+from rbd.simulation.run import _times
 
 TIMES = np.linspace(0.0, 10.0, 1001).tolist()
 SHOW, HIDE = "\x1b[?25h", "\x1b[?25l"

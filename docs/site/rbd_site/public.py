@@ -22,7 +22,7 @@ PACKAGES = tuple(
 )
 """Sub-packages and modules that users import from, besides `rbd` itself."""
 GROUPS = {
-    "Robots and states": "load_robot Robot doctor State find_pose register_constraint dynamics ExternalForce",
+    "Robots and states": "load_robot Robot RobotBuilder doctor State find_pose register_constraint dynamics ExternalForce",
     "Motion and forces of one instant": "solve Solution gauss_problem solve_problem GaussProblem Rows solve_many",
     "Solvers": "KKT ProxQP ConeSolver",
     "Contacts": "PointContact LineContact SurfaceContact CollisionContacts Ground Body",
@@ -32,7 +32,7 @@ GROUPS = {
     """,
     "Torques": "hold inverse_dynamics Actuation",
     "Small motion": "linearise find_equilibrium find_steady_motion",
-    "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8",
+    "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8 impact",
     "Motions": "Motion check_motion estimate_forces",
     "Studies": "study grid sample",
     "Errors": "RbdError InputError NoSolution CannotHold CannotMove",

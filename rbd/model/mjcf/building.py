@@ -57,6 +57,11 @@ def passive(mjcf: Mjcf) -> tuple[str, ...]:
     return tuple(joint.name for joint in mjcf.joints if joint.name not in driven and joint.kind != "free")
 
 
+def springs(mjcf: Mjcf) -> dict[str, tuple[float, float]]:
+    """{joint: (stiffness [N m/rad, N/m], coordinate at rest [rad, m])}; the latter 0 of a ball joint: its drawn orientation."""
+    return {joint.name: (joint.stiffness, joint.springref) for joint in mjcf.joints if joint.stiffness != 0.0}
+
+
 def _add_joint(model: pin.Model, joint: Joint, parent: int, X: Pose, frame: int) -> tuple[int, int]:
     """(joint, its frame), hung from a parent joint at the pose X that the body has there when the joint has not moved."""
     if joint.kind == "free":

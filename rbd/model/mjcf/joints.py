@@ -43,6 +43,8 @@ class Joint:
         damping: [N m s/rad, N s/m].
         friction: Dry friction [N m, N].
         stiffness: Of its spring [N m/rad, N/m].
+        springref: Coordinate at which the spring is relaxed [rad, m].
+        tuned: Whether MuJoCo computes stiffness and damping from its inertia (`springdamper`); `damping` is then without it.
         effort: Range of the motors' torque [N m, N]; None where it has none.
     """
 
@@ -56,6 +58,8 @@ class Joint:
     damping: float = 0.0
     friction: float = 0.0
     stiffness: float = 0.0
+    springref: float = 0.0
+    tuned: bool = False
     effort: tuple[float, float] | None = None
 
 
@@ -96,9 +100,11 @@ def read_joint(wrong: Complaints, body: str, index: int, element: Element, X: Po
         numbers(wrong, what, element, "ref", 1, (0.0,))[0] * turns if kind in ("hinge", "slide") else 0.0,
         None if stops is None or "limit" in off else (stops[0] * turns, stops[1] * turns),
         values["armature"],
-        0.0 if "damper" in off else values["damping"] + spring[1],
+        0.0 if "damper" in off else values["damping"],
         0.0 if "frictionloss" in off else values["frictionloss"],
-        0.0 if "spring" in off else max(values["stiffness"], spring[0], key=abs),
+        0.0 if "spring" in off else values["stiffness"],
+        numbers(wrong, what, element, "springref", 1, (0.0,))[0] * turns if kind in ("hinge", "slide") else 0.0,
+        any(spring) and not {"spring", "damper"} <= off,
         None if kind in ("free", "ball") else limited(wrong, what, element, settings, "actuatorfrclimited", "actuatorfrcrange"),
     )
 

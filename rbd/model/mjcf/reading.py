@@ -2,7 +2,7 @@
 
 Pinocchio's own reader weighs a mesh by its bounding box, knows no actuators, no gravity and no settotalmass, and passes over
 shapes that cannot touch; so it is not used. What cannot be part of M a + h = S^T tau + J^T lam is refused unless `leave_out`
-names it: springs, gravity compensation, tendons with inertia or springs.
+names it: springs sized by the inertia, gravity compensation, tendons with inertia or springs.
 """
 
 from __future__ import annotations
@@ -114,12 +114,22 @@ def _springs(wrong: Complaints, bodies: list[Body], leave_out: Collection[str]) 
                 wrong.stop(f"body {body.name!r:.80} has {told}. If that is meant: load_robot(..., leave_out=['gravcomp']).")
             yield "gravcomp", body.name, told
         for joint in body.joints:
-            if joint.stiffness != 0.0:
+            if joint.tuned or joint.stiffness != 0.0 and joint.kind == "free":
                 told = f"a spring (stiffness {joint.stiffness:g}), which is in no term of the dynamics"
+                if joint.tuned:
+                    told = (
+                        "a springdamper: MuJoCo finds its stiffness and damping from the inertia, and they are in no term here"
+                    )
                 if "springs" not in leave_out:
                     remedy = "If that is meant: load_robot(..., leave_out=['springs'])"
                     wrong.stop(f"joint {joint.name!r:.80} has {told}. {remedy}.")
                 yield "spring", joint.name, told
+            elif joint.stiffness != 0.0:
+                told = f"a spring (stiffness {joint.stiffness:g})"
+                if "springs" in leave_out:
+                    yield "spring", joint.name, f"{told}, which is left out"
+                else:
+                    yield "joint spring", joint.name, f"{told}, which acts where external=robot.joint_springs() is given"
             if joint.kind == "ball" and joint.range is not None:
                 yield "limit", joint.name, "is a ball joint with a limit, which is left out"
 

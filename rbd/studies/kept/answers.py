@@ -76,7 +76,7 @@ def _pressure(found: Any) -> list[Named]:
 
 
 def _used(found: Actuation) -> Array:
-    return np.asarray(np.abs(found.tau) / found.state.robot.effort_limit)
+    return np.asarray(found.state.robot.torque_use(found.tau, found.state.v))
 
 
 def _worst_torque(found: Actuation) -> list[Named]:

@@ -32,7 +32,7 @@ def _forces(found: ManyAnswers) -> list[Named]:
 
 
 def _used(found: Any) -> Array:
-    return np.asarray(np.abs(found.tau) / found.states.robot.effort_limit)
+    return np.asarray(found.states.robot.torque_use(found.tau, found.states.v))
 
 
 def _worst_torque(found: Any) -> list[Named]:

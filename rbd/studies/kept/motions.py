@@ -42,7 +42,7 @@ def _largest_tau(run: Trajectory) -> list[Named]:
 
 
 def _worst_torque(run: Trajectory) -> float:
-    return float((np.abs(run.tau) / run.robot.effort_limit).max(initial=0.0))
+    return float(run.robot.torque_use(run.tau, run.v).max(initial=0.0))
 
 
 def _largest_force(run: Trajectory) -> list[Named]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-from rbd.simulation.run import PACE, PATIENCE, bar_of, can_show
+from rbd.simulation.progress_bar import PACE, PATIENCE, bar_of, can_show
 
 
 class Progress:

@@ -81,6 +81,21 @@ def an_axis(ax: object) -> None:
         raise InputError(f"ax is {ax!r:.80}; expected Matplotlib axes, e.g. matplotlib.figure.Figure().subplots().")
 
 
+def axes_or_new(ax: Axes | None) -> Axes:
+    """The axes given, or those of a new figure of pyplot, which `plt.show()` then shows.
+
+    Raises:
+        InputError: Matplotlib is not installed.
+    """
+    if ax is not None:
+        return ax
+    try:
+        from matplotlib import pyplot
+    except ImportError as error:
+        raise InputError("Matplotlib is not installed here. Install the extra: pip install 'rbd-contact[plot]'") from error
+    return pyplot.subplots(layout="constrained")[1]
+
+
 def frame(ax: Axes, grid: Literal["x", "y", "both"] | None = None) -> None:
     """A frame open above and on the right, behind it pale lines across "x", "y" or "both"."""
     ax.spines[["top", "right"]].set_visible(False)

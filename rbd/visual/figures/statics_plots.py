@@ -10,6 +10,8 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import convex_hull
 from rbd.errors import InputError
+from rbd.model.gravity import LEAST_FALL, along_gravity, is_along_z
+from rbd.model.state import State
 from rbd.statics.pushes import PushLimits
 from rbd.statics.regions import SupportRegion
 from rbd.statics.wrench_cones import ContactWrenchCone
@@ -76,12 +78,14 @@ def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion, labels: Sequence[
         drawn += ax.plot(*_closed(corners), style, color=color, lw=1.8, alpha=0.4 + 0.6 * share, label=name)
         if region.bounded and len(region.outer) and np.abs(region.outer[:, :2].max(axis=0) - corners.max(axis=0)).max() > 1e-6:
             drawn += ax.plot(*_closed(region.outer[:, :2]), "--", color=color, lw=0.7)
-    drawn += _contacts(ax, [r for region in regions for r in region.loads.rows])
-    com = regions[0].state.com
-    drawn += ax.plot(com[:1], com[1:2], "o", color=COM_COLOR, ms=6.0, mec="white", mew=0.8, label="centre of mass")
+    state = regions[0].state
+    drawn += _contacts(ax, state, [r for region in regions for r in region.loads.rows])
+    com = _seen(state, state.com)
+    drawn += ax.plot(com[:1], com[1:], "o", color=COM_COLOR, ms=6.0, mec="white", mew=0.8, label="centre of mass")
     _limits(ax, regions)
     ax.set_aspect("equal")
-    ax.set_xlabel("x [m]")
+    along = "" if is_along_z(state.robot.gravity) else " on z = 0, along gravity"
+    ax.set_xlabel(f"x{along} [m]")
     ax.set_ylabel("y [m]")
     ax.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
     frame(ax, "both")
@@ -177,14 +181,21 @@ def _closed(corners: Array) -> tuple[Array, Array]:
     return ends[:, 0], ends[:, 1]
 
 
-def _contacts(ax: Axes, rows: Sequence[Rows]) -> list[Artist]:
+def _seen(state: State, points: Array) -> Array:
+    """Points along gravity on z = 0, (x, y); from above where gravity does not meet that plane."""
+    g = state.robot.gravity
+    meets = abs(g[2]) > LEAST_FALL * np.linalg.norm(g)
+    return along_gravity(g, points) if meets else points[..., :2]
+
+
+def _contacts(ax: Axes, state: State, rows: Sequence[Rows]) -> list[Artist]:
     """The outlines of contacts from above, each once: a patch as an outline, a point as a cross."""
     drawn: list[Artist] = []
     patches = {r.name: r.patch for r in rows if r.patch is not None}
     for name, color in contact_colors(patches).items():
         patch = patches[name]
         assert patch is not None
-        corners = convex_hull(patch.corners_W[:, :2])
+        corners = convex_hull(_seen(state, patch.corners_W))
         if len(corners) > 2:
             drawn += ax.fill(*_closed(corners), color=color, alpha=0.3, lw=0.0, label=name, zorder=1)
         else:
@@ -194,9 +205,10 @@ def _contacts(ax: Axes, rows: Sequence[Rows]) -> list[Artist]:
 
 def _limits(ax: Axes, regions: Sequence[SupportRegion | ZmpRegion]) -> None:
     """Room around contacts, centres of mass and regions that end."""
-    points = [regions[0].state.com[None, :2]]
+    state = regions[0].state
+    points = [_seen(state, state.com)[None]]
     points += [region.vertices[:, :2] for region in regions if region.bounded]
-    points += [r.patch.corners_W[:, :2] for region in regions for r in region.loads.rows if r.patch is not None]
+    points += [_seen(state, r.patch.corners_W) for region in regions for r in region.loads.rows if r.patch is not None]
     low, high = np.vstack(points).min(axis=0), np.vstack(points).max(axis=0)
     room = _ROOM * max(float((high - low).max()), 0.05)
     ax.set_xlim(low[0] - room, high[0] + room)

@@ -18,6 +18,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import ANGLE, FORCE_OF, PURE, Coordinate
 from rbd.simulation.motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS
 from rbd.simulation.trajectory import Trajectory
+from rbd.visual.figures.energies import energy_curves
 from rbd.visual.figures.plots import an_axis, frame, note
 from rbd.visual.style import CONTACT_COLORS, contact_colors
 
@@ -104,12 +105,14 @@ def plot_forces(ax: Axes, trajectory: Trajectory, *, names: Sequence[str] | None
 def plot_energy(ax: Axes, trajectory: Trajectory) -> list[Artist]:
     """Kinetic, potential and total energy over time; potential relative to the start.
 
+    Where there are springs, their energy too; and where dampers take work out, the sum of the total and this work.
+
     Args:
         ax: Matplotlib axes, empty.
         trajectory: What `rbd.simulate` returns.
 
     Returns:
-        The lines of kinetic, potential and total energy, then hairlines at contact events.
+        The lines of kinetic, potential and total energy, then those of springs and dampers, then hairlines at contact events.
 
     Raises:
         InputError: if `ax` are no axes.
@@ -122,14 +125,12 @@ def plot_energy(ax: Axes, trajectory: Trajectory) -> list[Artist]:
         kinetic [ 0.    19.247]
     """
     _check(ax, trajectory)
-    t, potential = trajectory.t, trajectory.potential - trajectory.potential[0]
-    total = trajectory.kinetic + potential
-    label = f"total, changes by {total[-1] - total[0]:.3g} J".replace("by -", "by \N{MINUS SIGN}")
-    drawn = [
-        *ax.plot(t, trajectory.kinetic, color=CONTACT_COLORS[0], lw=_BOLD, label="kinetic", zorder=3),
-        *ax.plot(t, potential, color=CONTACT_COLORS[2], lw=_BOLD, label="potential, from its start", zorder=3),
-        *ax.plot(t, total, color="0.1", lw=_BOLD, label=label, zorder=4),
-    ]
+    drawn: list[Artist] = []
+    for name, color, values in energy_curves(trajectory):
+        label, total = name, name == "total"
+        if total:
+            label = f"total, changes by {values[-1] - values[0]:.3g} J".replace("by -", "by \N{MINUS SIGN}")
+        drawn += ax.plot(trajectory.t, values, color=color, lw=_BOLD, label=label, zorder=4 if total else 3)
     marks = _event_marks(ax, trajectory, trajectory.contacts)
     _dress(ax, trajectory, "energy [J]")
     _legend(ax, [])

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rbd.model.gravity import is_standard
 from rbd.visual.marks.arrows import share_color
 from rbd.visual.marks.joints import ShownTorque
 from rbd.visual.marks.mark import FULL_TURN, Sizes, number, numbers
@@ -100,7 +101,12 @@ def _torques(torques: Sequence[ShownTorque]) -> list[Entry]:
 
 def _rest(picture: Picture) -> list[Entry]:
     entries = [entry(color, name, speed, layer="surfaces") for name, color, speed in surface_entries(picture.surfaces)]
-    entries.append(entry(COM_COLOR, "centre of mass, drop line", layer="centre of mass"))
+    drops = picture.gravity[2] < 0.0
+    entries.append(entry(COM_COLOR, f"centre of mass{', drop line' if drops else ''}", layer="centre of mass"))
+    if not is_standard(picture.gravity):
+        size = float(np.linalg.norm(picture.gravity))
+        words = numbers(picture.gravity) + " m/s2" if size else ""
+        entries.append(entry(COM_COLOR, "gravity", f"{number(size)} m/s2", words, "centre of mass"))
     if len(picture.outline):
         entries.append(entry(SUPPORT_COLOR, "support polygon", layer="support polygon"))
     return entries

@@ -16,7 +16,7 @@ from rbd.visual.marks.external_forces import ShownPush, push_marks, pushes
 from rbd.visual.marks.joints import ShownTorque, constraint_torque_marks, motor_torques, torque_marks
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.others import LOOP_COLOR, Others, constraints_of, loop_marks, others_of, points_mark
-from rbd.visual.marks.support import com_marks, ground_under, not_supporting, support_marks, support_outline
+from rbd.visual.marks.support import DOWN, com_marks, ground_under, not_supporting, support_marks, support_outline
 from rbd.visual.marks.surfaces import ShownSurface, surface_marks, surfaces_of
 
 if TYPE_CHECKING:
@@ -37,6 +37,7 @@ class Picture:
         surfaces: Planes that the contacts touch, other than the floor.
         outline: Corners of the support polygon, each on the plane of its contact, shape (k, 3) [m].
         unshown: What of the external forces and constraints has no picture, in words.
+        gravity: In W, shape (3,) [m/s2].
     """
 
     com: Array
@@ -47,6 +48,7 @@ class Picture:
     surfaces: tuple[ShownSurface, ...] = ()
     outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
     unshown: tuple[str, ...] = ()
+    gravity: Array = field(default_factory=DOWN.copy)
 
     @classmethod
     def of(cls, state: State, solution: Solution | Actuation | None, external: object) -> Picture:
@@ -56,9 +58,9 @@ class Picture:
             InputError: if `external` is not what `rbd.solve` takes.
         """
         pushed, unshown = pushes(state, external)
-        com = np.asarray(state.com, float)
+        com, gravity = np.asarray(state.com, float), state.robot.gravity
         if solution is None:
-            return cls(com, pushes=tuple(pushed), unshown=tuple(unshown))
+            return cls(com, pushes=tuple(pushed), unshown=tuple(unshown), gravity=gravity)
         contacts = tuple(shown_forces(solution))
         given = constraints_of(solution)
         keeper: Any = getattr(solution, "problem", solution)
@@ -72,6 +74,7 @@ class Picture:
             tuple(surfaces_of(contacts, given)),
             support_outline(contacts),
             (*unshown, *others.left_out),
+            gravity,
         )
 
     @property
@@ -90,7 +93,7 @@ class Picture:
         drawn: list[Mark] = []
         for i, surface in enumerate(self.surfaces):
             drawn += surface_marks(i, surface, sizes)
-        drawn += com_marks(self.com, sizes, ground_under(self.com, self.contacts))
+        drawn += com_marks(self.com, sizes, ground_under(self.com, self.contacts), self.gravity)
         drawn += support_marks(self.outline, sizes)
         for contact in self.contacts:
             drawn += contact_marks(contact, colors[contact.name], sizes)

@@ -41,7 +41,7 @@ def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
         at = f"statics/{i}"
         if isinstance(one, SupportRegion):
             heights = [r.patch.corners_W[:, 2].min() for r in one.loads.rows if r.patch is not None and len(r.patch.corners)]
-            corners = np.column_stack([one.vertices, np.full(len(one.vertices), min(heights, default=0.0))])
+            corners = one.corners_at(min(heights, default=0.0))
             out += _area(at, corners, LIMITED_COLOR if one.torque_limits else SUPPORT_COLOR, i, sizes, one.state.com)
         elif isinstance(one, ZmpRegion):
             out += _area(at, one.vertices, ZMP_COLOR, i, sizes, one.state.com)

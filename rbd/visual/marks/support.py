@@ -9,6 +9,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import convex_hull
+from rbd.model.gravity import LEAST_FALL, STANDARD, along_gravity, is_along_z
 from rbd.problem.ground import Ground
 from rbd.visual import shapes
 from rbd.visual.marks.contacts import ShownForce
@@ -19,6 +20,9 @@ from rbd.visual.style import COM_COLOR, SUPPORT_COLOR
 LOADED_SHARE = 1e-6
 # Contacts whose normal leans more than 45 degrees do not carry weight from below.
 UPRIGHT = float(np.cos(np.pi / 4.0))
+DOWN = np.array(STANDARD)
+# Of the arrow of gravity, in sizes of the robot.
+GRAVITY_LENGTH = 0.25
 
 
 def support_polygon(contacts: Iterable[ShownForce]) -> Array:
@@ -111,18 +115,36 @@ def support_marks(outline: Array, sizes: Sizes) -> list[Mark]:
     return marks
 
 
-def com_marks(com: Array, sizes: Sizes, ground: float = 0.0) -> list[Mark]:
-    """The centre of mass, its drop line, and a ring with a cross where the line meets the ground, at a height of W [m]."""
-    foot = np.array([com[0], com[1], ground + sizes.lift])
+def com_marks(com: Array, sizes: Sizes, ground: float = 0.0, gravity: Array = DOWN) -> list[Mark]:
+    """The centre of mass, its drop line along gravity, and a ring with a cross where that meets the ground.
+
+    Gravity that does not point along -z is an arrow from the centre of mass besides; without gravity, and where it does not
+    point to the ground, there is no drop line.
+
+    Args:
+        com: In W, shape (3,) [m].
+        sizes: Of all marks.
+        ground: Its height in W [m].
+        gravity: In W, shape (3,) [m/s2].
+    """
+    label = Label("centre of mass", (f"{numbers(com)} m",), com)
+    marks = [Mark("com/ball", shapes.ball(0.02 * sizes.body, centre=com), COM_COLOR, 1.0, True, "centre of mass", label)]
+    size = float(np.linalg.norm(gravity))
+    if not is_along_z(gravity) and size:
+        arrow = shapes.arrow(com, GRAVITY_LENGTH * sizes.body * gravity / size, radius=0.7 * sizes.shaft)
+        words = Label("gravity", (f"{number(size)} m/s2", f"{numbers(gravity)} m/s2"), com + 0.3 * sizes.body * gravity / size)
+        marks.append(Mark("com/gravity", arrow, COM_COLOR, 1.0, True, "centre of mass", words))
+    if not -gravity[2] > LEAST_FALL * size:
+        return marks
+    foot = np.array([*along_gravity(gravity, com, ground), ground + sizes.lift])
     r = 0.028 * sizes.body
     ring = shapes.ring(foot, np.eye(3), r, thickness=0.8 * sizes.line)
     cross = [shapes.tube(np.array([foot - 1.5 * r * e, foot + 1.5 * r * e]), radius=0.8 * sizes.line) for e in np.eye(3)[:2]]
     mark = shapes.joined([ring, *cross])
     drop = shapes.tube(np.array([com, foot]), radius=sizes.line)
-    label = Label("centre of mass", (f"{numbers(com)} m",), com)
     layer, below = "centre of mass", replace(label, title="below the centre of mass", at=foot, tag=False)
     return [
-        Mark("com/ball", shapes.ball(0.02 * sizes.body, centre=com), COM_COLOR, 1.0, True, layer, label),
+        *marks,
         Mark("com/drop_line", drop, COM_COLOR, 1.0, True, layer, below),
         Mark("com/on_the_ground", mark, COM_COLOR, 1.0, True, layer, below),
     ]

@@ -37,6 +37,10 @@ def _trajectory(record: Trajectory) -> Card:
         ("energy, first and last", f"{number(energy[0])}, {number(energy[-1])}", "J"),
         ("energy, range", fixed(np.ptp(energy), 5), "J"),
         ("work of the motors", number(record.motor_work[-1] - record.motor_work[0], 4), "J"),
+        *(
+            [("work taken by dampers", number(record.dissipated[-1] - record.dissipated[0], 4), "J")]
+            * bool(record.dissipated.any())
+        ),
         ("contact law", record.law or "-", ""),
         ("events", str(len(record.events)), ""),
     ]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.model.gravity import along_gravity, is_along_z
 from rbd.statics.actuation import ActuationUniqueness, Margins
 from rbd.statics.pushes import PushLimits
 from rbd.statics.regions import SupportRegion
@@ -30,9 +31,11 @@ def _support_region(record: SupportRegion) -> Card:
         inside = bool(d >= 0.0)
         which = "inside the support region" if inside else "outside the support region"
         said = f"the centre of mass is {fixed(1e3 * abs(d), 1)} mm {which}: {'it can stand' if inside else 'it cannot stand'}"
+    gravity = record.state.robot.gravity
+    com, seen = along_gravity(gravity, record.state.com), "from above" if is_along_z(gravity) else "along gravity, on z = 0"
     rows = [
         ("area", _area(record), ""),
-        ("centre of mass, seen from above", vector(record.loads.state.com[:2]), "m"),
+        (f"centre of mass, seen {seen}", vector(com), "m"),
         ("on", joined(r.name for r in record.loads.rows), ""),
         ("torque limits", "within" if record.torque_limits else "torques of any size", ""),
         ("friction", f"{record.friction}, {share(record.margin, 0)} of it unused", ""),
@@ -43,8 +46,7 @@ def _support_region(record: SupportRegion) -> Card:
         ("linear or conic programs", str(record.programs), ""),
     ]
     folds = [Fold("Corners, each proved by forces", [_corners(record.vertices), Table(proof)])]
-    marks = {"centre of mass": record.loads.state.com[:2]}
-    drawing = "" if record.empty else polygon("the region, seen from above [m]", record.vertices, marks)
+    drawing = "" if record.empty else polygon(f"the region, seen {seen} [m]", record.vertices, {"centre of mass": com})
     motors = record.motors_in_the_way
     notes = [f"Torque limits in the way: {joined(motors)}."] if motors else []
     return Card(said, inside, [Table(rows, ("of the region", "value", "unit"))], notes, folds, drawing)

@@ -306,6 +306,8 @@ def _worst(report: MotionReport, cause: str) -> WorstFrame:
     if cause == "motor":
         j = int(np.argmax(report.excess[i]))
         told += f", {report.motion.robot.actuated_names[j]} {_percent(100.0 * report.excess[i, j])} % beyond its limit"
+    if cause == "torque-speed":
+        told += f", {report.on_line(i)}"
     if cause == "sinks":
         told += f", {-1e3 * float(report.lanes.heights[i].min()):.0f} mm below the floor"
     return WorstFrame(t, cause, cause, words=told)

@@ -13,6 +13,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
 from rbd.problem.residuals import USABLE
 from rbd.simulation.trajectory_fields import RESIDUALS
+from rbd.visual.figures.energies import energy_curves
 from rbd.visual.playback.contact_planes import edge_distances, normals_of
 from rbd.visual.playback.curves import FINE, GREY, Chart, Choice, Line, a_list, chart, most_used
 from rbd.visual.style import COM_COLOR, CONTACT_COLORS, contact_colors
@@ -21,7 +22,7 @@ CHARTS: Mapping[str, str] = {
     "forces": "contact forces: normal (bold) and |f| (fine)",
     "torques": "motor torques in % of their limits",
     "centre of pressure": "distance of the centre of pressure from the edge of its sole",
-    "energy": "kinetic, potential, total, and the motors' work",
+    "energy": "kinetic, potential, total, in springs, and the work of motors and dampers",
     "residuals": "residuals of the contact law and of the constraints, on a logarithmic axis",
     "angles": "joint positions, in % of the way from the middle to a limit",
     "speeds": "joint speeds in % of their limits",
@@ -30,7 +31,6 @@ CHARTS: Mapping[str, str] = {
 """{name: what the chart shows}: those of a trajectory. The first five are drawn where forces are known, else the last three."""
 OF_FORCES, OF_POSES = tuple(CHARTS)[:5], tuple(CHARTS)[5:]
 NAMED_CONTACTS = 6
-_DARK = "#1a1a1a"
 _SMALLEST = 1e-16
 """Residuals below it are drawn at the foot of their axis."""
 
@@ -119,7 +119,7 @@ def _torques(shown: Any) -> Chart | None:
     if not tau.shape[1]:
         return None
     if np.isfinite(robot.effort_limit).any():
-        share = 100.0 * tau / robot.effort_limit
+        share = 100.0 * (robot.torque_use(shown.tau, shown.v) if robot.torque_lines else tau / robot.effort_limit)
         return most_used("torques", "motor torques, % of their limits", robot.actuated_names, share, limit=100.0)
     if not tau.any():
         return None
@@ -142,12 +142,7 @@ def _pressure(shown: Any) -> Chart | None:
 def _energy(shown: Any) -> Chart | None:
     if not all(hasattr(shown, name) for name in ("kinetic", "potential", "motor_work")):
         return None
-    potential = shown.potential - shown.potential[0]
-    lines = [
-        Line("kinetic", CONTACT_COLORS[0], shown.kinetic),
-        Line("potential", CONTACT_COLORS[2], potential),
-        Line("total", _DARK, shown.kinetic + potential),
-    ]
+    lines = [Line(name.split(",")[0], color, values) for name, color, values in energy_curves(shown)]
     if np.any(shown.motor_work):
         lines.append(Line("work of the motors", CONTACT_COLORS[1], shown.motor_work - shown.motor_work[0]))
     return chart("energy", "energy, J (potential from its start)", lines, signed=True)

@@ -17,7 +17,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors import InputError, PictureError
 from rbd.model.output_files import check_place, write_file
-from rbd.simulation.run import progress_of
+from rbd.simulation.progress_bar import progress_of
 from rbd.visual.pages.browser import Browser, BrowserPage, a_browser, one_browser
 from rbd.visual.pages.encoders import QUALITY, Encoder, encoder_of
 from rbd.visual.pages.link import page_link

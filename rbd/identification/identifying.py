@@ -1,0 +1,184 @@
+"""`identify`: the inertial parameters of a robot from measured motions, torques and contact forces."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+
+import numpy as np
+
+from rbd.arrays import Array, check_positive
+from rbd.errors import InputError, ModelWarning, PoorExcitationWarning
+from rbd.identification.base_parameters import base_parameters
+from rbd.identification.consistent import Prior, minimise
+from rbd.identification.data import EXACT, Assembly, Equations, measured_motions
+from rbd.identification.pseudo_inertia import is_possible, made_possible, size_of
+from rbd.identification.result import Identification
+from rbd.model.checked_model import CheckedModel
+from rbd.model.inertial import body_names, checked_columns, inertial_parameters, joint_velocities
+from rbd.motion.sensor_noise import SensorNoise, checked_noise
+
+_ROUNDS = 4
+MANY = 0.1
+"""Share of the base parameters that must be open for a warning, where none is open altogether."""
+LEAST = 0.01
+"""No coordinate's residual counts as smaller than this share of all, over `force_scale`: few equations are fitted too well."""
+BROAD = 10.0
+"""Standard deviation of rotor inertia, damping and dry friction before the data, over the scale of the force."""
+
+
+def identify(
+    motions: object,
+    *,
+    columns: Sequence[str] = ("inertia",),
+    prior: float = 0.3,
+    noise: SensorNoise | None = None,
+) -> Identification:
+    """Inertial parameters of a robot's bodies from motions, torques and contact forces, by physically consistent least squares.
+
+    M a + h = S^T tau + tau_ext + J^T f is linear in the parameters theta: Y theta = b. Sought are the parameters with the least
+    weighted squares of the residual, near those of the model, that some bodies of positive mass have:
+
+        1/2 sum |W (Y theta - b)|^2 + w sum_bodies D(P, P_model),      w = 1 / (4 prior^2)
+
+    with P the pseudo-inertia matrix of a body, positive definite, and D the entropic divergence [Lee2020]: a convex program
+    with one answer, solved by Newton's method. What the data tell they decide; what they leave open is the model's.
+
+    Contact forces that were not measured are eliminated: the equations are multiplied by a basis of the null space of J.
+    Without torques only the equations count that no motor enters, six of a floating base.
+
+    Neglected: errors of q, v and a in Y itself (they bias the answer towards small inertias; smooth the data first),
+    elasticity, and correlation of errors in time, by which the deviations are too small where a was derived over windows.
+
+    Args:
+        motions: `rbd.Motion`, `rbd.Trajectory`, or `rbd.identification.MeasuredMotion` with torques, contacts and forces; one
+            or several, of one robot. A trajectory has its torques; its contacts are given by a `MeasuredMotion`.
+        columns: What is identified: "inertia", and any of "rotor_inertia", "damping", "dry_friction".
+        prior: Relative standard deviation with which the masses of the model are believed, 0.01 to 100.
+        noise: Of the sensors, which gives the weights W; None: each coordinate has one deviation, found from the residuals.
+
+    Returns:
+        Parameters, base parameters with deviations, residuals, certificate; `result.robot()` is the robot with them.
+
+    Raises:
+        InputError: no motion, different robots, fewer equations than base parameters, no accelerations, sizes that do not fit,
+            torques missing of a robot without a floating base.
+        NoSolution: Newton's method did not converge.
+
+    Warns:
+        PoorExcitationWarning: some base parameters are not told at all, or a tenth of them no better than by the model.
+        ModelWarning: a body of the model is impossible; its second moments are raised first.
+
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> wave = lambda t: np.array([1.2 * np.sin(3.0 * t), 0.9 * np.cos(5.0 * t)])
+        >>> motion = rbd.Motion.from_function(arm, wave, np.linspace(0.0, 4.0, 81))
+        >>> tau = np.array([rbd.dynamics.inverse_dynamics(motion.state(i), motion.a[i]) for i in range(81)])
+        >>> found = rbd.identify(rbd.identification.MeasuredMotion(motion, 1.1 * tau))  # every torque a tenth larger
+        >>> found.base.rank, (found.base_values / found.base.values(found.model_theta)).round(4)
+        (6, array([1.1, 1. , 1.1, 1.1, 1. , 1.1]))
+    """
+    given = measured_motions(motions)
+    asked = checked_columns(columns)
+    spread = check_positive("prior", prior, 100.0)
+    if spread < 0.01:
+        raise InputError(f"prior is {prior!r:.40}; expected a relative standard deviation from 0.01 to 100, e.g. 0.3.")
+    robot = given[0].robot
+    if noise is not None:
+        checked_noise(robot, noise, torques=any(x.tau is not None for x in given))
+    if all(x.tau is None for x in given) and not len(robot.unactuated):
+        raise InputError(
+            f"every coordinate of {robot.name} has a motor, and no torques were given: MeasuredMotion(motion, tau)."
+        )
+    theta = _possible(robot, inertial_parameters(robot))
+    base = base_parameters(robot, columns=asked)
+    data = Assembly(given, base, asked, noise)
+    count = len(joint_velocities(robot))
+    others = {"rotor_inertia": np.array(robot.model.armature, float)[joint_velocities(robot)]}
+    values = np.concatenate([theta.ravel(), *[others.get(c, np.zeros(count)) for c in asked if c != "inertia"]])
+    inertia = "inertia" in asked
+    if not inertia:
+        values = values[theta.size :]
+    bodies = np.flatnonzero(theta[:, 0] > 0.0) if inertia else np.zeros(0, int)
+    scale = BROAD * data.scale[joint_velocities(robot)]
+    wide = np.tile(scale, len(asked) - inertia)
+    before = Prior(values, bodies, wide, 1.0 / (4.0 * spread**2))
+    sizes = np.concatenate([_sizes(theta).ravel() if inertia else np.zeros(0), wide])
+    unit = np.linalg.norm(base.B * sizes, axis=1)
+    equations = data.compressed()
+    if equations.count < base.rank:
+        raise InputError(
+            f"{equations.count} equations of {sum(x.frames for x in given)} frames for {base.rank} base parameters of "
+            f"{robot.name}: too few samples. Give more frames."
+        )
+    excitation = equations.condition(unit)
+    if noise is None:
+        equations = _weighed(data, equations, unit)
+    found = minimise(equations.R @ base.B, equations.z, before)
+    result = Identification.of(given, data, equations, base, before, found, unit, asked, excitation)
+    _warn(result, spread)
+    return result
+
+
+def _weighed(data: Assembly, equations: Equations, unit: Array) -> Equations:
+    """The equations weighted by the deviation of each coordinate, which their residuals give."""
+    for _ in range(_ROUNDS):
+        beta = least_squares(equations, unit)
+        rms, share = data.residuals(beta)
+        lost = equations.count / max(1, equations.count - data.base.rank)
+        told = share > 1e-9
+        of_all = float(np.sqrt(((rms / data.scale) ** 2 * share).sum() / share.sum()))
+        floor = max(EXACT, LEAST * of_all) * data.scale
+        before, data.sigma = data.sigma, np.where(told, np.maximum(rms * lost**0.5, floor), data.sigma)
+        equations = data.compressed()
+        if np.abs(np.log(data.sigma / before)).max() < 0.02:
+            break
+    return equations
+
+
+def least_squares(equations: Equations, unit: Array) -> Array:
+    """Base parameters of least squares, of least norm in their units where the data do not decide, shape (r,)."""
+    return np.asarray(unit * np.linalg.lstsq(equations.R * unit, equations.z, rcond=1e-12)[0])
+
+
+def _sizes(theta: Array) -> Array:
+    """Typical sizes of all bodies' parameters, shape (bodies, 10); one of bodies without mass."""
+    return np.array([size_of(each) if each[0] > 0.0 else np.ones(10) for each in theta])
+
+
+def _possible(robot: CheckedModel, theta: Array) -> Array:
+    """The model's parameters, impossible bodies changed, with a warning."""
+    names = body_names(robot)
+    wrong = [i for i, each in enumerate(theta) if each[0] > 0.0 and not is_possible(each)]
+    negative = [names[i] for i, each in enumerate(theta) if each[0] < 0.0]
+    if negative:
+        raise InputError(f"bodies of {robot.name} have negative mass: {', '.join(negative)}.")
+    out = theta.copy()
+    for i in wrong:
+        out[i] = made_possible(theta[i])
+    if wrong:
+        warnings.warn(
+            f"no body can have the inertia of {', '.join(names[i] for i in wrong)} in {robot.name}: the second moments about "
+            "its centre of mass are raised to be positive before the data are fitted.",
+            ModelWarning,
+            stacklevel=3,
+        )
+    return out
+
+
+def _warn(result: Identification, spread: float) -> None:
+    """Say what the data do not tell, where it is much."""
+    open_, r = result.open_base(spread), result.base.rank
+    if result.certificate.rank == r and len(open_) < MANY * r:
+        return
+    told = []
+    for i in open_[:4]:
+        size = result.relative_deviations[i]
+        told.append(f"{result.base.labels[i]} ({f'to {size:.2g} of its size' if np.isfinite(size) else 'not at all'})")
+    warnings.warn(
+        f"poor excitation: {len(open_)} of {r} base parameters are known no better than the model's are believed "
+        f"(prior = {spread:g}): {', '.join(told)}{', ...' * (len(open_) > 4)}. They stay near the model. Move all joints, "
+        "more and faster, in several postures.",
+        PoorExcitationWarning,
+        stacklevel=3,
+    )

@@ -1,0 +1,395 @@
+"""RobotBuilder: a robot or mechanism from bodies, joints, shapes and loops, without a file."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+from rbd.arrays import Array
+from rbd.constraints.contact_kinds import PointContact, SurfaceContact
+from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.model.input_files import FileLimits
+from rbd.model.output_files import check_place, write_text
+from rbd.model.urdf import BASE_JOINT
+from rbd.robots import catalogue
+from rbd.robots.building.closing import coupling_entry, loop_direction, posture_value, user_entry, wheel_entry
+from rbd.robots.building.numbers import (
+    checked_choice,
+    checked_name,
+    checked_triple,
+)
+from rbd.robots.building.parts import Body, Frame, Joint, a_body, a_joint
+from rbd.robots.building.solids import Solid
+from rbd.robots.building.tree import check_tree
+from rbd.robots.building.writing import Entry, urdf_text, yaml_text
+from rbd.robots.loading import load_robot
+from rbd.robots.loop_file import ENDING, ROOTS, LoopFile, Root
+from rbd.robots.robot import Robot
+
+GROUND = "ground"
+"""The body of a fixed root: what does not move. It need not be declared."""
+End = str | tuple[str, Sequence[float] | Array]
+_DELIBERATE = ("effort",)
+"""Kinds of warnings of the doctor that a user of the builder has asked for: a motor without a limit."""
+
+
+class RobotBuilder:
+    """Builds a robot or mechanism in memory: bodies, joints, frames, loops, wheels and postures, then `robot()` or `save()`.
+
+    A body's axes are those of its joint: `at` and `rpy` of `joint` place the child's axes in the parent's, for the joint at
+    zero, and everything of the child (solids, com, frames, joints that hang on it) is given in them. Where no joint is turned,
+    all bodies' axes are parallel to the world's at q = 0. The tree may be declared in any order. A loop of bodies is a tree
+    and a `loop` that closes it.
+
+    Args:
+        name: Of the robot.
+        root: "free_flyer": the root body floats. "planar": it slides and turns on the ground. "fixed": it does not move; it
+            may be called "ground", and then need not be declared.
+        about: What it is, for the head of its file.
+
+    Raises:
+        InputError: an empty name, an unknown root.
+
+    Example:
+        >>> b = rbd.RobotBuilder("pendulum", root="fixed")
+        >>> b.body("bob", rbd.robots.Rod((0, 0, 0), (0, 0, -0.9), mass=0.1), rbd.robots.Sphere(0.1, mass=2.0, at=(0, 0, -1)))
+        >>> b.joint("pivot", "ground", "bob", "revolute", axis=(0, 1, 0))
+        >>> pendulum = b.robot()
+        >>> print(pendulum, rbd.solve(pendulum.at([0.1]), []).a.round(4))
+        Robot('pendulum', nq=1, nv=1, nu=0, mass=2.100 kg) [-0.98]
+    """
+
+    def __init__(self, name: str, *, root: Root = "free_flyer", about: str = "") -> None:
+        self.name = checked_name("the name of the robot", name)
+        checked_choice("root", root, ROOTS)
+        self.root: Root = root
+        if not isinstance(about, str):
+            raise InputError(f"about is {about!r:.80}; expected a sentence.")
+        self.about = about
+        self._parts: list[Body | Joint | Frame] = []
+        self._lists: dict[str, list[Entry]] = {"loops": [], "couplings": [], "wheels": []}
+        self._postures: dict[str, dict[str, float | tuple[float, ...]]] = {}
+
+    def __repr__(self) -> str:
+        counts = [f"{len(found)} {what}" for what, found in (("bodies", self.bodies), ("joints", self.joints))]
+        counts += [f"{len(found)} {what}" for what, found in self._lists.items() if found]
+        return f"RobotBuilder({self.name!r}, root={self.root!r}, {', '.join(counts)})"
+
+    @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies, as declared."""
+        return tuple(part.name for part in self._parts if isinstance(part, Body))
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the joints, as declared."""
+        return tuple(part.name for part in self._parts if isinstance(part, Joint))
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Names of the frames, as declared."""
+        return tuple(part.name for part in self._parts if isinstance(part, Frame))
+
+    def body(
+        self,
+        name: str,
+        *solids: Solid,
+        mass: float | None = None,
+        com: Sequence[float] | Array | None = None,
+        inertia: Sequence[float] | Array | None = None,
+        elements: str = "",
+    ) -> None:
+        """Declare a body: of solids, or by its mass, centre of mass and inertia.
+
+        Args:
+            name: Of the body, which becomes a link of the robot.
+            solids: `rbd.robots.Box`, `Cylinder`, `Sphere`, `Capsule`, `Rod`, `Plate`, `PointMass`: they are drawn and can
+                touch, and their masses, centres and inertias are joined. Solids without mass are shapes only.
+            mass: In place of the masses of solids [kg].
+            com: Its centre of mass in the body's axes, shape (3,) [m]; the origin by default.
+            inertia: About the centre of mass in the body's axes [kg m2]: (Ixx, Iyy, Izz), six entries (xx, xy, xz, yy, yz, zz),
+                or the matrix (3, 3).
+            elements: More <visual> and <collision> elements of a URDF, such as meshes, see `package_dirs` of `robot`.
+
+        Raises:
+            InputError: a name that is taken, numbers that are wrong, an inertia that no body can have, with the violated
+                triangle inequality.
+        """
+        self._free("body", name)
+        self._parts.append(a_body(name, solids, mass, com, inertia, elements))
+
+    def joint(
+        self,
+        name: str,
+        parent: str,
+        child: str,
+        kind: str = "revolute",
+        *,
+        at: Sequence[float] | Array = (0.0, 0.0, 0.0),
+        rpy: Sequence[float] | Array = (0.0, 0.0, 0.0),
+        axis: Sequence[float] | Array = (0.0, 0.0, 1.0),
+        motor: bool = False,
+        effort: float | None = None,
+        limits: Sequence[float] | Array | None = None,
+        speed: float | None = None,
+        damping: float = 0.0,
+        friction: float = 0.0,
+        armature: float = 0.0,
+    ) -> None:
+        """Declare the joint by which a body hangs on another one.
+
+        Args:
+            name: Of the joint.
+            parent: A body, or "ground" where the root is fixed.
+            child: The body that it moves; a body hangs on one joint.
+            kind: "revolute" (q is the angle), "continuous" (q is its cosine and sine), "prismatic", "ball" (a quaternion),
+                "planar" (slides and turns in the x-y plane of its axes), "free", or "fixed".
+            at: Origin of the child's axes in the parent's, shape (3,) [m].
+            rpy: Their roll, pitch and yaw [rad].
+            axis: In the child's axes, shape (3,), of any length.
+            motor: Whether it has a motor.
+            effort: The motor's limit [N m, N]; None where it has none.
+            limits: (lower, upper) of a revolute or prismatic joint [rad, m]; if none are given, 10,000 rad or 1 km either way.
+            speed: Largest speed [rad/s, m/s]; None where it has none.
+            damping: Of the file [N m s/rad, N s/m]; the dynamics have it where `external` does.
+            friction: Dry friction [N m, N], for `robot.joint_frictions()`.
+            armature: Rotor inertia seen through the gear [kg m2, kg].
+
+        Raises:
+            InputError: a name that is taken, a child with two parents, an axis of zero length, an unknown kind, numbers that
+                are wrong.
+        """
+        if name in self.joints or name == BASE_JOINT:
+            raise InputError(f"there is a joint {name!r:.80} already; expected another name.")
+        made = a_joint(
+            name, parent, child, kind, at=at, rpy=rpy, axis=axis, motor=motor, effort=effort, limits=limits, speed=speed,
+            damping=damping, friction=friction, armature=armature,
+        )  # fmt: skip
+        if made.child == GROUND and self.root == "fixed":
+            raise InputError(f"joint {made.name!r:.80} moves the ground, which is fixed; expected it as the parent.")
+        for other in self._parts:
+            if isinstance(other, Joint) and other.child == made.child:
+                raise InputError(
+                    f"body {made.child!r:.80} has two parents, {other.parent!r:.80} (joint {other.name!r:.80}) and "
+                    f"{made.parent!r:.80} (joint {made.name!r:.80}). Bodies in a circle are a tree and a loop: keep one of the "
+                    f"joints, and use .loop({made.name!r:.80}, a, b, kind=...) for the other."
+                )
+        self._parts.append(made)
+
+    def frame(
+        self,
+        name: str,
+        body: str,
+        at: Sequence[float] | Array = (0.0, 0.0, 0.0),
+        *,
+        rpy: Sequence[float] | Array = (0.0, 0.0, 0.0),
+    ) -> None:
+        """Declare a frame on a body: for contacts, loops, forces and drawings.
+
+        Args:
+            name: Of the frame.
+            body: That carries it, or "ground" where the root is fixed.
+            at: Its origin in the body's axes, shape (3,) [m].
+            rpy: Its roll, pitch and yaw [rad].
+
+        Raises:
+            InputError: a name that is taken, numbers that are wrong.
+        """
+        self._free("frame", name)
+        what = f"of frame {name!r:.80}"
+        carrier = checked_name(f"the body {what}", body)
+        self._parts.append(Frame(name, carrier, checked_triple(f"at {what}", at), checked_triple(f"rpy {what}", rpy)))
+
+    def loop(self, name: str, a: End, b: End, *, kind: str, axis: Sequence[float] | Array = (0.0, 0.0, 1.0)) -> None:
+        """Close a loop of bodies: a joint between two frames, see `rbd.LoopClosure`.
+
+        Args:
+            name: Of the loop.
+            a: A frame or body, or (body, point in its axes [m]); for the point a frame `<name>_a` is added.
+            b: The other end, likewise; its frame is `<name>_b`.
+            kind: "point" (a ball joint), "revolute", "rigid", or "planar" (a pin of a flat mechanism).
+            axis: Of "revolute", or normal of "planar", in the axes of a; for "revolute" the same three numbers in those of b.
+
+        Raises:
+            InputError: a name that is taken, an unknown kind, an axis of zero length.
+        """
+        self._new_constraint(name)
+        turned = loop_direction(name, kind, axis)
+        ends = {f"frame_{key}": self._end(name, key, end) for key, end in (("a", a), ("b", b))}
+        self._lists["loops"].append({"name": name, "kind": kind, **ends, **turned})
+
+    def coupling(self, name: str, joint: str, to: str, ratio: float, offset: float = 0.0) -> None:
+        """Couple two joints, q_joint = ratio q_to + offset, as gears and belts do; see `rbd.JointCoupling`.
+
+        Raises:
+            InputError: a name that is taken, numbers that are wrong.
+        """
+        self._new_constraint(name)
+        self._lists["couplings"].append(coupling_entry(name, joint, to, ratio, offset))
+
+    def wheel(
+        self,
+        name: str,
+        frame: str,
+        *,
+        kind: str = "rolling_wheel",
+        radius: float | None = None,
+        axis: Sequence[float] | Array | None = None,
+        direction: Sequence[float] | Array | None = None,
+    ) -> None:
+        """Let something roll or slide on the ground z = 0.
+
+        Args:
+            name: Of the wheel.
+            frame: At its centre.
+            kind: "rolling_wheel" (upright), "rolling_disk" (it may lean), "rolling_ball", or "knife_edge".
+            radius: Of what rolls [m].
+            axis: Of a wheel or disk, in the frame's axes; y by default.
+            direction: Of a knife edge, in the frame's axes; x by default.
+
+        Raises:
+            InputError: a name that is taken, an unknown kind, a radius that is missing or none.
+        """
+        self._new_constraint(name)
+        self._lists["wheels"].append(wheel_entry(name, kind, frame, radius=radius, axis=axis, direction=direction))
+
+    def constraint(self, name: str, kind: str, **keys: str | bool | float | Sequence[float]) -> None:
+        """Add a user's kind of constraint, see `rbd.register_constraint`, to the loops.
+
+        Args:
+            name: Of the constraint.
+            kind: The registered word.
+            keys: Its parameters.
+
+        Raises:
+            InputError: a name that is taken, a kind that is not registered.
+        """
+        self._new_constraint(name)
+        self._lists["loops"].append(user_entry(name, kind, keys))
+
+    def posture(self, name: str, values: Mapping[str, float | Sequence[float]]) -> None:
+        """Name a configuration: {joint: angle [rad], displacement [m], or the joint's part of q}; joints not named are at zero.
+
+        Args:
+            name: Of the posture, for `robot.at(name)`.
+            values: By joint; the root's joint is "root_joint".
+
+        Raises:
+            InputError: a name that is taken, values that are no numbers.
+        """
+        checked_name("the name of a posture", name)
+        if name in self._postures:
+            raise InputError(f"there is a posture {name!r:.80} already; expected another name.")
+        if not isinstance(values, Mapping):
+            raise InputError(f"posture {name!r:.80} is {values!r:.80}; expected joints and their values, {{'knee': 0.3}}.")
+        self._postures[name] = {joint: posture_value(name, joint, value) for joint, value in values.items()}
+
+    def urdf(self) -> str:
+        """The URDF: its bodies, joints, frames and shapes.
+
+        Ball joints have the type "spherical", which `rbd` and PyBullet read.
+
+        Raises:
+            ModelError: no tree with one root, unknown bodies, a moving body without mass.
+        """
+        return urdf_text(self.name, self.about, self._tree())
+
+    def loop_file(self) -> str:
+        """The loop file, in YAML: the root, passive joints, loops, couplings, wheels and postures."""
+        passive = [part.name for part in self._parts if isinstance(part, Joint) and _is_passive(part)]
+        return yaml_text(self.root, passive, self._lists, self._postures)
+
+    def robot(
+        self,
+        *,
+        feet: Sequence[str | SurfaceContact | PointContact] | None = None,
+        limits: FileLimits | None = None,
+        package_dirs: Iterable[str | os.PathLike[str]] = (),
+    ) -> Robot:
+        """The robot: the one that `load_robot` gives for the saved file. No file is written.
+
+        What the doctor finds worth knowing is a `ModelWarning`, without motors whose limit was not given and thin bodies that
+        were asked for.
+
+        Args:
+            feet: Its feet, as for `load_robot`.
+            limits: How large it may be, as for `load_robot`.
+            package_dirs: Folders of meshes, as for `load_robot`.
+
+        Raises:
+            ModelError: no tree with one root, unknown names, moving bodies without mass, an M that is singular.
+            InputError: feet or limits of the wrong kind.
+        """
+        loops = LoopFile.of_text(self.loop_file(), f"{self.name}{ENDING}")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", ModelWarning)
+            robot = load_robot(text=self.urdf(), loops=loops, limits=limits, feet=feet, package_dirs=package_dirs)
+        report = robot.report
+        assert report is not None
+        thin = {part.name for part in self._parts if isinstance(part, Body) and part.thin}
+        kept = [f for f in report.warnings if f.kind not in _DELIBERATE and not (f.kind == "inertia" and f.where in thin)]
+        if kept:
+            warnings.warn(replace(report, warnings=tuple(kept)).summary(), ModelWarning, stacklevel=2)
+        return robot
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the URDF, and the loop file beside it; `load_robot(path)` gives the same robot.
+
+        Args:
+            path: A name that ends in .urdf.
+
+        Returns:
+            The path of the URDF.
+
+        Raises:
+            InputError: another ending.
+            ModelError: a model that is wrong, as `robot`; files that cannot be written.
+        """
+        place = catalogue.file_path(path, "the path")
+        if place.suffix != ".urdf":
+            raise InputError(f"the path is {str(path)!r:.200}; expected one that ends in .urdf, the loop file goes beside it.")
+        texts = {place: self.urdf(), place.with_suffix(ENDING): self.loop_file()}
+        for each in texts:
+            check_place(each, ModelError)
+        for each, text in texts.items():
+            write_text(each, text, ModelError)
+        return place
+
+    def _free(self, what: str, name: object) -> None:
+        checked_name(f"the name of a {what}", name)
+        if name in self.bodies or name in self.frames:
+            raise InputError(f"there is a body or frame {name!r:.80} already; expected another name.")
+
+    def _new_constraint(self, name: object) -> None:
+        checked_name("the name of a loop or wheel", name)
+        if any(entry["name"] == name for entries in self._lists.values() for entry in entries):
+            raise InputError(f"there is a loop, coupling or wheel {name!r:.80} already; expected another name.")
+
+    def _end(self, loop: str, key: str, end: object) -> str:
+        """The frame of an end of a loop."""
+        if isinstance(end, str):
+            return checked_name(f"end {key} of loop {loop!r:.80}", end)
+        if not isinstance(end, tuple | list) or len(end) != 2:
+            raise InputError(
+                f"end {key} of loop {loop!r:.80} is {end!r:.80}; expected a frame, or a body and a point: ('K3', (0.1, 0, 0))."
+            )
+        name = f"{loop}_{key}"
+        self.frame(name, end[0], end[1])
+        return name
+
+    def _tree(self) -> list[Body | Joint | Frame]:
+        """The parts, with the ground where it is needed, checked together."""
+        parts = list(self._parts)
+        if self.root == "fixed" and GROUND not in self.bodies:
+            ends = {part.parent for part in parts if isinstance(part, Joint)} | {p.body for p in parts if isinstance(p, Frame)}
+            if GROUND in ends:
+                parts.insert(0, Body(GROUND, None, (), False))
+        check_tree(self.name, self.root, parts)
+        return parts
+
+
+def _is_passive(joint: Joint) -> bool:
+    return not joint.motor and joint.kind not in ("fixed", "free")

@@ -1,0 +1,250 @@
+"""Bodies, joints and frames of a model in the making, each checked by itself."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.errors import InputError
+from rbd.model.urdf import LIGHTEST
+from rbd.robots.building.numbers import (
+    Triple,
+    checked_axis,
+    checked_choice,
+    checked_name,
+    checked_number,
+    checked_numbers,
+    checked_triple,
+    checked_truth,
+)
+from rbd.robots.building.solids import Drawn, MassProperties, Solid, joined
+
+URDF_TYPES = {
+    "revolute": "revolute",
+    "continuous": "continuous",
+    "prismatic": "prismatic",
+    "ball": "spherical",
+    "planar": "planar",
+    "fixed": "fixed",
+    "free": "floating",
+}
+"""Kinds of joints, and what a URDF calls them; "spherical" is read by `rbd` and by PyBullet."""
+SINGLE = ("revolute", "continuous", "prismatic")
+FARTHEST_TURN, FARTHEST_SLIDE = 1e4, 1e3
+"""Limits [rad, m] of revolute and prismatic joints without limits, which a URDF must state."""
+EQUAL = 1e-9
+"""Relative rounding of principal moments."""
+
+_PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+
+
+@dataclass(frozen=True)
+class Body:
+    """A body: its mass properties and shapes in its own axes, which are those of its joint; elements to add as they are."""
+
+    name: str
+    inertial: MassProperties | None
+    shapes: tuple[Drawn, ...]
+    thin: bool
+    elements: str = ""
+
+    @property
+    def mass(self) -> float:
+        """[kg]."""
+        return 0.0 if self.inertial is None else self.inertial.mass
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A joint from a parent to a child; `effort` and `speed` are zero where it has no such limit."""
+
+    name: str
+    parent: str
+    child: str
+    kind: str
+    at: Triple
+    rpy: Triple
+    axis: Triple
+    limits: tuple[float, float] | None
+    motor: bool
+    effort: float
+    speed: float
+    damping: float
+    friction: float
+    armature: float
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame on a body."""
+
+    name: str
+    body: str
+    at: Triple
+    rpy: Triple
+
+
+def a_body(
+    name: str,
+    solids: Sequence[Solid],
+    mass: float | None,
+    com: Sequence[float] | Array | None,
+    inertia: Sequence[float] | Array | None,
+    elements: str,
+) -> Body:
+    """A body of solids, or of given mass properties.
+
+    Raises:
+        InputError: both or half of the mass properties, numbers that are wrong, an inertia that no body can have.
+    """
+    what = f"body {name!r:.80}"
+    _check_elements(what, elements)
+    for solid in solids:
+        if not isinstance(solid, Solid):
+            raise InputError(
+                f"{what} has a part {solid!r:.80}; expected a solid, e.g. rbd.robots.Box((0.1, 0.1, 0.1), mass=1)."
+            )
+    shapes = tuple(shape for solid in solids for shape in solid.shapes())
+    own = joined(solids)
+    if mass is None:
+        if com is not None or inertia is not None:
+            raise InputError(f"{what} has com or inertia, and no mass; expected all three: mass=..., com=..., inertia=...")
+        thin = own.mass > 0.0 and float(np.linalg.eigvalsh(own.inertia)[0]) <= 0.0
+        return Body(name, own if own.mass > 0.0 else None, shapes, thin, elements)
+    if own.mass > 0.0:
+        raise InputError(f"{what} has the mass of its solids, {own.mass:g} kg, and mass={mass!r:.40}; expected one of them.")
+    kg = checked_number(f"mass of {what}", mass, least=0.0)
+    if inertia is None:
+        raise InputError(
+            f"{what} has a mass and no inertia; give inertia=(Ixx, Iyy, Izz) about its centre of mass, or a solid, e.g. "
+            f"rbd.robots.PointMass({kg:g}, at=...)."
+        )
+    centre = np.array((0.0, 0.0, 0.0) if com is None else checked_triple(f"com of {what}", com))
+    tensor = _tensor(f"inertia of {what}", inertia)
+    if 0.0 < kg < LIGHTEST or (kg == 0.0 and tensor.any()):
+        why = f"{kg:g} kg" if kg else "an inertia and no mass"
+        raise InputError(f"{what} has {why}; no body can have that. Expected a mass of {LIGHTEST:g} kg or more, or nothing.")
+    check_moments(what, tensor)
+    return Body(name, MassProperties(kg, centre, tensor), shapes, float(np.linalg.eigvalsh(tensor)[0]) <= 0.0, elements)
+
+
+def _check_elements(what: str, elements: object) -> None:
+    """Refuse what is no row of <visual> and <collision> elements."""
+    try:
+        found = None if not isinstance(elements, str) else [e.tag for e in ElementTree.fromstring(f"<link>{elements}</link>")]
+    except (ElementTree.ParseError, ValueError):
+        found = None
+    if found is None or "<!" in str(elements) or any(tag not in ("visual", "collision") for tag in found):
+        raise InputError(f"elements of {what} are {elements!r:.80}; expected <visual> and <collision> elements of a URDF.")
+
+
+def _tensor(what: str, inertia: object) -> Array:
+    """Three moments, six entries xx, xy, xz, yy, yz, zz, or the matrix, as the matrix (3, 3)."""
+    if isinstance(inertia, Iterable) and not isinstance(inertia, str | bytes):
+        rows = list(inertia)
+        if len(rows) == 3 and all(isinstance(row, Sequence | np.ndarray) and not isinstance(row, str) for row in rows):
+            matrix = np.array([checked_numbers(f"row {i} of the {what}", row, (3,)) for i, row in enumerate(rows)])
+            if np.abs(matrix - matrix.T).max() > EQUAL * np.abs(matrix).max():
+                raise InputError(f"the {what} is {matrix.tolist()}, which is not symmetric; an inertia is.")
+            return (matrix + matrix.T) / 2.0
+    values = checked_numbers(f"the {what}", inertia, (3, 6))
+    if len(values) == 3:
+        return np.diag(values)
+    matrix = np.zeros((3, 3))
+    for (i, j), value in zip(_PAIRS, values, strict=True):
+        matrix[i, j] = matrix[j, i] = value
+    return matrix
+
+
+def check_moments(what: str, inertia: Array) -> None:
+    """Refuse an inertia that no body can have.
+
+    Principal moments are integrals of squared distances: none is negative, and none is more than the sum of the others.
+
+    Raises:
+        InputError: naming the moments, and the inequality that they violate.
+    """
+    small, middle, large = (float(x) for x in np.linalg.eigvalsh(inertia))
+    told = (
+        f"{what} has an inertia that no body can have: its principal moments are {small:.6g}, {middle:.6g}, {large:.6g} kg m2"
+    )
+    rounding = EQUAL * max(abs(small), abs(large))
+    if small < -rounding:
+        raise InputError(f"{told}, and {small:.6g} is negative. Expected moments about the centre of mass, zero or more.")
+    if small + middle < large - rounding:
+        raise InputError(
+            f"{told}, which violate the triangle inequality I3 <= I1 + I2: {large:.6g} > {small:.6g} + {middle:.6g} = "
+            f"{small + middle:.6g}. Expected moments about the centre of mass; a flat body has I3 = I1 + I2."
+        )
+
+
+def a_joint(
+    name: object,
+    parent: object,
+    child: object,
+    kind: object,
+    *,
+    at: object,
+    rpy: object,
+    axis: object,
+    motor: object,
+    effort: object,
+    limits: object,
+    speed: object,
+    damping: object,
+    friction: object,
+    armature: object,
+) -> Joint:
+    """A joint, its numbers checked; arguments as `RobotBuilder.joint`.
+
+    Raises:
+        InputError: naming the joint, what came and what was expected.
+    """
+    title = checked_name("the name of a joint", name)
+    what = f"joint {title!r:.80}"
+    ends = [checked_name(f"the {end} of {what}", value) for end, value in (("parent", parent), ("child", child))]
+    if ends[0] == ends[1]:
+        raise InputError(f"{what} joins {ends[0]!r:.80} with itself; expected two bodies.")
+    sort = checked_choice(f"kind of {what}", kind, URDF_TYPES)
+    direction = checked_axis(f"axis of {what}", axis)
+    single = sort in SINGLE
+    if sort == "planar" and direction != (0.0, 0.0, 1.0):
+        raise InputError(f"{what} is planar, with axis {axis!r:.80}; it moves in the x-y plane of its frame: turn that by rpy.")
+    driven, strongest = checked_truth(f"motor of {what}", motor), _limit(f"effort of {what}", effort)
+    if driven and sort in ("fixed", "free"):
+        raise InputError(f"{what} is {sort} and has a motor; expected a joint that a motor can move: {', '.join(SINGLE)}.")
+    lost, dry, rotor = (
+        checked_number(f"{key} of {what}", value, least=0.0, most=1e300)
+        for key, value in (("damping", damping), ("friction", friction), ("armature", armature))
+    )
+    fastest = _limit(f"speed of {what}", speed)
+    limited = {"damping": lost, "friction": dry, "armature": rotor, "effort": strongest, "speed": fastest}
+    given = [key for key, value in limited.items() if value]
+    if given and not single:
+        raise InputError(
+            f"{what} is {sort} and has {given[0]}; a file has that for one degree of freedom: {', '.join(SINGLE)}."
+        )
+    bounds = None
+    if limits is not None:
+        if sort not in ("revolute", "prismatic"):
+            raise InputError(f"{what} is {sort} and has limits; expected a revolute or prismatic joint.")
+        low, high = checked_numbers(f"limits of {what}", limits, (2,))
+        if low > high:
+            raise InputError(f"limits of {what} are {low:g}, {high:g}; expected the lower one first.")
+        bounds = low, high
+    origin, turned = checked_triple(f"at of {what}", at), checked_triple(f"rpy of {what}", rpy)
+    return Joint(
+        title, ends[0], ends[1], sort, origin, turned, direction, bounds, driven, strongest, fastest, lost, dry, rotor
+    )  # fmt: skip
+
+
+def _limit(what: str, value: object) -> float:
+    """A limit above zero; zero stands for none, as in a URDF."""
+    number = 0.0 if value is None else checked_number(what, value, least=0.0, most=1e300)
+    if value is not None and number == 0.0:
+        raise InputError(f"{what} is {value!r:.40}; expected a limit above zero, or None.")
+    return number

@@ -1,0 +1,108 @@
+"""Rotor inertias that a robot's files state: the transmissions of a URDF, and the <rotor_params> of its SRDF.
+
+Seen at the joint, a rotor of inertia I behind a gear of n turns a turn of the joint has the inertia n^2 I. Pinocchio reads
+neither; `rbd.load_robot(..., rotors=True)` adds them to M.
+"""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from rbd.model.input_files import FileLimits, read_xml
+from rbd.model.motors import Motor
+from rbd.model.urdf import Complaints
+
+Element = ElementTree.Element
+_INERTIA = {"motorInertia": "mechanicalReduction", "rotor_inertia": "gear_ratio"}
+"""Elements of rotor inertias in transmissions, and of their gears: of ROS, and of Drake (which has them as values)."""
+
+
+@dataclass(frozen=True)
+class Rotor:
+    """A rotor that a file states.
+
+    Attributes:
+        joint: The joint that it drives.
+        inertia: About its own axis [kg m2].
+        gear: Turns of the rotor for a turn of the joint.
+        file: Name of the file.
+    """
+
+    joint: str
+    inertia: float
+    gear: float
+    file: str
+
+    @property
+    def motor(self) -> Motor:
+        """As data of a motor."""
+        return Motor(gear=self.gear, rotor_inertia=self.inertia)
+
+
+def rotors_of(
+    element: Element | None, name: str, srdf: Path | None, limits: FileLimits, joints: Collection[str]
+) -> list[Rotor]:
+    """The rotors of joints, those of the URDF's transmissions before those of the SRDF; of one joint the first counts.
+
+    Args:
+        element: The first element of the robot's file; None to look at the SRDF alone.
+        name: Of that file, for messages.
+        srdf: The semantic file, if there is one.
+        limits: How large it may be.
+        joints: Those that may have a rotor; others are passed over.
+
+    Raises:
+        ModelError: a number that is none, a gear of zero; an SRDF that cannot be read.
+    """
+    found = list(_of_transmissions(element, name)) if element is not None and element.tag == "robot" else []
+    if srdf is not None and srdf.is_file():
+        found += _of_srdf(read_xml(srdf, limits), srdf.name)
+    first: dict[str, Rotor] = {}
+    for rotor in found:
+        if rotor.joint in joints and rotor.inertia:
+            first.setdefault(rotor.joint, rotor)
+    return list(first.values())
+
+
+def _of_transmissions(robot: Element, name: str) -> Iterator[Rotor]:
+    for transmission in robot.findall("transmission"):
+        driven, motors = transmission.findall("joint"), transmission.findall("actuator")
+        if len(driven) != 1 or len(motors) != 1:
+            continue  # a differential: no gear of one joint
+        parts = {part.tag.rpartition("}")[2].rpartition(":")[2]: part for part in (*transmission, *driven[0], *motors[0])}
+        for inertia, gear in _INERTIA.items():
+            if inertia in parts:
+                joint = driven[0].get("name", "")
+                what = f"the transmission of joint {joint!r:.80}"
+                yield Rotor(joint, *_checked(Complaints(name), what, parts[inertia], parts.get(gear)), name)
+
+
+def _of_srdf(robot: Element, name: str) -> Iterator[Rotor]:
+    for entry in robot.iterfind("rotor_params/joint"):
+        joint = entry.get("name", "")
+        wrong, what = Complaints(name), f"the rotor_params of joint {joint!r:.80}"
+        # Pinocchio's name for the inertia is "mass".
+        inertia, gear = (wrong.numbers(what, entry, key)[0] for key in ("mass", "gear_ratio"))
+        _check(wrong, what, inertia, gear)
+        yield Rotor(joint, inertia, gear, name)
+
+
+def _checked(wrong: Complaints, what: str, inertia: Element, gear: Element | None) -> tuple[float, float]:
+    """(inertia, gear) of elements with a value or a text; no gear is a direct drive."""
+    both = ElementTree.Element("rotor")
+    for key, element in (("inertia", inertia), ("gear", gear)):
+        both.set(key, "1" if element is None else (element.get("value") or element.text or "").strip())
+    values = wrong.numbers(what, both, "inertia")[0], wrong.numbers(what, both, "gear")[0]
+    _check(wrong, what, *values)
+    return values
+
+
+def _check(wrong: Complaints, what: str, inertia: float, gear: float) -> None:
+    if inertia < 0.0:
+        wrong.add(f"{what} has a rotor inertia of {inertia:g} kg m2; expected zero or more.")
+    if inertia and gear == 0.0:
+        wrong.add(f"{what} has a gear of 0; expected turns of the rotor for a turn of the joint.")
+    wrong.refuse()

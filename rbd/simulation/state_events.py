@@ -1,0 +1,281 @@
+"""`StateEvent`, a function of the state whose zeros a simulation finds, and `Switch`, what changes there."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from rbd.arrays import Array, as_float
+from rbd.displayed import Displayed
+from rbd.errors import BadEvent, InputError, UnknownName, nearest
+from rbd.errors.inputs import check_different
+from rbd.model.state import State
+
+Function: TypeAlias = Callable[..., Any]
+"""A number of (state) or of (state, t)."""
+_NAMELESS = ("<lambda>", "partial")
+"""Names of functions that have none: they are called by their number."""
+
+
+@dataclass(frozen=True, eq=False)
+class Switch(Displayed):
+    """What changes at an event: constraints begin and cease to act, the state is replaced, an impact follows.
+
+    In this order: the state becomes (q, v), where they are given; constraints are switched; and the constraints that then act
+    stop the velocities that they do not allow, as `rbd.impact` computes. A bilateral contact without an anchor is anchored
+    where it is when it is switched on.
+
+    Attributes:
+        on: Name, or names, of constraints of the motion that act from now on; those that act already stay.
+        off: Name, or names, of those that act no longer: they take no part in the impact, and touches of a contact that is
+            off are ignored.
+        impact: Whether there is an impact; without one v stays as it is, and must be allowed by bilateral constraints.
+        q: Configuration after it, shape (nq,); None: as before.
+        v: Velocity before the impact, shape (nv,); None: as before.
+
+    Raises:
+        InputError: names that are no text, or both on and off; `impact` that is not True or False.
+
+    Example:
+        >>> rbd.simulation.Switch(on="right", off="left")
+        Switch(on=('right',), off=('left',), impact=True, q=None, v=None)
+    """
+
+    on: str | Sequence[str] = ()
+    off: str | Sequence[str] = ()
+    _: KW_ONLY
+    impact: bool = True
+    q: Sequence[float] | Array | None = None
+    v: Sequence[float] | Array | None = None
+
+    def __post_init__(self) -> None:
+        for what in ("on", "off"):
+            object.__setattr__(self, what, names_of(f"{what} of a Switch", getattr(self, what)))
+        both = sorted(set(self.on) & set(self.off))
+        if both:
+            raise InputError(f"a Switch has {both[0]!r:.80} both on and off; give it once.")
+        if not isinstance(self.impact, bool):
+            raise InputError(f"impact of a Switch is {self.impact!r:.80}; expected True or False.")
+
+
+Then: TypeAlias = Switch | Callable[[State, float], Switch | None]
+"""What happens at an event, or a function of the state and the time there that says it."""
+
+
+@dataclass(frozen=True, eq=False)
+class StateEvent(Displayed):
+    """An event of a simulation: a function of the state, f(state) or f(state, t), becomes zero or changes its sign.
+
+    A plain function does as well; its attributes `direction` and `terminal` are then read as by SciPy's `solve_ivp`. An event
+    is found where f has another sign at the end of a step, or at a sample, than before; then its time is computed to 1e-12 s
+    (or rounding). Two zeros within one step are missed: give a shorter step. f that is zero at the start of a motion, or
+    after a switch, has no event until it has become zero again.
+
+    Attributes:
+        function: f, a finite number.
+        name: Name; None: the function's.
+        direction: 1 finds zeros at which f rises, -1 those at which it falls, 0 both.
+        terminal: Whether the motion ends there; or at the how manieth zero, from 1.
+        then: What changes there: a `Switch`, or a function of the state and the time that returns one, or None for nothing.
+        while_on: Names of constraints; the event is only looked for while all of these act.
+        while_off: Names of constraints; the event is only looked for while none of these acts.
+        zero: Values up to this size count as zero: give one where f is not exact, as the height of a foot on the ground is
+            not in time steps, which correct positions to 1e-9 m.
+        required: Whether a motion without this event is an error.
+
+    Raises:
+        InputError: a function that cannot be called, a direction other than -1, 0, 1, a number of zeros below 1.
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> half = rbd.simulation.StateEvent(lambda state: state.q[2] - 0.5, "half way", terminal=True)
+        >>> fall = rbd.simulate(rbd.State(box, [0, 0, 1, 0, 0, 0, 1]), duration=1.0, step=0.1, events=[half])
+        >>> print(fall.events[0], f"{(2 * 0.5 / 9.81) ** 0.5:.6f} s", fall.t[-1] == fall.events[0].t)
+        0.319275 s: half way falls through zero 0.319275 s True
+    """
+
+    function: Function
+    name: str | None = None
+    _: KW_ONLY
+    direction: int = 0
+    terminal: bool | int = False
+    then: Then | None = None
+    while_on: str | Sequence[str] = ()
+    while_off: str | Sequence[str] = ()
+    zero: float = 0.0
+    required: bool = False
+    _timed: bool = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        put, f = object.__setattr__, self.function
+        if isinstance(f, type) or not callable(f):
+            raise InputError(
+                f"an event is {f!r:.80}; expected a function of the state, or of state and time, that gives a number."
+            )
+        name = self.name if self.name is not None else getattr(f, "__name__", type(f).__name__)
+        if not isinstance(name, str) or not name:
+            raise InputError(f"the name of an event is {name!r:.80}; expected text, e.g. 'strike'.")
+        put(self, "name", name)
+        if isinstance(self.direction, bool) or as_float(self.direction) not in (-1.0, 0.0, 1.0):
+            raise InputError(
+                f"direction of event {name!r:.80} is {self.direction!r:.80}; expected 1 (zeros at which the function rises), "
+                "-1 (at which it falls) or 0 (both)."
+            )
+        put(self, "direction", int(self.direction))
+        terminal = self.terminal
+        if not isinstance(terminal, bool | np.bool) and not (isinstance(terminal, int | np.integer) and terminal >= 0):
+            raise InputError(
+                f"terminal of event {name!r:.80} is {terminal!r:.80}; expected True, False, or at the how manieth zero it ends."
+            )
+        put(self, "terminal", bool(terminal) if isinstance(terminal, bool | np.bool) else int(terminal))
+        if (
+            self.then is not None
+            and not isinstance(self.then, Switch)
+            and (isinstance(self.then, type) or not callable(self.then))
+        ):
+            raise InputError(
+                f"then of event {name!r:.80} is {self.then!r:.80}; expected an rbd.simulation.Switch, or a function of state "
+                "and time that returns one."
+            )
+        for what in ("while_on", "while_off"):
+            put(self, what, names_of(f"{what} of event {name!r:.80}", getattr(self, what)))
+        if not 0.0 <= as_float(self.zero) < np.inf:
+            raise InputError(f"zero of event {name!r:.80} is {self.zero!r:.80}; expected a number from 0.")
+        if not isinstance(self.required, bool):
+            raise InputError(f"required of event {name!r:.80} is {self.required!r:.80}; expected True or False.")
+        put(self, "_timed", _takes_time(f))
+
+    @classmethod
+    def of(cls, given: object, number: int) -> StateEvent:
+        """An event as it was given: itself, or a function with the attributes `direction` and `terminal`.
+
+        Args:
+            given: The event.
+            number: Its number among all, from 1: the name of a lambda.
+
+        Raises:
+            InputError: it is neither.
+        """
+        if isinstance(given, cls):
+            return replace(given, name=f"event {number}") if given.name in _NAMELESS else given
+        if isinstance(given, type) or not callable(given):
+            raise InputError(
+                f"event {number} is {given!r:.80}; expected a function of the state, e.g. lambda state: state.q[2], or an "
+                "rbd.simulation.StateEvent."
+            )
+        name = getattr(given, "name", None) or getattr(given, "__name__", type(given).__name__)
+        if name in _NAMELESS:
+            name = f"event {number}"
+        terminal = getattr(given, "terminal", False)
+        return cls(
+            given,
+            name,
+            direction=getattr(given, "direction", 0),
+            terminal=terminal,
+            then=getattr(given, "then", None),
+        )
+
+    @property
+    def ends_at(self) -> int:
+        """The how manieth zero ends the motion; zero for none."""
+        return int(self.terminal)
+
+    def value(self, state: State, t: float) -> float:
+        """F at a state and a time [s].
+
+        Raises:
+            BadEvent: it is no finite number, or the function cannot be called with these arguments.
+        """
+        try:
+            found = self.function(state, t) if self._timed else self.function(state)
+        except TypeError as error:
+            how = "(state, t)" if self._timed else "(state)"
+            raise BadEvent(f"event {self.name!r:.80} was called with {how} at t = {t:.6g} s, and failed: {error}.") from error
+        try:
+            out = np.asarray(found, float)
+        except (TypeError, ValueError):
+            raise BadEvent(f"event {self.name!r:.80} gave {found!r:.80} at t = {t:.6g} s; expected one number.") from None
+        if out.size != 1:
+            raise BadEvent(
+                f"event {self.name!r:.80} gave an array of shape {out.shape} at t = {t:.6g} s; expected one number. Give one "
+                "event for each entry."
+            )
+        g = float(out.reshape(()) if out.ndim == 0 else out.ravel()[0])
+        if not np.isfinite(g):
+            raise BadEvent(f"event {self.name!r:.80} gave {g} at t = {t:.6g} s; expected a finite number.")
+        return g
+
+
+def _takes_time(f: Function) -> bool:
+    """Whether a function takes a state and a time, and not the state alone."""
+    try:
+        inspect.signature(f).bind(None, 0.0)
+    except TypeError:
+        return False
+    except ValueError:  # some that are written in C have no signature
+        return False
+    parameters = [p for p in inspect.signature(f).parameters.values() if p.kind in (p.POSITIONAL_ONLY, p.POSITIONAL_OR_KEYWORD)]
+    second = parameters[1] if len(parameters) > 1 else None
+    return second is None or second.default is second.empty or second.name == "t"
+
+
+def names_of(what: str, given: object) -> tuple[str, ...]:
+    """Names as a tuple: one name, or several.
+
+    Raises:
+        InputError: they are no names.
+    """
+    if isinstance(given, str):
+        return (given,)
+    names = tuple(given) if isinstance(given, Sequence | set | frozenset) else (given,)
+    for name in names:
+        if not isinstance(name, str):
+            raise InputError(f"{what} is {given!r:.80}; expected names of constraints.")
+    return names
+
+
+def events_of(given: object, constraints: Sequence[str]) -> tuple[StateEvent, ...]:
+    """The events of a motion, checked.
+
+    Args:
+        given: Events, or functions; one or a list of them.
+        constraints: Names of the motion's constraints.
+
+    Raises:
+        InputError: no events, or two of one name, or with the name of a constraint.
+        UnknownName: an event names a constraint that is not there.
+    """
+    if isinstance(given, StateEvent) or (callable(given) and not isinstance(given, Sequence)):
+        given = [given]
+    if isinstance(given, str | bytes) or not isinstance(given, Sequence):
+        raise InputError(
+            f"events are {given!r:.80}; expected a list of functions of the state, or of rbd.simulation.StateEvent."
+        )
+    out = tuple(StateEvent.of(each, i) for i, each in enumerate(given, 1))
+    check_different([event.name for event in out], "events")  # type: ignore[misc]  # all have names
+    for event in out:
+        if event.name in constraints:
+            raise InputError(f"event {event.name!r:.80} has the name of a constraint; give it another one.")
+        switch = event.then if isinstance(event.then, Switch) else Switch()
+        for what, names in (
+            ("while_on", event.while_on), ("while_off", event.while_off), ("then.on", switch.on), ("then.off", switch.off),
+        ):  # fmt: skip
+            check_known(f"{what} of event {event.name!r:.80}", names, constraints)
+    return out
+
+
+def check_known(what: str, names: Sequence[str], constraints: Sequence[str]) -> None:
+    """Refuse names that are no constraints of a motion.
+
+    Raises:
+        UnknownName: the first, with the nearest ones.
+    """
+    for name in names:
+        if name not in constraints:
+            raise UnknownName(
+                f"{what} names {name!r:.80}, which is no constraint of this motion; {nearest(name, constraints)}."
+            )

@@ -1,0 +1,185 @@
+"""Gravity of any direction and size: what follows it, and what does not."""
+
+from __future__ import annotations
+
+import copy
+import pickle
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import rbd
+from rbd.errors import InputError
+from rbd.testing import box
+
+TILT = np.radians(20.0)
+R = pin.rpy.rpyToMatrix(0.0, TILT, 0.3)
+"""From the world in which the ground is level to the one in which gravity is along -z."""
+DOWN = np.array([0.0, 0.0, -9.81])
+SIZE = (0.4, 0.3, 0.2)
+
+
+def corners(ground: rbd.Ground | float, friction: float) -> list[rbd.PointContact]:
+    """The four lower corners of the box."""
+    signs = [(1, 1), (1, -1), (-1, -1), (-1, 1)]
+    x, y, z = 0.5 * np.array(SIZE)
+    return [
+        rbd.PointContact(f"c{i}", "box", offset=(a * x, b * y, -z), friction=friction, on=ground)
+        for i, (a, b) in enumerate(signs)
+    ]
+
+
+def patch(ground: rbd.Ground | float, friction: float) -> list[rbd.SurfaceContact]:
+    """The lower face of the box."""
+    X = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.5 * SIZE[2]]))
+    return [rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.15), placement=X, friction=friction, on=ground)]
+
+
+def two_boxes() -> tuple[rbd.State, rbd.State, rbd.Ground]:
+    """A box on level ground under gravity that leans by 20 degrees; and one on an incline of 20 degrees."""
+    p = np.array([0.1, -0.2, 0.5 * SIZE[2]])
+    level = box(10.0, SIZE).with_gravity(R.T @ DOWN)
+    incline = box(10.0, SIZE)
+    first = rbd.State(level, pin.SE3ToXYZQUAT(pin.SE3(np.eye(3), p)))
+    second = rbd.State(incline, pin.SE3ToXYZQUAT(pin.SE3(R, R @ p)))
+    return first, second, rbd.Ground(point=(0.0, 0.0, 0.0), normal=R[:, 2])
+
+
+@pytest.mark.parametrize("contacts", [corners, patch])
+@pytest.mark.parametrize("friction", [0.2, 0.5])
+@pytest.mark.parametrize("law", ["coulomb", "convex"])
+def test_box_under_leaning_gravity_is_a_box_on_an_incline(contacts: object, friction: float, law: str) -> None:
+    """Solved: the same accelerations in the box's axes, the same forces in the turned ones."""
+    first, second, ground = two_boxes()
+    one = rbd.solve(first, [], contacts(0.0, friction), law=law)
+    other = rbd.solve(second, [], contacts(ground, friction), law=law)
+    assert np.abs(one.a - other.a).max() < 1e-9
+    if contacts is patch:
+        for part in (slice(0, 3), slice(3, 6)):
+            turned = R @ one.forces["face"][part]
+            assert np.abs(turned - other.forces["face"][part]).max() < 1e-7
+    else:
+        total = [sum(s.forces.values()) for s in (one, other)]
+        assert np.abs(R @ total[0] - total[1]).max() < 1e-8
+    if law == "coulomb":  # under the convex law a box that slides lifts off
+        along = 9.81 * (np.sin(TILT) - friction * np.cos(TILT))
+        assert abs(np.linalg.norm(one.a[:3]) - max(along, 0.0)) < 1e-9
+
+
+def test_box_under_leaning_gravity_is_held_as_on_an_incline() -> None:
+    """It needs a coefficient of friction of tan 20 degrees."""
+    first, second, ground = two_boxes()
+    enough, little = np.tan(TILT) + 1e-4, np.tan(TILT) - 1e-4
+    one, other = rbd.hold(first, patch(0.0, enough)), rbd.hold(second, patch(ground, enough))
+    assert np.abs(R @ one.forces["face"][:3] - other.forces["face"][:3]).max() < 1e-9
+    assert np.abs(R @ one.forces["face"][3:] - other.forces["face"][3:]).max() < 1e-9
+    for state, on in ((first, 0.0), (second, ground)):
+        with pytest.raises(rbd.CannotHold, match="friction prevents it"):
+            rbd.hold(state, patch(on, little))
+
+
+@pytest.mark.parametrize("v", [(0.3, 0.5, 0.0, 0.0, 0.0, 0.0), (0.3, 0.5, 0.7, 1.5, -0.5, 1.0)])
+def test_box_under_leaning_gravity_moves_as_on_an_incline(v: tuple[float, ...]) -> None:
+    """Pushed so that it slides and stops, or thrown so that it lands on a corner; energy is the same too."""
+    first, second, ground = two_boxes()
+    one, other = (
+        rbd.simulate(state.with_velocity(v), corners(on, 0.4), duration=0.3, step=2e-3)
+        for state, on in ((first, 0.0), (second, ground))
+    )
+    assert np.abs(one.v - other.v).max() < 1e-9
+    assert np.abs(one.com @ R.T - other.com).max() < 1e-9
+    assert np.abs(one.energy - other.energy).max() < 1e-9
+    assert np.ptp(one.energy) > 1.0  # rubbed away, or by the impact
+
+
+def test_box_falls_along_gravity() -> None:
+    """P = g t^2 / 2, in any direction."""
+    g = np.array([1.0, -2.0, 0.5])
+    state = rbd.State(box(10.0, SIZE).with_gravity(g), pin.neutral(box(10.0, SIZE).model))
+    motion = rbd.simulate(state, duration=0.5, step=0.01)
+    assert np.abs(motion.com[-1] - 0.5 * g * 0.25).max() < 1e-9
+    assert np.ptp(motion.energy) < 1e-9
+    floating = rbd.simulate(rbd.State(box(10.0, SIZE).with_gravity((0, 0, 0)), state.q), duration=0.5, step=0.01)
+    assert not floating.com[-1].any()
+
+
+def test_on_the_moon_weight_is_a_sixth() -> None:
+    """Forces, torques of holding and potential energy are in proportion to gravity."""
+    earth = rbd.load_robot("solo12")
+    moon = rbd.load_robot("solo12", gravity=(0.0, 0.0, -1.62))
+    share = 1.62 / 9.81
+    there, here = moon.standing(), earth.standing()
+    assert np.abs(there.q - here.q).max() < 1e-12
+    one, other = (rbd.solve(s, np.zeros(12), s.robot.feet(friction=0.3)) for s in (there, here))
+    for foot in one.forces:
+        assert np.abs(one.forces[foot] - share * other.forces[foot]).max() < 1e-9
+    assert np.abs(one.a - share * other.a).max() < 1e-9
+    held = rbd.hold(there, moon.feet())
+    assert abs(sum(f[2] for f in held.forces.values()) - 1.62 * moon.mass) < 1e-9
+    assert abs(rbd.dynamics.potential_energy(there) - share * rbd.dynamics.potential_energy(here)) < 1e-12
+    assert moon.weight[2] == -1.62 * moon.mass
+    assert earth.gravity.tolist() == [0.0, 0.0, -9.81]
+
+
+def test_robots_with_their_own_gravity_travel() -> None:
+    """Pickles, copies and robots of other processes keep it; a robot with another gravity is another robot."""
+    solo = rbd.load_robot("solo12")
+    leaning = solo.with_gravity(R.T @ DOWN)
+    for robot in (
+        pickle.loads(pickle.dumps(leaning)),
+        copy.deepcopy(leaning),
+        copy.copy(leaning),
+        leaning.with_gravity(R.T @ DOWN),
+    ):
+        assert robot.gravity.tolist() == leaning.gravity.tolist()
+        assert robot.is_like(leaning)
+        assert robot.digest == leaning.digest
+    assert not leaning.is_like(solo)
+    assert leaning.digest != solo.digest
+    assert solo.gravity.tolist() == DOWN.tolist()
+    assert [foot.name for foot in leaning.feet()] == [foot.name for foot in solo.feet()]
+    assert leaning.with_gravity(DOWN).is_like(solo)
+
+
+@pytest.mark.parametrize("g", [9.81, (0.0, 0.0), (0.0, np.nan, 0.0), "down", (0.0, 0.0, -1e5), None])
+def test_what_is_no_gravity_is_refused(g: object) -> None:
+    """A number, wrong sizes, what is not finite, and vectors that are not in m/s2."""
+    with pytest.raises(InputError, match="gravity"):
+        box(1.0, SIZE).with_gravity(g)
+
+
+def test_doctor_tells_gravity() -> None:
+    """A note, where it is not (0, 0, -9.81)."""
+    solo = rbd.load_robot("solo12")
+    assert [note.kind for note in rbd.doctor(solo).notes] == []
+    notes = rbd.doctor(solo.with_gravity((0.0, 0.0, -1.62))).notes
+    assert [note.kind for note in notes] == ["gravity"]
+    assert "-1.62" in notes[0].text
+
+
+@pytest.mark.parametrize("friction", ["inscribed", "cone"])
+def test_support_region_of_talos_is_where_it_can_be_held(friction: str) -> None:
+    """Under gravity that leans: a push moment that shifts its weight's line to a corner can be held, one beyond cannot.
+
+    By `rbd.hold` of the very pose, with a moment on its base that moves the line of action of the weight to points of
+    z = 0 on both sides of the region's edge.
+    """
+    talos = rbd.load_robot("talos").with_gravity(9.81 * np.array([np.sin(0.12), np.sin(-0.07), -0.99]))
+    state, soles = talos.standing(), talos.soles(0.6)
+    region = rbd.statics.support_region(state, soles, friction=friction, torque_limits=True)
+    g, com = talos.gravity, state.com
+    below = com[:2] - com[2] / g[2] * g[:2]
+    assert abs(region.distance() - region.distance(below)) < 1e-12
+    assert region.residual < 1e-6
+    middle = region.vertices.mean(axis=0)
+    for corner in region.vertices[:: max(1, len(region.vertices) // 6)]:
+        for share, can in ((0.995, True), (1.005, False)):
+            d = np.array([*(middle + share * (corner - middle) - below), 0.0])
+            moved = rbd.ExternalForce("base_link", np.zeros(3), moment=np.cross(d, talos.mass * g))
+            try:
+                rbd.hold(state, soles, external=[moved], friction=friction)
+                held = True
+            except rbd.CannotHold:
+                held = False
+            assert held == can
