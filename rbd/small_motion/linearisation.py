@@ -81,7 +81,7 @@ def linearise(
     """
     robot = checked(state).robot
     given = own_or(robot, constraints)
-    torques = np.zeros(robot.nu) if tau is None else robot.check_tau(tau)
+    torques = np.zeros(robot.nu) if tau is None else robot.check_tau(np.asarray(tau))
     manifold = manifold_of(state, given)
     check_on(manifold.rows(state))
     solution = solve(state, torques, given, external=external)
@@ -164,7 +164,8 @@ def _compared(flow: Flow, space: TangentSpace, A: Array, B: Array, rng: np.rando
     basis, picked, worst = space.basis, space.picked, 0.0
     for _ in range(DIRECTIONS if len(picked) else 0):
         x, torques = rng.normal(size=len(picked)), rng.normal(size=B.shape[1])
-        tangent, rate = flow.slope(basis @ (x / max_abs(x)), torques)
+        change: Array = basis @ (x / np.abs(x).max())
+        tangent, rate = flow.slope(change, torques)
         told = A @ tangent[picked] + B @ torques
         worst = max(worst, _relative(rate[picked] - told, np.concatenate([told, rate])))
     return worst
