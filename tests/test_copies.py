@@ -175,6 +175,21 @@ def measured() -> Iterator[object]:
     yield from (noise, found, *found.open, observer.run(falls), observer)
 
 
+def identified() -> Iterator[object]:
+    """Parameters from a motion of an arm, and derivatives by parameters."""
+    arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+    motion = rbd.motion.minimum_jerk(
+        arm, [np.zeros(2), np.array([1.0, -2.0]), np.array([-1.0, 1.0])], [0.0, 0.5, 0.9], rate=20.0
+    )
+    tau = [rbd.dynamics.inverse_dynamics(motion.state(i), motion.a[i]) for i in range(motion.n)]
+    measured = rbd.identification.MeasuredMotion(motion, np.array(tau))
+    found = rbd.identify(measured)
+    assert str(found) and found.open_bodies and found.bodies
+    yield from (measured, found, found.base, rbd.dynamics.regressor(motion.state(1), motion.a[1]))
+    derived = rbd.solve(motion.state(1), np.zeros(2), []).derivatives(parameters=("mass", "gravity"))
+    yield from derived.parameters.values()
+
+
 def mechanisms() -> Iterator[object]:
     """What the analysis of loops and wheels returns."""
     four_bar = rbd.load_robot(URDF / "four_bar.urdf")
@@ -263,6 +278,7 @@ def found() -> dict[type, list[Any]]:
             contact_answers,
             motions,
             measured,
+            identified,
             mechanisms,
             more_constraints,
             reference_motions,
@@ -276,6 +292,7 @@ KEPT = 3
 """So many instances of a class are copied."""
 PUBLIC = ("rbd", "rbd.control", "rbd.simulation", "rbd.mechanism", "rbd.planar", "rbd.constraints", "rbd.problem", "rbd.model")
 PUBLIC += ("rbd.many", "rbd.analysis", "rbd.robots", "rbd.studies", "rbd.statics", "rbd.motion", "rbd.forces")
+PUBLIC += ("rbd.identification",)
 
 
 def public_classes() -> list[type]:

@@ -392,6 +392,19 @@ def use_measured(*given: Any, ask: Any = rbd.estimate_forces, **named: Any) -> A
     return found.row_forces, found.residual, found.tau, found.net, found.row_covariance
 
 
+ARM = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+ARM_MOTION = rbd.motion.minimum_jerk(ARM, [np.zeros(1), np.ones(1), np.zeros(1)], [0.0, 0.5, 1.2], rate=20.0)
+ARM_MEASURED = rbd.identification.MeasuredMotion(
+    ARM_MOTION, np.array([rbd.dynamics.inverse_dynamics(ARM_MOTION.state(i), ARM_MOTION.a[i]) for i in range(ARM_MOTION.n)])
+)
+
+
+def use_identified(**given: Any) -> Any:
+    """What is found."""
+    found = rbd.identify(**given)
+    return found.base_values, found.deviations, found.mass
+
+
 def use_ground(on: Any) -> Any:
     """How far a point and a sole are from a plane."""
     contacts = rbd.PointContact("toe", "box", on=on), rbd.SurfaceContact("sole", "box", half_lengths=(0.1, 0.05), on=on)
@@ -652,6 +665,30 @@ CASES: dict[str, Case] = {
         lambda **given: use_measured(STATE, V, FEET, TAU, noise=rbd.motion.SensorNoise(**given)),
         {"q": 1e-4, "v": 1e-3, "a": 0.1, "tau": 0.1},
         30,
+    ),
+    "identify": Case(
+        use_identified,
+        {"motions": [ARM_MEASURED], "columns": ["inertia", "damping"], "prior": 0.3, "noise": rbd.motion.SensorNoise(tau=0.1)},
+        30,
+    ),
+    "identification.MeasuredMotion": Case(
+        lambda **given: rbd.identification.MeasuredMotion(**given).equations(1, ("inertia",))[1:],
+        {"motion": TRAJECTORY, "tau": np.zeros((4, 0)), "contacts": FLOOR, "touches": np.ones((4, 1), bool)}
+        | {"forces": TRAJECTORY.forces, "external": np.zeros(6)},
+        30,
+    ),
+    "identification.base_parameters": Case(
+        lambda **given: rbd.identification.base_parameters(**given).B, {"robot": BOX, "columns": ["inertia"]}, 10
+    ),
+    "dynamics.regressor": Case(
+        lambda **given: (found := rbd.dynamics.regressor(**given)).Y.shape + (found.Y @ found.theta, found.theta),
+        {"state": MOVING, "a": V, "contacts": FEET, "columns": ["inertia"]},
+        30,
+    ),
+    "Solution.derivatives": Case(
+        lambda parameters: [x.da for x in SOLUTION.derivatives(parameters).parameters.values()],
+        {"parameters": ["friction", "mass"]},
+        20,
     ),
     "motion.MomentumObserver": Case(
         lambda t, state, tau, **given: use_measured(ask=rbd.motion.MomentumObserver(**given).update, t=t, state=state, tau=tau),
@@ -1187,6 +1224,11 @@ MADE_BY_RBD = {
     "ContactTouch",
     "ControlLog",
     "ForceEstimate",
+    "Identification",
+    "IdentificationCertificate",
+    "BodyInertia",
+    "BaseParameters",
+    "ParameterDerivatives",
     "ForceHistory",
     "OpenComponents",
     "Event",
@@ -1436,6 +1478,7 @@ def public() -> Iterator[str]:
     rooms = [("", place, place.__all__) for place in (rbd, *packages)]
     rooms += [("dynamics.", rbd.dynamics, None), ("catalogue.", rbd.robots.catalogue, None)]
     rooms += [("mechanism.", rbd.mechanism, rbd.mechanism.__all__), ("visual.", rbd.visual, rbd.visual.__all__)]
+    rooms += [("identification.", rbd.identification, rbd.identification.__all__)]
     rooms += [("motion.", rbd.motion, rbd.motion.__all__), ("Motion.", rbd.Motion, None)]
     rooms += [("Robot.", rbd.Robot, None), ("State.", rbd.State, None)]
     for room, place, names in rooms:

@@ -17,7 +17,7 @@ PACKAGES = tuple(
     for name in (
         *("dynamics", "constraints", "problem", "solvers", "analysis", "robots", "model", "statics", "control", "mechanism"),
         "small_motion",
-        *("simulation", "motion", "many", "forces", "studies", "planar", "visual", "testing", "errors"),
+        *("simulation", "motion", "identification", "many", "forces", "studies", "planar", "visual", "testing", "errors"),
     )
 )
 """Sub-packages and modules that users import from, besides `rbd` itself."""
@@ -36,7 +36,7 @@ GROUPS = {
     "Torques": "hold inverse_dynamics Actuation",
     "Small motion": "linearise find_equilibrium find_steady_motion",
     "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8 impact",
-    "Motions": "Motion check_motion estimate_forces",
+    "Motions": "Motion check_motion estimate_forces identify",
     "Studies": "study grid sample",
     "Errors": "RbdError InputError NoSolution CannotHold CannotMove",
 }
