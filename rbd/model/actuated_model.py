@@ -5,15 +5,17 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite, check_flag
 from rbd.errors import InputError
 from rbd.model.joints import FORCE_OF, Joints
-from rbd.model.motors import Motor, Motors, TorqueLines, checked_motors, put_motors, torque_use
+from rbd.model.motors import Motor, Motors, TorqueLines, checked_motors, motors_of_plain, put_motors, torque_use
 from rbd.model.travelling import Travelling
+
+Model = TypeVar("Model", bound="ActuatedModel")
 
 
 class ActuatedModel(Travelling):
@@ -138,6 +140,16 @@ class ActuatedModel(Travelling):
         self._take_motors(dict(extras))
 
 
+def with_plain_motors(robot: Model, plain: object) -> Model:
+    """The robot with the motors of `plain_motors`; the same where there are none.
+
+    Raises:
+        InputError: what is no such data.
+    """
+    motors = motors_of_plain(plain)
+    return robot.with_motors(motors) if motors else robot
+
+
 def on_its_line(robot: ActuatedModel, motor: int, tau: float, v: Array) -> str:
     """A torque beyond a torque-speed line, in words: "35 N m at 12 rad/s, where its torque-speed line leaves 20 N m".
 
@@ -148,7 +160,7 @@ def on_its_line(robot: ActuatedModel, motor: int, tau: float, v: Array) -> str:
         return ""
     joint = robot.joints[robot.actuated_names[motor]]
     unit, most = FORCE_OF[joint.unit], abs(float(robot.torque_limits(v)[tau > 0.0][motor]))
-    return f"{tau:.4g} {unit} at {speed:.4g} {joint.unit}/s, where its torque-speed line leaves {most:.4g} {unit}"
+    return f"{abs(tau):.4g} {unit} at {abs(speed):.4g} {joint.unit}/s, where its torque-speed line leaves {most:.4g} {unit}"
 
 
 def beyond_limit(robot: ActuatedModel, motor: int, tau: float, v: Array) -> str:
