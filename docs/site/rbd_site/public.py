@@ -17,12 +17,15 @@ PACKAGES = tuple(
     for name in (
         *("dynamics", "constraints", "problem", "solvers", "analysis", "robots", "model", "statics", "control", "mechanism"),
         "small_motion",
-        *("simulation", "motion", "identification", "many", "studies", "planar", "visual", "testing", "errors"),
+        *("simulation", "motion", "identification", "many", "forces", "studies", "planar", "visual", "testing", "errors"),
     )
 )
 """Sub-packages and modules that users import from, besides `rbd` itself."""
 GROUPS = {
-    "Robots and states": "load_robot Robot RobotBuilder doctor State find_pose register_constraint dynamics ExternalForce",
+    "Robots and states": """
+        load_robot Robot RobotBuilder Motor doctor State find_pose register_constraint dynamics ExternalForce
+    """,
+    "Springs and dampers": "Spring Damper Bushing JointSpring JointDamping",
     "Motion and forces of one instant": "solve Solution gauss_problem solve_problem GaussProblem Rows solve_many",
     "Solvers": "KKT ProxQP ConeSolver",
     "Contacts": "PointContact LineContact SurfaceContact CollisionContacts Ground Body",
