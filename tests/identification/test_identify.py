@@ -167,7 +167,7 @@ class TestOpenMasses:
         """A box in the air: all ten parameters but their scale; with a measured push the mass too."""
         box = rbd.testing.box(mass=10.0)
         rng, frames = np.random.default_rng(0), 30
-        q = np.array([pin.integrate(box.model, box.neutral(), rng.normal(size=6)) for _ in range(frames)])
+        q = np.array([pin.integrate(box.model, pin.neutral(box.model), rng.normal(size=6)) for _ in range(frames)])
         v, push = rng.normal(size=(frames, 6)), np.array([5.0, 7.0, 50.0, 1.0, 2.0, 3.0])
         a = np.array([rbd.solve(rbd.State(box, x, w), [], external=push).a for x, w in zip(q, v, strict=True)])
         motion = rbd.Motion.of_arrays(box, np.arange(float(frames)), q, v, a)
@@ -208,14 +208,16 @@ class TestWithOtherParts:
 
     def test_a_built_robot_with_a_spring_a_rotor_and_another_gravity(self):
         """A pendulum of the builder on the Moon: the spring is known, its rotor is known, the mass moment is found."""
-        builder = rbd.RobotBuilder("swing")
-        builder.body("bob", mass=2.0, com=(0.0, 0.0, -0.5), inertia=np.diag([0.05, 0.05, 0.01]))
-        builder.joint("hinge", "world", "bob", "revolute", axis=(0, 1, 0))
-        robot = builder.robot(root="fixed").with_gravity((0.0, 0.0, -1.62)).with_motors({"hinge": rbd.Motor(rotor_inertia=0.03)})
+        builder = rbd.RobotBuilder("swing", root="fixed")
+        builder.body("bob", mass=2.0, com=(0.0, 0.0, -0.5), inertia=(0.05, 0.05, 0.01))
+        builder.joint("hinge", "ground", "bob", axis=(0, 1, 0), motor=True, armature=0.03)
+        robot = builder.robot(gravity=(0.0, 0.0, -1.62))
         spring = [rbd.JointSpring("hinge", stiffness=4.0)]
         torque = rbd.control.TorqueSchedule([0.0, 0.5, 1.0, 2.0], np.array([[0.0], [2.0], [-3.0], [1.0]]))
         moves = rbd.simulate(robot.at([0.4]), duration=2.0, step=0.01, controller=torque, external=spring, progress=False)
-        with pytest.raises(rbd.InputError, match="springs or dampers acted in the trajectory .hinge., and external is not given"):
+        with pytest.raises(
+            rbd.InputError, match="springs or dampers acted in the trajectory .spring in hinge., and external is not given"
+        ):
             rbd.identify(moves)
         found = rbd.identify(MeasuredMotion(moves, external=spring))
         assert found.residual.max() < 1e-9
