@@ -38,7 +38,7 @@ class MeasuredMotion(Displayed):
         tau: Motor torques, shape (n, nu) [N, N m]; None: those of a trajectory. Of a motion without torques only the
             equations that no motor enters count: the rate of momentum of a floating base.
         contacts: What may touch; None: those of `Motion.contacts`. Forces that are not in `forces` are eliminated.
-        touches: Which of them touch when, shape (n, k), of truth values; all of them if not given.
+        touches: Which of them touch when, shape (n, k), of truth values; all if not given. Measured forces count always.
         forces: {contact: measured forces (n, 3) or wrenches (n, 6)} on the robot, in W, as `Trajectory.forces`.
         external: Other forces of the world that are known, the same at all times; springs are taken at each state.
 
@@ -147,9 +147,12 @@ class MeasuredMotion(Displayed):
             b[robot.motors] += self.tau[i]
         if self.external is not None:
             b += generalised(state, self.external)[0]
-        acting = [c for c, on in zip(self._given, np.asarray(self.touches)[i], strict=True) if on]
+        touching = np.asarray(self.touches)[i]
+        acting = [c for c, on in zip(self._given, touching, strict=True) if on or c.name in self.forces]
         for rows in rows_of(state, acting):
             force = self.forces.get(rows.name)
+            if not len(rows):  # a limit that is not reached
+                continue
             if force is None:
                 unknown.append(rows.J.T)
                 continue
