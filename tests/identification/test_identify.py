@@ -262,6 +262,14 @@ class TestTheProgram:
         assert found.least_squares[second] < 0.0 < found.base_values[second]
         assert found.certificate.least_eigenvalue > 0.0
 
+    def test_accelerations_derived_from_positions_are_good_enough(self):
+        """Positions alone at 100 Hz, v and a by `rbd.Motion`: within a thousandth away from the ends."""
+        exact, tau = waving(ARM, 401)
+        derived = rbd.Motion.of_arrays(ARM, exact.t, exact.q)
+        inner = (derived.t > 0.2) & (derived.t < 3.8)
+        found = rbd.identify(MeasuredMotion(derived.cut(0.2001, 3.7999), tau[inner]))
+        assert np.abs(found.base_values - true_base(found, ARM)).max() < 1e-3 * found.unit.max()
+
     def test_sensor_noise_gives_the_weights(self):
         """Of q, v, a and tau: deviations are finite, and the truth is within four of them."""
         motion, tau = waving(ARM)
