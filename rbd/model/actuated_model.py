@@ -15,7 +15,6 @@ from rbd.model.joints import FORCE_OF, Joints
 from rbd.model.motors import Motor, Motors, TorqueLines, checked_motors, motors_of_plain, put_motors, torque_use
 from rbd.model.travelling import Travelling
 
-
 Model = TypeVar("Model", bound="ActuatedModel")
 
 
