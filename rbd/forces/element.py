@@ -112,7 +112,7 @@ class BetweenPlaces(Displayed):
         m, J = len(found.x), pair.J
         A, C = found.D @ J, self._damping(m)
         dF = -self._stiffness(m) @ A
-        if C.any():
+        if C.any() and state.v.any():
             dF -= C @ (found.rate_change(pair.u) @ J + found.D @ pair.velocity_dq())
         by_q = pair.geometric(found.D.T @ F) + J.T @ (found.force_change(F) @ J) + A.T @ dF
         return by_q, -A.T @ C @ A
