@@ -908,7 +908,7 @@ CASES: dict[str, Case] = {
     ),
     "HoldPosture": Case(
         lambda **given: use_controller(rbd.control.HoldPosture(**given)),
-        {"state": STATE, "contacts": FEET, "frequency": 10.0, "damping_ratio": 1.0},
+        {"state": STATE, "contacts": FEET, "frequency": 10.0, "damping_ratio": 1.0, "external": np.zeros(BOLT.nv)},
         30,
     ),
     "ContactSchedule": Case(
@@ -918,7 +918,7 @@ CASES: dict[str, Case] = {
     "WholeBodyController": Case(
         lambda **given: use_whole_body(rbd.control.WholeBodyController(**given)),
         {"tasks": [rbd.control.PostureTask(STATE)], "contacts": FEET, "every": 0.002, "contact_damping": 50.0, "early": 0.5}
-        | {"schedule": rbd.control.ContactSchedule({}), "limits": rbd.control.Limits()},
+        | {"schedule": rbd.control.ContactSchedule({}), "limits": rbd.control.Limits(), "external": np.zeros(BOLT.nv)},
         30,
     ),
     "TorqueSchedule": Case(

@@ -24,6 +24,7 @@ from rbd.errors import InputError, NoSolution, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.errors.warned import stacklevel_of_user
 from rbd.model.checked_model import CheckedModel
+from rbd.model.external import External
 from rbd.model.state import State
 from rbd.problem.ground import Body
 
@@ -77,6 +78,8 @@ class WholeBodyController(Displayed):
         every: Time between two steps of control [s]; None: every step of the simulation is one.
         contact_damping: k: velocities of contacts decay at this rate [1/s]; well below 1 over the time between two steps.
         early: After this share of a swing, a contact that touches has landed.
+        external: Other forces of the world that it counts on, as of `rbd.control.step`: e.g. springs that also act in the
+            simulation. By default none: forces of the simulation that it is not told of are disturbances.
 
     Raises:
         InputError: no tasks, or what is no task; no list of constraints; a schedule that lifts all contacts at once without
@@ -104,6 +107,7 @@ class WholeBodyController(Displayed):
     every: float | None = None
     contact_damping: float = DAMPING
     early: float = 0.5
+    external: External = None
     _memory: list[_Memory] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -243,6 +247,7 @@ class WholeBodyController(Displayed):
                 limits=self.limits,
                 normal_force=bounds,
                 contact_damping=float(self.contact_damping),
+                external=self.external,
             )
         except NoSolution as error:
             error.add_note(f"at t = {told.t:.6g} s, on {', '.join(seen.since) or 'no contact'}")
