@@ -1211,6 +1211,7 @@ CASES |= {
     ),
 }
 MADE_BY_RBD = {
+    "ElementPicture",
     "Samples",
     "Explorer",
     "Motion",
@@ -1467,6 +1468,7 @@ def public() -> Iterator[str]:
         rbd.analysis,
         rbd.constraints,
         rbd.control,
+        rbd.forces,
         rbd.many,
         rbd.model,
         rbd.problem,
