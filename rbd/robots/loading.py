@@ -167,9 +167,11 @@ def _loaded(
 ) -> Robot:
     """The robot of a file and its report, whatever is in that."""
     closing = loop_file_of(source, loops)
+    if closing is not None and root in (None, closing.root):
+        plane = plane or closing.plane
     root = root or (closing.root if closing else None) or "free_flyer"
     file = read(
-        source.urdf,
+        source.place,
         limits,
         base=ROOTS[root],
         known=source.known,
@@ -240,6 +242,6 @@ def doctor(robot: Robot) -> ModelReport:
         more.append(ModelIssue("file", source.urdf.name, "is no longer there; this is what was found when it was loaded"))
     else:
         folders = source.package_dirs
-        file = read(source.urdf, robot.limits, base=ROOTS[robot.root], folders=folders, leave_out=robot.leave_out, data=data)
+        file = read(source.place, robot.limits, base=ROOTS[robot.root], folders=folders, leave_out=robot.leave_out, data=data)
         report = examine(robot, file, robot.postures, source.package_dirs)
     return replace(report, notes=(*report.notes, *more)) if more else report

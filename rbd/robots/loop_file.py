@@ -55,6 +55,10 @@ ENDING = ".loops.yaml"
 ROOTS: dict[Root, int] = {"free_flyer": 6, "planar": 3, "fixed": 0}
 """Kinds of root joint, and their degrees of freedom."""
 PARTS = ("root", "plane", "passive", "frames", "loops", "couplings", "wheels", "postures")
+LARGEST_FILE = 200_000
+"""Bytes. Larger files would take seconds to read, and no robot needs them."""
+DEEPEST = 8
+"""Lists inside lists; the format needs four."""
 
 
 @dataclass(frozen=True)
@@ -74,13 +78,13 @@ class LoopFile(Displayed):
     Attributes:
         name: Of the file, for messages.
         root: Kind of the robot's root joint, if given.
+        plane: Of a planar root, if given.
         passive: Joints without a motor.
         frames: To be added to the robot.
         loops: Closures, then couplings, as constraints.
         wheels: What rolls or slides on the ground, as constraints.
         postures: {name: {joint: numbers}}.
         text: What was read.
-        plane: In which a planar root slides, if given.
 
     Example:
         >>> closing = rbd.robots.LoopFile.of_text("{root: fixed, postures: {up: {crank_joint: 1.57}}}")
@@ -90,13 +94,13 @@ class LoopFile(Displayed):
 
     name: str = ""
     root: Root | None = None
+    plane: Plane | None = None
     passive: tuple[str, ...] = ()
     frames: tuple[NamedFrame, ...] = ()
     loops: tuple[Constraint, ...] = ()
     wheels: tuple[Constraint, ...] = ()
     postures: Mapping[str, Mapping[str, tuple[float, ...]]] = field(default_factory=dict)
     text: str = field(default="", repr=False, compare=False)
-    plane: Plane | None = None
 
     @classmethod
     def of_text(cls, text: str, name: str = "loops.yaml") -> LoopFile:
@@ -112,11 +116,7 @@ class LoopFile(Displayed):
         """
         if not isinstance(text, str) or not isinstance(name, str):
             raise InputError(f"the text of a loop file is {text!r:.80}; expected YAML as a string.")
-        try:
-            data = text.encode()
-        except UnicodeEncodeError as error:
-            raise InputError(f"a loop file has the character {error.object[error.start]!r}, which UTF-8 has not.") from None
-        return _contents(name, data)
+        return _contents(name, text.encode(errors="surrogatepass"))  # which then is no UTF-8
 
 
 @dataclass(frozen=True)
@@ -213,8 +213,8 @@ def _contents(file: str, data: bytes) -> LoopFile:
     if root is not None and not (isinstance(root, str) and root in ROOTS):
         what.stop(f"root is {root!r:.80}; expected one of {', '.join(ROOTS)}.")
     plane = top.get("plane")
-    if plane is not None and (plane not in PLANES or root != "planar"):
-        what.stop(f"plane is {plane!r:.80} and root {root!r:.80}; expected one of {', '.join(PLANES)}, with 'root: planar'.")
+    if plane is not None and not (root == "planar" and isinstance(plane, str) and plane in PLANES):
+        what.stop(f"plane is {plane!r:.80}; expected one of {', '.join(PLANES)}, with `root: planar`.")
     marks = what.mapping("frames", top.get("frames", {}))
     frames = tuple(what.frame(name, entry) for name, entry in marks.items())
     loops, couplings, wheels = (what.constraints(part, top) for part in ("loops", "couplings", "wheels"))
@@ -223,7 +223,7 @@ def _contents(file: str, data: bytes) -> LoopFile:
         if names.count(name) > 1:
             what.stop(f"{names.count(name)} constraints are called {name!r:.80}; expected different names.")
     passive, postures = what.words("passive", top.get("passive", [])), what.postures(top.get("postures", {}))
-    return LoopFile(file, root, passive, frames, (*loops, *couplings), wheels, postures, data.decode(), plane)
+    return LoopFile(file, root, plane, passive, frames, (*loops, *couplings), wheels, postures, data.decode())
 
 
 @dataclass(frozen=True)
