@@ -80,7 +80,8 @@ def draw(found: Identification, unseen: MeasuredMotion, model: rbd.Robot) -> Non
     figure, motion = Figure(figsize=(7.0, 5.6), layout="constrained"), unseen.motion
     each, predicted = list(zip(motion.q, motion.v, motion.a, strict=True)), found.predicted(unseen)
     new, old = (
-        np.array([rbd.dynamics.inverse_dynamics(rbd.State(robot, q, v), a) for q, v, a in each]) for robot in (found.robot(), model)
+        np.array([rbd.dynamics.inverse_dynamics(rbd.State(robot, q, v), a) for q, v, a in each])
+        for robot in (found.robot(), model)
     )
     for ax, name in zip(figure.subplots(3, sharex=True), SHOWN, strict=True):
         i = model.joints[name].v.start
