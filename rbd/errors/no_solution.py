@@ -285,7 +285,7 @@ class NoSteadyState(NoSolution):
     Example:
         >>> box = rbd.testing.box(mass=2.0)
         >>> try:
-        ...     rbd.find_equilibrium(box.at())  # nothing carries it
+        ...     rbd.find_equilibrium(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]))  # nothing carries it
         ... except rbd.errors.NoSteadyState as error:
         ...     print(f"{error.acceleration:.2f} m/s2")
         9.81 m/s2

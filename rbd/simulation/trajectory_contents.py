@@ -47,6 +47,7 @@ def header_of(fields: Fields) -> dict[str, Any]:
         "step": float(fields["step"]),
         **{word: str(fields[word]) for word in WORDS},
         "events": [[float(e.t), e.name, e.kind, int(e.point), float(e.speed), float(e.impulse)] for e in fields["events"]],
+        "absent": list(fields["absent"]),
     }
 
 
@@ -108,6 +109,7 @@ def fields_of(
         "points": {name: found(f"points_{key[name]}") for name in contacts},
         "point_forces": {name: found(f"point_forces_{key[name]}") for name in contacts},
         "events": tuple(_event(given) for given in listed_in(header, "events")),
+        "absent": words_in(header, "absent") if "absent" in header else (),
         "step": as_float(header.get("step")),
         **{word: header.get(word) for word in WORDS},
     }

@@ -10,7 +10,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_float, lazy, max_abs
-from rbd.constraints.constraint import Constraint, listed
+from rbd.constraints.constraint import Constraint
+from rbd.constraints.manifold import own_or
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSteadyState, RbdWarning
 from rbd.least_constraint import solve
@@ -126,7 +127,7 @@ def find_equilibrium(
     robot = checked(state).robot
     free, torques = _torques(state, tau)
     start, kept, _ = _started(state.with_velocity(robot.zero_v), fixed, None)
-    given = (*robot.loops(), *robot.wheels()) if constraints is None else listed(constraints)
+    given = own_or(robot, constraints)
     positions = np.flatnonzero(~kept)
     held = tuple(held_together(c) for c in given)
     search = Search(held, manifold_of(start, held), external, positions, np.zeros(0, int), free)
@@ -181,7 +182,7 @@ def find_steady_motion(
     robot = checked(state).robot
     free, torques = _torques(state, tau)
     start, kept, still = _started(state, fixed, speeds)
-    given = (*robot.loops(), *robot.wheels()) if constraints is None else listed(constraints)
+    given = own_or(robot, constraints)
     if not all(map(callable, conditions)):
         raise InputError(
             f"conditions are {conditions!r:.80}; expected functions of the state, e.g. [lambda state: state.q[2] - 1]."

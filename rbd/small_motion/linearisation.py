@@ -11,7 +11,8 @@ import pinocchio as pin
 from rbd.analysis.modes import modes_of
 from rbd.analysis.sensitivity import Derivatives
 from rbd.arrays import Array, max_abs
-from rbd.constraints.constraint import Constraint, listed
+from rbd.constraints.constraint import Constraint
+from rbd.constraints.manifold import own_or
 from rbd.errors import NotDifferentiable, NotSteadyWarning
 from rbd.least_constraint import solve
 from rbd.model.external import External
@@ -79,8 +80,8 @@ def linearise(
         array([3.414214, 3.414214, 0.585786, 0.585786])
     """
     robot = checked(state).robot
-    given = (*robot.loops(), *robot.wheels()) if constraints is None else listed(constraints)
-    torques = np.zeros(robot.nu) if tau is None else robot.check_tau(tau)
+    given = own_or(robot, constraints)
+    torques = np.zeros(robot.nu) if tau is None else robot.check_tau(np.asarray(tau))
     manifold = manifold_of(state, given)
     check_on(manifold.rows(state))
     solution = solve(state, torques, given, external=external)
@@ -163,7 +164,8 @@ def _compared(flow: Flow, space: TangentSpace, A: Array, B: Array, rng: np.rando
     basis, picked, worst = space.basis, space.picked, 0.0
     for _ in range(DIRECTIONS if len(picked) else 0):
         x, torques = rng.normal(size=len(picked)), rng.normal(size=B.shape[1])
-        tangent, rate = flow.slope(basis @ (x / max_abs(x)), torques)
+        change: Array = basis @ (x / np.abs(x).max())
+        tangent, rate = flow.slope(change, torques)
         told = A @ tangent[picked] + B @ torques
         worst = max(worst, _relative(rate[picked] - told, np.concatenate([told, rate])))
     return worst

@@ -263,15 +263,15 @@ class Linearised(Displayed):
         moving = "a steady motion" if self.state.v.any() else "an equilibrium"
         lines = [
             self.verdict,
-            f"{self.state.robot.name} about {moving}: {len(self.positions)} coordinates of position, "
-            f"{len(self.velocities)} of velocity; {self.rows} rows of constraints of rank {self.rank_v}, "
+            f"{self.state.robot.name} about {moving}: {_many(len(self.positions), 'coordinate', 'coordinates')} of position, "
+            f"{len(self.velocities)} of velocity; {_many(self.rows, 'row', 'rows')} of constraints of rank {self.rank_v}, "
             f"{self.rank_q} of them of position",
         ]
         lines += [f"  {mode}" for mode in self._modes[:_SHOWN]]
         if len(self._modes) > _SHOWN:
             lines.append(f"  and {len(self._modes) - _SHOWN} more modes, of smaller real parts")
         if len(self.tau):
-            lines.append(f"{len(self.tau)} motors reach {self.controllable} of {self.n} dimensions")
+            lines.append(f"{_many(len(self.tau), 'motor reaches', 'motors reach')} {self.controllable} of {self.n} dimensions")
         lines.append(
             f"largest acceleration of the state {self.acceleration:.1e}, change of A along the motion {self.variation:.1e}; "
             f"A by {self.method.partition(':')[0]}: off the constraints by {self.invariance:.1e}, from differences of the "

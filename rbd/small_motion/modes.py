@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-    from rbd.visual.scene import Scene
-
 _NAMED = 3
 """So many coordinates are named in a mode's title."""
 _LEAST = 0.05
@@ -138,8 +136,8 @@ class Mode(Displayed):
         q = pin.integrate(robot.model, self.state.q, np.real(factor * self.dq))
         return State(robot, pin.normalize(robot.model, q))
 
-    def scene(self, **options: Any) -> Scene:
-        """A scene with its two poses of largest displacement; see `rbd.visual.mode_scene`."""
+    def scene(self, **options: Any) -> Any:
+        """A `rbd.visual.Scene` with its two poses of largest displacement; see `rbd.visual.mode_scene`."""
         from rbd.visual.mode_drawing import mode_scene
 
         return mode_scene(self, **options)

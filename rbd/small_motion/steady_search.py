@@ -34,6 +34,8 @@ from rbd.small_motion.tangent_space import velocity_slopes
 MET = 1e-10
 """Residuals up to this are met [m, rad; m/s; m/s2]."""
 STEPS = 60
+SLOW = 6
+"""So many steps in a row that each reduce the residual by less than a tenth end the search."""
 FARTHEST = 0.3
 """Longest step [rad, robot's lengths], over one for velocities."""
 AT = (0.0, 0.35, 0.8)
@@ -126,9 +128,9 @@ class Search:
         """
         moves, units = len(self.positions) + len(self.velocities), self._units(here)
         scale = here.state.robot.joints.scale
-        F = self._residuals(here, times, moving)[0]
+        F, slow = self._residuals(here, times, moving)[0], 0
         for step in range(STEPS):
-            if max_abs(F) <= MET or not len(units):
+            if max_abs(F) <= MET or slow == SLOW or not len(units):
                 return here, F, step
             z = self._step(self._slopes(here, times, moving) * units, F, len(here.tau))
             length = max_abs(z[:moves])
@@ -140,7 +142,9 @@ class Search:
                 except (NoSolution, InputError):
                     z *= 0.5
                     continue
-                if np.linalg.norm(F_there) < np.linalg.norm(F):
+                before, after = float(np.linalg.norm(F)), float(np.linalg.norm(F_there))
+                if after < before:
+                    slow = slow + 1 if after > 0.9 * before else 0
                     here, F = nearer, F_there
                     break
                 z *= 0.5

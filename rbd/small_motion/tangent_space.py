@@ -18,7 +18,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import qr
 
 from rbd.analysis.differences import STEP, slope
 from rbd.analysis.modes import modes_of
@@ -84,7 +83,7 @@ def check_on(held: StackedRows) -> None:
         InputError: naming the worst row, its error and the cure.
     """
     for what, sizes, unit, cure in (
-        ("is off", held.error, "m or rad", "Put it there first, with rbd.mechanism.assemble."),
+        ("is off by", held.error, "m or rad", "Put it there first, with rbd.mechanism.assemble."),
         (
             "moves at",
             held.velocity,
@@ -158,11 +157,27 @@ def coordinates(J: Array, scale: Array) -> tuple[Array, Array, Array]:
     if not sizes.any():
         weights = np.ones(len(J))
     N, _ = null_space(weights[:, None] * J * scale, RANK)
-    chosen = np.sort(qr(N.T, mode="r", pivoting=True)[1][: N.shape[1]]) if N.shape[1] else np.zeros(0, int)
+    chosen = independent_rows(N)
     T = np.linalg.solve(N[chosen].T, N.T).T if N.shape[1] else N
     T = scale[:, None] * T / scale[chosen]
     T[chosen] = np.eye(len(chosen))
     return T, chosen, weights
+
+
+def independent_rows(N: Array) -> Array:
+    """Rows of a basis that make an invertible square, well conditioned, ascending, shape (d,).
+
+    The row farthest from those already chosen is next, as in a pivoted QR; of rows as far, the first one, so that rounding does
+    not decide between the sides of a symmetric robot.
+    """
+    left, chosen = N.copy(), []
+    for _ in range(N.shape[1]):
+        sizes = np.linalg.norm(left, axis=1)
+        k = int(np.flatnonzero(sizes >= (1.0 - 1e-6) * sizes.max())[0])
+        chosen.append(k)
+        along = left[k] / sizes[k]
+        left -= np.outer(left @ along, along)
+    return np.sort(np.array(chosen, dtype=int))
 
 
 def velocity_slopes(state: State, manifold: ConstraintManifold, here: StackedRows) -> Array:
