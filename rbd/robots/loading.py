@@ -167,8 +167,6 @@ def _loaded(
 ) -> Robot:
     """The robot of a file and its report, whatever is in that."""
     closing = loop_file_of(source, loops)
-    if closing is not None and root in (None, closing.root):
-        plane = plane or closing.plane
     root = root or (closing.root if closing else None) or "free_flyer"
     file = read(
         source.place,
