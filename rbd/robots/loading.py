@@ -152,7 +152,7 @@ def _source(
         raise InputError(f"text is {shown}, which is no XML; expected a URDF or MJCF. A file is loaded by load_robot(path).")
     element = parse_xml("the text", data, limits)
     name, ending = ("model", ".xml") if element.tag == "mujoco" else ("name", ".urdf")
-    return catalogue.in_memory(element.get(name, ""), ending, package_dirs), data
+    return catalogue.Source.of_text(element.get(name, ""), ending, package_dirs), data
 
 
 def _loaded(

@@ -161,7 +161,7 @@ class RobotBuilder:
             InputError: a name that is taken, a child with two parents, an axis of zero length, an unknown kind, numbers that
                 are wrong.
         """
-        if name in self.joints or name == BASE_JOINT:
+        if checked_name("the name of a joint", name) in (*self.joints, BASE_JOINT):
             raise InputError(f"there is a joint {name!r:.80} already; expected another name.")
         made = a_joint(
             name, parent, child, kind, at=at, rpy=rpy, axis=axis, motor=motor, effort=effort, limits=limits, speed=speed,
