@@ -190,7 +190,7 @@ def test_the_walker_has_the_compass_s_equations(rng: np.random.Generator) -> Non
 
 
 def test_the_walker_s_step_ends_as_it_began() -> None:
-    """As Garcia and others (1998) for feet without mass: the difference is of first order in a foot's mass, and goes with it."""
+    """As Garcia and others (1998) for feet without mass: the difference is of first order in the mass of a foot."""
     module, result = models()
     light, heavy = module.again(result["walker"]), module.again(module.step(module.walker(2.0 * module.FOOT)))
     assert heavy == pytest.approx(2.0 * light, rel=5e-3)

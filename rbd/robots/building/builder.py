@@ -57,7 +57,7 @@ class RobotBuilder:
         >>> b.joint("pivot", "ground", "bob", "revolute", axis=(0, 1, 0))
         >>> pendulum = b.robot()
         >>> print(pendulum, rbd.solve(pendulum.at([0.1]), []).a.round(4))
-        Robot('pendulum', nq=1, nv=1, nu=0, mass=2.100 kg) [-0.98]
+        Robot('pendulum', nq=1, nv=1, nu=0, mass=2.100 kg) [-0.9842]
     """
 
     def __init__(self, name: str, *, root: Root = "free_flyer", plane: Plane | None = None, about: str = "") -> None:
