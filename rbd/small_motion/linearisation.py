@@ -163,8 +163,8 @@ def _compared(flow: Flow, space: TangentSpace, A: Array, B: Array, rng: np.rando
     """Largest difference of A x + B dtau from slopes of the true motion in random directions, relative."""
     basis, picked, worst = space.basis, space.picked, 0.0
     for _ in range(DIRECTIONS if len(picked) else 0):
-        x, torques = rng.normal(size=len(picked)), rng.normal(size=B.shape[1])
-        change: Array = basis @ (x / np.abs(x).max())
+        x, torques = rng.normal(size=len(picked)), np.asarray(rng.normal(size=B.shape[1]))
+        change: Array = np.asarray(basis @ (x / np.abs(x).max()))
         tangent, rate = flow.slope(change, torques)
         told = A @ tangent[picked] + B @ torques
         worst = max(worst, _relative(rate[picked] - told, np.concatenate([told, rate])))
