@@ -73,7 +73,7 @@ def solve(
         constraints: Contacts and other constraints, each with a different name.
         law: "coulomb", which is the default, or "convex" (Gauss's principle with circular cones): the law of contacts that can
             slip.
-        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects in world axes.
+        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects and springs (`rbd.forces`).
         solver: In place of the above: `ProxQP()`, only pyramids; `KKT()`, for bilateral constraints;
             `ConeSolver(law=...)`, circular cones alone; or your own. It has its law; if `law` is given too, it must be
             the same.
@@ -228,7 +228,7 @@ def gauss_problem(
         state: The robot at (q, v).
         tau: Motor torques, shape (nu,) [N, N m].
         constraints: Contacts and other constraints, each with a different name.
-        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects in world axes.
+        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects and springs (`rbd.forces`).
         rest_speed: As in `solve`.
 
     Raises:

@@ -100,3 +100,28 @@ def _limits(robot: rbd.Robot, model: mujoco.MjModel) -> list[str]:
         if not np.allclose(ours, theirs, rtol=1e-12, atol=1e-12):
             out.append(f"limits of joint {i} are {ours}, and {theirs} in MuJoCo")
     return out
+
+
+def motor_limits(robot: rbd.Robot, model: mujoco.MjModel) -> list[str]:
+    """What differs between the torque limits of plain motors (force = gain control), joint by joint; nothing if none does.
+
+    MuJoCo clips the control to its range and gain times it to the force's range; the gear takes that to the joint, whose own
+    range of actuator forces counts last.
+    """
+    out = []
+    for i in range(model.nu):
+        joint = int(model.actuator_trnid[i, 0])
+        gear, gain = float(model.actuator_gear[i, 0]), float(model.actuator_gainprm[i, 0])
+        most = np.inf
+        if model.actuator_ctrllimited[i]:
+            most = min(most, np.abs(gear * gain * model.actuator_ctrlrange[i]).min())
+        if model.actuator_forcelimited[i]:
+            most = min(most, np.abs(gear * model.actuator_forcerange[i]).min())
+        if model.jnt_actfrclimited[joint]:
+            most = min(most, np.abs(model.jnt_actfrcrange[joint]).min())
+        name = model.joint(joint).name
+        if name not in robot.actuated_names:
+            out.append(f"{name} has no motor")
+        elif (ours := robot.effort_limit[robot.actuated_names.index(name)]) != most:
+            out.append(f"the limit of {name} is {ours}, and {most} in MuJoCo")
+    return out

@@ -33,6 +33,11 @@ WAYS: dict[str, Callable[[Any], Any]] = {
 }
 
 
+def height(state: rbd.State) -> float:
+    """A function of the state, for an event."""
+    return float(state.q[2])
+
+
 def fixed(state: rbd.State) -> np.ndarray:
     """A function of the configuration, for a constraint: one that a pickle can name."""
     return state.q[:1]
@@ -57,6 +62,8 @@ def contact_answers() -> Iterator[object]:
     held = rbd.hold(state, soles)
     push = rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))
     yield from (talos, talos.joints, talos.joints["leg_left_4_joint"], state, held, push, rbd.doctor(talos))
+    motors = {"leg_left_4_joint": rbd.Motor(gear=100.0, rotor_inertia=1e-5, torque_speed=[(0.0, 300.0), (5.0, 0.0)])}
+    yield from (motors["leg_left_4_joint"], talos.with_motors(motors))
     yield from (held.uniqueness(), rbd.statics.Effort({"leg_left_4_joint": 2.0}, normal_force={"left_sole": (10.0, 900.0)}))
     yield state.frame("left_sole_link")
     for solver in (rbd.ProxQP(), rbd.ConeSolver()):
@@ -109,6 +116,11 @@ def motions() -> Iterator[object]:
     fall = rbd.simulate(start, [floor], duration=0.25, step=5e-3, external=rbd.control.Pushes([nudge]), progress=False)
     assert fall.events
     yield from (fall, fall[0], nudge, rbd.control.Pushes([nudge]))
+    corner = rbd.PointContact("corner", "box", friction=0.5, on=0.0)
+    struck = rbd.impact(start.with_velocity(np.array([0.1, 0.0, -1.0, 0.0, 0.0, 0.0])), [corner], restitution=0.5)
+    assert struck.energy_lost and str(struck)
+    switch = rbd.simulation.Switch(on="corner")
+    yield from (struck, switch, rbd.simulation.StateEvent(height, "height", then=switch))
     yield from (
         rbd.TimeStepping(),
         rbd.RungeKutta4(),
@@ -163,6 +175,21 @@ def measured() -> Iterator[object]:
     yield from (noise, found, *found.open, observer.run(falls), observer)
 
 
+def identified() -> Iterator[object]:
+    """Parameters from a motion of an arm, and derivatives by parameters."""
+    arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+    motion = rbd.motion.minimum_jerk(
+        arm, [np.zeros(2), np.array([1.0, -2.0]), np.array([-1.0, 1.0])], [0.0, 0.5, 0.9], rate=20.0
+    )
+    tau = [rbd.dynamics.inverse_dynamics(motion.state(i), motion.a[i]) for i in range(motion.n)]
+    measured = rbd.identification.MeasuredMotion(motion, np.array(tau))
+    found = rbd.identify(measured)
+    assert str(found) and found.open_bodies and found.bodies
+    yield from (measured, found, found.base, rbd.dynamics.regressor(motion.state(1), motion.a[1]))
+    derived = rbd.solve(motion.state(1), np.zeros(2), []).derivatives(parameters=("mass", "gravity"))
+    yield from derived.parameters.values()
+
+
 def mechanisms() -> Iterator[object]:
     """What the analysis of loops and wheels returns."""
     four_bar = rbd.load_robot(URDF / "four_bar.urdf")
@@ -196,6 +223,20 @@ def more_constraints() -> Iterator[object]:
         yield rbd.constraints.Contact("corners", "box", corners=corners, friction=0.5)
     yield rbd.problem.NonNegative(3)
     yield rbd.problem.Product([rbd.problem.Free(1), rbd.problem.LineCone(0.1, 0.5)])
+
+
+def springs() -> Iterator[object]:
+    """Force elements, what draws them, and an answer with them."""
+    four_bar = rbd.load_robot(URDF / "four_bar.urdf")
+    state, tip = four_bar.at(), "coupler_tip"
+    elements = [
+        rbd.Spring(tip, to=(0, 0, 3), stiffness=10.0, rest=1.0, axis=None),
+        rbd.Damper(tip, to=(0, 0, 3), damping=1.0, axis=(0, 1, 0)),
+        rbd.Bushing(tip, to=pin.SE3(np.eye(3), np.ones(3)), stiffness=2.0),
+        rbd.JointSpring("crank_joint", stiffness=3.0),
+        rbd.JointDamping({"crank_joint": 0.5}),
+    ]
+    yield from (*elements, elements[0].picture(state), rbd.solve(state, np.zeros(four_bar.nu), [], external=elements))
 
 
 def reference_motions() -> Iterator[object]:
@@ -233,14 +274,25 @@ def found() -> dict[type, list[Any]]:
     """{class: instances} of all questions above."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        questions = (contact_answers, motions, measured, mechanisms, more_constraints, reference_motions, planar_chains)
+        questions = (
+            contact_answers,
+            motions,
+            measured,
+            identified,
+            mechanisms,
+            more_constraints,
+            reference_motions,
+            planar_chains,
+            springs,
+        )
         return instances([answer for ask in questions for answer in ask()])
 
 
 KEPT = 3
 """So many instances of a class are copied."""
 PUBLIC = ("rbd", "rbd.control", "rbd.simulation", "rbd.mechanism", "rbd.planar", "rbd.constraints", "rbd.problem", "rbd.model")
-PUBLIC += ("rbd.many", "rbd.analysis", "rbd.robots", "rbd.studies", "rbd.statics", "rbd.motion")
+PUBLIC += ("rbd.many", "rbd.analysis", "rbd.robots", "rbd.studies", "rbd.statics", "rbd.motion", "rbd.forces")
+PUBLIC += ("rbd.identification",)
 
 
 def public_classes() -> list[type]:

@@ -142,6 +142,91 @@ def test_robots_with_their_own_gravity_travel() -> None:
     assert leaning.with_gravity(DOWN).is_like(solo)
 
 
+def test_prepared_contacts_know_gravity_of_any_direction() -> None:
+    """One state and many, at rest and moving: as the general solver, which knows no prepared contacts."""
+    talos = rbd.load_robot("talos").with_gravity((1.0, 0.5, -9.6))
+    state, soles = talos.standing(), talos.soles(0.6)
+    rng, n = np.random.default_rng(0), 6
+    tau, v = 0.5 * rng.uniform(-1.0, 1.0, (n, talos.nu)) * np.minimum(talos.effort_limit, 10.0), np.zeros((n, talos.nv))
+    for i in range(n // 2):
+        moving = state.with_velocity(rng.uniform(-0.3, 0.3, talos.nv))
+        v[i] = rbd.mechanism.project_velocity(moving, soles).v
+    many = rbd.solve_many(talos, np.tile(state.q, (n, 1)), v, tau, soles)
+    for i in range(n):
+        moving = state.with_velocity(v[i])
+        one, general = rbd.solve(moving, tau[i], soles), rbd.solve(moving, tau[i], soles, solver=rbd.ConeSolver())
+        for a in (one.a, many.a[i]):
+            assert np.abs(a - general.a).max() < 1e-9 * max(1.0, np.abs(general.a).max())
+
+
+def test_a_pair_has_one_gravity() -> None:
+    """Merged robots keep it; two different ones are refused."""
+    tilted = box(1.0, SIZE).with_gravity(R.T @ DOWN)
+    other = box(2.0, SIZE)
+    pair = rbd.robots.merge_robots(tilted, other.with_gravity(R.T @ DOWN), names=("a_", "b_"))
+    assert pair.gravity.tolist() == tilted.gravity.tolist()
+    assert np.abs(rbd.State(pair, pair.neutral()).h[:3] + pair.members[0].mass * tilted.gravity).max() < 1e-12
+    level = pair.with_gravity(DOWN)
+    for robot in (level, *level.members, pickle.loads(pickle.dumps(level)), copy.deepcopy(level)):
+        assert robot.gravity.tolist() == DOWN.tolist()
+    with pytest.raises(InputError, match="one world has one"):
+        rbd.robots.merge_robots(tilted, other, names=("a_", "b_"))
+
+
+def test_a_robot_on_two_points_stands_with_its_centre_of_mass_over_them_along_gravity() -> None:
+    """Bolt on level ground under gravity that leans forward can be held; without gravity, or upside down, it is not turned."""
+    bolt = rbd.load_robot("bolt")
+    leaning = bolt.with_gravity(9.81 * np.array([np.sin(0.1), 0.0, -np.cos(0.1)]))
+    state = leaning.standing()
+    held = rbd.hold(state, leaning.feet(friction=0.7))
+    assert abs(sum(held.forces.values()) @ leaning.gravity + leaning.mass * 9.81**2) < 1e-6
+    assert max(abs(foot.points(state).gaps).max() for foot in leaning.feet()) < 1e-9
+    turned = pin.log3(bolt.standing().base_pose().rotation.T @ state.base_pose().rotation)
+    assert abs(abs(turned[1]) - 0.1) < 1e-9  # by the lean of gravity, about the line of its feet
+    for gravity in ((0.0, 0.0, 0.0), (0.0, 0.0, 9.81)):
+        other = bolt.with_gravity(gravity).standing()
+        assert max(abs(foot.points(other).gaps).max() for foot in leaning.feet()) < 1e-9
+        assert other.base_pose().rotation[2, 2] > 0.9
+
+
+def test_regions_are_refused_where_gravity_does_not_meet_the_ground() -> None:
+    """Zero or level; the message says which gravity is wanted."""
+    solo = rbd.load_robot("solo12")
+    for gravity, words in (((0.0, 0.0, 0.0), "no weight"), ((9.81, 0.0, 0.0), "a part along z")):
+        robot = solo.with_gravity(gravity)
+        with pytest.raises(InputError, match=words):
+            rbd.statics.support_region(robot.standing(), robot.feet())
+    with pytest.raises(InputError, match="a part along z"):
+        rbd.statics.zmp_region(solo.standing().robot.with_gravity((9.81, 0.0, 0.0)).standing(), solo.feet())
+    with pytest.raises(InputError, match="towards its plane"):
+        rbd.statics.zmp_region(solo.with_gravity((0.0, 0.0, 9.81)).standing(), solo.feet())
+
+
+def test_support_region_on_a_ceiling() -> None:
+    """Gravity upwards presses a robot against bilateral contacts: the same region as with gravity downwards."""
+    solo = rbd.load_robot("solo12")
+    held = solo.feet(friction=None)
+    up, down = (rbd.statics.support_region(robot.standing(), held) for robot in (solo.with_gravity((0.0, 0.0, 9.81)), solo))
+    assert up.bounded == down.bounded
+    assert up.cut == down.cut
+
+
+def test_linear_pendulum_under_leaning_gravity() -> None:
+    """At rest the zero-moment point is below the centre of mass along gravity; corners are proven by forces through it."""
+    solo = rbd.load_robot("solo12").with_gravity(9.81 * np.array([np.sin(0.1), 0.0, -np.cos(0.1)]))
+    state, feet = solo.standing(), solo.feet(0.7)
+    rest = rbd.statics.zmp(state, np.zeros(solo.nv))
+    below = state.com[:2] - state.com[2] / solo.gravity[2] * solo.gravity[:2]
+    assert np.abs(rest[:2] - below).max() < 1e-12
+    region = rbd.statics.zmp_region(state, feet, friction="inscribed")
+    assert region.distance(rest) > 0.0
+    for corner in range(len(region.vertices)):
+        total = sum(region.forces(corner).values())
+        assert abs(total[2] + solo.mass * solo.gravity[2]) < 1e-6
+        lean = (state.com - region.vertices[corner])[:2] / state.com[2]
+        assert np.abs(total[:2] / total[2] - lean).max() < 1e-6
+
+
 @pytest.mark.parametrize("g", [9.81, (0.0, 0.0), (0.0, np.nan, 0.0), "down", (0.0, 0.0, -1e5), None])
 def test_what_is_no_gravity_is_refused(g: object) -> None:
     """A number, wrong sizes, what is not finite, and vectors that are not in m/s2."""

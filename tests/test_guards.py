@@ -201,6 +201,25 @@ def use_force(**given: Any) -> Any:
     return rbd.dynamics.free_acceleration(STATE, TAU, rbd.ExternalForce(**given))
 
 
+def use_element(element: Any) -> Any:
+    """What a force element does, with its derivatives and its energy."""
+    state = rbd.State(BOX, [0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0], np.full(6, 0.1))
+    return (
+        element.generalised(state),
+        element.derivatives(state),
+        element.energy(state),
+        rbd.solve(state, [], external=element).a,
+    )
+
+
+def use_joint_element(element: Any) -> Any:
+    """The same of one in a joint of Bolt."""
+    return element.generalised(MOVING), element.derivatives(MOVING), element.energy(MOVING)
+
+
+ENDS = {"frame": "box", "to": np.array([0.0, 0.1, 2.0]), "offset": (0.1, 0.0, 0.0), "to_offset": np.zeros(3), "name": "one"}
+
+
 def use_scene(state: Any, solution: Any, external: Any, arrow_per_weight: Any, seen_from: Any) -> Any:
     """The scale of a picture, and its marks."""
     scene = Scene(BOLT, arrow_per_weight=arrow_per_weight, seen_from=seen_from)
@@ -242,6 +261,14 @@ LINKS = rbd.planar.Chain(2, lengths=[0.5, 0.4])
 PLANAR = rbd.planar.endpoint_motion(LINKS, rbd.planar.minimum_jerk([0.6, 0.3], [0.2, 0.6], 1.0))
 HOLD_BOLT = rbd.control.HoldPosture(STATE, FEET)
 STILL_BOLT = rbd.motion.minimum_jerk(BOLT, [STATE.q, STATE.q], [0.0, 0.02], rate=100.0)
+
+
+def height(state: Any) -> float:
+    """An event: the box is 0.1 mm below its start."""
+    return float(state.q[2] - BOX.at().q[2] + 1e-4)
+
+
+FALLING = BOX.at().with_velocity(np.array([0.1, 0.0, -1.0, 0.0, 0.2, 0.0]))
 
 
 def use_simulate(**given: Any) -> Any:
@@ -365,6 +392,19 @@ def use_measured(*given: Any, ask: Any = rbd.estimate_forces, **named: Any) -> A
     return found.row_forces, found.residual, found.tau, found.net, found.row_covariance
 
 
+ARM = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+ARM_MOTION = rbd.motion.minimum_jerk(ARM, [np.zeros(1), np.ones(1), np.zeros(1)], [0.0, 0.5, 1.2], rate=20.0)
+ARM_MEASURED = rbd.identification.MeasuredMotion(
+    ARM_MOTION, np.array([rbd.dynamics.inverse_dynamics(ARM_MOTION.state(i), ARM_MOTION.a[i]) for i in range(ARM_MOTION.n)])
+)
+
+
+def use_identified(**given: Any) -> Any:
+    """What is found."""
+    found = rbd.identify(**given)
+    return found.base_values, found.deviations, found.mass
+
+
 def use_ground(on: Any) -> Any:
     """How far a point and a sole are from a plane."""
     contacts = rbd.PointContact("toe", "box", on=on), rbd.SurfaceContact("sole", "box", half_lengths=(0.1, 0.05), on=on)
@@ -455,6 +495,15 @@ CASES: dict[str, Case] = {
     "RollingDisk": rolling_case(rbd.RollingDisk, axis=np.array([0.0, 1.0, 0.2])),
     "RollingWheel": rolling_case(rbd.RollingWheel, axis=(0, 1, 0), friction=None),
     "joint_limits": Case(rbd.constraints.joint_limits, {"robot": BOLT, "margin": 0.1}),
+    "Motor": Case(
+        lambda **given: BOLT.with_motors({BOLT.actuated_names[0]: rbd.Motor(**given)}),
+        {"limit": 4.0, "gear": 9.0, "speed_limit": 20.0, "torque_speed": [(0.0, 4.0), (9.0, 0.0)], "rotor_inertia": 1e-5},
+    ),
+    "Robot.with_motors": Case(
+        lambda motor, **given: BOLT.with_motors({BOLT.actuated_names[0]: motor}, **given),
+        {"motor": rbd.Motor(limit=3.0), "others_passive": True},
+    ),
+    "Robot.torque_limits": Case(BOLT.torque_limits, {"v": V}),
     "Robot.is_like": Case(BOLT.is_like, {"other": BOLT}),
     "Robot.joint_limits": Case(BOLT.joint_limits, {"margin": 0.1}),
     "joint_frictions": Case(rbd.constraints.joint_frictions, {"robot": BOLT}),
@@ -462,6 +511,32 @@ CASES: dict[str, Case] = {
     "ExternalForce": Case(
         use_force, {"frame": FRAME, "force": np.array([1.0, 0.0, 9.0]), "moment": (0.0, 1.0, 0.0), "offset": (0.1, 0.0, 0.0)}
     ),
+    "Spring": Case(
+        lambda **given: use_element(rbd.Spring(**given)),
+        {**ENDS, "stiffness": 20.0, "rest": 0.5, "preload": 1.0, "axis": np.array([0.0, 0.6, 0.8])},
+    ),
+    "Spring, along a line": Case(
+        lambda **given: use_element(rbd.Spring(**given)), {**ENDS, "stiffness": 20.0, "rest": 0.5, "preload": 1.0}
+    ),
+    "Damper": Case(lambda **given: use_element(rbd.Damper(**given)), {**ENDS, "damping": 2.0, "axis": (0, 0, 1)}),
+    "Bushing": Case(
+        lambda **given: use_element(rbd.Bushing(**given)),
+        {**ENDS, "stiffness": np.arange(1.0, 7.0), "damping": np.eye(6), "preload": np.zeros(6)},
+    ),
+    "Bushing.relaxed_at": Case(
+        lambda **given: use_element(rbd.Bushing.relaxed_at(**given)),
+        {"state": BOX.at(), "frame": "box", "to": None, "stiffness": 2.0, "damping": 0.1, "offset": np.zeros(3), "name": "one"},
+        30,
+    ),
+    "JointSpring": Case(
+        lambda **given: use_joint_element(rbd.JointSpring(**given)),
+        {"joint": list(BOLT.joints)[3], "stiffness": 20.0, "rest": 0.1, "preload": 1.0, "name": "one"},
+    ),
+    "JointDamping": Case(
+        lambda **given: use_joint_element(rbd.JointDamping(**given)),
+        {"damping": {list(BOLT.joints)[3]: 0.5}, "name": "one"},
+    ),
+    "JointDamping, a number": Case(lambda d: use_joint_element(rbd.JointDamping({list(BOLT.joints)[3]: d})), {"d": 0.5}, 30),
     "Rows": Case(
         use_rows,
         {**PLAIN, "cone": rbd.problem.Free(2), "velocity": np.zeros(2), "feedback": np.zeros(2), "resultant": np.eye(2)},
@@ -591,6 +666,30 @@ CASES: dict[str, Case] = {
         {"q": 1e-4, "v": 1e-3, "a": 0.1, "tau": 0.1},
         30,
     ),
+    "identify": Case(
+        use_identified,
+        {"motions": [ARM_MEASURED], "columns": ["inertia", "damping"], "prior": 0.3, "noise": rbd.motion.SensorNoise(tau=0.1)},
+        30,
+    ),
+    "identification.MeasuredMotion": Case(
+        lambda **given: rbd.identification.MeasuredMotion(**given).equations(1, ("inertia",))[1:],
+        {"motion": TRAJECTORY, "tau": np.zeros((4, 0)), "contacts": FLOOR, "touches": np.ones((4, 1), bool)}
+        | {"forces": TRAJECTORY.forces, "external": np.zeros(6)},
+        30,
+    ),
+    "identification.base_parameters": Case(
+        lambda **given: rbd.identification.base_parameters(**given).B, {"robot": BOX, "columns": ["inertia"]}, 10
+    ),
+    "dynamics.regressor": Case(
+        lambda **given: (found := rbd.dynamics.regressor(**given)).Y.shape + (found.Y @ found.theta, found.theta),
+        {"state": MOVING, "a": V, "contacts": FEET, "columns": ["inertia"]},
+        30,
+    ),
+    "Solution.derivatives": Case(
+        lambda parameters: [x.da for x in SOLUTION.derivatives(parameters).parameters.values()],
+        {"parameters": ["friction", "mass"]},
+        20,
+    ),
     "motion.MomentumObserver": Case(
         lambda t, state, tau, **given: use_measured(ask=rbd.motion.MomentumObserver(**given).update, t=t, state=state, tau=tau),
         {"robot": BOLT, "contacts": FEET, "bandwidth": 20.0, "torques": True, "held": False, "t": 0.1, "state": MOVING}
@@ -608,8 +707,10 @@ CASES: dict[str, Case] = {
     ),
     "load_robot": Case(
         rbd.load_robot,
-        {"name_or_path": str(URDF), "root": "free_flyer", "passive": ["root_joint"], "package_dirs": ["."], "limits": None},
+        {"name_or_path": str(URDF), "root": "free_flyer", "passive": ["root_joint"], "package_dirs": ["."], "limits": None}
+        | {"gravity": (0.0, 0.0, -1.62), "plane": None},
     ),
+    "load_robot, its rotors": Case(rbd.load_robot, {"name_or_path": str(URDF), "rotors": True}),
     "load_robot, its feet": Case(rbd.load_robot, {"name_or_path": str(URDF), "feet": ["box"]}),
     "load_robot, its loops": Case(
         rbd.load_robot, {"name_or_path": str(LOOPED), "root": "fixed", "loops": str(LOOPED.with_suffix(".loops.yaml"))}
@@ -733,6 +834,16 @@ CASES: dict[str, Case] = {
         lambda foot: SOLUTION.with_forces({SOLUTION.problem.rows[0].name: foot}), {"foot": [2.0]}
     ),
     "State.with_velocity": Case(STATE.with_velocity, {"v": V}),
+    "State.with_joint_velocities": Case(
+        lambda values, rate: (
+            STATE.with_joint_velocities(values),
+            STATE.with_joint_velocities({list(BOLT.joints)[3]: rate}),
+        ),
+        {"values": {"root_joint": V[:6]}, "rate": 0.3},
+    ),
+    "Robot.with_gravity": Case(
+        lambda gravity: rbd.State(BOLT.with_gravity(gravity), STATE.q).h, {"gravity": (0.5, 0.0, -9.0)}, 20
+    ),
     "State.with_joints": Case(
         lambda values, angle: (STATE.with_joints(values), STATE.with_joints({list(BOLT.joints)[3]: angle})),
         {"values": {"root_joint": STATE.q[:7]}, "angle": 0.3},
@@ -762,10 +873,31 @@ CASES: dict[str, Case] = {
         use_simulate,
         {"state": BOX.at(), "constraints": FLOOR, "duration": 0.01, "step": 0.005, "controller": None, "external": np.zeros(6)}
         | {"law": "coulomb", "restitution": 0.5, "integrator": rbd.TimeStepping(), "stabilisation": rbd.simulation.Projection()}
-        | {"record_every": 1, "may_sink": False, "progress": False},
+        | {"record_every": 1, "may_sink": False, "progress": False, "events": [height], "inactive": ()},
         30,
     ),
-    "TimeStepping": Case(lambda **given: use_integrator(rbd.TimeStepping(**given)), {"impact_speed": 1e-3, "impacts": 20}, 20),
+    "TimeStepping": Case(
+        lambda **given: use_integrator(rbd.TimeStepping(**given)),
+        {"impact_speed": 1e-3, "impacts": 20, "touch_tolerance": 1e-9},
+        20,
+    ),
+    "StateEvent": Case(
+        lambda **given: use_simulate(
+            state=BOX.at(), constraints=[], duration=0.01, step=0.005, events=[rbd.simulation.StateEvent(**given)]
+        ),
+        {"function": height, "name": "height", "direction": -1, "terminal": 2, "zero": 1e-12, "required": False},
+        20,
+    ),
+    "Switch": Case(
+        lambda **given: (lambda switch: (switch.on, switch.off))(rbd.simulation.Switch(**given)),
+        {"on": "left", "off": ("right",), "impact": True},
+        20,
+    ),
+    "impact": Case(
+        lambda **given: (lambda found: (found.v, found.energy_lost, *found.impulses.values()))(rbd.impact(**given)),
+        {"state": FALLING, "contacts": FLOOR, "restitution": 0.5, "law": "coulomb", "plastic_below": 1e-3},
+        30,
+    ),
     "DormandPrince8": Case(lambda **given: use_integrator(rbd.DormandPrince8(**given)), {"rtol": 1e-9, "atol": 1e-9}, 20),
     "Projection": Case(
         lambda **given: use_simulate(
@@ -1092,9 +1224,15 @@ MADE_BY_RBD = {
     "ContactTouch",
     "ControlLog",
     "ForceEstimate",
+    "Identification",
+    "IdentificationCertificate",
+    "BodyInertia",
+    "BaseParameters",
+    "ParameterDerivatives",
     "ForceHistory",
     "OpenComponents",
     "Event",
+    "Impact",
     "ContactPoints",
     "Solutions",
     "SolverComparison",
@@ -1340,6 +1478,7 @@ def public() -> Iterator[str]:
     rooms = [("", place, place.__all__) for place in (rbd, *packages)]
     rooms += [("dynamics.", rbd.dynamics, None), ("catalogue.", rbd.robots.catalogue, None)]
     rooms += [("mechanism.", rbd.mechanism, rbd.mechanism.__all__), ("visual.", rbd.visual, rbd.visual.__all__)]
+    rooms += [("identification.", rbd.identification, rbd.identification.__all__)]
     rooms += [("motion.", rbd.motion, rbd.motion.__all__), ("Motion.", rbd.Motion, None)]
     rooms += [("Robot.", rbd.Robot, None), ("State.", rbd.State, None)]
     for room, place, names in rooms:
@@ -1361,6 +1500,7 @@ def public() -> Iterator[str]:
 
 
 INNER = {"State.moving", "State.balance", "State.base_pose", "State.joint_places", "State.joint_motion", "dynamics.polarised"}
+INNER |= {"Robot.limits_at", "Robot.torque_use", "Robot.too_fast"}
 """What constraints and problems call, with what was checked."""
 
 

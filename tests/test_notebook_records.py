@@ -31,7 +31,7 @@ from rbd_site.public import PACKAGES, names_of  # noqa: E402
 MOST_BYTES = 40_000
 """The longest card of a record, curves and folded parts included."""
 VOID = {"br", "img", "hr", "path", "polyline", "polygon", "circle", "rect"}
-CHECKED = "contact_answers motions measured mechanisms more_constraints reference_motions planar_chains".split()
+CHECKED = "contact_answers motions measured identified mechanisms more_constraints reference_motions planar_chains".split()
 
 
 class Balanced(HTMLParser):

@@ -11,7 +11,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.errors import InputError
+from rbd.errors import InputError, ModelError
 
 _Z, _X, _Y = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 AXES = {"xy": np.array([_X, _Y, _Z]).T, "xz": np.array([_X, _Z, (0.0, -1.0, 0.0)]).T, "yz": np.array([_Y, _Z, _X]).T}
@@ -147,6 +147,17 @@ def test_it_travels(path: Path, tmp_path: Path) -> None:
         motion.save(tmp_path / "motion.npz")
         back = rbd.Trajectory.load(tmp_path / "motion.npz").robot
         assert back.is_like(robot)
+
+
+def test_a_loop_file_states_the_plane(path: Path, tmp_path: Path) -> None:
+    """By default; the argument replaces it, and other words are refused."""
+    closing = rbd.robots.LoopFile.of_text("{root: planar, plane: xz}")
+    assert rbd.load_robot(path, loops=closing).plane == "xz"
+    assert rbd.load_robot(path, loops=closing, plane="yz").plane == "yz"
+    assert rbd.load_robot(path, loops=closing, root="free_flyer").plane is None
+    for text in ("{root: planar, plane: zx}", "{plane: xz}", "{root: fixed, plane: xz}", "{root: planar, plane: [1]}"):
+        with pytest.raises(ModelError, match="with 'root: planar'"):
+            rbd.robots.LoopFile.of_text(text)
 
 
 def test_other_planes_are_refused(path: Path) -> None:

@@ -266,6 +266,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "unicycle": partial(example_page, "unicycle", "12_unicycle", 900, 640),
     "impossible_motion": partial(example_page, "impossible_motion", "26_is_this_motion_possible", 1200, 720),
     "crouch": partial(drawn, "crouch", "25_torques_of_a_crouch", 770, 462),
+    "identification": partial(drawn, "identification", "35_identify", 770, 616),
     "painleve": partial(drawn, "painleve", "06_painleve", 770, 462),
     "push_samples": partial(scene, "push_samples", 1200, 720),
     "push_study": partial(drawn, "push_study", "30_push_study", 1050, 440),

@@ -6,11 +6,12 @@ Works on arrays; users call it through `rbd.Solution`.
 """
 
 from rbd.analysis.infeasibility import Contradiction, contradiction
+from rbd.analysis.parameters import ParameterDerivatives
 from rbd.analysis.sensitivity import Derivatives
 from rbd.analysis.uniqueness import Uniqueness
 from rbd.modules import submodule as _submodule
 
-__all__ = ["Contradiction", "Derivatives", "Uniqueness", "contradiction"]
+__all__ = ["Contradiction", "Derivatives", "ParameterDerivatives", "Uniqueness", "contradiction"]
 
 
 def __getattr__(name: str) -> object:

@@ -103,7 +103,8 @@ class Derivatives(Displayed):
     def __str__(self) -> str:
         said = [f"{name} {_counted(words)}" for name, words in self.active.items()]
         lost = f"; not unique: forces of {', '.join(self.not_unique)}" if self.not_unique else ""
-        return f"nv = {self.da_dtau.shape[0]}, nu = {self.da_dtau.shape[1]}, held: {'; '.join(said) or 'nothing'}{lost}"
+        sizes = f"nv = {self.da_dtau.shape[0]}, nu = {self.da_dtau.shape[1]}"
+        return "\n  ".join([f"{sizes}, held: {'; '.join(said) or 'nothing'}{lost}", *map(str, self.parameters.values())])
 
 
 def _counted(words: tuple[str, ...]) -> str:

@@ -39,7 +39,7 @@ def inverse_dynamics(
         state: The robot at (q, v).
         a: The wanted acceleration, shape (nv,) [m/s2, rad/s2]; of a floating base in the base's axes, as `Solution.a`.
         contacts: Contacts, loops and other constraints, each with its own name.
-        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects.
+        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects and springs (`rbd.forces`).
         friction: "cone": circular cones. "inscribed": the pyramids inside them, of each contact's facets; for points that keep
             still.
         objective: What is made least, and bounds on normal forces and centres of pressure; see `rbd.statics.Effort`.
@@ -99,7 +99,7 @@ def inverse_dynamics_many(
         v: Velocities, shape (n, nv), or (nv,) [m/s, rad/s]; None: at rest.
         a: The wanted accelerations, shape (n, nv), or (nv,) [m/s2, rad/s2].
         contacts: As of `inverse_dynamics`.
-        external: Generalised forces (n, nv) or (nv,), or `ExternalForce` objects that act at every state.
+        external: Generalised forces (n, nv) or (nv,), or `ExternalForce`s and springs (`rbd.forces`) that act at every state.
         coefficients: Of friction, in place of the contacts' own: a number or (n,), of all contacts that have one, or
             {contact: a number or (n,)}.
         friction: As of `inverse_dynamics`.

@@ -133,9 +133,10 @@ class Reason(StrEnum):
     STOPPED_BAD_EVENT = (
         "simulation_stopped: event",
         66,
-        "An event is a bad one, see bad_input: event; or did not happen.",
+        "An event is a bad one: see bad_input: event.",
     )
     EVENT = "event", 67, "An event with `terminal` ended it."
+    STOPPED_NO_EVENT = "simulation_stopped: no event", 68, "An event that is required did not happen: it is nowhere zero."
 
     NOT_POSSIBLE = "not_possible", 70, "A frame of a motion is not possible."
     NOT_POSSIBLE_FLOATS = "not_possible: floats", 71, "Nothing touches the floor, or it falls faster than it could."

@@ -9,13 +9,13 @@ from types import MappingProxyType
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, check_finite
+from rbd.arrays import Array, as_array
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.forces.coordinates import WIDEST, from_rest, inverse_left_jacobian, rotation_vector, too_far
 from rbd.forces.element import ElementPicture, check_parameter
 from rbd.forces.numbers import damping_of, number, stiffness_of
-from rbd.model.checked_model import CheckedModel
+from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.joints import Joint
 from rbd.model.state import State
 
@@ -62,7 +62,8 @@ class JointSpring(Displayed):
         rest = as_array(f"rest of {what}", self.rest)
         if rest.shape not in ((), (4,)):
             raise InputError(f"rest of {what} has shape {rest.shape}; expected a number, or the quaternion of a ball joint.")
-        check_finite(f"rest of {what}", np.atleast_1d(rest))
+        if not np.abs(rest).max() <= FARTHEST:
+            raise InputError(f"rest of {what} is {self.rest!r:.80}; expected finite numbers of at most {FARTHEST:g}.")
         if rest.shape and not abs(np.linalg.norm(rest) - 1.0) <= 1e-6:
             norm = f"{np.linalg.norm(rest):.6g}"
             raise InputError(f"rest of {what} is the quaternion {rest.tolist()!r:.80} of norm {norm}; expected norm 1.")

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Sequence
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_finite
+from rbd.arrays import Array, as_array, as_float
 from rbd.errors import InputError
 from rbd.errors.warned import ForceElementWarning, stacklevel_of_user
 
+LARGEST = 1e50
+"""No constant is larger: products of two still have squares."""
 ROUNDING = 1e-12
 """An eigenvalue above minus this, over the largest, is zero."""
 
@@ -20,11 +21,11 @@ def number(what: str, value: float) -> float:
     """A finite number.
 
     Raises:
-        InputError: it is none.
+        InputError: it is none, or larger than 1e50.
     """
     found = as_float(value)
-    if not math.isfinite(found):
-        raise InputError(f"{what} is {value!r:.80}; expected a finite number.")
+    if not abs(found) <= LARGEST:
+        raise InputError(f"{what} is {value!r:.80}; expected a finite number of at most {LARGEST:g}.")
     return found
 
 
@@ -47,7 +48,7 @@ def damping_of(what: str, value: float) -> float:
         InputError: negative, or no finite number.
     """
     found = as_float(value)
-    if not 0.0 <= found < math.inf:
+    if not 0.0 <= found <= LARGEST:
         raise InputError(f"damping of {what} is {value!r:.80}; expected a finite number from 0: a negative one would drive.")
     return found
 
@@ -61,7 +62,7 @@ def six(what: str, value: float | Sequence[float] | Array) -> Array:
     found = as_array(what, value)
     if found.shape not in ((), (6,)):
         raise InputError(f"{what} has shape {found.shape}; expected six numbers (x, y, z, about x, about y, about z).")
-    check_finite(what, found)
+    _check(what, found)
     return np.broadcast_to(found, 6).copy()
 
 
@@ -76,7 +77,7 @@ def matrix(what: str, value: float | Sequence[float] | Array) -> Array:
         if found.ndim == 2:
             raise InputError(f"{what} has shape {found.shape}; expected six numbers, or a symmetric matrix (6, 6).")
         return np.diag(six(what, found))
-    check_finite(what, found)
+    _check(what, found)
     off = np.abs(found - found.T).max()
     if not off <= ROUNDING * np.abs(found).max():
         raise InputError(f"{what} differs from its transpose by {off:.3g}; expected a symmetric matrix: others have no energy.")
@@ -110,6 +111,11 @@ def damping_matrix(what: str, value: float | Sequence[float] | Array) -> Array:
     if least < 0.0:
         raise InputError(f"damping of {what} has the negative eigenvalue {least:.3g}, which would drive; expected none.")
     return C
+
+
+def _check(what: str, found: Array) -> None:
+    if not np.abs(found).max() <= LARGEST:
+        raise InputError(f"{what} is {found.tolist()!r:.80}; expected finite numbers of at most {LARGEST:g}.")
 
 
 def _least(A: Array) -> float:

@@ -18,8 +18,9 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_vector3, check_finite, cross_matrix, lazy
+from rbd.arrays import Array, as_vector3, cross_matrix, lazy
 from rbd.errors import InputError
+from rbd.model.checked_model import FARTHEST
 from rbd.model.state import State
 
 
@@ -69,7 +70,7 @@ def other_place(what: str, to: Anchor, offset: Offset) -> Place:
     """
     if isinstance(to, str):
         return place_on(what, to, offset)
-    if isinstance(offset, pin.SE3) or np.any(np.asarray(offset, float)):
+    if isinstance(offset, pin.SE3) or as_vector3(f"to_offset of {what}", offset).any():
         raise InputError(f"{what} ends on the ground, and to_offset is given too; give the point of the ground as `to`.")
     if to is None or isinstance(to, bool | int | float):
         raise InputError(f"{what} ends at {to!r:.80}; expected a frame's name, or a point of the ground: to=(0, 0, 2).")
@@ -77,13 +78,16 @@ def other_place(what: str, to: Anchor, offset: Offset) -> Place:
 
 
 def _pose(what: str, given: Offset) -> tuple[Array, Array]:
-    if isinstance(given, pin.SE3):
-        p, R = given.translation.copy(), given.rotation.copy()
-        check_finite(what, p)
-        if not np.abs(R.T @ R - np.eye(3)).max() < 1e-9:
-            raise InputError(f"{what} has axes that are not orthonormal: R^T R differs from one by more than 1e-9.")
-        return p, R
-    return as_vector3(what, given), np.eye(3)
+    p, R = (
+        (given.translation.copy(), given.rotation.copy())
+        if isinstance(given, pin.SE3)
+        else (as_vector3(what, given), np.eye(3))
+    )
+    if not np.abs(p).max() <= FARTHEST:
+        raise InputError(f"{what} is {p.tolist()!r:.80}; expected finite numbers of at most {FARTHEST:g} m.")
+    if not np.abs(R.T @ R - np.eye(3)).max() < 1e-9:
+        raise InputError(f"{what} has axes that are not orthonormal: R^T R differs from one by more than 1e-9.")
+    return p, R
 
 
 class Pair:

@@ -12,6 +12,7 @@ from rbd.forces.coordinates import Angle, Coordinates, Distance, Spin, Vector
 from rbd.forces.element import BetweenPlaces, ElementPicture
 from rbd.forces.numbers import damping_of, number, stiffness_of
 from rbd.forces.places import Anchor, Offset, Pair, Place, other_place, place_on
+from rbd.model.checked_model import FARTHEST
 from rbd.model.state import State
 
 
@@ -108,6 +109,8 @@ class Spring(_Line):
             raise InputError(
                 f"rest of {what} is {rest:g}; expected a length from 0. A pull at zero length is a negative preload."
             )
+        if not abs(rest) <= FARTHEST:
+            raise InputError(f"rest of {what} is {rest:g}; expected at most {FARTHEST:g}.")
         object.__setattr__(self, "rest", rest)
         object.__setattr__(self, "preload", number(f"preload of {what}", self.preload))
         object.__setattr__(self, "stiffness", stiffness_of(what, self.stiffness))

@@ -1,6 +1,6 @@
 """Parameters of a robot from measured motions: base parameters, and inertias that a body can have."""
 
-from rbd.identification.base_parameters import BaseParameters, base_parameters
+from rbd.identification.combinations import BaseParameters, base_parameters
 from rbd.identification.data import MeasuredMotion
 from rbd.identification.identifying import identify
 from rbd.identification.result import BodyInertia, Identification, IdentificationCertificate

@@ -3,7 +3,7 @@
     minimise over theta     1/2 |A theta - z|^2 + w sum_b D(P_b, P_b0) + 1/2 sum_k ((theta_k - theta_k0) / s_k)^2
 
 A has the weighted base equations, P_b is the pseudo-inertia of body b and D the entropic divergence from the model's
-(`rbd.identification.pseudo_inertia`), infinite at the border of what is possible; the last sum is over rotor inertia, damping
+(`rbd.identification.possible`), infinite at the border of what is possible; the last sum is over rotor inertia, damping
 and dry friction. It is convex and, over w, self-concordant: damped Newton steps converge from any start, and the decrement
 lambda = |gradient| in the metric of the Hessian proves the answer, as F(theta) - min F <= lambda^2 for lambda < 0.68 sqrt(w)
 [Nesterov1994]. The weight of the data grows from little to all, as in interior-point methods.
@@ -18,7 +18,7 @@ from scipy.linalg import solve_triangular
 
 from rbd.arrays import Array
 from rbd.errors import NoSolution
-from rbd.identification.pseudo_inertia import pseudo_inertia, whitened_basis
+from rbd.identification.possible import pseudo_inertia, whitened_basis
 
 _STEPS = 200
 _GROWTH = 1e3

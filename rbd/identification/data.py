@@ -12,7 +12,7 @@ from rbd.arrays import Array, as_array, check_finite, null_space
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
-from rbd.identification.base_parameters import BaseParameters
+from rbd.identification.combinations import BaseParameters
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, generalised
 from rbd.model.inertial import columns_at
@@ -64,7 +64,7 @@ class MeasuredMotion(Displayed):
 
     def __post_init__(self) -> None:
         x: Any = self.motion
-        if not isinstance(getattr(x, "robot", None), CheckedModel):
+        if not isinstance(getattr(x, "robot", None), CheckedModel) or not all(hasattr(x, name) for name in ("t", "q", "v")):
             raise InputError(f"motion is {x!r:.80}; expected an rbd.Motion, or what rbd.simulate returns.")
         robot, frames = x.robot, len(x.t)
         if getattr(x, "a", None) is None:
@@ -83,6 +83,9 @@ class MeasuredMotion(Displayed):
                 on = [lanes.of_contact(c.name) for c in lanes.contacts]
                 set_(self, "touches", np.array(on, bool).reshape(len(on), frames).T)
         given = listed(() if self.contacts is None else self.contacts)
+        for each in given:
+            if not callable(getattr(each, "rows", None)) or not isinstance(getattr(each, "name", None), str):
+                raise InputError(f"{each!r:.80} is no contact: it has no rows(state). Give e.g. robot.soles().")
         set_(self, "contacts", given)
         set_(self, "touches", checked_touches(self.touches, frames, len(given)))
         self._check_forces(frames)
@@ -106,8 +109,8 @@ class MeasuredMotion(Displayed):
             if name not in names and np.abs(force).max(initial=0.0) > 0.0:
                 raise InputError(
                     f"the trajectory has forces of {name!r}, which is none of the contacts given "
-                    f"({', '.join(names) or 'none'}). Give contacts=[...] with it, and forces=trajectory.forces if they count as "
-                    "measured."
+                    f"({', '.join(names) or 'none'}). Give contacts=[...] with it, and forces=trajectory.forces if they are "
+                    "to count as measured."
                 )
 
     @property

@@ -9,10 +9,10 @@ import numpy as np
 
 from rbd.arrays import Array, check_positive
 from rbd.errors import InputError, ModelWarning, PoorExcitationWarning
-from rbd.identification.base_parameters import base_parameters
+from rbd.identification.combinations import base_parameters
 from rbd.identification.consistent import Prior, minimise
 from rbd.identification.data import EXACT, Assembly, Equations, measured_motions
-from rbd.identification.pseudo_inertia import is_possible, made_possible, size_of
+from rbd.identification.possible import is_possible, made_possible, size_of
 from rbd.identification.result import Identification
 from rbd.model.checked_model import CheckedModel
 from rbd.model.inertial import body_names, checked_columns, inertial_parameters, joint_velocities
@@ -75,8 +75,9 @@ def identify(
         >>> motion = rbd.Motion.from_function(arm, wave, np.linspace(0.0, 4.0, 81))
         >>> tau = np.array([rbd.dynamics.inverse_dynamics(motion.state(i), motion.a[i]) for i in range(81)])
         >>> found = rbd.identify(rbd.identification.MeasuredMotion(motion, 1.1 * tau))  # every torque a tenth larger
-        >>> found.base.rank, (found.base_values / found.base.values(found.model_theta)).round(4)
-        (6, array([1.1, 1. , 1.1, 1.1, 1. , 1.1]))
+        >>> model = found.base.values(found.model_theta)
+        >>> {name: round(float(x / y), 4) for name, x, y in zip(found.base.labels, found.base_values, model) if abs(y) > 1e-9}
+        {'link_1.mc_x': 1.1, 'link_1.I_yy': 1.1, 'link_2.mc_x': 1.1, 'link_2.I_yy': 1.1}
     """
     given = measured_motions(motions)
     asked = checked_columns(columns)
@@ -115,7 +116,7 @@ def identify(
     if noise is None:
         equations = _weighed(data, equations, unit)
     found = minimise(equations.R @ base.B, equations.z, before)
-    result = Identification.of(given, data, equations, base, before, found, unit, asked, excitation)
+    result = Identification.of(given, data, equations, base, before, found, unit, asked, excitation, spread)
     _warn(result, spread)
     return result
 
@@ -123,7 +124,7 @@ def identify(
 def _weighed(data: Assembly, equations: Equations, unit: Array) -> Equations:
     """The equations weighted by the deviation of each coordinate, which their residuals give."""
     for _ in range(_ROUNDS):
-        beta = least_squares(equations, unit)
+        beta = _least_squares(equations, unit)
         rms, share = data.residuals(beta)
         lost = equations.count / max(1, equations.count - data.base.rank)
         told = share > 1e-9
@@ -136,7 +137,7 @@ def _weighed(data: Assembly, equations: Equations, unit: Array) -> Equations:
     return equations
 
 
-def least_squares(equations: Equations, unit: Array) -> Array:
+def _least_squares(equations: Equations, unit: Array) -> Array:
     """Base parameters of least squares, of least norm in their units where the data do not decide, shape (r,)."""
     return np.asarray(unit * np.linalg.lstsq(equations.R * unit, equations.z, rcond=1e-12)[0])
 
@@ -173,12 +174,12 @@ def _warn(result: Identification, spread: float) -> None:
         return
     told = []
     for i in open_[:4]:
-        size = result.relative_deviations[i]
-        told.append(f"{result.base.labels[i]} ({f'to {size:.2g} of its size' if np.isfinite(size) else 'not at all'})")
+        known = f"to {result.relative_deviations[i]:.2g} of its size" if result.untold[i] < 0.5 else "not at all"
+        told.append(f"{result.base.labels[i]} ({known})")
     warnings.warn(
-        f"poor excitation: {len(open_)} of {r} base parameters are known no better than the model's are believed "
-        f"(prior = {spread:g}): {', '.join(told)}{', ...' * (len(open_) > 4)}. They stay near the model. Move all joints, "
-        "more and faster, in several postures.",
+        f"poor excitation: the data tell {result.certificate.rank} of {r} combinations of the base parameters. Known no better "
+        f"than the model is believed (prior = {spread:g}) are {len(open_)} parameters: {', '.join(told)}"
+        f"{', ...' * (len(open_) > 4)}. They stay near the model. Move all joints, more and faster, in several postures.",
         PoorExcitationWarning,
         stacklevel=3,
     )

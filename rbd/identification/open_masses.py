@@ -6,7 +6,7 @@ import numpy as np
 
 from rbd.arrays import Array, null_space
 from rbd.errors import NoSolution
-from rbd.identification.pseudo_inertia import pseudo_inertia, whitened_basis
+from rbd.identification.possible import pseudo_inertia, whitened_basis
 
 _UPPER = [(i, j) for j in range(4) for i in range(j + 1)]
 """Entries of a symmetric matrix in Clarabel's order: columns of the upper triangle; off the diagonal times sqrt 2."""

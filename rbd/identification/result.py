@@ -13,11 +13,11 @@ import pinocchio as pin
 from rbd.arrays import Array, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
-from rbd.identification.base_parameters import BaseParameters
+from rbd.identification.combinations import BaseParameters
 from rbd.identification.consistent import Minimum, Prior
 from rbd.identification.data import UNTOLD, Assembly, Equations, MeasuredMotion, measured_motions
 from rbd.identification.open_masses import mass_interval
-from rbd.identification.pseudo_inertia import central, pseudo_inertia
+from rbd.identification.possible import central, pseudo_inertia
 from rbd.model.checked_model import CheckedModel
 from rbd.model.inertial import body_names
 
@@ -36,14 +36,12 @@ class BodyInertia(Displayed):
         mass_alone: Whether the equations of motion tell its mass by itself.
 
     Example:
-        >>> import warnings
-        >>> box = rbd.testing.box(mass=10.0)
-        >>> turns = lambda t: np.array([t, 0.2 * np.sin(9.0 * t), 1.0 - 4.905 * t * t, 0.0, 0.0, np.sin(t), np.cos(t)])
-        >>> motion = rbd.Motion.from_function(box, turns, np.linspace(0.0, 1.0, 21))
-        >>> forces = [rbd.dynamics.inverse_dynamics(motion.state(i), motion.a[i]) for i in range(21)]
-        >>> body = rbd.identification.BodyInertia("box", 10.0, np.zeros(3), np.eye(3), True)
-        >>> body.name, body.mass
-        ('box', 10.0)
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        >>> motion = rbd.Motion.from_function(arm, lambda t: np.array([np.sin(4.0 * t)]), np.linspace(0.0, 3.0, 61))
+        >>> tau = np.array([rbd.dynamics.inverse_dynamics(motion.state(i), motion.a[i]) for i in range(61)])
+        >>> link = rbd.identify(rbd.identification.MeasuredMotion(motion, tau)).bodies["link_1"]
+        >>> round(float(link.mass * link.com[0]), 6), link.mass_alone  # m c is told, m is not
+        (0.5, False)
     """
 
     name: str
@@ -55,7 +53,7 @@ class BodyInertia(Displayed):
 
 @dataclass(frozen=True, eq=False)
 class IdentificationCertificate(Displayed):
-    """What proves the answer.
+    """What proves an identification: the Newton decrement, and that bodies can have the inertias found.
 
     Attributes:
         decrement: Newton decrement at the answer, lambda: the objective is within lambda^2 of its least.
@@ -95,10 +93,12 @@ class Identification(Displayed):
         theta: All parameters, named by `base.names`, shape (p,).
         model_theta: Those of the model, shape (p,).
         base_values: Base parameters of theta, shape (r,).
-        least_squares: Base parameters of the data alone, without prior and without what is possible, shape (r,).
-        deviations: Standard deviations of `least_squares`, shape (r,); inf of those that the data do not tell.
+        least_squares: Base parameters of the data alone, impossible bodies allowed; the model's where they tell nothing, shape
+            (r,).
+        deviations: Standard deviations of `least_squares`, shape (r,): by the data, and `prior` of what they do not tell.
         relative_deviations: The same over `unit`, shape (r,).
-        covariance: Of `least_squares`, shape (r, r), without those that are not told.
+        untold: How much of each the data do not tell, 0 to 1, shape (r,).
+        covariance: Of `least_squares` by the data alone, shape (r, r).
         sigma: Standard deviation of the residual at each velocity's equation, shape (nv,) [N, N m], by which the data were
             weighed; with noise=, that of the weights does this, and here is `force_scale`.
         residual: Root mean square residual of the data with theta, shape (nv,) [N, N m].
@@ -127,6 +127,7 @@ class Identification(Displayed):
     least_squares: Array
     deviations: Array
     relative_deviations: Array
+    untold: Array
     covariance: Array
     sigma: Array
     residual: Array
@@ -147,16 +148,18 @@ class Identification(Displayed):
         unit: Array,
         columns: tuple[str, ...],
         excitation: float,
+        believed: float,
     ) -> Identification:
         """The record of an answer; see `identify`."""
         U, s, Vt = np.linalg.svd(equations.R * unit)
         good = s > UNTOLD * s[0] if len(s) and s[0] > 0.0 else np.zeros(len(s), bool)
         rank = int(good.sum())
-        V = Vt[:rank].T
-        least = unit * (V @ ((U.T @ equations.z)[:rank] / s[:rank]))
+        V, open_ = Vt[:rank].T, Vt[rank:].T
+        start = base.values(prior.theta)
+        least = start + unit * (V @ ((U.T @ (equations.z - equations.R @ start))[:rank] / s[:rank]))
         spread = (V / s[:rank]) @ (V / s[:rank]).T
-        lost = 1.0 - (V**2).sum(axis=1)
-        relative = np.where(lost > 1e-6, np.inf, np.sqrt(np.maximum(np.diag(spread), 0.0)))
+        untold = np.linalg.norm(open_, axis=1)
+        relative = np.sqrt(np.maximum(np.diag(spread), 0.0) + (believed * untold) ** 2)
         values = base.values(found.theta)
         eigenvalues = [np.inf]
         for b in prior.bodies:
@@ -173,6 +176,7 @@ class Identification(Displayed):
             least,
             unit * relative,
             relative,
+            untold,
             unit[:, None] * spread * unit,
             data.sigma.copy(),
             data.residuals(values)[0],
@@ -184,7 +188,7 @@ class Identification(Displayed):
 
     def open_base(self, spread: float) -> list[int]:
         """Base parameters whose relative deviation is `spread` or more, the least well known first; indices."""
-        open_ = [i for i, d in enumerate(self.relative_deviations) if not d < spread]
+        open_ = [i for i, d in enumerate(self.relative_deviations) if d > 0.99 * spread]
         return sorted(open_, key=lambda i: -self.relative_deviations[i])
 
     def parameter(self, name: str) -> float:
@@ -329,7 +333,7 @@ class Identification(Displayed):
         order = np.argsort(self.relative_deviations, kind="stable")[::-1][:_LISTED]
         lines.append("  least well known of the base parameters:")
         for i in order:
-            deviation = f"+- {self.deviations[i]:.2g}" if np.isfinite(self.deviations[i]) else "not told by the data"
+            deviation = f"+- {self.deviations[i]:.2g}" if self.untold[i] < 0.5 else "not told by the data"
             lines.append(f"    {self.base.expression(int(i), 2)} = {self.base_values[i]:.4g} {deviation}")
         open_ = self.open_bodies
         if open_:

@@ -49,7 +49,7 @@ def solve_many(
         tau: Motor torques, shape (n, nu), or (nu,) [N, N m].
         constraints: As of `rbd.solve`.
         law: "coulomb", which is the default, or "convex".
-        external: Generalised forces (n, nv) or (nv,), or `ExternalForce` objects that act at every state.
+        external: Generalised forces (n, nv) or (nv,), or `ExternalForce`s and springs (`rbd.forces`) that act at every state.
         friction: Coefficients that replace the contacts' own: a number or (n,), of all contacts that have one, or
             {contact: a number or (n,)}.
         rest_speed: As of `rbd.solve`.

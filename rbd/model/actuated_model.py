@@ -148,7 +148,7 @@ def on_its_line(robot: ActuatedModel, motor: int, tau: float, v: Array) -> str:
         return ""
     joint = robot.joints[robot.actuated_names[motor]]
     unit, most = FORCE_OF[joint.unit], abs(float(robot.torque_limits(v)[tau > 0.0][motor]))
-    return f"{tau:.4g} {unit} at {speed:.4g} {joint.unit}/s, where its torque-speed line leaves {most:.4g} {unit}"
+    return f"{abs(tau):.4g} {unit} at {abs(speed):.4g} {joint.unit}/s, where its torque-speed line leaves {most:.4g} {unit}"
 
 
 def beyond_limit(robot: ActuatedModel, motor: int, tau: float, v: Array) -> str:

@@ -195,7 +195,7 @@ def free_acceleration(state: State, tau: Array, external: External = None) -> Ar
     Args:
         state: Where the robot is and how it moves.
         tau: Motor torques, shape (nu,) [N, N m].
-        external: Generalised force (nv,), or `ExternalForce` objects.
+        external: Generalised force (nv,), or `ExternalForce` objects and springs (`rbd.forces`).
 
     Example:
         >>> solo = rbd.load_robot("solo12")

@@ -24,7 +24,7 @@ def checked_gravity(gravity: Sequence[float] | Array) -> Array:
     Raises:
         InputError: not three finite numbers, or more than 1e4 m/s2.
     """
-    if np.ndim(gravity) == 0:
+    if isinstance(gravity, int | float | np.number):
         raise InputError(
             f"gravity is {gravity!r:.80}; expected the vector in W [m/s2], e.g. (0, 0, -9.81), or (0, 0, -1.62) on the Moon."
         )

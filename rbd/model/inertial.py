@@ -36,7 +36,12 @@ class _GivesRows(Protocol):
 
 
 def body_names(robot: CheckedModel) -> tuple[str, ...]:
-    """A name for each body, in the order of the joints: that of its first link, or of its joint where it has none."""
+    """A name for each body, in the order of the joints: that of its first link, or of its joint where it has none.
+
+    Example:
+        >>> rbd.dynamics.body_names(rbd.load_robot("solo12"))[:3]
+        ('base_link', 'FL_SHOULDER', 'FL_UPPER_LEG')
+    """
     model = robot.model
     names: dict[int, str] = {}
     for frame in model.frames:
@@ -156,7 +161,7 @@ def regressor(
     values = [inertial_parameters(robot).ravel()] if "inertia" in asked else []
     rotors = np.array(robot.model.armature, float)[driven]
     values += [rotors if column == "rotor_inertia" else np.zeros(len(driven)) for column in asked if column != "inertia"]
-    P = np.eye(robot.nv) if not len(contacts) else free_of_forces(state, contacts)
+    P = np.eye(robot.nv) if isinstance(contacts, Sequence) and not len(contacts) else free_of_forces(state, contacts)
     return Regressor(P @ Y, parameter_names(robot, asked), np.concatenate(values), P @ known, P)
 
 
@@ -222,6 +227,8 @@ def joint_velocities(robot: CheckedModel) -> Array:
 
 def free_of_forces(state: State, contacts: Sequence[_GivesRows]) -> Array:
     """Combinations of the equations of motion without the forces of some constraints, shape (k, nv), with orthonormal rows."""
+    if not isinstance(contacts, Sequence):
+        raise InputError(f"contacts is {contacts!r:.80}; expected a list of contacts, e.g. robot.soles().")
     rows = []
     for contact in contacts:
         if not callable(getattr(contact, "rows", None)) or isinstance(contact, type):

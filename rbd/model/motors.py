@@ -66,9 +66,7 @@ class Motor(Displayed):
             if value is None:
                 continue
             if not (0.0 < as_float(value) < _MOST or as_float(value) == math.inf):
-                remedy = (
-                    " A joint without a motor is None in with_motors." if what == "limit" and as_float(value) == 0.0 else ""
-                )
+                remedy = " For a joint without a motor give None in place of the motor." if as_float(value) == 0.0 else ""
                 raise InputError(f"{what} of a motor is {value!r:.80}; expected {meaning}, inf for no limit, or None.{remedy}")
             put(self, what, as_float(value))
         if not 0.0 < abs(as_float(self.gear)) < _MOST:
@@ -77,7 +75,7 @@ class Motor(Displayed):
         if self.rotor_inertia is not None:
             if not 0.0 <= as_float(self.rotor_inertia) < _MOST:
                 raise InputError(
-                    f"rotor_inertia of a motor is {self.rotor_inertia!r:.80}; expected a number >= 0 [kg m2], or None."
+                    f"rotor_inertia of a motor is {self.rotor_inertia!r:.80}; expected 0 or more [kg m2], or None."
                 )
             put(self, "rotor_inertia", as_float(self.rotor_inertia))
         if self.torque_speed is not None:
@@ -112,7 +110,7 @@ def _checked_line(given: object) -> tuple[tuple[float, float], ...]:
     for speed, torque in line:
         if not (0.0 <= speed < _MOST and 0.0 <= torque < _MOST):
             raise InputError(
-                f"torque_speed of a motor has the point ({speed:g}, {torque:g}); both are to be 0 or more, and finite."
+                f"torque_speed of a motor has the point ({speed:g}, {torque:g}); expected finite numbers of 0 or more."
             )
     for (slow, more), (fast, less) in zip(line, line[1:], strict=False):
         if not slow < fast:

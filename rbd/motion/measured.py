@@ -50,7 +50,7 @@ def estimate_forces(
         contacts: What touches, loops and other constraints, each with its own name. None: what is left unexplained is told.
         tau: Measured motor torques, shape (nu,) [N, N m].
         noise: Standard deviations of the sensors.
-        external: Other forces of the world that are known: generalised (nv,), or `ExternalForce` objects.
+        external: Other forces of the world that are known: generalised (nv,), or `ExternalForce`s and springs (`rbd.forces`).
 
     Raises:
         InputError: wrong sizes, NaN, unknown frames; noise that does not fit; no equation: a fixed base without torques.

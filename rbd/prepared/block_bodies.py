@@ -172,9 +172,9 @@ class BlockBodies(ContactBodies):
         left -= generalised
         left *= self._per_inertia
         left /= np.maximum(np.abs(a), 1.0)  # M_ii |a_i| is a term of row i
-        fall, c = float(self._model.gravity.linear[2]), np.empty((n, self.m))
+        gravity, c = np.array(self._model.gravity.linear), np.empty((n, self.m))
         for k, site, rows in sites:
-            x[k, :, :3] += fall * places.R[k, :, 2]  # rnea leaves a - R^T g
+            x[k, :, :3] += gravity @ places.R[k]  # rnea leaves a - R^T g
             own = x[k] @ self._to_contact[k].T
             if moves:
                 x_1, x_2, x_3, w_1, w_2, w_3 = self._to_contact[k] @ u[k].T

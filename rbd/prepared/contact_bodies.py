@@ -78,16 +78,18 @@ class ContactBodies:
         self.placements = [data.oMi[j] for j in joints]
         self._accelerations, self._twists = [data.a_gf[j] for j in joints], [data.v[j] for j in joints]
         self._velocities = [each.contact1_velocity for each in self._datas]
-        self._prepare_maps(float(model.gravity.linear[2]))
+        self._prepare_maps(np.array(model.gravity.linear))
         self._points = [i for i, site in enumerate(sites) if site.size == 3]
         self._per_inertia = 1.0 / robot.least_inertia
         renewed_after_fork(self)
 
-    def _prepare_maps(self, fall: float) -> None:
+    def _prepare_maps(self, gravity: Array) -> None:
         """Constant matrices: wrenches on the bodies, and row accelerations from those of the bodies.
 
-        The latter are of a - R^T g of each body, and of the third row of its R: gravity is along z.
+        The latter are of a - R^T g of each body, and of the third row of its R where gravity is along z, else of R^T g.
         """
+        self._gravity = gravity if gravity[:2].any() else None
+        fall = float(gravity[2]) if self._gravity is None else 1.0
         self._dual = [site.X_JC.toDualActionMatrix()[:, : site.size] for site in self.sites]
         self._all_dual = block_diagonal(self._dual)
         self._to_contact = [site.X_JC.toActionMatrixInverse() for site in self.sites]
@@ -200,7 +202,7 @@ class ContactBodies:
         seen, at, up = self._seen, 0, 6 * len(self.sites)
         for acceleration, X in zip(self._accelerations, self.placements, strict=True):
             seen[at : at + 6] = acceleration.vector
-            seen[up : up + 3] = X.rotation[2]
+            seen[up : up + 3] = X.rotation[2] if self._gravity is None else self._gravity.dot(X.rotation)
             at += 6
             up += 3
         c = self._accelerate.dot(seen)

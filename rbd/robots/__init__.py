@@ -1,7 +1,7 @@
 """Robots: load them by name or file, standing postures, soles, loops, merging, and faults of a model."""
 
 from rbd.modules import submodule as _submodule
-from rbd.robots.building import Box, Capsule, Cylinder, Plate, PointMass, RobotBuilder, Rod, Solid, Sphere
+from rbd.robots.building import Box, Capsule, Cylinder, Plate, PointMass, RobotBuilder, Rod, Sphere
 from rbd.robots.diagnosis import ModelIssue, ModelReport
 from rbd.robots.loading import doctor, load_robot
 from rbd.robots.loop_file import LoopFile
@@ -22,7 +22,6 @@ __all__ = [
     "RobotBuilder",
     "RobotPair",
     "Rod",
-    "Solid",
     "Sphere",
     "doctor",
     "load_robot",

@@ -99,6 +99,11 @@ class Source:
         """Whether it was made from a text, so that there is no file."""
         return self.urdf.parent == IN_MEMORY
 
+    @property
+    def place(self) -> Path:
+        """The model file; of a robot in memory the same name in the first of its folders, where relative names start."""
+        return self.package_dirs[0] / self.urdf.name if self.in_memory and self.package_dirs else self.urdf
+
 
 def in_memory(name: str, ending: str, package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:
     """The source of a robot whose text is in memory: no feet and no postures are known.

@@ -66,9 +66,9 @@ def load_robot(
             posture, else in the neutral one; or surface and point contacts, whose friction and ground `robot.feet` replaces.
         gravity: In W, shape (3,) [m/s2]; zero too. By default that of an MJCF's <option>, else (0, 0, -9.81). The planes of
             contacts stay: see `robot.with_gravity`.
-        plane: Of a planar root, the axes of W along which it slides: "xy", the ground, by default; "xz" upright, where it turns
-            counter-clockwise seen from -y, as `rbd.mechanism.link_angles` measures; "yz", seen from x. Its q has these two
-            coordinates, then cosine and sine of the angle.
+        plane: Of a planar root, the axes of W along which it slides: that of the loop file by default, else "xy", the ground;
+            "xz" upright, where it turns counter-clockwise seen from -y, as `rbd.mechanism.link_angles` measures; "yz", seen
+            from x. Its q has these two coordinates, then cosine and sine of the angle.
         rotors: Whether the rotor inertias of a URDF's transmissions and of its SRDF are added to M; see `Robot.rotors`.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
@@ -167,9 +167,11 @@ def _loaded(
 ) -> Robot:
     """The robot of a file and its report, whatever is in that."""
     closing = loop_file_of(source, loops)
+    if closing is not None and root in (None, closing.root):
+        plane = plane or closing.plane
     root = root or (closing.root if closing else None) or "free_flyer"
     file = read(
-        source.urdf,
+        source.place,
         limits,
         base=ROOTS[root],
         known=source.known,
@@ -177,6 +179,7 @@ def _loaded(
         leave_out=leave_out,
         data=data,
     )
+    plane = closing.plane if plane is None and closing and root == "planar" else plane
     model = build_model(file, root, checked_plane(plane, root))
     if file.mjcf is not None:
         passive = tuple(joined(passive, mjcf.passive(file.mjcf)))
@@ -239,6 +242,6 @@ def doctor(robot: Robot) -> ModelReport:
         more.append(ModelIssue("file", source.urdf.name, "is no longer there; this is what was found when it was loaded"))
     else:
         folders = source.package_dirs
-        file = read(source.urdf, robot.limits, base=ROOTS[robot.root], folders=folders, leave_out=robot.leave_out, data=data)
+        file = read(source.place, robot.limits, base=ROOTS[robot.root], folders=folders, leave_out=robot.leave_out, data=data)
         report = examine(robot, file, robot.postures, source.package_dirs)
     return replace(report, notes=(*report.notes, *more)) if more else report

@@ -4,6 +4,7 @@ A URDF is a tree. `four_bar.loops.yaml` next to `four_bar.urdf` closes it; `load
 left out:
 
     root: fixed                         # or planar, or free_flyer: what load_robot takes by default
+    plane: xz                           # of a planar root: xy (the ground, by default), xz or yz
     passive: [coupler_joint]            # joints that carry no motor
     frames:                             # more frames, on links of the robot [m, rad]
       coupler_tip: {link: coupler, xyz: [0.12, 0, 0], rpy: [0, 0, 0]}
@@ -29,15 +30,11 @@ robot. Aliases, a key that comes twice, an unknown key, and files above 200 kB a
 from __future__ import annotations
 
 import inspect
-import re
-import stat
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NoReturn
-
-import yaml
 
 from rbd.arrays import as_float
 from rbd.constraints.constraint import Constraint, made
@@ -47,7 +44,9 @@ from rbd.constraints.nonholonomic import KnifeEdge
 from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, nearest
+from rbd.model.planar_base import PLANES, Plane
 from rbd.model.urdf import FARTHEST, LARGEST, LONGEST_NAME
+from rbd.robots.loop_text import bytes_of, parsed
 
 Root = Literal["free_flyer", "fixed", "planar"]
 Triple = tuple[float, float, float]
@@ -55,7 +54,7 @@ Triple = tuple[float, float, float]
 ENDING = ".loops.yaml"
 ROOTS: dict[Root, int] = {"free_flyer": 6, "planar": 3, "fixed": 0}
 """Kinds of root joint, and their degrees of freedom."""
-PARTS = ("root", "passive", "frames", "loops", "couplings", "wheels", "postures")
+PARTS = ("root", "plane", "passive", "frames", "loops", "couplings", "wheels", "postures")
 LARGEST_FILE = 200_000
 """Bytes. Larger files would take seconds to read, and no robot needs them."""
 DEEPEST = 8
@@ -79,6 +78,7 @@ class LoopFile(Displayed):
     Attributes:
         name: Of the file, for messages.
         root: Kind of the robot's root joint, if given.
+        plane: Of a planar root, if given.
         passive: Joints without a motor.
         frames: To be added to the robot.
         loops: Closures, then couplings, as constraints.
@@ -94,6 +94,7 @@ class LoopFile(Displayed):
 
     name: str = ""
     root: Root | None = None
+    plane: Plane | None = None
     passive: tuple[str, ...] = ()
     frames: tuple[NamedFrame, ...] = ()
     loops: tuple[Constraint, ...] = ()
@@ -115,11 +116,7 @@ class LoopFile(Displayed):
         """
         if not isinstance(text, str) or not isinstance(name, str):
             raise InputError(f"the text of a loop file is {text!r:.80}; expected YAML as a string.")
-        try:
-            data = text.encode()
-        except UnicodeEncodeError as error:
-            raise InputError(f"a loop file has the character {error.object[error.start]!r}, which UTF-8 has not.") from None
-        return _contents(name, data)
+        return _contents(name, text.encode(errors="surrogatepass"))  # which then is no UTF-8
 
 
 @dataclass(frozen=True)
@@ -205,16 +202,19 @@ def read_loop_file(path: Path) -> LoopFile:
     Raises:
         ModelError: no such file, too large, no YAML, or an entry that is not as described above, by its name.
     """
-    return _contents(path.name, _bytes(path))
+    return _contents(path.name, bytes_of(path))
 
 
 def _contents(file: str, data: bytes) -> LoopFile:
     what = _Reader(file)
-    top = what.mapping("the file", _parsed(f"{file:.120}", data))
+    top = what.mapping("the file", parsed(f"{file:.120}", data))
     what.keys("the file", top, PARTS)
     root = top.get("root")
     if root is not None and not (isinstance(root, str) and root in ROOTS):
         what.stop(f"root is {root!r:.80}; expected one of {', '.join(ROOTS)}.")
+    plane = top.get("plane")
+    if plane is not None and not (root == "planar" and isinstance(plane, str) and plane in PLANES):
+        what.stop(f"plane is {plane!r:.80}; expected one of {', '.join(PLANES)}, with `root: planar`.")
     marks = what.mapping("frames", top.get("frames", {}))
     frames = tuple(what.frame(name, entry) for name, entry in marks.items())
     loops, couplings, wheels = (what.constraints(part, top) for part in ("loops", "couplings", "wheels"))
@@ -223,7 +223,7 @@ def _contents(file: str, data: bytes) -> LoopFile:
         if names.count(name) > 1:
             what.stop(f"{names.count(name)} constraints are called {name!r:.80}; expected different names.")
     passive, postures = what.words("passive", top.get("passive", [])), what.postures(top.get("postures", {}))
-    return LoopFile(file, root, passive, frames, (*loops, *couplings), wheels, postures, data.decode())
+    return LoopFile(file, root, plane, passive, frames, (*loops, *couplings), wheels, postures, data.decode())
 
 
 @dataclass(frozen=True)
@@ -327,70 +327,6 @@ class _Reader:
                 for joint, each in self.mapping(what, angles).items()
             }
         return out
-
-
-class _Loader(yaml.SafeLoader):
-    """YAML 1.2's numbers and truth values; no aliases, repeated keys or deep nesting."""
-
-    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}
-    depth = 0
-
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """One node; an alias may expand to a thousand nodes, each an alias of a thousand others."""
-        event = self.peek_event()
-        tag = getattr(event, "tag", None)
-        if isinstance(event, yaml.AliasEvent) or tag is not None:
-            what = "an alias" if tag is None else f"a tag, {tag!r:.80},"
-            raise yaml.YAMLError(f"it has {what} in line {event.start_mark.line + 1}; write it out in plain words")
-        if self.depth >= DEEPEST:
-            raise yaml.YAMLError(f"more than {DEEPEST} lists or pairs inside each other")
-        self.depth += 1
-        node = super().compose_node(parent, index)
-        self.depth -= 1
-        return node
-
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """A dictionary; YAML's readers silently drop repeated keys."""
-        seen: set[str] = set()
-        for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode):
-                if key.value in seen:
-                    raise yaml.YAMLError(f"key {key.value!r:.80} comes twice, again in line {key.start_mark.line + 1}")
-                seen.add(key.value)
-        return super().construct_mapping(node, deep)
-
-
-for _tag, _pattern, _first in (
-    ("null", r"~|null|", ["~", "n", ""]),
-    ("bool", r"true|false", ["t", "f"]),
-    ("int", r"[-+]?(?:0|[1-9][0-9]*)", list("-+0123456789")),
-    ("float", r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?", list("-+.0123456789")),
-):
-    _Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"(?:{_pattern})$", re.ASCII), _first)
-
-
-def _bytes(path: Path) -> bytes:
-    name = f"{path.name:.120}"
-    try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for, a device has no end
-            raise ModelError(f"{name} is no regular file; expected a loop file in YAML.")
-        with path.open("rb") as file:
-            return file.read(LARGEST_FILE + 1)
-    except (OSError, ValueError) as error:
-        raise ModelError(f"{name} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
-
-
-def _parsed(name: str, data: bytes) -> object:
-    if len(data) > LARGEST_FILE:
-        raise ModelError(f"{name} is larger than {LARGEST_FILE / 1000:g} kB; no mechanism needs so much.")
-    try:
-        return yaml.load(data.decode("utf-8"), Loader=_Loader)  # a SafeLoader: plain data only
-    except UnicodeDecodeError as error:
-        raise ModelError(f"{name} cannot be read as YAML: byte {error.start} is not UTF-8.") from None
-    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
-        message = " ".join(str(error).split())
-        raise ModelError(f"{name} cannot be read as YAML: {message:.400}.") from None
 
 
 def _shown(value: object) -> str:

@@ -50,6 +50,7 @@ class RobotPair(CheckedModel):
         self._mounted = pin.SE3.Identity() if second.bases else placement
         self._renamed = tuple(_prefixed(robot.model, prefix) for robot, prefix in zip(self.members, prefixes, strict=True))
         model = pin.appendModel(*self._renamed, 0, self._mounted)
+        model.gravity.linear = first.gravity  # Pinocchio gives every joined model that of the Earth
         passive = [p + n for robot, p in zip(self.members, prefixes, strict=True) for n in sorted(robot.passive)]
         super().__init__(model, passive=passive, name=f"{first.name} and {second.name}")
         self.sound = first.sound and second.sound
@@ -74,6 +75,12 @@ class RobotPair(CheckedModel):
         if memo is None:
             out.model, out.pool = model, DataPool(model)
         out._take_motors(self.motor_data)
+        return out
+
+    def with_gravity(self, gravity: Sequence[float] | Array) -> RobotPair:
+        """The pair in a world with another gravity, in which its members are too: see `CheckedModel.with_gravity`."""
+        out = super().with_gravity(gravity)
+        out.members = self.members[0].with_gravity(gravity), self.members[1].with_gravity(gravity)
         return out
 
     def neutral(self) -> Array:

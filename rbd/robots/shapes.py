@@ -95,7 +95,7 @@ class ShapedRobot(CheckedModel):
         return found
 
     def _geometry(self, kind: pin.GeometryType) -> Geometry:
-        path, folders = self.source.urdf, self.source.package_dirs
+        path, folders = self.source.place, self.source.package_dirs
         if self._mesh_files is not None:
             here = self._mesh_folder
             path, folders = here / _DEEP / path.name, (here / _DEEP, here, path.parent, *folders)

@@ -66,16 +66,18 @@ class BodySizes:
         sizes: Size of the bodies that move with each coordinate, shape (nv,) [m].
         prismatic: Which coordinates belong to prismatic joints, shape (nv,).
         far: Largest coordinate.
+        touch: The largest gap of a point that makes contact [m, rad]; None: `TIGHT` of the size.
     """
 
     sizes: Array
     prismatic: Array
     far: float
+    touch: float | None = None
 
     @classmethod
-    def of(cls, start: State) -> BodySizes:
+    def of(cls, start: State, touch: float | None = None) -> BodySizes:
         """The scales of the robot of a state."""
-        return cls(_sizes(start), solids_of(start.robot).prismatic, max_abs(start.q))
+        return cls(_sizes(start), solids_of(start.robot).prismatic, max_abs(start.q), touch)
 
     def tolerances(self, at: Snapshot, known: GapTolerances | None = None) -> GapTolerances:
         """The tolerances of a snapshot's points: `known`, if it has the same layout."""
@@ -87,7 +89,7 @@ class BodySizes:
         size = np.where(moves, self.sizes, 1.0).min(axis=1, initial=1.0)
         # Without a position the gap is a length only if just a prismatic joint moves it; else it may be an angle.
         size = np.where(placed | ((moves.sum(axis=1) == 1) & (moves & self.prismatic).any(axis=1)), size, 1.0)
-        tight = TIGHT * size + _ROUNDING * (size + max(self.far, max_abs(at.state.q)))
+        tight = (TIGHT * size if self.touch is None else self.touch) + _ROUNDING * (size + max(self.far, max_abs(at.state.q)))
         return GapTolerances(layout, np.maximum(LOOSE * size, tight), tight, size)
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rbd.control.accepted_steps import INSTANT
-from rbd.errors import BadEvent
+from rbd.errors import BadEvent, Reason
 from rbd.model.state import State
 from rbd.simulation.state_events import StateEvent
 
@@ -163,9 +163,14 @@ class EventSearch:
         course = next(c for c in self._courses if c.event is event)
         return bool(event.ends_at) and course.count >= event.ends_at
 
-    def missing(self) -> str:
-        """Message: which events were zero throughout, or required and did not happen; empty if there are none."""
-        out = []
+    @property
+    def absent(self) -> tuple[str, ...]:
+        """Names of the events that have not happened."""
+        return tuple([str(course.event.name) for course in self._courses if not course.count])
+
+    def missing(self) -> tuple[str, Reason]:
+        """(message: which events were zero throughout, or required and did not happen, the reason); empty if there are none."""
+        out, reason = [], Reason.NONE
         for course in self._courses:
             name = course.event.name
             if course.values > 2 and not course.nonzero:
@@ -173,9 +178,11 @@ class EventSearch:
                     f"event {name!r:.80} was zero at all {course.values} states at which it was computed: it has no events. "
                     "Does it return what was meant?"
                 )
+                reason = Reason.STOPPED_BAD_EVENT
             elif course.event.required and not course.count:
                 out.append(f"event {name!r:.80} is required, and did not happen; its last value is {course.value:.6g}.")
-        return " ".join(out)
+                reason = reason or Reason.STOPPED_NO_EVENT
+        return " ".join(out), reason
 
     def _value(self, course: _Course, state: State, t: float) -> float:
         value = course.event.value(state, t)

@@ -57,18 +57,25 @@ class ElementTerms(NamedTuple):
 
     @classmethod
     def of(cls, state: State, elements: Sequence[ForceElement]) -> ElementTerms | None:
-        """The terms of elements at a state; None without elements that have derivatives of their own.
+        """The terms of elements at a state; None without elements.
+
+        Those without derivatives of their own have no D and K.
 
         Raises:
             InputError: derivatives of a wrong size or not finite, with the element's name.
         """
         known = [element for element in elements if callable(getattr(element, "derivatives", None))]
-        if not known:
+        if not elements:
             return None
         by_q, by_v = derivatives_of(known, state)
-        K, D = -by_q, -by_v
+        K, D, model = -by_q, -by_v, state.robot.model
+        for (
+            base
+        ) in state.robot.bases:  # a step has its velocity in axes that do not turn with it: without the turn of the force
+            i = model.joints[base].idx_v
+            K[i : i + 3, i + 3 : i + 6] = K[i + 3 : i + 6, i : i + 3].T
         diagonal = _is_diagonal(K) and _is_diagonal(D)
-        return cls(_definite(D), _definite(K), diagonal, dissipation(known, state))
+        return cls(_definite(D), _definite(K), diagonal, dissipation(elements, state))
 
     def rate(self, M: Array) -> float:
         """Bound of the fastest rate of the elements, sqrt(tr M^-1 K) + tr M^-1 D [1/s]."""

@@ -255,9 +255,11 @@ class TimeStepping(Displayed):
         extrapolate: Extrapolate the first half of a step from the step before, if contacts have not changed, without solving it
             (forces are then solved only where they are recorded). Still of order 2; faster, with errors two to five times as
             large, and stiff feedback stays stable for half as long steps only.
+        touch_tolerance: The largest gap [m, rad] at which a point that was apart makes contact; None: 1e-12 of the size of its
+            bodies, at most 1e-12 m. A larger one lets it touch so much too early.
 
     Raises:
-        InputError: a speed that is not positive, a number of impacts below zero.
+        InputError: a speed that is not positive, a number of impacts below zero, a tolerance that is not positive.
 
     Example:
         >>> box = rbd.testing.box(mass=10.0)
@@ -272,6 +274,7 @@ class TimeStepping(Displayed):
     impact_speed: float = 1e-3
     impacts: int = 20
     extrapolate: bool = False
+    touch_tolerance: float | None = None
 
     def __post_init__(self) -> None:
         if not 0.0 < as_float(self.impact_speed) <= 1e3:
@@ -280,6 +283,11 @@ class TimeStepping(Displayed):
             raise InputError(f"impacts is {self.impacts!r:.80}; expected a whole number from 0.")
         if not isinstance(self.extrapolate, bool):
             raise InputError(f"extrapolate is {self.extrapolate!r:.80}; expected True or False.")
+        if self.touch_tolerance is not None and not 0.0 < as_float(self.touch_tolerance) <= 1.0:
+            raise InputError(
+                f"touch_tolerance is {self.touch_tolerance!r:.80}; expected a gap above 0 [m], at most 1, or None for 1e-12 of "
+                "the size of the bodies."
+            )
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
         """Names the first ground that accelerates, or tilts under a contact that can break; all others are accepted."""
@@ -288,7 +296,14 @@ class TimeStepping(Displayed):
 
     def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
         """One sample at each of the times."""
-        system = StepSystem(motion, state, impact_speed=self.impact_speed, impacts=self.impacts, extrapolate=self.extrapolate)
+        system = StepSystem(
+            motion,
+            state,
+            impact_speed=self.impact_speed,
+            impacts=self.impacts,
+            extrapolate=self.extrapolate,
+            touch_tolerance=self.touch_tolerance,
+        )
         detection, last, tells = EventDetection(), len(times) - 1, motion.hook is not None
         now, passed = system.begin(state, times[0])
         motion.watch(now.at.state, times[0])

@@ -57,12 +57,13 @@ class Phases:
         if not motion.search:  # nothing is switched
             yield from integrator.run(motion, state, times)
             return
-        part, events, work = replace(motion, constraints=tuple(self._active)), tuple[Event, ...](), 0.0
+        part, events, work = replace(motion, constraints=tuple(self._active)), tuple[Event, ...](), (0.0, 0.0)
         while True:
             last: Sample | None = None
             for i, sample in enumerate(integrator.run(part, state, times)):
-                if work:
-                    sample = sample.but(motor_work=sample.motor_work + work)
+                if any(work):
+                    done, taken = work
+                    sample = sample.but(motor_work=sample.motor_work + done, dissipated=sample.dissipated + taken)
                 if part.before is not None and not i:
                     sample = sample.but(events=(*events, *sample.events), found=AtEvents((), True))
                 if sample.found is not None and sample.found.interrupts:
@@ -74,7 +75,7 @@ class Phases:
             if last is None:
                 return
             assert last.found is not None and motion.search is not None
-            stops, t, work = last.found.interrupts, last.t, last.motor_work
+            stops, t, work = last.found.interrupts, last.t, (last.motor_work, last.dissipated)
             self.ended = tuple(str(event.name) for event in stops if motion.search.ends(event))
             if self.ended and not any(event.then is not None for event in stops):
                 yield last

@@ -160,9 +160,9 @@ def simulate(
             raise _stopped(error, motion, here, t, kept, ended) from error
     if phases.ended:
         interrupted, ended = f"ended by event {phases.ended[0]!r} at t = {t:.6g} s", Reason.EVENT
-    missing = motion.search.missing() if motion.search and not interrupted else ""
+    missing, why = motion.search.missing() if motion.search and ended in (Reason.NONE, Reason.EVENT) else ("", ended)
     if sunk or missing:
-        interrupted, ended = f"stopped at t = {t:.6g} s", Reason.STOPPED_SINKS if sunk else Reason.STOPPED_BAD_EVENT
+        interrupted, ended = f"stopped at t = {t:.6g} s", Reason.STOPPED_SINKS if sunk else why
     trajectory = Trajectory.of(motion, recording, _in_order(passed), chosen, step, interrupted, ended)
     inaccurate = _inaccurate(trajectory)
     if sunk:

@@ -51,11 +51,20 @@ _SLOW = 0.2
 class StepSystem:
     """The constant data of time steps: a motion from a state, and the settings of `TimeStepping`."""
 
-    def __init__(self, motion: Motion, start: State, *, impact_speed: float, impacts: int, extrapolate: bool) -> None:
+    def __init__(
+        self,
+        motion: Motion,
+        start: State,
+        *,
+        impact_speed: float,
+        impacts: int,
+        extrapolate: bool,
+        touch_tolerance: float | None = None,
+    ) -> None:
         self.motion, self.robot = motion, start.robot
         self.impact_speed, self.impacts, self.extrapolate = impact_speed, impacts, extrapolate
         self.points = Points(sources_of(motion.constraints, start))
-        self.bases, self.sizes = Bases(start.robot), BodySizes.of(start)
+        self.bases, self.sizes = Bases(start.robot), BodySizes.of(start, touch_tolerance)
         self.implicit = ImplicitElements(start)
         self.correction = Correction.of(self.points, motion.stabilisation)
         self.restitution: Mapping[str, float] = dict(motion.restitution or {})

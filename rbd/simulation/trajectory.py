@@ -71,7 +71,8 @@ class Trajectory(Displayed):
         com: Centre of mass in W, shape (n, 3) [m].
         residuals: {"law": residual of the contact law, scaled; "drift", "drift_rate": largest error of the
             bilateral constraints [m, rad; per s]; "penetration": depth of the deepest contact [m, rad]}, each of shape (n,).
-        events: Beginnings and ends of contact, in order of time.
+        events: Beginnings and ends of contact, and events of yours, in order of time.
+        absent: Names of the events of yours that did not happen.
         integrator: The integrator, with its settings.
         law: Contact law.
         stabilisation: Stabilisation of the bilateral constraints, with its settings.
@@ -111,6 +112,7 @@ class Trajectory(Displayed):
     elastic: Array = field(default_factory=partial(zeros, 0))
     dissipated: Array = field(default_factory=partial(zeros, 0))
     events: tuple[Event, ...] = ()
+    absent: tuple[str, ...] = ()
     integrator: str = ""
     law: str = ""
     stabilisation: str = ""
@@ -164,6 +166,7 @@ class Trajectory(Displayed):
             **arrays,
             residuals=residuals,
             events=tuple(events),
+            absent=motion.search.absent if motion.search else (),
             integrator=integrator if isinstance(integrator, str) else repr(integrator),
             law=motion.law,
             stabilisation="" if motion.stabilisation is None else repr(motion.stabilisation),

@@ -104,6 +104,9 @@ def checked(fields: Fields) -> dict[str, Any]:
     out["events"] = tuple(fields["events"])
     if any(not isinstance(e, Event) for e in out["events"]):
         raise InputError("events of a trajectory must be rbd.simulation Events.")
+    out["absent"] = tuple(fields["absent"])
+    if any(not isinstance(name, str) for name in out["absent"]):
+        raise InputError(f"absent of a trajectory is {fields['absent']!r:.80}; expected names of events.")
     for word in WORDS:
         if not isinstance(fields[word], str):
             raise InputError(f"{word} of a trajectory is {fields[word]!r:.80}; expected text.")
@@ -237,7 +240,8 @@ def _constraints(x: Fields) -> list[str]:
 def _events(x: Fields) -> list[str]:
     shown = x["events"][:_EVENTS]
     out = [_line("" if i else f"{len(x['events'])} events", str(event)) for i, event in enumerate(shown)]
-    return out + [_line("", f"and {len(x['events']) - len(shown)} more")] * (len(x["events"]) > len(shown))
+    out += [_line("", f"and {len(x['events']) - len(shown)} more")] * (len(x["events"]) > len(shown))
+    return out + [_line("no event", f"{name} did not happen") for name in x["absent"]]
 
 
 def _line(what: str, text: str) -> str:

@@ -104,6 +104,8 @@ def independent_factor(delassus: Array) -> Array | None:
 
 def _minimum_norm(W: Array, c: Array) -> tuple[Array, float]:
     """(f, missed): minimum-norm least-squares f of W^T W f = -c, and the residual."""
+    if not len(c):
+        return np.zeros(0), 0.0
     _, s, Vt = np.linalg.svd(W, full_matrices=False)
     kept = s > RANK * s[0]
     Vt, s = Vt[kept], s[kept]

@@ -36,7 +36,7 @@ def hold(
     Args:
         state: The pose; v must be zero.
         contacts: What it stands on; bilateral contacts (friction=None) may pull.
-        external: Other forces to hold against: generalised (nv,), or `ExternalForce` objects.
+        external: Other forces to hold against: generalised (nv,), or `ExternalForce` objects and springs (`rbd.forces`).
         friction: "cone": circular cones. "inscribed": the pyramids inside them, of each contact's facets.
         objective: What is made least, and bounds on normal forces and centres of pressure; see `rbd.statics.Effort`.
         margin: Corner forces stay within 1 - margin of their cones. None: 5 % from the limit where that is possible, else up to
@@ -87,7 +87,7 @@ def hold_many(
         robot: The robot.
         q: Configurations, shape (n, nq), or (nq,).
         contacts: As of `hold`.
-        external: Generalised forces (n, nv) or (nv,), or `ExternalForce` objects that act at every pose.
+        external: Generalised forces (n, nv) or (nv,), or `ExternalForce`s and springs (`rbd.forces`) that act at every pose.
         coefficients: Of friction, in place of the contacts' own: a number or (n,), of all contacts that have one, or
             {contact: a number or (n,)}.
         friction: As of `hold`.

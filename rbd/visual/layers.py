@@ -19,6 +19,7 @@ LAYERS: Mapping[str, bool] = {
     "moments": True,
     "joint torques": False,
     "pushes": True,
+    "force elements": True,
     "centre of mass": True,
     "support polygon": True,
     "regions": True,

@@ -17,7 +17,7 @@ from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.external import External, ExternalForce
+from rbd.model.external import External, ExternalForce, ForceElement
 from rbd.model.state import State
 from rbd.visual.drawing import described, send_mark, send_part
 from rbd.visual.drawn_robot import DrawnRobot
@@ -167,7 +167,7 @@ class Scene(Displayed):
         state: State,
         solution: Solution | Actuation | None = None,
         *,
-        external: External | Iterable[ExternalForce] = None,
+        external: External | Iterable[ExternalForce | ForceElement] = None,
         without: Collection[str] = (),
     ) -> None:
         """Draw the robot in this state with the forces of this solution, in place of what was shown.
@@ -175,8 +175,9 @@ class Scene(Displayed):
         Args:
             state: Where the robot is. Velocities are not drawn.
             solution: Its forces, from `solve` or `hold`; None draws the robot and its centre of mass only.
-            external: What was given to `solve`: each `ExternalForce` is drawn from the point it acts on. A generalised force
-                has no such point: `left_out` and the legend tell it.
+            external: What was given to `solve`: each `ExternalForce` is drawn from the point it acts on, springs and other
+                force elements where they are. A generalised force has no such point: `left_out` and the legend tell it.
+                Without it the force elements are those of the solution.
             without: Layers whose marks are not made, which saves time: "joint torques" takes half of it.
 
         Raises:

@@ -121,6 +121,42 @@ class TestClosedForms:
             solution.derivatives(parameters="preload")
 
 
+def test_springs_of_every_kind_agree_with_differences(talos: rbd.Robot):
+    """Stiffness, damping, rest and preload of a spring, a damper, a bushing and two joints on a moving Talos on its soles."""
+    state = rbd.State(talos, talos.standing().q, np.random.default_rng(2).normal(size=talos.nv) * 0.2)
+    soles, tau = talos.soles(None), np.zeros(talos.nu)
+
+    def elements(spring=300.0, rest=0.4, preload=5.0, damper=20.0, joint=15.0, damping=3.0, bushing=200.0) -> list[Any]:
+        return [
+            rbd.Spring("gripper_left_base_link", (0.5, 0.5, 1.2), stiffness=spring, rest=rest, preload=preload),
+            rbd.Damper("gripper_right_base_link", "torso_2_link", damping=damper),
+            rbd.Bushing("gripper_left_base_link", "torso_2_link", stiffness=[100.0, 100.0, bushing, 5.0, 5.0, 5.0]),
+            rbd.JointSpring("arm_left_4_joint", stiffness=joint, rest=-0.3),
+            rbd.JointDamping({"arm_right_4_joint": damping, "torso_1_joint": 2.0}),
+        ]
+
+    def solved(**changed: float) -> np.ndarray:
+        return answer(rbd.solve(state, tau, soles, external=elements(**changed)))
+
+    given = rbd.solve(state, tau, soles, external=elements())
+    found = given.derivatives(parameters=("stiffness", "damping", "rest", "preload"))
+    bushing, damping = (names for names in (found.parameters["stiffness"].labels, found.parameters["damping"].labels))
+    names = [e.name for e in elements()]
+    for parameter, label, which, value in (
+        ("stiffness", names[0], "spring", 300.0),
+        ("rest", names[0], "rest", 0.4),
+        ("preload", names[0], "preload", 5.0),
+        ("damping", names[1], "damper", 20.0),
+        ("stiffness", names[3], "joint", 15.0),
+        ("stiffness", next(x for x in bushing if x == f"{names[2]}.z"), "bushing", 200.0),
+        ("damping", next(x for x in damping if x.endswith("arm_right_4_joint")), "damping", 3.0),
+    ):
+        expected = slope(lambda h, which=which, value=value: solved(**{which: value + h}), 1e-2 * value)
+        agree(column(found, parameter, label), expected)
+        assert np.abs(expected).max() > 1e-4, label
+    assert "by stiffness of" in str(found) and "by preload of" in str(found)
+
+
 def talos_at_a_wall(talos: rbd.Robot, law: str) -> tuple[rbd.State, np.ndarray, list[Any], Any]:
     """On its soles, torques off balance, a hand that slips along a wall in front of it; (state, tau, contacts, pushes)."""
     state = talos.standing().with_joints({"arm_left_4_joint": -1.4, "arm_left_1_joint": 0.3})

@@ -16,7 +16,7 @@ import rbd
 from rbd.errors import PoorExcitationWarning
 from rbd.identification import Identification, MeasuredMotion
 from rbd.identification.consistent import Prior, minimise
-from rbd.identification.pseudo_inertia import pseudo_inertia
+from rbd.identification.possible import pseudo_inertia
 from rbd.model.inertial import body_names, inertial_parameters
 
 ARM = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 0.8]), masses=[1.0, 2.0])
@@ -112,7 +112,8 @@ class TestG1OnItsFeet:
         with pytest.warns(PoorExcitationWarning, match="not at all"):
             found = rbd.identify(MeasuredMotion(motion, tau, soles, forces=forces))
         assert found.certificate.rank < 213 and np.isinf(found.certificate.condition)
-        told = found.relative_deviations < 1e-5
+        told = found.untold < 1e-6
+        assert (found.relative_deviations >= 0.3 * found.untold).all()
         miss = np.abs(found.base_values - true_base(found, true)) / found.unit
         assert told.sum() > 20 and miss[told].max() < 1e-5
         assert np.isfinite(found.mass_deviation) == (measured != "no forces")
@@ -268,7 +269,7 @@ class TestBadInput:
         q = np.tile([0.3, 0.4], (8, 1))
         rest = rbd.Motion.of_arrays(ARM, np.arange(8.0), q, 0.0 * q, 0.0 * q)
         tau = np.array([rbd.dynamics.inverse_dynamics(rest.state(i), rest.a[i]) for i in range(8)])
-        with pytest.warns(PoorExcitationWarning, match=r"4 of 6|6 of 6|5 of 6"):
+        with pytest.warns(PoorExcitationWarning, match="the data tell 2 of 6 combinations"):
             found = rbd.identify(MeasuredMotion(rest, 1.2 * tau))
         assert found.certificate.rank == 2 and found.residual.max() < 1e-6
 

@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.identification.pseudo_inertia import (
+from rbd.identification.possible import (
     central,
     is_possible,
     made_possible,

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 import rbd
 from rbd.identification import MeasuredMotion
-from rbd.identification.pseudo_inertia import central, parameters_of, pseudo_inertia
+from rbd.identification.possible import central, parameters_of, pseudo_inertia
 from rbd.model.inertial import inertial_parameters
 
 

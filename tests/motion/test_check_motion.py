@@ -207,6 +207,24 @@ class TestFaults:
         least, most = alone.torque_bounds  # the right leg carries what the left knee cannot
         assert alone.possible.all() and (alone.tau[:, i] <= 1.01 * most[:, i]).all() and (alone.tau[:, i] >= least[:, i]).all()
 
+    def test_the_lines_of_the_robot_are_those_of_the_argument(self, g1, squat):
+        """`with_motors` and `torque_speed=` with the same line find the same frames; a share of the limits takes both."""
+        plain = check_motion(squat, self_collision=False)
+        i = g1.actuated_names.index("left_knee_joint")
+        rate = np.abs(squat.v[:, g1.actuated[i]]).max()
+        curve = 2.0 * float(np.abs(plain.tau[:, i]).max()), 1.2 * float(rate)
+        knees = ("left_knee_joint", "right_knee_joint")
+        line = rbd.Motor(torque_speed=[(0.0, curve[0]), (curve[1], 0.0)])
+        slow = Motion.of_arrays(g1.with_motors(dict.fromkeys(knees, line)), squat.t, squat.q, squat.v, squat.a)
+        report = check_motion(slow, self_collision=False)
+        given = check_motion(squat, torque_speed=dict.fromkeys(knees, curve), self_collision=False)
+        assert report.of_cause("torque-speed").any() and np.array_equal(report.causes, given.causes)
+        assert np.abs(report.tau - given.tau).max() < 1e-9 and report.used_torque.max() > 1.0
+        assert not report.of_cause("motor").any() and report.limit[i] == curve[0]
+        assert check_motion(slow, torque_limits=False, self_collision=False).possible.all()
+        less = check_motion(slow, torque_limits=0.9, self_collision=False)
+        assert less.of_cause("torque-speed").sum() > report.of_cause("torque-speed").sum()
+
     def test_a_hand_in_the_trunk(self, g1, squat):
         """Arms bent through the body collide with it, in those frames alone."""
         q = squat.q.copy()

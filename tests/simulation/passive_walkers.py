@@ -34,14 +34,17 @@ class Walker:
 
     @cached_property
     def normal(self):
+        """Of the slope, in W."""
         return np.array([np.sin(self.slope), 0.0, np.cos(self.slope)])
 
     @cached_property
     def along(self):
+        """Down the slope, in W."""
         return np.array([np.cos(self.slope), 0.0, -np.sin(self.slope)])
 
     @cached_property
     def robot(self):
+        """Hip on two sliders, legs on hinges."""
         model = pin.Model()
         model.gravity.linear = np.array([0.0, 0.0, -self.g])
         x = model.addJoint(0, pin.JointModelPX(), pin.SE3.Identity(), "x")

@@ -121,3 +121,46 @@ def test_a_pointer_without_mass_strikes_with_the_inertia_of_its_motor(rotor):
     assert abs(struck.impulse - 2.0 * rotor) < 1e-9 * rotor
     assert abs(found.q[-1, 0]) < 1e-11
     assert found.v[-1, 0] == 0.0
+
+
+@pytest.mark.parametrize("contact", ["sole", "shapes"])
+@pytest.mark.parametrize("step", [1e-3, 7e-3])
+def test_a_block_of_two_millimetres_strikes_on_time_from_one_millimetre(contact, step, tmp_path):
+    """At sqrt(2 h / g) with sqrt(2 g h), and it lies on the floor: by a sole, and by its collision shape."""
+    size, height = 2e-3, 1e-3
+    moment = 8e-6 * size**2 / 6.0
+    (tmp_path / "block.urdf").write_text(
+        f'<robot name="block"><link name="block"><inertial><mass value="8e-6"/><inertia ixx="{moment}" iyy="{moment}" '
+        f'izz="{moment}" ixy="0" ixz="0" iyz="0"/></inertial><collision><geometry><box size="{size} {size} {size}"/>'
+        "</geometry></collision></link></robot>"
+    )
+    block = rbd.load_robot(tmp_path / "block.urdf")
+    below, half = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.5 * size])), (0.5 * size, 0.5 * size)
+    given = {
+        "sole": rbd.SurfaceContact("sole", "block", half_lengths=half, placement=below, friction=0.5, on=0.0),
+        "shapes": rbd.CollisionContacts("shapes", block, friction=0.5),
+    }[contact]
+    found = rbd.simulate(rbd.State(block, [0, 0, height + 0.5 * size, 0, 0, 0, 1]), [given], duration=0.05, step=step)
+    assert len(_strikes(found)) == 4
+    for event in _strikes(found):
+        assert abs(event.t - math.sqrt(2.0 * height / G)) < 1e-12
+        assert abs(event.speed - math.sqrt(2.0 * height * G)) < 1e-9
+    assert abs(found.q[-1, 2] - 0.5 * size) < 1e-9 * size
+
+
+def test_the_gap_of_touch_is_a_setting():
+    """A block at rest 50 um above the floor falls; with a tolerance of 0.1 mm it touches from the start."""
+    robot, block, edges = _block(0.1)
+    start, ends = flat_state(robot, (0.0, block.height + 5e-5, 0.0)), []
+    for tolerance in (None, 1e-4):
+        by = rbd.TimeStepping(touch_tolerance=tolerance)
+        found = rbd.simulate(start, edges, duration=0.02, step=1.3e-3, integrator=by)
+        ends.append((found.v[1, 1], [event.t for event in _strikes(found)], abs(found.q[-1, 1] - block.height)))
+    assert ends[0][0] == pytest.approx(-1.3e-3 * G)
+    assert np.abs(np.array(ends[0][1]) - math.sqrt(1e-4 / G)).max() < 1e-9
+    assert ends[0][2] < 1e-10
+    assert (ends[1][0], ends[1][1]) == (0.0, [])
+    assert ends[1][2] <= 1e-4
+    for wrong in (0.0, -1e-6, math.nan, "small"):
+        with pytest.raises(rbd.InputError, match="touch_tolerance"):
+            rbd.TimeStepping(touch_tolerance=wrong)

@@ -527,7 +527,7 @@ def test_odd_paths_and_characters_in_a_header_are_refused_in_words(odd: str, fal
     with np.load(path) as found:
         whole = dict(found)
     header = json.loads(str(whole["header"]))
-    robot = rbd.simulation.trajectory_contents.recipe(rbd.load_robot(URDF / "box.urdf")) | {"joints": header["robot"]["joints"]}
+    robot = rbd.simulation.recorded_robot.recipe(rbd.load_robot(URDF / "box.urdf")) | {"joints": header["robot"]["joints"]}
     changes = [
         {"robot": robot | {"file": odd}},
         {"robot": robot | {"file": str(tmp_path / odd) if odd else odd}},

@@ -17,12 +17,15 @@ PACKAGES = tuple(
     for name in (
         *("dynamics", "constraints", "problem", "solvers", "analysis", "robots", "model", "statics", "control", "mechanism"),
         "small_motion",
-        *("simulation", "motion", "many", "studies", "planar", "visual", "testing", "errors"),
+        *("simulation", "motion", "identification", "many", "forces", "studies", "planar", "visual", "testing", "errors"),
     )
 )
 """Sub-packages and modules that users import from, besides `rbd` itself."""
 GROUPS = {
-    "Robots and states": "load_robot Robot RobotBuilder doctor State find_pose register_constraint dynamics ExternalForce",
+    "Robots and states": """
+        load_robot Robot RobotBuilder Motor doctor State find_pose register_constraint dynamics ExternalForce
+    """,
+    "Springs and dampers": "Spring Damper Bushing JointSpring JointDamping",
     "Motion and forces of one instant": "solve Solution gauss_problem solve_problem GaussProblem Rows solve_many",
     "Solvers": "KKT ProxQP ConeSolver",
     "Contacts": "PointContact LineContact SurfaceContact CollisionContacts Ground Body",
@@ -33,7 +36,7 @@ GROUPS = {
     "Torques": "hold inverse_dynamics Actuation",
     "Small motion": "linearise find_equilibrium find_steady_motion",
     "Simulation": "simulate Trajectory TimeStepping RungeKutta4 DormandPrince8 impact",
-    "Motions": "Motion check_motion estimate_forces",
+    "Motions": "Motion check_motion estimate_forces identify",
     "Studies": "study grid sample",
     "Errors": "RbdError InputError NoSolution CannotHold CannotMove",
 }

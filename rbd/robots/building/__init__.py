@@ -1,7 +1,7 @@
 """Models in memory: `rbd.RobotBuilder`, and the solids of its bodies."""
 
 from rbd.robots.building.builder import RobotBuilder
-from rbd.robots.building.solids import Box, Capsule, Cylinder, MassProperties, Solid, Sphere
+from rbd.robots.building.solids import Box, Capsule, Cylinder, Sphere
 from rbd.robots.building.thin_solids import Plate, PointMass, Rod
 
-__all__ = ["Box", "Capsule", "Cylinder", "MassProperties", "Plate", "PointMass", "RobotBuilder", "Rod", "Solid", "Sphere"]
+__all__ = ["Box", "Capsule", "Cylinder", "Plate", "PointMass", "RobotBuilder", "Rod", "Sphere"]

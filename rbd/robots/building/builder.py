@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 from rbd.arrays import Array
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
-from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.errors import InputError, ModelError
 from rbd.model.input_files import FileLimits
 from rbd.model.output_files import check_place, write_text
+from rbd.model.planar_base import Plane, checked_plane
 from rbd.model.urdf import BASE_JOINT
 from rbd.robots import catalogue
 from rbd.robots.building.closing import coupling_entry, loop_direction, posture_value, user_entry, wheel_entry
+from rbd.robots.building.finishing import finished
 from rbd.robots.building.numbers import (
     checked_choice,
     checked_name,
@@ -25,15 +25,12 @@ from rbd.robots.building.parts import Body, Frame, Joint, a_body, a_joint
 from rbd.robots.building.solids import Solid
 from rbd.robots.building.tree import check_tree
 from rbd.robots.building.writing import Entry, urdf_text, yaml_text
-from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import ENDING, ROOTS, LoopFile, Root
 from rbd.robots.robot import Robot
 
 GROUND = "ground"
 """The body of a fixed root: what does not move. It need not be declared."""
 End = str | tuple[str, Sequence[float] | Array]
-_DELIBERATE = ("effort",)
-"""Kinds of warnings of the doctor that a user of the builder has asked for: a motor without a limit."""
 
 
 class RobotBuilder:
@@ -46,8 +43,9 @@ class RobotBuilder:
 
     Args:
         name: Of the robot.
-        root: "free_flyer": the root body floats. "planar": it slides and turns on the ground. "fixed": it does not move; it
-            may be called "ground", and then need not be declared.
+        root: "free_flyer": the root body floats. "planar": it slides and turns in a plane. "fixed": it does not move; it may be
+            called "ground", and then need not be declared.
+        plane: Of a planar root: "xy", the ground, by default; "xz" or "yz", upright. See `load_robot`.
         about: What it is, for the head of its file.
 
     Raises:
@@ -62,10 +60,11 @@ class RobotBuilder:
         Robot('pendulum', nq=1, nv=1, nu=0, mass=2.100 kg) [-0.98]
     """
 
-    def __init__(self, name: str, *, root: Root = "free_flyer", about: str = "") -> None:
+    def __init__(self, name: str, *, root: Root = "free_flyer", plane: Plane | None = None, about: str = "") -> None:
         self.name = checked_name("the name of the robot", name)
         checked_choice("root", root, ROOTS)
         self.root: Root = root
+        self.plane = None if plane is None else checked_plane(plane, root)
         if not isinstance(about, str):
             raise InputError(f"about is {about!r:.80}; expected a sentence.")
         self.about = about
@@ -300,7 +299,7 @@ class RobotBuilder:
     def loop_file(self) -> str:
         """The loop file, in YAML: the root, passive joints, loops, couplings, wheels and postures."""
         passive = [part.name for part in self._parts if isinstance(part, Joint) and _is_passive(part)]
-        return yaml_text(self.root, passive, self._lists, self._postures)
+        return yaml_text(self.root, self.plane, passive, self._lists, self._postures)
 
     def robot(
         self,
@@ -308,6 +307,7 @@ class RobotBuilder:
         feet: Sequence[str | SurfaceContact | PointContact] | None = None,
         limits: FileLimits | None = None,
         package_dirs: Iterable[str | os.PathLike[str]] = (),
+        gravity: Sequence[float] | Array | None = None,
     ) -> Robot:
         """The robot: the one that `load_robot` gives for the saved file. No file is written.
 
@@ -318,22 +318,15 @@ class RobotBuilder:
             feet: Its feet, as for `load_robot`.
             limits: How large it may be, as for `load_robot`.
             package_dirs: Folders of meshes, as for `load_robot`.
+            gravity: In W, shape (3,) [m/s2], as for `load_robot`; a file has no place for it.
 
         Raises:
             ModelError: no tree with one root, unknown names, moving bodies without mass, an M that is singular.
             InputError: feet or limits of the wrong kind.
         """
         loops = LoopFile.of_text(self.loop_file(), f"{self.name}{ENDING}")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ModelWarning)
-            robot = load_robot(text=self.urdf(), loops=loops, limits=limits, feet=feet, package_dirs=package_dirs)
-        report = robot.report
-        assert report is not None
         thin = {part.name for part in self._parts if isinstance(part, Body) and part.thin}
-        kept = [f for f in report.warnings if f.kind not in _DELIBERATE and not (f.kind == "inertia" and f.where in thin)]
-        if kept:
-            warnings.warn(replace(report, warnings=tuple(kept)).summary(), ModelWarning, stacklevel=2)
-        return robot
+        return finished(self.urdf(), loops, thin, limits=limits, feet=feet, package_dirs=package_dirs, gravity=gravity)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
         """Write the URDF, and the loop file beside it; `load_robot(path)` gives the same robot.

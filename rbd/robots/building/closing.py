@@ -7,6 +7,7 @@ from typing import Any
 
 from rbd.constraints.loop import KINDS as CLOSURES
 from rbd.errors import InputError
+from rbd.robots import loop_file
 from rbd.robots.building.numbers import (
     checked_axis,
     checked_choice,
@@ -14,7 +15,6 @@ from rbd.robots.building.numbers import (
     checked_number,
     checked_numbers,
 )
-from rbd.robots.loop_file import KINDS
 
 WHEELS = ("rolling_wheel", "rolling_disk", "rolling_ball", "knife_edge")
 """Kinds of wheels."""
@@ -57,7 +57,7 @@ def wheel_entry(name: str, kind: object, frame: object, **given: object) -> dict
     what = f"wheel {name!r:.80}"
     word = checked_choice(f"kind of {what}", kind, WHEELS)
     entry: dict[str, Any] = {"name": name, "kind": word, "frame": checked_name(f"the frame of {what}", frame)}
-    known = KINDS[word]
+    known = loop_file.KINDS[word]
     for key, value in given.items():
         if value is None and key in known.needed:
             raise InputError(f"{what} has no {key}; a {word} needs one.")
@@ -75,7 +75,7 @@ def user_entry(name: str, kind: object, keys: Mapping[str, object]) -> dict[str,
     Raises:
         InputError: a kind that is not registered; values that are no text, truth, number or numbers.
     """
-    word = checked_choice(f"kind of {name!r:.80}", kind, [word for word, known in KINDS.items() if not known.part])
+    word = checked_choice(f"kind of {name!r:.80}", kind, [word for word, known in loop_file.KINDS.items() if not known.part])
     entry: dict[str, Any] = {"name": name, "kind": word}
     for key, value in keys.items():
         entry[key] = value if isinstance(value, str | bool) else _numbers(f"{key} of {name!r:.80}", value, range(1000))

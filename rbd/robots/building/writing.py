@@ -97,6 +97,7 @@ def _frame(frame: Frame) -> str:
 
 def yaml_text(
     root: str,
+    plane: str | None,
     passive: Sequence[str],
     lists: Mapping[str, Sequence[Entry]],
     postures: Mapping[str, Mapping[str, float | Sequence[float]]],
@@ -105,11 +106,12 @@ def yaml_text(
 
     Args:
         root: Kind of the root joint.
+        plane: Of a planar root, if one was named.
         passive: Joints without a motor.
         lists: {"loops", "couplings", "wheels": entries}.
         postures: {name: {joint: value}}.
     """
-    out = [f"root: {root}"]
+    out = [f"root: {root}", *([f"plane: {plane}"] if plane else [])]
     if passive:
         out.append(f"passive: [{', '.join(map(_word, passive))}]")
     for part, entries in lists.items():

@@ -221,14 +221,15 @@ def _cut_peaks(ax: Axes, t: Array, curves: list[Array]) -> list[Artist]:
 
 
 def _event_marks(ax: Axes, trajectory: Trajectory, names: Iterable[str], colors: dict[str, str] | None = None) -> list[Artist]:
-    """A hairline for each time at which a contact begins or ends, in its colour or grey; fainter if there are many."""
+    """A hairline for each time at which a contact begins or ends, in its colour or grey; events of yours are dotted."""
     out: list[Artist] = []
-    for name in names:
-        times = sorted({e.t for e in trajectory.events if e.name == name and e.kind in ("touches", "leaves")})
+    for name in [*names, *sorted({e.name for e in trajectory.events} - set(trajectory.names))]:
+        own = name not in trajectory.forces
+        times = sorted({e.t for e in trajectory.events if e.name == name and (own or e.kind in ("touches", "leaves"))})
         if times:
-            faint, color = min(0.55, 10.0 / len(times)), colors[name] if colors else "0.6"
-            across = ax.get_xaxis_transform()
-            out.append(ax.vlines(times, 0.0, 1.0, transform=across, color=color, lw=_HAIR, alpha=faint, zorder=1))
+            faint, color = min(0.55, 10.0 / len(times)), _GREY if own else colors[name] if colors else "0.6"
+            look = {"color": color, "lw": _HAIR, "alpha": faint, "ls": ":" if own else "-", "zorder": 1}
+            out.append(ax.vlines(times, 0.0, 1.0, transform=ax.get_xaxis_transform(), **look))
     return out
 
 

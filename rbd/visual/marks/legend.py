@@ -9,6 +9,7 @@ import numpy as np
 
 from rbd.model.gravity import is_standard
 from rbd.visual.marks.arrows import share_color
+from rbd.visual.marks.force_elements import LAYER as ELEMENTS, RELAXED, color_of
 from rbd.visual.marks.joints import ShownTorque
 from rbd.visual.marks.mark import FULL_TURN, Sizes, number, numbers
 from rbd.visual.marks.others import LOOP_COLOR
@@ -53,12 +54,12 @@ def legend_data(
         note: About these poses.
     """
     regions = [entry(color, name, layer="regions") for name, color in legend_of(statics)]
-    entries = [*poses, *_forces(picture, colors), *_rest(picture), *regions]
+    entries = [*poses, *_forces(picture, colors, sizes), *_rest(picture), *regions]
     lines = [note, *left_out_of(statics, sizes), *notes(picture, sizes), "Drag to turn, wheel to zoom, right button to shift."]
     return {"title": title, "entries": entries, "notes": [line for line in lines if line]}
 
 
-def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
+def _forces(picture: Picture, colors: Mapping[str, str], sizes: Sizes) -> list[Entry]:
     entries = []
     for c in picture.contacts:
         words = [f"normal {number(c.pressure)} N", c.friction]
@@ -83,7 +84,16 @@ def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
         words = [f"({numbers(push.force)[1:-1]}) N"]
         words += [f"moment {numbers(push.moment)} N m"] if push.moment.any() else []
         entries.append(entry(PUSH_COLOR, f"push on {push.name}", _size(push.force), ", ".join(words), "pushes"))
-    return [*entries, *_torques(picture.torques)]
+    return [*entries, *_elements(picture, sizes), *_torques(picture.torques)]
+
+
+def _elements(picture: Picture, sizes: Sizes) -> list[Entry]:
+    """The force elements, those with the largest forces first."""
+    found = sorted(picture.elements, key=lambda element: -abs(element.tension))
+    entries = [entry(color_of(x, sizes), x.name, x.size, x.detail, ELEMENTS) for x in found[:LISTED]]
+    if (more := len(found) - LISTED) > 0:
+        entries.append(entry(RELAXED, f"and {more} more force elements", layer=ELEMENTS))
+    return entries
 
 
 def _torques(torques: Sequence[ShownTorque]) -> list[Entry]:

@@ -13,6 +13,7 @@ from rbd.model.state import State
 from rbd.visual.marks.arrows import SMALLEST_ARC, is_cut, moment_angle
 from rbd.visual.marks.contacts import ShownForce, contact_marks, shown_forces
 from rbd.visual.marks.external_forces import ShownPush, push_marks, pushes
+from rbd.visual.marks.force_elements import ShownElement, element_marks, only_pushes, shown_elements
 from rbd.visual.marks.joints import ShownTorque, constraint_torque_marks, motor_torques, torque_marks
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.others import LOOP_COLOR, Others, constraints_of, loop_marks, others_of, points_mark
@@ -34,6 +35,7 @@ class Picture:
         others: Of the constraints without a patch.
         torques: Of the motors.
         pushes: External forces.
+        elements: Springs, dampers and other force elements.
         surfaces: Planes that the contacts touch, other than the floor.
         outline: Corners of the support polygon, each on the plane of its contact, shape (k, 3) [m].
         unshown: What of the external forces and constraints has no picture, in words.
@@ -49,18 +51,23 @@ class Picture:
     outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
     unshown: tuple[str, ...] = ()
     gravity: Array = field(default_factory=DOWN.copy)
+    elements: tuple[ShownElement, ...] = ()
 
     @classmethod
     def of(cls, state: State, solution: Solution | Actuation | None, external: object) -> Picture:
         """The picture of a state, its solution, and the external forces that were given.
 
+        Without these, the force elements are those that the solution was made with.
+
         Raises:
             InputError: if `external` is not what `rbd.solve` takes.
         """
-        pushed, unshown = pushes(state, external)
+        pushed, unshown = pushes(state, only_pushes(external))
+        elements, words = shown_elements(state, known_external(solution) if external is None else external)
+        unshown += words
         com, gravity = np.asarray(state.com, float), state.robot.gravity
         if solution is None:
-            return cls(com, pushes=tuple(pushed), unshown=tuple(unshown), gravity=gravity)
+            return cls(com, pushes=tuple(pushed), unshown=tuple(unshown), gravity=gravity, elements=tuple(elements))
         contacts = tuple(shown_forces(solution))
         given = constraints_of(solution)
         keeper: Any = getattr(solution, "problem", solution)
@@ -75,6 +82,7 @@ class Picture:
             support_outline(contacts),
             (*unshown, *others.left_out),
             gravity,
+            tuple(elements),
         )
 
     @property
@@ -104,6 +112,8 @@ class Picture:
         drawn += torque_marks(() if "joint torques" in without else self.torques, sizes)
         for i, push in enumerate(self.pushes):
             drawn += push_marks(i, push, sizes)
+        for i, element in enumerate(self.elements):
+            drawn += element_marks(i, element, sizes)
         return [mark for mark in drawn if len(mark.mesh.faces) and mark.layer not in without]
 
     def has_moments(self, sizes: Sizes) -> bool:
@@ -132,3 +142,10 @@ class Picture:
         given += [(f"push on {push.name}", push.moment) for push in self.pushes]
         sizes = [(name, float(np.linalg.norm(moment))) for name, moment in given]
         return sizes + [(t.by, abs(t.value)) for t in self.others.torques if not t.slides]
+
+
+def known_external(answer: object) -> Any:
+    """The external forces that a solution or an actuation was made with; None where they are not known."""
+    if hasattr(answer, "external"):
+        return answer.external
+    return getattr(getattr(getattr(answer, "problem", None), "origin", None), "external", None)

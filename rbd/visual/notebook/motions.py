@@ -62,7 +62,7 @@ def _trajectory(record: Trajectory) -> Card:
     limit = record.robot.effort_limit
     if record.tau.any() and np.isfinite(limit).any():
         drawing += curves("most used motor [% of its limit]", record.t, {"": 100.0 * (np.abs(record.tau) / limit).max(axis=1)})
-    events = [(number(e.t, 6), e.name, str(e.point), e.kind) for e in record.events[:_EVENTS]]
+    events = [(number(e.t, 6), e.name, str(e.point) if e.point >= 0 else "", e.kind) for e in record.events[:_EVENTS]]
     named = Table(events, ("at [s]", "contact", "point", "event"), whole=len(record.events), rest="trajectory.events")
     how = [("integrator", record.integrator), ("kept by", record.stabilisation)]
     proof = [_residuals(record), Table([(what, text) for what, text in how if text])]

@@ -62,7 +62,7 @@ $start
 """)
 SCRIPTS = (
     *("stage.js", "meshes.js", "layers.js", "legend.js", "labels.js", "naming.js", "views.js", "gauges.js", "toolbar.js"),
-    *("support.js", "animation.js", "curves.js", "reel.js", "timeline.js"),
+    *("support.js", "force_elements.js", "animation.js", "curves.js", "reel.js", "timeline.js"),
     *("live.js", "controls.js", "backdrop.js"),
 )
 LEVEL = 6

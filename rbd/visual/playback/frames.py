@@ -13,7 +13,9 @@ from rbd.arrays import Array, lazy
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.visual.marks.external_forces import Push, pushes
+from rbd.visual.marks.force_elements import only_pushes
 from rbd.visual.name_lists import joined
+from rbd.visual.playback.element_tracks import ElementTrack, tracks_of
 from rbd.visual.playback.posed_bodies import body_poses, configuration_between
 from rbd.visual.style import PUSH_COLOR
 
@@ -70,6 +72,7 @@ class Frames:
         com: Centre of mass in W, shape (n, 3) [m]; zero frames, shape (0, 3), of a robot without mass.
         contacts: Each contact's points and forces.
         pushes: Each external force.
+        elements: Each force element.
         modes: {constraint: its mode at each frame}, contacts first.
         stretches: {constraint: (from [s], to [s], mode) of each time it is in one mode}, as fine as the samples.
         ghost: Name of a second motion, whose poses of the same joints follow in `joints` and `poses`; empty if there is none.
@@ -86,14 +89,18 @@ class Frames:
     stretches: Mapping[str, Sequence[tuple[float, float, str]]]
     ghost: str = ""
     left_out: tuple[str, ...] = ()
+    elements: tuple[ElementTrack, ...] = ()
 
     @lazy
     def rows(self) -> Array:
-        """All that moves, one row a frame: poses, centre of mass, then point and force of each point, shape (n, width)."""
+        """All that moves, one row a frame, shape (n, width).
+
+        Poses, centre of mass, then point and force of each point, then ends, axis and tension of each force element.
+        """
         n = len(self.times)
         com = self.com if len(self.com) else np.full((n, 3), np.nan)
         tracks = [np.concatenate([t.points, t.forces], axis=2).reshape(n, -1) for t in (*self.contacts, *self.pushes)]
-        return np.column_stack([self.poses.reshape(n, -1), com, *tracks])
+        return np.column_stack([self.poses.reshape(n, -1), com, *tracks, *(element.rows for element in self.elements)])
 
 
 def frames_of(
@@ -115,7 +122,8 @@ def frames_of(
         fps: Frames a second of playback at `speed`. By default 30, and more where a body turns by over half a radian
             between two.
         speed: Seconds of motion a second.
-        external: The external forces of the motion, as `rbd.simulate` was given them: not known to a trajectory.
+        external: The external forces of the motion, as `rbd.simulate` was given them. A trajectory knows force elements alone,
+            and these only if no function of time gave them.
 
     Raises:
         InputError: if `external` is not what `rbd.simulate` takes.
@@ -143,9 +151,12 @@ def frames_of(
     for name in ordered:  # chatter is listed as coarsely as it is shown
         if len(stretches[name]) > MOST_STRETCHES:
             stretches[name] = _stretches(at, modes[name])
-    pushed, words = _pushed(trajectory.robot, q, at, external)
-    left_out = (*words, *_without_points(trajectory), *_without_surfaces(trajectory))
-    return Frames(at, tuple(joints), poses, com, contacts, pushed, modes, stretches, left_out=left_out)
+    robot, given_elements = trajectory.robot, getattr(trajectory, "elements", ()) if external is None else external
+    v = [(1.0 - w) * np.asarray(trajectory.v[i]) + w * np.asarray(trajectory.v[i + 1]) for i, w in zip(low, share, strict=True)]
+    pushed, words = _pushed(robot, q, at, external)
+    elements, unseen = tracks_of(robot, q, v, at, given_elements)
+    left_out = (*words, *unseen, *_without_points(trajectory), *_without_surfaces(trajectory))
+    return Frames(at, tuple(joints), poses, com, contacts, pushed, modes, stretches, left_out=left_out, elements=elements)
 
 
 def _without_points(trajectory: Trajectory) -> list[str]:
@@ -211,7 +222,7 @@ def _pushed(
         state = State(robot, q_i)
         given = external(state, float(t)) if callable(external) else external
         count: dict[str, int] = {}
-        drawn, missing = pushes(state, given)
+        drawn, missing = pushes(state, only_pushes(given))
         generalised = generalised or bool(missing)
         for push in drawn:
             moments = moments or bool(push.moment.any())

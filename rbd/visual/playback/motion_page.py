@@ -18,6 +18,7 @@ from rbd.simulation.motion import OPEN, Event
 from rbd.visual.marks.legend import scale_note
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.playback.contact_planes import carries_weight, normals_of
+from rbd.visual.playback.element_tracks import ELEMENT_COLORS, element_look
 from rbd.visual.playback.frames import Frames, Track
 from rbd.visual.playback.posed_bodies import checked_ghost, ghost_poses
 from rbd.visual.robot_layers import collision_parts
@@ -167,6 +168,7 @@ class MotionPage:
             clouds.append(outermost(np.vstack(pose)) - shift[i])  # pose by pose: all together would fill the memory
         for track in (*frames.contacts, *frames.pushes):
             clouds += [ends - shift for ends in self._arrow_ends(track)]
+        clouds += [element.points[:, end] - shift for element in frames.elements for end in (0, 1)]
         if self.second is not None:
             clouds.append(self.second.around(follow, frames) + self.second.shift)
         points = np.vstack(clouds)
@@ -273,11 +275,13 @@ class MotionPage:
             for i, part in enumerate(self.parts)
             if not part.joint
         ]
+        elements = [element_look(e, sizes) for e in frames.elements]
         pushes = [{"name": t.name, "color": t.color, "points": 1} for t in frames.pushes]
         lanes = [{"name": name, "color": color, "stretches": self._stretches(name)} for name, color in self.lanes.items()]
         drawn = {name: getattr(sizes, name) for name in ("body", "shaft", "line", "lift")}
         scale = f"{scale_note(sizes.metres_per_newton, self.weight_N)} Two heads: longer than drawn."
-        note = " ".join([*[scale] * bool(contacts or pushes), *frames.left_out])
+        said = [scale] * bool(contacts or pushes) + [ELEMENT_COLORS] * bool(elements)
+        note = " ".join([*said, *frames.left_out])
         return {
             "name": self.name,
             "parts": parts,
@@ -287,6 +291,7 @@ class MotionPage:
             "ghost": {"name": frames.ghost, "color": GHOST_COLOR, "bodies": own} if frames.ghost else None,
             "contacts": contacts,
             "pushes": pushes,
+            "elements": elements,
             "others": list(frames.modes)[len(contacts) :],
             "lanes": lanes,
             "words": self.words,

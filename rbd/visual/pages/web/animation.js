@@ -46,7 +46,7 @@ function twice(geometry, color, opacity = 1, through = 0.5) {
   return node;
 }
 
-// All that moves. A row has poses of the bodies, centre of mass, then point and force of every point: see Frames.rows.
+// All that moves. A row has poses of the bodies, centre of mass, point and force of every point, force elements: see Frames.rows.
 // A second motion is displaced by `shift`; its pieces are those of the first robot, copied, or those at the path `tree`.
 class Cast {
   constructor(stage, motion) {
@@ -77,6 +77,7 @@ class Cast {
     this.layer("forces").add(this.halo);
     this.tracks = [...motion.contacts.map((track) => ({ ...track, layer: "forces" })),
       ...motion.pushes.map((track) => ({ ...track, layer: "pushes" }))].map((track) => this.makeTrack(track, sizes));
+    this.elements = (motion.elements || []).map((look) => new ForceElement(this.layer("force elements"), look, this.shift));
     const most = this.tracks.reduce((sum, track) => sum + (track.supports ? track.points : 0), 0);
     this.support = most ? new Support(this.layer("support polygon"), most, sizes, motion.support) : null;
   }
@@ -261,6 +262,10 @@ class Cast {
       track.centre = centre.map((x) => x / total);
       track.big.set(track.centre, force.map((x) => x * sizes.metresPerNewton), sizes.longest);
       track.force = force;
+    }
+    for (const element of this.elements) {
+      element.set(row.subarray(k, k + 10));
+      k += 10;
     }
     if (this.support) this.support.set(loaded);
     if (this.follow && this.ball) {

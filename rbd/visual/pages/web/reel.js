@@ -61,7 +61,7 @@ class Reel {
     const { events, contacts, bodies } = this.motion;
     const touched = events.filter((e) => e.kind === "touches" && e.t <= t + 1e-9 && e.t > t - window).pop();
     const c = touched ? contacts.findIndex((contact) => contact.name === touched.name) : -1;
-    if (c < 0 || touched.point >= contacts[c].points) {
+    if (c < 0 || touched.point < 0 || touched.point >= contacts[c].points) {
       this.cast.glow([NaN], NaN, "");
       return;
     }

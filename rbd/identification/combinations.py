@@ -114,6 +114,11 @@ def base_parameters(robot: CheckedModel, *, columns: Sequence[str] = ("inertia",
 
     Raises:
         InputError: unknown columns.
+
+    Example:
+        >>> base = rbd.identification.base_parameters(rbd.load_robot("solo12"))
+        >>> base.rank, base.tells("FL_LOWER_LEG.m"), base.reaches(np.tile(np.eye(10)[0], 13))  # the total mass is told
+        (94, False, True)
     """
     if not isinstance(robot, CheckedModel):
         raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
