@@ -42,13 +42,12 @@ def main(show: bool = True) -> Result:
     modes = {mode.words: mode for mode in small.modes()}
     off = {name: float(np.abs(small.eigenvalues - value).min()) for name, value in PUBLISHED.items()}
     for mode in small.modes():
-        print(f"  {mode.eigenvalue.real:10.6f} {mode.eigenvalue.imag:+.6f} i 1/s   {mode.title}: {mode.words}")
+        real, imaginary = np.round([mode.eigenvalue.real, mode.eigenvalue.imag], 6) + 0.0
+        print(f"  {real:10.6f} +- {imaginary:.6f} i 1/s   {mode.title}: {mode.words}")
     print(f"Published eigenvalues are met to {'1e-11' if max(off.values()) < 1e-11 else max(off.values())} 1/s.")
 
     weave = brentq(lambda v: max(z.real for z in values(bicycle, v) if abs(z.imag) > 1.0), 4.0, 5.0, xtol=1e-8)
-    capsize = brentq(
-        lambda v: max(z.real for z in values(bicycle, v) if abs(z.imag) < 1e-6 and abs(z.real) > 1e-7), 5.9, 6.2, xtol=1e-8
-    )
+    capsize = brentq(lambda v: sorted(values(bicycle, v), key=abs)[1].real, 5.9, 6.2, xtol=1e-8)  # the first is of the speed
     print(f"It stays upright by itself from {weave:.6f} m/s (weave) to {capsize:.6f} m/s (capsize).")
 
     turn = rbd.find_steady_motion(rolling(bicycle, 6.0), fixed={"steer": 0.05})
