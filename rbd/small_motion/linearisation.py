@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from rbd.analysis.modes import modes_of
 from rbd.analysis.sensitivity import Derivatives
-from rbd.arrays import Array, max_abs
+from rbd.arrays import Array, as_array, check_flag, check_seed, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import own_or
 from rbd.errors import NotDifferentiable, NotSteadyWarning
@@ -77,9 +77,10 @@ def linearise(
         >>> (small.eigenvalues.imag**2 / 9.81).round(6)  # (2 + sqrt 2), (2 - sqrt 2)
         array([3.414214, 3.414214, 0.585786, 0.585786])
     """
-    robot = checked(state).robot
+    robot, seed = checked(state).robot, check_seed(seed)
+    check_flag("differences", differences)
     given = own_or(robot, constraints)
-    torques = np.zeros(robot.nu) if tau is None else robot.check_tau(np.asarray(tau))
+    torques = np.zeros(robot.nu) if tau is None else robot.check_tau(as_array("tau", tau))
     manifold = manifold_of(state, given)
     check_on(manifold.rows(state))
     solution = solve(state, torques, given, external=external)

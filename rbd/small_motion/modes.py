@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, max_abs
+from rbd.arrays import Array, as_float, max_abs
 from rbd.displayed import Displayed
+from rbd.errors import InputError
 from rbd.model.state import State
 
 if TYPE_CHECKING:
@@ -118,12 +119,21 @@ class Mode(Displayed):
         Args:
             t: [s].
             amplitude: At t = 0.
+
+        Raises:
+            InputError: numbers that are not finite, or so large that the mode has grown by e^50.
         """
         state, robot = self.state, self.state.robot
-        factor = amplitude * np.exp(self.eigenvalue * t)
-        q = pin.integrate(robot.model, state.q, t * (state.v - self.spin))
+        time, size = as_float(t), as_float(amplitude)
+        if not (abs(time) < 1e6 and abs(self.eigenvalue.real * time) <= 50.0 and abs(size) <= 1e3):
+            raise InputError(
+                f"t is {t!r:.80}, amplitude {amplitude!r:.80}; expected numbers, a time within fifty of the time constant "
+                f"{self.time_constant:.3g} s, and an amplitude up to 1000."
+            )
+        factor = size * np.exp(self.eigenvalue * time)
+        q = pin.integrate(robot.model, state.q, time * (state.v - self.spin))
         q = pin.integrate(robot.model, q, np.real(factor * self.dq))
-        q = pin.integrate(robot.model, q, t * self.spin)
+        q = pin.integrate(robot.model, q, time * self.spin)
         return State(robot, pin.normalize(robot.model, q), state.v + np.real(factor * self.dv))
 
     def pose(self, factor: complex = 0.1) -> State:
@@ -131,9 +141,14 @@ class Mode(Displayed):
 
         Args:
             factor: Amplitude of its largest entry [rad, robot's lengths] times exp(i phase).
+
+        Raises:
+            InputError: a factor that is no number up to 1000.
         """
         robot = self.state.robot
-        q = pin.integrate(robot.model, self.state.q, np.real(factor * self.dq))
+        if isinstance(factor, bool) or not isinstance(factor, int | float | complex | np.number) or not abs(factor) <= 1e3:
+            raise InputError(f"factor is {factor!r:.80}; expected a real or complex number of at most 1000.")
+        q = pin.integrate(robot.model, self.state.q, np.real(complex(factor) * self.dq))
         return State(robot, pin.normalize(robot.model, q))
 
     def scene(self, **options: Any) -> Any:
