@@ -228,7 +228,7 @@ def _event_marks(ax: Axes, trajectory: Trajectory, names: Iterable[str], colors:
         times = sorted({e.t for e in trajectory.events if e.name == name and (own or e.kind in ("touches", "leaves"))})
         if times:
             faint, color = min(0.55, 10.0 / len(times)), _GREY if own else colors[name] if colors else "0.6"
-            look = {"color": color, "lw": _HAIR, "alpha": faint, "ls": ":" if own else "-", "zorder": 1}
+            look: dict[str, Any] = {"color": color, "lw": _HAIR, "alpha": faint, "ls": ":" if own else "-", "zorder": 1}
             out.append(ax.vlines(times, 0.0, 1.0, transform=ax.get_xaxis_transform(), **look))
     return out
 

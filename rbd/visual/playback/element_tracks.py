@@ -68,8 +68,7 @@ def tracks_of(
         external: As `rbd.simulate` was given it: constant, or a function of state and time.
     """
     if external is None or not callable(external) and not shown_elements(State(robot, q[0], v[0]), external)[0]:
-        words = [] if external is None else shown_elements(State(robot, q[0], v[0]), external)[1]
-        return (), words
+        return (), [] if external is None else shown_elements(State(robot, q[0], v[0]), external)[1]
     seen: dict[str, list[tuple[int, ShownElement]]] = {}
     words: list[str] = []
     for i, (q_i, v_i, t) in enumerate(zip(q, v, times, strict=True)):
