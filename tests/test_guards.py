@@ -98,6 +98,9 @@ ASKED = {"state": STATE, "tau": TAU, "constraints": FEET, "external": np.zeros(B
 
 FOUR_BAR = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5)
 LINKED = FOUR_BAR.at("assembled")
+HANGING = rbd.find_equilibrium(LINKED)
+SWING = HANGING.linearised.modes()[0]
+SLEIGH = rbd.load_robot(URDF.with_name("chaplygin_sleigh.urdf")).at(None, [2.0, 0.0, 0.0])
 FROM_HERE = {"state": LINKED, "constraints": list(FOUR_BAR.loops())}
 LOOPS = {"constraints": list(FOUR_BAR.loops()), "inputs": ["crank_joint"], "outputs": ["rocker_joint"]}
 
@@ -128,6 +131,12 @@ def use_contradiction(**given: Any) -> Any:
     """The certificate and the violation of a contradiction, if there is one."""
     found = rbd.analysis.contradiction(**given)
     return None if found is None else (dict(found.certificate), found.violation)
+
+
+def use_linearised(**given: Any) -> Any:
+    """Its matrices and eigenvalues."""
+    found = rbd.linearise(**given)
+    return found.A, found.B, np.sort_complex(found.eigenvalues).view(float)
 
 
 MANY = {"robot": BOLT, "q": np.tile(STATE.q, (2, 1)), "v": np.zeros((2, BOLT.nv)), "tau": TAU, "constraints": FEET}
@@ -860,6 +869,44 @@ CASES: dict[str, Case] = {
         rbd.mechanism.singularities_along,
         {"state": LINKED, "path": np.array([LINKED.q, LINKED.q]), **LOOPS, "tolerance": 1e-6},
     ),
+    "linearise": Case(
+        use_linearised,
+        {"state": HANGING.state, "constraints": list(FOUR_BAR.loops()), "tau": np.zeros(1), "external": np.zeros(3)}
+        | {"differences": False, "seed": 1},
+        20,
+    ),
+    "find_equilibrium": Case(
+        lambda **given: rbd.find_equilibrium(**given).state.q,
+        {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "tau": np.zeros(1), "external": np.zeros(3), "fixed": {}},
+        10,
+    ),
+    "find_steady_motion": Case(
+        lambda **given: rbd.find_steady_motion(**given).state.v,
+        {"state": SLEIGH, "constraints": list(SLEIGH.robot.wheels()), "tau": np.zeros(0), "external": np.zeros(3)}
+        | {"fixed": {}, "speeds": {"root_joint.vx": 2.0}, "conditions": ()},
+        10,
+    ),
+    "small_motion.Linearised.changed": Case(HANGING.linearised.changed, {"x": np.array([1e-3, 1e-3])}),
+    "small_motion.Mode.at": Case(SWING.at, {"t": 0.1, "amplitude": 0.1}),
+    "small_motion.Mode.pose": Case(SWING.pose, {"factor": 0.1}),
+    "visual.mode_scene": Case(
+        lambda mode, amplitude: rbd.visual.mode_scene(mode, amplitude=amplitude).shown, {"mode": SWING, "amplitude": 0.1}, 5
+    ),
+    "visual.export_mode": Case(
+        lambda mode, path, amplitude: rbd.visual.export_mode(mode, path, amplitude=amplitude).name,
+        {"mode": SWING, "path": "no/folder/swing.html", "amplitude": 0.1},
+        5,
+    ),
+    "visual.plot_mode": Case(
+        lambda ax, mode, most: len(rbd.visual.plot_mode(ax, mode, most=most)),
+        {"ax": Figure().subplots(), "mode": SWING, "most": 3},
+        10,
+    ),
+    "visual.plot_eigenvalues": Case(
+        lambda ax, linearised: len(rbd.visual.plot_eigenvalues(ax, linearised)),
+        {"ax": Figure().subplots(), "linearised": HANGING.linearised},
+        10,
+    ),
     "mechanism.integrability": Case(
         rbd.mechanism.integrability,
         {**FROM_HERE, "points": LINKED.q[None], "seed": 1, "tolerance": 1e-6},
@@ -1283,6 +1330,9 @@ CASES |= {
 }
 MADE_BY_RBD = {
     "LoopFile",
+    "Linearised",
+    "Mode",
+    "SteadyState",
     "Samples",
     "Explorer",
     "Motion",
@@ -1519,6 +1569,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
     answer = ask(CASES[name], CASES[name].good)
     refused = {"visual.Scene.export", "visual.screenshot", "visual.contact_sheet", "Robot.soles", "mechanism.four_bar, no file"}
     refused |= {
+        "visual.export_mode",
         "visual.export_motion",
         "visual.export_video",
         "visual.motion_sheet",
@@ -1550,6 +1601,7 @@ def public() -> Iterator[str]:
     rooms = [("", place, place.__all__) for place in (rbd, *packages)]
     rooms += [("dynamics.", rbd.dynamics, None), ("catalogue.", rbd.robots.catalogue, None)]
     rooms += [("mechanism.", rbd.mechanism, rbd.mechanism.__all__), ("visual.", rbd.visual, rbd.visual.__all__)]
+    rooms += [("small_motion.", rbd.small_motion, rbd.small_motion.__all__)]
     rooms += [("identification.", rbd.identification, rbd.identification.__all__)]
     rooms += [("motion.", rbd.motion, rbd.motion.__all__), ("Motion.", rbd.Motion, None)]
     rooms += [("Robot.", rbd.Robot, None), ("State.", rbd.State, None)]

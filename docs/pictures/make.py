@@ -275,6 +275,8 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "crouch": partial(drawn, "crouch", "25_torques_of_a_crouch", 770, 462),
     "identification": partial(drawn, "identification", "35_identify", 770, 616),
     "painleve": partial(drawn, "painleve", "06_painleve", 770, 462),
+    "weave": partial(scene, "weave", 900, 700),
+    "bicycle": partial(drawn, "bicycle", "34_bicycle", 1000, 450),
     "push_samples": partial(scene, "push_samples", 1200, 720),
     "push_study": partial(drawn, "push_study", "30_push_study", 1050, 440),
     "balance": partial(drawn, "balance", "29_balance", 880, 506),
