@@ -130,7 +130,7 @@ def shown_element(state: State, element: ForceElement) -> ShownElement | None:
 def only_pushes(external: Any) -> External:
     """The external forces without force elements; generalised forces as they are."""
     if not elements_of(external):
-        return external  # type: ignore[no-any-return]
+        return external
     pushes = external if isinstance(external, Sequence) else ()
     return [each for each in pushes if isinstance(each, ExternalForce)]
 
