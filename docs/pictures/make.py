@@ -275,6 +275,8 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "crouch": partial(drawn, "crouch", "25_torques_of_a_crouch", 770, 462),
     "identification": partial(drawn, "identification", "35_identify", 770, 616),
     "painleve": partial(drawn, "painleve", "06_painleve", 770, 462),
+    "weave": partial(scene, "weave", 900, 700),
+    "bicycle": partial(drawn, "bicycle", "34_bicycle", 1000, 450),
     "push_samples": partial(scene, "push_samples", 1200, 720),
     "push_study": partial(drawn, "push_study", "30_push_study", 1050, 440),
     "balance": partial(drawn, "balance", "29_balance", 880, 506),
@@ -288,6 +290,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "sleigh": partial(plot, "sleigh", "13_sleigh", "plot_flow", (6.4, 5.0)),
     "push_recovery": partial(plot, "push_recovery", "14_push_recovery", "plot_pushes", (7.5, 6.0), 2, 1),
     "four_bar_swing": partial(plot, "four_bar_swing", "15_four_bar_swing", "plot_swing", (7.0, 6.0), 2, 1),
+    "passive_walker": partial(plot, "passive_walker", "33_passive_walker", "plot_walk", (7.0, 9.0), 3, 1),
     "coin": partial(plot, "coin", "16_rolling_disk", "plot_lean", (7.0, 4.0)),
     "sliding_box": partial(plot, "sliding_box", "17_sliding_box", "plot_slide", (7.0, 6.0), 2, 1),
     **{
