@@ -72,7 +72,7 @@ class ElementTerms(NamedTuple):
         if _is_diagonal(K) and _is_diagonal(D):
             return cls(np.maximum(D, 0.0), np.maximum(K, 0.0), True, power)
         for base in state.robot.bases:
-            # A step has the base's velocity in axes that do not turn with it: K without the turn of the force in the base's axes.
+            # A step has the base's velocity in axes that do not turn: K without the turn of the force in the base's axes.
             i = state.robot.model.joints[base].idx_v
             K[i : i + 3, i + 3 : i + 6] = K[i + 3 : i + 6, i : i + 3].T
         D, K = _definite(D), _definite(K)
