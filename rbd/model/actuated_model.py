@@ -5,15 +5,17 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite, check_flag
 from rbd.errors import InputError
 from rbd.model.joints import FORCE_OF, Joints
-from rbd.model.motors import Motor, Motors, TorqueLines, checked_motors, put_motors, torque_use
+from rbd.model.motors import Motor, Motors, TorqueLines, checked_motors, motors_of_plain, put_motors, torque_use
 from rbd.model.travelling import Travelling
+
+Model = TypeVar("Model", bound="ActuatedModel")
 
 
 class ActuatedModel(Travelling):
@@ -136,6 +138,16 @@ class ActuatedModel(Travelling):
 
     def _take_extras(self, extras: tuple[Any, ...]) -> None:
         self._take_motors(dict(extras))
+
+
+def with_plain_motors(robot: Model, plain: object) -> Model:
+    """The robot with the motors of `plain_motors`; the same where there are none.
+
+    Raises:
+        InputError: what is no such data.
+    """
+    motors = motors_of_plain(plain)
+    return robot.with_motors(motors) if motors else robot
 
 
 def on_its_line(robot: ActuatedModel, motor: int, tau: float, v: Array) -> str:
