@@ -177,6 +177,7 @@ def _loaded(
         leave_out=leave_out,
         data=data,
     )
+    plane = closing.plane if plane is None and closing and root == "planar" else plane
     model = build_model(file, root, checked_plane(plane, root))
     if file.mjcf is not None:
         passive = tuple(joined(passive, mjcf.passive(file.mjcf)))
