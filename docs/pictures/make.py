@@ -298,6 +298,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "impossible_motion": partial(example_page, "impossible_motion", "26_is_this_motion_possible", 1200, 720),
     "crouch": partial(drawn, "crouch", "25_torques_of_a_crouch", 770, 462),
     "identification": partial(drawn, "identification", "35_identify", 770, 616),
+    "models_in_memory": partial(drawn, "models_in_memory", "32_models_in_memory", 990, 374),
     "painleve": partial(drawn, "painleve", "06_painleve", 770, 462),
     "weave": partial(scene, "weave", 900, 700),
     "bicycle": partial(drawn, "bicycle", "34_bicycle", 1000, 450),
