@@ -172,9 +172,11 @@ class Impact(Displayed):
         share = f" of {had:.6g} J" if had else ""
         lines = [f"impact of {robot}: {'loses' if lost >= 0.0 else 'GAINS'} {abs(lost):.6g} J{share}; law: {self.law}"]
         for name, size in self.sizes.items():
+            speed, impulse = ("m/s", "N s") if name in self.points else ("m/s or rad/s", "N s or N m s")
             e = f", e = {self.restitution[name]:g}" if self.restitution.get(name) else ""
-            came = f"came at {self.approach[name]:.4g} m/s{e}, " if self.approach[name] > AT_REST else ""
-            lines.append(f"  {name:<16}{came}impulse {size:.6g} N s, {'leaves' if name in self.opens else self.modes[name]}")
+            came = f"came at {self.approach[name]:.4g} {speed}{e}, " if self.approach.get(name, 0.0) > AT_REST else ""
+            ends = "leaves" if name in self.opens else self.modes[name]
+            lines.append(f"  {name:<16}{came}impulse {size:.6g} {impulse}, {ends}" if size else f"  {name:<16}{came}no impulse")
         m, rank = len(self.solution.problem.J), self._rank
         unique = "unique" if rank == m else f"{m} rows of rank {rank}: not unique, those of least norm"
         lines.append(f"  {'impulses':<16}{unique}")
@@ -311,10 +313,9 @@ def impact_of(
 
 
 def _margin(constraint: Constraint) -> float | None:
-    """The largest gap of its points that touch [m], for kinds whose points appear and disappear, and joint limits."""
-    if callable(member(constraint, "with_margin")):
-        return float(constraint.margin)  # type: ignore[attr-defined]
-    return None
+    """The largest gap of its points that touch [m, rad]: of shapes and joint limits, which have some that do not."""
+    margin = member(constraint, "margin")
+    return float(margin) if isinstance(margin, int | float) and not isinstance(margin, bool) else None
 
 
 def _solution(at: Snapshot, touches: Array, answer: VelocityAnswer, law: str) -> tuple[Solution, float, Array]:
