@@ -125,6 +125,13 @@ def balance_strip() -> Path:
     return motion_sheet(way, times, picture, external=push, seen_from=(1.0, 0.15, 0.15), trace=False, width=240, height=400)
 
 
+def springs_strip() -> Path:
+    """Example 31: Solo12 on a rubber cord, with springs in its joints, falls to the floor and up again."""
+    run, times = scenes.result("31_springs").sprung, [0.0, 0.2, 0.35, 0.5, 0.75]
+    picture = PICTURES / "springs_strip.png"
+    return motion_sheet(run, times, picture, seen_from=(1.0, 0.6, 0.15), trace=False, width=240, height=500)
+
+
 def tipping() -> Path:
     """Example 17: a crate tips over."""
     crate, times, aside = scenes.result("17_sliding_box").tipped[0.6], [0.0, 0.15, 0.3, 0.45, 0.6], (0.2, -1.0, 0.2)
@@ -268,9 +275,12 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "crouch": partial(drawn, "crouch", "25_torques_of_a_crouch", 770, 462),
     "identification": partial(drawn, "identification", "35_identify", 770, 616),
     "painleve": partial(drawn, "painleve", "06_painleve", 770, 462),
+    "weave": partial(scene, "weave", 900, 700),
+    "bicycle": partial(drawn, "bicycle", "34_bicycle", 1000, 450),
     "push_samples": partial(scene, "push_samples", 1200, 720),
     "push_study": partial(drawn, "push_study", "30_push_study", 1050, 440),
     "balance": partial(drawn, "balance", "29_balance", 880, 506),
+    "springs": partial(drawn, "springs", "31_springs", 880, 440),
     "polar_manipulator": partial(drawn, "polar_manipulator", "20_polar_manipulator", 495, 550),
     "push": partial(plot, "push", "02_push", "plot_push", (7.0, 4.2)),
     "two_laws": partial(plot, "two_laws", "04_two_laws", "plot_laws", (8.6, 3.8), 1, 2),
@@ -296,6 +306,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
             coin_strip,
             tipping,
             balance_strip,
+            springs_strip,
         )
     },
 }
