@@ -281,3 +281,6 @@ def test_a_belt_drags_what_strikes_it():
     for friction, along in ((None, 0.7), (0.2, 0.2), (0.9, 0.7)):
         found = rbd.impact(state, [rbd.PointContact("belt", "box", friction=friction, on=belt)])
         assert found.v == pytest.approx([along, 0, 0, 0, 0, 0], abs=1e-12)
+        assert found.approach == pytest.approx({"belt": 1.0})
+        assert found.normal_impulses == pytest.approx({"belt": 1.0})
+        assert np.linalg.norm(found.impulses["belt"]) == pytest.approx(math.hypot(1.0, along))
