@@ -1,4 +1,4 @@
-"""A G1 carries a pack of unknown weight and grips tools: what its motions say of its inertias, and how well torques follow."""
+"""A G1 carries a pack and two tools: what do its motions say of its inertias, and how well are its torques predicted?"""
 
 import copy
 import warnings

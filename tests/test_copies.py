@@ -190,6 +190,19 @@ def identified() -> Iterator[object]:
     yield from derived.parameters.values()
 
 
+def built() -> Iterator[object]:
+    """Models in memory: their parts, their texts, their robots."""
+    solids = rbd.robots.Box((0.1, 0.2, 0.3), mass=1.0), rbd.robots.Sphere(0.1), rbd.robots.Cylinder(0.1, 0.2)
+    solids += rbd.robots.Capsule(0.1, 0.2), rbd.robots.Plate((0.1, 0.2)), rbd.robots.Rod((0, 0, 0), (0, 0, 1), mass=1.0)
+    solids += (rbd.robots.PointMass(1.0),)
+    b = rbd.RobotBuilder("one", root="fixed")
+    b.body("one", *solids)
+    b.joint("pivot", "ground", "one")
+    link = rbd.mechanism.Link("arm", "ground", (0.0, 0.0), ((0.1, 0.0),), 1.0)
+    linkage = rbd.mechanism.Linkage("flat", "", ((0.0, 0.0),), (link,), {}, {}, 0.01)
+    yield from (*solids, b, b.robot(), rbd.robots.LoopFile.of_text(b.loop_file()), link, linkage, linkage.robot())
+
+
 def mechanisms() -> Iterator[object]:
     """What the analysis of loops and wheels returns."""
     four_bar = rbd.load_robot(URDF / "four_bar.urdf")
@@ -283,6 +296,7 @@ def found() -> dict[type, list[Any]]:
             motions,
             measured,
             identified,
+            built,
             mechanisms,
             more_constraints,
             reference_motions,

@@ -384,6 +384,43 @@ def of_state(name: str, **more: Any) -> Case:
     return Case(getattr(rbd.dynamics, name), {"state": MOVING, **more})
 
 
+def weighed(kind: Any, good: dict[str, Any], **more: Any) -> Case:
+    """A solid, and what it weighs."""
+    common = {"mass": 2.0, "at": (0.1, 0.2, 0.3), "rpy": (0.1, 0.2, 0.3), "color": "blue", "draws": True, "collides": False}
+
+    def weigh(**given: Any) -> Any:
+        solid = kind(**given)
+        found = solid.mass_properties()
+        return found.mass, found.com, found.inertia, solid.volume, len(solid.shapes())
+
+    return Case(weigh, {key: value for key, value in (good | common | more).items() if value is not None})
+
+
+def use_builder(what: str, **given: Any) -> Any:
+    """A part of a model in memory, and the robot: a body, a joint, a frame, a loop, a coupling, a wheel, a posture."""
+    own = given if what == "robot" else {}
+    b = rbd.RobotBuilder(**({"name": "guarded", "root": "fixed"} | own))
+    for name in ("upper", "lower"):
+        b.body(name, rbd.robots.Box((0.1, 0.2, 0.3), mass=1.0))
+    for name, parent, child in (("one", "ground" if b.root == "fixed" else None, "upper"), ("two", "upper", "lower")):
+        if parent:
+            b.joint(name, parent, child, at=(0, 0, 1))
+    b.body("free", rbd.robots.Sphere(0.1, mass=1.0))
+    if what != "joint":
+        b.joint("weld", "lower", "free", "fixed")
+    if what != "robot":
+        getattr(b, what)(**given)
+    if what == "body":
+        b.joint("three", "upper", given["name"])
+    robot = b.robot()
+    return robot.mass, robot.nv, robot.at().M, [c.name for c in (*robot.loops(), *robot.wheels())], robot.frames()
+
+
+def built(what: str, **good: Any) -> Case:
+    """A method of a builder."""
+    return Case(lambda **given: use_builder(what, **given), good, 60)
+
+
 def use_word(word: Any, kind: Any) -> Any:
     """What a word of loop files stands for, while it is asked."""
     before = dict(KINDS)
@@ -720,6 +757,40 @@ CASES: dict[str, Case] = {
         | {"gravity": (0.0, 0.0, -1.62), "plane": None},
     ),
     "load_robot, its rotors": Case(rbd.load_robot, {"name_or_path": str(URDF), "rotors": True}),
+    "load_robot, its text": Case(
+        rbd.load_robot, {"text": URDF.read_text(), "root": "free_flyer", "loops": True, "package_dirs": ["."], "limits": None}
+    ),
+    "robots.Box": weighed(rbd.robots.Box, {"size": (0.1, 0.2, 0.3)}),
+    "Sphere": weighed(rbd.robots.Sphere, {"radius": 0.1}),
+    "Cylinder": weighed(rbd.robots.Cylinder, {"radius": 0.1, "length": 0.3}),
+    "Capsule": weighed(rbd.robots.Capsule, {"radius": 0.1, "length": 0.3}),
+    "Plate": weighed(rbd.robots.Plate, {"size": (0.1, 0.2)}),
+    "Rod": weighed(rbd.robots.Rod, {"start": (0, 0, 0), "end": (0.1, 0.2, 0.3), "radius": 0.01}, at=None, rpy=None),
+    "PointMass": weighed(rbd.robots.PointMass, {"kilogram": 1.0, "radius": 0.01}, mass=None),
+    "RobotBuilder": built("robot", name="guarded", root="fixed", plane=None, about="It is guarded."),
+    "RobotBuilder.body": built("body", name="x", mass=1.0, com=(0.1, 0.2, 0.3), inertia=(0.1, 0.1, 0.15), elements=""),
+    "RobotBuilder.joint": built(
+        "joint",
+        **{"name": "x", "parent": "lower", "child": "free", "kind": "revolute", "at": (0, 0, 1), "rpy": (0, 0, 1)},
+        **{"axis": (0, 0, 1), "motor": True, "effort": 5.0, "limits": (-1, 1), "speed": 3.0, "damping": 0.0, "friction": 0.0},
+        armature=0.1,
+    ),
+    "RobotBuilder.frame": built("frame", name="x", body="lower", at=(0, 0, 1), rpy=(0, 0, 1)),
+    "RobotBuilder.loop": built("loop", name="x", a="lower", b=("ground", (0, 0, 1)), kind="planar", axis=(0, 0, 1)),
+    "RobotBuilder.coupling": built("coupling", name="x", joint="one", to="two", ratio=2.0, offset=0.1),
+    "RobotBuilder.wheel": built("wheel", name="x", frame="lower", kind="rolling_disk", radius=0.1, axis=(0, 1, 0)),
+    "RobotBuilder.posture": built("posture", name="x", values={"one": 0.1}),
+    "mechanism.Link": Case(
+        lambda **given: str(rbd.mechanism.Link(**given)),
+        {"name": "x", "parent": "ground", "at": (0.0, 0.0), "points": ((0.1, 0.0),), "mass": 1.0, "color": "blue", "tip": 1}
+        | {"layer": 0, "slides": False, "motor": True, "limits": (-1.0, 1.0), "width": 1.0},
+    ),
+    "mechanism.Linkage": Case(
+        lambda **given: rbd.mechanism.Linkage(**given).robot().at().M,
+        {"name": "x", "about": "", "ground": ((0.0, 0.0),), "closures": {}, "postures": {}, "radius": 0.01}
+        | {"links": (rbd.mechanism.Link("arm", "ground", (0.0, 0.0), ((0.1, 0.0),), 1.0),), "rail": (0.0, 1.0, 0.0)},
+        60,
+    ),
     "load_robot, its feet": Case(rbd.load_robot, {"name_or_path": str(URDF), "feet": ["box"]}),
     "load_robot, its loops": Case(
         rbd.load_robot, {"name_or_path": str(LOOPED), "root": "fixed", "loops": str(LOOPED.with_suffix(".loops.yaml"))}
@@ -955,7 +1026,7 @@ CASES: dict[str, Case] = {
     ),
     "HoldPosture": Case(
         lambda **given: use_controller(rbd.control.HoldPosture(**given)),
-        {"state": STATE, "contacts": FEET, "frequency": 10.0, "damping_ratio": 1.0},
+        {"state": STATE, "contacts": FEET, "frequency": 10.0, "damping_ratio": 1.0, "external": np.zeros(BOLT.nv)},
         30,
     ),
     "ContactSchedule": Case(
@@ -965,7 +1036,7 @@ CASES: dict[str, Case] = {
     "WholeBodyController": Case(
         lambda **given: use_whole_body(rbd.control.WholeBodyController(**given)),
         {"tasks": [rbd.control.PostureTask(STATE)], "contacts": FEET, "every": 0.002, "contact_damping": 50.0, "early": 0.5}
-        | {"schedule": rbd.control.ContactSchedule({}), "limits": rbd.control.Limits()},
+        | {"schedule": rbd.control.ContactSchedule({}), "limits": rbd.control.Limits(), "external": np.zeros(BOLT.nv)},
         30,
     ),
     "TorqueSchedule": Case(
@@ -1258,6 +1329,7 @@ CASES |= {
     ),
 }
 MADE_BY_RBD = {
+    "LoopFile",
     "Linearised",
     "Mode",
     "SteadyState",

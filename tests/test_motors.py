@@ -171,6 +171,22 @@ def test_a_whole_body_controller_never_drives_beyond_the_line(arm):
     assert (run.tau[:-1] >= least - slack).all() and (run.tau[:-1] <= most + slack).all()
 
 
+def test_plots_draw_the_limits_at_the_speed_of_each_time(arm):
+    """Two dashed curves in place of straight lines: what drives falls with the speed, what brakes does not."""
+    pyplot = pytest.importorskip("matplotlib.pyplot")
+    run = rbd.simulate(arm.at([0.0]), controller=lambda state, t: np.array([9.0]), duration=0.6, step=5e-3)
+    figure, axes = pyplot.subplots()
+    drawn = rbd.visual.plot_joint(axes, run, "joint_1", what="tau")
+    dashed = [line.get_ydata() for line in drawn if len(line.get_ydata()) == len(run.t)][1:]
+    least, most = arm.torque_limits(run.v)
+    assert np.array_equal(dashed, [least[:, 0], most[:, 0]]) and most.min() < 9.0
+    pyplot.close(figure)
+    shown = rbd.solve(arm.at([0.0], [-FAST]), [4.0], [])._repr_html_()
+    assert shown
+    page = rbd.inverse_dynamics(arm.at([0.0], [FAST]), [0.0], [])
+    assert "98" in page._repr_html_()  # 4.905 of the 5 N m that the line leaves, in per cent
+
+
 def test_a_rotor_is_on_the_diagonal_of_m(solo):
     """gear^2 times its own inertia, in place of the file's; a pendulum with it swings slower by the closed form."""
     robot = solo.with_motors({"FL_KFE": rbd.Motor(gear=-9.0, rotor_inertia=2e-5)})

@@ -125,6 +125,13 @@ def balance_strip() -> Path:
     return motion_sheet(way, times, picture, external=push, seen_from=(1.0, 0.15, 0.15), trace=False, width=240, height=400)
 
 
+def springs_strip() -> Path:
+    """Example 31: Solo12 on a rubber cord, with springs in its joints, falls to the floor and up again."""
+    run, times = scenes.result("31_springs").sprung, [0.0, 0.2, 0.35, 0.5, 0.75]
+    picture = PICTURES / "springs_strip.png"
+    return motion_sheet(run, times, picture, seen_from=(1.0, 0.6, 0.15), trace=False, width=240, height=500)
+
+
 def tipping() -> Path:
     """Example 17: a crate tips over."""
     crate, times, aside = scenes.result("17_sliding_box").tipped[0.6], [0.0, 0.15, 0.3, 0.45, 0.6], (0.2, -1.0, 0.2)
@@ -273,6 +280,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "push_samples": partial(scene, "push_samples", 1200, 720),
     "push_study": partial(drawn, "push_study", "30_push_study", 1050, 440),
     "balance": partial(drawn, "balance", "29_balance", 880, 506),
+    "springs": partial(drawn, "springs", "31_springs", 880, 440),
     "polar_manipulator": partial(drawn, "polar_manipulator", "20_polar_manipulator", 495, 550),
     "push": partial(plot, "push", "02_push", "plot_push", (7.0, 4.2)),
     "two_laws": partial(plot, "two_laws", "04_two_laws", "plot_laws", (8.6, 3.8), 1, 2),
@@ -282,6 +290,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "sleigh": partial(plot, "sleigh", "13_sleigh", "plot_flow", (6.4, 5.0)),
     "push_recovery": partial(plot, "push_recovery", "14_push_recovery", "plot_pushes", (7.5, 6.0), 2, 1),
     "four_bar_swing": partial(plot, "four_bar_swing", "15_four_bar_swing", "plot_swing", (7.0, 6.0), 2, 1),
+    "passive_walker": partial(plot, "passive_walker", "33_passive_walker", "plot_walk", (7.0, 9.0), 3, 1),
     "coin": partial(plot, "coin", "16_rolling_disk", "plot_lean", (7.0, 4.0)),
     "sliding_box": partial(plot, "sliding_box", "17_sliding_box", "plot_slide", (7.0, 6.0), 2, 1),
     **{
@@ -297,6 +306,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
             coin_strip,
             tipping,
             balance_strip,
+            springs_strip,
         )
     },
 }

@@ -20,11 +20,13 @@ from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.inertial import checked_columns, parameter_names, regressor
+from rbd.model.inertial import body_names, checked_columns, inertial_parameters, parameter_names, regressor
 from rbd.model.state import State
 
 DEPENDENT = 1e-8
 """A column of which less than this share is left without those before it is their combination."""
+ROUNDING = 1e-12
+"""A column up to this, over the largest, is zero."""
 SAID = 1e-6
 """Smallest coefficient that is printed, over one, with parameters in units of the robot's mass and length."""
 LISTED = 12
@@ -74,7 +76,8 @@ class BaseParameters(Displayed):
     def expression(self, i: int, most: int = 6) -> str:
         """The combination as text, e.g. "knee.I_yy  + 1 foot.m - 0.3 foot.mc_x", with so many terms at most."""
         own = self.columns[i]
-        others = [j for j in np.argsort(-np.abs(self.B[i]), kind="stable") if j != own and abs(self.B[i, j]) > SAID]
+        order = np.argsort(-np.abs(self.B[i]).round(9), kind="stable")  # equal ones in the order of the tree
+        others = [j for j in order if j != own and abs(self.B[i, j]) > SAID]
         told = [f"{'+' if self.B[i, j] > 0.0 else '-'} {abs(self.B[i, j]):.4g} {self.names[j]}" for j in others[:most]]
         more = [f"and {len(others) - most} more"] if len(others) > most else []
         return "  ".join([self.names[own], " ".join([*told, *more])]).rstrip()
@@ -108,6 +111,8 @@ class BaseParameters(Displayed):
 def base_parameters(robot: CheckedModel, *, columns: Sequence[str] = ("inertia",)) -> BaseParameters:
     """The base parameters of a robot, from its regressor at random states: what its motion and its torques can tell.
 
+    Bodies without mass in the model, which only join others, are left out: they stay without.
+
     Args:
         robot: The robot.
         columns: As of `rbd.dynamics.regressor`.
@@ -131,8 +136,11 @@ def base_parameters(robot: CheckedModel, *, columns: Sequence[str] = ("inertia",
         v, a = rng.uniform(-2.0, 2.0, (2, robot.nv))
         stack.append(regressor(State(robot, q, v), 10.0 * a, columns=asked).Y)
     Y = np.concatenate(stack)
+    if "inertia" in asked:
+        Y[:, : 10 * len(body_names(robot))] *= np.repeat(inertial_parameters(robot)[:, 0] != 0.0, 10)
     size = np.abs(Y).max(axis=0)
-    moving = size > 0.0
+    moving = size > ROUNDING * float(size.max(initial=0.0))
+    Y[:, ~moving] = 0.0
     scaled = Y / np.where(moving, size, 1.0)
     chosen = _independent(scaled)
     K = np.linalg.lstsq(scaled[:, chosen], scaled, rcond=None)[0]

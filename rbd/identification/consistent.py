@@ -6,7 +6,7 @@ A has the weighted base equations, P_b is the pseudo-inertia of body b and D the
 (`rbd.identification.possible`), infinite at the border of what is possible; the last sum is over rotor inertia, damping
 and dry friction. It is convex and, over w, self-concordant: damped Newton steps converge from any start, and the decrement
 lambda = |gradient| in the metric of the Hessian proves the answer, as F(theta) - min F <= lambda^2 for lambda < 0.68 sqrt(w)
-[Nesterov1994]. The weight of the data grows from little to all, as in interior-point methods.
+[Nesterov2018]. The weight of the data grows from little to all, as in interior-point methods.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rbd.errors import NoSolution
 from rbd.identification.possible import pseudo_inertia, whitened_basis
 
 _STEPS = 200
-_GROWTH = 1e3
+_GROWTH = 30.0
 _NEAR = 0.25
 _DONE = 1e-9
 _ROUNDING = 1e-14

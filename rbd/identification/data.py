@@ -38,13 +38,13 @@ class MeasuredMotion(Displayed):
         tau: Motor torques, shape (n, nu) [N, N m]; None: those of a trajectory. Of a motion without torques only the
             equations that no motor enters count: the rate of momentum of a floating base.
         contacts: What may touch; None: those of `Motion.contacts`. Forces that are not in `forces` are eliminated.
-        touches: Which of them touch when, shape (n, k), of truth values; all of them if not given.
+        touches: Which of them touch when, shape (n, k), of truth values; all if not given. Measured forces count always.
         forces: {contact: measured forces (n, 3) or wrenches (n, 6)} on the robot, in W, as `Trajectory.forces`.
         external: Other forces of the world that are known, the same at all times; springs are taken at each state.
 
     Raises:
         InputError: sizes that do not fit, numbers that are not finite; a motion without accelerations; a trajectory with forces
-            of contacts that are not given.
+            of contacts, or of springs, that are not given.
         UnknownName: forces of a contact that is not given.
 
     Example:
@@ -89,6 +89,12 @@ class MeasuredMotion(Displayed):
         set_(self, "contacts", given)
         set_(self, "touches", checked_touches(self.touches, frames, len(given)))
         self._check_forces(frames)
+        springs = getattr(x, "elements", ())
+        if isinstance(springs, tuple) and springs and self.external is None:
+            raise InputError(
+                f"springs or dampers acted in the trajectory ({', '.join(e.name for e in springs):.200}), and external is "
+                "not given. Give external=list(trajectory.elements) with it, and pushes that acted."
+            )
 
     def _check_forces(self, frames: int) -> None:
         names = [c.name for c in self._given]
@@ -141,9 +147,12 @@ class MeasuredMotion(Displayed):
             b[robot.motors] += self.tau[i]
         if self.external is not None:
             b += generalised(state, self.external)[0]
-        acting = [c for c, on in zip(self._given, np.asarray(self.touches)[i], strict=True) if on]
+        touching = np.asarray(self.touches)[i]
+        acting = [c for c, on in zip(self._given, touching, strict=True) if on or c.name in self.forces]
         for rows in rows_of(state, acting):
             force = self.forces.get(rows.name)
+            if not len(rows):  # a limit that is not reached
+                continue
             if force is None:
                 unknown.append(rows.J.T)
                 continue
@@ -229,7 +238,7 @@ class Assembly:
     """
 
     def __init__(
-        self, motions: Sequence[MeasuredMotion], base: BaseParameters, columns: Sequence[str], noise: SensorNoise | None
+        self, motions: tuple[MeasuredMotion, ...], base: BaseParameters, columns: Sequence[str], noise: SensorNoise | None
     ) -> None:
         self.motions, self.base, self.columns, self.noise = motions, base, columns, noise
         first = motions[0]

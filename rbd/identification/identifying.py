@@ -143,8 +143,8 @@ def _least_squares(equations: Equations, unit: Array) -> Array:
 
 
 def _sizes(theta: Array) -> Array:
-    """Typical sizes of all bodies' parameters, shape (bodies, 10); one of bodies without mass."""
-    return np.array([size_of(each) if each[0] > 0.0 else np.ones(10) for each in theta])
+    """Typical sizes of all bodies' parameters, shape (bodies, 10); zero of bodies without mass."""
+    return np.array([size_of(each) if each[0] > 0.0 else np.zeros(10) for each in theta])
 
 
 def _possible(robot: CheckedModel, theta: Array) -> Array:

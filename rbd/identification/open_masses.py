@@ -8,6 +8,8 @@ from rbd.arrays import Array, null_space
 from rbd.errors import NoSolution
 from rbd.identification.possible import pseudo_inertia, whitened_basis
 
+_INSIDE, _GAP = 1e-5, 1e-4
+"""Of an accepted answer: how negative an eigenvalue may be, over the body's own; and the gap to what is proved impossible."""
 _UPPER = [(i, j) for j in range(4) for i in range(j + 1)]
 """Entries of a symmetric matrix in Clarabel's order: columns of the upper triangle; off the diagonal times sqrt 2."""
 
@@ -45,13 +47,13 @@ def mass_interval(theta: Array, kept: Array, body: int, bodies: int) -> tuple[fl
         blocks.append(np.array([(1.0 if i == j else 2.0**0.5) * relative[:, i, j] for i, j in _UPPER]))
         sides.append(np.array([1.0 if i == j else 0.0 for i, j in _UPPER]))
     goal = Z[10 * body]
-    low, high = (_extreme(sign * goal, np.concatenate(blocks), np.concatenate(sides), len(blocks)) for sign in (1.0, -1.0))
-    m = float(theta[10 * body])
+    m, G, h = float(theta[10 * body]), np.concatenate(blocks), np.concatenate(sides)
+    low, high = (_extreme(sign * goal, G, h, m) for sign in (1.0, -1.0))
     return max(0.0, m + low), m - high
 
 
-def _extreme(goal: Array, G: Array, h: Array, cones: int) -> float:
-    """Least goal . y with h + G y in a product of semidefinite cones; -inf where there is none."""
+def _extreme(goal: Array, G: Array, h: Array, mass: float) -> float:
+    """Least goal . y with h + G y in a product of semidefinite cones, to 1e-4 of a mass or of itself; -inf: no least one."""
     import clarabel
     from scipy.sparse import csc_matrix
 
@@ -60,11 +62,23 @@ def _extreme(goal: Array, G: Array, h: Array, cones: int) -> float:
     settings.max_iter, settings.time_limit = 200, 20.0
     n, size = len(goal), float(np.abs(goal).max())
     found = clarabel.DefaultSolver(
-        csc_matrix((n, n)), goal / size, csc_matrix(-G), h, [clarabel.PSDTriangleConeT(4)] * cones, settings
+        csc_matrix((n, n)), goal / size, csc_matrix(-G), h, [clarabel.PSDTriangleConeT(4)] * (len(h) // 10), settings
     ).solve()
     status = str(found.status)
     if "DualInfeasible" in status:
         return -float("inf")
-    if "Solved" not in status:
-        raise NoSolution(f"how far the mass is open was not found: Clarabel says {status}.")
-    return float(goal @ np.asarray(found.x))
+    y, least = np.asarray(found.x), size * float(found.obj_val_dual)
+    if "Solved" in status and np.isfinite(y).all():
+        value = float(goal @ y)
+        inside = np.linalg.eigvalsh(_matrices(h + G @ y)).min()
+        if inside > -_INSIDE and value - least < _GAP * max(mass, abs(value)):  # attained, and nothing beyond it is
+            return value
+    raise NoSolution(f"how far the mass is open was not found: Clarabel says {status}.")
+
+
+def _matrices(packed: Array) -> Array:
+    """Symmetric matrices of their packed entries, shape (k, 4, 4)."""
+    out = np.zeros((len(packed) // 10, 4, 4))
+    for (i, j), x in zip(_UPPER, packed.reshape(-1, 10).T, strict=True):
+        out[:, i, j] = out[:, j, i] = x if i == j else x / 2.0**0.5
+    return out

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -139,7 +138,7 @@ class Identification(Displayed):
     @classmethod
     def of(
         cls,
-        motions: Sequence[MeasuredMotion],
+        motions: tuple[MeasuredMotion, ...],
         data: Assembly,
         equations: Equations,
         base: BaseParameters,

@@ -77,6 +77,30 @@ class TestClosedForms:
             agree(solution.a[:3], size * (down + mu * up), 1e-9)
             agree(by, by_mu * (down + mu * up) + size * up, 1e-9)
 
+    @pytest.mark.parametrize("law", ["coulomb", "convex"])
+    @pytest.mark.parametrize("v", [[1.0, 0.3, 0.0, 0.0, 0.0, 0.5], [0.0] * 6], ids=["slides and turns", "begins to slip"])
+    def test_an_edge_that_slides_turns_and_slips_agrees_with_differences(self, v: list[float], law: str):
+        """Two points with different directions of friction; a pushed edge under both laws."""
+        if law == "convex" and any(v):
+            return  # it solves no sliding contact
+        state = rbd.State(box(10.0), [0, 0, 0.1, 0, 0, 0, 1], v)
+        push = None if any(v) else rbd.ExternalForce("box", (80.0, 10.0, 0.0))
+
+        def solved(mu: float) -> rbd.Solution:
+            edge = rbd.LineContact("edge", "box", half_length=0.2, placement=DOWN, friction=mu)
+            return rbd.solve(state, [], [edge], law=law, external=push)
+
+        found = solved(0.5).derivatives(parameters="friction")
+        assert found.active == {"edge": (("slides",) if any(v) else ("slips",)) * 2}
+        agree(column(found, "friction", "edge"), slope(lambda h: answer(solved(0.5 + h)), 1e-3))
+
+    def test_a_sole_that_slides_brakes_with_mu_g_however_its_corners_share(self):
+        """Four corners, one direction: the share does not matter."""
+        patch = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), placement=DOWN, friction=0.5)
+        solution = rbd.solve(rbd.State(box(10.0), [0, 0, 0.1, 0, 0, 0, 1], [1.0, 0, 0, 0, 0, 0]), [], [patch])
+        by = solution.derivatives(parameters="friction").parameters["friction"].of("floor")
+        agree(by, np.array([-G, 0, 0, 0, 0, 0]), 1e-9)
+
     def test_what_sticks_does_not_feel_more_friction(self):
         """Zero to the last bit, of motion and force; by mass the floor carries g per kilogram."""
         patch = rbd.SurfaceContact("floor", "box", half_lengths=(0.2, 0.2), placement=DOWN, friction=0.6)

@@ -148,6 +148,34 @@ class TestG1OnItsFeet:
         assert str(MeasuredMotion(walked[1], contacts=g1()[1].soles(None))).endswith("forces of left_sole, right_sole unknown")
 
 
+class TestOpenMasses:
+    """The range of a mass in closed form."""
+
+    def test_a_pendulum_has_a_least_mass_and_no_largest(self):
+        """(m c)^2 <= m I about the joint, as no body is lighter than a point; more mass at the joint is never felt."""
+        link = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+        swing = rbd.Motion.from_function(link, lambda t: np.array([np.sin(4.0 * t)]), np.linspace(0.0, 3.0, 61))
+        tau = np.array([rbd.dynamics.inverse_dynamics(swing.state(i), swing.a[i]) for i in range(61)])
+        found = rbd.identify(MeasuredMotion(swing, tau))
+        low, high = found.mass_range("link_1")
+        moment, inertia = found.parameter("link_1.mc_x"), found.parameter("link_1.I_yy")
+        assert low == pytest.approx(moment**2 / inertia, rel=1e-4) == pytest.approx(0.75, rel=1e-3) and high == np.inf
+        with pytest.raises(rbd.errors.UnknownName, match="no body 'link_2' with a mass"):
+            found.mass_range("link_2")
+
+    def test_a_mass_that_is_told_has_no_range(self):
+        """A box in the air: all ten parameters but their scale; with a measured push the mass too."""
+        box = rbd.testing.box(mass=10.0)
+        rng, frames = np.random.default_rng(0), 30
+        q = np.array([pin.integrate(box.model, pin.neutral(box.model), rng.normal(size=6)) for _ in range(frames)])
+        v, push = rng.normal(size=(frames, 6)), np.array([5.0, 7.0, 50.0, 1.0, 2.0, 3.0])
+        a = np.array([rbd.solve(rbd.State(box, x, w), [], external=push).a for x, w in zip(q, v, strict=True)])
+        motion = rbd.Motion.of_arrays(box, np.arange(float(frames)), q, v, a)
+        found = rbd.identify(MeasuredMotion(motion, external=push))
+        assert found.base.rank == 10 and found.mass == pytest.approx(10.0, rel=1e-7) and found.bodies["box"].mass_alone
+        assert found.mass_range("box") == (found.bodies["box"].mass,) * 2 and not found.open_bodies
+
+
 class TestOtherColumns:
     """Rotor inertia, damping and dry friction beside the inertia."""
 
@@ -173,6 +201,28 @@ class TestOtherColumns:
         found = rbd.identify(MeasuredMotion(motion, tau + 0.3 * motion.v), columns=["damping"])
         np.testing.assert_allclose(found.theta, [0.3, 0.3], atol=1e-8)
         assert found.bodies == {} and found.mass == pytest.approx(3.0) and not found.open_bodies
+
+
+class TestWithOtherParts:
+    """Robots and forces of the rest of the package."""
+
+    def test_a_built_robot_with_a_spring_a_rotor_and_another_gravity(self):
+        """A pendulum of the builder on the Moon: the spring is known, its rotor is known, the mass moment is found."""
+        builder = rbd.RobotBuilder("swing", root="fixed")
+        builder.body("bob", mass=2.0, com=(0.0, 0.0, -0.5), inertia=(0.05, 0.05, 0.01))
+        builder.joint("hinge", "ground", "bob", axis=(0, 1, 0), motor=True, armature=0.03)
+        robot = builder.robot(gravity=(0.0, 0.0, -1.62))
+        spring = [rbd.JointSpring("hinge", stiffness=4.0)]
+        torque = rbd.control.TorqueSchedule([0.0, 0.5, 1.0, 2.0], np.array([[0.0], [2.0], [-3.0], [1.0]]))
+        moves = rbd.simulate(robot.at([0.4]), duration=2.0, step=0.01, controller=torque, external=spring, progress=False)
+        with pytest.raises(
+            rbd.InputError, match="springs or dampers acted in the trajectory .spring in hinge., and external is not given"
+        ):
+            rbd.identify(moves)
+        found = rbd.identify(MeasuredMotion(moves, external=spring))
+        assert found.residual.max() < 1e-9
+        np.testing.assert_allclose(found.base_values, found.base.values(found.model_theta), atol=1e-8)
+        assert robot.model.armature[0] == 0.03 and found.robot().model.gravity.linear[2] == -1.62
 
 
 class TestTheProgram:
@@ -211,6 +261,14 @@ class TestTheProgram:
         second = found.base.labels.index("link_2.I_yy")
         assert found.least_squares[second] < 0.0 < found.base_values[second]
         assert found.certificate.least_eigenvalue > 0.0
+
+    def test_accelerations_derived_from_positions_are_good_enough(self):
+        """Positions alone at 100 Hz, v and a by `rbd.Motion`: within a thousandth away from the ends."""
+        exact, tau = waving(ARM, 401)
+        derived = rbd.Motion.of_arrays(ARM, exact.t, exact.q)
+        inner = (derived.t > 0.2) & (derived.t < 3.8)
+        found = rbd.identify(MeasuredMotion(derived.cut(0.2001, 3.7999), tau[inner]))
+        assert np.abs(found.base_values - true_base(found, ARM)).max() < 1e-3 * found.unit.max()
 
     def test_sensor_noise_gives_the_weights(self):
         """Of q, v, a and tau: deviations are finite, and the truth is within four of them."""

@@ -96,6 +96,16 @@ class TestBaseParameters:
         np.testing.assert_allclose(base.B[0], total, atol=1e-10)
         assert not any(base.tells(f"{name}.m") for name in body_names(robot))
 
+    def test_rounding_is_no_parameter(self):
+        """A Panda on a table has 43 of its arm, and four of each finger: one less than by columns of 1e-16."""
+        assert rbd.identification.base_parameters(rbd.load_robot("panda", root="fixed")).rank == 51
+
+    def test_bodies_without_mass_have_none(self):
+        """The human model joins hinges by bodies without mass: they are in no combination."""
+        human = rbd.load_robot("human")
+        base, massless = rbd.identification.base_parameters(human), inertial_parameters(human)[:, 0] == 0.0
+        assert massless.sum() == 19 and not base.B[:, np.repeat(massless, 10)].any() and base.rank == 155
+
     def test_the_reduced_equations_are_the_whole_ones(self, rng: np.random.Generator):
         """Y theta = Y_1 B theta for any parameters at states that were not used to find B."""
         robot = rbd.load_robot("panda")
