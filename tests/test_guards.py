@@ -726,6 +726,11 @@ CASES: dict[str, Case] = {
     "identification.base_parameters": Case(
         lambda **given: rbd.identification.base_parameters(**given).B, {"robot": BOX, "columns": ["inertia"]}, 10
     ),
+    "identification.excitation": Case(
+        lambda **given: rbd.identification.excitation(**given).singular_values,
+        {"motions": [ARM_MEASURED], "columns": ["inertia", "damping"]},
+        20,
+    ),
     "dynamics.regressor": Case(
         lambda **given: (found := rbd.dynamics.regressor(**given)).Y.shape + (found.Y @ found.theta, found.theta),
         {"state": MOVING, "a": V, "contacts": FEET, "columns": ["inertia"]},
@@ -1351,6 +1356,7 @@ MADE_BY_RBD = {
     "IdentificationCertificate",
     "BodyInertia",
     "BaseParameters",
+    "Excitation",
     "ParameterDerivatives",
     "ForceHistory",
     "OpenComponents",
