@@ -166,3 +166,45 @@ def test_pages_of_one_name_stay_apart(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(rbd.RbdError, match="cannot be made"):
         pages_of(tmp_path / "file" / "pages", ["a.csv", "b.csv"])
+
+
+MOTORS = (
+    "left_knee_joint: {torque_speed: [[0, 30], [5, 0]], gear: 22.5, rotor_inertia: 1.0e-5}\nleft_hip_yaw_joint: {limit: 5}\n"
+)
+
+
+def test_motors_of_a_file_limit_the_torques(folder, tmp_path):
+    """Standing takes more than 5 N m at both knees: with less the motor is too weak; with enough it is possible."""
+    weak, strong = tmp_path / "weak.yaml", tmp_path / "strong.yaml"
+    strong.write_text(MOTORS)
+    weak.write_text("".join(f"{side}_{joint}: {{limit: 0.5}}\n" for side in ("left", "right") for joint in LEGS))
+    code, out, err = run(folder / "stands.csv", *G1, "--motors", strong)
+    assert code == 0 and not err
+    code, out, _ = run(folder / "stands.csv", *G1, "--motors", weak)
+    assert code == 1 and "motor" in out
+
+
+LEGS = ("hip_pitch_joint", "hip_roll_joint", "knee_joint", "ankle_pitch_joint", "ankle_roll_joint")
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("left_knee_joint: {limt: 3}", "'left_knee_joint' has 'limt', which motors have not; nearest: 'limit'"),
+        ("left_knee_joint: {gear: 0}", "'left_knee_joint': gear of a motor is 0; expected a ratio that is not 0"),
+        ("left_knee_joint: 3", "'left_knee_joint' is 3; expected {limit: 40, gear: 9}, or null"),
+        ("knee: {limit: 3}", "no joint 'knee' in g1"),
+        ("[1, 2]", "motors.yaml holds [1, 2]; expected motors by their joints"),
+        ("a: {b: [", "motors.yaml cannot be read as YAML"),
+    ],
+)
+def test_bad_motor_files_are_named(folder, tmp_path, text, said):
+    """Exit code 2, and what was expected."""
+    path = tmp_path / "motors.yaml"
+    path.write_text(text)
+    code, _, err = run(folder / "stands.csv", *G1, "--motors", path)
+    assert code == 2 and said in " ".join(err.split())
+    code, _, err = run(folder / "stands.csv", *G1, "--motors", tmp_path / "none.yaml")
+    assert code == 2 and "no file" in err
+    code, _, err = run(folder / "stands.csv", "--motors", path)
+    assert code == 2 and "--robot" in err

@@ -196,6 +196,19 @@ def identified() -> Iterator[object]:
     yield from derived.parameters.values()
 
 
+def built() -> Iterator[object]:
+    """Models in memory: their parts, their texts, their robots."""
+    solids = rbd.robots.Box((0.1, 0.2, 0.3), mass=1.0), rbd.robots.Sphere(0.1), rbd.robots.Cylinder(0.1, 0.2)
+    solids += rbd.robots.Capsule(0.1, 0.2), rbd.robots.Plate((0.1, 0.2)), rbd.robots.Rod((0, 0, 0), (0, 0, 1), mass=1.0)
+    solids += (rbd.robots.PointMass(1.0),)
+    b = rbd.RobotBuilder("one", root="fixed")
+    b.body("one", *solids)
+    b.joint("pivot", "ground", "one")
+    link = rbd.mechanism.Link("arm", "ground", (0.0, 0.0), ((0.1, 0.0),), 1.0)
+    linkage = rbd.mechanism.Linkage("flat", "", ((0.0, 0.0),), (link,), {}, {}, 0.01)
+    yield from (*solids, b, b.robot(), rbd.robots.LoopFile.of_text(b.loop_file()), link, linkage, linkage.robot())
+
+
 def mechanisms() -> Iterator[object]:
     """What the analysis of loops and wheels returns."""
     four_bar = rbd.load_robot(URDF / "four_bar.urdf")
@@ -210,6 +223,10 @@ def mechanisms() -> Iterator[object]:
     rates = rbd.mechanism.acceleration_partition(four_bar.at(state.q, moving.v), None, {"crank_joint": 0.0})
     yield from (rbd.mechanism.assemble(four_bar.at()), moving, rates)
     yield rbd.mechanism.project_acceleration(four_bar.at(state.q, moving.v), np.ones(four_bar.nv))
+    hanging = rbd.find_equilibrium(state)
+    assert str(hanging) and str(hanging.linearised)
+    yield from (hanging, hanging.linearised, *hanging.linearised.modes())
+    yield from errors(lambda: rbd.find_equilibrium(state, []), lambda: hanging.linearised.changed([1.0]))
     box = rbd.load_robot(URDF / "box.urdf")
     yield rbd.find_pose(box, {"box": (0.1, 0.2, 0.3)})
     yield from errors(lambda: rbd.find_pose(four_bar, {"coupler_tip": (9.0, 0.0, 9.0)}))
@@ -285,6 +302,7 @@ def found() -> dict[type, list[Any]]:
             motions,
             measured,
             identified,
+            built,
             mechanisms,
             more_constraints,
             reference_motions,

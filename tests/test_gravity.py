@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import pickle
+from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
@@ -93,6 +94,32 @@ def test_box_under_leaning_gravity_moves_as_on_an_incline(v: tuple[float, ...]) 
     assert np.ptp(one.energy) > 1.0  # rubbed away, or by the impact
 
 
+def test_quadruped_under_leaning_gravity_is_one_on_an_incline() -> None:
+    """Falling on its feet, and held in its posture: velocities, forces and torques of time steps agree."""
+    solo = rbd.load_robot("solo12")
+    leaning, state = solo.with_gravity(R.T @ DOWN), solo.standing()
+    turned = state.q.copy()
+    turned[:7] = pin.SE3ToXYZQUAT(pin.SE3(R, np.zeros(3)) * state.base_pose())
+    ground = rbd.Ground(point=(0.0, 0.0, 0.0), normal=R[:, 2])
+    level, incline = leaning.at(state.q), solo.at(turned)
+    for holds in (False, True):
+        one, other = (
+            rbd.simulate(
+                start,
+                feet,
+                duration=0.06,
+                step=2e-3,
+                controller=rbd.control.HoldPosture(start, feet) if holds else None,
+            )
+            for start, feet in ((level, leaning.feet(0.6)), (incline, solo.feet(0.6, on=ground)))
+        )
+        assert np.abs(one.v - other.v).max() < 1e-9
+        assert np.abs(one.tau - other.tau).max() < 1e-9
+        assert np.abs(one.energy - other.energy).max() < 1e-9
+        for foot in one.forces:
+            assert np.abs(one.forces[foot] @ R.T - other.forces[foot]).max() < 1e-8
+
+
 def test_box_falls_along_gravity() -> None:
     """P = g t^2 / 2, in any direction."""
     g = np.array([1.0, -2.0, 0.5])
@@ -142,15 +169,15 @@ def test_robots_with_their_own_gravity_travel() -> None:
     assert leaning.with_gravity(DOWN).is_like(solo)
 
 
-def test_prepared_contacts_know_gravity_of_any_direction() -> None:
-    """One state and many, at rest and moving: as the general solver, which knows no prepared contacts."""
+@pytest.mark.parametrize("friction", [0.6, None])
+def test_prepared_contacts_know_gravity_of_any_direction(friction: float | None) -> None:
+    """One state and many, at rest, and moving on held soles: as the general solver, which knows no prepared contacts."""
     talos = rbd.load_robot("talos").with_gravity((1.0, 0.5, -9.6))
-    state, soles = talos.standing(), talos.soles(0.6)
-    rng, n = np.random.default_rng(0), 6
+    state, soles = talos.standing(), talos.soles(friction)
+    rng, n = np.random.default_rng(0), 4  # the fifth draw slips and turns, and has a family of motions
     tau, v = 0.5 * rng.uniform(-1.0, 1.0, (n, talos.nu)) * np.minimum(talos.effort_limit, 10.0), np.zeros((n, talos.nv))
-    for i in range(n // 2):
-        moving = state.with_velocity(rng.uniform(-0.3, 0.3, talos.nv))
-        v[i] = rbd.mechanism.project_velocity(moving, soles).v
+    for i in range(n if friction is None else 0):
+        v[i] = rbd.mechanism.project_velocity(state.with_velocity(rng.uniform(-0.3, 0.3, talos.nv)), soles).v
     many = rbd.solve_many(talos, np.tile(state.q, (n, 1)), v, tau, soles)
     for i in range(n):
         moving = state.with_velocity(v[i])
@@ -225,6 +252,99 @@ def test_linear_pendulum_under_leaning_gravity() -> None:
         assert abs(total[2] + solo.mass * solo.gravity[2]) < 1e-6
         lean = (state.com - region.vertices[corner])[:2] / state.com[2]
         assert np.abs(total[:2] / total[2] - lean).max() < 1e-6
+
+
+def test_check_of_a_motion_follows_gravity() -> None:
+    """Standing as on an incline: friction 0.1 misses the weight beyond its cone; the nearest motion leans back."""
+    lean = np.radians(10.0)
+    solo = rbd.load_robot("solo12").with_gravity(9.81 * np.array([np.sin(lean), 0.0, -np.cos(lean)]))
+    q = solo.standing().q
+    still = rbd.motion.minimum_jerk(solo, [q, q], [0.0, 0.2])
+    assert rbd.check_motion(still, friction=0.7).missing_scaled.max() < 1e-9
+    missing = rbd.check_motion(still, friction=0.1).missing_scaled
+    assert np.abs(missing - (np.sin(lean) - 0.1 * np.cos(lean)) / np.hypot(1.0, 0.1)).max() < 1e-6
+    talos = rbd.load_robot("talos").with_gravity(9.81 * np.array([np.sin(0.1), 0.0, -np.cos(0.1)]))
+    q = talos.standing().q
+    assert rbd.statics.support_region(talos.standing(), talos.soles()).distance() < 0.0
+    report = rbd.check_motion(rbd.motion.minimum_jerk(talos, [q, q], [0.0, 0.2]))
+    near = report.nearest_motion(progress=False)
+    assert report.missing_scaled.min() > 1e-3
+    assert rbd.check_motion(near).missing_scaled.max() < 1e-9
+    for i in (0, -1):
+        state = talos.at(near.q[i])
+        assert rbd.statics.support_region(state, talos.soles()).distance() > 0.0
+    with pytest.raises(InputError, match="presses it on a level floor"):
+        rbd.check_motion(rbd.motion.minimum_jerk(solo.with_gravity((0, 0, 0)), [still.q[0]] * 2, [0.0, 0.2]))
+
+
+@pytest.mark.parametrize(("gravity", "arrow", "line"), [
+    (DOWN, False, True),
+    ((0.0, 0.0, -1.62), False, True),
+    ((3.0, 0.0, -9.0), True, True),
+    ((9.81, 0.0, 0.0), True, False),
+    ((0.0, 0.0, 9.81), True, False),
+    ((0.0, 0.0, 0.0), False, False),
+])  # fmt: skip
+def test_scenes_draw_gravity(gravity: tuple[float, ...], arrow: bool, line: bool) -> None:
+    """The drop line along it, an arrow where it is not along -z, and what it is in the legend where it is not the Earth's."""
+    solo = rbd.load_robot("solo12").with_gravity(gravity)
+    state = solo.standing()
+    with rbd.visual.Scene(solo) as scene:
+        scene.show(state)
+        marks = {mark.path: mark for mark in scene.drawn}
+        legend = str(scene.recorder.messages())
+    assert ("com/gravity" in marks) == arrow
+    assert ("com/drop_line" in marks) == line
+    if arrow:
+        tip = marks["com/gravity"].mesh.vertices - state.com
+        along = solo.gravity / np.linalg.norm(solo.gravity)
+        assert np.linalg.norm(tip - np.outer(tip @ along, along), axis=1).max() < 0.2 * (tip @ along).max()
+    if line:
+        foot = marks["com/on_the_ground"].mesh.vertices.mean(axis=0)
+        assert np.abs(foot[:2] - (state.com[:2] - state.com[2] / solo.gravity[2] * solo.gravity[:2])).max() < 1e-2
+    assert ('\\"gravity\\"' in legend or '"gravity"' in legend) == (not np.array_equal(gravity, DOWN))
+
+
+def test_regions_are_drawn_where_the_ground_is() -> None:
+    """Its corners at a height are along gravity from those on z = 0; a figure names its plane."""
+    from matplotlib.figure import Figure
+
+    solo = rbd.load_robot("solo12").with_gravity((3.0, 0.0, -9.0))
+    state = solo.standing()
+    region = rbd.statics.support_region(state, solo.feet())
+    high = region.corners_at(0.3)
+    assert np.abs(np.cross(high - np.column_stack([region.vertices, np.zeros(len(high))]), solo.gravity)).max() < 1e-12
+    assert (high[:, 2] == 0.3).all()
+    axes = Figure().subplots()
+    rbd.visual.plot_region(axes, region)
+    assert axes.get_xlabel() == "x on z = 0, along gravity [m]"
+    assert "along gravity" in region._repr_html_()
+
+
+def test_gravity_of_an_mjcf_is_read_and_can_be_replaced(tmp_path: Path) -> None:
+    """<option gravity>, and the argument in its place."""
+    file = tmp_path / "ball.xml"
+    file.write_text(
+        '<mujoco><option gravity="0 1 -3"/><worldbody><body name="ball"><freejoint/><geom size="0.1" mass="1"/></body>'
+        "</worldbody></mujoco>"
+    )
+    assert rbd.load_robot(file).gravity.tolist() == [0.0, 1.0, -3.0]
+    other = rbd.load_robot(file, gravity=(0.0, 0.0, -1.62))
+    assert other.gravity.tolist() == [0.0, 0.0, -1.62]
+    rbd.simulate(other.at(), duration=0.01, step=5e-3).save(tmp_path / "fall.npz")
+    assert rbd.Trajectory.load(tmp_path / "fall.npz").robot.gravity.tolist() == [0.0, 0.0, -1.62]
+
+
+def test_commands_take_gravity() -> None:
+    """`rbd stand --gravity`."""
+    from typer.testing import CliRunner
+
+    from rbd.cli.app import app
+
+    answer = CliRunner().invoke(app, ["stand", "solo12", "--gravity", "0,0,-1.62"])
+    assert answer.exit_code == 0
+    assert "weight 4.05 N" in answer.stdout
+    assert CliRunner().invoke(app, ["region", "solo12", "--gravity", "0,0,0"]).exit_code == 2
 
 
 @pytest.mark.parametrize("g", [9.81, (0.0, 0.0), (0.0, np.nan, 0.0), "down", (0.0, 0.0, -1e5), None])

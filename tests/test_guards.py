@@ -98,6 +98,9 @@ ASKED = {"state": STATE, "tau": TAU, "constraints": FEET, "external": np.zeros(B
 
 FOUR_BAR = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5)
 LINKED = FOUR_BAR.at("assembled")
+HANGING = rbd.find_equilibrium(LINKED)
+SWING = HANGING.linearised.modes()[0]
+SLEIGH = rbd.load_robot(URDF.with_name("chaplygin_sleigh.urdf")).at(None, [2.0, 0.0, 0.0])
 FROM_HERE = {"state": LINKED, "constraints": list(FOUR_BAR.loops())}
 LOOPS = {"constraints": list(FOUR_BAR.loops()), "inputs": ["crank_joint"], "outputs": ["rocker_joint"]}
 
@@ -128,6 +131,12 @@ def use_contradiction(**given: Any) -> Any:
     """The certificate and the violation of a contradiction, if there is one."""
     found = rbd.analysis.contradiction(**given)
     return None if found is None else (dict(found.certificate), found.violation)
+
+
+def use_linearised(**given: Any) -> Any:
+    """Its matrices and eigenvalues."""
+    found = rbd.linearise(**given)
+    return found.A, found.B, np.sort_complex(found.eigenvalues).view(float)
 
 
 MANY = {"robot": BOLT, "q": np.tile(STATE.q, (2, 1)), "v": np.zeros((2, BOLT.nv)), "tau": TAU, "constraints": FEET}
@@ -373,6 +382,43 @@ def use_pair(against: Any, **given: Any) -> Any:
 def of_state(name: str, **more: Any) -> Case:
     """A function of `rbd.dynamics`."""
     return Case(getattr(rbd.dynamics, name), {"state": MOVING, **more})
+
+
+def weighed(kind: Any, good: dict[str, Any], **more: Any) -> Case:
+    """A solid, and what it weighs."""
+    common = {"mass": 2.0, "at": (0.1, 0.2, 0.3), "rpy": (0.1, 0.2, 0.3), "color": "blue", "draws": True, "collides": False}
+
+    def weigh(**given: Any) -> Any:
+        solid = kind(**given)
+        found = solid.mass_properties()
+        return found.mass, found.com, found.inertia, solid.volume, len(solid.shapes())
+
+    return Case(weigh, {key: value for key, value in (good | common | more).items() if value is not None})
+
+
+def use_builder(what: str, **given: Any) -> Any:
+    """A part of a model in memory, and the robot: a body, a joint, a frame, a loop, a coupling, a wheel, a posture."""
+    own = given if what == "robot" else {}
+    b = rbd.RobotBuilder(**({"name": "guarded", "root": "fixed"} | own))
+    for name in ("upper", "lower"):
+        b.body(name, rbd.robots.Box((0.1, 0.2, 0.3), mass=1.0))
+    for name, parent, child in (("one", "ground" if b.root == "fixed" else None, "upper"), ("two", "upper", "lower")):
+        if parent:
+            b.joint(name, parent, child, at=(0, 0, 1))
+    b.body("free", rbd.robots.Sphere(0.1, mass=1.0))
+    if what != "joint":
+        b.joint("weld", "lower", "free", "fixed")
+    if what != "robot":
+        getattr(b, what)(**given)
+    if what == "body":
+        b.joint("three", "upper", given["name"])
+    robot = b.robot()
+    return robot.mass, robot.nv, robot.at().M, [c.name for c in (*robot.loops(), *robot.wheels())], robot.frames()
+
+
+def built(what: str, **good: Any) -> Case:
+    """A method of a builder."""
+    return Case(lambda **given: use_builder(what, **given), good, 60)
 
 
 def use_word(word: Any, kind: Any) -> Any:
@@ -716,6 +762,40 @@ CASES: dict[str, Case] = {
         | {"gravity": (0.0, 0.0, -1.62), "plane": None},
     ),
     "load_robot, its rotors": Case(rbd.load_robot, {"name_or_path": str(URDF), "rotors": True}),
+    "load_robot, its text": Case(
+        rbd.load_robot, {"text": URDF.read_text(), "root": "free_flyer", "loops": True, "package_dirs": ["."], "limits": None}
+    ),
+    "robots.Box": weighed(rbd.robots.Box, {"size": (0.1, 0.2, 0.3)}),
+    "Sphere": weighed(rbd.robots.Sphere, {"radius": 0.1}),
+    "Cylinder": weighed(rbd.robots.Cylinder, {"radius": 0.1, "length": 0.3}),
+    "Capsule": weighed(rbd.robots.Capsule, {"radius": 0.1, "length": 0.3}),
+    "Plate": weighed(rbd.robots.Plate, {"size": (0.1, 0.2)}),
+    "Rod": weighed(rbd.robots.Rod, {"start": (0, 0, 0), "end": (0.1, 0.2, 0.3), "radius": 0.01}, at=None, rpy=None),
+    "PointMass": weighed(rbd.robots.PointMass, {"kilogram": 1.0, "radius": 0.01}, mass=None),
+    "RobotBuilder": built("robot", name="guarded", root="fixed", plane=None, about="It is guarded."),
+    "RobotBuilder.body": built("body", name="x", mass=1.0, com=(0.1, 0.2, 0.3), inertia=(0.1, 0.1, 0.15), elements=""),
+    "RobotBuilder.joint": built(
+        "joint",
+        **{"name": "x", "parent": "lower", "child": "free", "kind": "revolute", "at": (0, 0, 1), "rpy": (0, 0, 1)},
+        **{"axis": (0, 0, 1), "motor": True, "effort": 5.0, "limits": (-1, 1), "speed": 3.0, "damping": 0.0, "friction": 0.0},
+        armature=0.1,
+    ),
+    "RobotBuilder.frame": built("frame", name="x", body="lower", at=(0, 0, 1), rpy=(0, 0, 1)),
+    "RobotBuilder.loop": built("loop", name="x", a="lower", b=("ground", (0, 0, 1)), kind="planar", axis=(0, 0, 1)),
+    "RobotBuilder.coupling": built("coupling", name="x", joint="one", to="two", ratio=2.0, offset=0.1),
+    "RobotBuilder.wheel": built("wheel", name="x", frame="lower", kind="rolling_disk", radius=0.1, axis=(0, 1, 0)),
+    "RobotBuilder.posture": built("posture", name="x", values={"one": 0.1}),
+    "mechanism.Link": Case(
+        lambda **given: str(rbd.mechanism.Link(**given)),
+        {"name": "x", "parent": "ground", "at": (0.0, 0.0), "points": ((0.1, 0.0),), "mass": 1.0, "color": "blue", "tip": 1}
+        | {"layer": 0, "slides": False, "motor": True, "limits": (-1.0, 1.0), "width": 1.0},
+    ),
+    "mechanism.Linkage": Case(
+        lambda **given: rbd.mechanism.Linkage(**given).robot().at().M,
+        {"name": "x", "about": "", "ground": ((0.0, 0.0),), "closures": {}, "postures": {}, "radius": 0.01}
+        | {"links": (rbd.mechanism.Link("arm", "ground", (0.0, 0.0), ((0.1, 0.0),), 1.0),), "rail": (0.0, 1.0, 0.0)},
+        60,
+    ),
     "load_robot, its feet": Case(rbd.load_robot, {"name_or_path": str(URDF), "feet": ["box"]}),
     "load_robot, its loops": Case(
         rbd.load_robot, {"name_or_path": str(LOOPED), "root": "fixed", "loops": str(LOOPED.with_suffix(".loops.yaml"))}
@@ -793,6 +873,44 @@ CASES: dict[str, Case] = {
     "mechanism.singularities_along": Case(
         rbd.mechanism.singularities_along,
         {"state": LINKED, "path": np.array([LINKED.q, LINKED.q]), **LOOPS, "tolerance": 1e-6},
+    ),
+    "linearise": Case(
+        use_linearised,
+        {"state": HANGING.state, "constraints": list(FOUR_BAR.loops()), "tau": np.zeros(1), "external": np.zeros(3)}
+        | {"differences": False, "seed": 1},
+        20,
+    ),
+    "find_equilibrium": Case(
+        lambda **given: rbd.find_equilibrium(**given).state.q,
+        {"state": LINKED, "constraints": list(FOUR_BAR.loops()), "tau": np.zeros(1), "external": np.zeros(3), "fixed": {}},
+        10,
+    ),
+    "find_steady_motion": Case(
+        lambda **given: rbd.find_steady_motion(**given).state.v,
+        {"state": SLEIGH, "constraints": list(SLEIGH.robot.wheels()), "tau": np.zeros(0), "external": np.zeros(3)}
+        | {"fixed": {}, "speeds": {"root_joint.vx": 2.0}, "conditions": ()},
+        10,
+    ),
+    "small_motion.Linearised.changed": Case(HANGING.linearised.changed, {"x": np.array([1e-3, 1e-3])}),
+    "small_motion.Mode.at": Case(SWING.at, {"t": 0.1, "amplitude": 0.1}),
+    "small_motion.Mode.pose": Case(SWING.pose, {"factor": 0.1}),
+    "visual.mode_scene": Case(
+        lambda mode, amplitude: rbd.visual.mode_scene(mode, amplitude=amplitude).shown, {"mode": SWING, "amplitude": 0.1}, 5
+    ),
+    "visual.export_mode": Case(
+        lambda mode, path, amplitude: rbd.visual.export_mode(mode, path, amplitude=amplitude).name,
+        {"mode": SWING, "path": "no/folder/swing.html", "amplitude": 0.1},
+        5,
+    ),
+    "visual.plot_mode": Case(
+        lambda ax, mode, most: len(rbd.visual.plot_mode(ax, mode, most=most)),
+        {"ax": Figure().subplots(), "mode": SWING, "most": 3},
+        10,
+    ),
+    "visual.plot_eigenvalues": Case(
+        lambda ax, linearised: len(rbd.visual.plot_eigenvalues(ax, linearised)),
+        {"ax": Figure().subplots(), "linearised": HANGING.linearised},
+        10,
     ),
     "mechanism.integrability": Case(
         rbd.mechanism.integrability,
@@ -913,7 +1031,7 @@ CASES: dict[str, Case] = {
     ),
     "HoldPosture": Case(
         lambda **given: use_controller(rbd.control.HoldPosture(**given)),
-        {"state": STATE, "contacts": FEET, "frequency": 10.0, "damping_ratio": 1.0},
+        {"state": STATE, "contacts": FEET, "frequency": 10.0, "damping_ratio": 1.0, "external": np.zeros(BOLT.nv)},
         30,
     ),
     "ContactSchedule": Case(
@@ -923,7 +1041,7 @@ CASES: dict[str, Case] = {
     "WholeBodyController": Case(
         lambda **given: use_whole_body(rbd.control.WholeBodyController(**given)),
         {"tasks": [rbd.control.PostureTask(STATE)], "contacts": FEET, "every": 0.002, "contact_damping": 50.0, "early": 0.5}
-        | {"schedule": rbd.control.ContactSchedule({}), "limits": rbd.control.Limits()},
+        | {"schedule": rbd.control.ContactSchedule({}), "limits": rbd.control.Limits(), "external": np.zeros(BOLT.nv)},
         30,
     ),
     "TorqueSchedule": Case(
@@ -1216,6 +1334,11 @@ CASES |= {
     ),
 }
 MADE_BY_RBD = {
+    "ElementPicture",
+    "LoopFile",
+    "Linearised",
+    "Mode",
+    "SteadyState",
     "Samples",
     "Explorer",
     "Motion",
@@ -1453,6 +1576,7 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
     answer = ask(CASES[name], CASES[name].good)
     refused = {"visual.Scene.export", "visual.screenshot", "visual.contact_sheet", "Robot.soles", "mechanism.four_bar, no file"}
     refused |= {
+        "visual.export_mode",
         "visual.export_motion",
         "visual.export_video",
         "visual.motion_sheet",
@@ -1473,6 +1597,7 @@ def public() -> Iterator[str]:
         rbd.analysis,
         rbd.constraints,
         rbd.control,
+        rbd.forces,
         rbd.many,
         rbd.model,
         rbd.problem,
@@ -1484,6 +1609,7 @@ def public() -> Iterator[str]:
     rooms = [("", place, place.__all__) for place in (rbd, *packages)]
     rooms += [("dynamics.", rbd.dynamics, None), ("catalogue.", rbd.robots.catalogue, None)]
     rooms += [("mechanism.", rbd.mechanism, rbd.mechanism.__all__), ("visual.", rbd.visual, rbd.visual.__all__)]
+    rooms += [("small_motion.", rbd.small_motion, rbd.small_motion.__all__)]
     rooms += [("identification.", rbd.identification, rbd.identification.__all__)]
     rooms += [("motion.", rbd.motion, rbd.motion.__all__), ("Motion.", rbd.Motion, None)]
     rooms += [("Robot.", rbd.Robot, None), ("State.", rbd.State, None)]

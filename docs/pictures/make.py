@@ -125,6 +125,13 @@ def balance_strip() -> Path:
     return motion_sheet(way, times, picture, external=push, seen_from=(1.0, 0.15, 0.15), trace=False, width=240, height=400)
 
 
+def springs_strip() -> Path:
+    """Example 31: Solo12 on a rubber cord, with springs in its joints, falls to the floor and up again."""
+    run, times = scenes.result("31_springs").sprung, [0.0, 0.2, 0.35, 0.5, 0.75]
+    picture = PICTURES / "springs_strip.png"
+    return motion_sheet(run, times, picture, seen_from=(1.0, 0.6, 0.15), trace=False, width=240, height=500)
+
+
 def tipping() -> Path:
     """Example 17: a crate tips over."""
     crate, times, aside = scenes.result("17_sliding_box").tipped[0.6], [0.0, 0.15, 0.3, 0.45, 0.6], (0.2, -1.0, 0.2)
@@ -209,6 +216,30 @@ def control() -> Path:
     return PICTURES / "control.png"
 
 
+def motors() -> Path:
+    """The plot of docs/reference/motors.md: a link swings up as fast as its motor's torque-speed line lets it."""
+    arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+    arm = arm.with_motors({"joint_1": rbd.Motor(torque_speed=[(0.0, 10.0), (5.0, 10.0), (10.0, 0.0)])})
+    task = rbd.control.PostureTask(arm.at([2.5]).q, gain=400.0)
+    controller = rbd.control.WholeBodyController([task], limits=rbd.control.Limits(position=False, velocity=False))
+    run = rbd.simulate(arm.at([0.0]), controller=controller, duration=1.0, step=2e-3, progress=False)
+    figure = Figure(figsize=(8.6, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    speeds = np.linspace(-12.0, 12.0, 481)[:, None]
+    least, most = arm.torque_limits(speeds)
+    left.fill_between(speeds[:, 0], least[:, 0], most[:, 0], color="0.9", lw=0)
+    left.plot(run.v[:, 0], run.tau[:, 0], color="#0072b2", lw=2.0)
+    left.plot(run.v[0], run.tau[0], "o", color="#0072b2")
+    for x, y, words in ((1.0, 4.5, "drives"), (1.0, -5.5, "brakes"), (-5.0, 4.5, "brakes"), (-5.0, -5.5, "drives")):
+        left.text(x, y, words, color="0.35", fontsize=9)
+    left.set(xlabel="speed of the joint [rad/s]", ylabel="torque [N m]")
+    left.set_title("grey: what the motor has", fontsize=10)
+    rbd.visual.plot_joint(right, run, "joint_1", what="tau")
+    frame(left, "y")
+    figure.savefig(PICTURES / "motors.png", dpi=110, metadata={"Software": None})
+    return PICTURES / "motors.png"
+
+
 def mechanisms() -> Path:
     """The models of `urdf/` with loops and wheels, each with all its branches, three in a row, with captions."""
     width, height, caption = 560, 440, 54
@@ -267,10 +298,14 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "impossible_motion": partial(example_page, "impossible_motion", "26_is_this_motion_possible", 1200, 720),
     "crouch": partial(drawn, "crouch", "25_torques_of_a_crouch", 770, 462),
     "identification": partial(drawn, "identification", "35_identify", 770, 616),
+    "models_in_memory": partial(drawn, "models_in_memory", "32_models_in_memory", 990, 374),
     "painleve": partial(drawn, "painleve", "06_painleve", 770, 462),
+    "weave": partial(scene, "weave", 900, 700),
+    "bicycle": partial(drawn, "bicycle", "34_bicycle", 1000, 450),
     "push_samples": partial(scene, "push_samples", 1200, 720),
     "push_study": partial(drawn, "push_study", "30_push_study", 1050, 440),
     "balance": partial(drawn, "balance", "29_balance", 880, 506),
+    "springs": partial(drawn, "springs", "31_springs", 880, 440),
     "polar_manipulator": partial(drawn, "polar_manipulator", "20_polar_manipulator", 495, 550),
     "push": partial(plot, "push", "02_push", "plot_push", (7.0, 4.2)),
     "two_laws": partial(plot, "two_laws", "04_two_laws", "plot_laws", (8.6, 3.8), 1, 2),
@@ -280,6 +315,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "sleigh": partial(plot, "sleigh", "13_sleigh", "plot_flow", (6.4, 5.0)),
     "push_recovery": partial(plot, "push_recovery", "14_push_recovery", "plot_pushes", (7.5, 6.0), 2, 1),
     "four_bar_swing": partial(plot, "four_bar_swing", "15_four_bar_swing", "plot_swing", (7.0, 6.0), 2, 1),
+    "passive_walker": partial(plot, "passive_walker", "33_passive_walker", "plot_walk", (7.0, 9.0), 3, 1),
     "coin": partial(plot, "coin", "16_rolling_disk", "plot_lean", (7.0, 4.0)),
     "sliding_box": partial(plot, "sliding_box", "17_sliding_box", "plot_slide", (7.0, 6.0), 2, 1),
     **{
@@ -289,12 +325,14 @@ MAKERS: dict[str, Callable[[], Path]] = {
             where_it_can_stand,
             inverse_dynamics,
             control,
+            motors,
             mechanisms,
             robots,
             fall,
             coin_strip,
             tipping,
             balance_strip,
+            springs_strip,
         )
     },
 }

@@ -118,8 +118,18 @@ def double_pendulum(page: Path) -> Path:
     return shown("21_two_link_pendulum", page)
 
 
+def weave(page: Path) -> Path:
+    """Example 34: the weave of a bicycle at 5 m/s, in two poses a quarter of a period apart."""
+    module = example("34_bicycle")
+    modes = rbd.linearise(module.rolling(module.build(), 5.0)).modes()
+    shape = next(mode for mode in modes if mode.frequency)
+    with shape.scene(amplitude=0.3, seen_from=(0.5, -1.0, 0.35)) as scene:
+        return scene.export(page)
+
+
 SCENES: dict[str, Callable[[Path], Path]] = {
     "talos": talos,
+    "weave": weave,
     "hand_on_a_wall": hand_on_a_wall,
     "fall": fall,
     "coin_strip": coin,

@@ -27,7 +27,7 @@ BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "0.5"
 def pictures() -> Iterator[Path]:
     """All of them."""
     makers = (task_walker, task_hold, task_wall, task_loop, task_sweep, task_many, task_forces, task_swing, task_figure)
-    for make in (*makers, task_masses, task_command, task_reach, task_notebook):
+    for make in (*makers, task_masses, task_command, task_reach, task_notebook, task_springs):
         yield make()
 
 
@@ -75,6 +75,13 @@ def task_hold() -> Path:
     """Talos on its left leg."""
     names = computed("hold_it")
     return photograph(lambda page: exported(page, names["pose"].state, names["hold"]), "task_hold")
+
+
+def task_springs() -> Path:
+    """Talos with a strap at its hand, a belt between its hands, and a spring in its knee."""
+    names = computed("hang_it_on_springs")
+    shown = {"external": names["acting"]}
+    return photograph(lambda page: exported(page, names["state"], names["held"], **shown), "task_springs")
 
 
 def task_wall() -> Path:
@@ -138,7 +145,7 @@ def task_masses() -> Path:
     for robot, color, style, label in ((model, ORANGE, "--", "by the model"), (found.robot(), BLUE, "-", "identified")):
         by = [rbd.dynamics.inverse_dynamics(rbd.State(robot, q, v), a)[elbow] for q, v, a in each]
         ax.plot(moved.t, by, style, color=color, label=label)
-    ax.plot(moved.t, names["tau"][:, elbow], ".", color=GREY, markersize=3, label="measured")
+    ax.plot(moved.t[::3], names["tau"][::3, elbow], ".", color=GREY, markersize=7, label="measured", zorder=1)
     ax.set(xlabel="time [s]", ylabel="torque of the elbow [N m]")
     drawn.legend(*ax.get_legend_handles_labels(), frameon=False, ncols=3, loc="outside upper center")
     return saved(drawn, "task_masses")

@@ -55,6 +55,10 @@ def check(
     torque_limits: Annotated[
         str, typer.Option(metavar="SHARE|none", help="Share of the robot's torque limits that counts, or none.")
     ] = "1",
+    motors: Annotated[
+        Path | None,
+        typer.Option(metavar="YAML", help="Motors of --robot: {joint: {torque_speed: [[0, 60], [9, 0]]}}."),
+    ] = None,
     threshold: Annotated[float, typer.Option(help="Share of the weight that may be missing.")] = 0.02,
     bodies: Annotated[
         bool, typer.Option("--bodies/--feet-only", help="Hands, knees and all else can touch the floor.")
@@ -104,7 +108,9 @@ def check(
             "friction": friction, "ground": _ground(ground), "torque_limits": _share(torque_limits), "threshold": threshold,
             "bodies": bodies, "self_collision": self_collision,
         }  # fmt: skip
-        loaded = None if robot is None else _loaded(robot, names_of("--feet", feet_), package_dir)
+        loaded = None if robot is None else _loaded(robot, names_of("--feet", feet_), package_dir, motors)
+        if robot is None and motors is not None:
+            raise InputError("--motors changes the motors of --robot; expected both.")
         ranking = Ranking(least_possible)
         steps = [*chosen] if one else track(chosen, "checking", console=open_console(errors=True), transient=True)
         pages = {} if html is None else pages_of(html, chosen)
@@ -360,10 +366,12 @@ def _one_report(report: MotionReport, save: Path | None, plot: Path | None, vide
     return written
 
 
-def _loaded(robot: str, feet: list[str] | None, package_dirs: list[Path] | None) -> Robot:
+def _loaded(robot: str, feet: list[str] | None, package_dirs: list[Path] | None, motors: Path | None) -> Robot:
     from rbd.robots.loading import load_robot
+    from rbd.robots.motor_file import read_motor_file
 
-    return load_robot(robot, feet=feet, package_dirs=package_dirs or ())
+    found = load_robot(robot, feet=feet, package_dirs=package_dirs or ())
+    return found if motors is None else found.with_motors(read_motor_file(motors))
 
 
 def _ground(text: str | None) -> float | str | None:

@@ -39,6 +39,7 @@ from rbd.constraints.contact_points import Source, Structure, sources_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.external import External, generalised
 from rbd.model.state import State
 from rbd.problem.cones import Box, Free
 from rbd.statics.equilibrium import hold
@@ -68,7 +69,12 @@ class Gains:
 
 
 def posture_gains(
-    state: State, rows_at: Callable[[State], Array], torque: Array | None, frequency: float, damping_ratio: float
+    state: State,
+    rows_at: Callable[[State], Array],
+    torque: Array | None,
+    frequency: float,
+    damping_ratio: float,
+    external: External = None,
 ) -> Gains:
     """The gains at a posture.
 
@@ -78,14 +84,19 @@ def posture_gains(
         torque: In place of the one computed here, shape (nu,); it must be in equilibrium.
         frequency: w [rad/s].
         damping_ratio: zeta.
+        external: Other forces of the world, which count as the weight does.
     """
+
+    def load(near: State) -> Array:
+        return near.h if external is None else near.h - generalised(near, external)[0]
+
     robot = state.robot
     C = rows_at(state)
     Z = _motions(state.M, C)
     scale = torque_scale(robot)
     P = scipy.linalg.pinv(Z[robot.actuated] * scale[:, None], rtol=RANK) * scale if robot.nu else np.zeros((Z.shape[1], 0))
-    tau = P.T @ (Z.T @ state.h) if torque is None else torque
-    tips = _tipping(state, rows_at, C, Z, tau)
+    tau = P.T @ (Z.T @ load(state)) if torque is None else torque
+    tips = _tipping(state, load, rows_at, C, Z, tau)
     w = frequency
     return Gains(tau, P.T @ (w * w * np.eye(len(tips)) + tips) @ P, 2.0 * damping_ratio * w * P.T @ P)
 
@@ -105,18 +116,21 @@ def _motions(M: Array, C: Array) -> Array:
     return scipy.linalg.solve_triangular(U, left[:, rank:])
 
 
-def _tipping(state: State, rows_at: Callable[[State], Array], C: Array, Z: Array, tau: Array) -> Array:
+def _tipping(
+    state: State, load: Callable[[State], Array], rows_at: Callable[[State], Array], C: Array, Z: Array, tau: Array
+) -> Array:
     """T without what brings back: symmetric, no eigenvalue below zero, shape (n, n) [1/s2]."""
     robot = state.robot
     motors = np.zeros(robot.nv)
     motors[robot.actuated] = tau
     # Where the contacts do not carry the weight it falls with a; seen from there, it is at rest.
-    a = Z @ (Z.T @ (motors - state.h))
-    f = np.linalg.lstsq(C.T, state.h + state.M @ a - motors, rcond=None)[0] if len(C) else np.zeros(0)
+    carried = load(state)
+    a = Z @ (Z.T @ (motors - carried))
+    f = np.linalg.lstsq(C.T, carried + state.M @ a - motors, rcond=None)[0] if len(C) else np.zeros(0)
 
     def force(z: Array) -> Array:
         near = State(robot, pin.integrate(robot.model, state.q, z))
-        return Z.T @ (motors + rows_at(near).T @ f - near.h - near.M @ a)
+        return Z.T @ (motors + rows_at(near).T @ f - load(near) - near.M @ a)
 
     n = Z.shape[1]
     T = np.array([(force(NUDGE * z) - force(-NUDGE * z)) / (2.0 * NUDGE) for z in Z.T]).reshape(n, n)
@@ -137,6 +151,8 @@ class HoldPosture(Displayed):
         frequency: Natural frequency w of every motion that the contacts allow [rad/s]; well below 1 / step. The stiffer, the
             smaller the push that tips a foot.
         damping_ratio: zeta; 1 is critical.
+        external: Other forces of the world that it counts on, such as springs, at rest: it holds the posture against them, and
+            against what of them tips. By default none: it gives way to forces that it is not told of.
 
     Raises:
         InputError: an invalid frequency or damping ratio; not a state, or not constraints.
@@ -158,6 +174,7 @@ class HoldPosture(Displayed):
     _: KW_ONLY
     frequency: float = 5.0
     damping_ratio: float = 1.0
+    external: External = None
     _sources: tuple[Source, ...] = field(init=False, repr=False)
     _start: State = field(init=False, repr=False)
     _structures: tuple[Structure, ...] = field(init=False, repr=False)
@@ -175,7 +192,7 @@ class HoldPosture(Displayed):
         sources = tuple(sources_of(tuple(self.contacts), still))
         start = [source.at(still, 0.0) for source in sources]
         touching = touching_points([m.gap for m in start])
-        torque = hold(still, self.contacts).tau if touching.all() else None
+        torque = hold(still, self.contacts, external=self.external).tau if touching.all() else None
         put = object.__setattr__
         put(self, "contacts", tuple(self.contacts))
         put(self, "_sources", sources)
@@ -226,7 +243,7 @@ class HoldPosture(Displayed):
             J = [source.at(state, 0.0).J for source in self._sources]
             return np.concatenate([np.zeros((0, state.robot.nv)), *J])[mask]
 
-        return posture_gains(still, rows_at, torque, float(self.frequency), float(self.damping_ratio))
+        return posture_gains(still, rows_at, torque, float(self.frequency), float(self.damping_ratio), self.external)
 
 
 def touching_points(gaps: Sequence[Array]) -> Array:

@@ -16,6 +16,7 @@ from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.contact_watch import ContactWatch, SeenContacts, frames_of, lifts
 from rbd.control.control_log import ControlLog, ControlStep
 from rbd.control.limits import Limits
+from rbd.control.schedules import ExternalAt, asked
 from rbd.control.stepping import DAMPING, complaints, silent_step
 from rbd.control.task_actuation import TaskActuation
 from rbd.control.task_terms import Task, checked_tasks, robot_of
@@ -24,6 +25,7 @@ from rbd.errors import InputError, NoSolution, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.errors.warned import stacklevel_of_user
 from rbd.model.checked_model import CheckedModel
+from rbd.model.external import External
 from rbd.model.state import State
 from rbd.problem.ground import Body
 
@@ -77,6 +79,8 @@ class WholeBodyController(Displayed):
         every: Time between two steps of control [s]; None: every step of the simulation is one.
         contact_damping: k: velocities of contacts decay at this rate [1/s]; well below 1 over the time between two steps.
         early: After this share of a swing, a contact that touches has landed.
+        external: Forces that the torques take into account, as of `rbd.simulate`: springs and dampers, known pushes;
+            or a function of state and time that gives them. None: the controller knows of none.
 
     Raises:
         InputError: no tasks, or what is no task; no list of constraints; a schedule that lifts all contacts at once without
@@ -104,6 +108,7 @@ class WholeBodyController(Displayed):
     every: float | None = None
     contact_damping: float = DAMPING
     early: float = 0.5
+    external: External | ExternalAt = None
     _memory: list[_Memory] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -233,6 +238,8 @@ class WholeBodyController(Displayed):
             if getattr(task, "frame", None) not in frames and getattr(task, "contact", "") in ("", *seen.since)
         ]
         full = FULL * told.state.robot.mass
+        given = self.external
+        known = asked("external of WholeBodyController", given, told.state, told.t) if callable(given) else given
         bounds = self._memory[0].watch.bounds(told, full, self._carried(told.t, seen))
         try:
             found = silent_step(
@@ -243,6 +250,7 @@ class WholeBodyController(Displayed):
                 limits=self.limits,
                 normal_force=bounds,
                 contact_damping=float(self.contact_damping),
+                external=known,
             )
         except NoSolution as error:
             error.add_note(f"at t = {told.t:.6g} s, on {', '.join(seen.since) or 'no contact'}")

@@ -137,10 +137,11 @@ class Angle(_AboutAxis):
                 f"{what} has its axis in one frame tilted by {tilt:.0f} degrees from "
                 "that in the other; beyond 170 degrees there is no angle about it. Take another axis."
             )
-        g = (w * w * axis + w * np.cross(e, axis) + s * e) / n
+        across = cross_matrix(e) @ axis
+        g = (w * w * axis + w * across + s * e) / n
         dw, de = -0.5 * e, 0.5 * (w * np.eye(3) - cross_matrix(e))
         ds = axis @ de
-        dN = np.outer(2.0 * w * axis + np.cross(e, axis), dw) - w * cross_matrix(axis) @ de + np.outer(e, ds) + s * de
+        dN = np.outer(2.0 * w * axis + across, dw) - w * cross_matrix(axis) @ de + np.outer(e, ds) + s * de
         super().__init__(pair, g, (dN - np.outer(g, 2.0 * w * dw + 2.0 * s * ds)) / n)
         self.x = np.array([rest + from_rest(2.0 * math.atan2(s, w), rest, what)])
 
@@ -191,7 +192,7 @@ class Pose:
     def rate_change(self, u: Array) -> Array:
         """Likewise."""
         R, turned = self._R, u[9:] - u[3:6]
-        r = u[6:9] - u[:3] + np.cross(self._d, u[3:6])
+        r = u[6:9] - u[:3] + cross_matrix(self._d) @ u[3:6]
         out = np.zeros((6, 12))
         out[:3, :3] = R.T @ cross_matrix(u[3:6])
         out[:3, 3:6] = R.T @ cross_matrix(r)

@@ -26,6 +26,13 @@ class ElementPicture(Displayed):
         axis: Of what turns, in W, shape (3,); None of what does not, and where there are several.
         value: The force along the line or the moment about the axis [N, N m], positive where it pushes the ends apart or
             turns the second end forward; None where there are several.
+
+    Example:
+        >>> box = rbd.testing.box()
+        >>> spring = rbd.Spring("box", to=(0, 0, 2), stiffness=10.0, rest=1.0)
+        >>> drawn = spring.picture(rbd.State(box, [0, 0, 0.5, 0, 0, 0, 1]))
+        >>> drawn.kind, drawn.points.tolist(), drawn.value  # it is stretched by half a metre, and pulls
+        ('spring', [[0.0, 0.0, 2.0], [0.0, 0.0, 0.5]], -5.0)
     """
 
     kind: str
@@ -112,7 +119,7 @@ class BetweenPlaces(Displayed):
         m, J = len(found.x), pair.J
         A, C = found.D @ J, self._damping(m)
         dF = -self._stiffness(m) @ A
-        if C.any():
+        if C.any() and state.v.any():
             dF -= C @ (found.rate_change(pair.u) @ J + found.D @ pair.velocity_dq())
         by_q = pair.geometric(found.D.T @ F) + J.T @ (found.force_change(F) @ J) + A.T @ dF
         return by_q, -A.T @ C @ A

@@ -208,14 +208,19 @@ class JointDamping(Displayed):
         self.diagonal(robot)
 
     def diagonal(self, robot: CheckedModel) -> Array:
-        """Damping of each velocity, shape (nv,); that of a name given twice, by joint and by velocity, adds up.
+        """Damping of each velocity, shape (nv,), read-only; that of a name given twice, by joint and by velocity, adds up.
 
         Raises:
             JointNotFound: with the nearest names.
         """
+        known = self.__dict__.get("_diagonal")
+        if known is not None and known[0] is robot:
+            return known[1]
         d = np.zeros(robot.nv)
         for joint, value in self.damping.items():
             d[robot.joints.velocity(joint)] += value
+        d.flags.writeable = False
+        object.__setattr__(self, "_diagonal", (robot, d))  # kept for the next state of this robot; not in copies and pickles
         return d
 
     def generalised(self, state: State) -> tuple[Array, Array]:

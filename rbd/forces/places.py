@@ -18,7 +18,7 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_vector3, cross_matrix, lazy
+from rbd.arrays import Array, add_wrench, as_vector3, cross_matrix, lazy
 from rbd.errors import InputError
 from rbd.model.checked_model import FARTHEST
 from rbd.model.state import State
@@ -114,8 +114,9 @@ class Pair:
         """The wrench that the ground applies to the robot by wrenches w (12,), about the centre of mass, shape (6,)."""
         if not self._grounded:
             return np.zeros(6)
-        f, m = w[6:9], w[9:]
-        return np.concatenate([f, m + np.cross(self.points[1] - self.state.com, f)])
+        out = [0.0] * 6
+        add_wrench(out, w[6:].tolist(), self.points[1].tolist(), self.state.com.tolist())
+        return np.array(out)
 
     @lazy
     def _deeper(self) -> Array:

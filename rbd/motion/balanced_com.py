@@ -18,6 +18,7 @@ from scipy.linalg import solve_banded
 
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import convex_hull, half_planes, inside_distance
+from rbd.model.gravity import along_gravity
 from rbd.motion.frame_terms import FrameTerms
 
 FLIES = 0.1
@@ -61,7 +62,8 @@ def com_shift(t: Array, terms: FrameTerms, places: Array, touches: Array, ground
         ground: Height of the floor [m].
     """
     mass = float(terms.M_base[0, 0, 0])
-    weight = mass * float(np.linalg.norm(terms.robot.gravity))
+    gravity = terms.robot.gravity
+    weight = -mass * float(gravity[2])  # what a floor carries at rest
     up, height = terms.wrench[:, 2], terms.com[:, 2] - ground
     carried = (up > FLIES * weight) & touches.any(axis=1)
     force = np.where(carried, up, weight)
@@ -70,7 +72,8 @@ def com_shift(t: Array, terms: FrameTerms, places: Array, touches: Array, ground
     d = np.zeros((len(t), 2))
     for i in np.flatnonzero(carried):
         d[i] = _move(zmp[i], places[i][touches[i], :2])
-    rest = [_move(terms.com[i, :2], places[i][touches[i], :2]) if d[i].any() else np.zeros(2) for i in (0, -1)]
+    below = [along_gravity(gravity, terms.com[i], ground) for i in (0, -1)]  # its zero-moment point at rest
+    rest = [_move(below[i], places[i][touches[i], :2]) if d[i].any() else np.zeros(2) for i in (0, -1)]
     pad = np.arange(1, REST_FRAMES + 1) * (REST_S / REST_FRAMES)
     times = np.concatenate([t[0] - pad[::-1], t, t[-1] + pad])
     ends = [np.full(REST_FRAMES, height[i] * mass / weight) for i in (0, -1)]

@@ -10,6 +10,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.gravity import LEAST_FALL
 from rbd.motion.floor_points import FloorPoints
 
 LENGTH = 0.3
@@ -159,7 +160,7 @@ def check_robot(robot: CheckedModel) -> None:
     """Refuse robots that the check cannot treat.
 
     Raises:
-        InputError: no floating base or several, passive joints, closed loops, or gravity that is not along -z.
+        InputError: no floating base or several, passive joints, closed loops, or gravity that does not press on a level floor.
     """
     name = robot.name
     if not robot.floating:
@@ -167,5 +168,5 @@ def check_robot(robot: CheckedModel) -> None:
     if robot.passive or robot.loops():
         raise InputError(f"{name} has passive joints or closed loops; a motion is checked of trees with a motor at each joint.")
     g = robot.gravity
-    if not g[2] < 0.0 or np.abs(g[:2]).max() > 1e-12:
-        raise InputError(f"gravity of {name} is {g.tolist()}; expected it along -z, the floor is level.")
+    if not -g[2] > LEAST_FALL * np.linalg.norm(g):
+        raise InputError(f"gravity of {name} is {g.tolist()}; expected one that presses it on a level floor, z below zero.")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -10,6 +11,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import InputError
+from rbd.model.actuated_model import with_plain_motors
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.derivation import NEARLY_UNIT, Derivation, Method
 from rbd.motion.frames import Frames, check_rate, joint_positions, unit_of
@@ -43,6 +45,8 @@ def of_npz(
         if "robot" not in arrays:
             raise InputError(f"{path.name} does not name its robot; give it: robot='g1'.")
         robot = load_robot(_text(arrays, "robot"))
+        if "motors" in arrays:
+            robot = with_plain_motors(robot, _motors(path, _text(arrays, "motors")))
     for name, x in arrays.items():
         if x.dtype.kind != "U" and not np.isfinite(x).all():
             where = tuple(int(i) for i in np.argwhere(~np.isfinite(x))[0])
@@ -224,6 +228,18 @@ def _numbers(path: Path, arrays: dict[str, Array], name: str) -> Array:
     if x.dtype.kind == "U":
         raise InputError(f"{path.name}: {name} is text; expected numbers.")
     return np.atleast_1d(x.astype(float))
+
+
+def _motors(path: Path, text: str) -> object:
+    """The motors of `rbd.model.motors.plain_motors`.
+
+    Raises:
+        InputError: the text is no JSON.
+    """
+    try:
+        return json.loads(text)
+    except ValueError:
+        raise InputError(f"{path.name}: motors is {text!r:.80}; expected JSON, as Motion.save writes it.") from None
 
 
 def _text(arrays: dict[str, Array], name: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,6 +14,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.motors import plain_motors
 from rbd.model.output_files import check_place, write_file
 from rbd.motion.derivation import Derivation
 from rbd.motion.frames import joint_values
@@ -72,6 +74,8 @@ def write_motion(
     stored = dict(arrays)
     stored["coordinates"] = np.array([c.name for c in robot.joints.positions])
     stored["robot"] = np.array(_source(robot))
+    if robot.motor_data:
+        stored["motors"] = np.array(json.dumps(plain_motors(robot.motor_data)))
     stored["notes"] = np.array(list(notes), dtype="U") if notes else np.array([""])[:0]
     stored["ground"] = np.array(ground)
     if derivation is not None:

@@ -104,21 +104,21 @@ class Source:
         """The model file; of a robot in memory the same name in the first of its folders, where relative names start."""
         return self.package_dirs[0] / self.urdf.name if self.in_memory and self.package_dirs else self.urdf
 
+    @staticmethod
+    def of_text(name: str, ending: str, package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:
+        """The source of a robot whose text is in memory: no feet and no postures are known.
 
-def in_memory(name: str, ending: str, package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:
-    """The source of a robot whose text is in memory: no feet and no postures are known.
+        Args:
+            name: Of the robot, as its text states it.
+            ending: ".urdf" or ".xml".
+            package_dirs: Folders of its meshes and included files; without them none is opened, but those of the robot data.
 
-    Args:
-        name: Of the robot, as its text states it.
-        ending: ".urdf" or ".xml".
-        package_dirs: Folders of its meshes and included files; without them none is opened, but those of the robot data.
-
-    Raises:
-        InputError: package folders that are no paths.
-    """
-    extra = _package_dirs(package_dirs)
-    file = re.sub(r"[/\\\0]", "_", name).strip()[:80] or "text"
-    return Source(name or file, IN_MEMORY / f"{file}{ending}", None, tuple(dict.fromkeys((*extra, *_shares()))), (), {}, None)
+        Raises:
+            InputError: package folders that are no paths.
+        """
+        folders = tuple(dict.fromkeys((*_package_dirs(package_dirs), *_shares())))
+        file = re.sub(r"[/\\\0]", "_", name).strip()[:80] or "text"
+        return Source(name or file, IN_MEMORY / f"{file}{ending}", None, folders, (), {}, None)
 
 
 def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:

@@ -151,7 +151,15 @@ class Linkage(Displayed):
         for key in ("closures", "postures"):
             if not isinstance(getattr(self, key), Mapping):
                 raise InputError(f"{key} of {what} is {getattr(self, key)!r:.80}; expected a dictionary.")
+        for key, kind in (("closures", tuple | list), ("postures", Mapping)):
+            for name, value in getattr(self, key).items():
+                if not isinstance(value, kind):
+                    raise InputError(f"{key} of {what}: {name!r:.80} is {value!r:.80}; expected two links, or links' angles.")
+        if self.rail is not None:
+            checked_numbers(f"rail of {what}", self.rail, (3,), most=FARTHEST)
         for name, ends in self.closures.items():
+            if len(ends) != 2:
+                raise InputError(f"closure {name!r:.80} of {what} is {ends!r:.80}; expected two links.")
             for end in ends:
                 if end not in tips:
                     raise InputError(

@@ -152,7 +152,7 @@ def _source(
         raise InputError(f"text is {shown}, which is no XML; expected a URDF or MJCF. A file is loaded by load_robot(path).")
     element = parse_xml("the text", data, limits)
     name, ending = ("model", ".xml") if element.tag == "mujoco" else ("name", ".urdf")
-    return catalogue.in_memory(element.get(name, ""), ending, package_dirs), data
+    return catalogue.Source.of_text(element.get(name, ""), ending, package_dirs), data
 
 
 def _loaded(
@@ -167,8 +167,6 @@ def _loaded(
 ) -> Robot:
     """The robot of a file and its report, whatever is in that."""
     closing = loop_file_of(source, loops)
-    if closing is not None and root in (None, closing.root):
-        plane = plane or closing.plane
     root = root or (closing.root if closing else None) or "free_flyer"
     file = read(
         source.place,

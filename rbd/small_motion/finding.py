@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_float, lazy, max_abs
+from rbd.arrays import Array, as_array, as_float, lazy, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import own_or
 from rbd.displayed import Displayed
-from rbd.errors import InputError, NoSteadyState, RbdWarning
+from rbd.errors import InputError, NoSteadyState, RbdError, RbdWarning
 from rbd.least_constraint import solve
 from rbd.model.external import External
 from rbd.model.state import State, checked, with_values
@@ -82,8 +82,11 @@ class SteadyState(Displayed):
         lines = [
             f"{what.capitalize()} of {self.state.robot.name}: |a| <= {self.acceleration:.1e}, other residuals up to "
             f"{self.residual:.1e}; {around}; found in {self.iterations} steps, {self.moved:.3g} from the start",
-            self.linearised.verdict,
         ]
+        try:
+            lines.append(self.linearised.verdict)
+        except RbdError as error:
+            lines.append(f"No linear equations: {error}")
         return "\n".join(lines)
 
 
@@ -183,7 +186,7 @@ def find_steady_motion(
     free, torques = _torques(state, tau)
     start, kept, still = _started(state, fixed, speeds)
     given = own_or(robot, constraints)
-    if not all(map(callable, conditions)):
+    if not isinstance(conditions, list | tuple) or not all(map(callable, conditions)):
         raise InputError(
             f"conditions are {conditions!r:.80}; expected functions of the state, e.g. [lambda state: state.q[2] - 1]."
         )
@@ -208,7 +211,7 @@ def _torques(state: State, tau: Array | Sequence[float] | str | None) -> tuple[b
         if tau != FREE:
             raise InputError(f"tau is {tau!r:.80}; expected torques (nu,), None for zero, or 'free'.")
         return True, np.zeros(state.robot.nu)
-    return False, np.zeros(state.robot.nu) if tau is None else state.robot.check_tau(np.asarray(tau))
+    return False, np.zeros(state.robot.nu) if tau is None else state.robot.check_tau(as_array("tau", tau))
 
 
 def _started(
@@ -217,8 +220,8 @@ def _started(
     """(the state with the values given, which entries of dq are kept, which of v)."""
     robot = state.robot
     kept, still = np.zeros(robot.nv, bool), np.zeros(robot.nv, bool)
-    q, v = with_values(robot, state.q, fixed or {}, argument="fixed"), state.v.copy()
-    for name in fixed or {}:
+    q, v = with_values(robot, state.q, {} if fixed is None else fixed, argument="fixed"), state.v.copy()
+    for name in {} if fixed is None else fixed:
         kept[robot.joints[name].v] = True
     if speeds is not None and not isinstance(speeds, Mapping):
         raise InputError(f"speeds is {speeds!r:.80}; expected a mapping {{velocity: value}}, e.g. {{'root_joint.vx': 5.0}}.")

@@ -11,9 +11,9 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_array, check_finite, lazy
 from rbd.displayed import Displayed
-from rbd.errors import InputError
+from rbd.errors import InputError, Unsupported
 from rbd.model.state import State
-from rbd.small_motion.modes import Mode, normalised, shares_of
+from rbd.small_motion.modes import Mode, in_phase, largest_entry, shares_of
 from rbd.small_motion.spectrum import INVARIANT, Spectrum, controllable, spectrum_of
 from rbd.small_motion.spin import ad_matrix, spin_axes
 from rbd.small_motion.tangent_space import TangentSpace
@@ -22,6 +22,8 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
+STEADY = 1e-6
+"""Largest acceleration [m/s2, rad/s2] of a motion that counts as steady, and largest relative change of A along it."""
 _SHOWN = 12
 
 
@@ -49,10 +51,10 @@ class Linearised(Displayed):
         modes_of_contacts: {constraint: mode of each part}, "holds", "sticks" or "presses".
         method: "derivatives", or "differences" with the reason.
         acceleration: Largest |a| of the state [m/s2, rad/s2]: zero at an equilibrium and on a steady motion.
-        variation: Relative change of the equations a little ahead on the motion; zero of a steady motion.
+        variation: As `difference`, a little ahead on the motion; zero of a steady motion.
         invariance: How far A leaves the allowed changes, relative: zero but for rounding.
         difference: Largest relative difference of A x + B dtau from slopes of the true motion (by `rbd.solve`, on the
-            constraints), in three random directions.
+            constraints), in random directions.
 
     Example:
         >>> sleigh = rbd.load_robot("chaplygin_sleigh")
@@ -165,9 +167,28 @@ class Linearised(Displayed):
         scale = self._scale
         return controllable(self.A * scale / scale[:, None], self.B / scale[:, None])
 
+    @property
+    def steady(self) -> bool:
+        """Whether the state is an equilibrium or a steady motion, to 1e-6: else A holds at this instant alone."""
+        return self.acceleration <= STEADY and self.variation <= STEADY
+
     def modes(self) -> tuple[Mode, ...]:
-        """The modes, one for a pair of complex eigenvalues, by descending real part; symmetries have none."""
+        """The modes, one for a pair of complex eigenvalues, by descending real part; symmetries have none.
+
+        Raises:
+            Unsupported: the state is not steady, so that eigenvalues say nothing about its small motion.
+        """
+        if not self.steady:
+            raise Unsupported(f"{self._unsteady} rbd.find_equilibrium and rbd.find_steady_motion find states that have modes.")
         return self._modes
+
+    @property
+    def _unsteady(self) -> str:
+        """What is said of a state that is not steady."""
+        moves = f"it accelerates by up to {self.acceleration:.3g} (m/s2 or rad/s2)"
+        if self.acceleration <= STEADY:
+            moves = f"its equations change by {self.variation:.2g}, relative, a little ahead"
+        return f"Not a steady state: {moves}. A and B hold at this instant alone, and eigenvalues decide nothing."
 
     @lazy
     def _modes(self) -> tuple[Mode, ...]:
@@ -182,12 +203,10 @@ class Linearised(Displayed):
                 continue  # of a pair, the other one
             inner = self.basis @ (self._scale * found.right[:, k])
             outer = self.basis @ (self._scale * found.whole[:, k])
-            dq, dv, of_velocity = normalised(outer[:nv], outer[nv:], scale)
-            bare = normalised(inner[:nv], inner[nv:], scale)
-            of_velocity = bare[2]
-            if of_velocity:
-                dq, dv = bare[0], bare[1]
-            shares = shares_of(bare[1] if of_velocity else bare[0], scale, names)
+            largest, of_velocity = largest_entry(inner[:nv], inner[nv:], scale)
+            whole = (inner if of_velocity else outer) / largest
+            dq, dv = in_phase(0.0 * whole[:nv] if of_velocity else whole[:nv], whole[nv:], scale)
+            shares = shares_of(inner[nv:] if of_velocity else inner[:nv], scale, names)
             moved = self._moved(value) if len(self.tau) else None
             out.append(
                 Mode(
@@ -206,14 +225,21 @@ class Linearised(Displayed):
 
     @property
     def stable(self) -> bool | None:
-        """False if a mode grows, True if all others than neutral zeros decay, None where modes oscillate without damping."""
-        if any(mode.grows for mode in self._modes):
+        """False if a mode grows, True if all others than neutral zeros decay, None where modes oscillate without damping.
+
+        Raises:
+            Unsupported: the state is not steady.
+        """
+        modes = self.modes()
+        if any(mode.grows for mode in modes):
             return False
-        return None if any(mode.neutral and mode.frequency for mode in self._modes) else True
+        return None if any(mode.neutral and mode.frequency for mode in modes) else True
 
     @property
     def verdict(self) -> str:
-        """Stable or not, in words."""
+        """Stable or not, in words; of a state that is not steady, this."""
+        if not self.steady:
+            return self._unsteady
         modes, s = self._modes, self._spectrum.S.shape[1]
         growing = [mode for mode in modes if mode.grows]
         still = [mode for mode in modes if mode.neutral and not mode.frequency]
@@ -261,19 +287,21 @@ class Linearised(Displayed):
 
     def __str__(self) -> str:
         moving = "a steady motion" if self.state.v.any() else "an equilibrium"
+        moving = moving if self.steady else "a state that is not steady"
         lines = [
             self.verdict,
             f"{self.state.robot.name} about {moving}: {_many(len(self.positions), 'coordinate', 'coordinates')} of position, "
             f"{len(self.velocities)} of velocity; {_many(self.rows, 'row', 'rows')} of constraints of rank {self.rank_v}, "
             f"{self.rank_q} of them of position",
         ]
-        lines += [f"  {mode}" for mode in self._modes[:_SHOWN]]
-        if len(self._modes) > _SHOWN:
-            lines.append(f"  and {len(self._modes) - _SHOWN} more modes, of smaller real parts")
+        modes = self._modes if self.steady else ()
+        lines += [f"  {mode}" for mode in modes[:_SHOWN]]
+        if len(modes) > _SHOWN:
+            lines.append(f"  and {len(modes) - _SHOWN} more modes, of smaller real parts")
         if len(self.tau):
             lines.append(f"{_many(len(self.tau), 'motor reaches', 'motors reach')} {self.controllable} of {self.n} dimensions")
         lines.append(
-            f"largest acceleration of the state {self.acceleration:.1e}, change of A along the motion {self.variation:.1e}; "
+            f"largest acceleration of the state {self.acceleration:.1e}, change along the motion {self.variation:.1e}; "
             f"A by {self.method.partition(':')[0]}: off the constraints by {self.invariance:.1e}, from differences of the "
             f"true motion by {self.difference:.1e} (relative)"
         )

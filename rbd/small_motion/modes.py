@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, max_abs
+from rbd.arrays import Array, as_float, max_abs
 from rbd.displayed import Displayed
+from rbd.errors import InputError
 from rbd.model.state import State
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ class Mode(Displayed):
     Attributes:
         eigenvalue: lambda [1/s], of a pair the one with positive imaginary part.
         dq: Its shape: change of the configuration on the tangent space, shape (nv,); its largest entry (in radians, or parts
-            of the robot's length) is 1. Real where all move in phase, else complex.
+            of the robot's length, symmetries left out) is 1. Real where all move in phase, else complex.
         dv: Change of v that belongs to it, shape (nv,).
         shares: {coordinate of v: its part of the squared shape}, descending, symmetries left out; of angles in radians and
             lengths over the robot's length.
@@ -74,7 +75,9 @@ class Mode(Displayed):
     def damping_ratio(self) -> float:
         """-Re(lambda) / |lambda|: 1 of a decay without oscillation, 0 without damping, negative where it grows; NaN of zero."""
         size = abs(self.eigenvalue)
-        return float("nan") if size <= self.zero else -self.eigenvalue.real / size
+        if size <= self.zero:
+            return float("nan")
+        return 0.0 if self.neutral else -self.eigenvalue.real / size
 
     @property
     def time_constant(self) -> float:
@@ -118,12 +121,21 @@ class Mode(Displayed):
         Args:
             t: [s].
             amplitude: At t = 0.
+
+        Raises:
+            InputError: numbers that are not finite, or so large that the mode has grown by e^50.
         """
         state, robot = self.state, self.state.robot
-        factor = amplitude * np.exp(self.eigenvalue * t)
-        q = pin.integrate(robot.model, state.q, t * (state.v - self.spin))
+        time, size = as_float(t), as_float(amplitude)
+        if not (abs(time) < 1e6 and abs(self.eigenvalue.real * time) <= 50.0 and abs(size) <= 1e3):
+            raise InputError(
+                f"t is {t!r:.80}, amplitude {amplitude!r:.80}; expected numbers, a time within fifty of the time constant "
+                f"{self.time_constant:.3g} s, and an amplitude up to 1000."
+            )
+        factor = size * np.exp(self.eigenvalue * time)
+        q = pin.integrate(robot.model, state.q, time * (state.v - self.spin))
         q = pin.integrate(robot.model, q, np.real(factor * self.dq))
-        q = pin.integrate(robot.model, q, t * self.spin)
+        q = pin.integrate(robot.model, q, time * self.spin)
         return State(robot, pin.normalize(robot.model, q), state.v + np.real(factor * self.dv))
 
     def pose(self, factor: complex = 0.1) -> State:
@@ -131,9 +143,14 @@ class Mode(Displayed):
 
         Args:
             factor: Amplitude of its largest entry [rad, robot's lengths] times exp(i phase).
+
+        Raises:
+            InputError: a factor that is no number up to 1000.
         """
         robot = self.state.robot
-        q = pin.integrate(robot.model, self.state.q, np.real(factor * self.dq))
+        if isinstance(factor, bool) or not isinstance(factor, int | float | complex | np.number) or not abs(factor) <= 1e3:
+            raise InputError(f"factor is {factor!r:.80}; expected a real or complex number of at most 1000.")
+        q = pin.integrate(robot.model, self.state.q, np.real(complex(factor) * self.dq))
         return State(robot, pin.normalize(robot.model, q))
 
     def scene(self, **options: Any) -> Any:
@@ -158,10 +175,10 @@ class Mode(Displayed):
         return f"Mode({self})"
 
     def __str__(self) -> str:
-        size = self.eigenvalue
-        parts = [f"{size.real:+.6g}" + (f" +- {abs(size.imag):.6g} i" if self.frequency else "") + " 1/s", self.words]
+        real = "0" if self.neutral else f"{self.eigenvalue.real:+.6g}"
+        parts = [real + (f" +- {abs(self.eigenvalue.imag):.6g} i" if self.frequency else "") + " 1/s", self.words]
         if self.frequency:
-            parts.append(f"{self.frequency:.4g} Hz, damping ratio {self.damping_ratio + 0.0:.3g}")
+            parts.append(f"{self.frequency:.4g} Hz, damping ratio {self.damping_ratio:.3g}")
         if not self.neutral:
             parts.append(f"time constant {self.time_constant:.4g} s")
         if self.motors_move_it is False:
@@ -169,20 +186,21 @@ class Mode(Displayed):
         return f"{self.title}: {', '.join(parts)}"
 
 
-def normalised(dq: Array, dv: Array, scale: Array) -> tuple[Array, Array, bool]:
-    """(dq, dv, of velocity): with 1 as the largest entry of dq over its scale, of dv where dq is zero; real if in phase."""
+def largest_entry(dq: Array, dv: Array, scale: Array) -> tuple[complex, bool]:
+    """(largest entry over its scale of dq, or of dv where dq is zero; whether it is of dv)."""
     sizes, speeds = np.abs(dq) / scale, np.abs(dv) / scale
     of_velocity = max_abs(sizes) <= 1e-7 * max_abs(speeds)
-    largest = (dv / scale)[int(speeds.argmax())] if of_velocity else (dq / scale)[int(sizes.argmax())]
-    if not largest:
-        return dq.real, dv.real, of_velocity
-    dq, dv = dq / largest, dv / largest
-    if of_velocity:
-        dq = np.zeros_like(dq)
-    if max_abs(np.abs(dq.imag) / scale) < 1e-9 and (not of_velocity or max_abs(np.abs(dv.imag) / scale) < 1e-9):
-        dq = dq.real
-        dv = dv.real if np.abs(dv.imag).max(initial=0.0) < 1e-9 * np.abs(dv).max(initial=1e-300) else dv
-    return dq, dv, of_velocity
+    k = int(speeds.argmax() if of_velocity else sizes.argmax())
+    return complex((dv if of_velocity else dq)[k] / scale[k]) or 1.0 + 0.0j, of_velocity
+
+
+def in_phase(dq: Array, dv: Array, scale: Array) -> tuple[Array, Array]:
+    """(dq, dv), each real where it is but for rounding."""
+    out = []
+    for part in (dq, dv):
+        size = max_abs(np.abs(part) / scale)
+        out.append(part.real if max_abs(np.abs(part.imag) / scale) <= 1e-9 * size else part)
+    return out[0], out[1]
 
 
 def shares_of(shape: Array, scale: Array, names: list[str]) -> dict[str, float]:

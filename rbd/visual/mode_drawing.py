@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rbd.arrays import as_float, check_positive
+from rbd.arrays import as_float, check_positive, check_whole
 from rbd.errors import InputError
 from rbd.motion.motion import Motion
 from rbd.robots.robot import Robot
@@ -117,7 +117,7 @@ def plot_mode(ax: Axes, mode: Mode, *, most: int = 10) -> list[Artist]:
     """
     an_axis(ax)
     _check(mode)
-    names = list(mode.shares)[:most]
+    names = list(mode.shares)[: check_whole("most", most)]
     joints = mode.state.robot.joints
     every = [c.name for c in joints.velocities]
     shape = (mode.dv if mode.of_velocity else mode.dq) / joints.scale
@@ -128,9 +128,9 @@ def plot_mode(ax: Axes, mode: Mode, *, most: int = 10) -> list[Artist]:
     artists: list[Artist] = list(ax.barh(places, signed, color=color, height=0.6))
     if np.iscomplexobj(shape):
         for place, value in zip(places, values, strict=True):
-            said = f" {math.degrees(math.atan2(value.imag, value.real)) + 0.0:.0f} deg"
+            said = f"  {round(math.degrees(math.atan2(value.imag, value.real)))} deg"
             artists.append(ax.text(abs(value), float(place), said, va="center", fontsize=8))
-        ax.margins(x=0.15)
+        ax.margins(x=0.3)
     ax.axvline(0.0, color="black", lw=0.6)
     ax.set_yticks(places, names)
     ax.set_xlabel("rate, of the largest" if mode.of_velocity else "shape, of the largest [rad, robot's lengths]")

@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import tempfile
-from pathlib import Path
-
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -81,10 +78,7 @@ def joined_by_a_ball() -> rbd.Robot:
     lower = f'<body name="lower" pos="0 .3 -.4"><joint name="a" type="ball"/>{solid}</body>'
     upper = f'<body name="upper" pos=".2 0 -.5"><joint name="b" type="ball"/>{solid}{lower}</body>'
     world = f'<body name="free"><freejoint/>{solid}{upper}</body>'
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "balls.xml"
-        path.write_text(f"<mujoco><worldbody>{world}</worldbody></mujoco>")
-        return rbd.load_robot(path)
+    return rbd.load_robot(text=f"<mujoco><worldbody>{world}</worldbody></mujoco>")
 
 
 @pytest.fixture(scope="module")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import copy
 import math
 import pickle
-import warnings
 from pathlib import Path
 
 import mujoco
@@ -91,20 +90,20 @@ def test_springs_and_damping_of_an_mjcf_are_mujocos(sprung):
         assert springs == pytest.approx(data.energy[0] - without, rel=1e-9)
 
 
+@pytest.mark.filterwarnings("ignore::rbd.errors.ModelWarning")
 def test_springs_of_a_file_travel_with_the_robot(sprung):
-    """In copies and pickles, in a pair with prefixes; not where they were left out."""
+    """In copies and pickles, under another gravity, in a pair with prefixes; not where they were left out."""
     robot, path = sprung
     expected = [(s.joint, s.stiffness, s.rest) for s in robot.joint_springs()]
     assert [j for j, _, _ in expected] == ["hip", "knee", "ankle"] and expected[0][2] == pytest.approx(math.radians(-35.0))
-    for other in (pickle.loads(pickle.dumps(robot)), copy.deepcopy(robot)):
+    in_memory = rbd.load_robot(text=MJCF)
+    for other in (pickle.loads(pickle.dumps(robot)), copy.deepcopy(robot), robot.with_gravity((0, 0, -1.62)), in_memory):
         assert [(s.joint, s.stiffness, s.rest) for s in other.joint_springs()] == expected
         assert dict(other.joint_damping().damping) == {"hip": 2.0, "knee": 3.0, "ankle": 0.5}
     pair = rbd.robots.merge_robots(robot, rbd.testing.box())
     assert [s.joint for s in pair.joint_springs()] == ["a_hip", "a_knee", "a_ankle"]
     assert dict(pair.joint_damping().damping) == {"a_hip": 2.0, "a_knee": 3.0, "a_ankle": 0.5}
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ModelWarning)
-        assert rbd.load_robot(path, leave_out=["springs"]).joint_springs() == []
+    assert rbd.load_robot(path, leave_out=["springs"]).joint_springs() == []
 
 
 def test_damping_of_a_urdf(talos: rbd.Robot):

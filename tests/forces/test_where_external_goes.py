@@ -59,6 +59,30 @@ def test_every_call_takes_them(talos: rbd.Robot, standing):
     assert total == pytest.approx(sum(f[:3] for f in held.forces.values()), abs=1e-6)
 
 
+@pytest.mark.filterwarnings("ignore::rbd.errors.ForceElementWarning")
+def test_controllers_hold_against_springs_that_they_know(talos: rbd.Robot, standing):
+    """`HoldPosture` and `WholeBodyController` with `external` keep still what others let go; damping acts in motion alone."""
+    state, springs, _ = standing
+    soles = talos.soles()
+    acting = {"external": springs}
+    told, untold = (rbd.control.HoldPosture(state, soles, **more)(state, 0.0) for more in (acting, {}))
+    assert np.abs(told - rbd.hold(state, soles, external=springs).tau).max() < 1e-9
+    assert (
+        np.abs(rbd.solve(state, told, soles, **acting).a).max()
+        < 1e-7
+        < np.abs(rbd.solve(state, untold, soles, **acting).a).max()
+    )
+    for more, still in ((acting, True), ({}, False)):
+        controller = rbd.control.WholeBodyController([rbd.control.PostureTask(state)], soles, **more)
+        controller.accepted(rbd.control.AcceptedStep(state, 0.0, 1e-3, {}))
+        assert (np.abs(rbd.solve(state, controller(state, 0.0), soles, **acting).a).max() < 1e-3) == still
+    pendulum = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+    down = pendulum.at([-np.pi / 2])
+    pushed = rbd.JointSpring("joint_1", stiffness=-50.0, rest=-np.pi / 2)  # tips
+    bare, told = (rbd.control.HoldPosture(down, external=e).gains(down).stiffness for e in (None, pushed))
+    assert told - bare == pytest.approx(np.array([[50.0 - 0.5 * 9.81]]), rel=1e-6)
+
+
 def test_at_many_states(talos: rbd.Robot, standing):
     """Row by row as the single calls; damping knows each state's v."""
     state, springs, acting = standing

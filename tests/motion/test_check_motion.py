@@ -225,6 +225,19 @@ class TestFaults:
         less = check_motion(slow, torque_limits=0.9, self_collision=False)
         assert less.of_cause("torque-speed").sum() > report.of_cause("torque-speed").sum()
 
+    def test_a_saved_motion_keeps_the_motors(self, g1, squat, tmp_path):
+        """They are in the file, beside the robot's name; a robot that is given counts instead."""
+        motors = {
+            "left_knee_joint": rbd.Motor(torque_speed=[(0.0, 50.0), (5.0, 0.0)]),
+            "right_knee_joint": rbd.Motor(limit=3.0),
+        }
+        slow = Motion.of_arrays(g1.with_motors(motors), squat.t, squat.q, squat.v, squat.a)
+        slow.save(tmp_path / "slow.npz")
+        assert Motion.read(tmp_path / "slow.npz").robot.is_like(slow.robot)
+        assert not Motion.read(tmp_path / "slow.npz", robot=g1).robot.motor_data
+        squat.save(tmp_path / "plain.npz")
+        assert not Motion.read(tmp_path / "plain.npz").robot.motor_data
+
     def test_a_hand_in_the_trunk(self, g1, squat):
         """Arms bent through the body collide with it, in those frames alone."""
         q = squat.q.copy()

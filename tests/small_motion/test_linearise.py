@@ -157,6 +157,8 @@ def test_talos_on_held_feet_by_derivatives_and_by_differences():
     small = rbd.linearise(state, soles, tau)
     again = rbd.linearise(state, soles, tau, differences=True)
     assert small.method == "derivatives" and again.method.startswith("differences")
+    with pytest.warns(rbd.errors.NotSteadyWarning, match="accelerates by up to 6"):
+        assert rbd.linearise(state, soles).verdict.startswith("Not a steady state")
     size = np.abs(small.A).max()
     assert np.abs(small.A - again.A).max() < 1e-9 * size and np.abs(small.B - again.B).max() < 1e-9 * np.abs(small.B).max()
     assert (small.n, small.rank_q, small.controllable) == (52, 12, 52)
@@ -228,7 +230,11 @@ def test_a_rest_on_a_belt_and_moving_bases_are_not_taken_for_equilibria():
     """What accelerates gets a warning with the size, and so does a motion along which A changes."""
     bob = pendulum(1.0, 1.0)
     with pytest.warns(rbd.errors.NotSteadyWarning, match=r"no equilibrium: it accelerates by up to 4.7"):
-        rbd.linearise(rbd.State(bob, [0.5]), [])
+        small = rbd.linearise(rbd.State(bob, [0.5]), [])
+    assert str(small).startswith("Not a steady state: it accelerates by up to 4.7") and small.difference < 1e-9
+    for ask in (small.modes, lambda: small.stable):
+        with pytest.raises(rbd.errors.Unsupported, match="Not a steady state"):
+            ask()
     with pytest.warns(rbd.errors.NotSteadyWarning, match=r"flat_body .* no steady motion"):
         from flat_bodies import flat_body
 

@@ -57,7 +57,7 @@ class RobotBuilder:
         >>> b.joint("pivot", "ground", "bob", "revolute", axis=(0, 1, 0))
         >>> pendulum = b.robot()
         >>> print(pendulum, rbd.solve(pendulum.at([0.1]), []).a.round(4))
-        Robot('pendulum', nq=1, nv=1, nu=0, mass=2.100 kg) [-0.98]
+        Robot('pendulum', nq=1, nv=1, nu=0, mass=2.100 kg) [-0.9842]
     """
 
     def __init__(self, name: str, *, root: Root = "free_flyer", plane: Plane | None = None, about: str = "") -> None:
@@ -161,7 +161,7 @@ class RobotBuilder:
             InputError: a name that is taken, a child with two parents, an axis of zero length, an unknown kind, numbers that
                 are wrong.
         """
-        if name in self.joints or name == BASE_JOINT:
+        if checked_name("the name of a joint", name) in (*self.joints, BASE_JOINT):
             raise InputError(f"there is a joint {name!r:.80} already; expected another name.")
         made = a_joint(
             name, parent, child, kind, at=at, rpy=rpy, axis=axis, motor=motor, effort=effort, limits=limits, speed=speed,

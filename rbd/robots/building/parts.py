@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -144,13 +144,13 @@ def _check_elements(what: str, elements: object) -> None:
 
 def _tensor(what: str, inertia: object) -> Array:
     """Three moments, six entries xx, xy, xz, yy, yz, zz, or the matrix, as the matrix (3, 3)."""
-    if isinstance(inertia, Iterable) and not isinstance(inertia, str | bytes):
-        rows = list(inertia)
-        if len(rows) == 3 and all(isinstance(row, Sequence | np.ndarray) and not isinstance(row, str) for row in rows):
-            matrix = np.array([checked_numbers(f"row {i} of the {what}", row, (3,)) for i, row in enumerate(rows)])
-            if np.abs(matrix - matrix.T).max() > EQUAL * np.abs(matrix).max():
-                raise InputError(f"the {what} is {matrix.tolist()}, which is not symmetric; an inertia is.")
-            return (matrix + matrix.T) / 2.0
+    listed = isinstance(inertia, list | tuple) or (isinstance(inertia, np.ndarray) and inertia.ndim > 0)
+    rows = list(inertia) if listed else []  # type: ignore[call-overload]
+    if len(rows) == 3 and all(isinstance(row, list | tuple | np.ndarray) for row in rows):
+        matrix = np.array([checked_numbers(f"row {i} of the {what}", row, (3,)) for i, row in enumerate(rows)])
+        if np.abs(matrix - matrix.T).max() > EQUAL * np.abs(matrix).max():
+            raise InputError(f"the {what} is {matrix.tolist()}, which is not symmetric; an inertia is.")
+        return (matrix + matrix.T) / 2.0
     values = checked_numbers(f"the {what}", inertia, (3, 6))
     if len(values) == 3:
         return np.diag(values)

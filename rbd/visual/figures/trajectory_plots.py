@@ -174,6 +174,7 @@ def plot_joint(ax: Axes, trajectory: Trajectory, joint: str | Sequence[str], *, 
         far = [x for x in curve.limits if x not in near]
         drawn += ax.plot(trajectory.t, curve.values, color=color, lw=_BOLD, label=_label(curve, far), zorder=3)
         limits += [ax.axhline(x, color=color, lw=1.1, ls=(0, (5, 3)), zorder=2) for x in near]
+        limits += [ax.plot(trajectory.t, x, color=color, lw=1.1, ls=(0, (5, 3)), zorder=2)[0] for x in curve.at_speed]
     marks = _event_marks(ax, trajectory, trajectory.contacts)
     _dress(ax, trajectory, f"{curves[0].quantity} [{curves[0].unit}]")
     _legend(ax, [_line("limit", color=_GREY, lw=1.1, ls=(0, (5, 3)))] if limits else [])
@@ -320,7 +321,8 @@ class Curve:
         quantity: "angle", "position", "velocity", "acceleration", "torque", "force" or "coordinate".
         unit: Its unit, as it is printed.
         values: Shape (n,).
-        limits: Those that the robot's file states, in order.
+        limits: Those that are the same all the time, in order.
+        at_speed: Others, shape (n,): of torques of a motor with a torque-speed line.
     """
 
     name: str
@@ -328,6 +330,7 @@ class Curve:
     unit: str
     values: Array
     limits: tuple[float, ...]
+    at_speed: tuple[Array, ...] = ()
 
 
 def joint_curves(trajectory: Trajectory, joints: str | Sequence[str], what: str) -> list[Curve]:
@@ -367,7 +370,10 @@ def _curves(trajectory: Trajectory, name: str, what: str) -> list[Curve]:
         known = [*joints, *(c.name for c in labels)]
         raise InputError(f"no joint {name!r:.80} in {robot.name}; {nearest(name, known)}.")
     values = getattr(trajectory, what)
-    return [Curve(labels[i].name, *_quantity(labels[i], what), values[:, i], _limits(robot, i, what)) for i in found]
+    lines = robot.limits_at(trajectory.v) if what == "tau" and robot.torque_lines else ()
+    both = {i: tuple(each[:, i] for each in lines) if lines and robot.torque_lines.has(i) else () for i in found}
+    limits = {i: (() if both[i] else _limits(robot, i, what), both[i]) for i in found}
+    return [Curve(labels[i].name, *_quantity(labels[i], what), values[:, i], *limits[i]) for i in found]
 
 
 def _quantity(coordinate: Coordinate, what: str) -> tuple[str, str]:
@@ -383,13 +389,12 @@ def _quantity(coordinate: Coordinate, what: str) -> tuple[str, str]:
 def _limits(robot: CheckedModel, i: int, what: str) -> tuple[float, ...]:
     """Limits of entry i; none if the file states none."""
     model = robot.model
+    both: tuple[float, ...] = ()
     if what == "q":
         low, high = float(model.lowerPositionLimit[i]), float(model.upperPositionLimit[i])
-        both: tuple[float, ...] = (low, high) if low < high else ()
+        both = (low, high) if low < high else ()
     elif what == "v":
         both = (-float(model.velocityLimit[i]), float(model.velocityLimit[i]))
     elif what == "tau":
         both = (-float(robot.effort_limit[i]), float(robot.effort_limit[i]))
-    else:
-        both = ()
     return tuple(x for x in both if math.isfinite(x) and 0.0 < abs(x) < _NONE or x == 0.0 and what == "q")

@@ -40,6 +40,8 @@ def footprints_of(trajectory: Trajectory) -> list[Footprints]:
     found = []
     for name, color in contact_colors(trajectory.points).items():
         points = np.asarray(trajectory.points[name])
+        if points.shape[1] < 3:  # points and edges leave no print
+            continue
         load = np.linalg.norm(trajectory.point_forces[name], axis=-1).min(axis=-1, initial=np.inf)
         load = np.where(np.isfinite(points).all(axis=(1, 2)), np.nan_to_num(load, posinf=0.0), 0.0)
         there = np.concatenate([[False], np.asarray(trajectory.modes[name]) != "open", [False]])
@@ -49,7 +51,7 @@ def footprints_of(trajectory: Trajectory) -> list[Footprints]:
         for outline in (points[i] for i in best if load[i] > 0.0):
             if not places or _distance(places[-1], outline) > APART:
                 places.append(outline)
-        if len(places) > 1 and points.shape[1] > 2:
+        if len(places) > 1:
             found.append(Footprints(name, color, np.array(places)))
     return found
 

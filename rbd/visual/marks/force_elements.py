@@ -19,7 +19,7 @@ from rbd.visual.style import hexadecimal, rgb
 
 PULLS, PUSHES, RELAXED = "#d55e00", "#0072b2", "#6b7280"
 """Colours of an element that pulls its ends together, of one that pushes them apart, and of a relaxed one."""
-TURNS, SPIRAL_TURNS = 9, 3.0
+SPIRAL_TURNS = 3.0
 STRAIGHT = 0.12
 """Share of a coil's length that is straight, at each end."""
 LAYER = "force elements"
@@ -170,9 +170,9 @@ def ends_of(element: ShownElement, sizes: Sizes) -> Array:
     return np.array([start, end])
 
 
-def radius_of(sizes: Sizes) -> float:
-    """Radius of coils and cylinders [m]."""
-    return 0.022 * sizes.body
+def radius_of(sizes: Sizes, length: float) -> float:
+    """Radius of coils and cylinders of this length [m]."""
+    return max(0.022 * sizes.body, 0.014 * min(length, 2.0 * sizes.body))
 
 
 def wire_of(sizes: Sizes) -> float:
@@ -187,10 +187,12 @@ def spiral_of(sizes: Sizes) -> float:
 
 def _meshes(element: ShownElement, start: Array, end: Array, sizes: Sizes) -> list[tuple[Mesh, float]]:
     """(mesh in W, opacity) of its parts."""
-    r, wire, along = radius_of(sizes), wire_of(sizes), end - start
+    wire, along = wire_of(sizes), end - start
     length = float(np.linalg.norm(along))
+    r = radius_of(sizes, length)
     if element.shape == "coil":
-        return [(wound(coil(length, min(r, 0.5 * length + wire)), wire).placed(axes_along(along), start), 1.0)]
+        line = coil(length, min(r, 0.5 * length + wire), turns_of(length, r))
+        return [(wound(line, wire).placed(axes_along(along), start), 1.0)]
     if element.shape == "cylinder":
         axes = axes_along(along)
         body = 0.4 * length
@@ -212,7 +214,12 @@ def _meshes(element: ShownElement, start: Array, end: Array, sizes: Sizes) -> li
     return [(wound(spiral(big), wire).placed(axes, end), 1.0)]
 
 
-def coil(length: float, radius: float, turns: int = TURNS) -> Array:
+def turns_of(length: float, radius: float) -> int:
+    """How many turns a coil of this length and radius [m] has."""
+    return int(np.clip(round(length / (3.5 * radius)), 5, 30))
+
+
+def coil(length: float, radius: float, turns: int) -> Array:
     """Points of a coil along z from the origin, shape (n, 3) [m]: straight at both ends, on the axis there."""
     angle = np.linspace(0.0, 2.0 * np.pi * turns, 16 * turns + 1)
     z = length * np.linspace(STRAIGHT, 1.0 - STRAIGHT, len(angle))

@@ -43,7 +43,7 @@ class ShownTorque:
         axis: The joint's axis in W, a unit vector, shape (3,).
         value: [N m], or [N] of a sliding joint.
         slides: Whether it is a force along the axis.
-        limit: Largest value that the robot's file states; inf where it states none.
+        limit: Largest value in its direction, at the joint's speed; inf where none is stated.
         by: Name of the constraint that makes it; empty of a motor.
     """
 
@@ -58,7 +58,9 @@ class ShownTorque:
     @property
     def share(self) -> float | None:
         """Of the limit that is used, >= 0; None where no limit is stated."""
-        return abs(self.value) / self.limit if np.isfinite(self.limit) else None
+        if not np.isfinite(self.limit):
+            return None
+        return abs(self.value) / self.limit if self.limit else float(np.inf if self.value else 0.0)
 
     @property
     def unit(self) -> str:
@@ -89,9 +91,11 @@ def motor_torques(state: State, solution: Solution | Actuation | None) -> list[S
     where = [int(i) for i in robot.actuated]
     names = [c.name for c in robot.motor_coordinates]
     axes = joint_axes(state, where)
+    least, most = robot.limits_at(state.v)
+    limits = np.where(tau < 0.0, -least, most)
     return [
         ShownTorque(name, point, axis, float(value), slides, float(limit))
-        for name, (point, axis, slides), value, limit in zip(names, axes, tau, robot.effort_limit, strict=True)
+        for name, (point, axis, slides), value, limit in zip(names, axes, tau, limits, strict=True)
     ]
 
 

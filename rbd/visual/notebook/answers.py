@@ -10,6 +10,7 @@ from rbd.analysis.infeasibility import Contradiction
 from rbd.analysis.uniqueness import Range, Uniqueness
 from rbd.arrays import Array, max_abs
 from rbd.control.task_actuation import StepCertificate, TaskActuation
+from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
 from rbd.problem.answer import Answer, ContactForce, Status
 from rbd.problem.contact_motion import opening_words
@@ -146,14 +147,15 @@ def _answer(record: Answer) -> Card:
     return Card(said, answers, tables, notes, folds)
 
 
-def torque_table(robot: object, tau: Array, most: int = MOTORS) -> Table:
-    """The motors nearest to their limits; where none are stated, those with the largest torques."""
-    names, limit = robot.actuated_names, robot.effort_limit  # type: ignore[attr-defined]
-    units = [FORCE_OF.get(c.unit, "") for c in robot.motor_coordinates]  # type: ignore[attr-defined]
-    used = np.abs(tau) / limit if np.isfinite(limit).any() else np.abs(tau)
+def torque_table(robot: CheckedModel, tau: Array, v: Array | None = None, most: int = MOTORS) -> Table:
+    """The motors nearest to their limits at a velocity; where none are stated, those with the largest torques."""
+    names, limit = robot.actuated_names, robot.effort_limit
+    units = [FORCE_OF.get(c.unit, "") for c in robot.motor_coordinates]
+    shares = robot.torque_use(tau, v)
+    used = shares if np.isfinite(limit).any() else np.abs(tau)
     rows = []
     for i in np.argsort(-used, kind="stable")[:most]:
-        most_used = share(abs(tau[i]) / limit[i]) if math.isfinite(limit[i]) else "no limit stated"
+        most_used = share(shares[i]) if math.isfinite(limit[i]) else "no limit stated"
         rows.append((names[i], fixed(tau[i], 3), units[i], most_used))
     return Table(rows, ("motor", "torque or force", "unit", "of its limit"), whole=len(names), rest="tau")
 
@@ -166,7 +168,7 @@ def _held(record: Actuation) -> str:
             "the step is possible" if record.violation is None else f"contacts or joint limits are violated: {record.violation}"
         )
     if robot.nu and np.isfinite(limit).any():
-        used = np.abs(record.tau) / limit
+        used = record.torque_use
         worst = int(np.argmax(used))
         does += f"; nearest to its limit is {robot.actuated_names[worst]}, {share(used[worst])} of its torque"
     return does
@@ -177,7 +179,7 @@ def _actuation(record: Actuation) -> Card:
     margins, robot = record.margins, record.state.robot
     solved = record.status in (Status.SOLVED, Status.INACCURATE)
     tables = [contact_table(record.contacts)] if record.contacts else []
-    tables.append(torque_table(robot, record.tau))
+    tables.append(torque_table(robot, record.tau, record.state.v))
     rows = [(f"friction left, {name}", share(left), "of the cone") for name, left in margins.friction.items()]
     rows += [
         (f"centre of pressure to the edge, {name}", fixed(1e3 * d, 1), "mm") for name, d in margins.centre_of_pressure.items()

@@ -61,7 +61,12 @@ def _trajectory(record: Trajectory) -> Card:
     drawing = curves("force |f| [N]", record.t, sizes) if sizes else ""
     limit = record.robot.effort_limit
     if record.tau.any() and np.isfinite(limit).any():
-        drawing += curves("most used motor [% of its limit]", record.t, {"": 100.0 * (np.abs(record.tau) / limit).max(axis=1)})
+        used = 100.0 * record.robot.torque_use(record.tau, record.v).max(axis=1)
+        drawing += curves(
+            "most used motor [% of its limit]",
+            record.t,
+            {"": used},
+        )
     events = [(number(e.t, 6), e.name, str(e.point) if e.point >= 0 else "", e.kind) for e in record.events[:_EVENTS]]
     named = Table(events, ("at [s]", "contact", "point", "event"), whole=len(record.events), rest="trajectory.events")
     how = [("integrator", record.integrator), ("kept by", record.stabilisation)]
