@@ -339,6 +339,10 @@ class Identification(Displayed):
             more = f" and {len(open_) - _LISTED} more" if len(open_) > _LISTED else ""
             some = f"all {len(open_)}" if len(open_) == len(self.bodies) else ", ".join(open_[:_LISTED]) + more
             lines.append(f"  masses that are not told alone: {some}; .mass_range(name) says how far")
+        first = 10 * len(body_names(self.model)) if "inertia" in self.columns else 0
+        below = [f"{name} {x:.2g}" for name, x in zip(self.base.names[first:], self.theta[first:], strict=True) if x < 0.0]
+        if below:
+            lines.append(f"  negative, which no joint is: {', '.join(below[:_LISTED])}{', ...' * (len(below) > _LISTED)}")
         lines.append(f"  {proof}")
         return "\n".join(lines)
 

@@ -209,6 +209,13 @@ class TestOtherColumns:
         i = list(np.flatnonzero(found.base.columns >= 20))
         assert len(i) >= 4 and robot.model.armature[1] == found.parameter(f"{names[1]}.rotor_inertia")
 
+    def test_negative_friction_is_told(self):
+        """Torques that drive: the number is given, and said to be impossible."""
+        motion, tau = waving(ARM)
+        found = rbd.identify(MeasuredMotion(motion, tau - 0.3 * motion.v), columns=["damping"])
+        assert "negative, which no joint is: " in str(found) and found.theta[0] == pytest.approx(-0.3)
+        assert "negative" not in str(rbd.identify(MeasuredMotion(motion, tau + 0.3 * motion.v), columns=["damping"]))
+
     def test_friction_alone_takes_the_masses_from_the_model(self):
         """Two columns, two numbers."""
         motion, tau = waving(ARM)
