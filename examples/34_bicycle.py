@@ -2,7 +2,7 @@
 
 The benchmark of Meijaard, Papadopoulos, Ruina and Schwab (2007): a frame with a rigid rider, a fork, two wheels with knife
 edges that roll without slip. It is built in memory, set rolling upright and straight at many speeds v, and linearised there:
-x' = A x on what the wheels leave free, seen from the moving frame. Modes that grow for no reason but speed:
+x' = A x on what the wheels leave free, seen from the moving frame. Its modes:
 
     weave       lean and steer swing, out of step; slower than 4.3 m/s the swing grows
     capsize     lean and steer grow together, slowly, faster than 6.0 m/s
@@ -18,6 +18,7 @@ from scipy.optimize import brentq
 import rbd
 
 TILT, WHEELBASE, TRAIL, REAR, FRONT = np.pi / 10.0, 1.02, 0.08, 0.3, 0.35
+NONE = complex(np.nan, np.nan)
 PUBLISHED = {"capsize": -0.322866429004087, "weave": -0.775341882195845 + 4.464867713788229j, "castering": -14.078389692798218}
 """Their table 2: eigenvalues at 5 m/s [1/s]."""
 
@@ -53,9 +54,7 @@ def main(show: bool = True) -> Result:
     turn = rbd.find_steady_motion(rolling(bicycle, 6.0), fixed={"steer": 0.05})
     v = turn.state.v
     lean, radius = 2.0 * np.degrees(np.arcsin(abs(turn.state.q[3]))), v[0] / v[5]
-    print(
-        f"Steered by 2.9 deg without hands it turns steadily at {v[0]:.4f} m/s, leaning {lean:.3f} deg, radius {radius:.2f} m."
-    )
+    print(f"Steered by 2.9 deg and without hands it turns at {v[0]:.4f} m/s, leaning {lean:.3f} deg, radius {radius:.2f} m.")
 
     speeds = np.linspace(0.0, 10.0, 26)
     result = Result(speeds, [values(bicycle, v) for v in speeds], small, off, weave, capsize, turn)
@@ -108,16 +107,33 @@ def values(bicycle: rbd.Robot, speed: float) -> np.ndarray:
     return rbd.linearise(rolling(bicycle, speed)).eigenvalues
 
 
+def named(found: np.ndarray) -> dict[str, complex]:
+    """Eigenvalues by their names in the literature; below 0.7 m/s there are four real ones, and no weave."""
+    pair, single = (
+        [z for z in found if z.imag > 1e-6],
+        sorted(z for z in found.real[np.abs(found.imag) <= 1e-6] if abs(z) > 1e-9),
+    )
+    return {"weave": pair[0], "castering": single[0] + 0j, "capsize": single[-1] + 0j} if pair and len(single) > 1 else {}
+
+
 def plot(figure, result: Result) -> None:
     """Real and imaginary parts over the speed, and the shape of the weave."""
     left, right = figure.subplots(1, 2, width_ratios=(1.7, 1.0))
     left.axvspan(result.weave_speed, result.capsize_speed, color="#d9ead3", label="upright by itself")
-    for parts, color, marker, name in ((np.real, "#0072b2", "o", "real part"), (np.imag, "#d55e00", "x", "imaginary part")):
-        points = [(v, parts(z)) for v, found in zip(result.speeds, result.eigenvalues, strict=True) for z in found]
-        points = [p for p in points if parts is np.real or p[1] > 1e-6]
-        left.plot(*np.transpose(points), marker, color=color, ms=3, label=name)
+    names = [named(found) for found in result.eigenvalues]
+    for name, color in (("weave", "#0072b2"), ("capsize", "#009e73"), ("castering", "#cc5fa0")):
+        left.plot(result.speeds, [found.get(name, np.nan).real for found in names], color=color, label=name)
+    left.plot(
+        result.speeds,
+        [found.get("weave", NONE).imag for found in names],
+        "--",
+        color="#0072b2",
+        label="weave, imaginary",
+    )
+    points = [(v, z.real) for v, found in zip(result.speeds, result.eigenvalues, strict=True) for z in found]
+    left.plot(*np.transpose(points), ".", color="black", ms=3, label="real parts")
     left.axhline(0.0, color="black", lw=0.6)
-    left.set(xlabel="speed [m/s]", ylabel="eigenvalue [1/s]", ylim=(-15.0, 15.0), title="A bicycle without hands")
+    left.set(xlabel="speed [m/s]", ylabel="eigenvalue [1/s]", ylim=(-15.0, 16.0), title="A bicycle without hands")
     left.legend(loc="upper left", ncols=2)
     next(mode for mode in result.at_5.modes() if mode.frequency).plot(right)
 

@@ -13,7 +13,7 @@ from rbd.arrays import Array, as_array, as_float, lazy, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import own_or
 from rbd.displayed import Displayed
-from rbd.errors import InputError, NoSteadyState, RbdWarning
+from rbd.errors import InputError, NoSteadyState, RbdError, RbdWarning
 from rbd.least_constraint import solve
 from rbd.model.external import External
 from rbd.model.state import State, checked, with_values
@@ -82,8 +82,11 @@ class SteadyState(Displayed):
         lines = [
             f"{what.capitalize()} of {self.state.robot.name}: |a| <= {self.acceleration:.1e}, other residuals up to "
             f"{self.residual:.1e}; {around}; found in {self.iterations} steps, {self.moved:.3g} from the start",
-            self.linearised.verdict,
         ]
+        try:
+            lines.append(self.linearised.verdict)
+        except RbdError as error:
+            lines.append(f"No linear equations: {error}")
         return "\n".join(lines)
 
 

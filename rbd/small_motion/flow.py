@@ -23,6 +23,7 @@ from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import RANK, ConstraintManifold
 from rbd.errors import RbdWarning
 from rbd.least_constraint import solve
+from rbd.model.chart import Charts
 from rbd.model.external import External
 from rbd.model.state import State
 from rbd.small_motion.spin import ad_matrix
@@ -53,6 +54,7 @@ class Flow:
     ) -> None:
         self._state, self._tau, self._constraints, self._external = state, tau, constraints, external
         self._manifold, self._S = manifold, S
+        self._charts = Charts(state.robot)
         self._spin, self._turning = spin, ad_matrix(state.robot, spin)
 
     def slope(self, change: Array, torques: Array) -> tuple[Array, Array]:
@@ -89,6 +91,7 @@ class Flow:
             v = v - scale * np.linalg.lstsq(self._S @ rows.J * scale, self._S @ rows.velocity, rcond=RANK)[0]
             near = State(robot, q, v)
         a = solve(near, self._tau + torques, self._constraints, external=self._external).a
-        by_start, by_end = (pin.dDifference(model, state.q, near.q, which) for which in (pin.ARG0, pin.ARG1))
-        moved = by_end @ (v - self._spin) + by_start @ (state.v - self._spin)
-        return np.concatenate([pin.difference(model, state.q, near.q), v - state.v, moved, a + self._turning @ v])
+        xi = pin.difference(model, state.q, near.q)
+        chart = self._charts.at(state.q)
+        moved = chart.rate(xi, v - self._spin) - chart.rate(-xi, state.v - self._spin)
+        return np.concatenate([xi, v - state.v, moved, a + self._turning @ v])

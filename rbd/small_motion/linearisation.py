@@ -25,6 +25,8 @@ from rbd.solution import Solution
 
 DIRECTIONS = 2
 """Random directions in which A is compared with differences of the true motion, and one more a little ahead on it."""
+AGREED = 1e-5
+"""Largest relative difference of A from the true motion that passes; it is 1e-11 where all is smooth."""
 AHEAD = 0.3
 """How far ahead on the motion A is compared, [rad, or parts of the robot's length]."""
 
@@ -74,8 +76,8 @@ def linearise(
         >>> chain = rbd.planar.Chain(2, lengths=[1.0, 1.0], angles="vertical")
         >>> double = rbd.planar.to_robot(chain, bodies="points", masses=[1.0, 1.0])
         >>> small = rbd.linearise(double.at([-0.5 * np.pi, 0.0]))
-        >>> (small.eigenvalues.imag**2 / 9.81).round(6)  # (2 + sqrt 2), (2 - sqrt 2)
-        array([3.414214, 3.414214, 0.585786, 0.585786])
+        >>> np.sort(small.eigenvalues.imag**2 / 9.81).round(6)  # (2 - sqrt 2), (2 + sqrt 2)
+        array([0.585786, 0.585786, 3.414214, 3.414214])
     """
     robot, seed = checked(state).robot, check_seed(seed)
     check_flag("differences", differences)
@@ -106,7 +108,9 @@ def linearise(
         ahead = State(robot, pin.integrate(robot.model, state.q, AHEAD / speed * (state.v - spin)), state.v)
         change = _compared(Flow(ahead, torques, given, external, manifold, S, spin), space, A, B, rng, 1)
     acceleration = max_abs(solution.a + ad_matrix(robot, spin) @ state.v)
-    if acceleration > STEADY or change > STEADY:
+    steady = acceleration <= STEADY and change <= STEADY
+    _check_agreement(state, off, invariance if steady else 0.0, space)
+    if not steady:
         _warn(state, acceleration, change)
     return Linearised.of(
         state=state,
@@ -170,6 +174,22 @@ def _compared(flow: Flow, space: TangentSpace, A: Array, B: Array, rng: np.rando
         told = A @ tangent[picked] + B @ torques
         worst = max(worst, _relative(rate[picked] - told, np.concatenate([told, rate])))
     return worst
+
+
+def _check_agreement(state: State, off: float, invariance: float, space: TangentSpace) -> None:
+    """Refuse a matrix that is not that of the true motion.
+
+    Raises:
+        NotDifferentiable: naming the difference.
+    """
+    worst = max(off, invariance)
+    if worst <= AGREED:
+        return
+    raise NotDifferentiable(
+        f"the linear equations of {state.robot.name} differ from its true motion by {worst:.2g}, relative: it does not move "
+        f"smoothly here. Its constraints have rank {space.rank_v} of {space.m} rows; where the rank is higher nearby, the "
+        "configuration is singular and motions branch (see rbd.mechanism.mobility). Take another one nearby."
+    )
 
 
 def _words(solution: Solution) -> dict[str, tuple[str, ...]]:

@@ -75,7 +75,9 @@ class Mode(Displayed):
     def damping_ratio(self) -> float:
         """-Re(lambda) / |lambda|: 1 of a decay without oscillation, 0 without damping, negative where it grows; NaN of zero."""
         size = abs(self.eigenvalue)
-        return float("nan") if size <= self.zero else -self.eigenvalue.real / size
+        if size <= self.zero:
+            return float("nan")
+        return 0.0 if self.neutral else -self.eigenvalue.real / size
 
     @property
     def time_constant(self) -> float:
@@ -173,10 +175,10 @@ class Mode(Displayed):
         return f"Mode({self})"
 
     def __str__(self) -> str:
-        size = self.eigenvalue
-        parts = [f"{size.real:+.6g}" + (f" +- {abs(size.imag):.6g} i" if self.frequency else "") + " 1/s", self.words]
+        real = "0" if self.neutral else f"{self.eigenvalue.real:+.6g}"
+        parts = [real + (f" +- {abs(self.eigenvalue.imag):.6g} i" if self.frequency else "") + " 1/s", self.words]
         if self.frequency:
-            parts.append(f"{self.frequency:.4g} Hz, damping ratio {self.damping_ratio + 0.0:.3g}")
+            parts.append(f"{self.frequency:.4g} Hz, damping ratio {self.damping_ratio:.3g}")
         if not self.neutral:
             parts.append(f"time constant {self.time_constant:.4g} s")
         if self.motors_move_it is False:

@@ -153,9 +153,9 @@ def coordinates(J: Array, scale: Array) -> tuple[Array, Array, Array]:
         scale: Unit of each entry, shape (nv,).
     """
     sizes = np.linalg.norm(J * scale, axis=1)
-    weights = 1.0 / np.maximum(sizes, 1e-9 * max(1e-300, sizes.max(initial=0.0))) if len(J) else np.ones(0)
-    if not sizes.any():
-        weights = np.ones(len(J))
+    most = float(sizes.max(initial=0.0))
+    # A row of rounding errors gets the scale of a small one: normalised it would count.
+    weights = 1.0 / np.maximum(sizes, 1e-6 * most) if most else np.ones(len(J))
     N, _ = null_space(weights[:, None] * J * scale, RANK)
     chosen = independent_rows(N)
     T = np.linalg.solve(N[chosen].T, N.T).T if N.shape[1] else N
@@ -184,7 +184,7 @@ def velocity_slopes(state: State, manifold: ConstraintManifold, here: StackedRow
     """D = d(J v - u)/dq at fixed v, shape (m, nv), by differences of the sixth order; zero at rest on ground at rest."""
     nv, v = state.robot.nv, state.v
     D = np.zeros((len(here.J), nv))
-    if not len(D) or not (v.any() or here.velocity.any()):
+    if not len(D) or not (v.any() or any(is_carried(c) for c in manifold.constraints)):
         return D
     for i in range(nv):
         along = np.eye(nv)[i]
