@@ -375,3 +375,18 @@ def test_springs_and_dampers_go_on_across_switches():
     assert jumps.sum() > 2
     assert np.abs(np.diff(total)[~jumps]).max() < 1e-9
     assert (np.diff(motion.dissipated) >= 0.0).all()
+
+
+def test_an_integrator_that_finds_no_events_is_refused():
+    """One of the user's own, which does not know of them: no event would be found, silently."""
+
+    class Plain:
+        def reason_unsupported(self, motion, state):
+            return None
+
+        def run(self, motion, state, times):
+            return rbd.RungeKutta4().run(motion, state, times)
+
+    assert len(rbd.simulate(thrown(), duration=0.1, step=0.01, integrator=Plain())) == 11
+    with pytest.raises(rbd.errors.Unsupported, match="does not look for events"):
+        rbd.simulate(thrown(), duration=0.1, step=0.01, integrator=Plain(), events=[height])
