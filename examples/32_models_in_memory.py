@@ -78,11 +78,13 @@ def main(show: bool = True) -> dict[str, rbd.Trajectory]:
     free, stepped = rbd.mechanism.mobility(hexagon.at()), step(walker())
     result = {"squeezer": turned, "bricard": swung, "walker": stepped}
     print(f"{andrews}, {len(andrews.loops())} loops")
-    print(f"  at 0.03 s beta is {turned[-1].state.q[0]:.7f} rad; all angles as published, to 1e-8: {off(turned) < 1e-8}")
+    print(
+        f"  at 0.03 s beta is {turned[-1].state.q[0]:.7f} rad; all angles as published, to eight decimals: {off(turned) < 1e-8}"
+    )
     print(f"{hexagon}; degrees of freedom: {free.count.value} by counting, {free.finite} in truth")
-    print(f"  energy kept over 2 s to 1e-10 of its kinetic: {np.ptp(swung.energy) < 1e-10 * swung.kinetic.max()}")
+    print(f"  energy kept over 2 s, to ten digits: {np.ptp(swung.energy) < 1e-10 * swung.kinetic.max()}")
     print(f"{stepped.robot}; a step takes {stepped.t[-1]:.3f} s")
-    print(f"  then the legs move as the others did before, to {np.abs(again(stepped)).max():.0e}; feet: {FOOT:g} kg")
+    print(f"  then the legs move as the others did before, to {np.abs(again(stepped)).max():.4f} rad; feet: {FOOT:g} kg")
     if show:
         from matplotlib.figure import Figure  # in the extra `plot`
 

@@ -185,7 +185,13 @@ def identified() -> Iterator[object]:
     measured = rbd.identification.MeasuredMotion(motion, np.array(tau))
     found = rbd.identify(measured)
     assert str(found) and found.open_bodies and found.bodies
-    yield from (measured, found, found.base, rbd.dynamics.regressor(motion.state(1), motion.a[1]))
+    yield from (
+        measured,
+        found,
+        found.base,
+        rbd.identification.excitation(motion),
+        rbd.dynamics.regressor(motion.state(1), motion.a[1]),
+    )
     derived = rbd.solve(motion.state(1), np.zeros(2), []).derivatives(parameters=("mass", "gravity"))
     yield from derived.parameters.values()
 

@@ -94,6 +94,32 @@ def test_box_under_leaning_gravity_moves_as_on_an_incline(v: tuple[float, ...]) 
     assert np.ptp(one.energy) > 1.0  # rubbed away, or by the impact
 
 
+def test_quadruped_under_leaning_gravity_is_one_on_an_incline() -> None:
+    """Falling on its feet, and held in its posture: velocities, forces and torques of time steps agree."""
+    solo = rbd.load_robot("solo12")
+    leaning, state = solo.with_gravity(R.T @ DOWN), solo.standing()
+    turned = state.q.copy()
+    turned[:7] = pin.SE3ToXYZQUAT(pin.SE3(R, np.zeros(3)) * state.base_pose())
+    ground = rbd.Ground(point=(0.0, 0.0, 0.0), normal=R[:, 2])
+    level, incline = leaning.at(state.q), solo.at(turned)
+    for holds in (False, True):
+        one, other = (
+            rbd.simulate(
+                start,
+                feet,
+                duration=0.06,
+                step=2e-3,
+                controller=rbd.control.HoldPosture(start, feet) if holds else None,
+            )
+            for start, feet in ((level, leaning.feet(0.6)), (incline, solo.feet(0.6, on=ground)))
+        )
+        assert np.abs(one.v - other.v).max() < 1e-9
+        assert np.abs(one.tau - other.tau).max() < 1e-9
+        assert np.abs(one.energy - other.energy).max() < 1e-9
+        for foot in one.forces:
+            assert np.abs(one.forces[foot] @ R.T - other.forces[foot]).max() < 1e-8
+
+
 def test_box_falls_along_gravity() -> None:
     """P = g t^2 / 2, in any direction."""
     g = np.array([1.0, -2.0, 0.5])

@@ -726,6 +726,11 @@ CASES: dict[str, Case] = {
     "identification.base_parameters": Case(
         lambda **given: rbd.identification.base_parameters(**given).B, {"robot": BOX, "columns": ["inertia"]}, 10
     ),
+    "identification.excitation": Case(
+        lambda **given: rbd.identification.excitation(**given).singular_values,
+        {"motions": [ARM_MEASURED], "columns": ["inertia", "damping"]},
+        20,
+    ),
     "dynamics.regressor": Case(
         lambda **given: (found := rbd.dynamics.regressor(**given)).Y.shape + (found.Y @ found.theta, found.theta),
         {"state": MOVING, "a": V, "contacts": FEET, "columns": ["inertia"]},
@@ -1329,6 +1334,7 @@ CASES |= {
     ),
 }
 MADE_BY_RBD = {
+    "ElementPicture",
     "LoopFile",
     "Linearised",
     "Mode",
@@ -1350,6 +1356,7 @@ MADE_BY_RBD = {
     "IdentificationCertificate",
     "BodyInertia",
     "BaseParameters",
+    "Excitation",
     "ParameterDerivatives",
     "ForceHistory",
     "OpenComponents",
@@ -1590,6 +1597,7 @@ def public() -> Iterator[str]:
         rbd.analysis,
         rbd.constraints,
         rbd.control,
+        rbd.forces,
         rbd.many,
         rbd.model,
         rbd.problem,

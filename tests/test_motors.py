@@ -9,6 +9,7 @@ import warnings
 from pathlib import Path
 
 import numpy as np
+import pinocchio as pin
 import pytest
 
 import rbd
@@ -118,6 +119,11 @@ def test_the_least_effort_is_at_a_line_where_it_was_beyond(solo):
     found = rbd.inverse_dynamics(rbd.State(bound, still.q, v), a, feet)
     assert abs(found.tau[i]) == pytest.approx(most, rel=1e-6) and found.margins.torque[i] == pytest.approx(0.0, abs=1e-6)
     assert np.linalg.norm(found.tau) > np.linalg.norm(used.tau) and found.residuals.within(1e-9)
+    # The same program by another way: a limit of that size at rest, its cost that of a motor of 3 N m.
+    small = free.with_motors({name: rbd.Motor(limit=most)})
+    cost = rbd.statics.Effort(torques={name: (most / 3.0) ** 2})
+    same = rbd.inverse_dynamics(rbd.State(small, still.q, v), a, feet, objective=cost)
+    assert np.abs(same.tau - found.tau).max() < 1e-6
     assert np.abs(rbd.solve(found.state, found.tau, feet).a - a).max() < 1e-7
 
 
@@ -284,6 +290,44 @@ def test_a_saved_motion_has_the_motors_of_its_robot(tmp_path: Path, solo, end: s
     run.save(tmp_path / f"run.{end}")
     again = rbd.Trajectory.load(tmp_path / f"run.{end}").robot
     assert again.motor_data == robot.motor_data and again.is_like(robot)
+
+
+def squat(robot: rbd.Robot, n: int = 31, drop: float = 0.5) -> rbd.Motion:
+    """Down and up on all feet in 1.2 s, the feet kept to first order."""
+    state, held = robot.standing(), robot.feet(friction=None)
+    q, h = [state.q], 1.2 / (n - 1)
+    for k in range(n - 1):
+        down = np.zeros(robot.nv)
+        down[2] = -0.5 * drop * np.sin(2.0 * np.pi * k / (n - 1))
+        v = rbd.mechanism.project_velocity(state.with_velocity(down), held).v
+        state = robot.at(pin.integrate(robot.model, state.q, h * v))
+        q.append(state.q)
+    return rbd.Motion.of_arrays(robot, h * np.arange(n), np.array(q))
+
+
+def test_check_motion_and_inverse_dynamics_agree_on_slow_motors(solo):
+    """Frame by frame: where one finds torques within the lines, so does the other; the nearest motion keeps them."""
+    weak = {n: rbd.Motor(limit=0.5) for n in solo.actuated_names}
+    slow = {n: rbd.Motor(torque_speed=[(0.0, 0.98), (2.0, 0.0)]) for n in weak if n.endswith("KFE")}
+    robot = solo.with_motors(weak | slow)
+    plain = squat(solo)
+    motion = rbd.Motion.of_arrays(robot, plain.t, plain.q, plain.v, plain.a)
+    report = rbd.check_motion(motion, self_collision=False)
+    held, feet, possible = robot.feet(friction=None), robot.feet(0.7, on=None), []
+    for q, v, a in zip(motion.q, motion.v, motion.a, strict=True):
+        still = robot.at(q)
+        state = still.with_velocity(rbd.mechanism.project_velocity(still.with_velocity(v), held).v)
+        try:
+            rbd.inverse_dynamics(state, rbd.mechanism.project_acceleration(state, a, held).a, feet, margin=0.0)
+            possible.append(True)
+        except CannotMove as error:
+            assert error.excess is not None and "torque-speed line of a motor prevents it" in str(error)
+            possible.append(error.excess.max() < 0.01)  # what check_motion takes for rounding of the data
+    assert 5 < sum(possible) < 26 and np.array_equal(report.possible, possible)
+    assert report.of_cause("torque-speed").any() and "which leaves" in str(report)
+    assert rbd.check_motion(squat(solo), self_collision=False).possible.all()
+    near = report.nearest_motion(progress=False, step=0.02)
+    assert near.n == motion.n and rbd.check_motion(near, self_collision=False).possible.all()
 
 
 BAD = {

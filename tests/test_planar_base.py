@@ -12,6 +12,7 @@ import pytest
 
 import rbd
 from rbd.errors import InputError, ModelError
+from rbd.robots.posture import corner_points
 
 _Z, _X, _Y = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 AXES = {"xy": np.array([_X, _Y, _Z]).T, "xz": np.array([_X, _Z, (0.0, -1.0, 0.0)]).T, "yz": np.array([_Y, _Z, _X]).T}
@@ -156,8 +157,29 @@ def test_a_loop_file_states_the_plane(path: Path, tmp_path: Path) -> None:
     assert rbd.load_robot(path, loops=closing, plane="yz").plane == "yz"
     assert rbd.load_robot(path, loops=closing, root="free_flyer").plane is None
     for text in ("{root: planar, plane: zx}", "{plane: xz}", "{root: fixed, plane: xz}", "{root: planar, plane: [1]}"):
-        with pytest.raises(ModelError, match="with 'root: planar'"):
+        with pytest.raises(ModelError, match="with `root: planar`"):
             rbd.robots.LoopFile.of_text(text)
+
+
+@pytest.mark.parametrize("plane", ["xz", "yz"])
+@pytest.mark.parametrize("name", ["solo12", "talos", "bolt"])
+def test_upright_robots_stand_on_their_feet(plane: str, name: str) -> None:
+    """Their feet are level on z = 0; Bolt's centre of mass is over its two points, also along gravity that leans."""
+    axis = 0 if plane == "xz" else 1
+    tilt = np.zeros(3)
+    tilt[axis] = 1.0
+    robot = rbd.load_robot(name, root="planar", plane=plane)
+    for gravity in (robot.gravity, robot.gravity + tilt):
+        world = robot.with_gravity(gravity)
+        state, feet = world.standing(), world.feet(friction=None)
+        points = corner_points(state, feet)
+        assert abs(points[:, 2].min()) < 1e-12
+        assert points[:, 2].max() < 1e-3  # Talos' posture has soles that are not quite parallel
+        assert state.base_pose().rotation[2, 2] > 0.9
+        if name == "bolt" and plane == "xz":
+            middle = points.mean(axis=0)
+            assert abs(np.cross(state.com - middle, gravity)[1]) < 1e-12
+            assert world.standing().q[4:].tolist() == robot.standing().q[4:].tolist()  # joints stay
 
 
 def test_other_planes_are_refused(path: Path) -> None:

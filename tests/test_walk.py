@@ -182,3 +182,18 @@ def test_g1_walks_too(example):
         assert abs(x - target) < 1e-3 and speed < 0.1
     assert (np.abs(walk.tau) <= walk.robot.effort_limit).all()
     assert controller.log.violations == 0 and controller.log.residual.max() < 1e-9
+
+
+def test_it_lifts_its_foot_with_the_damping_of_its_file_too(example):
+    """Joint damping, that the controller does not know of, acts implicitly; energy changes by what motors and dampers do."""
+    robot = rbd.load_robot("talos")
+    state, soles = robot.standing(), robot.soles(friction=0.7)
+    plan = example.Plan(state, soles)
+    controller = example.controller_of(state, soles, plan, "torso_2_link")
+    damping = robot.joint_damping()
+    walk = rbd.simulate(state, soles, duration=1.5, step=example.STEP, controller=controller, external=damping)
+    assert walk.residuals["law"].max() < 1e-9 and controller.log.violations == 0
+    assert walk.points["right_sole"][-1, :, 2].min() > 0.01 and walk.modes["left_sole"][-1] == "sticks"
+    balance = walk.energy + walk.dissipated - walk.motor_work
+    assert walk.dissipated[-1] > 0.01
+    assert np.ptp(balance) < 0.02 * walk.dissipated[-1]

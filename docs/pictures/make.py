@@ -216,6 +216,30 @@ def control() -> Path:
     return PICTURES / "control.png"
 
 
+def motors() -> Path:
+    """The plot of docs/reference/motors.md: a link swings up as fast as its motor's torque-speed line lets it."""
+    arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+    arm = arm.with_motors({"joint_1": rbd.Motor(torque_speed=[(0.0, 10.0), (5.0, 10.0), (10.0, 0.0)])})
+    task = rbd.control.PostureTask(arm.at([2.5]).q, gain=400.0)
+    controller = rbd.control.WholeBodyController([task], limits=rbd.control.Limits(position=False, velocity=False))
+    run = rbd.simulate(arm.at([0.0]), controller=controller, duration=1.0, step=2e-3, progress=False)
+    figure = Figure(figsize=(8.6, 3.6), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    speeds = np.linspace(-12.0, 12.0, 481)[:, None]
+    least, most = arm.torque_limits(speeds)
+    left.fill_between(speeds[:, 0], least[:, 0], most[:, 0], color="0.9", lw=0)
+    left.plot(run.v[:, 0], run.tau[:, 0], color="#0072b2", lw=2.0)
+    left.plot(run.v[0], run.tau[0], "o", color="#0072b2")
+    for x, y, words in ((1.0, 4.5, "drives"), (1.0, -5.5, "brakes"), (-5.0, 4.5, "brakes"), (-5.0, -5.5, "drives")):
+        left.text(x, y, words, color="0.35", fontsize=9)
+    left.set(xlabel="speed of the joint [rad/s]", ylabel="torque [N m]")
+    left.set_title("grey: what the motor has", fontsize=10)
+    rbd.visual.plot_joint(right, run, "joint_1", what="tau")
+    frame(left, "y")
+    figure.savefig(PICTURES / "motors.png", dpi=110, metadata={"Software": None})
+    return PICTURES / "motors.png"
+
+
 def mechanisms() -> Path:
     """The models of `urdf/` with loops and wheels, each with all its branches, three in a row, with captions."""
     width, height, caption = 560, 440, 54
@@ -274,6 +298,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
     "impossible_motion": partial(example_page, "impossible_motion", "26_is_this_motion_possible", 1200, 720),
     "crouch": partial(drawn, "crouch", "25_torques_of_a_crouch", 770, 462),
     "identification": partial(drawn, "identification", "35_identify", 770, 616),
+    "models_in_memory": partial(drawn, "models_in_memory", "32_models_in_memory", 990, 374),
     "painleve": partial(drawn, "painleve", "06_painleve", 770, 462),
     "weave": partial(scene, "weave", 900, 700),
     "bicycle": partial(drawn, "bicycle", "34_bicycle", 1000, 450),
@@ -300,6 +325,7 @@ MAKERS: dict[str, Callable[[], Path]] = {
             where_it_can_stand,
             inverse_dynamics,
             control,
+            motors,
             mechanisms,
             robots,
             fall,

@@ -27,7 +27,7 @@ BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "0.5"
 def pictures() -> Iterator[Path]:
     """All of them."""
     makers = (task_walker, task_hold, task_wall, task_loop, task_sweep, task_many, task_forces, task_swing, task_figure)
-    for make in (*makers, task_command, task_reach, task_notebook):
+    for make in (*makers, task_command, task_reach, task_notebook, task_springs):
         yield make()
 
 
@@ -75,6 +75,13 @@ def task_hold() -> Path:
     """Talos on its left leg."""
     names = computed("hold_it")
     return photograph(lambda page: exported(page, names["pose"].state, names["hold"]), "task_hold")
+
+
+def task_springs() -> Path:
+    """Talos with a strap at its hand, a belt between its hands, and a spring in its knee."""
+    names = computed("hang_it_on_springs")
+    shown = {"external": names["acting"]}
+    return photograph(lambda page: exported(page, names["state"], names["held"], **shown), "task_springs")
 
 
 def task_wall() -> Path:

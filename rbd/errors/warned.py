@@ -46,7 +46,7 @@ class SpeedLimitWarning(RbdWarning):
         ...     rbd.inverse_dynamics(arm.at([0.0], [6.0]), [0.0], [])
         Traceback (most recent call last):
             ...
-        rbd.errors.SpeedLimitWarning: joint_1 moves at 6 rad/s, faster than the 5 rad/s of its motor ...
+        rbd.errors.SpeedLimitWarning: joint_1 moves at 6 rad/s, faster than the 5 rad/s of its motor.
     """
 
 

@@ -28,11 +28,12 @@ class _Line(BetweenPlaces):
 
     def _settle(self, name: str | None) -> str:
         """Check where it acts, and give it a name; what it is called in messages."""
-        what = f"a {self._kind} at {self.frame!r:.80}"
+        kind = self._kind if self.axis is None else f"torsion {self._kind}"
+        what = f"a {kind} at {self.frame!r:.80}"
         at, to = place_on(what, self.frame, self.offset), other_place(what, self.to, self.to_offset)
         object.__setattr__(self, "_at_frame", at)
         object.__setattr__(self, "_at_to", to)
-        object.__setattr__(self, "name", f"{self._kind} from {at} to {to}" if name is None else name)
+        object.__setattr__(self, "name", f"{kind} from {at} to {to}" if name is None else name)
         if not isinstance(self.name, str) or not self.name:
             raise InputError(f"name of {what} is {name!r:.80}; expected text.")
         if self.axis is not None:

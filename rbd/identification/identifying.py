@@ -8,14 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from rbd.arrays import Array, check_positive
-from rbd.errors import InputError, ModelWarning, PoorExcitationWarning
-from rbd.identification.combinations import base_parameters
-from rbd.identification.consistent import Prior, minimise
+from rbd.errors import InputError, PoorExcitationWarning
+from rbd.identification.consistent import minimise
 from rbd.identification.data import EXACT, Assembly, Equations, measured_motions
-from rbd.identification.possible import is_possible, made_possible, size_of
 from rbd.identification.result import Identification
-from rbd.model.checked_model import CheckedModel
-from rbd.model.inertial import body_names, checked_columns, inertial_parameters, joint_velocities
+from rbd.identification.setup import Setup
+from rbd.model.inertial import checked_columns
 from rbd.motion.sensor_noise import SensorNoise, checked_noise
 
 _ROUNDS = 4
@@ -23,8 +21,6 @@ MANY = 0.1
 """Share of the base parameters that must be open for a warning, where none is open altogether."""
 LEAST = 0.01
 """No coordinate's residual counts as smaller than this share of all, over `force_scale`: few equations are fitted too well."""
-BROAD = 10.0
-"""Standard deviation of rotor inertia, damping and dry friction before the data, over the scale of the force."""
 
 
 def identify(
@@ -91,21 +87,8 @@ def identify(
         raise InputError(
             f"every coordinate of {robot.name} has a motor, and no torques were given: MeasuredMotion(motion, tau)."
         )
-    theta = _possible(robot, inertial_parameters(robot))
-    base = base_parameters(robot, columns=asked)
-    data = Assembly(given, base, asked, noise)
-    count = len(joint_velocities(robot))
-    others = {"rotor_inertia": np.array(robot.model.armature, float)[joint_velocities(robot)]}
-    values = np.concatenate([theta.ravel(), *[others.get(c, np.zeros(count)) for c in asked if c != "inertia"]])
-    inertia = "inertia" in asked
-    if not inertia:
-        values = values[theta.size :]
-    bodies = np.flatnonzero(theta[:, 0] > 0.0) if inertia else np.zeros(0, int)
-    scale = BROAD * data.scale[joint_velocities(robot)]
-    wide = np.tile(scale, len(asked) - inertia)
-    before = Prior(values, bodies, wide, 1.0 / (4.0 * spread**2))
-    sizes = np.concatenate([_sizes(theta).ravel() if inertia else np.zeros(0), wide])
-    unit = np.linalg.norm(base.B * sizes, axis=1)
+    posed = Setup.of(given, asked, spread, noise)
+    base, data, unit = posed.base, posed.data, posed.unit
     equations = data.compressed()
     if equations.count < base.rank:
         raise InputError(
@@ -115,8 +98,8 @@ def identify(
     excitation = equations.condition(unit)
     if noise is None:
         equations = _weighed(data, equations, unit)
-    found = minimise(equations.R @ base.B, equations.z, before)
-    result = Identification.of(given, data, equations, base, before, found, unit, asked, excitation, spread)
+    found = minimise(equations.R @ base.B, equations.z, posed.prior)
+    result = Identification.of(given, data, equations, base, posed.prior, found, unit, asked, excitation, spread)
     _warn(result, spread)
     return result
 
@@ -140,31 +123,6 @@ def _weighed(data: Assembly, equations: Equations, unit: Array) -> Equations:
 def _least_squares(equations: Equations, unit: Array) -> Array:
     """Base parameters of least squares, of least norm in their units where the data do not decide, shape (r,)."""
     return np.asarray(unit * np.linalg.lstsq(equations.R * unit, equations.z, rcond=1e-12)[0])
-
-
-def _sizes(theta: Array) -> Array:
-    """Typical sizes of all bodies' parameters, shape (bodies, 10); zero of bodies without mass."""
-    return np.array([size_of(each) if each[0] > 0.0 else np.zeros(10) for each in theta])
-
-
-def _possible(robot: CheckedModel, theta: Array) -> Array:
-    """The model's parameters, impossible bodies changed, with a warning."""
-    names = body_names(robot)
-    wrong = [i for i, each in enumerate(theta) if each[0] > 0.0 and not is_possible(each)]
-    negative = [names[i] for i, each in enumerate(theta) if each[0] < 0.0]
-    if negative:
-        raise InputError(f"bodies of {robot.name} have negative mass: {', '.join(negative)}.")
-    out = theta.copy()
-    for i in wrong:
-        out[i] = made_possible(theta[i])
-    if wrong:
-        warnings.warn(
-            f"no body can have the inertia of {', '.join(names[i] for i in wrong)} in {robot.name}: the second moments about "
-            "its centre of mass are raised to be positive before the data are fitted.",
-            ModelWarning,
-            stacklevel=3,
-        )
-    return out
 
 
 def _warn(result: Identification, spread: float) -> None:

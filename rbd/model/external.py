@@ -134,7 +134,7 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
         return _generalised_force(state, external)
     if not external:
         return np.zeros(robot.nv), np.zeros(6)
-    tau_ext, wrench, com = np.zeros(robot.nv), [0.0] * 6, state.com.tolist()
+    tau_ext, wrench, com = np.zeros(robot.nv), [0.0] * 6, state.com.tolist() if pushes else []
     for push in pushes:
         at = state.frame(push.frame, push.offset)
         given = np.concatenate([push.force, push.moment])

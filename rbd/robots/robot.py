@@ -33,6 +33,7 @@ from rbd.robots.loops import Mechanism, read_postures
 from rbd.robots.posture import stand
 from rbd.robots.rotors import rotors_of
 from rbd.robots.shapes import ShapedRobot
+from rbd.robots.upright import stand_upright
 
 
 class Robot(ShapedRobot):
@@ -149,7 +150,8 @@ class Robot(ShapedRobot):
 
         A robot on two points is then turned about them until its centre of mass is over them along gravity. The ground is z = 0
         whatever the gravity: under one that leans, feet are flat on an incline, joint angles are those of the posture, and
-        whether the robot can stand so is for `rbd.hold` to say. A fixed-base robot keeps its base.
+        whether the robot can stand so is for `rbd.hold` to say. A base that slides in an upright plane is turned and lowered in
+        this plane; a fixed base, and one that slides on the ground, stay.
 
         Args:
             posture: A name in `postures`; by default that of the catalogue, else the only one; a robot without postures stands
@@ -163,7 +165,9 @@ class Robot(ShapedRobot):
         if name is None and len(self.postures) == 1:
             name = next(iter(self.postures))
         if not self.floating:
-            return self.at() if name is None else self.at(self.posture(name))
+            placed = self.at() if name is None else self.at(self.posture(name))
+            upright = self.plane in ("xz", "yz") and self.source.feet
+            return State(self, stand_upright(self, placed.q, self.feet(friction=None))) if upright else placed
         feet = self.feet(friction=None)
         if name is None and not self.postures:
             return State(self, stand(self, self.neutral(), feet))

@@ -82,8 +82,10 @@ class Impact(Displayed):
         points: {contact: its points in W, shape (k, 3)} [m].
         point_impulses: {contact: impulse at each of them, on the robot, in W, shape (k, 3)} [N s].
         modes: {constraint: "sticks", "slips", "holds", "pushes", or "open" where it has no impulse}, after the impact.
-        approach: {constraint: largest speed at which one of its points approached} [m/s, rad/s], zero where none did; of
-            bilateral ones the largest speed of a row.
+        normal_impulses: {constraint: sum of the normal impulses of its points} [N s]; of a bilateral one that is no contact the
+            largest of its rows.
+        approach: {constraint: largest speed along the normal at which one of its points approached} [m/s, rad/s], zero where
+            none did; of a bilateral one that is no contact the largest speed of a row.
         opens: Constraints all of whose points separate after it, in order.
         restitution: Newton's coefficient of each constraint that has one.
         solution: The same as a problem of Gauss with v+ in place of the acceleration, in units of `speed`; its residuals are
@@ -104,6 +106,7 @@ class Impact(Displayed):
     points: Mapping[str, Array]
     point_impulses: Mapping[str, Array]
     modes: Mapping[str, str]
+    normal_impulses: Mapping[str, float]
     approach: Mapping[str, float]
     opens: tuple[str, ...]
     restitution: Mapping[str, float]
@@ -172,9 +175,11 @@ class Impact(Displayed):
         share = f" of {had:.6g} J" if had else ""
         lines = [f"impact of {robot}: {'loses' if lost >= 0.0 else 'GAINS'} {abs(lost):.6g} J{share}; law: {self.law}"]
         for name, size in self.sizes.items():
+            speed, impulse = ("m/s", "N s") if name in self.points else ("m/s or rad/s", "N s or N m s")
             e = f", e = {self.restitution[name]:g}" if self.restitution.get(name) else ""
-            came = f"came at {self.approach[name]:.4g} m/s{e}, " if self.approach[name] > AT_REST else ""
-            lines.append(f"  {name:<16}{came}impulse {size:.6g} N s, {'leaves' if name in self.opens else self.modes[name]}")
+            came = f"came at {self.approach[name]:.4g} {speed}{e}, " if self.approach.get(name, 0.0) > AT_REST else ""
+            ends = "leaves" if name in self.opens else self.modes[name]
+            lines.append(f"  {name:<16}{came}impulse {size:.6g} {impulse}, {ends}" if size else f"  {name:<16}{came}no impulse")
         m, rank = len(self.solution.problem.J), self._rank
         unique = "unique" if rank == m else f"{m} rows of rank {rank}: not unique, those of least norm"
         lines.append(f"  {'impulses':<16}{unique}")
@@ -295,6 +300,7 @@ def impact_of(
     after = state.with_velocity(answer.v)
     u = at.velocity + at.J @ (answer.v - state.v)
     acting = constraint_forces(at, impulse, slide(layout, u), names)
+    approach, normal = _normals(at, touches, impulse)
     return Impact(
         before=state,
         state=after,
@@ -302,7 +308,8 @@ def impact_of(
         points={name: x.points for name, x in acting.items() if x.points is not None},
         point_impulses={name: x.point_forces for name, x in acting.items() if x.point_forces is not None},
         modes={name: x.mode for name, x in acting.items()},
-        approach=_largest(at, np.where(touches, -at.approach, 0.0)),
+        normal_impulses=normal,
+        approach=approach,
         opens=_open(at, touches, u, acting),
         restitution={name: e for name, e in restitution.items() if e},
         solution=solution,
@@ -311,10 +318,9 @@ def impact_of(
 
 
 def _margin(constraint: Constraint) -> float | None:
-    """The largest gap of its points that touch [m], for kinds whose points appear and disappear, and joint limits."""
-    if callable(member(constraint, "with_margin")):
-        return float(constraint.margin)  # type: ignore[attr-defined]
-    return None
+    """The largest gap of its points that touch [m, rad]: of shapes and joint limits, which have some that do not."""
+    margin = member(constraint, "margin")
+    return float(margin) if isinstance(margin, int | float) and not isinstance(margin, bool) else None
 
 
 def _solution(at: Snapshot, touches: Array, answer: VelocityAnswer, law: str) -> tuple[Solution, float, Array]:
@@ -335,15 +341,23 @@ def _solution(at: Snapshot, touches: Array, answer: VelocityAnswer, law: str) ->
     return found, speed, impulse
 
 
-def _largest(at: Snapshot, speeds: Array) -> dict[str, float]:
-    """{constraint: the largest of its points' speeds}; of bilateral rows, of any of them."""
-    out: dict[str, float] = {}
+def _normals(at: Snapshot, touches: Array, impulse: Array) -> tuple[dict[str, float], dict[str, float]]:
+    """({constraint: speed of approach}, {constraint: normal impulse}), see `Impact`."""
+    speeds: dict[str, float] = {}
+    pushes: dict[str, float] = {}
+    contacts = {owner for m in at.places if m.points is not None for owner in m.structure.owners}
     ends = np.cumsum(at.layout.widths)
     for i, owner in enumerate(at.layout.owners):
-        rows = slice(int(ends[i] - at.layout.widths[i]), int(ends[i]))
-        speed = max_abs(at.velocity[rows]) if at.layout.held[rows].any() else float(speeds[i])
-        out[owner] = max(out.get(owner, 0.0), speed)
-    return out
+        rows = np.arange(ends[i] - at.layout.widths[i], ends[i])
+        if not at.layout.held[rows].any():
+            speed, push = max(0.0, -float(at.approach[i])) if touches[i] else 0.0, float(impulse[rows[-1]])
+        elif owner in contacts and len(rows) > 2:  # tangent, tangent, normal, and moments
+            speed, push = abs(float(at.velocity[rows[2]])), float(impulse[rows[2]])
+        else:
+            speed, push = max_abs(at.velocity[rows]), max_abs(impulse[rows])
+        speeds[owner] = max(speeds.get(owner, 0.0), speed)
+        pushes[owner] = pushes.get(owner, 0.0) + push
+    return speeds, pushes
 
 
 def _open(at: Snapshot, touches: Array, u: Array, acting: Mapping[str, ConstraintForce]) -> tuple[str, ...]:

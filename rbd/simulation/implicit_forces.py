@@ -68,14 +68,15 @@ class ElementTerms(NamedTuple):
         if not elements:
             return None
         by_q, by_v = derivatives_of(known, state)
-        K, D, model = -by_q, -by_v, state.robot.model
-        for (
-            base
-        ) in state.robot.bases:  # a step has its velocity in axes that do not turn with it: without the turn of the force
-            i = model.joints[base].idx_v
+        K, D, power = -by_q, -by_v, dissipation(elements, state)
+        if _is_diagonal(K) and _is_diagonal(D):
+            return cls(np.maximum(D, 0.0), np.maximum(K, 0.0), True, power)
+        for base in state.robot.bases:
+            # A step has the base's velocity in axes that do not turn: K without the turn of the force in the base's axes.
+            i = state.robot.model.joints[base].idx_v
             K[i : i + 3, i + 3 : i + 6] = K[i + 3 : i + 6, i : i + 3].T
-        diagonal = _is_diagonal(K) and _is_diagonal(D)
-        return cls(_definite(D), _definite(K), diagonal, dissipation(elements, state))
+        D, K = _definite(D), _definite(K)
+        return cls(D, K, _is_diagonal(D) and _is_diagonal(K), power)
 
     def rate(self, M: Array) -> float:
         """Bound of the fastest rate of the elements, sqrt(tr M^-1 K) + tr M^-1 D [1/s]."""

@@ -122,7 +122,7 @@ class Phases:
         if switch.impact and self._active:
             found = impact_of(state, self._active, motion.restitution or {}, law=motion.law, plastic=motion.plastic, t=t)
             for c in self._active:
-                speed, size = found.approach.get(c.name, 0.0), found.sizes[c.name]
+                speed, size = found.approach.get(c.name, 0.0), found.normal_impulses.get(c.name, 0.0)
                 if c in new or speed > AT_REST:
                     made.append(Event(t, c.name, TOUCHES, -1, speed, size))
             state = found.state

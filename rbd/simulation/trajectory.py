@@ -283,8 +283,8 @@ class Trajectory(Displayed):
         """An xarray.Dataset: every array with the names of its dimensions and entries, and units.
 
         Dimensions are time, position (nq), velocity (nv), motor (nu), axis, spatial, event, and a row and a point of each
-        constraint; variables q, v, a, tau, kinetic, potential, energy, motor_work, momentum, com, `residual_...`, `force_...`,
-        `mode_...`, `points_...` and `point_forces_...` of each constraint, and `event_...`.
+        constraint; variables q, v, a, tau, kinetic, potential, elastic, energy, motor_work, dissipated, momentum, com,
+        `residual_...`, `force_...`, `mode_...`, `points_...` and `point_forces_...` of each constraint, and `event_...`.
 
         Raises:
             InputError: xarray is not installed; names the extra.

@@ -11,14 +11,14 @@ from scipy.linalg import blas
 
 from rbd.arrays import Array, cross_matrix, inertia_factor, max_abs
 from rbd.displayed import Displayed
-from rbd.problem.conic import Conic
+from rbd.problem.conic import Conic, ConicAnswer
 from rbd.problem.programs import Outcome
 from rbd.solvers.conic import solve_conic
 from rbd.statics.effort import POSSIBLE, Effort
 from rbd.statics.loads import Loads
 
 _NEAR = 1e-6
-"""A motion that is possible is called the nearest where it is by this, over the distance of numbers around one."""
+"""What is possible is called the nearest, or the least, where it is by this, of numbers around one."""
 _ANY = 1e-9
 """Weight of the square of forces beside what is made least: it picks one set of forces among many."""
 
@@ -171,12 +171,17 @@ def excess(loads: Loads, effort: Effort) -> Excess | None:
         ),
         newton=False, tolerance=1e-8,
     )  # fmt: skip
-    if not found.solved:
+    if not (found.solved or _is_near(found)):
         return None
     out, tau = np.zeros(len(loads.limited)), np.zeros(len(loads.limited))
     out[limited] = found.x[n:]
     tau[limited] = (t - T @ found.x[:n]) * loads.limit[limited]
     return Excess(out, tau)
+
+
+def _is_near(found: ConicAnswer) -> bool:
+    """Whether an answer is possible, and the least to six digits: enough for what is told of it."""
+    return found.outcome is Outcome.NOT_FOUND and found.program.outside(found.x) <= POSSIBLE and found.miss <= _NEAR
 
 
 def nearest_possible(
@@ -226,7 +231,6 @@ def nearest_possible(
         ),
         newton=False, tolerance=1e-8,
     )  # fmt: skip
-    near = found.outcome is Outcome.NOT_FOUND and found.program.outside(found.x) <= POSSIBLE and found.miss <= _NEAR
-    if not (found.solved or near):
+    if not (found.solved or _is_near(found)):
         return found.outcome
     return a + back @ found.x[:k], found.x[k:] * unit

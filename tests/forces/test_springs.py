@@ -113,7 +113,7 @@ def test_an_angle_between_frames_is_taken_near_the_rest(rest: float):
     spring = rbd.Spring("box", to=(0, 0, 0), axis=(0, 0, 1), stiffness=10.0, rest=rest)
     assert spring.force(box(turn=(0.0, 0.0, rest + 1.0))) == pytest.approx([-10.0], rel=1e-11)
     assert spring.force(box(turn=(0.0, 0.0, rest - 2.9))) == pytest.approx([29.0], rel=1e-11)
-    with pytest.raises(InputError, match=r"'spring from box .* is 172 degrees from its rest; at most 170.*JointSpring"):
+    with pytest.raises(InputError, match=r"'torsion spring from box .* is 172 degrees from its rest; at most 170.*JointSpring"):
         spring.force(box(turn=(0.0, 0.0, rest + 3.0)))
 
 

@@ -279,6 +279,26 @@ class TestTheProgram:
         assert miss.max() < 4.0 and found.deviations.max() < 0.5
 
 
+class TestExcitation:
+    """What motions would tell."""
+
+    def test_it_is_that_of_the_identification(self):
+        """The same condition number, without torques; of columns of friction too."""
+        motion, tau = waving(ARM)
+        found = rbd.identification.excitation(motion)
+        assert found.rank == 6 and found.condition == pytest.approx(
+            rbd.identify(MeasuredMotion(motion, tau)).certificate.condition, rel=1e-6
+        )
+        assert rbd.identification.excitation(motion, columns=["inertia", "damping"]).rank == 8
+
+    def test_it_names_what_a_still_link_does_not_tell(self):
+        """Joint 1 never moves: its torques tell the weight of link 1 in one posture, and nothing of its inertia."""
+        still = rbd.Motion.from_function(ARM, lambda t: np.array([0.3, np.sin(3.0 * t)]), np.linspace(0.0, 4.0, 60))
+        found = rbd.identification.excitation(still)
+        assert found.rank == 4 and found.condition == np.inf and "condition inf" in str(found)
+        assert set(found.weakest) <= {"link_1.mc_x", "link_1.mc_z", "link_1.I_yy"}
+
+
 class TestBadInput:
     """Named errors and warnings."""
 

@@ -180,19 +180,18 @@ def test_dampers_never_put_energy_into_a_motion(in_space: CheckedModel, h_w: flo
 
 
 def test_recorded_accelerations_and_forces_are_those_of_the_elements_as_they_are(box: CheckedModel) -> None:
-    """At every sample M a + h = tau_ext + J^T f with the springs' true forces, and `rbd.solve` finds the same."""
+    """At every sample they are those of `rbd.solve` with the true forces, at a step that is 200 m / d of the damper."""
     h = 2e-2
-    mount = [Bushing("box", to=(0, 0, 0.05), stiffness=(5e4, 5e4, 2e3, 50, 50, 50), damping=(2e3, 2e3, 20, 1, 1, 1))]
+    stiffness, damping = (5e3, 5e3, 2e3, 50, 50, 50), (2e2, 2e2, 2e4, 10, 10, 10)
+    mount = Bushing("box", to=(0, 0, -0.005), stiffness=stiffness, damping=damping)
     face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.5, on=0.0)
-    start = rbd.State(box, [0.01, 0, 0, 0, 0, 0, 1], [0.2, 0, 0, 0, 0, 0])
-    run = rbd.simulate(start, [face], external=mount, duration=20 * h, step=h, integrator=STEPS)
-    assert run.residuals["law"].max() < 1e-9
-    for i in (1, 7, 20):
-        sample = run[i]
-        M_, tau = sample.state.M, mount[0].generalised(sample.state)[0]
-        wrench = sample.forces["face"]
-        J = sample.state.frame("box").J
-        assert np.abs(M_ @ sample.a + sample.state.h - tau - J.T @ wrench).max() < 1e-6 * max(1.0, np.abs(tau).max())
+    start = rbd.State(box, [0.1, 0, 0, 0, 0, 0, 1], [0.2, 0, 0, 0, 0, 0])
+    run = rbd.simulate(start, [face], external=mount, duration=10 * h, step=h, integrator=STEPS)
+    assert run.residuals["law"].max() < 1e-9 and {"slips", "sticks"} <= set(run.modes["face"])
+    for sample in run:
+        solved = rbd.solve(sample.state, np.zeros(0), [face], external=mount)
+        assert np.abs(sample.a - solved.a).max() < 1e-9 * max(1.0, np.abs(solved.a).max())
+        assert np.abs(sample.forces["face"] - solved.forces["face"]).max() < 1e-9
 
 
 def test_joint_elements_of_talos_step_on_the_ground_as_they_do_in_general(talos: rbd.Robot) -> None:

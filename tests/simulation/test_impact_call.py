@@ -247,3 +247,40 @@ def test_wrong_arguments_are_refused():
         rbd.impact(state, [tip], plastic_below=-1.0)
     with pytest.warns(DistantContactWarning, match="'tip' 500 mm above"):
         rbd.impact(rbd.State(box, [0, 0, 0.5, 0, 0, 0, 1], [0, 0, -1.0, 0, 0, 0]), [tip])
+
+
+def test_a_joint_limit_takes_part_where_it_is_reached():
+    """A pendulum at its stop turns back with e w; away from it, and away from the other bound, nothing happens."""
+    arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+    stop = rbd.JointLimit("stop", next(iter(arm.joints)), lower=-0.5, upper=0.5)
+    for q, after in ((0.5, -0.6), (0.2, 2.0)):
+        found = rbd.impact(arm.at([q]).with_velocity(np.array([2.0])), [stop], restitution=0.3)
+        assert found.v == pytest.approx([after], abs=1e-12)
+        assert abs(found.impulses["stop"]).max() == pytest.approx((2.0 - after) / 3.0)  # m l^2 / 3
+
+
+def test_shapes_take_part_where_they_touch():
+    """A tilted box strikes with its lowest corner alone, as it does with that point given by hand."""
+    box = rbd.load_robot("box")
+    shapes = rbd.CollisionContacts("shapes", box, friction=0.5)
+    half = np.array([g.geometry.halfSide for g in box.collision_model.geometryObjects][0])
+    R = pin.rpy.rpyToMatrix(0.3, 0.4, 0.0)
+    corner = -half * np.sign(R[2])
+    q = np.r_[0.0, 0.0, -(R @ corner)[2], pin.Quaternion(R).coeffs()]
+    state = rbd.State(box, q, np.r_[R.T @ [0.3, 0.0, -1.0], 0.2, 0.0, 0.0])
+    point = rbd.PointContact("point", "box", offset=corner, friction=0.5, on=0.0)
+    found, wanted = (rbd.impact(state, [contact], restitution=0.2) for contact in (shapes, point))
+    assert np.abs(found.v - wanted.v).max() < 1e-12
+    assert found.unique
+
+
+def test_a_belt_drags_what_strikes_it():
+    """Held, the body moves with the belt; with friction its speed along changes by mu times that across."""
+    belt = rbd.Ground(point=(0, 0, 0), normal=(0, 0, 1), velocity=(0.7, 0, 0, 0, 0, 0))
+    state = rbd.State(rbd.testing.box(mass=1.0), [0, 0, 0, 0, 0, 0, 1], [0, 0, -1.0, 0, 0, 0])
+    for friction, along in ((None, 0.7), (0.2, 0.2), (0.9, 0.7)):
+        found = rbd.impact(state, [rbd.PointContact("belt", "box", friction=friction, on=belt)])
+        assert found.v == pytest.approx([along, 0, 0, 0, 0, 0], abs=1e-12)
+        assert found.approach == pytest.approx({"belt": 1.0})
+        assert found.normal_impulses == pytest.approx({"belt": 1.0})
+        assert np.linalg.norm(found.impulses["belt"]) == pytest.approx(math.hypot(1.0, along))

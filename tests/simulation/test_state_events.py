@@ -329,3 +329,49 @@ def test_a_contact_below_its_plane_is_warned_of_where_it_is_switched_on():
         rbd.simulate(thrown(-0.01), [tip], duration=0.05, step=0.01, events=[late], inactive="tip")
     with pytest.warns(rbd.errors.DistantContactWarning, match="'tip' 50 mm below"):
         rbd.simulate(thrown(0.1), [tip], duration=0.25, step=0.01, events=[late], inactive="tip")
+
+
+@ALL
+@pytest.mark.parametrize("at", [0.2, 0.2 - 1e-11, 0.2 + 1e-11, 0.4])
+def test_events_at_sample_times_make_no_second_sample(by, at):
+    """At a sample time or within 1e-9 s of it, the last one too: told once, with strictly increasing times."""
+    clock = StateEvent(lambda s, t: t - at, "clock")
+    motion = rbd.simulate(thrown(), duration=0.4, step=0.1, events=[clock], integrator=by)
+    assert [round(e.t, 9) for e in motion.events] == [round(at, 9)]
+    assert len(motion) == 5
+    stop = StateEvent(lambda s, t: t - at, "stop", then=Switch(v=np.zeros(6)))
+    switched = rbd.simulate(thrown(), duration=0.4, step=0.1, events=[stop], integrator=by)
+    assert len(switched.events) == 1
+    assert abs(switched.t[-1] - 0.4) < 1e-9
+    assert abs(switched.q[-1, 2] - (1.0 - 0.5 * G * (at**2 + (0.4 - at) ** 2))) < 1e-9
+
+
+@ALL
+def test_two_switches_at_one_time_both_act(by):
+    """One locks, the other one stops the motion before: in the order in which the events are given."""
+    state, angle = pendulum(0.5)
+    lock = rbd.JointLock("lock", next(iter(PENDULUM.joints)))
+    two = [
+        StateEvent(angle, "stop", then=lambda s, t: Switch(v=[0.0])),
+        StateEvent(lambda s: 2.0 * angle(s), "lock it", then=Switch(on="lock", impact=False)),
+    ]
+    motion = rbd.simulate(state, [lock], duration=1.0, step=0.05, events=two, inactive="lock", integrator=by)
+    assert sorted(e.name for e in motion.events) == ["lock", "lock it", "stop"]
+    assert abs(motion.v[-1, 0]) < 1e-12
+    assert abs(angle(motion.state(-1))) < 1e-9
+    assert motion.modes["lock"][-1] == "holds"
+
+
+def test_springs_and_dampers_go_on_across_switches():
+    """Energy with what is stored and dissipated is kept, but for what a switch takes."""
+    mass = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+    joint = next(iter(mass.joints))
+    given = [rbd.JointSpring(joint, stiffness=20.0, rest=-np.pi / 2.0), rbd.JointDamping({joint: 0.3})]
+    state = mass.at([0.5 - np.pi / 2.0])
+    slow = StateEvent(lambda s: s.q[0] + np.pi / 2.0, "slow", then=lambda s, t: Switch(v=0.8 * s.v))
+    motion = rbd.simulate(state, duration=2.0, step=0.05, external=given, events=[slow], integrator=rbd.DormandPrince8())
+    total = motion.energy + motion.dissipated
+    jumps = np.isin(motion.t[1:], [e.t for e in motion.events])
+    assert jumps.sum() > 2
+    assert np.abs(np.diff(total)[~jumps]).max() < 1e-9
+    assert (np.diff(motion.dissipated) >= 0.0).all()

@@ -67,10 +67,14 @@ def tracks_of(
         times: Their times [s].
         external: As `rbd.simulate` was given it: constant, or a function of state and time.
     """
-    if external is None or not callable(external) and not shown_elements(State(robot, q[0], v[0]), external)[0]:
-        return (), [] if external is None else shown_elements(State(robot, q[0], v[0]), external)[1]
     seen: dict[str, list[tuple[int, ShownElement]]] = {}
     words: list[str] = []
+    if external is None:
+        return (), words
+    if not callable(external):
+        found, words = shown_elements(State(robot, q[0], v[0]), external)
+        if not found:
+            return (), words
     for i, (q_i, v_i, t) in enumerate(zip(q, v, times, strict=True)):
         state = State(robot, q_i, v_i)
         found, unseen = shown_elements(state, external(state, float(t)) if callable(external) else external)
