@@ -27,7 +27,7 @@ BLUE, ORANGE, GREY = "#0072b2", "#d55e00", "0.5"
 def pictures() -> Iterator[Path]:
     """All of them."""
     makers = (task_walker, task_hold, task_wall, task_loop, task_sweep, task_many, task_forces, task_swing, task_figure)
-    for make in (*makers, task_command, task_reach, task_notebook, task_springs):
+    for make in (*makers, task_masses, task_command, task_reach, task_notebook, task_springs):
         yield make()
 
 
@@ -133,6 +133,22 @@ def task_many() -> Path:
     ax.set(xlabel="largest torque, of its limit [%]", ylabel=f"poses, of {names['n']}")
     frame(ax, "y")
     return saved(drawn, "task_many")
+
+
+def task_masses() -> Path:
+    """The torque of an elbow, measured, by the model and identified."""
+    names = computed("find_masses_from_a_motion")
+    found, moved, model, elbow = names["found"], names["moved"], names["model"], 2
+    drawn = Figure(figsize=(8.0, 3.4), layout="constrained")
+    ax = drawn.subplots()
+    each = list(zip(moved.q, moved.v, moved.a, strict=True))
+    for robot, color, style, label in ((model, ORANGE, "--", "by the model"), (found.robot(), BLUE, "-", "identified")):
+        by = [rbd.dynamics.inverse_dynamics(rbd.State(robot, q, v), a)[elbow] for q, v, a in each]
+        ax.plot(moved.t, by, style, color=color, label=label)
+    ax.plot(moved.t[::3], names["tau"][::3, elbow], ".", color=GREY, markersize=7, label="measured", zorder=1)
+    ax.set(xlabel="time [s]", ylabel="torque of the elbow [N m]")
+    drawn.legend(*ax.get_legend_handles_labels(), frameon=False, ncols=3, loc="outside upper center")
+    return saved(drawn, "task_masses")
 
 
 def task_forces() -> Path:

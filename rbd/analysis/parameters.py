@@ -144,7 +144,7 @@ def checked_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
     if not isinstance(given, Sequence):
         raise InputError(f"parameters is {parameters!r:.80}; expected names, e.g. ('friction', 'mass').")
     for name in given:
-        if name not in PARAMETERS:
+        if not isinstance(name, str) or name not in PARAMETERS:
             raise UnknownName(f"no parameter {name!r:.80}; {nearest(name, PARAMETERS)}. There are {', '.join(PARAMETERS)}.")
     return tuple(dict.fromkeys(given))
 

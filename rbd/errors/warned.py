@@ -53,6 +53,8 @@ class SpeedLimitWarning(RbdWarning):
 class InaccurateWarning(RbdWarning):
     """An answer's residuals are above 1e-9, though at most 1e-7, scaled; or those of a simulation's record are above 1e-7.
 
+    Also of `rbd.identify`, where much of the weight is left unexplained.
+
     Example:
         >>> import warnings
         >>> one, two = (rbd.Rows(name, [[1.0, 0.0]], [c], rbd.problem.Free(1)) for name, c in (("one", 0.0), ("two", 2e-8)))

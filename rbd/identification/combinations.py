@@ -88,7 +88,7 @@ class BaseParameters(Displayed):
         Raises:
             InputError: no such parameter.
         """
-        if name not in self.names:
+        if not isinstance(name, str) or name not in self.names:
             raise InputError(f"no parameter {name!r:.80}; expected e.g. {self.names[0]!r}.")
         return self.reaches(np.eye(len(self.names))[self.names.index(name)])
 

@@ -20,7 +20,7 @@ from rbd.arrays import Array
 from rbd.errors import NoSolution
 from rbd.identification.possible import pseudo_inertia, whitened_basis
 
-_STEPS = 200
+_STEPS = 400
 _GROWTH = 30.0
 _NEAR = 0.25
 _DONE = 1e-9
@@ -94,8 +94,8 @@ def minimise(A: Array, z: Array, prior: Prior) -> Minimum:
             continue
         x = x + dx * (1.0 if decrement < _NEAR else 1.0 / (1.0 + decrement))
     raise NoSolution(
-        f"the inertias were not found: {_STEPS} Newton steps left a decrement of {decrement:.1e}. Give the noise of the "
-        "measurements (noise=), or a larger prior=."
+        f"the inertias were not found: {_STEPS} Newton steps left a decrement of {decrement:.1e}. Are all contacts, their "
+        "forces and pushes given? Else give the noise of the measurements (noise=), or a larger prior=."
     )
 
 

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from rbd.arrays import Array, check_positive
-from rbd.errors import InputError, PoorExcitationWarning
+from rbd.errors import InaccurateWarning, InputError, PoorExcitationWarning
 from rbd.identification.consistent import minimise
-from rbd.identification.data import EXACT, Assembly, Equations, measured_motions
+from rbd.identification.data import EXACT, UNTOLD, Assembly, Equations, measured_motions
 from rbd.identification.result import Identification
 from rbd.identification.setup import Setup
 from rbd.model.inertial import checked_columns
@@ -19,6 +19,10 @@ from rbd.motion.sensor_noise import SensorNoise, checked_noise
 _ROUNDS = 4
 MANY = 0.1
 """Share of the base parameters that must be open for a warning, where none is open altogether."""
+TOO_LIGHT = 0.3
+"""Less than this share of the model's mass is not believed."""
+UNEXPLAINED = 0.1
+"""A residual at a floating base above this share of the weight is told."""
 LEAST = 0.01
 """No coordinate's residual counts as smaller than this share of all, over `force_scale`: few equations are fitted too well."""
 
@@ -58,11 +62,12 @@ def identify(
 
     Raises:
         InputError: no motion, different robots, fewer equations than base parameters, no accelerations, sizes that do not fit,
-            torques missing of a robot without a floating base.
+            torques missing of a robot without a floating base, contacts missing of one that is carried by them.
         NoSolution: Newton's method did not converge.
 
     Warns:
         PoorExcitationWarning: some base parameters are not told at all, or a tenth of them no better than by the model.
+        InaccurateWarning: a tenth of the weight or more is left unexplained at a floating base.
         ModelWarning: a body of the model is impossible; its second moments are raised first.
 
     Example:
@@ -98,10 +103,30 @@ def identify(
     excitation = equations.condition(unit)
     if noise is None:
         equations = _weighed(data, equations, unit)
+    _refuse_missing_forces(posed, equations)
     found = minimise(equations.R @ base.B, equations.z, posed.prior)
     result = Identification.of(given, data, equations, base, posed.prior, found, unit, asked, excitation, spread)
     _warn(result, spread)
+    _warn_unexplained(result, data.scale)
     return result
+
+
+def _refuse_missing_forces(posed: Setup, equations: Equations) -> None:
+    """Refuse data that ask for next to no mass of a robot on a floating base, or for a negative one: a force is missing."""
+    robot, base = posed.data.motions[0].robot, posed.base
+    total = np.array([name.endswith(".m") for name in base.names], float)
+    if not robot.bases or not total.any() or not base.reaches(total):
+        return
+    beta, k = _least_squares(equations, posed.unit), total[base.columns]
+    mass, model = float(k @ beta), float(total @ posed.prior.theta)
+    _, s, Vt = np.linalg.svd(equations.R * posed.unit)
+    relative = k * posed.unit
+    told = Vt[: len(s)][s > UNTOLD * s[0]] if len(s) else Vt[:0]
+    if np.linalg.norm(relative - told.T @ (told @ relative)) < 1e-6 * np.linalg.norm(relative) and mass < TOO_LIGHT * model:
+        raise InputError(
+            f"the data ask for a total mass of {mass:.3g} kg, and the model of {robot.name} has {model:.4g} kg: a force that "
+            "carried it is not given. Give the contacts that touched (contacts=), or their measured forces (forces=)."
+        )
 
 
 def _weighed(data: Assembly, equations: Equations, unit: Array) -> Equations:
@@ -123,6 +148,21 @@ def _weighed(data: Assembly, equations: Equations, unit: Array) -> Equations:
 def _least_squares(equations: Equations, unit: Array) -> Array:
     """Base parameters of least squares, of least norm in their units where the data do not decide, shape (r,)."""
     return np.asarray(unit * np.linalg.lstsq(equations.R * unit, equations.z, rcond=1e-12)[0])
+
+
+def _warn_unexplained(result: Identification, scale: Array) -> None:
+    """Say that a force may be missing, where much of the weight of a floating base is unexplained."""
+    robot, share = result.model, result.residual / scale
+    base = [i for joint in robot.joints.values() if joint.id in robot.bases for i in range(joint.v.start, joint.v.stop)]
+    worst = max(base, key=lambda i: share[i], default=-1)
+    if worst >= 0 and share[worst] > UNEXPLAINED:
+        warnings.warn(
+            f"the motions are explained badly: the root mean square residual at {robot.joints.velocities[worst].name} is "
+            f"{result.residual[worst]:.3g} (N, or N m), {share[worst]:.0%} of what the weight does there. Are all contacts, "
+            "their forces and pushes given?",
+            InaccurateWarning,
+            stacklevel=3,
+        )
 
 
 def _warn(result: Identification, spread: float) -> None:

@@ -201,7 +201,7 @@ def checked_columns(columns: Sequence[str]) -> tuple[str, ...]:
     if not isinstance(given, Sequence) or not len(given):
         raise InputError(f"columns is {columns!r:.80}; expected names out of {', '.join(COLUMNS)}.")
     for name in given:
-        if name not in COLUMNS:
+        if not isinstance(name, str) or name not in COLUMNS:
             raise InputError(f"no columns {name!r:.80}; {nearest(name, COLUMNS)}.")
     return tuple(name for name in COLUMNS if name in given)
 

@@ -139,6 +139,20 @@ class TestG1OnItsFeet:
         new, old = found.residuals(in_the_air(true, model, 7, 10))
         assert new[6:].max() < 0.3 * old[6:].max()
 
+    def test_a_motion_whose_contacts_are_forgotten_is_refused(self, walked):
+        """The data then ask for a robot without weight."""
+        motion, x = walked
+        with pytest.raises(rbd.InputError, match="the data ask for a total mass of .* a force that carried it is not given"):
+            rbd.identify(MeasuredMotion(motion, x.tau))
+        part = {name: f * [1.0, 1.0, 0.7, 1.0, 1.0, 1.0] for name, f in x.forces.items()}  # scales of a force plate are wrong
+        lifted = {name: f + np.where(motion.t < 0.4, 150.0, 0.0)[:, None] * np.eye(6)[2] for name, f in part.items()}
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PoorExcitationWarning)
+            with pytest.warns(
+                rbd.errors.InaccurateWarning, match="explained badly: the root mean square residual at root_joint"
+            ):
+                rbd.identify(MeasuredMotion(motion, x.tau, g1()[0].soles(None), forces=lifted))
+
     def test_a_trajectory_with_contacts_that_are_not_given_is_refused(self, walked):
         """Silently it would explain their forces by masses."""
         with pytest.raises(
