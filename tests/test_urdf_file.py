@@ -103,7 +103,7 @@ BROKEN: dict[str, tuple[str, str]] = {
     # kinds
     "no type": (swapped(' type="revolute"', ""), "joint 'hip' is of type ''"),
     "unknown type": (swapped('type="revolute"', 'type="Revolute"'), "'hip' is of type 'Revolute'; expected one of revolute,"),
-    "ball": (swapped('type="continuous"', 'type="spherical"'), "joint 'ankle' is of type 'spherical'"),
+    "screw": (swapped('type="continuous"', 'type="screw"'), "joint 'ankle' is of type 'screw'"),
     # the tree
     "unknown parent": (swapped('parent link="thigh"', 'parent link="thig"'), "'knee' names a parent link 'thig'; .*'thigh'"),
     "unknown child": (swapped('child link="foot"', 'child link="toe"'), "joint 'ankle' names a child link 'toe'"),

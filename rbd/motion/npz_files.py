@@ -18,6 +18,7 @@ from rbd.motion.frames import Frames, check_rate, joint_positions, unit_of
 from rbd.motion.joint_orders import breadth_first, checked_joints, file_order, formats, left_still, standing_q
 from rbd.motion.quaternion_order import chosen_order
 from rbd.robots.loading import load_robot
+from rbd.robots.travelling import given_texts
 from rbd.simulation.trajectory_file import npz_arrays
 
 NEAR, TURNED = 1e-3, 5e-3
@@ -44,7 +45,8 @@ def of_npz(
     if robot is None:
         if "robot" not in arrays:
             raise InputError(f"{path.name} does not name its robot; give it: robot='g1'.")
-        robot = load_robot(_text(arrays, "robot"))
+        texts = given_texts({key: _text(arrays, key) for key in ("text", "loop_file") if key in arrays})
+        robot = load_robot(_text(arrays, "robot")) if texts is None else load_robot(**texts)
         if "motors" in arrays:
             robot = with_plain_motors(robot, _motors(path, _text(arrays, "motors")))
     for name, x in arrays.items():

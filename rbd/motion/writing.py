@@ -21,6 +21,7 @@ from rbd.motion.frames import joint_values
 from rbd.motion.joint_orders import breadth_first, file_order
 from rbd.robots import catalogue
 from rbd.robots.robot import Robot
+from rbd.robots.travelling import texts_of
 
 BASE_NAMES = ("root_x", "root_y", "root_z", "root_qx", "root_qy", "root_qz", "root_qw")
 
@@ -74,6 +75,9 @@ def write_motion(
     stored = dict(arrays)
     stored["coordinates"] = np.array([c.name for c in robot.joints.positions])
     stored["robot"] = np.array(_source(robot))
+    if isinstance(robot, Robot) and robot.source.in_memory:
+        texts = texts_of(robot.text, robot.mechanism)
+        stored |= {key: np.array(texts[key]) for key in ("text", "loop_file") if texts[key]}
     if robot.motor_data:
         stored["motors"] = np.array(json.dumps(plain_motors(robot.motor_data)))
     stored["notes"] = np.array(list(notes), dtype="U") if notes else np.array([""])[:0]
@@ -126,4 +130,6 @@ def _source(robot: CheckedModel) -> str:
     """What `load_robot` loads it by."""
     if not isinstance(robot, Robot):
         return robot.name
-    return robot.source.name if robot.source.name in catalogue.names() else str(robot.urdf)
+    name = robot.source.name
+    by_name = name in catalogue.names() and catalogue.find(name).urdf == robot.urdf  # and no other robot of that name
+    return name if by_name else str(robot.urdf)

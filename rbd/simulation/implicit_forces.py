@@ -15,7 +15,8 @@ of a soft spring the frequency is w (1 - (h w)^2 / 12). With dampers, where z ar
 of a damper alone: a stiff one does not ring, and under a constant force it ends at the velocity F / d. (For dampers in joints
 alone, D T is diagonal, with z = h d times the diagonal of M^-1 at the start of the motion.) With a stiff spring beside it, such
 a damper could push; where the elements' damping would put energy into the motion, the step is repeated with T = 1/2, the
-midpoint rule again, which cannot. With constant M, K and D, and without contacts, the energy therefore never grows.
+midpoint rule again, which cannot. With constant M, K and D, and without contacts, the energy therefore never grows; of springs
+that turn this is not proved.
 
 An element without `derivatives` is taken as a push is: steps must be short against it.
 Source: [Hairer2006], chapter VI, of the midpoint rule; [Hairer1996], chapter IV, of stiff equations and Pade's approximations.

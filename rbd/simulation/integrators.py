@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
+from typing import ClassVar
 
 import numpy as np
 from scipy.integrate import DOP853
@@ -53,6 +54,8 @@ class RungeKutta4(Displayed):
         >>> print(np.ptp(swing.energy) < 1e-6, swing.residuals["drift"].max() < 1e-11)
         True True
     """
+
+    finds_events: ClassVar[bool] = True
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
         """Names the first constraint that can break or slip, or that the start violates; None if it can run."""
@@ -121,6 +124,7 @@ class DormandPrince8(Displayed):
         True
     """
 
+    finds_events: ClassVar[bool] = True
     rtol: float = 1e-10
     atol: float = 1e-12
     longest: float = 0.05
@@ -271,6 +275,7 @@ class TimeStepping(Displayed):
         [('touches', 0.101), ('slips', 0.101), ('sticks', 0.17)]
     """
 
+    finds_events: ClassVar[bool] = True
     impact_speed: float = 1e-3
     impacts: int = 20
     extrapolate: bool = False

@@ -340,7 +340,7 @@ def dissipation(elements: Sequence[ForceElement], state: State) -> float:
 
 
 class Integrator(Protocol):
-    """Protocol of the integrators."""
+    """Protocol of the integrators; one that looks for events of the user has an attribute `finds_events`, True."""
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
         """Message: why it cannot take this motion; None if it can."""

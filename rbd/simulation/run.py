@@ -309,6 +309,11 @@ def _integrator(given: Integrator | None, motion: Motion, state: State, inactive
         raise InputError(
             f"integrator is {given!r:.80}; expected rbd.RungeKutta4(), rbd.DormandPrince8() or rbd.TimeStepping()."
         )
+    if motion.search and not getattr(given, "finds_events", False):
+        raise Unsupported(
+            f"integrator {given!r:.80} does not look for events: it has no attribute finds_events = True. Use "
+            "rbd.RungeKutta4(), rbd.DormandPrince8() or rbd.TimeStepping(), or leave events= out."
+        )
     active = tuple(c for c in motion.constraints if c.name not in inactive)
     reason = given.reason_unsupported(replace(motion, constraints=active) if inactive else motion, state)
     if reason is not None:

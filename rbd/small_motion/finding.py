@@ -100,8 +100,9 @@ def find_equilibrium(
 ) -> SteadyState:
     """The equilibrium nearest to a state: a configuration on the constraints with a = 0 at v = 0.
 
-    Newton's method, each step the least change that solves the linearised equations; contacts hold during the search,
-    and the answer is checked under the contact law. It finds stable and unstable equilibria alike.
+    Newton's method on the constraints, each step the least change that solves the linearised equations; where it is stuck it
+    goes downhill in the energy first. Contacts hold during the search, and the answer is checked under the contact law. It
+    finds stable and unstable equilibria alike.
 
     Args:
         state: Where to start; its velocity is not used.

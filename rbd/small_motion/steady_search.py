@@ -34,6 +34,9 @@ from rbd.small_motion.tangent_space import velocity_slopes
 MET = 1e-10
 """Residuals up to this are met [m, rad; m/s; m/s2]."""
 STEPS = 60
+ROUGH = 1e-8
+STRIDE, STRIDES = 0.2, 150
+"""Length of a step downhill [rad, robot's lengths], and how many there are at most."""
 SLOW = 6
 """So many steps in a row that each reduce the residual by less than a tenth end the search."""
 FARTHEST = 0.3
@@ -104,12 +107,16 @@ class Search:
     def _run(self, state: State, tau: Array) -> Found:
         robot, axes = state.robot, self._axes(state)
         here = _Point(state, tau, axes, np.zeros(axes.shape[1]))
-        here = self._newton(here, AT[:1], moving=False)[0]  # onto the constraints first
+        here = self._onto(here)
         if axes.shape[1]:
             a = self._residuals(here, AT[:1])[1]
             here = replace(here, s=np.linalg.lstsq(axes, fitted_spin(robot, here.state.v, a), rcond=None)[0])
         times = self._times(here)
-        here, F, steps = self._newton(here, times)
+        here, F, steps = self._newton(start := here, times)
+        if max_abs(F) > ROUGH and not len(self.velocities) and not self.free_torques:
+            again, F_again, more = self._newton(self._settled(start), times)
+            if max_abs(F_again) < max_abs(F):
+                here, F, steps = again, F_again, steps + more
         freedoms = self._freedoms(self._slopes(here, times) * self._units(here))
         return Found(here.state, here.tau, here.spin, max_abs(F), self._residuals(here, AT[:1])[1], steps, freedoms)
 
@@ -138,6 +145,8 @@ class Search:
             for _ in range(12):
                 try:
                     nearer = self._moved(here, units * z)
+                    if moving and not len(self.velocities):
+                        nearer = self._onto(nearer)
                     F_there = self._residuals(nearer, times, moving)[0]
                 except (NoSolution, InputError):
                     z *= 0.5
@@ -151,6 +160,28 @@ class Search:
             else:
                 return here, F, step  # rounding, or a least residual that is not zero
         return here, F, STEPS
+
+    def _onto(self, here: _Point) -> _Point:
+        """The nearest point that satisfies the constraints."""
+        return self._newton(here, AT[:1], moving=False)[0]
+
+    def _settled(self, here: _Point) -> _Point:
+        """Where it comes near to rest when it follows its acceleration without inertia: downhill in the energy, in M's metric.
+
+        Newton's steps from there find the stable equilibrium below, where those from the start found none.
+        """
+        robot, size, before = here.state.robot, STRIDE, np.zeros(here.state.robot.nv)
+        for _ in range(STRIDES):
+            a = self._residuals(here, AT[:1])[1]
+            if float(a @ here.state.M @ before) < 0.0:
+                size *= 0.5
+            top = max_abs(a / robot.joints.scale)
+            if not top or size < 1e-3 * STRIDE:
+                break
+            y = np.zeros(len(self._units(here)))
+            y[: len(self.positions)] = (size / top * a)[self.positions]
+            here, before = self._onto(self._moved(here, y)), a
+        return here
 
     def _step(self, slopes: Array, F: Array, nu: int) -> Array:
         """The least step that solves the linearised equations; the torques do what they can before anything moves."""

@@ -115,6 +115,11 @@ def test_a_ball_joint_and_the_others_move_as_pinocchios(rng: np.random.Generator
     robot, data = b.robot(), by_hand.createData()
     q, v = pin.integrate(by_hand, pin.neutral(by_hand), rng.normal(size=5)), rng.normal(size=5)
     state = robot.at(q, v)
+    for shapes in (robot.visual_model, robot.collision_model):  # where the solids are, beyond a ball joint too
+        for shape in shapes.geometryObjects:
+            X = pin.SE3(pin.rpy.rpyToMatrix(0.1, 0.2, 0.3), np.array([0.1, 0.0, 0.2]))
+            assert shape.placement.isApprox(X, 1e-12) and f"link_{shape.parentJoint - 1}_0" == shape.name
+        assert shapes.ngeoms == 3
     assert np.allclose(state.M, pin.crba(by_hand, data, q), atol=1e-13)
     assert np.allclose(state.h, pin.nonLinearEffects(by_hand, data, q, v), atol=1e-12)
 

@@ -113,6 +113,19 @@ def test_a_trajectory_brings_its_robot_back(tmp_path: Path, ending: str) -> None
     assert np.isfinite(rbd.solve(again[-1].state, [0.0], again.robot.loops()).a).all()
 
 
+def test_a_motion_file_brings_its_robot_back(tmp_path: Path) -> None:
+    """Its own, and not the robot of that name which comes with the package."""
+    loops = LoopFile.of_text((URDF / "four_bar.loops.yaml").read_text().replace("0.69813", "0.5"), "four_bar.loops.yaml")
+    text = (URDF / "four_bar.urdf").read_text().replace('value="0.12"', 'value="7"')
+    robot = rbd.load_robot(text=text, loops=loops)
+    assert robot.mass == pytest.approx(7.12)
+    q = robot.at("assembled").q
+    motion = rbd.Motion.from_function(robot, lambda t: q, np.linspace(0.0, 1.0, 5))
+    motion.save(tmp_path / "rest.npz")
+    again = rbd.Motion.read(tmp_path / "rest.npz").robot
+    assert isinstance(again, rbd.Robot) and same(again, robot)
+
+
 def test_a_trajectory_of_an_mjcf_text(tmp_path: Path) -> None:
     """With its <equality> closed, or open as it was loaded."""
     for loops in (True, None):

@@ -145,6 +145,16 @@ def test_a_linear_spring_keeps_its_energy_at_any_step(in_space: CheckedModel, h_
     assert np.ptp(run.energy) < 1e-12 * run.energy[0] and np.ptp(run.elastic) > 0.5
 
 
+def test_a_pendulum_on_a_very_stiff_spring_swings_like_one_on_a_rod(box: CheckedModel) -> None:
+    """At h w = 7 the spring is not resolved: it stays about as long as it is, and the energy does not grow."""
+    spring = Spring("box", to=(0, 0, 2), stiffness=1e6, rest=1.0)
+    run = rbd.simulate(rbd.State(box, [1, 0, 2, 0, 0, 0, 1]), external=spring, duration=2.5, step=1e-2, integrator=STEPS)
+    length = np.linalg.norm(run.q[:, :3] - [0, 0, 2], axis=1)
+    assert np.abs(length - 1.0).max() < 4e-4 and run.q[:, 0].min() < -0.99
+    swing = M * 9.81 * 1.0
+    assert np.ptp(run.energy) < 1.2e-3 * swing and run.energy.max() < run.energy[0] + 1e-6 * swing
+
+
 def test_a_stiff_damper_stops_a_mass_without_ringing(in_space: CheckedModel) -> None:
     """At h d / m = 1000 the velocity does not change its sign by more than a tenth, and does not come back."""
     h, d = 1e-2, 2e5

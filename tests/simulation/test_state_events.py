@@ -375,3 +375,34 @@ def test_springs_and_dampers_go_on_across_switches():
     assert jumps.sum() > 2
     assert np.abs(np.diff(total)[~jumps]).max() < 1e-9
     assert (np.diff(motion.dissipated) >= 0.0).all()
+
+
+def test_an_integrator_that_finds_no_events_is_refused():
+    """One of the user's own, which does not know of them: no event would be found, silently."""
+
+    class Plain:
+        def reason_unsupported(self, motion, state):
+            return None
+
+        def run(self, motion, state, times):
+            return rbd.RungeKutta4().run(motion, state, times)
+
+    assert len(rbd.simulate(thrown(), duration=0.1, step=0.01, integrator=Plain())) == 11
+    with pytest.raises(rbd.errors.Unsupported, match="does not look for events"):
+        rbd.simulate(thrown(), duration=0.1, step=0.01, integrator=Plain(), events=[height])
+
+
+def test_a_switch_without_impact_needs_a_velocity_that_is_allowed():
+    """Where it is not, the error says how to have an impact."""
+    lock = rbd.JointLock("lock", next(iter(PENDULUM.joints)))
+    state, angle = pendulum(0.5)
+    for impact in (True, False):
+        given = [StateEvent(angle, "down", then=Switch(on="lock", impact=impact))]
+        run = {"duration": 1.0, "step": 0.05, "events": given, "inactive": "lock", "integrator": rbd.DormandPrince8()}
+        if impact:
+            motion = rbd.simulate(state, [lock], **run)
+            assert not motion.v[-1].any()
+            assert [e.kind for e in motion.events] == ["falls through zero", "touches"]
+        else:
+            with pytest.raises(SimulationStopped, match=r"Switch\(\.\.\., impact=True\)"):
+                rbd.simulate(state, [lock], **run)

@@ -25,6 +25,17 @@ def test_a_pendulum_that_is_pushed_hangs_at_the_angle_of_its_balance():
     assert "Unstable: 1 mode grows" in str(over)
 
 
+@pytest.mark.parametrize("name", ["four_bar", "slider_crank", "five_bar", "six_bar"])
+def test_small_mechanisms_far_from_an_equilibrium_find_one(name: str):
+    """Links of centimetres accelerate by 500 rad/s2: Newton stays on the loops, and goes downhill first where it is stuck."""
+    robot = rbd.load_robot(name)
+    for posture in robot.postures:
+        found = rbd.find_equilibrium(robot.at(posture))
+        assert found.acceleration < 1e-9 and found.linearised.difference < 1e-8
+    start = robot.at(rbd.mechanism.assemble(robot.at()).q)
+    assert rbd.find_equilibrium(start).acceleration < 1e-9
+
+
 def test_torques_that_hold_are_found_for_the_nearest_pose_that_some_hold():
     """Talos stays where it stands; an acrobot with a motor at its elbow moves its centre of mass over the shoulder."""
     talos = rbd.load_robot("talos")

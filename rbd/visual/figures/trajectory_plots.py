@@ -49,9 +49,9 @@ def plot_forces(ax: Axes, trajectory: Trajectory, *, names: Sequence[str] | None
     """Forces over time, and below them the mode of each contact: sticks, slips or open.
 
     Of a contact the vertical force is a bold line and the size of the horizontal one a fine one (world axes, on the robot); of
-    any other constraint each row is a line. Hairlines mark beginnings and ends of contact, the dotted line the weight of a
-    floating robot, if a force comes near it. A peak that would hide all else is cut off, with a note. The impulse of an
-    impact is no force: it is in `trajectory.events`.
+    any other constraint each row is a line. Hairlines mark beginnings and ends of contact, dotted ones events of yours; the
+    dotted line across is the weight of a floating robot, if a force comes near it. A peak that would hide all else is cut off,
+    with a note. The impulse of an impact is no force: it is in `trajectory.events`.
 
     Args:
         ax: Matplotlib axes, empty. The band is a child of them and carries the time axis.
