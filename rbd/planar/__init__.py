@@ -25,7 +25,7 @@ from rbd.planar.motion import PlanarMotion, endpoint_motion, joint_motion
 from rbd.planar.numeric import Ellipse
 from rbd.planar.path_following import InversePath, inverse_path
 from rbd.planar.quintic import MinimumJerk, Peaks, minimum_jerk
-from rbd.planar.small_motion import Linearised, Modes
+from rbd.planar.small_motion import LinearisedChain, Modes
 from rbd.planar.topology import ChainClass, classify
 from rbd.planar.urdf import RobotCoordinates, robot_coordinates, to_robot, to_urdf
 
@@ -39,7 +39,7 @@ __all__ = [
     "Ellipse",
     "Inverse",
     "InversePath",
-    "Linearised",
+    "LinearisedChain",
     "MinimumJerk",
     "Modes",
     "Peaks",

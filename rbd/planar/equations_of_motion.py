@@ -28,7 +28,7 @@ from rbd.errors import InputError, SingularInertia
 from rbd.planar.angles import Symbols, samples
 from rbd.planar.bodies import Bodies, Shapes, bodies_of, constant, refuse_symbols, replacements, symbols_of
 from rbd.planar.chain import Chain
-from rbd.planar.small_motion import Linearised, linearise
+from rbd.planar.small_motion import LinearisedChain, linearise
 
 GRAVITY = sp.Symbol("g", positive=True)
 """The symbol of gravity [m/s2]."""
@@ -181,7 +181,7 @@ class Dynamics(Displayed):
         bodies = self.bodies.subs(own)
         return Dynamics(self.chain.with_lengths(bodies.lengths), bodies, _gravity(self.gravity.subs(known), self.chain.t))
 
-    def linearised(self, at: Iterable[Any] | None = None) -> Linearised:
+    def linearised(self, at: Iterable[Any] | None = None) -> LinearisedChain:
         """Small motion about a posture at rest: `M x'' + K x = 0`; see `rbd.planar.small_motion`.
 
         Args:

@@ -52,7 +52,7 @@ class Modes(Displayed):
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised(Displayed):
+class LinearisedChain(Displayed):
     """Small motion about a posture, `M x'' + K x = 0` for x = q - at, with constant forces that keep the posture.
 
     Attributes:
@@ -134,7 +134,7 @@ class Linearised(Displayed):
         return sp.Integer(0), sp.Integer(1)
 
 
-def linearise(chain: Chain, M: sp.MatrixBase, g: sp.MatrixBase, at: Iterable[Any] | None) -> Linearised:
+def linearise(chain: Chain, M: sp.MatrixBase, g: sp.MatrixBase, at: Iterable[Any] | None) -> LinearisedChain:
     """The linear equations of small motion about a posture at rest.
 
     Args:
@@ -155,4 +155,4 @@ def linearise(chain: Chain, M: sp.MatrixBase, g: sp.MatrixBase, at: Iterable[Any
         posture = sp.Matrix([constant(f"angle {i + 1} of the posture", x, chain.t) for i, x in enumerate(given)])
     there = dict(zip(chain.q, posture, strict=True))
     stiffness = g.jacobian(chain.q)
-    return Linearised(*(sp.ImmutableMatrix(x) for x in (posture, M.subs(there), stiffness.subs(there), g.subs(there))))
+    return LinearisedChain(*(sp.ImmutableMatrix(x) for x in (posture, M.subs(there), stiffness.subs(there), g.subs(there))))

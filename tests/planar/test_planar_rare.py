@@ -9,7 +9,17 @@ import pytest
 import sympy
 
 from rbd.errors import InputError, SingularPose
-from rbd.planar import Chain, Linearised, classify, constrained, endpoint_motion, inverse, inverse_path, minimum_jerk, motion
+from rbd.planar import (
+    Chain,
+    LinearisedChain,
+    classify,
+    constrained,
+    endpoint_motion,
+    inverse,
+    inverse_path,
+    minimum_jerk,
+    motion,
+)
 from rbd.planar.nearest_poses import _reach, _settle, evenly_bent
 from rbd.planar.relations import newton
 from rbd.planar.urdf import _link
@@ -196,7 +206,7 @@ def test_two_modes_are_two_shapes(K, squared):
     """K s = w^2 M s of each, and the two are independent, also where both frequencies are one."""
     g = sympy.Symbol("g", positive=True)
     M, K = sympy.ImmutableMatrix([[2, 1], [1, 1]]), g * sympy.ImmutableMatrix(K)
-    modes = Linearised(sympy.zeros(2, 1), M, K, sympy.zeros(2, 1)).modes()
+    modes = LinearisedChain(sympy.zeros(2, 1), M, K, sympy.zeros(2, 1)).modes()
     if squared is not None:
         assert [sympy.simplify(w2 / g) for w2 in modes.squared] == list(squared)
     for k, w2 in enumerate(modes.squared):

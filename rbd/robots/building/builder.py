@@ -8,6 +8,7 @@ from pathlib import Path
 
 from rbd.arrays import Array
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
+from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError
 from rbd.model.input_files import FileLimits
 from rbd.model.output_files import check_place, write_text
@@ -33,7 +34,7 @@ GROUND = "ground"
 End = str | tuple[str, Sequence[float] | Array]
 
 
-class RobotBuilder:
+class RobotBuilder(Displayed):
     """Builds a robot or mechanism in memory: bodies, joints, frames, loops, wheels and postures, then `robot()` or `save()`.
 
     A body's axes are those of its joint: `at` and `rpy` of `joint` place the child's axes in the parent's, for the joint at
