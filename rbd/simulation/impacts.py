@@ -150,11 +150,12 @@ class Impact(Displayed):
         return self.solution.residuals.scaled
 
     def uniqueness(self) -> Uniqueness:
-        """Which impulses are unique, and the ranges of those that are not; and whether the velocity after it is unique.
+        """Which impulses are unique, and the ranges of those that are not [N s, N m s]; and whether v+ is unique.
 
-        Its ranges are impulses over `speed`: those of `solution`.
+        `others` has the ranges of all constraints, one for each row: of each point of a contact tangent, tangent, normal (the
+        normal alone without friction), as in `solution`. An end's `at_highest`, `at_lowest` are impulses, too.
         """
-        return self.solution.uniqueness()
+        return self.solution.uniqueness().as_impulses(self.speed, "unique" if self.unique else "those of least norm")
 
     @property
     def unique(self) -> bool:
