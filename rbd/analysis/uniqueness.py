@@ -305,9 +305,9 @@ class _Asker:
             own[span] = vertical[span]
             share = self._range(own)
         wrench = self.reach.is_unique(self.adm.rows[self.adm.problem.slices[name]])
-        return ContactUniqueness(name, normal, tuple(corners), share, wrench, self._pressure(patch, span, normal))
+        return ContactUniqueness(name, normal, tuple(corners), share, wrench, self._pressure(name, patch, normal))
 
-    def _pressure(self, patch: Patch, span: slice, normal: Range) -> bool | None:
+    def _pressure(self, name: str, patch: Patch, normal: Range) -> bool | None:
         """Whether moments about the centre of pressure vanish for all forces of the set."""
         if not (normal.highest > CARRIES_NOTHING_N or normal.value > CARRIES_NOTHING_N):
             return None
@@ -317,10 +317,10 @@ class _Asker:
         if normal.value <= CARRIES_NOTHING_N:  # use a force that is not zero
             if normal.at_highest is None:
                 return False
-            x = self._largest(self._along_span(span, patch.axes[:, 2])).x
+            x = self._largest(self._along(name, patch.axes[:, 2])).x
             assert x is not None
             stacked = self.adm.corners @ x + self.adm.corners_at
-        axes, k = patch.axes, len(patch.corners)
+        axes, k, span = patch.axes, len(patch.corners), self.adm.spans[name]
         local = stacked[span].reshape(k, 3) @ axes
         at = (patch.corners[:, :2] * local[:, 2:]).sum(axis=0) - (patch.corners[:, 2:] * local[:, :2]).sum(axis=0)
         at = at / local[:, 2].sum()
@@ -329,11 +329,6 @@ class _Asker:
             arms = np.outer(patch.corners[:, j] - at[j], axes[:, 2]) - np.outer(patch.corners[:, 2], axes[:, j])
             moments[j, span] = arms.ravel()
         return self.reach.is_unique(moments @ self.adm.corners)
-
-    def _along_span(self, span: slice, direction: Array) -> Array:
-        out = np.zeros(len(self.returned))
-        out[span] = np.tile(direction, (span.stop - span.start) // 3)
-        return out
 
     def _range(self, function: Array) -> Range:
         """Range over the set of a linear function of the stacked corner forces."""
