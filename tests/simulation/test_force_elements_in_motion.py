@@ -168,7 +168,7 @@ def test_a_stiff_damper_stops_a_mass_without_ringing(in_space: CheckedModel) -> 
 
 @pytest.mark.parametrize("tilt", [0.0, 0.7])
 def test_a_damper_about_an_axis_slows_the_turn_of_a_floating_body(in_space: CheckedModel, tilt: float) -> None:
-    """About the vertical: w = exp(-d t / I) of a level box; of a tilted one as by Dormand and Prince, at the order of the step."""
+    """About the vertical: w = exp(-d t / I) of a level box; of a tilted one as by Dormand and Prince, to the order of steps."""
     start = rbd.State(in_space, [0, 0, 0, np.sin(0.5 * tilt), 0, 0, np.cos(0.5 * tilt)], [0, 0, 0, 0, 0, 1.0])
     about_z = Damper("box", to=(0.0, 0.0, 0.0), damping=0.1, axis=(0.0, 0.0, 1.0))
     steps, exact = (rbd.simulate(start, duration=0.1, step=1e-3, external=about_z, integrator=by) for by in (STEPS, EXACT))

@@ -238,6 +238,38 @@ def test_ranges_of_impulses_are_those_of_linear_programs(speed):
     assert f"{ends.highest:.4g}" in text
 
 
+@pytest.mark.parametrize("speed", [1e-4, 1e-8, 1e-12, 1e-16])
+def test_slow_impacts_are_fast_ones_scaled(speed):
+    """Four corners with friction, e = 0: velocities and energies of an impact scale with the speed, however slow."""
+    box, rng = rbd.testing.box(mass=1.0), np.random.default_rng(0)
+    corners = [
+        rbd.PointContact(f"c{i}{j}", "box", offset=(0.1 * i, 0.1 * j, -0.05), friction=0.5, on=0.0)
+        for i in (-1, 1)
+        for j in (-1, 1)
+    ]
+    for _ in range(12):
+        v = rng.normal(size=6)
+        fast, slow = (rbd.impact(rbd.State(box, [0, 0, 0.05, 0, 0, 0, 1], k * v), corners) for k in (1.0, speed))
+        assert np.abs(slow.v / speed - fast.v).max() < 1e-8
+        assert slow.energy_lost == pytest.approx(speed**2 * fast.energy_lost, rel=1e-8)
+
+
+def test_a_contact_is_switched_on_where_another_holds_the_body_at_rest():
+    """Two bilateral points of one body at one instant: what is left to stop by the second is rounding."""
+    box = rbd.testing.box(mass=1.0)
+    two = [rbd.PointContact("c", "box", friction=None), rbd.PointContact("d", "box", offset=(0.1, 0, 0), friction=None)]
+    events = [StateEvent(lambda s: s.q[2] - 0.5, f"at {n}", then=Switch(on=n), while_off=n) for n in "cd"]
+    fall = rbd.simulate(
+        rbd.State(box, [0, 0, 1, 0, 0, 0, 1]), two, inactive=["c", "d"], duration=0.6, step=0.05, events=events,
+        integrator=rbd.DormandPrince8(),
+    )  # fmt: skip
+    assert fall.t[-1] == 0.6
+    assert np.abs(fall.q[-1, :3] - [0, 0, 0.5]).max() < 1e-12
+    assert np.abs(fall.v[-1]).max() < 1e-12
+    speeds = {e.name: e.speed for e in fall.events if e.kind == "touches"}
+    assert speeds == pytest.approx({"c": math.sqrt(9.81), "d": 0.0}, abs=1e-12)
+
+
 def test_one_impulse_is_unique_in_its_units():
     """A ball of 2 kg at 3 m/s: 6 N s, printed as an impulse."""
     box = rbd.testing.box(mass=2.0)
