@@ -320,15 +320,23 @@ def test_a_function_that_returns_no_switch_stops_the_motion():
         rbd.simulate(thrown(), duration=0.2, step=0.01, events=[unknown])
 
 
-def test_a_contact_below_its_plane_is_warned_of_where_it_is_switched_on():
-    """Not at the start, where it is off."""
-    tip = rbd.PointContact("tip", "box", friction=0.5, on=0.0)
-    late = StateEvent(lambda s: s.q[2] + 0.05, "late", then=Switch(on="tip"))
+def test_a_contact_below_its_plane_is_not_switched_on():
+    """It would be lifted by 0.1 m, with energy from nowhere: named, with depth, event and contact. At its height it is."""
+    point = rbd.PointContact("p", "box", friction=0.5, on=0.6)
+
+    def motion(height):
+        on = StateEvent(lambda s: s.q[2] - height, "late", then=Switch(on="p"), while_off="p")
+        return rbd.simulate(thrown(), [point], inactive="p", duration=0.5, step=0.05, events=[on])
+
     with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        rbd.simulate(thrown(-0.01), [tip], duration=0.05, step=0.01, events=[late], inactive="tip")
-    with pytest.warns(rbd.errors.DistantContactWarning, match="'tip' 50 mm below"):
-        rbd.simulate(thrown(0.1), [tip], duration=0.25, step=0.01, events=[late], inactive="tip")
+        warnings.simplefilter("error")  # none at the start, where it is off
+        lands = motion(0.6)
+    assert abs(lands.q[-1, 2] - 0.6) < 1e-9
+    assert np.diff(lands.energy).max() < 1e-9
+    with pytest.raises(SimulationStopped, match="'late' at t = 0.319.* s switches on .*'p' 100 mm below") as stopped:
+        motion(0.5)
+    assert stopped.value.trajectory.t[-1] < 0.32
+    assert stopped.value.reason is Reason.STOPPED_BAD_INPUT
 
 
 @ALL
