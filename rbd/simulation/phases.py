@@ -121,8 +121,8 @@ class Phases:
         if told:
             raise InputError(
                 f"event {name!r:.80} at t = {t:.6g} s switches on what is off its ground: {', '.join(told[:6])}. To move it "
-                "there would change the energy. Switch it on where it touches, e.g. at an event that is its height; give the plane, "
-                "on=...; or move the robot, Switch(q=...)."
+                "there would change the energy. Switch it on where it touches, e.g. at an event that is its height; give the "
+                "plane, on=...; or move the robot, Switch(q=...)."
             )
         made += [Event(t, each, LEAVES, -1) for each in switch.off if each in before]
         if switch.impact and self._active:
