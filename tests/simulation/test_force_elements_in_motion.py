@@ -253,6 +253,21 @@ def test_talos_in_the_air_with_joint_springs_keeps_its_energy(talos: rbd.Robot) 
     assert np.ptp(run.energy) < 1e-9 * max(np.ptp(run.kinetic), np.ptp(run.elastic))
 
 
+@pytest.mark.parametrize("by", [EXACT, STEPS, rbd.RungeKutta4()])
+def test_elements_of_a_function_are_those_of_the_trajectory_if_they_stay(box: CheckedModel, by: object) -> None:
+    """The same each time: as without a function. Let go, or made anew: none, as no sample says which acted."""
+    springs = spring_to_origin(200.0, 3.0)
+    start = rbd.State(box, [0, 0, 0.1, 0, 0, 0, 1])
+
+    def run(external: object) -> rbd.Trajectory:
+        return rbd.simulate(start, external=external, duration=0.1, step=0.02, integrator=by)
+
+    assert run(lambda state, t: springs).elements == run(springs).elements == tuple(springs)
+    assert run(lambda state, t: springs if t < 0.05 else []).elements == ()
+    assert run(lambda state, t: spring_to_origin(200.0, 3.0)).elements == ()
+    assert run(lambda state, t: np.zeros(6)).elements == ()
+
+
 def test_a_function_of_time_may_give_elements(box: CheckedModel) -> None:
     """Their energy is that of those given at the sample; here the spring is let go at 0.1 s."""
     springs = spring_to_origin(200.0, 3.0)
