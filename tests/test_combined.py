@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import copy
+import pickle
 from pathlib import Path
 
 import numpy as np
@@ -230,3 +232,24 @@ def test_loops_of_the_files_are_left_out_with_a_warning():
     four_bar, box_robot = rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5), box()
     with pytest.warns(rbd.errors.ModelWarning, match="no loops or wheels of its own: 'coupler_pin'"):
         rbd.robots.merge_robots(four_bar, box_robot, names=("", "box_"))
+
+
+def test_rotors_of_both_are_in_the_mass_matrix():
+    """Of a file's <dynamics armature> and of motors; `pin.appendModel` drops them. Torque limits and speeds stay too."""
+    swing = rbd.RobotBuilder("swing", root="fixed")
+    swing.body("rod", rbd.robots.Rod((0, 0, 0), (0, 0, -1), mass=1.0))
+    swing.joint("hinge", "ground", "rod", axis=(0, 1, 0), motor=True, armature=0.7, speed=3.0)
+    first = swing.robot()
+    second = first.with_motors({"hinge": rbd.Motor(rotor_inertia=1e-3, gear=5.0, limit=2.0, speed_limit=4.0)})
+    pair = rbd.robots.merge_robots(first, second)
+    M = np.diag([1 / 3 + 0.7, 1 / 3 + 0.025])
+    geared = pair.with_motors({"b_hinge": rbd.Motor(rotor_inertia=1e-3, gear=10.0)})
+    three = rbd.robots.merge_robots(geared, first, names=("c_", "d_"))
+    assert pair.at().M == pytest.approx(M, abs=1e-14)
+    assert np.diag(three.at().M) == pytest.approx([M[0, 0], 1 / 3 + 0.1, M[0, 0]], abs=1e-14)
+    for same in (copy.deepcopy(geared), pickle.loads(pickle.dumps(geared)), geared.with_gravity((0.0, 0.0, -1.62))):
+        assert np.diag(same.at().M) == pytest.approx([M[0, 0], 1 / 3 + 0.1], abs=1e-14)
+    a = rbd.solve(pair.at(), tau=[1.0, 1.0]).a
+    assert a == pytest.approx(1.0 / np.diag(M), abs=1e-12)
+    for limit in ("upperVelocityLimit", "lowerVelocityLimit", "upperEffortLimit", "lowerEffortLimit"):
+        assert np.array_equal(getattr(pair.model, limit), [getattr(r.model, limit)[0] for r in (first, second)])

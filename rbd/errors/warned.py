@@ -156,7 +156,7 @@ class ModelWarning(RbdWarning):
 
 
 class ForceElementWarning(RbdWarning):
-    """A spring or another force element has a constant that is unusual: a negative stiffness pushes away from rest.
+    """A force element has an unusual constant, as a negative stiffness, or a file has its name alone.
 
     Example:
         >>> import warnings

@@ -14,9 +14,11 @@ from rbd.forces.coordinates import Coordinates, Pose
 from rbd.forces.element import BetweenPlaces, ElementPicture
 from rbd.forces.numbers import damping_matrix, six, stiffness_matrix
 from rbd.forces.places import Anchor, Offset, Pair, Place, other_place, place_on
+from rbd.forces.plain_data import kept_as_data
 from rbd.model.state import State, checked
 
 
+@kept_as_data
 @dataclass(frozen=True, eq=False)
 class Bushing(BetweenPlaces):
     """Six springs and dampers between two frames, or a frame and the ground, relaxed where these coincide.

@@ -12,6 +12,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
 from rbd.forces.coordinates import Coordinates
 from rbd.forces.places import Pair, Place
+from rbd.forces.plain_data import ByValue
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
@@ -41,7 +42,7 @@ class ElementPicture(Displayed):
     value: float | None
 
 
-class BetweenPlaces(Displayed):
+class BetweenPlaces(ByValue, Displayed):
     """An element with coordinates x of two places, and the force F = preload - K (x - rest) - C x_dot conjugate to x.
 
     It adds J^T D^T F to tau_ext, with x_dot = D J v; its energy is 1/2 (x - rest)^T K (x - rest) - preload^T (x - rest).

@@ -15,13 +15,15 @@ from rbd.errors import InputError
 from rbd.forces.coordinates import WIDEST, from_rest, inverse_left_jacobian, rotation_vector, too_far
 from rbd.forces.element import ElementPicture, check_parameter
 from rbd.forces.numbers import damping_of, number, stiffness_of
+from rbd.forces.plain_data import ByValue, kept_as_data
 from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.joints import Joint
 from rbd.model.state import State
 
 
+@kept_as_data
 @dataclass(frozen=True, eq=False)
-class JointSpring(Displayed):
+class JointSpring(ByValue, Displayed):
     """A spring in a joint: tau = preload - stiffness (q - rest). It goes where `external` goes.
 
     In a joint with one degree of freedom it is linear, and counts turns where the joint does; of a continuous joint, whose
@@ -160,8 +162,9 @@ class JointSpring(Displayed):
         return _picture("joint spring", self._joint(state.robot), state, self.force(state))
 
 
+@kept_as_data
 @dataclass(frozen=True, eq=False)
-class JointDamping(Displayed):
+class JointDamping(ByValue, Displayed):
     """Viscous damping in joints: tau = -d v. It goes where `external` goes; `robot.joint_damping()` is that of its file.
 
     Args:

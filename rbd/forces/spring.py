@@ -12,6 +12,7 @@ from rbd.forces.coordinates import Angle, Coordinates, Distance, Spin, Vector
 from rbd.forces.element import BetweenPlaces, ElementPicture
 from rbd.forces.numbers import damping_of, number, stiffness_of
 from rbd.forces.places import Anchor, Offset, Pair, Place, other_place, place_on
+from rbd.forces.plain_data import kept_as_data
 from rbd.model.checked_model import FARTHEST
 from rbd.model.state import State
 
@@ -56,6 +57,7 @@ class _Line(BetweenPlaces):
         return ElementPicture(self._kind, pair.points, None, float(F[0]))
 
 
+@kept_as_data
 @dataclass(frozen=True, eq=False)
 class Spring(_Line):
     """A spring: along the line between two points, or about an axis. It goes where `external` goes.
@@ -152,6 +154,7 @@ class Spring(_Line):
         return float(found.x[0]) if len(found.x) == 1 else float(np.linalg.norm(pair.points[1] - pair.points[0]))
 
 
+@kept_as_data
 @dataclass(frozen=True, eq=False)
 class Damper(_Line):
     """A viscous damper: along the line between two points, or about an axis. It goes where `external` goes.

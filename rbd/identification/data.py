@@ -95,6 +95,11 @@ class MeasuredMotion(Displayed):
                 f"springs or dampers acted in the trajectory ({', '.join(e.name for e in springs):.200}), and external is "
                 "not given. Give external=list(trajectory.elements) with it, and pushes that acted."
             )
+        if self.external is None and any(np.any(getattr(x, name, 0.0)) for name in ("elastic", "dissipated")):
+            raise InputError(
+                "the trajectory has energy of springs or work of dampers, whose elements it does not know (a function of time "
+                "gave them, or they are not in its file), and external is not given. Give those that acted as external=[...]."
+            )
 
     def _check_forces(self, frames: int) -> None:
         names = [c.name for c in self._given]

@@ -51,6 +51,9 @@ class RobotPair(CheckedModel):
         self._renamed = tuple(_prefixed(robot.model, prefix) for robot, prefix in zip(self.members, prefixes, strict=True))
         model = pin.appendModel(*self._renamed, 0, self._mounted)
         model.gravity.linear = first.gravity  # Pinocchio gives every joined model that of the Earth
+        # It drops these two of both models: rotor inertias would be missing in M.
+        model.armature = np.concatenate([robot.model.armature for robot in self.members])
+        model.lowerVelocityLimit = np.concatenate([robot.model.lowerVelocityLimit for robot in self.members])
         passive = [p + n for robot, p in zip(self.members, prefixes, strict=True) for n in sorted(robot.passive)]
         super().__init__(model, passive=passive, name=f"{first.name} and {second.name}")
         self.sound = first.sound and second.sound

@@ -19,6 +19,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
 from rbd.modules import xarray_or_error
 from rbd.simulation.motion import Event
+from rbd.simulation.recorded_elements import elements_in, header_of_elements
 from rbd.simulation.recorded_robot import recipe, robot_numbers, robot_of
 from rbd.simulation.trajectory_fields import COLUMNS, LATER, RESIDUALS, WORDS, Fields
 from rbd.simulation.trajectory_file import checksum, listed_in, words_in
@@ -48,6 +49,7 @@ def header_of(fields: Fields) -> dict[str, Any]:
         **{word: str(fields[word]) for word in WORDS},
         "events": [[float(e.t), e.name, e.kind, int(e.point), float(e.speed), float(e.impulse)] for e in fields["events"]],
         "absent": list(fields["absent"]),
+        **header_of_elements(fields["elements"]),
     }
 
 
@@ -99,8 +101,10 @@ def fields_of(
             raise InputError(f"{name!r:.80} is of type {arrays[name].dtype}; expected {'numbers' if kind == 'f' else 'words'}")
         return arrays[name].astype(float) if kind == "f" else arrays[name]
 
+    made = robot_of(header["robot"], found(NUMBERS), folder, robot)
     return {
-        "robot": robot_of(header["robot"], found(NUMBERS), folder, robot),
+        "robot": made,
+        "elements": elements_in(header, made),
         "t": found("t"),
         **{c.name: found(c.name) for c in COLUMNS if c.name in arrays or c.name not in LATER},
         "residuals": {c.name: found(f"residual_{c.name}") for c in RESIDUALS},

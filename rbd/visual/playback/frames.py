@@ -155,8 +155,18 @@ def frames_of(
     v = [(1.0 - w) * np.asarray(trajectory.v[i]) + w * np.asarray(trajectory.v[i + 1]) for i, w in zip(low, share, strict=True)]
     pushed, words = _pushed(robot, q, at, external)
     elements, unseen = tracks_of(robot, q, v, at, given_elements)
+    unseen += _unknown_elements(trajectory) if external is None else []
     left_out = (*words, *unseen, *_without_points(trajectory), *_without_surfaces(trajectory))
     return Frames(at, tuple(joints), poses, com, contacts, pushed, modes, stretches, left_out=left_out, elements=elements)
+
+
+def _unknown_elements(trajectory: Trajectory) -> list[str]:
+    """That force elements acted which the motion does not know, in words: its energies tell."""
+    acted = any(np.any(getattr(trajectory, name, 0.0)) for name in ("elastic", "dissipated"))
+    known: Sequence[object] = getattr(trajectory, "elements", ())
+    if not acted or known:
+        return []
+    return ["Not drawn: springs or dampers that acted, which the motion does not know. Give them as external=[...]."]
 
 
 def _without_points(trajectory: Trajectory) -> list[str]:
