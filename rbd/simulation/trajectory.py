@@ -79,8 +79,8 @@ class Trajectory(Displayed):
         step: The integrator's step [s].
         interrupted: When it ended early; empty if it did not.
         end_reason: Why it ended early, a `rbd.errors.Reason`; `NONE` if it did not.
-        elements: Force elements that acted, which drawings show; empty where a function gave others with time. From a file those
-            of `rbd.forces`, and a warning names the others.
+        elements: Force elements that acted, which drawings show; empty where a function gave others with time. From a file
+            those of `rbd.forces`, and a warning names the others.
 
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
