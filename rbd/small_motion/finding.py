@@ -120,6 +120,7 @@ def find_equilibrium(
         InputError: wrong sizes, NaN.
         JointNotFound: with the nearest names.
         NoSteadyState: none was found from here, or friction does not hold it; with the nearest state.
+        NotDifferentiable: the search meets a singular pose, where motions branch.
         CannotHold: no torques within the limits hold it (of "free").
 
     Example:
@@ -175,6 +176,7 @@ def find_steady_motion(
         InputError: wrong sizes, NaN, a condition that is not finite.
         JointNotFound: with the nearest names.
         NoSteadyState: none was found from here, or contacts slip; with the nearest state.
+        NotDifferentiable: the search meets a singular pose, where motions branch.
 
     Example:
         >>> coin = rbd.load_robot("rolling_disk")

@@ -330,7 +330,7 @@ class RobotBuilder(Displayed):
         return finished(self.urdf(), loops, thin, limits=limits, feet=feet, package_dirs=package_dirs, gravity=gravity)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the URDF, and the loop file beside it; `load_robot(path)` gives the same robot.
+        """Write the URDF, and the loop file beside it; `load_robot(path)` gives the same robot, named as the file.
 
         Args:
             path: A name that ends in .urdf.
