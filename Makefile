@@ -8,11 +8,12 @@ QUICK := $(addprefix tests/,test_layers.py test_cones.py test_problem.py test_re
 	test_state.py test_dynamics.py test_robot.py test_equilibrium.py test_rows.py test_errors.py solvers/test_kkt.py \
 	solvers/test_newton.py constraints/test_loop.py mechanism/test_assembly.py simulation/test_impacts.py test_readme.py)
 
-.PHONY: help demo docs test quick exhaustive lint bench fuzz mutants coverage pictures clean
+.PHONY: help demo docs test test-long time-tests quick exhaustive lint bench fuzz mutants coverage pictures clean
 
 help:
 	@echo "make demo      Talos held by its feet and pushed: tables, and the page talos.html"
-	@echo "make test      all tests"
+	@echo "make test      the tests, but those that take longest"
+	@echo "make test-long the others; CI runs both"
 	@echo "make quick     what a change breaks first, in half a minute"
 	@echo "make exhaustive all tests, statistical ones with all their draws"
 	@echo "make bench     what answers and steps cost beside Pinocchio's and MuJoCo's own calls, with their marks"
@@ -36,7 +37,14 @@ demo: $(MARKER)
 
 # One worker a core; tests/conftest.py gives each worker one BLAS thread.
 test: $(MARKER)
-	$(BIN)/python -m pytest -n auto --dist worksteal
+	$(BIN)/python -m pytest -n auto --dist worksteal --long without
+
+test-long: $(MARKER)
+	$(BIN)/python -m pytest -n auto --dist worksteal --long only
+
+# On a quiet machine: which tests `make test` leaves out, so that it takes less than three minutes.
+time-tests: $(MARKER)
+	$(BIN)/python -m pytest -n auto --dist worksteal --write-long 0.5
 
 exhaustive: $(MARKER)
 	$(BIN)/python -m pytest -n auto --dist worksteal --exhaustive

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import gc
 import os
+from collections import defaultdict
+from pathlib import Path
 
 for library in ("OMP", "OPENBLAS"):  # read when NumPy is loaded: two threads on busy cores cost a quarter more than one
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
@@ -14,11 +16,15 @@ import pytest  # noqa: E402
 import rbd  # noqa: E402
 
 gc.disable()  # until all is collected
+LONG = Path(__file__).with_name("long_tests.txt")
+"""Tests that take longest: `make test` leaves them to `make test-long`; CI runs both."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """What takes minutes is run by `make exhaustive`."""
     parser.addoption("--exhaustive", action="store_true", help="all draws, and every example from a wheel")
+    parser.addoption("--long", choices=("with", "without", "only"), default="with", help=f"the tests of {LONG.name}")
+    parser.addoption("--write-long", type=float, metavar="SECONDS", help=f"write the tests that took longer into {LONG.name}")
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -26,11 +32,23 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "long: takes tens of seconds by itself, so it is begun first")
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is long comes first: begun late, it would run alone while the other workers have nothing left to do.
+def long_tests() -> set[str]:
+    """Names of the long tests, without parameters."""
+    return {line for line in LONG.read_text(encoding="utf-8").splitlines() if not line.startswith("#")}
 
-    On a fresh clone, the second worker meanwhile compiles what the first would compile as well.
+
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Leave out, or keep alone, the long tests, if asked. What is long comes first.
+
+    Begun late, it would run alone while the other workers have nothing left to do. On a fresh clone, the second worker
+    meanwhile compiles what the first would compile as well.
     """
+    if (wanted := config.getoption("--long")) != "with":
+        known = long_tests()
+        out = [item for item in items if (item.nodeid.partition("[")[0] in known) == (wanted == "without")]
+        left = set(map(id, out))
+        items[:] = [item for item in items if id(item) not in left]
+        config.hook.pytest_deselected(items=out)
     items.sort(key=lambda item: item.get_closest_marker("long") is None)
 
 
@@ -43,12 +61,29 @@ def pytest_collection_finish() -> None:
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
-    """In an exhaustive run, what tests have counted: lines that they recorded as the property `counted`."""
-    if terminalreporter.config.getoption("--exhaustive"):
+    """What was left out; in an exhaustive run, what tests have counted: lines that they recorded as the property `counted`."""
+    options = terminalreporter.config.getoption
+    if options("--long") == "without":
+        terminalreporter.write_line(f"left out: the {len(long_tests())} tests of tests/{LONG.name}; `make test-long` runs them")
+    if (limit := options("--write-long")) is not None:
+        write_long(terminalreporter, limit)
+    if options("--exhaustive"):
         for report in terminalreporter.getreports("passed"):
             for name, line in report.user_properties:
                 if name == "counted":
                     terminalreporter.write_line(line)
+
+
+def write_long(reporter: pytest.TerminalReporter, limit: float) -> None:
+    """Write the names of the tests that took longer, all their parameters together, into the list of long tests."""
+    took: dict[str, float] = defaultdict(float)
+    for report in {id(r): r for found in reporter.stats.values() for r in found if hasattr(r, "duration")}.values():
+        took[report.nodeid.partition("[")[0]] += report.duration
+    head = f"# Tests that took longer than {limit:g} s, with their fixtures; written by `make time-tests`."
+    names = sorted(name for name, seconds in took.items() if seconds > limit)
+    LONG.write_text("\n".join([head, *names]) + "\n", encoding="utf-8")
+    long, every = sum(took[name] for name in names), sum(took.values())
+    reporter.write_line(f"{len(names)} tests take {long:.0f} of {every:.0f} s and are in {LONG.name} now")
 
 
 @pytest.fixture(scope="session")

@@ -236,6 +236,22 @@ def test_info_tells_joints_frames_motors_and_findings():
     assert code == 2 and "free_flyer" in complaint
 
 
+def test_info_says_none_where_the_builder_was_given_no_limits(tmp_path):
+    """Its files state 1e4 rad, 1e3 m and speeds of zero there, as a URDF must state something."""
+    b = rbd.RobotBuilder("pair", root="fixed")
+    b.body("turns", rbd.robots.Rod((0, 0, 0), (1, 0, 0), mass=1.0))
+    b.body("slides", rbd.robots.Rod((0, 0, 0), (1, 0, 0), mass=1.0))
+    b.body("limited", rbd.robots.Rod((0, 0, 0), (1, 0, 0), mass=1.0))
+    b.joint("turn", "ground", "turns", motor=True, effort=5.0)
+    b.joint("slide", "turns", "slides", "prismatic")
+    b.joint("limit", "slides", "limited", limits=(-1.0, 2.0), speed=3.0)
+    code, out, complaint = run("info", str(b.save(tmp_path / "pair.urdf")))
+    rows = {words[0]: words[3:] for line in out.splitlines() if len(words := line.split()) > 3}
+    assert code == 0, complaint
+    assert rows["turn"] == ["none", "none", "none", "5"]
+    assert rows["slide"] == ["none", "none", "none", "no", "motor"] and rows["limit"] == ["-1", "2", "3", "no", "motor"]
+
+
 def test_a_report_of_a_bolted_arm_has_no_motion_of_its_mass_to_compare(tmp_path):
     """The ground takes what it needs: no number is told for it. A motor without a limit has none, and no share of it."""
     ball = '<body name="b"><joint name="j" axis="0 1 0"/><geom size=".1" pos=".3 0 0"/></body>'

@@ -15,10 +15,12 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.analysis.active_set import CONSISTENT, ActiveSet
+from rbd.analysis.along_constraints import projections
 from rbd.analysis.differences import STEP, slope
 from rbd.analysis.external_derivatives import derivatives_of
 from rbd.analysis.held_rows import HeldRows
 from rbd.analysis.parameters import ParameterDerivatives, by_parameter, checked_parameters
+from rbd.analysis.term_changes import Change
 from rbd.arrays import RANK, Array
 from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
 from rbd.constraints.loop_stack import rows_function
@@ -74,6 +76,8 @@ class Derivatives(Displayed):
         active: {constraint: mode of each part of its set}: "holds", "sticks", "presses" (without friction), "slips" (begins
             to), "slides" (already), "opens", or "yields" (a force at its bound).
         not_unique: Names of the constraints whose forces are not unique.
+        along_constraints: Whether those by q and v hold along the constraints alone, where rows are redundant on them and
+            contradict each other beside them (a Bricard's closing hinge). A change off them counts as its projection onto them.
         parameters: {parameter: derivatives by it}, of those asked for.
 
     Example:
@@ -95,6 +99,7 @@ class Derivatives(Displayed):
     forces: dict[str, ForceDerivatives | None]
     active: dict[str, tuple[str, ...]]
     not_unique: tuple[str, ...]
+    along_constraints: bool = False
     parameters: dict[str, ParameterDerivatives] = field(default_factory=dict)
 
     def __repr__(self) -> str:
@@ -104,7 +109,8 @@ class Derivatives(Displayed):
         said = [f"{name} {_counted(words)}" for name, words in self.active.items()]
         lost = f"; not unique: forces of {', '.join(self.not_unique)}" if self.not_unique else ""
         sizes = f"nv = {self.da_dtau.shape[0]}, nu = {self.da_dtau.shape[1]}"
-        return "\n  ".join([f"{sizes}, held: {'; '.join(said) or 'nothing'}{lost}", *map(str, self.parameters.values())])
+        only = "; by q and v along the constraints alone" if self.along_constraints else ""
+        return "\n  ".join([f"{sizes}, held: {'; '.join(said) or 'nothing'}{lost}{only}", *map(str, self.parameters.values())])
 
 
 def _counted(words: tuple[str, ...]) -> str:
@@ -188,8 +194,19 @@ class _Chain:
         """All derivatives."""
         robot, active = self.robot, self.active
         by_q, by_v = self._by_state()
-        self._check_internal(by_q)
-        (a_q, f_q), (a_v, f_v) = (active.derivative(x.force, x.c, x.u) for x in (by_q, by_v))
+        along_only = False
+        try:
+            (a_q, f_q), (a_v, f_v) = self._answered(by_q, by_v)
+        except NotDifferentiable:
+            along = (
+                projections(self.origin.state, self.origin.constraints, active.words, by_q.u)
+                if len(active.internal.T)
+                else None
+            )
+            if along is None:
+                raise
+            by_q, by_v, along_only = by_q.by(along.Q).plus(by_v.by(along.G)), by_v.by(along.V), True
+            (a_q, f_q), (a_v, f_v) = self._answered(by_q, by_v)
         a_external, f_external = active.by_force()
         a_tau, f_tau = a_external[:, robot.motors].copy(), f_external[:, robot.motors].copy()
         lost = self._not_unique()
@@ -202,11 +219,17 @@ class _Chain:
                     df += by.resultants[r.name]
             forces[r.name] = None if r.name in lost else ForceDerivatives(*each)
         motion = Derivatives(a_q, a_v, a_tau, a_external, None, None, None, None, forces, active.words, lost)
+        motion = replace(motion, along_constraints=along_only)
         if active.internal.size:
             return motion
         return replace(motion, df_dq=f_q, df_dv=f_v, df_dtau=f_tau, df_dexternal=f_external)
 
-    def _by_state(self) -> tuple[_Change, _Change]:
+    def _answered(self, by_q: Change, by_v: Change) -> list[tuple[Array, Array]]:
+        """(da, df) of both changes."""
+        self._check_internal(by_q)
+        return [self.active.derivative(x.force, x.c, x.u) for x in (by_q, by_v)]
+
+    def _by_state(self) -> tuple[Change, Change]:
         """Changes of the terms with q and with v."""
         changes = self._of_fixed()
         if self.others:
@@ -218,7 +241,7 @@ class _Chain:
                 change.add(more)
         return changes
 
-    def _of_fixed(self) -> tuple[_Change, _Change]:
+    def _of_fixed(self) -> tuple[Change, Change]:
         """Changes of M a + h, of external forces and of rows that are constant or fixed to bodies: Pinocchio's derivatives."""
         P, f, nv, internal = self.answer.problem, self.answer.multipliers, self.nv, self.active.internal
         pushes = _pushes(self.origin.external)
@@ -229,8 +252,8 @@ class _Chain:
 
         given = [wrench for _, wrench in pushes]
         found = state_derivatives(self.origin.state, self.answer.a, poses, given + applied(f))
-        by_q = _Change.none(nv, self.m, internal.shape[1], found.force_dq)
-        by_v = _Change.none(nv, self.m, internal.shape[1], found.force_dv)
+        by_q = Change.none(nv, self.m, internal.shape[1], found.force_dq)
+        by_v = Change.none(nv, self.m, internal.shape[1], found.force_dv)
         for (rows, r), moved in zip(self.fixed, found.poses[len(pushes) :], strict=True):
             span, own = P.slices[r.name], rows.rows
             by_q.c[span], by_q.u[span] = moved.acceleration_dq[own], moved.velocity_dq[own]
@@ -273,7 +296,7 @@ class _Chain:
             resultants.append(np.zeros(0) if r.resultant is None else r.resultant @ f[part])
         return np.concatenate([force, internal.ravel(), *c, *u, *resultants])
 
-    def _differences(self, moved: Callable[[int, float], State], step: float, what: str) -> _Change:
+    def _differences(self, moved: Callable[[int, float], State], step: float, what: str) -> Change:
         """The change of the other constraints along each coordinate, by differences of samples.
 
         Args:
@@ -287,7 +310,7 @@ class _Chain:
             return slope(lambda h: self._sample(moved(i, h)), here, step, f"{what}[{i}]")
 
         slopes = np.column_stack([along(i) for i in range(nv)])
-        out = _Change.none(nv, self.m, d, slopes[:nv])
+        out = Change.none(nv, self.m, d, slopes[:nv])
         m = sum(len(r) for _, r in self.others)
         internal, c, u, rest = np.split(slopes[nv:], np.cumsum([nv * d, m, m]))
         out.internal[:] = internal.reshape(nv, d, nv)
@@ -299,7 +322,7 @@ class _Chain:
                 out.resultants[r.name], rest = rest[: len(r.resultant)], rest[len(r.resultant) :]
         return out
 
-    def _check_internal(self, by_q: _Change) -> None:
+    def _check_internal(self, by_q: Change) -> None:
         """Refuse if internal forces here would move the robot at a state nearby, where the rows are not redundant."""
         scale = float(np.abs(self.answer.multipliers).max(initial=0.0))
         for force in by_q.internal.transpose(1, 0, 2):
@@ -317,39 +340,6 @@ class _Chain:
             if np.abs(part if r.resultant is None else r.resultant @ part).max(initial=0.0) > RANK:
                 lost.append(r.name)
         return tuple(lost)
-
-
-@dataclass(frozen=True, eq=False)
-class _Change:
-    """How the terms of the equations change along n directions, at fixed a and f.
-
-    Attributes:
-        force: S^T tau + tau_ext + J^T f - (M a + h), shape (nv, n).
-        internal: J^T of internal forces, shape (nv, d, n).
-        c: Accelerations of the rows, shape (m, n).
-        u: Velocities of the rows, shape (m, n).
-        resultants: {constraint: force in world axes, shape (k, n)}, of those that change.
-    """
-
-    force: Array
-    internal: Array
-    c: Array
-    u: Array
-    resultants: dict[str, Array]
-
-    @classmethod
-    def none(cls, nv: int, m: int, d: int, force: Array) -> _Change:
-        """A change of the force alone."""
-        n = force.shape[1]
-        return cls(force, np.zeros((nv, d, n)), np.zeros((m, n)), np.zeros((m, n)), {})
-
-    def add(self, other: _Change) -> None:
-        """Add the change of other constraints."""
-        self.force[:] += other.force
-        self.internal[:] += other.internal
-        self.c[:] += other.c
-        self.u[:] += other.u
-        self.resultants.update(other.resultants)
 
 
 _WORLD = np.eye(3)

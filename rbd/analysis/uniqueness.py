@@ -8,8 +8,9 @@ cones are circular (`rbd.analysis.extent`). A resultant is unique if no directio
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from scipy.linalg import blas
@@ -40,6 +41,11 @@ class Attained:
     weights: Array | None
     corner_forces: dict[str, Array]
 
+    def times(self, factor: float) -> Attained:
+        """These forces times a factor above zero."""
+        weights = None if self.weights is None else factor * self.weights
+        return Attained(factor * self.multipliers, weights, {name: factor * f for name, f in self.corner_forces.items()})
+
 
 @dataclass(frozen=True, eq=False)
 class Range:
@@ -66,6 +72,16 @@ class Range:
     def found(self) -> bool:
         """Whether both limits were found within `rbd.problem.programs.ENDS_WORK`."""
         return not (math.isnan(self.lowest) or math.isnan(self.highest))
+
+    def times(self, factor: float) -> Range:
+        """The range of the number times a factor above zero."""
+        low, high = (None if x is None else x.times(factor) for x in (self.at_lowest, self.at_highest))
+        return Range(factor * self.lowest, factor * self.highest, factor * self.value, low, high, self.unique)
+
+    def digits(self, least: float) -> str:
+        """Its text to four digits, as impulses of small robots are small; zero up to a size."""
+        ends = [self.value] if self.unique else [self.lowest, self.highest]
+        return " .. ".join("?" if math.isnan(x) else "0" if abs(x) <= least else f"{x:.4g}" for x in ends)
 
     def __str__(self) -> str:
         if self.unique:
@@ -131,6 +147,7 @@ class Uniqueness(Displayed):
             widened by 1e-10.
         found: Whether all limits and dimensions were found within `rbd.problem.programs.ENDS_WORK`. Others are NaN,
             printed as "?"; if the dimension of the set was not found, `row_freedom` and `corner_freedom` are upper bounds.
+        quantity: "force", or "impulse" of `rbd.impact`: its ranges are in N s and N m s.
 
     Example:
         >>> box = rbd.testing.box(mass=10.0)
@@ -152,14 +169,26 @@ class Uniqueness(Displayed):
     motion_freedom: int
     exact: bool
     found: bool = True
+    quantity: str = "force"
+
+    def as_impulses(self, speed: float, choice: str) -> Uniqueness:
+        """The same for impulses, where forces are impulses over a speed, as in `Impact.solution`.
+
+        Args:
+            speed: The speed [m/s].
+            choice: Which impulses were returned.
+        """
+        others = {name: tuple(r.times(speed) for r in ranges) for name, ranges in self.others.items()}
+        return replace(self, others=others, force_choice=choice, quantity="impulse")
 
     def __repr__(self) -> str:
-        return f"Uniqueness({self.row_freedom} internal forces of the rows, {self.corner_freedom} of the corners)"
+        what = self.quantity
+        return f"Uniqueness({self.row_freedom} internal {what}s of the rows, {self.corner_freedom} of the corners)"
 
     def __str__(self) -> str:
         lines = [
             f"law: {self.law}; {self.rows} rows of rank {self.rank}; active rows: rank {self.active_rank}",
-            f"internal forces: {self.row_freedom} of the rows, {self.corner_freedom} of the corners; "
+            f"internal {self.quantity}s: {self.row_freedom} of the rows, {self.corner_freedom} of the corners; "
             f"returned: {self.force_choice}",
         ]
         if self.motion_freedom:
@@ -170,13 +199,19 @@ class Uniqueness(Displayed):
         if self.contacts:
             lines.append(f"  {'contact':<16}{'normal force [N]':>22}{'share of the weight':>20}{'one corner [N]':>22}  unique")
         lines += [f"  {contact}" for contact in self.contacts.values()]
-        lines += [f"  {name:<16} force {', '.join(map(str, ranges))}" for name, ranges in self.others.items()]
+        text: Callable[[Range], str] = str
+        if self.quantity == "impulse":
+            least = 1e-9 * max((abs(r.value) for ranges in self.others.values() for r in ranges), default=0.0)
+            text = partial(Range.digits, least=least)
+        lines += [f"  {name:<16} {self.quantity} {', '.join(map(text, ranges))}" for name, ranges in self.others.items()]
         if not self.exact:
             lines.append("  The cones have no interior here: ends are those of cones wider by 1e-10.")
         if not self.found:
             lines.append(f"  ?: not found within {ENDS_WORK:.0e} multiplications; fewer contacts take less.")
         if any(math.isinf(r.lowest) or math.isinf(r.highest) for r in self._ranges()):
-            lines.append("  inf: unbounded; contacts may push, or bilateral ones pull, against each other with any force.")
+            lines.append(
+                f"  inf: unbounded; contacts may push, or bilateral ones pull, against each other with any {self.quantity}."
+            )
         return "\n".join(lines)
 
     def _ranges(self) -> list[Range]:
@@ -270,9 +305,9 @@ class _Asker:
             own[span] = vertical[span]
             share = self._range(own)
         wrench = self.reach.is_unique(self.adm.rows[self.adm.problem.slices[name]])
-        return ContactUniqueness(name, normal, tuple(corners), share, wrench, self._pressure(patch, span, normal))
+        return ContactUniqueness(name, normal, tuple(corners), share, wrench, self._pressure(name, patch, normal))
 
-    def _pressure(self, patch: Patch, span: slice, normal: Range) -> bool | None:
+    def _pressure(self, name: str, patch: Patch, normal: Range) -> bool | None:
         """Whether moments about the centre of pressure vanish for all forces of the set."""
         if not (normal.highest > CARRIES_NOTHING_N or normal.value > CARRIES_NOTHING_N):
             return None
@@ -282,10 +317,10 @@ class _Asker:
         if normal.value <= CARRIES_NOTHING_N:  # use a force that is not zero
             if normal.at_highest is None:
                 return False
-            x = self._largest(self._along_span(span, patch.axes[:, 2])).x
+            x = self._largest(self._along(name, patch.axes[:, 2])).x
             assert x is not None
             stacked = self.adm.corners @ x + self.adm.corners_at
-        axes, k = patch.axes, len(patch.corners)
+        axes, k, span = patch.axes, len(patch.corners), self.adm.spans[name]
         local = stacked[span].reshape(k, 3) @ axes
         at = (patch.corners[:, :2] * local[:, 2:]).sum(axis=0) - (patch.corners[:, 2:] * local[:, :2]).sum(axis=0)
         at = at / local[:, 2].sum()
@@ -294,11 +329,6 @@ class _Asker:
             arms = np.outer(patch.corners[:, j] - at[j], axes[:, 2]) - np.outer(patch.corners[:, 2], axes[:, j])
             moments[j, span] = arms.ravel()
         return self.reach.is_unique(moments @ self.adm.corners)
-
-    def _along_span(self, span: slice, direction: Array) -> Array:
-        out = np.zeros(len(self.returned))
-        out[span] = np.tile(direction, (span.stop - span.start) // 3)
-        return out
 
     def _range(self, function: Array) -> Range:
         """Range over the set of a linear function of the stacked corner forces."""

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 from rich.console import Group
 from rich.text import Text
 
@@ -21,6 +20,7 @@ from rbd.errors import CannotHold, ModelWarning, RbdError
 from rbd.model.external import ExternalForce
 from rbd.model.state import State
 from rbd.problem.answer import ContactForce
+from rbd.robots.building.parts import FARTHEST_SLIDE, FARTHEST_TURN
 from rbd.robots.catalogue import licence
 from rbd.robots.loading import doctor, load_robot
 from rbd.robots.robot import Robot
@@ -134,18 +134,13 @@ def _joints_table(robot: Robot) -> Table:
         at = f"{joint.idx_v}" if joint.nv == 1 else f"{joint.idx_v}..{joint.idx_v + joint.nv - 1}"
         bounds = ("", "", "")
         if joint.nq == 1:
-            bounds = (
-                _bound(model.lowerPositionLimit[joint.idx_q]),
-                _bound(model.upperPositionLimit[joint.idx_q]),
-                _bound(_speed_limit(model)[joint.idx_v]),
-            )
+            low, high = float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
+            if (low, high) in ((-FARTHEST_TURN, FARTHEST_TURN), (-FARTHEST_SLIDE, FARTHEST_SLIDE)):
+                low, high = -math.inf, math.inf
+            bounds = (_bound(low), _bound(high), _bound(robot.joints[name].speed))
         motor = _bound(effort[joint.idx_v]) if joint.idx_v in effort else "no motor"
         table.add_row(name, joint.shortname().removeprefix("JointModel"), at, *bounds, motor)
     return table
-
-
-def _speed_limit(model: pin.Model) -> np.ndarray:
-    return np.asarray(model.upperVelocityLimit if hasattr(model, "upperVelocityLimit") else model.velocityLimit)
 
 
 def _bound(value: float) -> str:

@@ -35,6 +35,20 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
         below_only: Of unilateral contacts, name only those below their planes: others fall onto them.
         stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
     """
+    told = distant(rows, below_only=below_only)
+    if told:
+        more = f" and {len(told) - 6} more" if len(told) > 6 else ""
+        warnings.warn(
+            f"contacts of {robot.name} are off the ground that they stand on: {', '.join(told[:6])}{more}. Move the robot "
+            "(robot.standing() puts its feet on z = 0), leave out what does not touch, or give the plane: robot.feet(on=0.75), "
+            "robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where it is not known.",
+            DistantContactWarning,
+            stacklevel=stacklevel,
+        )
+
+
+def distant(rows: Sequence[Rows], *, below_only: bool = False) -> list[str]:
+    """Contacts that are off their planes, by how much, in words; see `warn_of_distant`."""
     told = []
     for r in rows:
         gaps = r.gaps_off_plane
@@ -49,12 +63,4 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
             worst = float(gaps[np.argmax(np.abs(gaps) * far)])
             which = "" if len(gaps) == 1 or far.all() else f" ({int(far.sum())} of {len(gaps)} points)"
             told.append(f"{r.name!r:.80}{which} {1e3 * abs(worst):.4g} mm {'above' if worst > 0.0 else 'below'}")
-    if told:
-        more = f" and {len(told) - 6} more" if len(told) > 6 else ""
-        warnings.warn(
-            f"contacts of {robot.name} are off the ground that they stand on: {', '.join(told[:6])}{more}. Move the robot "
-            "(robot.standing() puts its feet on z = 0), leave out what does not touch, or give the plane: robot.feet(on=0.75), "
-            "robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where it is not known.",
-            DistantContactWarning,
-            stacklevel=stacklevel,
-        )
+    return told

@@ -26,7 +26,8 @@ class Bushing(BetweenPlaces):
     With R the axes at `to` and d from there to the frame's point, its coordinates are x = (R^T d, log(R^T R_frame)): three
     displacements in the axes of `to`, and the rotation vector. The force conjugate to x is F = preload - K x - C x_dot. It is
     exactly minus the gradient of the energy 1/2 x^T K x - preload^T x; in translation it acts at the frame's point. For one
-    rotation about a principal axis of K its moment is -k times the angle, at any angle up to 170 degrees.
+    rotation about a principal axis of K its moment is -k times the angle, at any angle up to 170 degrees. One whose stiffness,
+    damping and preload against rotation are all zero is a ball mount: it takes any rotation.
 
     Args:
         frame: Frame of the robot.
@@ -41,7 +42,7 @@ class Bushing(BetweenPlaces):
 
     Raises:
         InputError: numbers that are not finite, matrices that are not symmetric, damping that would drive, no frame's name. At
-            a state: a rotation beyond 170 degrees.
+            a state: a rotation beyond 170 degrees, but of a ball mount.
 
     Example:
         >>> box = rbd.testing.box(mass=10.0)
@@ -113,7 +114,11 @@ class Bushing(BetweenPlaces):
         return self.__dict__["_at_to"], self.__dict__["_at_frame"]
 
     def _coordinates(self, pair: Pair) -> Coordinates:
-        return Pose(pair, repr(self.name)[:82])
+        return Pose(pair, repr(self.name)[:82], turns=self._turns())
+
+    def _turns(self) -> bool:
+        """Whether its force depends on the rotation; K and C are symmetric."""
+        return any(np.any(np.asarray(x)[3:]) for x in (self.stiffness, self.damping, self.preload))
 
     def _stiffness(self, m: int) -> Array:
         return np.asarray(self.stiffness)
@@ -128,9 +133,22 @@ class Bushing(BetweenPlaces):
         size = x if parameter == "stiffness" else rate
         return dict(zip(("x", "y", "z", "about x", "about y", "about z"), np.diag(-size), strict=True))
 
+    def parameter_force(self, state: State, parameter: str) -> Array | dict[str, Array]:
+        """Derivatives of tau by the six numbers on the diagonal of K or C, {"x", ..., "about z": (nv,)}.
+
+        Raises:
+            InputError: it has no such parameter; or the rotation is beyond 170 degrees, of a ball mount too.
+        """
+        self.displacement(state)
+        return super().parameter_force(state, parameter)
+
     def displacement(self, state: State) -> Array:
-        """The coordinates x: position [m], then rotation vector [rad], of the frame in the axes of `to`, shape (6,)."""
-        return self._at(state)[1].x
+        """The coordinates x: position [m], then rotation vector [rad], of the frame in the axes of `to`, shape (6,).
+
+        Raises:
+            InputError: the rotation is beyond 170 degrees.
+        """
+        return Pose(Pair(state, *self._places()), repr(self.name)[:82]).x
 
     def picture(self, state: State) -> ElementPicture:
         """Its ends at a state, for drawings."""

@@ -157,17 +157,24 @@ class Spin(_AboutAxis):
 class Pose:
     """The second place in the axes of the first: position and rotation vector, x = (R^T d, log R^T R_2).
 
+    Args:
+        pair: The places.
+        what: Names the element in errors.
+        turns: Whether F depends on the rotation; where it does not, that counts as zero beyond 170 degrees.
+
     Raises:
         InputError: the rotation is beyond 170 degrees.
     """
 
-    def __init__(self, pair: Pair, what: str) -> None:
+    def __init__(self, pair: Pair, what: str, *, turns: bool = True) -> None:
         R, d = pair.R, pair.points[1] - pair.points[0]
         theta, angle = rotation_vector(R.T @ pair.R_other)
-        if not angle <= WIDEST:
+        known = angle <= WIDEST
+        if turns and not known:
             raise too_far(what, angle, "A rotation vector is known up to half a turn.")
+        theta = theta if known else np.zeros(3)
         self._R, self._d, self._theta = R, d, theta
-        self._inverse = inverse_left_jacobian(theta)
+        self._inverse = inverse_left_jacobian(theta) if known else np.zeros((3, 3))
         turn = self._inverse @ R.T
         self.x = np.concatenate([R.T @ d, theta])
         self.D = np.zeros((6, 12))

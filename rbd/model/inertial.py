@@ -50,18 +50,6 @@ def body_names(robot: CheckedModel) -> tuple[str, ...]:
     return tuple(names.get(i, model.names[i]) for i in range(1, model.njoints))
 
 
-def body_number(robot: CheckedModel, name: str) -> int:
-    """Index of a body among `body_names`.
-
-    Raises:
-        InputError: with the nearest names.
-    """
-    names = body_names(robot)
-    if name not in names:
-        raise InputError(f"no body {name!r:.80} in {robot.name}; {nearest(name, names)}. See rbd.dynamics.body_names(robot).")
-    return names.index(name)
-
-
 def inertial_parameters(robot: CheckedModel) -> Array:
     """The ten parameters of each body, shape (bodies, 10) [kg, kg m, kg m2], in the order of `body_names`.
 

@@ -175,7 +175,7 @@ class Linkage(Displayed):
         out.body(GROUND, mass=sum(link.mass for link in self.links), com=com, inertia=inertia, elements=shapes)
         for link in self.links:
             lengths = [float(np.linalg.norm(b - a)) for a, b in link.bars]
-            masses = [link.mass * length / sum(lengths) for length in lengths]
+            masses = [link.mass * (length / sum(lengths)) for length in lengths]
             bars = [Rod(a, b, mass=m, radius=self.radius) for (a, b), m in zip(link.bars, masses, strict=True)]
             bars = [replace(bar, draws=False, collides=False) for bar in bars]
             out.body(link.name, *bars, elements=self._shapes(link))

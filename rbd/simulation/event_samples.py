@@ -7,9 +7,9 @@ from collections.abc import Callable, Generator
 from rbd.control.accepted_steps import INSTANT
 from rbd.model.state import State
 from rbd.simulation.event_detection import EventDetection
-from rbd.simulation.event_search import FOUND
+from rbd.simulation.event_search import FOUND, EventSearch, Impact, Zero
 from rbd.simulation.instant import HalfStep, Step
-from rbd.simulation.motion import AtEvents, Event, Motion, Sample
+from rbd.simulation.motion import AtEvents, Event, Sample
 from rbd.simulation.smooth import SmoothMotion, Stage
 from rbd.simulation.time_step import StepSystem
 
@@ -18,22 +18,17 @@ RISES, FALLS = "rises through zero", "falls through zero"
 
 
 def _crossed(
-    motion: Motion, since: float, t: float, state: State, at: Callable[[float], State], sample: Callable[[float], Sample]
+    search: EventSearch, zeros: list[Zero], since: float, t: float, sample: Callable[[float], Sample]
 ) -> Generator[Sample, None, bool]:
-    """The samples at the events of an interval; returns whether the last of them interrupts the motion.
+    """The samples at zeros within a step; returns whether the last of them interrupts the motion.
 
     Args:
-        motion: The motion.
-        since: Beginning of the interval [s].
+        search: The search that found them.
+        zeros: In order of time.
+        since: Beginning of the step [s].
         t: Its end [s].
-        state: The state there.
-        at: The state at a time in it, by the integrator's interpolant.
-        sample: The sample at such a time.
+        sample: The sample at a time in it.
     """
-    search = motion.search
-    if not search:
-        return False
-    zeros = search.between(t, state, at)
     while zeros:
         now = [zero for zero in zeros if zero.t <= zeros[0].t + FOUND]
         zeros = zeros[len(now) :]
@@ -64,8 +59,11 @@ def crossed_smoothly(
         at: The stage at a time in it.
         state_at: The state there, if that is cheaper.
     """
-    states = state_at or (lambda t: at(t).state)
-    return (yield from _crossed(smooth.motion, since, end.t, end.state, states, lambda t: smooth.sample(at(t))))
+    search = smooth.motion.search
+    if not search:
+        return False
+    zeros = search.between(end.t, end.state, state_at or (lambda t: at(t).state))
+    return (yield from _crossed(search, zeros, since, end.t, lambda t: smooth.sample(at(t))))
 
 
 def crossed_in_step(
@@ -86,21 +84,36 @@ def crossed_in_step(
         detection: Is told what happened until an event that interrupts the motion.
         recorded: The sample of a half step.
     """
-    since = half.start.t
+    since, search, touches = half.start.t, system.motion.search, end.passed.touches
+    if not search:
+        return False
 
     def at(when: float) -> Step:
+        for touch in touches:
+            if when == touch.after.t:
+                return Step(touch.after, end.passed.until(touch))
         return end if when == t else system.step(half, when)
+
+    def state_at(when: float) -> State:
+        return at(when).end.at.state
 
     def sample(when: float) -> Sample:
         there = at(when).end
         return recorded(system, system.half_step(there, max(t - when, 1e-3 * (t - since))), ())
 
-    found = _crossed(system.motion, since, t, end.end.at.state, lambda when: at(when).end.at.state, sample)
-    for each in found:
-        assert each.found is not None
-        if each.found.interrupts:
-            detection.add(at(each.t).passed)
-            yield each.but(events=(*detection.taken(), *each.events))
-            return True
-        yield each
+    for touch in [*touches, None]:
+        if touch is None:
+            zeros = search.between(t, end.end.at.state, state_at)
+        else:
+            late, before, after = min(touch.late, INSTANT), touch.before, touch.after
+            q, v = system.bases.moved(before.q, before.v, late)
+            impact = Impact(after.at.state, State(before.robot, q, v), late)
+            zeros = search.between(after.t, before, state_at, impact)
+        for each in _crossed(search, zeros, since, t, sample):
+            assert each.found is not None
+            if each.found.interrupts:
+                detection.add(at(each.t).passed)
+                yield each.but(events=(*detection.taken(), *each.events))
+                return True
+            yield each
     return False

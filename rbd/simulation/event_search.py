@@ -2,8 +2,8 @@
 
 A function's *side* is its last sign other than zero. A zero is found where the sign at the end of an interval is not that of
 the side: its time by Chandrupatla's method [Chandrupatla1997], which brackets the zero and does not need derivatives, to
-1e-12 s or the rounding of times. Where the motion jumps within the interval, as at an impact of time steps, that is the time of
-the jump.
+1e-12 s or the rounding of times. An interval of time steps ends at each touch: a function that would have passed zero within
+the rounding of the touch's time, as the height of the point that touches, is zero there; then the state jumps by the impact.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 
@@ -43,6 +44,20 @@ class Zero:
     rises: bool
 
 
+class Impact(NamedTuple):
+    """An impact at the end of an interval.
+
+    Attributes:
+        after: The state after it.
+        through: The state that the motion would reach without it, a moment later.
+        late: That moment [s].
+    """
+
+    after: State
+    through: State
+    late: float
+
+
 @dataclass(eq=False)
 class _Course:
     """What is known of one event function during a motion.
@@ -51,6 +66,7 @@ class _Course:
         event: The event.
         value: At the end of the last interval.
         side: Its last sign that was not zero; 0: none was known since the start, or since a switch.
+        floor: Values up to this size count as zero since a touch at which it was zero.
         count: Number of its zeros so far.
         looked: Whether it is looked for now.
         values: Number of its values, and whether one of them was not zero.
@@ -62,6 +78,7 @@ class _Course:
     event: StateEvent
     value: float = 0.0
     side: int = 0
+    floor: float = 0.0
     count: int = 0
     looked: bool = True
     values: int = 0
@@ -72,7 +89,7 @@ class _Course:
 
     def sign(self, value: float) -> int:
         """Its sign; zero up to the size that the event says."""
-        return 0 if abs(value) <= self.event.zero else 1 if value > 0.0 else -1
+        return 0 if abs(value) <= max(self.event.zero, self.floor) else 1 if value > 0.0 else -1
 
 
 class EventSearch:
@@ -111,13 +128,14 @@ class EventSearch:
             course.value = self._value(course, state, t)
             course.side = 0 if fired else course.sign(course.value)
 
-    def between(self, t: float, state: State, at: Callable[[float], State]) -> list[Zero]:
+    def between(self, t: float, state: State, at: Callable[[float], State], impact: Impact | None = None) -> list[Zero]:
         """The zeros since the last call, in order of time, up to the first that interrupts the motion.
 
         Args:
             t: The end of the interval [s]; it begins where the last one ended.
-            state: The state there.
+            state: The state there, before an impact.
             at: The state at any time in it.
+            impact: The impact at its end, if there is one.
 
         Raises:
             BadEvent: a value that is no finite number; or zeros chatter.
@@ -127,21 +145,17 @@ class EventSearch:
         for course in self._courses:
             if not course.looked:
                 continue
-            before, side = course.value, course.side
-            course.value = value = self._value(course, state, t)
-            sign = course.sign(value)
-            crosses = bool(side) and sign != side and course.sign(before) == side
-            if sign:
-                course.side = sign
-            if not crosses or course.event.direction * side > 0:
-                course.recent.append(False)
-                continue
-            when = self._zero(course, side, since, before, t, value, at)
-            if when <= self._begun + INSTANT and since == self._begun:
-                course.recent.append(False)  # rounding at the start
-                continue
-            course.recent.append(True)
-            found.append((Zero(when, course.event, side < 0), course))
+            value = self._value(course, state, t)
+            touches = impact is not None and self._touches(course, value, impact, t)
+            begins = since
+            if touches and course.sign(course.value) == 0:  # zero at two touches in a row: did it leave zero in between?
+                begins = 0.5 * (since + t)
+                self._passed(course, since, self._value(course, at(begins), begins), begins, at)
+            zeros = [self._passed(course, begins, 0.0 if touches else value, t, at)]
+            if impact is not None:
+                after = self._value(course, impact.after, t)
+                zeros.append(self._passed(course, t, 0.0 if touches and not course.sign(after) else after, t, at))
+            found += [(zero, course) for zero in zeros if zero is not None]
         found.sort(key=lambda each: each[0].t)
         out: list[Zero] = []
         until = np.inf
@@ -153,6 +167,29 @@ class EventSearch:
             if self.interrupts(zero.event):
                 until = min(until, zero.t + FOUND)
         return out
+
+    def _touches(self, course: _Course, value: float, impact: Impact, t: float) -> bool:
+        """Whether a function is zero where an impact is: it would have passed zero within the rounding of its time."""
+        change = self._value(course, impact.through, t + impact.late) - value
+        if course.side * change >= 0.0 or abs(value) > abs(change):
+            return False
+        course.floor = abs(change)
+        return True
+
+    def _passed(self, course: _Course, since: float, value: float, t: float, at: Callable[[float], State]) -> Zero | None:
+        """The zero of a function between a time and another, where it has a value; where both are one, at a jump."""
+        before, side = course.value, course.side
+        course.value, sign = value, course.sign(value)
+        crosses = bool(side) and sign != side and course.sign(before) == side
+        if sign:
+            course.side = sign
+        if not crosses or course.event.direction * side > 0:
+            course.recent.append(False)
+            return None
+        when = t if since == t else self._zero(course, side, since, before, t, value, at)
+        rounding = when <= self._begun + INSTANT and since == self._begun  # at the start
+        course.recent.append(not rounding)
+        return None if rounding else Zero(when, course.event, side < 0)
 
     def interrupts(self, event: StateEvent) -> bool:
         """Whether the last zero of an event ends the motion, or may change it."""
@@ -212,6 +249,8 @@ class EventSearch:
     ) -> float:
         """The time in (a, b] at which the function leaves its side."""
         event, zero = course.event, course.event.zero
+        if side * value_b > zero:
+            return b  # zero within the rounding of a touch
         cache: dict[float, float] = {a: side * value_a - zero, b: side * value_b - zero}
 
         def off(t: float) -> float:

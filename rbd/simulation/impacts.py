@@ -36,6 +36,8 @@ from rbd.solvers.default import slip_law
 
 AT_REST = 1e-7
 """A point that arrives more slowly than this [m/s, rad/s] needs no impulse."""
+_SLOW = 1e-3
+"""Speed of an impact below which rounding, an absolute one in the solvers, could be seen [m/s, rad/s]."""
 
 
 def impact_answer(
@@ -67,7 +69,21 @@ def impact_answer(
     n = layout.normals[arrives]
     e = np.array([restitution.get(layout.owners[i], 0.0) for i in np.flatnonzero(arrives)])
     offset[n] += np.where(approach[arrives] < -plastic, e * approach[arrives], 0.0)
-    return solve_velocity(at, touches, at.state.M @ at.state.v, offset, 0.0, np.zeros(len(offset)), law=law, norms=norms)
+    unit = _unit(at, touches)
+    momentum, nothing = at.state.M @ at.state.v / unit, np.zeros(len(offset))
+    return _times(unit, solve_velocity(at, touches, momentum, offset / unit, 0.0, nothing, law=law, norms=norms))
+
+
+def _times(unit: float, answer: VelocityAnswer) -> VelocityAnswer:
+    if unit == 1.0:
+        return answer
+    return answer._replace(v=unit * answer.v, impulse=unit * answer.impulse, velocity=unit * answer.velocity)
+
+
+def _unit(at: Snapshot, touches: Array) -> float:
+    """A power of two near the speed of the points [m/s, rad/s], the unit in which slow impacts are solved, as exactly."""
+    speed = max_abs(at.velocity[np.repeat(touches, at.layout.widths)])
+    return float(2.0 ** np.ceil(np.log2(speed))) if 1e-100 < speed < _SLOW else 1.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -150,11 +166,12 @@ class Impact(Displayed):
         return self.solution.residuals.scaled
 
     def uniqueness(self) -> Uniqueness:
-        """Which impulses are unique, and the ranges of those that are not; and whether the velocity after it is unique.
+        """Which impulses are unique, and the ranges of those that are not [N s, N m s]; and whether v+ is unique.
 
-        Its ranges are impulses over `speed`: those of `solution`.
+        `others` has the ranges of all constraints, one for each row: of each point of a contact tangent, tangent, normal (the
+        normal alone without friction), as in `solution`. An end's `at_highest`, `at_lowest` are impulses, too.
         """
-        return self.solution.uniqueness()
+        return self.solution.uniqueness().as_impulses(self.speed, "unique" if self.unique else "those of least norm")
 
     @property
     def unique(self) -> bool:
@@ -326,9 +343,9 @@ def _margin(constraint: Constraint) -> float | None:
 def _solution(at: Snapshot, touches: Array, answer: VelocityAnswer, law: str) -> tuple[Solution, float, Array]:
     """(the answer as one of Gauss's problem in units of a speed, that speed, impulses of least norm)."""
     rows = active_rows(at.layout, touches, 0.0)
-    index, M = rows.index, at.state.M
-    impulse = least_forces(at, touches, answer, 1.0, law)
-    speed = max(max_abs(at.velocity[index]), 1e-100)
+    index, M, unit = rows.index, at.state.M, _unit(at, touches)
+    impulse = unit * least_forces(at, touches, _times(1.0 / unit, answer), 1.0, law)
+    speed = max(max_abs(at.velocity[index]), AT_REST)  # points that are slower are at rest: their velocities may be rounding
     J, offset = at.J[index], (answer.velocity - at.J @ answer.v)[index] / speed
     P = GaussProblem(
         M,

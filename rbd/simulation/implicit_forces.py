@@ -202,6 +202,8 @@ def _definite(A: Array) -> Array:
         return np.maximum(A, 0.0)
     S = 0.5 * (A + A.T)
     rows = np.flatnonzero(S.any(axis=1))
+    if not len(rows):  # A is skew, as of a torque fixed in space, seen in the axes of a body that turns
+        return S
     size, Q = np.linalg.eigh(S[np.ix_(rows, rows)])
     if size[0] < -_ROUNDING * abs(size).max():
         S[np.ix_(rows, rows)] = (Q * np.maximum(size, 0.0)) @ Q.T

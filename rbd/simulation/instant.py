@@ -3,20 +3,36 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.model.external import ForceElement
+from rbd.model.state import State
 from rbd.simulation.contact_gaps import GapTolerances
 from rbd.simulation.contact_points import Layout, PointMatching, Snapshot
 from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.implicit_forces import ElementTerms
 from rbd.simulation.velocity_problem import VelocityAnswer
 
-Passed: TypeAlias = list[StepRecord | ImpactRecord]
-"""Steps and impacts, in order of time."""
+
+class Passed(list[StepRecord | ImpactRecord]):
+    """Steps and impacts, in order of time.
+
+    Attributes:
+        touches: Those of the impacts in which points arrive.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.touches: list[Touch] = []
+
+    def until(self, touch: Touch) -> Passed:
+        """Those until a touch."""
+        out = Passed()
+        out.extend(self[: touch.passed])
+        return out
 
 
 class PreviousStep(NamedTuple):
@@ -159,6 +175,22 @@ class WholeStep(NamedTuple):
     layout: Layout
     tau: Array
     dissipated: float = 0.0
+
+
+class Touch(NamedTuple):
+    """An impact in which points arrive.
+
+    Attributes:
+        before: The state before it.
+        after: The instant after it.
+        late: The points would be through their surfaces within this time, without it [s].
+        passed: Number of steps and impacts until then, this one too.
+    """
+
+    before: State
+    after: Instant
+    late: float
+    passed: int
 
 
 class Step(NamedTuple):

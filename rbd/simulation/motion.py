@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
@@ -68,6 +68,14 @@ class Motion:
     search: EventSearch | None = None
     before: int | None = None
     plastic: float = 0.0
+    _given: list[tuple[ForceElement, ...]] = field(default_factory=list)
+
+    @property
+    def elements(self) -> tuple[ForceElement, ...]:
+        """The force elements that act; of a function of time those that it has given, if they were the same each time."""
+        if not callable(self.external):
+            return elements_of(self.external)
+        return self._given[0] if len(self._given) == 1 else ()
 
     @lazy
     def names(self) -> tuple[str, ...]:
@@ -164,11 +172,19 @@ class Motion:
             external = asked("external", external, state, t)
         applied = np.zeros(robot.nv) if external is None else generalised(state, external)[0]
         elements = () if external is None else elements_of(external)
+        if external is not self.external and len(self._given) < 2:
+            self._note(elements)
         if self.controller is None:
             return Acting(zeros(robot.nu), applied, elements)
         tau = robot.check_tau(asked("controller", self.controller, state, t))
         applied[robot.motors] += tau
         return Acting(tau, applied, elements)
+
+    def _note(self, elements: tuple[ForceElement, ...]) -> None:
+        """Keep the elements that a function of time gives, the first ones and the first that differ: the same or another."""
+        known = self._given[0] if self._given else None
+        if known is None or len(known) != len(elements) or any(a is not b for a, b in zip(known, elements, strict=True)):
+            self._given.append(elements)
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, anchored, rows_of
-from rbd.constraints.distance_warnings import warn_of_distant
+from rbd.constraints.distance_warnings import distant
 from rbd.control.accepted_steps import INSTANT
 from rbd.control.schedules import asked
 from rbd.errors import InputError
@@ -117,7 +117,13 @@ class Phases:
         for c in new:
             self._since[c.name] = state
             self._anchored.pop(c.name, None)
-        warn_of_distant(motion.robot, rows_of(state, new), below_only=True, stacklevel=2)
+        told = distant(rows_of(state, new), below_only=True)
+        if told:
+            raise InputError(
+                f"event {name!r:.80} at t = {t:.6g} s switches on what is off its ground: {', '.join(told[:6])}. To move it "
+                "there would change the energy. Switch it on where it touches, e.g. at an event that is its height; give the "
+                "plane, on=...; or move the robot, Switch(q=...)."
+            )
         made += [Event(t, each, LEAVES, -1) for each in switch.off if each in before]
         if switch.impact and self._active:
             found = impact_of(state, self._active, motion.restitution or {}, law=motion.law, plastic=motion.plastic, t=t)

@@ -27,7 +27,7 @@ class Switch(Displayed):
 
     In this order: the state becomes (q, v), where they are given; constraints are switched; and the constraints that then act
     stop the velocities that they do not allow, as `rbd.impact` computes. A bilateral contact without an anchor is anchored
-    where it is when it is switched on.
+    where it is when it is switched on. A contact below its plane cannot be switched on: that stops the simulation.
 
     Attributes:
         on: Name, or names, of constraints of the motion that act from now on; those that act already stay.

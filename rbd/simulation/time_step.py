@@ -40,7 +40,7 @@ from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.impacts import AT_REST, impact_answer
 from rbd.simulation.implicit_forces import ElementTerms, ImplicitElements
-from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, WholeStep
+from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, Touch, WholeStep
 from rbd.simulation.motion import Motion
 from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
 
@@ -379,7 +379,11 @@ class StepSystem:
         passed.append(ImpactRecord(now.t, layout, arrives, approach, answer.impulse[layout.normals], leaves))
         gaps = self.sizes.tolerances(after, now.gaps)
         end = Instant(now.t, after, gaps, touches, leaves, now.force, answer.norms, work=now.work)
-        return replace(end, dissipated=now.dissipated)
+        end = replace(end, dissipated=now.dissipated)
+        if arrives.any():
+            late = float((2.0 * now.gaps.tight[arrives] / -approach[arrives]).max())
+            passed.touches.append(Touch(at.state, end, late, len(passed)))
+        return end
 
     def _leaves(self, at: Snapshot) -> Array:
         """Which points separate from their surface faster than the rest speed, shape (k,)."""

@@ -16,7 +16,7 @@ from rbd.control.schedules import ExternalAt
 from rbd.displayed import Displayed
 from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
-from rbd.model.external import External, ForceElement, elements_of
+from rbd.model.external import External, ForceElement
 from rbd.model.output_files import check_place
 from rbd.model.state import State
 from rbd.simulation.motion import ConstraintForce, Event, Integrator, Motion, Sample
@@ -79,8 +79,8 @@ class Trajectory(Displayed):
         step: The integrator's step [s].
         interrupted: When it ended early; empty if it did not.
         end_reason: Why it ended early, a `rbd.errors.Reason`; `NONE` if it did not.
-        elements: Force elements that acted, which drawings show; empty where a function of time gave them. From a file those of
-            `rbd.forces`, and a warning names the others.
+        elements: Force elements that acted, which drawings show; empty where a function gave others with time. From a file
+            those of `rbd.forces`, and a warning names the others.
 
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
@@ -174,7 +174,7 @@ class Trajectory(Displayed):
             step=step,
             interrupted=interrupted,
             end_reason=end_reason,
-            elements=() if callable(motion.external) else elements_of(motion.external),
+            elements=motion.elements,
         )
 
     @property

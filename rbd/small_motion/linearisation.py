@@ -8,11 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
+from rbd.analysis.along_constraints import ranks_nearby
 from rbd.analysis.modes import modes_of
 from rbd.analysis.sensitivity import Derivatives
 from rbd.arrays import Array, as_array, check_flag, check_seed, max_abs
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.manifold import own_or
+from rbd.constraints.manifold import RANK, ConstraintManifold, own_or
 from rbd.errors import NotDifferentiable, NotSteadyWarning
 from rbd.least_constraint import solve
 from rbd.model.external import External
@@ -67,7 +68,7 @@ def linearise(
     Raises:
         InputError: wrong sizes, NaN, a state off its constraints (naming the row).
         Unsupported: a contact slips, slides, opens or yields at this state.
-        NotDifferentiable: the motion does not change smoothly with the state.
+        NotDifferentiable: the motion does not change smoothly with the state: at a singular pose it branches.
         NoSolution: as `solve`.
 
     A state that accelerates gets a `NotSteadyWarning` with the size: A then holds at this instant alone.
@@ -95,6 +96,7 @@ def linearise(
     words = _words(solution) if found is None else found.active
     S = held_rows(solution, words)
     space = allowed_changes(state, manifold, S)
+    _check_rank(state, manifold)
     spin = fitted_spin(robot, state.v, solution.a)
     flow = Flow(state, torques, given, external, manifold, S, spin)
     rng = np.random.default_rng(seed)
@@ -190,6 +192,24 @@ def _check_agreement(state: State, off: float, invariance: float, space: Tangent
         f"smoothly here. Its constraints have rank {space.rank_v} of {space.m} rows; where the rank is higher nearby, the "
         "configuration is singular and motions branch (see rbd.mechanism.mobility). Take another one nearby."
     )
+
+
+def _check_rank(state: State, manifold: ConstraintManifold) -> None:
+    """Refuse a configuration where motions branch.
+
+    Raises:
+        NotDifferentiable: naming the ranks.
+    """
+    placed = manifold.placed
+    rank = manifold.rank(manifold.at(state.q).J[placed], RANK) if placed.any() else 0
+    if rank == int(placed.sum()):
+        return
+    most = max(ranks_nearby(manifold), default=rank)
+    if most > rank:
+        raise NotDifferentiable(
+            f"the configuration of {state.robot.name} is singular and motions branch there: its constraints have rank {rank} "
+            f"of {int(placed.sum())} rows, and rank {most} nearby (see rbd.mechanism.mobility). Take another one nearby."
+        )
 
 
 def _words(solution: Solution) -> dict[str, tuple[str, ...]]:

@@ -38,7 +38,7 @@ def test_each_model_is_built_in_twenty_lines() -> None:
 
 
 def test_the_squeezer_starts_as_published() -> None:
-    """The test set's initial accelerations and Lagrange multipliers, here forces in the pins [IVP test set, problem 18].
+    """The test set's initial accelerations and Lagrange multipliers, here forces in the pins [Mazzia2008].
 
     Its multipliers belong to the six equations of the three loops, each in x and y.
     """
@@ -190,7 +190,7 @@ def test_the_walker_has_the_compass_s_equations(rng: np.random.Generator) -> Non
 
 
 def test_the_walker_s_step_ends_as_it_began() -> None:
-    """As Garcia and others (1998) for feet without mass: the difference is of first order in the mass of a foot."""
+    """As [Garcia1998] for feet without mass: the difference is of first order in the mass of a foot."""
     module, result = models()
     light, heavy = module.again(result["walker"]), module.again(module.step(module.walker(2.0 * module.FOOT)))
     assert heavy == pytest.approx(2.0 * light, rel=5e-3)

@@ -111,6 +111,23 @@ def test_an_indefinite_stiffness_is_warned_of():
         rbd.Bushing("box", to=(0, 0, 0), stiffness=(1, 2, 3, 4, 5, -3))
 
 
+def test_a_ball_mount_takes_any_rotation():
+    """Without numbers against rotation: a box that tumbles over on it keeps its energy, less its damper's; D is -C's."""
+    k = 500.0
+    mount = rbd.Bushing("box", to=(0, 0, 0), offset=(0, 0.1, 0.2), stiffness=[k] * 3 + [0.0] * 3, damping=[1.0] * 3 + [0.0] * 3)
+    over = box(turn=(math.radians(175.0), 0, 0))
+    tau, _ = mount.generalised(over)
+    spring = rbd.Spring("box", to=(0, 0, 0), offset=(0, 0.1, 0.2), stiffness=k, rest=0.0)
+    assert np.abs(tau - spring.generalised(over)[0]).max() < 1e-9
+    assert np.abs(mount.derivatives(over)[0] - spring.derivatives(over)[0]).max() < 1e-9
+    start = rbd.State(over.robot, over.q, [0, 0, 0, 9.0, 3.0, 1.0])
+    tumbles = rbd.simulate(start, duration=0.5, step=0.05, external=mount, integrator=rbd.DormandPrince8())
+    assert np.abs(tumbles.energy + tumbles.dissipated - tumbles.energy[0]).max() < 1e-7
+    for bad in (lambda: mount.displacement(over), lambda: mount.parameter_force(over, "stiffness")):
+        with pytest.raises(InputError, match="175 degrees from its rest; at most 170"):
+            bad()
+
+
 def test_half_a_turn_and_unknown_frames():
     """Refused at the state, by name."""
     mount = rbd.Bushing("box", to=(0, 0, 0), stiffness=1.0)

@@ -166,6 +166,19 @@ def test_a_stiff_damper_stops_a_mass_without_ringing(in_space: CheckedModel) -> 
     assert (np.diff(run.energy) <= 0.0).all() and np.ptp(balance(run)) < 1e-12
 
 
+@pytest.mark.parametrize("tilt", [0.0, 0.7])
+def test_a_damper_about_an_axis_slows_the_turn_of_a_floating_body(in_space: CheckedModel, tilt: float) -> None:
+    """About the vertical: w = exp(-d t / I) of a level box; of a tilted one as by Dormand and Prince, to the order of steps."""
+    start = rbd.State(in_space, [0, 0, 0, np.sin(0.5 * tilt), 0, 0, np.cos(0.5 * tilt)], [0, 0, 0, 0, 0, 1.0])
+    about_z = Damper("box", to=(0.0, 0.0, 0.0), damping=0.1, axis=(0.0, 0.0, 1.0))
+    steps, exact = (rbd.simulate(start, duration=0.1, step=1e-3, external=about_z, integrator=by) for by in (STEPS, EXACT))
+    assert np.abs(steps.v[-1] - exact.v[-1]).max() < 1e-6
+    lost = steps.kinetic[0] - steps.kinetic[-1]
+    assert 0.0 < lost == pytest.approx(steps.dissipated[-1], rel=1e-6)
+    if not tilt:
+        assert steps.v[-1, 5] == pytest.approx(np.exp(-0.1 * 0.1 / start.M[5, 5]), rel=1e-8)
+
+
 def test_under_a_stiff_damper_a_weight_sinks_at_weight_over_damping(box: CheckedModel) -> None:
     h, d = 1e-2, 2e5
     run = rbd.simulate(
@@ -238,6 +251,21 @@ def test_talos_in_the_air_with_joint_springs_keeps_its_energy(talos: rbd.Robot) 
     run = rbd.simulate(rbd.State(talos, state.q, v), external=springs, duration=0.1, step=0.02, integrator=EXACT)
     assert np.ptp(run.elastic) > 0.4
     assert np.ptp(run.energy) < 1e-9 * max(np.ptp(run.kinetic), np.ptp(run.elastic))
+
+
+@pytest.mark.parametrize("by", [EXACT, STEPS, rbd.RungeKutta4()])
+def test_elements_of_a_function_are_those_of_the_trajectory_if_they_stay(box: CheckedModel, by: object) -> None:
+    """The same each time: as without a function. Let go, or made anew: none, as no sample says which acted."""
+    springs = spring_to_origin(200.0, 3.0)
+    start = rbd.State(box, [0, 0, 0.1, 0, 0, 0, 1])
+
+    def run(external: object) -> rbd.Trajectory:
+        return rbd.simulate(start, external=external, duration=0.1, step=0.02, integrator=by)
+
+    assert run(lambda state, t: springs).elements == run(springs).elements == tuple(springs)
+    assert run(lambda state, t: springs if t < 0.05 else []).elements == ()
+    assert run(lambda state, t: spring_to_origin(200.0, 3.0)).elements == ()
+    assert run(lambda state, t: np.zeros(6)).elements == ()
 
 
 def test_a_function_of_time_may_give_elements(box: CheckedModel) -> None:

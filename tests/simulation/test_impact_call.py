@@ -8,6 +8,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from flat_bodies import flat_body, flat_state, floor_point
+from scipy.optimize import linprog
 
 import rbd
 from rbd.errors import DistantContactWarning, DuplicateName, InputError, UnknownName
@@ -198,7 +199,84 @@ def test_four_corners_share_an_impulse_that_is_not_unique():
     assert found.point_impulses["face"][:, 2] == pytest.approx([2.0] * 4)
     assert not found.unique
     assert "not unique" in str(found)
-    assert found.uniqueness() is not None
+    unique = found.uniqueness()
+    assert unique.row_freedom == 6
+    assert all(r.lowest <= r.value <= r.highest for r in unique.others["face"])
+    assert [r.value for r in unique.others["face"][2::3]] == pytest.approx([2.0] * 4)
+
+
+@pytest.mark.parametrize("speed", [2.0, 0.03])
+def test_ranges_of_impulses_are_those_of_linear_programs(speed):
+    """A box slides on four corners as it lands at any speed, e = 1: ends in N s, by SciPy over cones of 256 sides."""
+    box, mu, sides = rbd.testing.box(mass=1.0), 0.5, 256
+    corners = [
+        rbd.PointContact(f"c{i}{j}", "box", offset=(0.1 * i, 0.1 * j, -0.05), friction=mu, on=0.0)
+        for i in (-1, 1)
+        for j in (-1, 1)
+    ]
+    state = rbd.State(box, [0, 0, 0.05, 0, 0, 0, 1], [0.5 * speed, 0, -speed, 0, 0, 0])
+    found = rbd.impact(state, corners, restitution=1.0)
+    unique = found.uniqueness()
+    J = np.vstack([c.rows(state).J for c in corners])
+    angles = 2.0 * np.pi * np.arange(sides) / sides
+    rays = np.stack([mu * np.cos(angles), mu * np.sin(angles), np.ones(sides)])
+    all_rays = np.kron(np.eye(4), rays)
+    change, size = state.M @ (found.v - state.v), found.impulses["c11"][2]
+    for i, corner in enumerate(corners):
+        ends = unique.others[corner.name][2]
+        assert ends.lowest <= found.impulses[corner.name][2] <= ends.highest
+        assert ends.value == pytest.approx(found.impulses[corner.name][2])
+        normal = all_rays[3 * i + 2]
+        for sign, end, at in ((1.0, ends.lowest, ends.at_lowest), (-1.0, ends.highest, ends.at_highest)):
+            exact = linprog(sign * normal, A_eq=J.T @ all_rays, b_eq=change, bounds=(0.0, None))
+            assert abs(end - sign * exact.fun) < 1e-4 * size
+            assert np.abs(J.T @ at.multipliers - change).max() < 1e-8 * speed
+    assert sum(unique.others[c.name][2].highest for c in corners) == pytest.approx(3.75 * speed)
+    text = str(unique)
+    assert "impulse" in text
+    assert "force" not in text
+    assert f"{ends.highest:.4g}" in text
+
+
+@pytest.mark.parametrize("speed", [1e-4, 1e-8, 1e-12, 1e-16])
+def test_slow_impacts_are_fast_ones_scaled(speed):
+    """Four corners with friction, e = 0: velocities and energies of an impact scale with the speed, however slow."""
+    box, rng = rbd.testing.box(mass=1.0), np.random.default_rng(0)
+    corners = [
+        rbd.PointContact(f"c{i}{j}", "box", offset=(0.1 * i, 0.1 * j, -0.05), friction=0.5, on=0.0)
+        for i in (-1, 1)
+        for j in (-1, 1)
+    ]
+    for _ in range(12):
+        v = rng.normal(size=6)
+        fast, slow = (rbd.impact(rbd.State(box, [0, 0, 0.05, 0, 0, 0, 1], k * v), corners) for k in (1.0, speed))
+        assert np.abs(slow.v / speed - fast.v).max() < 1e-8
+        assert slow.energy_lost == pytest.approx(speed**2 * fast.energy_lost, rel=1e-8)
+
+
+def test_a_contact_is_switched_on_where_another_holds_the_body_at_rest():
+    """Two bilateral points of one body at one instant: what is left to stop by the second is rounding."""
+    box = rbd.testing.box(mass=1.0)
+    two = [rbd.PointContact("c", "box", friction=None), rbd.PointContact("d", "box", offset=(0.1, 0, 0), friction=None)]
+    events = [StateEvent(lambda s: s.q[2] - 0.5, f"at {n}", then=Switch(on=n), while_off=n) for n in "cd"]
+    fall = rbd.simulate(
+        rbd.State(box, [0, 0, 1, 0, 0, 0, 1]), two, inactive=["c", "d"], duration=0.6, step=0.05, events=events,
+        integrator=rbd.DormandPrince8(),
+    )  # fmt: skip
+    assert fall.t[-1] == 0.6
+    assert np.abs(fall.q[-1, :3] - [0, 0, 0.5]).max() < 1e-12
+    assert np.abs(fall.v[-1]).max() < 1e-12
+    speeds = {e.name: e.speed for e in fall.events if e.kind == "touches"}
+    assert speeds == pytest.approx({"c": math.sqrt(9.81), "d": 0.0}, abs=1e-12)
+
+
+def test_one_impulse_is_unique_in_its_units():
+    """A ball of 2 kg at 3 m/s: 6 N s, printed as an impulse."""
+    box = rbd.testing.box(mass=2.0)
+    tip = rbd.PointContact("tip", "box", friction=0.5, on=0.0)
+    unique = rbd.impact(rbd.State(box, [0, 0, 0, 0, 0, 0, 1], [0, 0, -3.0, 0, 0, 0]), [tip]).uniqueness()
+    assert unique.others["tip"][2].value == pytest.approx(6.0)
+    assert "tip              impulse 0, 0, 6" in str(unique)
 
 
 def test_talos_lands_as_in_a_simulation():

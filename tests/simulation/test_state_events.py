@@ -320,15 +320,74 @@ def test_a_function_that_returns_no_switch_stops_the_motion():
         rbd.simulate(thrown(), duration=0.2, step=0.01, events=[unknown])
 
 
-def test_a_contact_below_its_plane_is_warned_of_where_it_is_switched_on():
-    """Not at the start, where it is off."""
-    tip = rbd.PointContact("tip", "box", friction=0.5, on=0.0)
-    late = StateEvent(lambda s: s.q[2] + 0.05, "late", then=Switch(on="tip"))
+@pytest.mark.parametrize("tilt", [0.0, 0.7])
+@pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
+def test_the_height_of_a_point_is_zero_where_the_point_touches(e, tilt):
+    """Once at each touch, at its time, whatever the restitution; a terminal event ends the motion at sqrt(2 h / g)."""
+    point = rbd.PointContact("p", "box", friction=0.5, on=0.0)
+    start = rbd.State(rbd.testing.box(mass=1.0), [0, 0, 1, np.sin(0.5 * tilt), 0, 0, np.cos(0.5 * tilt)], [0.3, 0, 0, 0, 0, 0])
+
+    def motion(duration, **kinds):
+        ground = [
+            StateEvent(lambda s: s.q[2], "ground", **kinds),
+            StateEvent(lambda s: s.frame("box").v[2], "turns", direction=1),
+        ]
+        return rbd.simulate(start, [point], duration=duration, step=0.05, events=ground, restitution=e)
+
+    one = motion(1.0, terminal=True, direction=-1)
+    assert abs(one.t[-1] - np.sqrt(2.0 / G)) < 1e-11
+    assert one.interrupted.startswith("ended by event 'ground'")
+    assert [x.kind for x in one.events if x.name == "p"] == ["touches"]
+    all_of_them = motion(1.7)
+    at = {name: [x.t for x in all_of_them.events if x.name == name and x.kind != "leaves"] for name in ("ground", "p", "turns")}
+    flight = np.sqrt(2.0 / G)
+    bounces = {0.0: [1.0], 0.5: [1.0, 2.0, 2.5, 2.75, 2.875], 1.0: [1.0, 3.0]}[e]
+    assert np.abs(np.array(at["ground"][: len(bounces)]) - np.array(bounces) * flight).max() < 1e-9
+    assert at["ground"] == pytest.approx(at["p"], abs=1e-12)
+    if e != 0.5:
+        assert len(at["p"]) == len(bounces)
+    if e:
+        assert at["turns"][: len(bounces)] == pytest.approx(at["p"][: len(bounces)], abs=1e-11)
+
+
+def test_a_function_that_passes_zero_near_a_touch_is_found_by_its_own_time():
+    """A place x0 = v t an instant before, at and after a bounce, and a height a little above and below the ground."""
+    point = rbd.PointContact("p", "box", friction=0.0, on=0.0)
+    start = rbd.State(rbd.testing.box(mass=1.0), [0, 0, 1, 0, 0, 0, 1], [0.3, 0, 0, 0, 0, 0])
+    touch = np.sqrt(2.0 / G)
+    for off in (-1e-3, -1e-8, 0.0, 1e-8, 1e-3):
+        there = StateEvent(lambda s, off=off: s.q[0] - 0.3 * (touch + off), "there")
+        (found,) = (
+            x
+            for x in rbd.simulate(start, [point], duration=0.8, step=0.05, events=[there], restitution=0.5).events
+            if x.point < 0
+        )
+        assert abs(found.t - touch - off) < 1e-9
+        assert found.kind == "rises through zero"
+    above = rbd.simulate(start, [point], duration=0.8, step=0.5, events=[lambda s: s.q[2] - 1e-3], restitution=0.5)
+    assert [x.kind for x in above.events if x.point < 0] == ["falls through zero", "rises through zero"]
+    below = rbd.simulate(start, [point], duration=0.8, step=0.05, events=[lambda s: s.q[2] + 1e-9], restitution=0.5)
+    assert not [x for x in below.events if x.point < 0]
+    assert below.absent == ("event 1",)
+
+
+def test_a_contact_below_its_plane_is_not_switched_on():
+    """It would be lifted by 0.1 m, with energy from nowhere: named, with depth, event and contact. At its height it is."""
+    point = rbd.PointContact("p", "box", friction=0.5, on=0.6)
+
+    def motion(height):
+        on = StateEvent(lambda s: s.q[2] - height, "late", then=Switch(on="p"), while_off="p")
+        return rbd.simulate(thrown(), [point], inactive="p", duration=0.5, step=0.05, events=[on])
+
     with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        rbd.simulate(thrown(-0.01), [tip], duration=0.05, step=0.01, events=[late], inactive="tip")
-    with pytest.warns(rbd.errors.DistantContactWarning, match="'tip' 50 mm below"):
-        rbd.simulate(thrown(0.1), [tip], duration=0.25, step=0.01, events=[late], inactive="tip")
+        warnings.simplefilter("error")  # none at the start, where it is off
+        lands = motion(0.6)
+    assert abs(lands.q[-1, 2] - 0.6) < 1e-9
+    assert np.diff(lands.energy).max() < 1e-9
+    with pytest.raises(SimulationStopped, match="'late' at t = 0.319.* s switches on .*'p' 100 mm below") as stopped:
+        motion(0.5)
+    assert stopped.value.trajectory.t[-1] < 0.32
+    assert stopped.value.reason is Reason.STOPPED_BAD_INPUT
 
 
 @ALL

@@ -212,16 +212,17 @@ def _range(x: Range) -> tuple[str, str]:
 @card_of.register
 def _uniqueness(record: Uniqueness) -> Card:
     free = record.row_freedom or record.corner_freedom or record.motion_freedom
-    said = "all forces are unique" if not free else "the motion is unique, not all forces are"
+    what = record.quantity
+    said = f"all {what}s are unique" if not free else f"the motion is unique, not all {what}s are"
     if record.motion_freedom:
         said = f"the motion is one of a family of dimension {record.motion_freedom}"
     elif free and not record.row_freedom:
-        said = "motion and contact forces are unique; how corners share them is not"
+        said = f"motion and contact {what}s are unique; how corners share them is not"
     rows = [(name, *_range(c.normal), "yes" if c.unique_wrench else "no") for name, c in record.contacts.items()]
     table = Table(rows, ("contact", "normal force from [N]", "to [N]", "force and moment unique"))
     counts = [
-        ("internal forces of the rows", str(record.row_freedom)),
-        ("internal forces of the corners", str(record.corner_freedom)),
+        (f"internal {what}s of the rows", str(record.row_freedom)),
+        (f"internal {what}s of the corners", str(record.corner_freedom)),
         ("rows", f"{record.rows} of rank {record.rank}"),
     ]
     notes = [f"Returned: {record.force_choice}."]

@@ -123,7 +123,7 @@ def frames_of(
             between two.
         speed: Seconds of motion a second.
         external: The external forces of the motion, as `rbd.simulate` was given them. A trajectory knows force elements alone,
-            and these only if no function of time gave them.
+            and these only if no function of time gave others with time.
 
     Raises:
         InputError: if `external` is not what `rbd.simulate` takes.
