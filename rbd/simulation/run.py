@@ -41,6 +41,7 @@ from rbd.simulation.progress_bar import progress_of
 from rbd.simulation.recording import Recording
 from rbd.simulation.sinking import Floor
 from rbd.simulation.state_events import StateEvent, check_known, events_of, names_of
+from rbd.simulation.stiffness import too_stiff
 from rbd.simulation.trajectory import Trajectory
 from rbd.solvers.default import slip_law
 
@@ -87,7 +88,8 @@ def simulate(
         external: External forces as for `rbd.solve`; or a function of state and time that gives them.
         law: "coulomb", or "convex" (Gauss's principle with circular cones), of contacts that can slip, as in `rbd.solve`.
         restitution: Newton's coefficient e of impacts, u_n+ = -e u_n-; one for all, or {constraint: e}, 0 for the others.
-        integrator: `RungeKutta4()`, `DormandPrince8()` or `TimeStepping()`; by default the first or the last, see above.
+        integrator: `RungeKutta4()`, `DormandPrince8()` or `TimeStepping()`; by default the first or the last, see above. Of
+            springs and dampers that are too stiff for steps of the first an `InaccurateWarning` tells.
         stabilisation: Keeps positions and velocities on bilateral constraints: `Projection()`, `Baumgarte(...)`, or None.
         record_every: A sample is recorded every so many steps, and at the first and the last.
         may_sink: Go on where a robot falls through the floor of its feet; by default the run stops there, with a quarter of the
@@ -128,6 +130,9 @@ def simulate(
     motion = _motion(state, constraints, controller, external, law, restitution, stabilisation, every, events, inactive, step)
     off = names_of("inactive", inactive)
     chosen = _integrator(integrator, motion, state, off)
+    stiff = too_stiff(motion, state, min(step, times[-1])) if isinstance(chosen, RungeKutta4) else ""
+    if stiff:
+        warnings.warn(f"{state.robot.name} has {stiff}", InaccurateWarning, stacklevel=2)
     recording, passed, k = Recording(motion), list[Event](), 0
     phases = Phases(replace(motion, plastic=_plastic(chosen)), off, state, times)
     floors = () if may_sink else Floor.of(state, motion.constraints)
@@ -157,7 +162,9 @@ def simulate(
             kept, why, ended = None, f"stopped at t = {t:.6g} s", _reason(error)
             if len(recording):
                 kept = Trajectory.of(motion, recording, _in_order(passed), chosen, step, why, ended)
-            raise _stopped(error, motion, here, t, kept, ended) from error
+            if isinstance(chosen, RungeKutta4) and ended == Reason.STOPPED_NO_SOLUTION:
+                stiff = stiff or too_stiff(motion, here, step, t)
+            raise _stopped(error, motion, here, t, kept, ended, stiff) from error
     if phases.ended:
         interrupted, ended = f"ended by event {phases.ended[0]!r} at t = {t:.6g} s", Reason.EVENT
     missing, why = motion.search.missing() if motion.search and ended in (Reason.NONE, Reason.EVENT) else ("", ended)
@@ -210,7 +217,7 @@ def _reason(error: Exception) -> Reason:
 
 
 def _stopped(
-    error: Exception, motion: Motion, state: State, t: float, kept: Trajectory | None, reason: Reason
+    error: Exception, motion: Motion, state: State, t: float, kept: Trajectory | None, reason: Reason, stiff: str
 ) -> SimulationStopped:
     names = tuple(c.name for c in motion.constraints)
     known = error.problem if isinstance(error, NoSolution) else None
@@ -225,7 +232,7 @@ def _stopped(
     inaccurate = "" if kept is None else _inaccurate(kept)
     reached = "Nothing was recorded before" if kept is None else "`error.trajectory` and `error.state` have what was reached"
     return SimulationStopped(
-        f"{what} Active: {', '.join(active) or 'nothing'}. {reached}."
+        f"{what}{f' It has {stiff}' if stiff else ''} Active: {', '.join(active) or 'nothing'}. {reached}."
         + (f" Before that, {inaccurate}" if inaccurate else ""),
         state=state, t=t, names=active, trajectory=kept, cause=error, reason=reason,
     )  # fmt: skip

@@ -98,8 +98,11 @@ def test_a_file_has_the_elements(arm: rbd.Robot, tmp_path: Path, ending: str):
 def test_elements_of_a_function_or_of_an_old_file_are_told(arm: rbd.Robot):
     """The energies tell that springs acted: no masses are identified, and a page says what it does not draw."""
     given = acting()
-    run = swing(arm, lambda state, t: acting())  # others each time
-    for unknown in (run, dataclasses.replace(swing(arm, given), elements=())):
+
+    def stiffening(state: rbd.State, t: float) -> list[object]:
+        return [rbd.JointSpring("joint_1", stiffness=20.0 + t)]
+
+    for unknown in (swing(arm, stiffening), dataclasses.replace(swing(arm, given), elements=())):
         assert unknown.elements == () and unknown.elastic.any()
         with pytest.raises(rbd.InputError, match="energy of springs or work of dampers, whose elements it does not know"):
             rbd.identify(unknown)
