@@ -89,6 +89,11 @@ class MeasuredMotion(Displayed):
         set_(self, "contacts", given)
         set_(self, "touches", checked_touches(self.touches, frames, len(given)))
         self._check_forces(frames)
+        if self.external is None and getattr(x, "pushed", False) is True:
+            raise InputError(
+                "external forces acted in the trajectory, which it does not record, and external is not given. Give those that "
+                "acted at all times as external=..., or simulate without them."
+            )
         springs = getattr(x, "elements", ())
         if isinstance(springs, tuple) and springs and self.external is None:
             raise InputError(

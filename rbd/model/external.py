@@ -93,6 +93,15 @@ def is_element(given: object) -> TypeGuard[ForceElement]:
     return True
 
 
+def has_pushes(external: External) -> bool:
+    """Whether there are forces other than those of force elements: pushes, or a generalised force."""
+    if external is None or is_element(external):
+        return False
+    if isinstance(external, np.ndarray | ExternalForce) or not isinstance(external, Sequence):
+        return True
+    return not all([is_element(each) for each in external])
+
+
 def elements_of(external: External) -> tuple[ForceElement, ...]:
     """The force elements among external forces."""
     if is_element(external):

@@ -18,7 +18,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
-from rbd.model.external import External, ForceElement, elements_of, generalised
+from rbd.model.external import External, ForceElement, elements_of, generalised, has_pushes
 from rbd.model.state import State, state_at
 from rbd.simulation.event_search import EventSearch
 from rbd.simulation.state_events import StateEvent
@@ -69,6 +69,7 @@ class Motion:
     before: int | None = None
     plastic: float = 0.0
     _given: list[tuple[ForceElement, ...]] = field(default_factory=list)
+    _pushes: list[bool] = field(default_factory=list)
 
     @property
     def elements(self) -> tuple[ForceElement, ...]:
@@ -76,6 +77,11 @@ class Motion:
         if not callable(self.external):
             return elements_of(self.external)
         return self._given[0] if len(self._given) == 1 else ()
+
+    @property
+    def pushed(self) -> bool:
+        """Whether forces acted that are none of elements; of a function of time, whether it has given any."""
+        return bool(self._pushes) if callable(self.external) else has_pushes(self.external)
 
     @lazy
     def names(self) -> tuple[str, ...]:
@@ -172,8 +178,11 @@ class Motion:
             external = asked("external", external, state, t)
         applied = np.zeros(robot.nv) if external is None else generalised(state, external)[0]
         elements = () if external is None else elements_of(external)
-        if external is not self.external and len(self._given) < 2:
-            self._note(elements)
+        if external is not self.external:
+            if len(self._given) < 2:
+                self._note(elements)
+            if not self._pushes and has_pushes(external):
+                self._pushes.append(True)
         if self.controller is None:
             return Acting(zeros(robot.nu), applied, elements)
         tau = robot.check_tau(asked("controller", self.controller, state, t))

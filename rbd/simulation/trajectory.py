@@ -64,23 +64,21 @@ class Trajectory(Displayed):
         motor_work: Work of the motors since the start of the motion, shape (n,) [J]: exact for torques that are held during a
             step, of the integrator's order for others. `energy` changes by it, by the work of external forces, and by
             what dampers, impacts, friction and moving ground take or give.
-        elastic: Energy stored in force elements, e.g. springs, shape (n,) [J]; where a function of time gives them, that of
-            those which it gives at the sample.
+        elastic: Energy stored in force elements, e.g. springs, shape (n,) [J]; of a function of time, in those of the sample.
         dissipated: Work that force elements, e.g. dampers, have taken out of the motion since its start, shape (n,) [J].
         momentum: Linear, then angular momentum about the centre of mass, in W, shape (n, 6) [N s, N m s].
         com: Centre of mass in W, shape (n, 3) [m].
         residuals: {"law": residual of the contact law, scaled; "drift", "drift_rate": largest error of the
             bilateral constraints [m, rad; per s]; "penetration": depth of the deepest contact [m, rad]}, each of shape (n,).
-        events: Beginnings and ends of contact, and events of yours, in order of time.
-        absent: Names of the events of yours that did not happen.
+        events: Beginnings and ends of contact, and events of yours, in order of time; `absent` names those that did not happen.
         integrator: The integrator, with its settings.
         law: Contact law.
         stabilisation: Stabilisation of the bilateral constraints, with its settings.
         step: The integrator's step [s].
         interrupted: When it ended early; empty if it did not.
         end_reason: Why it ended early, a `rbd.errors.Reason`; `NONE` if it did not.
-        elements: Force elements that acted, which drawings show; empty where a function gave others with time. From a file
-            those of `rbd.forces`, and a warning names the others.
+        elements: Force elements that acted, which drawings show; empty where a function gave others with time.
+        pushed: Whether other external forces acted, which are not recorded.
 
     Raises:
         InputError: sizes that do not fit, times that do not increase, numbers that are not finite.
@@ -121,6 +119,7 @@ class Trajectory(Displayed):
     interrupted: str = ""
     end_reason: Reason = Reason.NONE
     elements: tuple[ForceElement, ...] = ()
+    pushed: bool = False
 
     def __post_init__(self) -> None:
         for name, value in checked(vars(self)).items():
@@ -175,6 +174,7 @@ class Trajectory(Displayed):
             interrupted=interrupted,
             end_reason=end_reason,
             elements=motion.elements,
+            pushed=motion.pushed,
         )
 
     @property
@@ -336,7 +336,7 @@ class Trajectory(Displayed):
     ) -> Path:
         """Write one HTML page with the motion, a play button, a scrub bar and charts, which needs no network.
 
-        Forces move along. `options` are the others of `rbd.visual.export_motion`, such as charts=["forces"], ghost= or beside=.
+        `options` are the others of `rbd.visual.export_motion`, such as charts=["forces"], ghost= or beside=.
         """
         from rbd.visual.playback.animation import export_motion
 

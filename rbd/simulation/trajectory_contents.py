@@ -49,6 +49,7 @@ def header_of(fields: Fields) -> dict[str, Any]:
         **{word: str(fields[word]) for word in WORDS},
         "events": [[float(e.t), e.name, e.kind, int(e.point), float(e.speed), float(e.impulse)] for e in fields["events"]],
         "absent": list(fields["absent"]),
+        "pushed": bool(fields["pushed"]),
         **header_of_elements(fields["elements"]),
     }
 
@@ -105,6 +106,7 @@ def fields_of(
     return {
         "robot": made,
         "elements": elements_in(header, made),
+        "pushed": bool(header.get("pushed", False)),
         "t": found("t"),
         **{c.name: found(c.name) for c in COLUMNS if c.name in arrays or c.name not in LATER},
         "residuals": {c.name: found(f"residual_{c.name}") for c in RESIDUALS},

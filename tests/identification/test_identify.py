@@ -380,3 +380,16 @@ class TestBadInput:
         motion, tau = waving(bad, 20)
         with pytest.warns(rbd.errors.ModelWarning, match="no body can have the inertia of link_2"):
             rbd.identify(MeasuredMotion(motion, tau))
+
+
+def test_a_push_that_is_not_given_is_told():
+    """Trajectories do not record pushes, so their parameters would be wrong without a word."""
+    arm = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
+    push = np.array([0.7])
+    for external in (push, lambda state, t: push, [rbd.ExternalForce("link_1", (0.0, 0.0, 1.0))]):
+        run = rbd.simulate(arm.at([0.3]), [], duration=0.1, step=1e-2, external=external)
+        assert run.pushed
+        with pytest.raises(rbd.InputError, match="external forces acted in the trajectory, which it does not record"):
+            rbd.identification.MeasuredMotion(run)
+    rbd.identification.MeasuredMotion(run, external=external)
+    assert not rbd.simulate(arm.at([0.3]), [], duration=0.1, step=1e-2, external=lambda state, t: []).pushed
