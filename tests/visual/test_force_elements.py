@@ -123,7 +123,7 @@ def test_what_acts_in_many_places_is_told_in_words(scene: Scene, high: rbd.State
 
 def test_a_motion_shows_its_elements_at_every_frame(solo: rbd.Robot, high: rbd.State, elements: list[object]) -> None:
     """Ends, axis and tension in the rows are those of the elements at the sample."""
-    run = rbd.simulate(high, duration=0.1, step=2.5e-3, external=elements)
+    run = rbd.simulate(high, duration=0.12, step=2.5e-3, external=elements)
     parts = robot_parts(solo)
     joints = sorted({part.joint for part in parts} - {0})
     frames = frames_of(run, joints)
