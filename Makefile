@@ -44,7 +44,7 @@ test-long: $(MARKER)
 
 # On a quiet machine: which tests `make test` leaves out, so that it takes less than three minutes.
 time-tests: $(MARKER)
-	$(BIN)/python -m pytest -n auto --dist worksteal --write-long 0.8
+	$(BIN)/python -m pytest -n auto --dist worksteal --write-long 0.35
 
 exhaustive: $(MARKER)
 	$(BIN)/python -m pytest -n auto --dist worksteal --exhaustive
