@@ -17,13 +17,14 @@ import rbd  # noqa: E402
 
 gc.disable()  # until all is collected
 LONG = Path(__file__).with_name("long_tests.txt")
-"""Tests that take longest: `make test` leaves them to `make test-long`; CI runs both."""
+"""Tests that take longest: `make test` leaves them to `make test-long`."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     """What takes minutes is run by `make exhaustive`."""
     parser.addoption("--exhaustive", action="store_true", help="all draws, and every example from a wheel")
     parser.addoption("--long", choices=("with", "without", "only"), default="with", help=f"the tests of {LONG.name}")
+    parser.addoption("--up-to", type=float, metavar="SECONDS", default=float("inf"), help="of the long tests those up to it")
     parser.addoption("--write-long", type=float, metavar="SECONDS", help=f"write the tests that took longer into {LONG.name}")
 
 
@@ -32,9 +33,10 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "long: takes tens of seconds by itself, so it is begun first")
 
 
-def long_tests() -> set[str]:
-    """Names of the long tests, without parameters."""
-    return {line for line in LONG.read_text(encoding="utf-8").splitlines() if not line.startswith("#")}
+def long_tests() -> dict[str, float]:
+    """{name without parameters: seconds} of the long tests."""
+    lines = [line.split() for line in LONG.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    return {name: float(seconds) for name, seconds in lines}
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -44,7 +46,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     meanwhile compiles what the first would compile as well.
     """
     if (wanted := config.getoption("--long")) != "with":
-        known = long_tests()
+        most = config.getoption("--up-to") if wanted == "only" else float("inf")
+        known = {name for name, seconds in long_tests().items() if seconds <= most}
         out = [item for item in items if (item.nodeid.partition("[")[0] in known) == (wanted == "without")]
         left = set(map(id, out))
         items[:] = [item for item in items if id(item) not in left]
@@ -65,6 +68,9 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     options = terminalreporter.config.getoption
     if options("--long") == "without":
         terminalreporter.write_line(f"left out: the {len(long_tests())} tests of tests/{LONG.name}; `make test-long` runs them")
+    longer = sum(seconds > options("--up-to") for seconds in long_tests().values())
+    if options("--long") == "only" and longer:
+        terminalreporter.write_line(f"left out: {longer} tests above {options('--up-to'):g} s; `make test-long` runs all")
     if (limit := options("--write-long")) is not None:
         write_long(terminalreporter, limit)
     if options("--exhaustive"):
@@ -79,9 +85,9 @@ def write_long(reporter: pytest.TerminalReporter, limit: float) -> None:
     took: dict[str, float] = defaultdict(float)
     for report in {id(r): r for found in reporter.stats.values() for r in found if hasattr(r, "duration")}.values():
         took[report.nodeid.partition("[")[0]] += report.duration
-    head = f"# Tests that took longer than {limit:g} s, with their fixtures; written by `make time-tests`."
+    head = "# Tests that take longest: names and seconds, fixtures and all parameters together; written by `make time-tests`."
     names = sorted(name for name, seconds in took.items() if seconds > limit)
-    LONG.write_text("\n".join([head, *names]) + "\n", encoding="utf-8")
+    LONG.write_text("\n".join([head, *(f"{name} {took[name]:.1f}" for name in names)]) + "\n", encoding="utf-8")
     long, every = sum(took[name] for name in names), sum(took.values())
     reporter.write_line(f"{len(names)} tests take {long:.0f} of {every:.0f} s and are in {LONG.name} now")
 
