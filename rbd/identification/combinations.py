@@ -30,7 +30,7 @@ ROUNDING = 1e-12
 SAID = 1e-6
 """Smallest coefficient that is printed, over one, with parameters in units of the robot's mass and length."""
 LISTED = 12
-"""So many are printed."""
+"""Largest number of combinations that are printed."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -265,13 +265,11 @@ def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object], *, 
         InputError: not a mapping, or values of a wrong size or not finite.
         JointNotFound: with the nearest names.
     """
-    if not isinstance(values, Mapping):
-        raise InputError(f"{argument} is {values!r:.80}; expected a mapping {{joint: value}}, e.g. {{'knee': 0.5}}.")
+    _check_is_mapping(argument, values, "value")
     out = q.copy()
     for name, value in values.items():
         joint, what = robot.joints[name], f"value of joint {name!r:.80}"
-        given = np.atleast_1d(as_array(what, value))
-        check_finite(what, given)
+        given = _numbers(what, value)
         if given.ndim != 1:
             raise InputError(f"{what} has shape {given.shape}; expected a number, or its part of q.")
         out[joint.q] = joint.target(name, given)
@@ -291,18 +289,28 @@ def with_rates(robot: CheckedModel, v: Array, values: Mapping[str, object], *, a
         InputError: not a mapping, or values of a wrong size or not finite.
         JointNotFound: with the nearest names.
     """
-    if not isinstance(values, Mapping):
-        raise InputError(f"{argument} is {values!r:.80}; expected a mapping {{joint: velocity}}, e.g. {{'knee': 0.5}}.")
+    _check_is_mapping(argument, values, "velocity")
     out = v.copy()
     for name, value in values.items():
         at, what = robot.joints.velocity(name), f"velocity of joint {name!r:.80}"
-        given = np.atleast_1d(as_array(what, value))
-        check_finite(what, given)
+        given = _numbers(what, value)
         size = at.stop - at.start
         if given.shape != (size,):
             raise InputError(f"{what} has shape {given.shape}; expected {'one number' if size == 1 else f'{size} numbers'}.")
         out[at] = given
     return out
+
+
+def _check_is_mapping(argument: str, values: object, what: str) -> None:
+    if not isinstance(values, Mapping):
+        raise InputError(f"{argument} is {values!r:.80}; expected a mapping {{joint: {what}}}, e.g. {{'knee': 0.5}}.")
+
+
+def _numbers(what: str, value: object) -> Array:
+    """A finite number, or several, as an array of one dimension or more."""
+    given = np.atleast_1d(as_array(what, value))
+    check_finite(what, given)
+    return given
 
 
 def check_state(state: State) -> State:

@@ -14,9 +14,10 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelError, ModelWarning, RbdError
+from rbd.model.actuated_model import with_plain_motors
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits
-from rbd.model.motors import motors_of_plain, plain_motors
+from rbd.model.motors import plain_motors
 from rbd.robots import catalogue
 from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import beside
@@ -139,8 +140,7 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
             more: dict[str, Any] = {key: given.get(key) for key in ("root", "gravity", "plane")} | (text or {"loops": loops})
             more |= {key: given.get(key, ()) for key in ("passive", "package_dirs", "leave_out")}
             loaded = load_robot(file or None, limits=FileLimits(**given.get("limits", {})), **more)
-            motors = motors_of_plain(given.get("motor_data"))
-            return loaded.with_motors(motors) if motors else loaded
+            return with_plain_motors(loaded, given.get("motor_data"))
     except (RbdError, TypeError) as error:
         raise ModelError(
             f"the robot of this motion cannot be loaded again: {error} Give it: Trajectory.load(path, robot=...)."

@@ -22,7 +22,7 @@ Element = ElementTree.Element
 WRITERS = ("replicate", "composite", "attach")
 """Elements that write others."""
 DIGITS = 17
-"""With so many, a number is the same after it was written and read."""
+"""Significant digits with which a number that is written and read again has the same bits."""
 _SAME = 1e-12
 _COMPARED = (
     "body_parentid body_pos body_quat body_mass body_inertia body_ipos jnt_type jnt_pos jnt_axis jnt_range dof_armature "
