@@ -147,9 +147,9 @@ def test_no_name_hides_a_module():
     assert not hidden
 
 
-def test_no_module_is_longer_than_four_hundred_lines():
+def test_no_module_is_longer_than_six_hundred_lines():
     """One idea a file."""
-    long = {module: n for module, path in MODULES.items() if (n := len(path.read_text().splitlines())) > 400}
+    long = {module: n for module, path in MODULES.items() if (n := len(path.read_text().splitlines())) > 600}
     assert not long
 
 
