@@ -51,6 +51,18 @@ def max_abs(x: Array) -> float:
     return abs(float(x[blas.idamax(x)])) if len(x) else 0.0
 
 
+def largest_first(values: object) -> Array:
+    """Indices of some numbers from the largest to the smallest; of equal ones the first comes first.
+
+    Numbers are equal if they agree to a millionth of the largest finite size: the order is not decided by rounding, which
+    differs from one processor to another. NaN comes last.
+    """
+    numbers = np.asarray(values, dtype=float)
+    finite = numbers[np.isfinite(numbers)]
+    unit = 1e-6 * max_abs(finite) or 1.0
+    return np.argsort(np.round((finite.max(initial=-np.inf) - numbers) / unit) if len(finite) else -numbers, kind="stable")
+
+
 @lru_cache(maxsize=64)
 def zeros(n: int) -> Array:
     """A read-only vector of zeros, cached."""

@@ -24,7 +24,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     """What takes minutes is run by `make exhaustive`."""
     parser.addoption("--exhaustive", action="store_true", help="all draws, and every example from a wheel")
     parser.addoption("--long", choices=("with", "without", "only"), default="with", help=f"the tests of {LONG.name}")
-    parser.addoption("--up-to", type=float, metavar="SECONDS", default=float("inf"), help="of the long tests those up to it")
     parser.addoption("--write-long", type=float, metavar="SECONDS", help=f"write the tests that took longer into {LONG.name}")
 
 
@@ -33,10 +32,9 @@ def pytest_configure(config: pytest.Config) -> None:
     config.addinivalue_line("markers", "long: takes tens of seconds by itself, so it is begun first")
 
 
-def long_tests() -> dict[str, float]:
-    """{name without parameters: seconds} of the long tests."""
-    lines = [line.split() for line in LONG.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
-    return {name: float(seconds) for name, seconds in lines}
+def long_tests() -> set[str]:
+    """Names of the long tests, without parameters."""
+    return {line.split()[0] for line in LONG.read_text(encoding="utf-8").splitlines() if not line.startswith("#")}
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -46,8 +44,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     meanwhile compiles what the first would compile as well.
     """
     if (wanted := config.getoption("--long")) != "with":
-        most = config.getoption("--up-to") if wanted == "only" else float("inf")
-        known = {name for name, seconds in long_tests().items() if seconds <= most}
+        known = long_tests()
         out = [item for item in items if (item.nodeid.partition("[")[0] in known) == (wanted == "without")]
         left = set(map(id, out))
         items[:] = [item for item in items if id(item) not in left]
@@ -68,9 +65,6 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     options = terminalreporter.config.getoption
     if options("--long") == "without":
         terminalreporter.write_line(f"left out: the {len(long_tests())} tests of tests/{LONG.name}; `make test-long` runs them")
-    longer = sum(seconds > options("--up-to") for seconds in long_tests().values())
-    if options("--long") == "only" and longer:
-        terminalreporter.write_line(f"left out: {longer} tests above {options('--up-to'):g} s; `make test-long` runs all")
     if (limit := options("--write-long")) is not None:
         write_long(terminalreporter, limit)
     if options("--exhaustive"):

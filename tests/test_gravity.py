@@ -12,6 +12,7 @@ import pytest
 
 import rbd
 from rbd.errors import InputError
+from rbd.simulation.velocity_problem import EXACT
 from rbd.testing import box
 
 TILT = np.radians(20.0)
@@ -88,9 +89,10 @@ def test_box_under_leaning_gravity_moves_as_on_an_incline(v: tuple[float, ...]) 
         rbd.simulate(state.with_velocity(v), corners(on, 0.4), duration=0.3, step=2e-3)
         for state, on in ((first, 0.0), (second, ground))
     )
-    assert np.abs(one.v - other.v).max() < 1e-9
-    assert np.abs(one.com @ R.T - other.com).max() < 1e-9
-    assert np.abs(one.energy - other.energy).max() < 1e-9
+    apart = 2.0 * EXACT * len(one)  # the impulses of each step are accepted at a merit of EXACT m/s, and errors do not grow
+    assert np.abs(one.v - other.v).max() < apart
+    assert np.abs(one.com @ R.T - other.com).max() < apart * one.t[-1]
+    assert np.abs(one.energy - other.energy).max() < apart * first.robot.mass * np.abs(one.v).max()
     assert np.ptp(one.energy) > 1.0  # rubbed away, or by the impact
 
 

@@ -20,7 +20,7 @@ from itertools import combinations
 import numpy as np
 
 from rbd.analysis.conditions import Conditions, conditions_of
-from rbd.arrays import RANK, Array, max_abs, null_space, range_of
+from rbd.arrays import RANK, Array, largest_first, max_abs, null_space, range_of
 from rbd.displayed import Displayed
 from rbd.problem.force_set import at_rest
 from rbd.problem.problem import CONVEX, GaussProblem, Law, checked
@@ -92,7 +92,8 @@ class Contradiction(Displayed):
         """Message: the infeasible part of the bilateral rows; empty where they agree."""
         sizes = {name: max_abs(s) for name, s in self.unmet.items()}
         rounding = CONTRADICTS * max([1.0, *(max_abs(x) for x in self.met.values())])
-        worst = sorted((name for name in sizes if sizes[name] > rounding), key=lambda name: -round(sizes[name], 9))
+        beyond = [name for name in sizes if sizes[name] > rounding]
+        worst = [beyond[i] for i in largest_first([sizes[name] for name in beyond])]
         if not worst:
             return ""
         said = ", ".join(f"{name!r:.60} {sizes[name]:.3g}" for name in worst[:4])

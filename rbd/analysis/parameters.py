@@ -21,7 +21,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from rbd.arrays import Array, as_array
+from rbd.arrays import Array, as_array, largest_first
 from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
 from rbd.model.external import External, elements_of
@@ -100,7 +100,7 @@ class ParameterDerivatives(Displayed):
 
     def __str__(self) -> str:
         size = np.abs(self.da).max(axis=0, initial=0.0)
-        most = [f"{self.labels[i]} ({size[i]:.3g})" for i in np.argsort(-size, kind="stable")[:3]]
+        most = [f"{self.labels[i]} ({size[i]:.3g})" for i in largest_first(size)[:3]]
         return f"by {self.parameter} of {len(self.labels)}; largest |da|: {', '.join(most) or 'none'}"
 
     def __repr__(self) -> str:

@@ -10,6 +10,7 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
+from rbd.arrays import largest_first
 from rbd.cli.terminal import Table, counted, facts, in_gravity, rounded, save_figure, timed
 from rbd.errors import InputError
 from rbd.problem.cones import check_friction
@@ -110,7 +111,7 @@ class RegionReport:
             forces = region.forces(i)
             carried = [f"{np.linalg.norm(forces[r.name][:3]):.1f}" for r in region.loads.rows]
             used = np.abs(region.tau(i)) / limit
-            worst = np.argsort(-used)[:LARGEST_TORQUES].tolist()
+            worst = largest_first(used)[:LARGEST_TORQUES].tolist()
             told = [", ".join(f"{robot.actuated_names[j]} {100 * used[j]:.0f} %" for j in worst)] if limited else []
             table.add_row(rounded(corner, 3), *carried, *told)
         return table

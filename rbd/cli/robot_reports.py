@@ -13,7 +13,7 @@ from rich.console import Group
 from rich.text import Text
 
 from rbd import compiled
-from rbd.arrays import Array
+from rbd.arrays import Array, largest_first
 from rbd.cli.terminal import Table, facts, in_commands, in_options, rounded
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotHold, ModelWarning, RbdError
@@ -302,7 +302,7 @@ class StandReport:
         )
         used = np.abs(tau) / robot.effort_limit
         limited = bool(np.isfinite(robot.effort_limit).any())
-        for i in np.argsort(-used if limited else -np.abs(tau))[:LARGEST_TORQUES]:
+        for i in largest_first(used if limited else np.abs(tau))[:LARGEST_TORQUES]:
             limit, share = "none", "-"
             if np.isfinite(robot.effort_limit[i]):
                 limit, share = f"{robot.effort_limit[i]:.1f}", f"{100 * used[i]:.1f} %"

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, largest_first
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -76,7 +76,7 @@ class BaseParameters(Displayed):
     def expression(self, i: int, most: int = 6) -> str:
         """The combination as text, e.g. "knee.I_yy  + 1 foot.m - 0.3 foot.mc_x", with so many terms at most."""
         own = self.columns[i]
-        order = np.argsort(-np.abs(self.B[i]).round(9), kind="stable")  # equal ones in the order of the tree
+        order = largest_first(np.abs(self.B[i]))  # equal ones in the order of the tree
         others = [j for j in order if j != own and abs(self.B[i, j]) > SAID]
         told = [f"{'+' if self.B[i, j] > 0.0 else '-'} {abs(self.B[i, j]):.4g} {self.names[j]}" for j in others[:most]]
         more = [f"and {len(others) - most} more"] if len(others) > most else []

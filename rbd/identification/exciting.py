@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, largest_first
 from rbd.displayed import Displayed
 from rbd.identification.combinations import BaseParameters
 from rbd.identification.data import UNTOLD, measured_motions
@@ -58,9 +58,11 @@ class Excitation(Displayed):
 
     @property
     def weakest(self) -> tuple[str, ...]:
-        """Labels of the base parameters in the combination that is told least, the largest first."""
-        last = np.abs(self.directions[:, -1])
-        return tuple(self.base.labels[i] for i in np.argsort(-last.round(9), kind="stable")[:_LISTED] if last[i] > 0.1)
+        """Labels of the base parameters in the combinations that are told least, the largest first."""
+        s = self.singular_values
+        least = s <= (max(s[-1] * (1.0 + 1e-6), UNTOLD * s[0]) if len(s) else 0.0)
+        part = np.linalg.norm(self.directions[:, least], axis=1)  # of their space: single directions in it are arbitrary
+        return tuple(self.base.labels[i] for i in largest_first(part)[:_LISTED] if part[i] > 0.1)
 
     def __str__(self) -> str:
         told = f"{self.rank} of {self.base.rank} combinations told by {self.equations} equations"

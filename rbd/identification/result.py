@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, lazy
+from rbd.arrays import Array, largest_first, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
 from rbd.identification.combinations import BaseParameters
@@ -329,7 +329,7 @@ class Identification(Displayed):
             spread = f" +- {self.mass_deviation:.2g}" if np.isfinite(self.mass_deviation) else " (not told by the data)"
             lines.append(f"  total mass {self.mass:.5g}{spread} kg; the model has {self.model.mass:.5g} kg")
         lines.append(f"  residual {mean:.3g}, with the model's parameters {before:.3g} (root mean square of N and N m)")
-        order = np.argsort(self.relative_deviations, kind="stable")[::-1][:_LISTED]
+        order = largest_first(self.relative_deviations)[:_LISTED]
         lines.append("  least well known of the base parameters:")
         for i in order:
             deviation = f"+- {self.deviations[i]:.2g}" if self.untold[i] < 0.5 else "not told by the data"

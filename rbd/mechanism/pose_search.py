@@ -16,7 +16,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, max_abs
+from rbd.arrays import Array, largest_first, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.displayed import Displayed
 from rbd.errors import CannotReach, InputError, ModelError
@@ -347,7 +347,8 @@ class _Search:
         left = {k: m for k, m in self.misses(q).items() if not m.within(self.tolerance)}
         size = {k: max(m.distance / self._length, m.angle) for k, m in left.items()}
         worst = max(size.values(), default=0.0)
-        left = {k: left[k] for k in sorted(left, key=lambda k: -size[k]) if size[k] > _NOISE * worst}
+        order = [list(left)[i] for i in largest_first([size[k] for k in left])]
+        left = {k: left[k] for k in order if size[k] > _NOISE * worst}
         pressed = {c.name: float(x) for c, x in zip(self.robot.joints.velocities, end.held, strict=True) if abs(x) > 0.0}
         off = "; ".join(f"{k!r:.60} is {m} off" for k, m in _first(left))
         say = [f"{name} does not reach its targets; at the nearest pose {off}."]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_flag
+from rbd.arrays import Array, as_array, as_float, check_flag, largest_first
 from rbd.displayed import Displayed
 from rbd.errors import InputError, Reason
 from rbd.model.joints import FORCE_OF
@@ -162,7 +162,7 @@ class MotionReport(Displayed):
             InputError: no cause, with their names.
         """
         frames = np.flatnonzero(self.of_cause(cause))
-        return frames[np.argsort(-self._badness(cause)[frames], kind="stable")][: int(most)]
+        return frames[largest_first(self._badness(cause)[frames])][: int(most)]
 
     def _badness(self, cause: str) -> Array:
         if cause == "sinks":
@@ -172,7 +172,7 @@ class MotionReport(Displayed):
         if cause == "motor":
             return self.excess.max(axis=1, initial=0.0)
         if cause == "torque-speed":
-            return np.where(np.isfinite(self.used_torque), self.used_torque, 1e300).max(axis=1, initial=0.0)
+            return np.where(np.isfinite(self.used_torque), self.used_torque, np.inf).max(axis=1, initial=0.0)
         if cause in ("floats", "friction", "tips"):
             return self.missing_scaled
         return np.zeros(self.n)

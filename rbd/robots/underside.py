@@ -10,7 +10,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, largest_first
 from rbd.constraints.convex.polygons import convex_hull
 from rbd.errors import ModelError
 from rbd.model.meshes import Geometry
@@ -165,7 +165,7 @@ def _facets(points: Array, level: Array) -> list[Array]:
     a, b, c = (points[hull.simplices[:, i]] for i in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     facing = np.flatnonzero(normals @ level > MOST_LEAN)
-    return [normals[i] for i in facing[np.argsort(-area[facing])][:30]]
+    return [normals[i] for i in facing[largest_first(area[facing])][:30]]
 
 
 def _area(hull: Array) -> float:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_float, max_abs
+from rbd.arrays import Array, as_float, largest_first, max_abs
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State
@@ -207,5 +207,5 @@ def shares_of(shape: Array, scale: Array, names: list[str]) -> dict[str, float]:
     """{coordinate: part of the squared shape}, descending."""
     squares = (np.abs(shape) / scale) ** 2
     total = float(squares.sum()) or 1.0
-    order = np.argsort(-squares, kind="stable")
+    order = largest_first(squares)
     return {names[i]: float(squares[i]) / total for i in order if squares[i] > 1e-9 * total}

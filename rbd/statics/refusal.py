@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, largest_first
 from rbd.constraints.constraint import Constraint, has_friction, rows_of
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import CannotHold, CannotMove, Reason
@@ -97,7 +97,7 @@ class Refusal:
         robot = self.loads.state.robot
         if over is not None:
             beyond = np.flatnonzero(over.share > 1e-7)
-            beyond = beyond[np.argsort(-over.share[beyond])][:4]
+            beyond = beyond[largest_first(over.share[beyond])][:4]
             words = {int(i): on_its_line(robot, int(i), float(over.tau[i]), self.loads.state.v) for i in beyond}
             if told := [f"{robot.actuated_names[i]!r:.80} needs {text}" for i, text in words.items() if text]:
                 return "motor", f"the torque-speed line of a motor prevents it. At best {_listed(told)}."

@@ -220,6 +220,7 @@ def test_recorded_accelerations_and_forces_are_those_of_the_elements_as_they_are
 def test_joint_elements_of_talos_step_on_the_ground_as_they_do_in_general(talos: rbd.Robot) -> None:
     """Elements in joints alone take the prepared dynamics of the ground: the same numbers as by M, J and h."""
     from rbd.simulation.implicit_forces import ImplicitElements
+    from rbd.simulation.velocity_problem import EXACT as EXACT_STEP
 
     state, feet = talos.at("half_sitting"), talos.feet(friction=0.6)
     place = talos.joints
@@ -230,7 +231,9 @@ def test_joint_elements_of_talos_step_on_the_ground_as_they_do_in_general(talos:
         patch.setattr(ImplicitElements, "is_light", lambda self, terms: terms is None)
         slow = rbd.simulate(state, feet, external=elements, duration=0.05, step=1e-3, integrator=STEPS)
     assert np.abs(fast.a[0] - slow.a[0]).max() < 1e-9 * np.abs(fast.a[0]).max()
-    assert np.abs(fast.q - slow.q).max() < 1e-10 and np.abs(fast.v - slow.v).max() < 1e-8
+    # Impulses are accepted at a merit of EXACT m/s, of a mean inertia; the lightest joint turns faster by the root of cond M.
+    speed = 2.0 * EXACT_STEP * np.sqrt(np.linalg.cond(state.M))
+    assert np.abs(fast.v - slow.v).max() < speed and np.abs(fast.q - slow.q).max() < speed * fast.t[-1]
     assert fast.residuals["law"].max() < 1e-9 and fast.dissipated[-1] > 1e-3
 
 

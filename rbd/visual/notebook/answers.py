@@ -8,7 +8,7 @@ import numpy as np
 
 from rbd.analysis.infeasibility import Contradiction
 from rbd.analysis.uniqueness import Range, Uniqueness
-from rbd.arrays import Array, max_abs
+from rbd.arrays import Array, largest_first, max_abs
 from rbd.control.task_actuation import StepCertificate, TaskActuation
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
@@ -154,7 +154,7 @@ def torque_table(robot: CheckedModel, tau: Array, v: Array | None = None, most: 
     shares = robot.torque_use(tau, v)
     used = shares if np.isfinite(limit).any() else np.abs(tau)
     rows = []
-    for i in np.argsort(-used, kind="stable")[:most]:
+    for i in largest_first(used)[:most]:
         most_used = share(shares[i]) if math.isfinite(limit[i]) else "no limit stated"
         rows.append((names[i], fixed(tau[i], 3), units[i], most_used))
     return Table(rows, ("motor", "torque or force", "unit", "of its limit"), whole=len(names), rest="tau")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, largest_first
 from rbd.model.gravity import along_gravity, is_along_z
 from rbd.statics.actuation import ActuationUniqueness, Margins
 from rbd.statics.pushes import PushLimits
@@ -79,7 +79,7 @@ def _pushes(record: PushLimits) -> Card:
     most = f"withstands {number(record.forces[weakest], 4)} N at {record.frame} along {way}"
     weak = ", its weakest direction" if len(record.forces) > 1 else ""
     said = f"{most}{weak}; what gives way there: {why}"
-    order = np.argsort(record.forces, kind="stable")
+    order = largest_first(-record.forces)
     rows = [
         (
             vector(record.directions[i], 2),
