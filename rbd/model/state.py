@@ -66,6 +66,8 @@ class State(Displayed):
 
     _slot: Slot | None = None
     _ticket = 0
+    limits_checked = False
+    """Whether its joints were compared with their limits: what is beyond is told once a state."""
 
     @property
     def _pool(self) -> DataPool:

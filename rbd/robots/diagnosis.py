@@ -16,6 +16,7 @@ from rbd.errors import InputError, ModelError
 from rbd.model import mjcf
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import RobotFile
+from rbd.model.joints import AT_LIMIT
 from rbd.model.state import State
 from rbd.robots.rotors import rotors_of
 
@@ -326,8 +327,8 @@ def _outside(model: pin.Model, postures: Mapping[str, Array]) -> Iterator[ModelI
     q = np.array(list(postures.values()))
     over = np.maximum(model.lowerPositionLimit - q, q - model.upperPositionLimit)
     for k, name in enumerate(postures):
-        if (over[k] > 1e-6).any():  # files round
-            joints = dict.fromkeys(_joint_of(model, int(i), "idx_q", "nq") for i in np.flatnonzero(over[k] > 1e-6))
+        if (over[k] > AT_LIMIT).any():
+            joints = dict.fromkeys(_joint_of(model, int(i), "idx_q", "nq") for i in np.flatnonzero(over[k] > AT_LIMIT))
             yield ModelIssue("posture", name, f"{_some(joints)} outside the limits, by up to {over[k].max():.3g}")
 
 
