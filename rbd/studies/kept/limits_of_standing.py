@@ -60,6 +60,7 @@ def _radius(region: SupportRegion | ZmpRegion) -> float:
 _REGION = {
     **one("empty", "whether there is no such place", lambda region: region.empty, ""),
     **one("bounded", "whether the region ends everywhere", lambda region: region.bounded, ""),
+    **one("cut", "whether it goes on beyond 10 m: area, distance and radius are then of the part within", lambda x: x.cut, ""),
 }
 _RADIUS = one("inscribed_radius", "radius of the largest circle inside", _radius, "m", default=False)
 KINDS = {
@@ -79,7 +80,7 @@ KINDS = {
         {
             **one("residual", "largest error of the corners", lambda region: region.residual, "N"),
             **one("area", "area of the region; infinite where it has no end", lambda region: region.area, "m2"),
-            **one("com_distance", "distance of the centre of mass from the edge, positive inside", lambda x: x.distance(), "m"),
+            **one("com_distance", "distance of the centre of mass from the edge, positive inside", lambda x: x.com_to_edge[0], "m"),
             **_REGION,
             **one("area_gap", "by how much the proven outer polygon is larger", lambda x: x.area_gap, "m2", default=False),
             **_RADIUS,

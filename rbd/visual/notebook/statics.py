@@ -19,7 +19,7 @@ from rbd.visual.notebook.values import fixed, number, share, vector, words
 
 
 def _area(record: SupportRegion | ZmpRegion) -> str:
-    return f"{1e4 * record.area:.1f} cm2" if np.isfinite(record.area) else "without end"
+    return f"{1e4 * record.area:.1f} cm2{record.cut_words}" if np.isfinite(record.area) else "without end"
 
 
 @card_of.register
@@ -27,10 +27,9 @@ def _support_region(record: SupportRegion) -> Card:
     if record.empty:
         said, inside = "it cannot be at rest anywhere on these contacts: the support region is empty", False
     else:
-        d = record.distance()
-        inside = bool(d >= 0.0)
-        which = "inside the support region" if inside else "outside the support region"
-        said = f"the centre of mass is {fixed(1e3 * abs(d), 1)} mm {which}: {'it can stand' if inside else 'it cannot stand'}"
+        inside = bool(record.com_to_edge[0] >= 0.0)
+        can = "it can stand" if inside else "it cannot stand"
+        said = f"the centre of mass is {record.com_in_words} the support region: {can}"
     gravity = record.state.robot.gravity
     com, seen = along_gravity(gravity, record.state.com), "from above" if is_along_z(gravity) else "along gravity, on z = 0"
     rows = [
