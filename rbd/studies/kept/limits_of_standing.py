@@ -24,6 +24,10 @@ def _limits(limits: PushLimits) -> list[Named]:
     return [("push_limit", Variable(limits.forces, ("direction",), "N", "largest push in each direction"))]
 
 
+def _least(limits: PushLimits) -> list[Named]:
+    return [("push_least", Variable(limits.least, ("direction",), "N", "smallest push in each direction that holds it"))]
+
+
 def _bounds(limits: PushLimits) -> list[Named]:
     return [("push_bound", Variable(limits.bounds, ("direction",), "N", "proven bound of the push in each direction"))]
 
@@ -69,7 +73,8 @@ KINDS = {
             **one(
                 "residual", "largest error of all pushes: of balance, forces outside cones, torques", lambda x: x.residual, "N"
             ),
-            "push_limit": Kept("largest push in each direction", _limits),
+            "push_limit": Kept("largest push in each direction; NaN where none holds it", _limits),
+            "push_least": Kept("smallest push in each direction that holds it; zero where it is held without one", _least),
             "push_bound": Kept("what no push in each direction can exceed, proven", _bounds),
             "push_direction": Kept("unit vector of each direction, in W", _directions, False),
             "gives_way": Kept("the limits that give way first in each direction", _gives_way, False),

@@ -71,24 +71,27 @@ def _zmp_region(record: ZmpRegion) -> Card:
 
 @card_of.register
 def _pushes(record: PushLimits) -> Card:
-    weakest = int(np.argmin(record.forces))
+    weakest = int(np.nanargmin(record.forces if record.held else record.least))
     limits = record.gives_way
     why = joined(map(str, limits[weakest])) or f"no limit met up to {number(record.at_most)} N"
     way = vector(record.directions[weakest], 2)
     most = f"withstands {number(record.forces[weakest], 4)} N at {record.frame} along {way}"
     weak = ", its weakest direction" if len(record.forces) > 1 else ""
     said = f"{most}{weak}; what gives way there: {why}"
+    if not record.held:
+        said = f"cannot be held without a push; one of {number(record.least[weakest], 4)} N holds it, at {record.frame} along {way}"
     order = np.argsort(record.forces, kind="stable")
     rows = [
         (
             vector(record.directions[i], 2),
+            fixed(record.least[i], 2),
             fixed(record.forces[i], 2),
             fixed(record.bounds[i], 2),
             joined(map(str, limits[i])) or "-",
         )
         for i in order
     ]
-    heads = ("direction", "largest push [N]", "no more than [N]", "gives way first")
+    heads = ("direction", "smallest push [N]", "largest push [N]", "no more than [N]", "gives way first")
     residual = Table([("largest residual of the proving forces", f"{record.residual:.1e}", "N")])
     folds = [Fold("Proof: residuals", [residual])]
     return Card(said, None, [Table(rows, heads, rest="forces")], (), folds)
