@@ -142,8 +142,25 @@ class Robot(ShapedRobot):
         Args:
             q: Configuration (nq,), the name of a posture, or None.
             v: Velocity (nv,); zero if not given.
+
+        Raises:
+            InputError: what `State` refuses, an unknown posture; a bare list, of a robot whose joints cannot be in the order
+                in which they were declared.
         """
+        for given in (q, v):
+            if isinstance(given, list | tuple) and self.mechanism.file.order:
+                self._refuse_lists()
         return State(self, self.neutral() if q is None else self.posture(q) if isinstance(q, str) else q, v)
+
+    def _refuse_lists(self) -> None:
+        declared = [name for name in self.mechanism.file.order if name in self.joints]
+        ours = [name for name in self.joints if name in set(declared)]
+        if ours != declared:
+            raise InputError(
+                f"q or v is a bare list, and the joints of {self.name} were declared as {', '.join(declared)}, but are in the "
+                f"order {', '.join(ours)}: all joints beyond one come before the next. Name them: "
+                f"robot.at().with_joints({{{declared[0]!r}: ...}}), or give an array in the order of robot.joints."
+            )
 
     def standing(self, posture: str | None = None) -> State:
         """At rest on its feet: soles (or points) on z = 0 to 1e-9 m, the base turned so that they lie flat.
