@@ -206,7 +206,7 @@ class TestPlaceOnGround:
         """The lower one comes to the ground."""
         box = rbd.load_robot(self.BOX)
         points = [rbd.PointContact(f"{z}", "box", offset=(0.0, 0.0, z)) for z in (0.1, -0.1)]
-        with pytest.warns(DistantContactWarning, match="'0.1' up to 200 mm above"):
+        with pytest.warns(rbd.errors.DistantContactWarning, match="'0.1' up to 200 mm above"):
             placed = place_on_ground(box.at(), points)
         assert np.abs(placed.q - [0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0]).max() < 1e-15
 

@@ -13,7 +13,7 @@ from rbd.constraints.constraint import Constraint
 from rbd.constraints.joint_limit import JointLimit
 from rbd.errors import DistantContactWarning, JointLimitWarning, OpeningContactWarning
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joints import AT_LIMIT, ANGLE, Joint
+from rbd.model.joints import ANGLE, AT_LIMIT, Joint
 from rbd.model.state import State
 from rbd.problem.contact_motion import Opening, opening_words
 from rbd.problem.force_set import at_rest

@@ -260,7 +260,8 @@ def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[tuple[ModelIssue
     links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint in _subtree(model, name)]
     bodies = f"the bodies beyond joint {name!r} ({_some(links)}) have"
     if not indefinite and not any(singular[1:]):
-        yield ModelIssue("singular", name, f"{bodies} no inertia about it at q = 0: M is singular there, and not elsewhere"), False
+        text = f"{bodies} no inertia about it at q = 0: M is singular there, and not elsewhere"
+        yield ModelIssue("singular", name, text), False
         return
     what = "an indefinite inertia: M has a negative eigenvalue" if indefinite else "no inertia about it: M is singular"
     yield ModelIssue("singular", name, f"{bodies} {what}. Give them mass and inertia, or weld it."), True

@@ -169,8 +169,9 @@ class Robot(ShapedRobot):
         1e-4 rad. Feet that the posture leaves more than a millimetre off the ground are named by a `DistantContactWarning`.
 
         A robot on two points is then turned about them until its centre of mass is over them along gravity. The ground is z = 0
-        whatever the gravity: under one that leans, feet are flat on an incline, and whether the robot can stand so is for `rbd.hold` to say. A base that slides in an upright plane is turned and lowered in
-        this plane; a fixed base, and one that slides on the ground, stay.
+        whatever the gravity: under one that leans, feet are flat on an incline, and whether the robot can stand so is for
+        `rbd.hold` to say. A base that slides in an upright plane is turned and lowered in this plane; a fixed base, and one
+        that slides on the ground, stay.
 
         Args:
             posture: A name in `postures`; by default that of the catalogue, else the only one; a robot without postures stands

@@ -77,8 +77,8 @@ class Region:
         found, known = self.to_edge(at)
         if not known:
             warnings.warn(
-                f"the region is known to {WITHIN_M:g} m, and goes on where it is cut: its edge there is at a signed distance of "
-                f"{found:.4g} m or more. `region.cut` says which regions are cut.",
+                f"the region is known to {WITHIN_M:g} m, and goes on where it is cut: its edge there is at a signed distance "
+                f"of {found:.4g} m or more. `region.cut` says which regions are cut.",
                 InaccurateWarning,
                 stacklevel=stacklevel + 1,
             )

@@ -50,7 +50,8 @@ class PushLimits(Displayed):
         frame: Frame of the robot that is pushed.
         offset: Where, from the frame's origin in the frame's axes, shape (3,) [m].
         directions: Unit vectors in W, shape (k, 3).
-        forces: Largest push in each direction, shape (k,) [N]; `at_most` where no limit is met up to there; NaN where none holds.
+        forces: Largest push in each direction, shape (k,) [N]: `at_most` where no limit is met up to there, NaN where no push
+            holds the robot.
         bounds: What no push in each direction can exceed, proven by multipliers, shape (k,) [N].
         weights: Contact forces at these pushes, as weights of `loads.sets` over the robot's weight, shape (k, p).
         motions: The motion that begins there, shape (k, nv), of any size: the multipliers, read as a virtual velocity.
@@ -118,7 +119,7 @@ class PushLimits(Displayed):
     @lazy
     def residual(self) -> float:
         """Largest error of all answers, recomputed [N, N m]: of balance, of forces outside cones, of torques beyond limits."""
-        worst, limit = 0.0, self.state.robot.effort_limit
+        worst = 0.0
         for i in np.flatnonzero(np.isfinite(self.forces)).tolist():
             worst = max(worst, self._error(self.weights[i], self._push(i)), self._error(self.least_weights[i], self._least(i)))
         return worst
@@ -143,9 +144,8 @@ class PushLimits(Displayed):
         if self.held and count == 1:
             return f"{at} along ({way}): withstands {self.forces[i]:.4g} N, {what}; {end}"
         if self.held:
-            return (
-                f"{at} in {count} directions: withstands at least {self.forces[i]:.4g} N, the least along ({way}), {what}; {end}"
-            )
+            least = f"withstands at least {self.forces[i]:.4g} N, the least along ({way})"
+            return f"{at} in {count} directions: {least}, {what}; {end}"
         some = "" if count == 1 else f", the smallest of those of {int(np.isfinite(self.least).sum())} of {count} directions"
         size = f"{self.least[i]:.4g} to {self.forces[i]:.4g} N" if limits else f"{self.least[i]:.4g} N or more"
         return f"{at}: cannot be held without a push; one of {size} along ({way}) holds it{some}, {what}; {end}"
@@ -230,7 +230,7 @@ def push_limits(
 
 @dataclass(frozen=True, eq=False)
 class _Answer:
-    """A largest or smallest push, over the weight, NaN if there is none; and the half-space a . F <= b that proves a largest."""
+    """A largest or smallest push, over the weight, or NaN; of a largest one the proven half-space of all, a . F <= b."""
 
     size: float
     bound: float

@@ -491,6 +491,7 @@ def test_a_planar_joint_is_not_said_to_have_a_strange_axis() -> None:
 
 def test_a_robot_that_is_singular_at_zero_alone_is_built_with_a_warning() -> None:
     """A camera that looks along the axis of its pan: refused is the pose, by `solve`; a pan without any mass beyond is not."""
+
     def pan_tilt(arm: float) -> RobotBuilder:
         builder = RobotBuilder("camera", root="fixed")
         builder.body("pan", PointMass(1.0))

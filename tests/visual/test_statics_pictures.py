@@ -69,7 +69,7 @@ def test_pushes_are_drawn_by_what_gives_way(standing):
 
 
 def test_pushes_that_must_be_there_are_drawn_from_the_smallest_to_the_largest(talos, standing):
-    """On one sole: no area around zero, in the plot a line and in the scene an arrow for each direction that has an interval."""
+    """On one sole: no area around zero, a line in the plot and an arrow in the scene for each direction with an interval."""
     state, soles, _ = standing
     limits = push_limits(state, soles[:1], "torso_2_link", AROUND)
     some = np.isfinite(limits.forces)

@@ -85,7 +85,9 @@ KINDS = {
         {
             **one("residual", "largest error of the corners", lambda region: region.residual, "N"),
             **one("area", "area of the region; infinite where it has no end", lambda region: region.area, "m2"),
-            **one("com_distance", "distance of the centre of mass from the edge, positive inside", lambda x: x.com_to_edge[0], "m"),
+            **one(
+                "com_distance", "distance of the centre of mass from the edge, positive inside", lambda x: x.com_to_edge[0], "m"
+            ),
             **_REGION,
             **one("area_gap", "by how much the proven outer polygon is larger", lambda x: x.area_gap, "m2", default=False),
             **_RADIUS,

@@ -79,7 +79,8 @@ def _pushes(record: PushLimits) -> Card:
     weak = ", its weakest direction" if len(record.forces) > 1 else ""
     said = f"{most}{weak}; what gives way there: {why}"
     if not record.held:
-        said = f"cannot be held without a push; one of {number(record.least[weakest], 4)} N holds it, at {record.frame} along {way}"
+        least = number(record.least[weakest], 4)
+        said = f"cannot be held without a push; one of {least} N at {record.frame} along {way} holds it"
     order = np.argsort(record.forces, kind="stable")
     rows = [
         (
