@@ -86,7 +86,7 @@ def solve(
         `NonUniqueMotionWarning` describes them; the others are in `solution.others`. If a contact separates
         its force is zero: an `OpeningContactWarning` names it, and so does `solution.opening`. A contact whose
         plane is known (`on=`, the feet of a robot) and that is more than a millimetre off it is solved as if it
-        touched, with a `DistantContactWarning`.
+        touched, with a `DistantContactWarning`. A `JointLimitWarning` names joints beyond their limits, once a state.
 
     Raises:
         InputError: wrong sizes, NaN, unknown frames, two constraints of one name; a law that is not the solver's.
