@@ -260,11 +260,11 @@ class _Search:
             CannotHold: no push along any direction holds it, nor none.
         """
         count = len(self.ways)
-        first = self._smallest(self.ways[0])
-        if not first.size <= _NONE:
-            self._run_intervals(first)
+        smallest = self._smallest(self.ways[0])
+        if not smallest.size <= _NONE:
+            self._run_intervals(smallest)
             return
-        self.least = dict.fromkeys(range(count), replace(first, size=0.0, bound=0.0))
+        self.least = dict.fromkeys(range(count), replace(smallest, size=0.0, bound=0.0))
         if count > 4 and rank_of(self.ways) == 2:
             U = np.linalg.svd(self.ways)[2][:2]
             order = np.argsort(np.arctan2(*(U @ self.ways.T)[::-1]), kind="stable").tolist()
