@@ -12,7 +12,7 @@ import numpy as np
 from rbd.analysis.sensitivity import StateOrigin
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, is_open, listed, rows_of
-from rbd.constraints.distance_warnings import warn_of_distant, warn_of_opening
+from rbd.constraints.distance_warnings import warn_of_distant, warn_of_limits, warn_of_opening
 from rbd.errors import (
     ContactMoves,
     EffortLimitWarning,
@@ -86,7 +86,7 @@ def solve(
         `NonUniqueMotionWarning` describes them; the others are in `solution.others`. If a contact separates
         its force is zero: an `OpeningContactWarning` names it, and so does `solution.opening`. A contact whose
         plane is known (`on=`, the feet of a robot) and that is more than a millimetre off it is solved as if it
-        touched, with a `DistantContactWarning`.
+        touched, with a `DistantContactWarning`. A `JointLimitWarning` names joints beyond their limits, once a state.
 
     Raises:
         InputError: wrong sizes, NaN, unknown frames, two constraints of one name; a law that is not the solver's.
@@ -148,6 +148,8 @@ def _prepared_answer(
     if not found.worst <= SOLVED and not solution.residuals.within(SOLVED):
         return None
     _warn_of_effort(state, torques)
+    if not state.limits_checked:
+        warn_of_limits(state, given, stacklevel=4)
     return solution
 
 
@@ -254,6 +256,7 @@ def assembled(
     given = listed(constraints)
     rows = rows_of(state, given)
     _warn_of_open(given, rows)
+    warn_of_limits(state, given, stacklevel=4)
     if not all([r.patch is None or r.patch.touches for r in rows]):
         warn_of_distant(state.robot, rows, stacklevel=4)
     external = tuple(external) if type(external) is list else external
@@ -311,8 +314,9 @@ def _warn_of_open(constraints: tuple[Constraint, ...], rows: Sequence[Rows]) -> 
 
 def _warn_of_effort(state: State, tau: Array) -> None:
     robot = state.robot
-    used = robot.torque_use(tau, state.v) if robot.torque_lines else np.abs(tau) / robot.effort_limit
+    used = robot.torque_use(tau, state.v) if robot.torque_lines else tau / robot.effort_limit
     if max_abs(used) > 1.0:
+        used = np.abs(used)
         worst, beyond = int(np.argmax(used)), int((used > 1.0).sum())
         warnings.warn(
             f"tau of {robot.actuated_names[worst]} is {beyond_limit(robot, worst, float(tau[worst]), state.v)}; "

@@ -206,7 +206,8 @@ class TestPlaceOnGround:
         """The lower one comes to the ground."""
         box = rbd.load_robot(self.BOX)
         points = [rbd.PointContact(f"{z}", "box", offset=(0.0, 0.0, z)) for z in (0.1, -0.1)]
-        placed = place_on_ground(box.at(), points)
+        with pytest.warns(rbd.errors.DistantContactWarning, match="'0.1' up to 200 mm above"):
+            placed = place_on_ground(box.at(), points)
         assert np.abs(placed.q - [0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 1.0]).max() < 1e-15
 
     def test_what_cannot_be_placed_is_refused(self, talos: rbd.Robot) -> None:

@@ -228,7 +228,7 @@ def test_what_is_not_searched_or_not_found_has_a_code(talos: rbd.Robot, monkeypa
     state, push = talos.standing(), 100.0 * talos.standing().frame("torso_2_link").J[1]
     corner = rbd.PointContact("corner", "box", friction=0.5, on=rbd.Ground(normal=(0.6, 0.0, 0.8)))
     steep = rbd.State(testing.box(mass=10.0), ORIGIN)
-    assert reason_of(lambda: rbd.statics.push_limits(steep, [corner], "box", np.eye(3))) is Reason.CANNOT_HOLD
+    assert reason_of(lambda: rbd.statics.push_limits(steep, [corner], "box", np.eye(3)[:2])) is Reason.CANNOT_HOLD
     with monkeypatch.context() as patch:
         patch.setattr("rbd.problem.programs.FRICTION_PROGRAMS", 0)
         assert reason_of(lambda: rbd.hold(steep, [corner])) is Reason.CANNOT_HOLD

@@ -62,3 +62,31 @@ def test_pushed_states_are_solved_or_refused_never_wrong(robot: rbd.Robot, exhau
         assert s.weights is not None and s.weights.min() >= 0.0 and opening.min() > -1e-8 * scale
         assert np.abs(s.weights * opening).max() < 1e-8 * scale * max(1.0, s.weights.max())
     assert solved >= 0.99 * count
+
+
+def test_every_robot_of_the_catalogue_stands_on_the_ground_to_a_nanometre():
+    """All corners of all feet, in the catalogue's posture: iCub's soles, whose file has five digits, lay 2.2 um off it."""
+    stood = 0
+    for name in rbd.robots.catalogue.robots():
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rbd.errors.ModelWarning)
+            each = rbd.load_robot(name)
+        if not each.source.feet or each.source.posture is None:
+            continue
+        standing = each.standing()
+        heights = np.concatenate([np.atleast_1d(foot.points(standing).gaps) for foot in each.feet()])
+        moved = pin.difference(each.model, each.posture(each.source.posture), standing.q)[6:]
+        assert np.abs(heights).max() < 1e-9 and np.abs(moved).max() < 1e-4, name
+        stood += 1
+    assert stood >= len(NINE)
+
+
+def test_icub_starts_to_stand_without_events():
+    """Held by its torques: no corner falls 2 um onto the ground, of which there were 22 events in 0.1 s."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", rbd.errors.ModelWarning)
+        icub = rbd.load_robot("icub")
+    state, feet = icub.standing(), icub.feet(0.7)
+    tau = rbd.hold(state, feet).tau
+    trajectory = rbd.simulate(state, feet, duration=0.05, step=0.001, controller=lambda *_: tau, progress=False)
+    assert len(trajectory.events) == 0

@@ -51,7 +51,8 @@ class RegionReport:
                     "outer": region.outer.tolist(),
                     "directions": region.directions.tolist(),
                     "area": region.area,
-                    "distance": region.distance(),
+                    "distance": region.com_to_edge[0],
+                    "cut": region.cut,
                     "residual": region.residual,
                     "torque_limits": region.torque_limits,
                     "friction": region.friction,
@@ -73,12 +74,11 @@ class RegionReport:
         limits = " with torques within their limits" if region.torque_limits else ""
         if region.empty:
             return f"{name} can stand nowhere{limits}: no forces within friction balance it."
-        distance = region.distance()
+        distance = region.com_to_edge[0]
         if abs(distance) < 1e-6:
             return f"The centre of mass of {name} is on the edge of its support region{limits}."
-        if distance > 0.0:
-            return f"The centre of mass of {name} is {1e3 * distance:.1f} mm inside its support region{limits}: it can stand."
-        return f"The centre of mass of {name} is {-1e3 * distance:.1f} mm outside its support region{limits}: it cannot stand."
+        can = "can" if distance > 0.0 else "cannot"
+        return f"The centre of mass of {name} is {region.com_in_words} its support region{limits}: it {can} stand."
 
     def _summary(self) -> Table:
         state = self.asked.state
@@ -165,10 +165,7 @@ def draw(regions: Mapping[str, SupportRegion], path: Path) -> Path:
 def _words(region: SupportRegion) -> str:
     if region.empty:
         return "empty: nowhere do forces within friction balance the robot"
-    distance = region.distance()
-    where = f"centre of mass {1e3 * abs(distance):.1f} mm {'inside' if distance >= 0.0 else 'outside'}"
-    if abs(distance) < 1e-6:
-        where = "centre of mass on its edge"
+    where = "centre of mass on its edge" if abs(region.com_to_edge[0]) < 1e-6 else f"centre of mass {region.com_in_words}"
     if not region.bounded:
         return f"without end; {where}"
-    return f"{1e4 * region.area:.2f} cm2, {counted(len(region.vertices), 'corner')}; {where}"
+    return f"{1e4 * region.area:.2f} cm2{region.cut_words}, {counted(len(region.vertices), 'corner')}; {where}"

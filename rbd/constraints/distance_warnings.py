@@ -1,16 +1,23 @@
-"""Warnings of contacts that do not fit a state: those that separate, and those that are off their planes."""
+"""Warnings of a state: contacts that separate or are off their planes, and joints beyond their limits."""
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 
 import numpy as np
 
-from rbd.errors import DistantContactWarning, OpeningContactWarning
+from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint
+from rbd.constraints.joint_limit import JointLimit
+from rbd.errors import DistantContactWarning, JointLimitWarning, OpeningContactWarning
 from rbd.model.checked_model import CheckedModel
+from rbd.model.joints import ANGLE, AT_LIMIT, Joint
+from rbd.model.state import State
 from rbd.problem.contact_motion import Opening, opening_words
 from rbd.problem.force_set import at_rest
+from rbd.problem.ground import TOUCHES
 from rbd.problem.rows import Rows
 
 
@@ -64,3 +71,46 @@ def distant(rows: Sequence[Rows], *, below_only: bool = False) -> list[str]:
             which = "" if len(gaps) == 1 or far.all() else f" ({int(far.sum())} of {len(gaps)} points)"
             told.append(f"{r.name!r:.80}{which} {1e3 * abs(worst):.4g} mm {'above' if worst > 0.0 else 'below'}")
     return told
+
+
+def warn_of_limits(state: State, constraints: Sequence[Constraint] = (), *, stacklevel: int) -> None:
+    """Name the joints that are beyond their limits, once a state; nothing where none is.
+
+    Args:
+        state: Whose.
+        constraints: A `JointLimit` among them has its own bounds, and its joint may be beyond by a millimetre or milliradian.
+        stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
+    """
+    robot = state.robot
+    if state.limits_checked or robot.joints.within_limits(state.q):
+        state.limits_checked = True
+        return
+    low, high = joint_bounds(robot, constraints)
+    beyond = (state.q < low) | (state.q > high)
+    told = [_beyond(joint, float(state.q[joint.q.start])) for joint in robot.joints.values() if beyond[joint.q].any()]
+    if told:
+        state.limits_checked = True
+        more = f" and {len(told) - 6} more" if len(told) > 6 else ""
+        warnings.warn(
+            f"joints of {robot.name} are beyond their limits: {'; '.join(told[:6])}{more}. The pose is taken as it is. "
+            "Angles are in radians; robot.joints lists the limits.",
+            JointLimitWarning,
+            stacklevel=stacklevel,
+        )
+
+
+def joint_bounds(robot: CheckedModel, constraints: Sequence[Constraint]) -> tuple[Array, Array]:
+    """(lower, upper) beyond which an entry of q is told of, shapes (nq,): see `warn_of_limits`."""
+    low, high = robot.joints.limits[0] - AT_LIMIT, robot.joints.limits[1] + AT_LIMIT
+    for one in constraints:
+        if isinstance(one, JointLimit):
+            at, (lower, upper) = robot.joints[one.joint].q, one.bounds(robot)
+            low[at], high[at] = lower - TOUCHES, upper + TOUCHES
+    return low, high
+
+
+def _beyond(joint: Joint, value: float) -> str:
+    turned = math.radians(value)
+    degrees = joint.unit == ANGLE and abs(value) > 2.0 * math.pi and joint.lower <= turned <= joint.upper
+    hint = f": {value:.4g} looks like degrees, {turned:.4g} rad" if degrees else ""
+    return f"{joint.name!r:.80} is at {value:.4g} {joint.unit}, of {joint.lower:.4g} to {joint.upper:.4g} {joint.unit}{hint}"

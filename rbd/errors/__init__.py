@@ -33,6 +33,7 @@
       EffortLimitWarning                a torque given is beyond a motor's limit
       ForceElementWarning               a spring has a negative stiffness
       SpeedLimitWarning                 a joint is faster than its motor can turn
+      JointLimitWarning                 a joint of a state is beyond its limits
       InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7; or a simulation recorded a
                                         residual above 1e-7
       LoopNotClosedWarning              a loop is not closed at this state, and is solved unchanged
@@ -80,6 +81,7 @@ from rbd.errors.warned import (
     EffortLimitWarning,
     ForceElementWarning,
     InaccurateWarning,
+    JointLimitWarning,
     LoopNotClosedWarning,
     ModelWarning,
     NonUniqueMotionWarning,
@@ -106,6 +108,7 @@ __all__ = [
     "FrameNotFound",
     "InaccurateWarning",
     "InputError",
+    "JointLimitWarning",
     "JointNotFound",
     "LoopNotClosedWarning",
     "ModelError",

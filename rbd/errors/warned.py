@@ -50,6 +50,22 @@ class SpeedLimitWarning(RbdWarning):
     """
 
 
+class JointLimitWarning(RbdWarning):
+    """A joint of a state is beyond the limits of the robot's file, or of the `rbd.JointLimit` that is given for it.
+
+    Example:
+        >>> import warnings
+        >>> talos = rbd.load_robot("talos")
+        >>> bent = talos.standing().with_joints({"arm_left_4_joint": -90})
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("error", rbd.errors.JointLimitWarning)
+        ...     rbd.hold(bent, talos.soles())
+        Traceback (most recent call last):
+            ...
+        rbd.errors.JointLimitWarning: joints of talos are beyond their limits: 'arm_left_4_joint' is at -90 rad, of ...
+    """
+
+
 class InaccurateWarning(RbdWarning):
     """An answer's residuals are above 1e-9, though at most 1e-7, scaled; or those of a simulation's record are above 1e-7.
 

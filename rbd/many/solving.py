@@ -15,7 +15,7 @@ from rbd.many.one_state import answer_at, warnings_of
 from rbd.many.solutions import Solutions
 from rbd.many.states import Friction, ManyExternal, ManyStates
 from rbd.many.status import StateStatus
-from rbd.many.warned import INACCURATE, TORQUE, warn
+from rbd.many.warned import INACCURATE, LIMIT, TORQUE, beyond_limits, warn
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.problem import COULOMB, Law
@@ -81,6 +81,7 @@ def solve_many(
     for i in by_blocks(sheet, asked, rest_speed).tolist():
         _one(sheet, i, asked, rest_speed)
     sheet.column("warned", TORQUE)[:] = _overloaded(states) & (sheet.status != StateStatus.BAD_INPUT)
+    sheet.column("warned", LIMIT)[:] = beyond_limits(states) & (sheet.status != StateStatus.BAD_INPUT)
     sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
     found = Solutions(**sheet.fields(), law=asked, rest_speed=rest_speed)
     warn(found, stacklevel=2)

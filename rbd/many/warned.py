@@ -5,11 +5,16 @@ from __future__ import annotations
 import warnings
 from collections.abc import Sequence
 
+import numpy as np
+
+from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, is_open
+from rbd.constraints.distance_warnings import joint_bounds
 from rbd.errors import (
     DistantContactWarning,
     EffortLimitWarning,
     InaccurateWarning,
+    JointLimitWarning,
     LoopNotClosedWarning,
     NonUniqueMotionWarning,
     OpeningContactWarning,
@@ -17,9 +22,10 @@ from rbd.errors import (
     SpeedLimitWarning,
 )
 from rbd.many.answers import ManyAnswers
+from rbd.many.states import ManyStates
 from rbd.problem.rows import Rows
 
-TORQUE, DISTANT, OPENED, LOOP, SEVERAL, INACCURATE, SPEED = (
+TORQUE, DISTANT, OPENED, LOOP, SEVERAL, INACCURATE, SPEED, LIMIT = (
     "a torque is beyond its effort limit",
     "a contact is off its plane",
     "a contact separates and carries no force",
@@ -27,6 +33,7 @@ TORQUE, DISTANT, OPENED, LOOP, SEVERAL, INACCURATE, SPEED = (
     "more than one motion satisfies the law",
     "inaccurate",
     "a joint is faster than its motor can turn",
+    "a joint is beyond its limits",
 )
 WARNINGS: dict[str, type[RbdWarning]] = {
     TORQUE: EffortLimitWarning,
@@ -36,6 +43,7 @@ WARNINGS: dict[str, type[RbdWarning]] = {
     SEVERAL: NonUniqueMotionWarning,
     INACCURATE: InaccurateWarning,
     SPEED: SpeedLimitWarning,
+    LIMIT: JointLimitWarning,
 }
 """The warning of each kind."""
 
@@ -46,6 +54,13 @@ def of_rows(constraints: Sequence[Constraint], rows: Sequence[Rows]) -> list[str
     if any(is_open(constraint, r) for constraint, r in zip(constraints, rows, strict=True)):
         told.append(LOOP)
     return told
+
+
+def beyond_limits(states: ManyStates) -> Array:
+    """At which states some joint is beyond its limits, shape (n,), of truth values; see `warn_of_limits`."""
+    low, high = joint_bounds(states.robot, states.constraints)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((states.q < low) | (states.q > high)).any(axis=1))
 
 
 def warn(found: ManyAnswers, *, stacklevel: int) -> None:

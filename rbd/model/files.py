@@ -19,7 +19,7 @@ from rbd.model.mjcf import Mjcf, carry_out_includes, read_mjcf
 from rbd.model.mjcf.equality import Equality, read_equalities
 from rbd.model.mjcf.flattening import writers_in, written_out
 from rbd.model.planar_base import Plane, turn_base
-from rbd.model.spherical import with_ball_joints
+from rbd.model.remaking import remade
 from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf
 
 MOST_MESHES = 5_000
@@ -177,13 +177,14 @@ def _without_scheme(name: str) -> str:
     return rest.lstrip("/") if scheme == "package" else rest
 
 
-def build_model(file: RobotFile, root: str, plane: Plane = "xy") -> pin.Model:
+def build_model(file: RobotFile, root: str, plane: Plane = "xy", order: Sequence[str] = ()) -> pin.Model:
     """Pinocchio's model of a checked file, with the rotor inertias that Pinocchio's own reader of URDF drops.
 
     Args:
         file: As `rbd.model.files.read` gives it.
         root: "free_flyer", "planar" or "fixed".
         plane: That of a planar root.
+        order: Of joints on one body, by name, of a URDF; by the alphabet those that are not named.
 
     Raises:
         InputError: a root that this file does not take.
@@ -194,6 +195,8 @@ def build_model(file: RobotFile, root: str, plane: Plane = "xy") -> pin.Model:
         raise InputError(
             f"root='planar' is for URDF files; {path.name} says itself how it moves: give its body two slides and a hinge."
         )
+    if file.mjcf is not None and order:
+        raise InputError(f"a loop file's order is for URDF files; the joints of {path.name} are in the order of that file.")
     try:
         if file.mjcf is not None:
             model = mjcf.build(file.mjcf)
@@ -202,7 +205,7 @@ def build_model(file: RobotFile, root: str, plane: Plane = "xy") -> pin.Model:
             base = {"planar": pin.JointModelPlanar, "free_flyer": pin.JointModelFreeFlyer}.get(root)
             model = pin.buildModelFromXML(file.urdf.text, *((base(), BASE_JOINT) if base else ()))
             balls = [joint.name for joint in file.urdf.joints.values() if joint.kind == "spherical"]
-            model = with_ball_joints(model, balls)
+            model = remade(model, balls, order)
             _add_rotors(model, file.urdf)
             if root == "planar":
                 turn_base(model, plane)

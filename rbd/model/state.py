@@ -66,6 +66,8 @@ class State(Displayed):
 
     _slot: Slot | None = None
     _ticket = 0
+    limits_checked = False
+    """Whether its joints were compared with their limits: what is beyond is told once a state."""
 
     @property
     def _pool(self) -> DataPool:
@@ -114,7 +116,8 @@ class State(Displayed):
     def with_joints(self, values: Mapping[str, object]) -> State:
         """The same state with other values of some joints; the rest of q, and v, are unchanged.
 
-        The base does not move, so that feet can leave the ground: see `rbd.robots.place_on_ground`.
+        The base does not move, so that feet can leave the ground: see `rbd.robots.place_on_ground`. Joints beyond their limits
+        are named by `rbd.hold`, `rbd.solve` and others.
 
         Args:
             values: {joint: value}: an angle [rad], also of a continuous joint, a displacement [m], or the joint's part of q,

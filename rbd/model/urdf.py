@@ -233,7 +233,7 @@ def _joint(wrong: Complaints, element: ElementTree.Element) -> Joint:
     if mimic is not None:
         for key in ("multiplier", "offset"):
             wrong.numbers(f"the mimic of {what}", mimic, key, default=0.0)
-    told = "floating" if kind == "spherical" else kind  # see rbd.model.spherical
+    told = "floating" if kind == "spherical" else kind  # see rbd.model.remaking
     text = (
         f"<joint name={quoteattr(name)} type={quoteattr(told)}><parent link={quoteattr(parent)}/>"
         f"<child link={quoteattr(child)}/>{''.join(parts)}</joint>"

@@ -16,6 +16,7 @@ from rbd.errors import InputError, ModelError
 from rbd.model import mjcf
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import RobotFile
+from rbd.model.joints import AT_LIMIT
 from rbd.model.state import State
 from rbd.robots.rotors import rotors_of
 
@@ -36,6 +37,7 @@ _ENTRIES = [0, 1, 2, 1, 3, 4, 2, 4, 5]  # of a symmetric matrix in (xx, xy, xz, 
 REMEDY = "rbd.doctor(robot) lists everything."
 SUMMARY = {
     "inertia": ("link has an inertia that no body has", "links have inertias that no body has"),
+    "singular": ("joint has no inertia about it at q = 0", "joints have no inertia about them at q = 0"),
     "posture": ("posture is outside the joint limits", "postures are outside the joint limits"),
     "mesh": ("mesh is missing", "meshes are missing"),
     "effort": ("motor has no effort limit", "motors have no effort limit"),
@@ -135,9 +137,10 @@ def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array],
     """The report on a model and its file, already read."""
     errors = [*_bad_numbers(robot.model), *_lost(robot, file)]
     bodies = Bodies.of(file)
-    if not errors:
-        errors += _weightless(robot, tries=TRIES if bodies.physical else TRIES_STRANGE)
+    weightless = [] if errors else list(_weightless(robot, tries=TRIES if bodies.physical else TRIES_STRANGE))
+    errors += [issue for issue, everywhere in weightless if everywhere]
     warnings = [
+        *(issue for issue, everywhere in weightless if not everywhere),
         *bodies.strange(),
         *_outside(robot.model, postures),
         *(ModelIssue("mesh", mesh, "is in none of the package folders") for mesh in file.missing_meshes(package_dirs)),
@@ -224,8 +227,10 @@ def _lost(robot: CheckedModel, file: RobotFile) -> Iterator[ModelIssue]:
         yield ModelIssue("mass", robot.name, f"{text}: mass was lost between them.")
 
 
-def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[ModelIssue]:
-    """Joints whose outboard bodies leave M singular or indefinite, at neutral or at random configurations.
+def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[tuple[ModelIssue, bool]]:
+    """A joint whose outboard bodies leave M singular at neutral or at random configurations, or indefinite; whether at all.
+
+    One that is singular at neutral alone, as a pan-tilt joint that looks along the axis of the pan, is a fault of that pose.
 
     M = U D U^T, eliminated from the tips inward, has as D the articulated inertias: what a joint's motor feels when all
     joints beyond it are free. It must be positive, and not negligible against the composite inertia M_ii, felt when they are
@@ -234,7 +239,7 @@ def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[ModelIssue]:
     """
     model = robot.model
     draws = np.random.default_rng(0).uniform(-3.0, 3.0, (tries, model.nv))
-    outermost, indefinite = -1, False
+    outermost, indefinite, singular = -1, False, []
     with robot.pool.lock:
         slot, ticket = robot.pool.take(lambda data: None)
         data, neutral = slot.data, pin.neutral(model)
@@ -243,7 +248,8 @@ def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[ModelIssue]:
             pin.cholesky.decompose(model, data)
             composite, articulated = np.diagonal(M), np.ravel(data.D)
             sound = (articulated > SINGULAR * composite) & (articulated > NOTHING * composite.max())
-            if not sound.all():  # the outermost counts: inward of it, D is not meaningful
+            singular.append(not sound.all())
+            if singular[-1]:  # the outermost counts: inward of it, D is not meaningful
                 last = int(np.flatnonzero(~sound)[-1])
                 if last > outermost:
                     outermost, indefinite = last, bool(articulated[last] < -SINGULAR * np.abs(composite).max())
@@ -252,9 +258,13 @@ def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[ModelIssue]:
         return
     name = _joint_of(model, outermost, "idx_v", "nv")
     links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint in _subtree(model, name)]
+    bodies = f"the bodies beyond joint {name!r} ({_some(links)}) have"
+    if not indefinite and not any(singular[1:]):
+        text = f"{bodies} no inertia about it at q = 0: M is singular there, and not elsewhere"
+        yield ModelIssue("singular", name, text), False
+        return
     what = "an indefinite inertia: M has a negative eigenvalue" if indefinite else "no inertia about it: M is singular"
-    text = f"the bodies beyond joint {name!r} ({_some(links)}) have {what}. Give them mass and inertia, or weld it."
-    yield ModelIssue("singular", name, text)
+    yield ModelIssue("singular", name, f"{bodies} {what}. Give them mass and inertia, or weld it."), True
 
 
 def _subtree(model: pin.Model, joint: str) -> set[int]:
@@ -326,8 +336,8 @@ def _outside(model: pin.Model, postures: Mapping[str, Array]) -> Iterator[ModelI
     q = np.array(list(postures.values()))
     over = np.maximum(model.lowerPositionLimit - q, q - model.upperPositionLimit)
     for k, name in enumerate(postures):
-        if (over[k] > 1e-6).any():  # files round
-            joints = dict.fromkeys(_joint_of(model, int(i), "idx_q", "nq") for i in np.flatnonzero(over[k] > 1e-6))
+        if (over[k] > AT_LIMIT).any():
+            joints = dict.fromkeys(_joint_of(model, int(i), "idx_q", "nq") for i in np.flatnonzero(over[k] > AT_LIMIT))
             yield ModelIssue("posture", name, f"{_some(joints)} outside the limits, by up to {over[k].max():.3g}")
 
 

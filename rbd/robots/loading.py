@@ -178,7 +178,7 @@ def _loaded(
         data=data,
     )
     plane = closing.plane if plane is None and closing and root == "planar" else plane
-    model = build_model(file, root, checked_plane(plane, root))
+    model = build_model(file, root, checked_plane(plane, root), closing.order if closing else ())
     if file.mjcf is not None:
         passive = tuple(joined(passive, mjcf.passive(file.mjcf)))
         root = "free_flyer" if model.nv and model.joints[1].shortname() == "JointModelFreeFlyer" else "fixed"
@@ -191,7 +191,7 @@ def _loaded(
     if not source.known:
         robot._keep_text(file)
     robot.report = examine(robot, file, robot.postures, source.package_dirs)
-    robot.sound = robot.report.ok
+    robot.sound = robot.report.ok and not any(issue.kind == "singular" for issue in robot.report.warnings)
     return robot
 
 

@@ -6,6 +6,7 @@ left out:
     root: fixed                         # or planar, or free_flyer: what load_robot takes by default
     plane: xz                           # of a planar root: xy (the ground, by default), xz or yz
     passive: [coupler_joint]            # joints that carry no motor
+    order: [slow_joint, fast_joint]     # joints of a URDF as they are to follow each other in q; else those on one body by name
     frames:                             # more frames, on links of the robot [m, rad]
       coupler_tip: {link: coupler, xyz: [0.12, 0, 0], rpy: [0, 0, 0]}
     loops:                              # kind: point, revolute, rigid or planar, see rbd.LoopClosure; axis in frame_a; or yours
@@ -54,7 +55,7 @@ Triple = tuple[float, float, float]
 ENDING = ".loops.yaml"
 ROOTS: dict[Root, int] = {"free_flyer": 6, "planar": 3, "fixed": 0}
 """Kinds of root joint, and their degrees of freedom."""
-PARTS = ("root", "plane", "passive", "frames", "loops", "couplings", "wheels", "postures")
+PARTS = ("root", "plane", "passive", "order", "frames", "loops", "couplings", "wheels", "postures")
 LARGEST_FILE = 200_000
 """Bytes. Larger files would take seconds to read, and no robot needs them."""
 DEEPEST = 8
@@ -80,6 +81,7 @@ class LoopFile(Displayed):
         root: Kind of the robot's root joint, if given.
         plane: Of a planar root, if given.
         passive: Joints without a motor.
+        order: Joints that move, as declared. Those on one body follow each other in this order, each with all beyond it.
         frames: To be added to the robot.
         loops: Closures, then couplings, as constraints.
         wheels: What rolls or slides on the ground, as constraints.
@@ -96,6 +98,7 @@ class LoopFile(Displayed):
     root: Root | None = None
     plane: Plane | None = None
     passive: tuple[str, ...] = ()
+    order: tuple[str, ...] = ()
     frames: tuple[NamedFrame, ...] = ()
     loops: tuple[Constraint, ...] = ()
     wheels: tuple[Constraint, ...] = ()
@@ -223,7 +226,8 @@ def _contents(file: str, data: bytes) -> LoopFile:
         if names.count(name) > 1:
             what.stop(f"{names.count(name)} constraints are called {name!r:.80}; expected different names.")
     passive, postures = what.words("passive", top.get("passive", [])), what.postures(top.get("postures", {}))
-    return LoopFile(file, root, plane, passive, frames, (*loops, *couplings), wheels, postures, data.decode())
+    order = what.words("order", top.get("order", []))
+    return LoopFile(file, root, plane, passive, order, frames, (*loops, *couplings), wheels, postures, data.decode())
 
 
 @dataclass(frozen=True)

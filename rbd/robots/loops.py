@@ -99,9 +99,10 @@ def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: It
     for named in file.frames:
         _add_named(model, file_name, named)
     joints = list(model.names)[1:]
-    for joint in file.passive:
-        if joint not in joints:
-            raise ModelError(f"{file_name}: passive names a joint {joint!r:.80}; {nearest(joint, joints)}.")
+    for what, names in (("passive", file.passive), ("order", file.order)):
+        for joint in names:
+            if joint not in joints:
+                raise ModelError(f"{file_name}: {what} names a joint {joint!r:.80}; {nearest(joint, joints)}.")
     read = tuple(_read(model, name, equality) for equality in equalities)
     own = {constraint.name for constraint in (*file.loops, *file.wheels)}
     if twice := [entry.name for entry in read if entry.name in own]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,15 +14,19 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import listed, made, member
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
-from rbd.errors import InputError
+from rbd.errors import DistantContactWarning, InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.gravity import LEAST_FALL, along_gravity
 from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.state import State, check_state
 from rbd.model.urdf import BASE_JOINT, Complaints
-from rbd.problem.ground import FLOOR, Ground, standing_plane
+from rbd.problem.ground import FLOOR, TOUCHES, Ground, standing_plane
 
 UP = np.array([0.0, 0.0, 1.0])
+ROUNDED = 1e-4
+"""Joint motions smaller than this are those of rounded angles and axes in a file [rad, m]."""
+_ON_GROUND = 1e-13
+"""Corners this near to the ground are on it: rounding, of a robot's height [m]."""
 
 
 def configuration(robot: CheckedModel, angles: Mapping[str, float | Sequence[float]]) -> Array:
@@ -81,6 +86,32 @@ def stand(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
     return q
 
 
+def settled(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
+    """Q with all corners of its feet on z = 0, where joint motions of less than `ROUNDED` take them there; else q itself.
+
+    Files round the angles of postures and the axes of joints, so that soles lean on each other by 1e-5 rad or so. Joints are
+    not moved beyond their limits, nor those of a robot with loops, which they would open.
+    """
+    if robot.loops():
+        return q
+    moved = q
+    for _ in range(5):  # Newton's method: two steps are enough
+        state = State(robot, moved)
+        heights, rates = (np.concatenate(each) for each in zip(*(_heights(state, foot) for foot in feet), strict=True))
+        if np.abs(heights).max() <= _ON_GROUND:
+            break
+        moved = pin.integrate(robot.model, moved, -np.linalg.lstsq(rates, heights, rcond=1e-9)[0])
+    far = np.abs(pin.difference(robot.model, q, moved)[robot.model.joints[1].nv :]).max(initial=0.0)
+    return moved if far <= ROUNDED and robot.joints.within_limits(moved) else q
+
+
+def _heights(state: State, foot: Contact) -> tuple[Array, Array]:
+    """(heights, rates): of a foot's corners above z = 0 [m], and their Jacobian, shapes (k,) and (k, nv)."""
+    X_WP, J, _, _ = state.moving(foot.frame, foot.placement, pin.LOCAL_WORLD_ALIGNED)
+    x, y, z = X_WP.rotation @ foot.corners.T
+    return X_WP.translation[2] + z, J[2] + np.outer(y, J[3]) - np.outer(x, J[4])
+
+
 def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
     """The state with its base placed so that contacts lie on their ground; joints and v are unchanged.
 
@@ -89,7 +120,8 @@ def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
     on stairs or between two walls, it moves by the least motion that minimises the squared distances of all corners from their
     planes. So heading and horizontal position change as little as possible.
 
-    If the joint angles do not allow all contacts on their planes at once, some stay off; `rbd.find_pose` moves joints too.
+    If the joint angles do not allow all contacts on their planes at once, some stay off, and a `DistantContactWarning` names
+    those that do by more than a millimetre, with their gaps; `rbd.find_pose` moves joints too.
     `robot.standing()` uses the same code for feet, and then balances a robot on two points. The base's velocity is in its own
     axes, so that it rotates with the base.
 
@@ -127,7 +159,27 @@ def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
         _lower(robot, q, feet, planes[0])  # type: ignore[arg-type]
     else:
         _fit(robot, q, feet, planes)  # type: ignore[arg-type]
-    return State(robot, q, state.v)
+    placed = State(robot, q, state.v)
+    warn_of_gaps(placed, feet, stacklevel=3)  # type: ignore[arg-type]
+    return placed
+
+
+def warn_of_gaps(state: State, feet: Sequence[Contact], *, stacklevel: int) -> None:
+    """Name the feet that the joint angles leave off their ground, by more than a millimetre; `stacklevel` as of `warnings`."""
+    told = []
+    for foot in feet:
+        plane = standing_plane(foot.name, foot.on)
+        gaps = plane.distances(corner_points(state, [foot]))
+        if np.abs(gaps).max() > TOUCHES:
+            worst = float(gaps[np.argmax(np.abs(gaps))])
+            told.append(f"{foot.name!r:.80} up to {1e3 * abs(worst):.3g} mm {'above' if worst > 0.0 else 'below'} it")
+    if told:
+        warnings.warn(
+            f"the joint angles of {state.robot.name} do not allow all these contacts on the ground at once: {', '.join(told)}. "
+            "Leave out what is not to touch, or move the joints: rbd.find_pose.",
+            DistantContactWarning,
+            stacklevel=stacklevel,
+        )
 
 
 def _lower(robot: CheckedModel, q: Array, feet: Sequence[Contact], plane: Ground) -> None:

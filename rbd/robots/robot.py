@@ -30,7 +30,7 @@ from rbd.robots.feet import contacts_of
 from rbd.robots.joint_elements import file_damping, file_springs
 from rbd.robots.loop_file import Root
 from rbd.robots.loops import Mechanism, read_postures
-from rbd.robots.posture import stand
+from rbd.robots.posture import settled, stand, warn_of_gaps
 from rbd.robots.rotors import rotors_of
 from rbd.robots.shapes import ShapedRobot
 from rbd.robots.upright import stand_upright
@@ -142,16 +142,36 @@ class Robot(ShapedRobot):
         Args:
             q: Configuration (nq,), the name of a posture, or None.
             v: Velocity (nv,); zero if not given.
+
+        Raises:
+            InputError: what `State` refuses, an unknown posture; a bare list, of a robot whose joints cannot be in the order
+                in which they were declared.
         """
+        for given in (q, v):
+            if isinstance(given, list | tuple) and self.mechanism.file.order:
+                self._refuse_lists()
         return State(self, self.neutral() if q is None else self.posture(q) if isinstance(q, str) else q, v)
 
+    def _refuse_lists(self) -> None:
+        declared = [name for name in self.mechanism.file.order if name in self.joints]
+        ours = [name for name in self.joints if name in set(declared)]
+        if ours != declared:
+            raise InputError(
+                f"q or v is a bare list, and the joints of {self.name} were declared as {', '.join(declared)}, but are in the "
+                f"order {', '.join(ours)}: all joints beyond one come before the next. Name them: "
+                f"robot.at().with_joints({{{declared[0]!r}: ...}}), or give an array in the order of robot.joints."
+            )
+
     def standing(self, posture: str | None = None) -> State:
-        """At rest on its feet: soles (or points) on z = 0, the base turned so that they lie flat.
+        """At rest on its feet: soles (or points) on z = 0 to 1e-9 m, the base turned so that they lie flat.
+
+        Joint angles are those of the posture; where its file's digits leave soles leaning on each other, joints move by up to
+        1e-4 rad. Feet that the posture leaves more than a millimetre off the ground are named by a `DistantContactWarning`.
 
         A robot on two points is then turned about them until its centre of mass is over them along gravity. The ground is z = 0
-        whatever the gravity: under one that leans, feet are flat on an incline, joint angles are those of the posture, and
-        whether the robot can stand so is for `rbd.hold` to say. A base that slides in an upright plane is turned and lowered in
-        this plane; a fixed base, and one that slides on the ground, stay.
+        whatever the gravity: under one that leans, feet are flat on an incline, and whether the robot can stand so is for
+        `rbd.hold` to say. A base that slides in an upright plane is turned and lowered in this plane; a fixed base, and one
+        that slides on the ground, stay.
 
         Args:
             posture: A name in `postures`; by default that of the catalogue, else the only one; a robot without postures stands
@@ -167,16 +187,21 @@ class Robot(ShapedRobot):
         if not self.floating:
             placed = self.at() if name is None else self.at(self.posture(name))
             upright = self.plane in ("xz", "yz") and self.source.feet
-            return State(self, stand_upright(self, placed.q, self.feet(friction=None))) if upright else placed
+            return self._settled(stand_upright(self, placed.q, self.feet(friction=None))) if upright else placed
         feet = self.feet(friction=None)
         if name is None and not self.postures:
-            return State(self, stand(self, self.neutral(), feet))
+            return self._settled(stand(self, self.neutral(), feet))
         if name is None:
             raise ModelError(
                 f"no standing posture is known for {self.name}; {nearest('standing', self.postures)}. "
                 "Name one, standing(posture), or build a State with your own q."
             )
-        return State(self, stand(self, self.posture(name), feet))
+        return self._settled(stand(self, self.posture(name), feet))
+
+    def _settled(self, q: Array) -> State:
+        state = State(self, settled(self, q, self.feet(friction=None)))
+        warn_of_gaps(state, self.feet(friction=None), stacklevel=4)
+        return state
 
     def soles(self, friction: float | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0) -> list[SurfaceContact]:
         """The soles of its feet as surface contacts, from the catalogue or from `load_robot(feet=...)`.

@@ -11,7 +11,7 @@ import numpy as np
 
 from rbd.arrays import as_float, is_finite
 from rbd.constraints.constraint import Constraint, listed, rows_of
-from rbd.constraints.distance_warnings import warn_of_distant
+from rbd.constraints.distance_warnings import warn_of_distant, warn_of_limits
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.accepted_steps import hook, sample_period
 from rbd.control.schedules import Controller, ExternalAt
@@ -263,6 +263,7 @@ def _motion(
     check_different(names, "constraints")
     off = names_of("inactive", inactive)
     check_known("inactive", off, names)
+    warn_of_limits(state, given, stacklevel=4)
     warn_of_distant(state.robot, [r for r in rows if r.name not in off], below_only=True, stacklevel=4)
     wanted = events_of(events, names)
     if off and not wanted:

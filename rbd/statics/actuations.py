@@ -15,7 +15,7 @@ from rbd.many.answers import ManyAnswers, Sheet
 from rbd.many.blocks import friction_of, write
 from rbd.many.states import ManyStates
 from rbd.many.status import StateStatus
-from rbd.many.warned import INACCURATE, OPENED, SPEED, of_rows, warn
+from rbd.many.warned import INACCURATE, LIMIT, OPENED, SPEED, beyond_limits, of_rows, warn
 from rbd.model.external import generalised
 from rbd.prepared.many import BLOCK, prepared_blocks
 from rbd.problem.answer import Status
@@ -135,6 +135,7 @@ def actuations_of(states: ManyStates, asked: Asked, *, stacklevel: int) -> Actua
             continue
         if found is not None:
             tau[i], margin[i], least[i] = found.tau, found.margin, found.least
+    sheet.column("warned", LIMIT)[:] = beyond_limits(states) & (sheet.status != StateStatus.BAD_INPUT)
     sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
     if not asked.holds:
         sheet.column("warned", SPEED)[:] = states.robot.too_fast(states.v).any(axis=1) & (sheet.status != StateStatus.BAD_INPUT)

@@ -44,7 +44,8 @@ def hold(
             other motions too.
 
     Returns:
-        The torques, with a = 0. What cannot be held within 1e-6 of a limit is refused, with a proof; what can, is found.
+        The torques, with a = 0. What cannot be held within 1e-6 of a limit is refused, with a proof; what can, is found. A
+        `JointLimitWarning` names joints beyond their limits, and a `DistantContactWarning` contacts off their planes.
 
     Raises:
         NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.

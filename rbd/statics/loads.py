@@ -14,7 +14,7 @@ import numpy as np
 
 from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import Constraint, rows_of
-from rbd.constraints.distance_warnings import warn_of_distant
+from rbd.constraints.distance_warnings import warn_of_distant, warn_of_limits
 from rbd.errors import NotAtRest
 from rbd.errors.inputs import check_different
 from rbd.model.joints import Joint
@@ -30,20 +30,22 @@ AT_REST = 1e-9
 
 
 def contact_rows(state: State, contacts: Sequence[Constraint], *, stacklevel: int | None = 3) -> tuple[Rows, ...]:
-    """Rows of constraints, each with its own name; a warning names contacts off the planes that they stand on.
+    """Rows of constraints, each with its own name; warnings name contacts off their planes, and joints beyond their limits.
 
     Args:
         state: The robot.
         contacts: The constraints.
-        stacklevel: Of the warning: 2 for the line that called this; None for no warning.
+        stacklevel: Of the warnings: 2 for the line that called this; None for none.
 
     Raises:
         DuplicateName: two of one name.
     """
     rows = tuple(rows_of(state, contacts))
     check_different([r.name for r in rows], "contacts")
-    if stacklevel is not None and not all([r.patch is None or r.patch.touches for r in rows]):
-        warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
+    if stacklevel is not None:
+        warn_of_limits(state, contacts, stacklevel=stacklevel + 1)
+        if not all([r.patch is None or r.patch.touches for r in rows]):
+            warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
     return rows
 
 

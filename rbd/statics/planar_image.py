@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.convex.polygons import convex_hull
+from rbd.constraints.convex.polygons import convex_hull, inside_distance, nearest_on_edge
 from rbd.errors import InaccurateWarning
 from rbd.model.state import State
 from rbd.problem.programs import POLYGON_PROGRAMS, Outcome
@@ -35,6 +35,7 @@ class Region:
     loads: Loads
     vertices: Array
     directions: Array
+    cut: bool
 
     @property
     def state(self) -> State:
@@ -50,6 +51,43 @@ class Region:
     def bounded(self) -> bool:
         """Whether the region ends everywhere."""
         return not len(self.directions)
+
+    def to_edge(self, at: Array) -> tuple[float, bool]:
+        """(distance, known): from a place in the plane to the edge of the polygon [m], and whether that is the region's.
+
+        It is not where the polygon's edge is the cut: the region goes on there, and the distance is at least that.
+
+        Args:
+            at: Shape (2,), in the coordinates of `_outline`.
+        """
+        corners, middle = self._outline
+        whole = inside_distance(at, corners)
+        if not self.cut:
+            return whole, True
+        nearest = nearest_on_edge(at, corners)
+        return whole, bool(np.abs(nearest - middle).max() < WITHIN_M * (1.0 - 1e-6))
+
+    @property
+    def _outline(self) -> tuple[Array, Array]:
+        """(corners (k, 2), middle (2,)) of the polygon and of the square at which it is cut, in coordinates of the plane."""
+        raise NotImplementedError
+
+    def _distance(self, at: Array, *, stacklevel: int) -> float:
+        """`to_edge`, with a warning where that is not known."""
+        found, known = self.to_edge(at)
+        if not known:
+            warnings.warn(
+                f"the region is known to {WITHIN_M:g} m, and goes on where it is cut: its edge there is at a signed distance "
+                f"of {found:.4g} m or more. `region.cut` says which regions are cut.",
+                InaccurateWarning,
+                stacklevel=stacklevel + 1,
+            )
+        return found
+
+    @property
+    def cut_words(self) -> str:
+        """What is printed beside its area."""
+        return f", cut at {WITHIN_M:g} m" if self.cut and self.bounded else ""
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,9 +1,10 @@
-"""The largest push in each direction that a robot can withstand with torques within limits, and the limits reached there."""
+"""The pushes in each direction that a robot can withstand with torques within limits, and the limits reached at the largest."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,7 +16,7 @@ from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import Outcome
-from rbd.statics.force_program import Program
+from rbd.statics.force_program import Program, Support
 from rbd.statics.limits import Limit
 from rbd.statics.loads import Loads
 from rbd.statics.standing import TorqueRows, contact_forces, outside, place, standing_loads, torques_left
@@ -33,21 +34,30 @@ _MOVES = 1e-6
 """A point or a motor takes part in the motion that begins where it has more than this of the largest part."""
 _CARRIES = 1e-7
 """A point that carries less than this, over the robot's weight, carries nothing."""
+_NONE = 1e-7
+"""A push of less than this, over the robot's weight, is none."""
 
 
 @dataclass(frozen=True, eq=False)
 class PushLimits(Displayed):
-    """The largest pushes that a robot withstands, torques within limits and contact forces within friction.
+    """The pushes that a robot withstands, torques within limits and contact forces within friction: from `least` to `forces`.
+
+    A robot that is held without a push withstands all up to the largest. One that is not, as on one sole beside its centre of
+    mass, may be held by a push: along each direction by those in an interval.
 
     Attributes:
         loads: The pose, its contacts, and what their forces do.
         frame: Frame of the robot that is pushed.
         offset: Where, from the frame's origin in the frame's axes, shape (3,) [m].
         directions: Unit vectors in W, shape (k, 3).
-        forces: Largest push in each direction, shape (k,) [N]; `at_most` where no limit is met up to there.
+        forces: Largest push in each direction, shape (k,) [N]: `at_most` where no limit is met up to there, NaN where no push
+            holds the robot.
         bounds: What no push in each direction can exceed, proven by multipliers, shape (k,) [N].
         weights: Contact forces at these pushes, as weights of `loads.sets` over the robot's weight, shape (k, p).
         motions: The motion that begins there, shape (k, nv), of any size: the multipliers, read as a virtual velocity.
+        least: Smallest push in each direction that holds the robot, shape (k,) [N]: zero where it is `held` without one.
+        least_bounds: What no push that holds it falls below, proven by multipliers, shape (k,) [N].
+        least_weights: Contact forces at the smallest pushes, as `weights`.
         at_most: Larger pushes were not looked for [N].
         programs: How many programs that took.
 
@@ -67,8 +77,16 @@ class PushLimits(Displayed):
     bounds: Array
     weights: Array
     motions: Array
+    least: Array
+    least_bounds: Array
+    least_weights: Array
     at_most: float
     programs: int
+
+    @property
+    def held(self) -> bool:
+        """Whether the robot is held without a push."""
+        return not self.least.any()
 
     @property
     def state(self) -> State:
@@ -101,12 +119,15 @@ class PushLimits(Displayed):
     @lazy
     def residual(self) -> float:
         """Largest error of all answers, recomputed [N, N m]: of balance, of forces outside cones, of torques beyond limits."""
-        worst, limit = 0.0, self.state.robot.effort_limit
-        for i, x in enumerate(self.weights):
-            tau, left = torques_left(self.loads, x, self._push(i))
-            beyond = float((np.abs(tau) - limit).max(initial=0.0))
-            worst = max(worst, float(np.abs(left).max(initial=0.0)), outside(self.loads, x), beyond)
+        worst = 0.0
+        for i in np.flatnonzero(np.isfinite(self.forces)).tolist():
+            worst = max(worst, self._error(self.weights[i], self._push(i)), self._error(self.least_weights[i], self._least(i)))
         return worst
+
+    def _error(self, x: Array, push: Array) -> float:
+        tau, left = torques_left(self.loads, x, push)
+        beyond = float((np.abs(tau) - self.state.robot.effort_limit).max(initial=0.0))
+        return max(float(np.abs(left).max(initial=0.0)), outside(self.loads, x), beyond)
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Draw the largest horizontal pushes from above: see `rbd.visual.plot_pushes`."""
@@ -115,24 +136,34 @@ class PushLimits(Displayed):
         return plot_pushes(ax, self)
 
     def __str__(self) -> str:
-        weakest = int(np.argmin(self.forces))
-        way = ", ".join(f"{x + 0.0:.2f}" for x in np.round(self.directions[weakest], 2))
-        limits = ", ".join(map(str, self.gives_way[weakest]))
-        what = f"limited by {limits}" if limits else "where no limit was met"
-        end = f"{self.forces[weakest]:.4g} N"
-        if len(self.forces) == 1:
-            return f"pushed at {self.frame} along ({way}): withstands {end}, {what}; residual {self.residual:.1e} N."
-        return (
-            f"pushed at {self.frame} in {len(self.forces)} directions: withstands at least {end}, the least along ({way}), "
-            f"{what}; residual {self.residual:.1e} N."
-        )
+        count, i = len(self.forces), int(np.nanargmin(self.forces if self.held else self.least))
+        way = ", ".join(f"{x + 0.0:.2f}" for x in np.round(self.directions[i], 2))
+        limits = ", ".join(map(str, self.gives_way[i]))
+        what = f"limited by {limits}" if limits else f"no limit met up to {self.at_most:.4g} N"
+        at, end = f"pushed at {self.frame}", f"residual {self.residual:.1e} N."
+        if self.held and count == 1:
+            return f"{at} along ({way}): withstands {self.forces[i]:.4g} N, {what}; {end}"
+        if self.held:
+            least = f"withstands at least {self.forces[i]:.4g} N, the least along ({way})"
+            return f"{at} in {count} directions: {least}, {what}; {end}"
+        some = "" if count == 1 else f", the smallest of those of {int(np.isfinite(self.least).sum())} of {count} directions"
+        size = f"{self.least[i]:.4g} to {self.forces[i]:.4g} N" if limits else f"{self.least[i]:.4g} N or more"
+        return f"{at}: cannot be held without a push; one of {size} along ({way}) holds it{some}, {what}; {end}"
 
     def _push(self, number: int) -> Array:
-        return _point_jacobian(self.state, self.frame, self.offset).T @ (self.forces[number] * self.directions[number])
+        return self._generalised(number, self.forces[number])
+
+    def _least(self, number: int) -> Array:
+        return self._generalised(number, self.least[number])
+
+    def _generalised(self, number: int, force: float) -> Array:
+        return _point_jacobian(self.state, self.frame, self.offset).T @ (force * self.directions[number])
 
     def _number(self, number: int) -> int:
         if isinstance(number, bool) or not isinstance(number, int | np.integer) or not 0 <= number < len(self.forces):
             raise InputError(f"number is {number!r:.80}; expected a whole number from 0 to {len(self.forces) - 1}.")
+        if np.isnan(self.forces[number]):
+            raise InputError(f"number is {number}, and no push along this direction holds the robot; expected one of another.")
         return int(number)
 
 
@@ -148,6 +179,9 @@ def push_limits(
     margin: float = 0.0,
 ) -> PushLimits:
     """The largest push in each direction that the robot can withstand without moving, and the limit that is reached first.
+
+    Where it cannot be held without a push the answer is, for each direction, the interval of pushes that hold it, from
+    `limits.least` to `limits.forces`.
 
     Maximises s over torques and contact forces with S^T tau + J^T f + s J_P^T d = h(q, 0), `|tau| <= limit`, f in the friction
     cones: motors know of the push and answer as well as they can. What fixed torques do is another question: `rbd.solve`.
@@ -167,7 +201,7 @@ def push_limits(
 
     Raises:
         NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
-        CannotHold: it cannot be held even without a push; `rbd.hold` says why.
+        CannotHold: neither without a push nor with one along these directions can it be held; `rbd.hold` says why.
         FrameNotFound: with the nearest names.
         InputError: no contacts, directions of no length, numbers that are not finite.
 
@@ -184,17 +218,19 @@ def push_limits(
     loads = standing_loads(state, contacts, friction, margin)
     search = _Search(loads, _point_jacobian(state, frame, at), ways, most / loads.unit)
     search.run()
-    found = [search.answers[i] for i in range(len(ways))]
-    forces, bounds = np.array([max(0.0, a.size) for a in found]), np.array([max(0.0, a.bound) for a in found])
+    found, least = ([answers[i] for i in range(len(ways))] for answers in (search.answers, search.least))
+    (forces, bounds), (smallest, proven) = (
+        loads.unit * np.maximum(0.0, [[a.size for a in some], [a.bound for a in some]]) for some in (found, least)
+    )
     return PushLimits(
-        loads, frame, at, ways, forces * loads.unit, bounds * loads.unit,
-        np.array([a.x for a in found]), np.array([a.motion for a in found]), most, search.programs,
+        loads, frame, at, ways, forces, bounds, np.array([a.x for a in found]), np.array([a.motion for a in found]),
+        smallest, proven, np.array([a.x for a in least]), most, search.programs,
     )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class _Answer:
-    """A largest push, over the weight; and the half-space a . F <= b of all pushes that its multipliers prove."""
+    """A largest or smallest push, over the weight, or NaN; of a largest one the proven half-space of all, a . F <= b."""
 
     size: float
     bound: float
@@ -215,10 +251,20 @@ class _Search:
         self.torques = rows = TorqueRows.of(loads, self.P)
         self.own = Program.of(loads.A, loads.b, rows.C[:, :-3], rows.low, rows.high, loads)
         self.answers: dict[int, _Answer] = {}
+        self.least: dict[int, _Answer] = {}
 
     def run(self) -> None:
-        """Answer all."""
+        """Answer all.
+
+        Raises:
+            CannotHold: no push along any direction holds it, nor none.
+        """
         count = len(self.ways)
+        smallest = self._smallest(self.ways[0])
+        if not smallest.size <= _NONE:
+            self._run_intervals(smallest)
+            return
+        self.least = dict.fromkeys(range(count), replace(smallest, size=0.0, bound=0.0))
         if count > 4 and rank_of(self.ways) == 2:
             U = np.linalg.svd(self.ways)[2][:2]
             order = np.argsort(np.arctan2(*(U @ self.ways.T)[::-1]), kind="stable").tolist()
@@ -227,6 +273,18 @@ class _Search:
                 self._between(i, order[start + 1 : start + _EVERY], j)
         for i in range(count):
             self._answer(i)
+
+    def _run_intervals(self, first: _Answer) -> None:
+        """Answer all of a robot that is not held without a push."""
+        for i, way in enumerate(self.ways):
+            self.least[i] = smallest = self._smallest(way) if i else first
+            self.answers[i] = smallest if math.isnan(smallest.size) else self._solved(way)
+        if all(math.isnan(each.size) for each in self.least.values()):
+            robot = self.loads.state.robot
+            raise CannotHold(
+                f"{robot.name} cannot be held on these contacts without a push, nor by one along "
+                f"{'this direction' if len(self.ways) == 1 else 'these directions'}; rbd.hold says why."
+            )
 
     def _between(self, i: int, others: list[int], j: int) -> None:
         """Answer the directions between two, in order."""
@@ -261,16 +319,28 @@ class _Search:
             self.answers[i] = self._solved(self.ways[i])
         return self.answers[i]
 
-    def _solved(self, way: Array) -> _Answer:
+    def _program(self, way: Array, gain: float) -> Support:
+        """The push along a direction that is farthest, as a program over weights and its size."""
         self.programs += 1
-        own, rows, loads, robot = self.own, self.torques, self.loads, self.loads.state.robot
+        own, rows = self.own, self.torques
         program = Program(
             np.column_stack([own.A, self.B @ way]), own.b, np.column_stack([own.C, rows.C[:, -3:] @ way]), own.low,
             own.high, np.append(own.lower, 0.0), np.append(own.upper, self.most), own.cones, own.mu,
         )  # fmt: skip
-        found = program.farthest(np.append(np.zeros(len(own.lower)), 1.0))
+        return program.farthest(np.append(np.zeros(len(own.lower)), gain))
+
+    def _smallest(self, way: Array) -> _Answer:
+        found, robot = self._program(way, -1.0), self.loads.state.robot
+        none, p = np.zeros(3), len(self.own.lower)
         if found.outcome is Outcome.INFEASIBLE:
-            raise CannotHold(f"{robot.name} cannot be held on these contacts even without a push; rbd.hold says why.")
+            return _Answer(math.nan, math.nan, np.full(p, math.nan), np.zeros(robot.nv), none, 0.0)
+        if found.outcome is not Outcome.SOLVED:
+            raise NoSolution(f"{robot.name}: the smallest push along {np.round(way, 3)} was not found.")
+        return _Answer(float(found.x[-1]), -found.value, found.x[:-1], np.zeros(robot.nv), none, 0.0)
+
+    def _solved(self, way: Array) -> _Answer:
+        own, rows, loads, robot = self.own, self.torques, self.loads, self.loads.state.robot
+        found = self._program(way, 1.0)
         if found.outcome is not Outcome.SOLVED:
             raise NoSolution(f"{robot.name}: the largest push along {np.round(way, 3)} was not found.")
         motion, size = np.zeros(robot.nv), float(found.x[-1])

@@ -10,7 +10,6 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_flag, cross_matrix, is_finite, lazy
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.convex.polygons import inside_distance
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.gravity import along_gravity
@@ -86,7 +85,7 @@ class SupportRegion(Region, Displayed):
 
     @property
     def area(self) -> float:
-        """Of the polygon of `vertices` [m2]; infinite where the region has no end."""
+        """Of the polygon of `vertices` [m2]: of one that is `cut`, less than the region's; infinite where it has no end."""
         return area_of(self.vertices) if self.bounded else np.inf
 
     @property
@@ -97,13 +96,34 @@ class SupportRegion(Region, Displayed):
     def distance(self, point: Sequence[float] | Array | None = None) -> float:
         """Distance from a point to the region's edge [m]: positive inside, negative outside; -inf of an empty region.
 
+        Where the nearest edge is that at which the region is `cut`, its own is at that distance or more (of negative ones, the
+        nearer to zero), which an `InaccurateWarning` says.
+
         Args:
             point: (x, y) on z = 0 of W [m], or (x, y, z), seen along gravity; the centre of mass if not given.
         """
         at = self.state.com if point is None else as_array("point", point)
         if at.shape not in ((2,), (3,)) or not is_finite(at):
             raise InputError(f"point is {point!r:.80}; expected two finite numbers, x and y in metres.")
-        return inside_distance(at if len(at) == 2 else along_gravity(self.state.robot.gravity, at), self.vertices)
+        return self._distance(at if len(at) == 2 else along_gravity(self.state.robot.gravity, at), stacklevel=2)
+
+    @property
+    def com_to_edge(self) -> tuple[float, bool]:
+        """(`distance` of the centre of mass, whether it is known): see `to_edge`."""
+        return self.to_edge(along_gravity(self.state.robot.gravity, self.state.com))
+
+    @property
+    def com_in_words(self) -> str:
+        """Where the centre of mass is: "12.3 mm inside", or "at least 9876.5 mm inside" where the region is cut."""
+        distance, known = self.com_to_edge
+        if known or distance >= 0.0:
+            least = "" if known else "at least "
+            return f"{least}{1e3 * abs(distance):.1f} mm {'inside' if distance >= 0.0 else 'outside'}"
+        return f"at most {1e3 * abs(distance):.1f} mm outside"
+
+    @property
+    def _outline(self) -> tuple[Array, Array]:
+        return self.vertices, _middle(self.loads)
 
     def corners_at(self, height: float) -> Array:
         """Its corners on the level plane z = height, along gravity from those on z = 0, in W, shape (k, 3) [m]."""
@@ -148,9 +168,10 @@ class SupportRegion(Region, Displayed):
             ways = "; ".join("(" + ", ".join(f"{x + 0.0:.3f}" for x in np.round(d, 3)) + ")" for d in self.directions)
             return f"support region: without end along {ways}, {how}."
         gap = f" and up to {1e4 * self.area_gap:.2f} more" if self.area_gap > SMALLEST_GAP_M2 else ""
-        where = f"centre of mass {1e3 * abs(self.distance()):.1f} mm {'inside' if self.distance() >= 0.0 else 'outside'}"
-        gap += f", cut at {WITHIN_M:g} m" if self.cut else ""
-        return f"support region: {1e4 * self.area:.2f} cm2{gap}, {len(self.vertices)} corners, {where}, {how}."
+        return (
+            f"support region: {1e4 * self.area:.2f} cm2{gap}{self.cut_words}, {len(self.vertices)} corners, "
+            f"centre of mass {self.com_in_words}, {how}."
+        )
 
     @property
     def motors_in_the_way(self) -> tuple[str, ...]:
@@ -261,12 +282,17 @@ def _program(loads: Loads, limits: bool) -> Program:
     down = robot.gravity / np.linalg.norm(robot.gravity)
     shift[first + 3 : first + 6] = -R.T @ cross_matrix(down)[:, :2]  # d x down = -down x d
     shift /= loads.row_size[:, None]
-    points = [along_gravity(down, r.patch.corners_W) for r in loads.rows if r.patch is not None and len(r.patch.corners)]
     below = along_gravity(down, state.com)
-    middle = np.concatenate([below[None], *points]).mean(axis=0)
     torques = _torque_rows(loads) if limits else TorqueRows.none(loads, 2)
     A, b = np.hstack([loads.A, shift]), loads.b + shift @ below
-    return Program.of(A, b, torques.C, torques.low, torques.high, loads).around(middle, WITHIN_M)
+    return Program.of(A, b, torques.C, torques.low, torques.high, loads).around(_middle(loads), WITHIN_M)
+
+
+def _middle(loads: Loads) -> Array:
+    """Of the contacts' corners and the centre of mass, seen along gravity, shape (2,) [m]: where the region is looked for."""
+    g = loads.state.robot.gravity
+    points = [along_gravity(g, r.patch.corners_W) for r in loads.rows if r.patch is not None and len(r.patch.corners)]
+    return np.asarray(np.concatenate([along_gravity(g, loads.state.com)[None], *points]).mean(axis=0))
 
 
 def _torque_rows(loads: Loads) -> TorqueRows:

@@ -18,7 +18,6 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_flag, cross_matrix, is_finite
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.convex.polygons import inside_distance
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.external import External, generalised
@@ -113,15 +112,19 @@ class ZmpRegion(Region, Displayed):
 
     @property
     def area(self) -> float:
-        """Of the polygon of `vertices` [m2]; infinite where the region has no end."""
+        """Of the polygon of `vertices` [m2]: of one that is `cut`, less than the region's; infinite where it has no end."""
         return area_of(self._flat(self.vertices)) if self.bounded else np.inf
 
     def distance(self, point: Sequence[float] | Array) -> float:
-        """Distance from a point of the plane to the region's edge [m]: positive inside, negative outside, -inf if empty."""
+        """Distance from a point of the plane to the region's edge [m]: positive inside, negative outside, -inf if empty.
+
+        Where the nearest edge is that at which the region is `cut`, its own is at that distance or more (of negative ones, the
+        nearer to zero), which an `InaccurateWarning` says.
+        """
         at = as_array("point", point)
         if at.shape != (3,) or not is_finite(at):
             raise InputError(f"point is {point!r:.80}; expected three finite numbers, as rbd.statics.zmp gives them.")
-        return inside_distance(self._flat(at[None])[0], self._flat(self.vertices))
+        return self._distance(self._flat(at[None])[0], stacklevel=2)
 
     def forces(self, corner: int) -> dict[str, Array]:
         """{contact: force (3,) or wrench (6,), world axes} that prove a corner: of the weight's part across the plane."""
@@ -141,7 +144,11 @@ class ZmpRegion(Region, Displayed):
         if self.empty:
             return f"zero-moment points {how}: none."
         size = f"{1e4 * self.area:.2f} cm2" if self.bounded else "without end"
-        return f"zero-moment points {how}: {size}, {len(self.vertices)} corners."
+        return f"zero-moment points {how}: {size}{self.cut_words}, {len(self.vertices)} corners."
+
+    @property
+    def _outline(self) -> tuple[Array, Array]:
+        return self._flat(self.vertices), np.zeros(2)
 
     def _flat(self, points: Array) -> Array:
         return np.asarray((points - _foot(self.state, self.ground)[1]) @ _plane_axes(self.ground))

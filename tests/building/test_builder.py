@@ -404,3 +404,107 @@ def test_a_mesh_is_an_element(tmp_path: Path) -> None:
     assert b.robot(package_dirs=[tmp_path]).visual_model.geometryObjects[0].geometry.num_vertices == 4
     with pytest.warns(ModelWarning, match="mesh is missing"):
         b.robot()
+
+
+def tree(rng: np.random.Generator, names: list[str], parents: list[int]) -> RobotBuilder:
+    """Joints in this order, each on the body of an earlier one or on the ground (-1); every inertia is different."""
+    builder = RobotBuilder("tree", root="fixed")
+    for i, (name, parent) in enumerate(zip(names, parents, strict=True)):
+        at = rng.normal(size=3)
+        builder.body(f"body_{i}", mass=1.0 + i, com=rng.normal(size=3), inertia=np.full(3, 0.1 * (1 + i)))
+        kind = ("revolute", "ball", "prismatic", "continuous")[i % 4]
+        limits = (-1.0 - i, 1.0 + i) if kind in ("revolute", "prismatic") else None
+        parent_name = "ground" if parent < 0 else f"body_{parent}"
+        builder.joint(name, parent_name, f"body_{i}", kind, at=at, limits=limits, motor=kind != "ball")
+    return builder
+
+
+def test_joints_are_in_the_order_in_which_they_were_declared(tmp_path: Path) -> None:
+    """Two arms on the ground, "slow" before "fast": q, v and tau as declared, and so after saving, copying and pickling."""
+    builder = RobotBuilder("arms", root="fixed")
+    for name in ("slow", "fast"):
+        builder.body(f"{name}_rod", Rod((0, 0, 0), (0, 0, -1), mass=3.0 if name == "slow" else 1.0))
+        builder.joint(name, "ground", f"{name}_rod", axis=(0, 1, 0), motor=True)
+    arms = builder.robot()
+    path = builder.save(tmp_path / "arms.urdf")
+    for robot in (arms, rbd.load_robot(path), copy.deepcopy(arms), pickle.loads(pickle.dumps(arms))):
+        assert list(robot.joints) == ["slow", "fast"] == list(robot.actuated_names)
+        state = robot.at([0.1, 0.2])
+        assert np.array_equal(state.q, robot.at().with_joints({"slow": 0.1, "fast": 0.2}).q)
+        assert np.diag(state.M) == pytest.approx([1.0, 1.0 / 3.0])  # m l^2 / 3
+
+
+def test_in_another_order_a_tree_is_the_same_robot(rng: np.random.Generator, tmp_path: Path) -> None:
+    """Depth-first trees of all kinds of joints under random names: as declared; limits, M, h and frames by name the same."""
+    parents = [-1, 0, 1, 0, -1, 4, 4, 6]
+    for _ in range(5):
+        names = [f"{letter}_joint" for letter in rng.permutation(list("abcdefgh"))]
+        builder = tree(rng, names, parents)
+        ours = builder.robot()
+        plain = rbd.load_robot(builder.save(tmp_path / "tree.urdf"), loops=False, root="fixed", passive=sorted(ours.passive))
+        assert list(ours.joints) == names and list(plain.joints) != names
+        q, v = pin.integrate(ours.model, ours.neutral(), rng.normal(size=ours.nv)), rng.normal(size=ours.nv)
+        at_q, at_v = plain.neutral(), np.zeros(plain.nv)
+        for name in names:
+            at_q[plain.joints[name].q], at_v[plain.joints[name].v] = q[ours.joints[name].q], v[ours.joints[name].v]
+            assert (ours.joints[name].lower, ours.joints[name].upper) == (plain.joints[name].lower, plain.joints[name].upper)
+        places = np.concatenate([np.arange(plain.nv)[plain.joints[name].v] for name in names])
+        one, other = rbd.State(ours, q, v), rbd.State(plain, at_q, at_v)
+        assert np.abs(one.M - other.M[np.ix_(places, places)]).max() < 1e-12
+        assert np.abs(one.h - other.h[places]).max() < 1e-11
+        for frame in ours.frames():
+            assert np.abs(one.frame(frame).X_WF.homogeneous - other.frame(frame).X_WF.homogeneous).max() < 1e-12
+
+
+def test_where_joints_cannot_be_as_declared_a_bare_list_is_refused(rng: np.random.Generator) -> None:
+    """A tip declared after the other arm comes before it, since M is right only depth-first: both orders are named."""
+    builder = tree(rng, ["upper", "other", "tip"], [-1, -1, 0])  # revolute, ball, prismatic
+    robot = builder.robot()
+    assert list(robot.joints) == ["upper", "tip", "other"]
+    for given in ({"q": [0.0] * robot.nq}, {"v": tuple([0.0] * robot.nv)}):
+        with pytest.raises(rbd.InputError, match="declared as upper, other, tip, but are in the order upper, tip, other"):
+            robot.at(**given)
+    assert np.array_equal(robot.at(robot.neutral(), np.zeros(robot.nv)).q, robot.at().q)
+    robot.at().with_joints({"tip": 0.1})
+
+
+def test_an_order_of_joints_that_are_not_there_is_refused(rng: np.random.Generator) -> None:
+    """With the nearest names; and one for an MJCF, whose order is its own."""
+    text = tree(rng, ["b", "a"], [-1, -1]).urdf()
+    with pytest.raises(ModelError, match="order names a joint 'c'"):
+        rbd.load_robot(text=text, loops=LoopFile.of_text("{root: fixed, order: [b, c]}"))
+    mjcf = "<mujoco><worldbody><body><joint name='j' type='hinge'/><geom size='.1'/></body></worldbody></mujoco>"
+    with pytest.raises(rbd.InputError, match="order is for URDF"):
+        rbd.load_robot(text=mjcf, loops=LoopFile.of_text("order: [j]"))
+
+
+def test_a_planar_joint_is_not_said_to_have_a_strange_axis() -> None:
+    """Its normal is z, in its file too; warnings are errors here."""
+    builder = RobotBuilder("puck", root="fixed")
+    builder.body("disk", rbd.robots.Cylinder(0.1, 0.02, mass=1.0))
+    builder.joint("slide", "ground", "disk", "planar")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", ModelWarning)
+        puck = builder.robot()
+    assert puck.report is not None and not puck.report.warnings and puck.nv == 3
+
+
+def test_a_robot_that_is_singular_at_zero_alone_is_built_with_a_warning() -> None:
+    """A camera that looks along the axis of its pan: refused is the pose, by `solve`; a pan without any mass beyond is not."""
+
+    def pan_tilt(arm: float) -> RobotBuilder:
+        builder = RobotBuilder("camera", root="fixed")
+        builder.body("pan", PointMass(1.0))
+        builder.body("tilt", PointMass(2.0, at=(0, 0, arm)))
+        builder.joint("pan_joint", "ground", "pan", axis=(0, 0, 1))
+        builder.joint("tilt_joint", "pan", "tilt", axis=(0, 1, 0))
+        return builder
+
+    with pytest.warns(ModelWarning, match="no inertia about it at q = 0 .'pan_joint'"):
+        robot = pan_tilt(0.5).robot()
+    turned = rbd.solve(robot.at([0.3, 0.5]), [], [])
+    assert np.abs(turned.a - [0.0, 9.81 * np.sin(0.5) / 0.5]).max() < 1e-12  # an upright pendulum of 0.5 m
+    with pytest.raises(rbd.errors.SingularInertia):
+        rbd.solve(robot.at([0.3, 0.0]), [], [])
+    with pytest.raises(ModelError, match="no inertia about it: M is singular"):
+        pan_tilt(0.0).robot()

@@ -62,7 +62,8 @@ def test_a_six_bar_has_four_branches():
     crank = robot.posture("assembled")[:2]
     found = branches(at_neutral(robot), fixed={"crank_joint": crank})
     assert len(found) == 4
-    modes = {(round(math.atan2(q[9], q[8]), 6)) for q in found.q}  # the rocker: two angles, each with two of the dyad's
+    cos, sin = range(robot.nq)[robot.joints["rocker_joint"].q]
+    modes = {(round(math.atan2(q[sin], q[cos]), 6)) for q in found.q}  # the rocker: two angles, each with two of the dyad's
     assert len(modes) == 2
 
 

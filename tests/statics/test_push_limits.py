@@ -125,10 +125,54 @@ def test_a_joint_without_a_motor_withstands_nothing():
     assert pushed.forces[1] > 10.0 and {limit.kind for limit in pushed.gives_way[1]} == {"motor"}
 
 
+def test_on_one_sole_talos_is_held_by_pushes_in_an_interval(talos):
+    """It would fall to its right: a push to its left turns it back over the sole, from the inner edge to the outer one."""
+    state, sole = talos.standing(), talos.soles(0.7)[0]
+    found = push_limits(state, [sole], "torso_2_link", (0.0, 1.0, 0.0))
+    y, per_metre = sole.rows(state).patch.corners_W[:, 1], talos.mass * 9.81 / found.point[2]
+    expected = per_metre * (np.array([y.min(), y.max()]) - state.com[1])  # 17.65 and 118.26 N
+    assert expected[0] > 17.0 and abs(found.least[0] - expected[0]) < 1e-6 and abs(found.forces[0] - expected[1]) < 1e-6
+    assert not found.held and found.residual < 1e-6 and abs(found.least_bounds[0] - found.least[0]) < 1e-6
+    assert "cannot be held without a push; one of 17.65 to 118.3 N" in str(found)
+    for push, holds in ((0.999 * expected[0], False), (1.001 * expected[0], True), (0.999 * expected[1], True)):
+        external = [rbd.ExternalForce("torso_2_link", (0.0, push, 0.0))]
+        if holds:
+            rbd.hold(state, [sole], external=external, margin=0.0)
+        else:
+            with pytest.raises(rbd.CannotHold):
+                rbd.hold(state, [sole], external=external, margin=0.0)
+
+
+def test_of_a_robot_that_is_not_held_each_direction_has_its_interval_or_none(talos):
+    """Eight level directions on one sole: three hold it; of the others, NaN, and no torques. Held on both: least is zero."""
+    state, soles = talos.standing(), talos.soles(0.7)
+    found = push_limits(state, soles[:1], "torso_2_link", level(8))
+    some = np.isfinite(found.forces)
+    assert np.flatnonzero(some).tolist() == [1, 2, 3] and "3 of 8 directions" in str(found)
+    assert (found.least[some] > 1.0).all() and (found.least[some] < found.forces[some]).all()
+    assert np.isnan(found.least[~some]).all() and not any(found.gives_way[i] for i in np.flatnonzero(~some))
+    with pytest.raises(rbd.InputError, match="no push along this direction"):
+        found.tau(0)
+    both = push_limits(state, soles, "torso_2_link", level(8))
+    assert both.held and not both.least.any() and both.residual < 1e-6
+
+
+@pytest.mark.parametrize("mu", [0.25, 0.5])
+def test_a_box_at_a_wall_is_held_by_any_push_from_its_weight_over_the_friction(mu):
+    """Friction mu N carries it: pressed with W / mu or more, and no limit is met."""
+    placement = np.eye(4)
+    placement[:3, :3], placement[:3, 3] = [[0, 0, -1], [0, 1, 0], [1, 0, 0]], [0.2, 0.0, 0.0]  # z out of the wall: -x
+    wall = rbd.SurfaceContact("wall", "box", half_lengths=(0.1, 0.1), placement=placement, friction=mu)
+    upright = BOX.at(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0]))
+    found = push_limits(upright, [wall], "box", (1.0, 0.0, 0.0), at_most=1e4)
+    assert abs(found.least[0] - WEIGHT * max(1.0 / mu, 2.0)) < 1e-5 and found.forces[0] == 1e4
+    assert "N or more along" in str(found) and "no limit met up to 1e+04 N" in str(found)
+
+
 def test_what_cannot_stand_is_refused(talos):
-    """On one sole under the wrong side nothing holds Talos even unpushed."""
-    with pytest.raises(rbd.CannotHold, match="even without a push"):
-        push_limits(talos.standing(), talos.soles(0.001)[:1], "torso_2_link", (0, 1, 0))
+    """On one sole beside which it falls nothing holds Talos unpushed, nor a push the same way."""
+    with pytest.raises(rbd.CannotHold, match="without a push, nor by one along this direction"):
+        push_limits(talos.standing(), talos.soles(0.001)[:1], "torso_2_link", (0, -1, 0))
 
 
 def test_bad_input_is_refused(talos):

@@ -136,6 +136,29 @@ def test_the_region_of_any_motion_is_that_of_an_independent_program(talos):
     assert ends > 5
 
 
+def test_a_region_that_is_cut_says_so_beside_its_area_and_its_distance(talos):
+    """A box on a base of 24 m by 0.4 m: 20 m of it are known. Beside its long edges distances are exact, at the cut bounds."""
+    state, placement = BOX.at(np.array([0.0, 0.0, 0.5, 0, 0, 0, 1])), np.eye(4)
+    placement[2, 3] = -0.5
+    regions = {}
+    for half in (9.0, 12.0):
+        base = rbd.SurfaceContact("base", "box", half_lengths=(half, 0.2), placement=placement, friction=100.0)
+        regions[half] = zmp_region(state, [base], friction="inscribed", pendular=False)
+    whole, cut = regions.values()
+    assert not whole.cut and "cut" not in str(whole) and abs(whole.area - 18.0 * 0.4) < 1e-6
+    assert cut.cut and cut.bounded and "80000.00 cm2, cut at 10 m" in str(cut) and abs(cut.area - 20.0 * 0.4) < 1e-6
+    for at, expected in (((0, 0.05, 0), 0.15), ((-9.0, 0.05, 0), 0.15), ((3.0, 0.3, 0), -0.1)):
+        assert abs(cut.distance(at) - expected) < 1e-9  # warnings are errors here
+    for at, least in (((9.9, 0.0, 0.0), 0.1), ((11.5, 0.0, 0.0), -1.5)):
+        with pytest.warns(rbd.errors.InaccurateWarning, match="goes on where it is cut") as seen:
+            assert abs(cut.distance(at) - least) < 1e-9
+        assert seen[0].filename == __file__
+    assert whole.distance((9.5, 0.0, 0.0)) == pytest.approx(-0.5)
+    wall = rbd.PointContact("hand", "gripper_left_base_link", on=rbd.Ground(normal=(0.0, -1.0, 0.0)), friction=0.7)
+    region = zmp_region(talos.standing(), [*talos.soles(0.7), wall], friction="inscribed")
+    assert region.cut and region.bounded and "cut at 10 m" in str(region)
+
+
 def test_at_rest_the_pendulum_over_every_place_is_the_support_region(talos):
     """The region of the zero-moment point below the centre of mass itself: it is inside the one if inside the other."""
     state, soles = talos.standing(), talos.soles(0.7)

@@ -68,6 +68,26 @@ def test_pushes_are_drawn_by_what_gives_way(standing):
     assert np.allclose(dots.get_xydata(), limits.forces[:, None] * AROUND[:, :2])
 
 
+def test_pushes_that_must_be_there_are_drawn_from_the_smallest_to_the_largest(talos, standing):
+    """On one sole: no area around zero, a line in the plot and an arrow in the scene for each direction with an interval."""
+    state, soles, _ = standing
+    limits = push_limits(state, soles[:1], "torso_2_link", AROUND)
+    some = np.isfinite(limits.forces)
+    ax = Figure().subplots()
+    limits.plot(ax)
+    lines = [line.get_xydata() for line in ax.lines if len(line.get_xydata()) == 2 and line.get_color() == "0.6"]
+    assert 0 < some.sum() < len(AROUND) and len(lines) == some.sum()
+    for line, way, least, most in zip(lines, AROUND[some], limits.least[some], limits.forces[some], strict=True):
+        assert np.allclose(line, [least * way[:2], most * way[:2]])
+    with Scene(talos) as scene:
+        scene.show(state)
+        scene.draw(limits)
+        drawn = {mark.path: mark for mark in scene.drawn}
+        nearest = np.linalg.norm(drawn["statics/0/edge"].mesh.vertices - limits.point, axis=1).min()
+        assert "statics/0/around" not in drawn and nearest > 0.5 * scene.metres_per_newton * limits.least[some].min()
+    assert "cannot be held without a push" in limits._repr_html_()
+
+
 def test_a_wrench_cone_shows_how_far_a_force_may_lean(talos, standing):
     """From the centre of mass of Talos the lean ends where the force passes an edge of the soles."""
     state, soles, region = standing

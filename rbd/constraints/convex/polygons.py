@@ -48,14 +48,23 @@ def inside_distance(point: Array, hull: Array) -> float:
     if len(hull) == 0:
         return -math.inf
     p = np.asarray(point, float)[:2]
-    if len(hull) == 1:
-        return -float(np.linalg.norm(p - hull[0]))
+    distance = float(np.linalg.norm(p - nearest_on_edge(p, hull)))
     ends = np.roll(hull, -1, axis=0)
-    along = ends - hull
-    t = np.clip(((p - hull) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-300), 0.0, 1.0)
-    distance = float(np.linalg.norm(p - hull - t[:, None] * along, axis=1).min())
     inside = len(hull) > 2 and all(_turn(a, b, p) >= 0.0 for a, b in zip(hull, ends, strict=True))
     return distance if inside else -distance
+
+
+def nearest_on_edge(point: Array, hull: Array) -> Array:
+    """The point of the edge of a convex hull that is nearest to a point, shape (2,).
+
+    Args:
+        point: Shape (2,).
+        hull: From `convex_hull`, of one corner or more.
+    """
+    along = np.roll(hull, -1, axis=0) - hull
+    t = np.clip(((point - hull) * along).sum(axis=1) / np.maximum((along**2).sum(axis=1), 1e-300), 0.0, 1.0)
+    near = hull + t[:, None] * along
+    return np.asarray(near[int(np.argmin(((point - near) ** 2).sum(axis=1)))])
 
 
 def half_planes(hull: Array) -> tuple[Array, Array]:

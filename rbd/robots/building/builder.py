@@ -42,6 +42,9 @@ class RobotBuilder(Displayed):
     all bodies' axes are parallel to the world's at q = 0. The tree may be declared in any order. A loop of bodies is a tree
     and a `loop` that closes it.
 
+    In q, v and tau the joints on one body follow each other as declared, each with all those beyond it before the next one:
+    `robot.joints` lists them. Where that is not the order in which all joints were declared, `robot.at` takes no bare list.
+
     Args:
         name: Of the robot.
         root: "free_flyer": the root body floats. "planar": it slides and turns in a plane. "fixed": it does not move; it may be
@@ -300,7 +303,20 @@ class RobotBuilder(Displayed):
     def loop_file(self) -> str:
         """The loop file, in YAML: the root, passive joints, loops, couplings, wheels and postures."""
         passive = [part.name for part in self._parts if isinstance(part, Joint) and _is_passive(part)]
-        return yaml_text(self.root, self.plane, passive, self._lists, self._postures)
+        return yaml_text(self.root, self.plane, passive, self._order(), self._lists, self._postures)
+
+    def _order(self) -> list[str]:
+        """The joints that move, as declared; none where Pinocchio, by the alphabet and depth-first, has them so."""
+        joints = [part for part in self._parts if isinstance(part, Joint)]
+        declared = [joint.name for joint in joints if joint.kind != "fixed"]
+        by_name = sorted(joints, key=lambda joint: joint.name)
+        children = {joint.child for joint in joints}
+        found, waiting = [], [joint for joint in reversed(by_name) if joint.parent not in children]
+        while waiting:
+            joint = waiting.pop()
+            found += [joint.name] if joint.kind != "fixed" else []
+            waiting += [other for other in reversed(by_name) if other.parent == joint.child]
+        return [] if found == declared else declared
 
     def robot(
         self,

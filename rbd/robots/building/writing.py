@@ -81,6 +81,8 @@ def _joint(joint: Joint) -> Iterator[str]:
         low, high = joint.limits or (-far, far)
         bounds = "" if joint.kind == "continuous" else f'lower="{written(low)}" upper="{written(high)}" '
         yield f'    <limit {bounds}effort="{written(joint.effort)}" velocity="{written(joint.speed)}"/>\n'
+    elif joint.kind == "planar":
+        yield '    <axis xyz="0 0 1"/>\n'
     dynamics = [(key, getattr(joint, key)) for key in ("damping", "friction", "armature")]
     if given := " ".join(f'{key}="{written(value)}"' for key, value in dynamics if value):
         yield f"    <dynamics {given}/>\n"
@@ -99,6 +101,7 @@ def yaml_text(
     root: str,
     plane: str | None,
     passive: Sequence[str],
+    order: Sequence[str],
     lists: Mapping[str, Sequence[Entry]],
     postures: Mapping[str, Mapping[str, float | Sequence[float]]],
 ) -> str:
@@ -108,12 +111,15 @@ def yaml_text(
         root: Kind of the root joint.
         plane: Of a planar root, if one was named.
         passive: Joints without a motor.
+        order: Joints as declared, where Pinocchio would order them otherwise.
         lists: {"loops", "couplings", "wheels": entries}.
         postures: {name: {joint: value}}.
     """
     out = [f"root: {root}", *([f"plane: {plane}"] if plane else [])]
     if passive:
         out.append(f"passive: [{', '.join(map(_word, passive))}]")
+    if order:
+        out.append(f"order: [{', '.join(map(_word, order))}]")
     for part, entries in lists.items():
         if entries:
             out += [f"{part}:", *(f"  - {_mapping(entry)}" for entry in entries)]

@@ -24,6 +24,10 @@ def _limits(limits: PushLimits) -> list[Named]:
     return [("push_limit", Variable(limits.forces, ("direction",), "N", "largest push in each direction"))]
 
 
+def _least(limits: PushLimits) -> list[Named]:
+    return [("push_least", Variable(limits.least, ("direction",), "N", "smallest push in each direction that holds it"))]
+
+
 def _bounds(limits: PushLimits) -> list[Named]:
     return [("push_bound", Variable(limits.bounds, ("direction",), "N", "proven bound of the push in each direction"))]
 
@@ -60,6 +64,7 @@ def _radius(region: SupportRegion | ZmpRegion) -> float:
 _REGION = {
     **one("empty", "whether there is no such place", lambda region: region.empty, ""),
     **one("bounded", "whether the region ends everywhere", lambda region: region.bounded, ""),
+    **one("cut", "whether it goes on beyond 10 m: area, distance and radius are then of the part within", lambda x: x.cut, ""),
 }
 _RADIUS = one("inscribed_radius", "radius of the largest circle inside", _radius, "m", default=False)
 KINDS = {
@@ -68,7 +73,8 @@ KINDS = {
             **one(
                 "residual", "largest error of all pushes: of balance, forces outside cones, torques", lambda x: x.residual, "N"
             ),
-            "push_limit": Kept("largest push in each direction", _limits),
+            "push_limit": Kept("largest push in each direction; NaN where none holds it", _limits),
+            "push_least": Kept("smallest push in each direction that holds it; zero where it is held without one", _least),
             "push_bound": Kept("what no push in each direction can exceed, proven", _bounds),
             "push_direction": Kept("unit vector of each direction, in W", _directions, False),
             "gives_way": Kept("the limits that give way first in each direction", _gives_way, False),
@@ -79,7 +85,9 @@ KINDS = {
         {
             **one("residual", "largest error of the corners", lambda region: region.residual, "N"),
             **one("area", "area of the region; infinite where it has no end", lambda region: region.area, "m2"),
-            **one("com_distance", "distance of the centre of mass from the edge, positive inside", lambda x: x.distance(), "m"),
+            **one(
+                "com_distance", "distance of the centre of mass from the edge, positive inside", lambda x: x.com_to_edge[0], "m"
+            ),
             **_REGION,
             **one("area_gap", "by how much the proven outer polygon is larger", lambda x: x.area_gap, "m2", default=False),
             **_RADIUS,

@@ -95,12 +95,14 @@ def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion, labels: Sequence[
 def plot_pushes(ax: Axes, limits: PushLimits) -> list[Artist]:
     """Draw the largest pushes from above: a dot at the tip of each, coloured by what gives way, joined where they go round.
 
+    Of a robot that is not held without a push, a line along each direction from the smallest push that holds it to the largest.
+
     Args:
         ax: Matplotlib axes.
         limits: Of `push_limits`; directions that are not level are drawn by their level part.
 
     Returns:
-        What was drawn: the curve through the tips, then the dots, one artist a kind of limit.
+        What was drawn: the curve through the tips, or the lines; then the dots, one artist a kind of limit.
 
     Raises:
         InputError: if `ax` are no axes, or `limits` something else.
@@ -120,11 +122,14 @@ def plot_pushes(ax: Axes, limits: PushLimits) -> list[Artist]:
     tips = limits.directions[:, :2] * limits.forces[:, None]
     order = np.argsort(np.arctan2(tips[:, 1], tips[:, 0]), kind="stable")
     drawn: list[Artist] = []
-    if len(tips) > 2:
+    if not limits.held:
+        ends = np.array([limits.directions[:, :2] * limits.least[:, None], tips])[:, np.isfinite(limits.forces)]
+        drawn += ax.plot(ends[..., 0], ends[..., 1], "-", color="0.6", lw=1.0, zorder=1)
+    elif len(tips) > 2:
         drawn += ax.plot(*_closed(tips[order]), "-", color="0.6", lw=1.0, zorder=1)
     kinds = [given[0].kind if given else "none" for given in limits.gives_way]
     for kind, (color, label) in LIMIT_COLORS.items():
-        of = tips[[k == kind for k in kinds]]
+        of = tips[[k == kind for k in kinds] & np.isfinite(limits.forces)]
         if len(of):
             drawn += ax.plot(of[:, 0], of[:, 1], "o", color=color, ms=5.0, mec="white", mew=0.6, label=label, zorder=2)
     ax.plot([0.0], [0.0], "+", color=COM_COLOR, ms=9.0)

@@ -70,7 +70,7 @@ def left_out_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[str]:
     reach, out = _FARTHEST * sizes.body, []
     for one in drawn:
         if isinstance(one, PushLimits) and (sizes.metres_per_newton * one.forces > reach).any():
-            most = "" if not np.isfinite(one.forces).all() else f"; the largest is {number(float(one.forces.max()))} N"
+            most = f"; the largest is {number(float(np.nanmax(one.forces)))} N"
             out.append(f"Two heads: largest pushes longer than drawn ({reach / sizes.metres_per_newton:.4g} N{most}).")
         elif isinstance(one, SupportRegion | ZmpRegion) and len(one.vertices):
             if (np.abs(one.vertices[:, :2] - one.state.com[:2]) > reach).any():
@@ -119,18 +119,21 @@ def _footprints(at: str, stood: Footprints, sizes: Sizes) -> list[Mark]:
 
 
 def _pushes(at: str, limits: PushLimits, sizes: Sizes) -> list[Mark]:
-    point, tips = limits.point, sizes.metres_per_newton * limits.forces[:, None] * limits.directions
+    """An arrow a direction from the smallest push that holds the robot to the largest; round a robot that is held, a line."""
+    some = np.isfinite(limits.forces)
+    directions, point = limits.directions[some], limits.point
+    tips, starts = (sizes.metres_per_newton * size[some, None] * directions for size in (limits.forces, limits.least))
     reach = _FARTHEST * sizes.body
     whole = tips.copy()
     tips *= np.minimum(1.0, reach / np.maximum(np.linalg.norm(tips, axis=1), 1e-12))[:, None]
     marks = []
-    kinds = [given[0].kind if given else "none" for given in limits.gives_way]
+    kinds = [given[0].kind if given else "none" for given, holds in zip(limits.gives_way, some, strict=True) if holds]
     for kind, (color, _) in LIMIT_COLORS.items():
-        own = [tip for tip, k in zip(whole, kinds, strict=True) if k == kind]
-        arrows = [shapes.arrow(point, tip, radius=0.3 * sizes.shaft, longest=reach) for tip in own]
+        own = [(start, tip - start) for start, tip, k in zip(starts, whole, kinds, strict=True) if k == kind]
+        arrows = [shapes.arrow(point + start, way, radius=0.3 * sizes.shaft, longest=reach) for start, way in own]
         if arrows:
             marks.append(Mark(f"{at}/{kind}", shapes.joined(arrows), color, seen_through=True))
-    if len(tips) > 2 and rank_of(limits.directions) == 2:
+    if limits.held and len(tips) > 2 and rank_of(limits.directions) == 2:
         U = np.linalg.svd(limits.directions)[2][:2]
         order = np.argsort(np.arctan2(*(U @ limits.directions.T)[::-1]), kind="stable")
         around = shapes.tube(point + tips[order], radius=sizes.line, closed=True)

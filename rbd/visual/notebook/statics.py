@@ -19,7 +19,7 @@ from rbd.visual.notebook.values import fixed, number, share, vector, words
 
 
 def _area(record: SupportRegion | ZmpRegion) -> str:
-    return f"{1e4 * record.area:.1f} cm2" if np.isfinite(record.area) else "without end"
+    return f"{1e4 * record.area:.1f} cm2{record.cut_words}" if np.isfinite(record.area) else "without end"
 
 
 @card_of.register
@@ -27,10 +27,9 @@ def _support_region(record: SupportRegion) -> Card:
     if record.empty:
         said, inside = "it cannot be at rest anywhere on these contacts: the support region is empty", False
     else:
-        d = record.distance()
-        inside = bool(d >= 0.0)
-        which = "inside the support region" if inside else "outside the support region"
-        said = f"the centre of mass is {fixed(1e3 * abs(d), 1)} mm {which}: {'it can stand' if inside else 'it cannot stand'}"
+        inside = bool(record.com_to_edge[0] >= 0.0)
+        can = "it can stand" if inside else "it cannot stand"
+        said = f"the centre of mass is {record.com_in_words} the support region: {can}"
     gravity = record.state.robot.gravity
     com, seen = along_gravity(gravity, record.state.com), "from above" if is_along_z(gravity) else "along gravity, on z = 0"
     rows = [
@@ -72,24 +71,28 @@ def _zmp_region(record: ZmpRegion) -> Card:
 
 @card_of.register
 def _pushes(record: PushLimits) -> Card:
-    weakest = int(np.argmin(record.forces))
+    weakest = int(np.nanargmin(record.forces if record.held else record.least))
     limits = record.gives_way
     why = joined(map(str, limits[weakest])) or f"no limit met up to {number(record.at_most)} N"
     way = vector(record.directions[weakest], 2)
     most = f"withstands {number(record.forces[weakest], 4)} N at {record.frame} along {way}"
     weak = ", its weakest direction" if len(record.forces) > 1 else ""
     said = f"{most}{weak}; what gives way there: {why}"
+    if not record.held:
+        least = number(record.least[weakest], 4)
+        said = f"cannot be held without a push; one of {least} N at {record.frame} along {way} holds it"
     order = largest_first(-record.forces)
     rows = [
         (
             vector(record.directions[i], 2),
+            fixed(record.least[i], 2),
             fixed(record.forces[i], 2),
             fixed(record.bounds[i], 2),
             joined(map(str, limits[i])) or "-",
         )
         for i in order
     ]
-    heads = ("direction", "largest push [N]", "no more than [N]", "gives way first")
+    heads = ("direction", "smallest push [N]", "largest push [N]", "no more than [N]", "gives way first")
     residual = Table([("largest residual of the proving forces", f"{record.residual:.1e}", "N")])
     folds = [Fold("Proof: residuals", [residual])]
     return Card(said, None, [Table(rows, heads, rest="forces")], (), folds)
