@@ -160,9 +160,7 @@ def _refuse_other_torques(posed: Setup, equations: Equations) -> None:
     elif factor < -1.0 / FAR:
         why = "they have the other sign. Expected the torques on the joints, positive along the joint's velocity."
     else:
-        why = (
-            "they are in another unit (N mm?), of another robot, or not of this motion. Expected N m, or N."
-        )
+        why = "they are in another unit (N mm?), of another robot, or not of this motion. Expected N m, or N."
     raise InputError(
         f"the torques are {factor:.3g} times those that the model of {motions[0].robot.name} needs for these motions, and so "
         f"would the masses be: {why}"

@@ -93,8 +93,8 @@ def _of_q(
             raise InputError(f"{path.name}: what it says of how v and a came from q cannot be read. Leave it out.") from None
     ground = float(_numbers(path, arrays, "ground").ravel()[0]) if arrays.get("ground", np.empty(0)).size == 1 else 0.0
     rounding = _rounding(robot, arrays["q"][:, :3], arrays["q"][:, 3:7], arrays["q"])
-    own = "coordinates" in arrays  # of Motion.save
-    if counts_frames(t) and not own and not trust:
+    saved = "coordinates" in arrays  # by Motion.save
+    if counts_frames(t) and not saved and not trust:
         if rate is None:
             raise InputError(
                 f"{path.name}: t is {t[0]:g}, {t[1]:g}, {t[2]:g}, ...: these count frames. Give rate=30 [Hz], or whatever "
@@ -104,8 +104,8 @@ def _of_q(
         t = (t - t[0]) / rate
     elif rate is not None and len(t) > 1 and t[-1] > t[0]:
         check_same_rate(rate, (len(t) - 1) / float(t[-1] - t[0]), f"the times in {path.name} have")
-    order = quaternion or ("xyzw" if own else None)
-    return Frames(robot, t, q, v, a, how, notes, rounding, ground, order)
+    turns = quaternion or ("xyzw" if saved else None)
+    return Frames(robot, t, q, v, a, how, notes, rounding, ground, turns)
 
 
 def _of_bodies(

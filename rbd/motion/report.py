@@ -204,9 +204,7 @@ class MotionReport(Displayed):
         out = []
         for cutoff in cutoffs:
             m = self.motion
-            lower = Motion.of_arrays(
-                m.robot, m.t, m.q, cutoff=as_float(cutoff), ground=m.ground, quaternion="xyzw", trust=True
-            )
+            lower = Motion.of_arrays(m.robot, m.t, m.q, cutoff=as_float(cutoff), ground=m.ground, quaternion="xyzw", trust=True)
             found = self.check(lower, contacts=self.lanes, self_collision=False)
             out.append(float((found.missing_scaled > self.settings.threshold).mean()))
         return np.array(out)
