@@ -68,6 +68,7 @@ def check(
     ] = True,
     quaternion: Annotated[str | None, typer.Option(metavar="ORDER", help="xyzw or wxyz; guessed, and said.")] = None,
     units: Annotated[str | None, typer.Option(help="Of joint angles: rad or deg; guessed, and said.")] = None,
+    trust: Annotated[bool, typer.Option("--trust", help="Take times, lengths, v and a as they are.")] = False,
     joints: Annotated[str | None, typer.Option(metavar="A,B", help="Names of the columns after the base, in order.")] = None,
     from_: Annotated[float | None, typer.Option("--from", metavar="S", help="Check from this time on ...")] = None,
     to: Annotated[float | None, typer.Option(metavar="S", help="... to this one.")] = None,
@@ -103,7 +104,9 @@ def check(
             raise InputError(f"--least-possible is {least_possible:g}; expected a share from 0 to 1.")
         _check_outputs(chosen, html=html, json_=json_, save=save, plot=plot, video=video, show=show)
         # What Motion.read and check_motion refuse, they refuse by the names of these options.
-        reading = {"rate": rate, "quaternion": quaternion, "units": units, "joints": names_of("--joints", joints)}
+        reading = {
+            "rate": rate, "quaternion": quaternion, "units": units, "joints": names_of("--joints", joints), "trust": trust,
+        }  # fmt: skip
         settings = {
             "friction": friction, "ground": _ground(ground), "torque_limits": _share(torque_limits), "threshold": threshold,
             "bodies": bodies, "self_collision": self_collision,

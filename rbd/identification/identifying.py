@@ -10,10 +10,11 @@ import numpy as np
 from rbd.arrays import Array, check_positive
 from rbd.errors import InaccurateWarning, InputError, PoorExcitationWarning
 from rbd.identification.consistent import minimise
-from rbd.identification.data import EXACT, UNTOLD, Assembly, Equations, measured_motions
+from rbd.identification.data import EXACT, UNTOLD, Assembly, Equations, MeasuredMotion, measured_motions
 from rbd.identification.result import Identification
 from rbd.identification.setup import Setup
 from rbd.model.inertial import checked_columns
+from rbd.model.state import State
 from rbd.motion.sensor_noise import SensorNoise, checked_noise
 
 _ROUNDS = 4
@@ -23,6 +24,11 @@ TOO_LIGHT = 0.3
 """Less than this share of the model's mass is not believed."""
 UNEXPLAINED = 0.1
 """A residual at a floating base above this share of the weight is told."""
+FAR = 100.0
+"""Torques this many times those of the model, or as many times less, are in another unit, or are not its torques."""
+UNUSED, DEAD = 1e-3, 0.3
+"""A model that needs less than this share of `force_scale` tells nothing of torques; a motor that is needed for more than this
+share of the inertia's and the weight's part has no torque of zero throughout."""
 LEAST = 0.01
 """No coordinate's residual counts as smaller than this share of all, over `force_scale`: few equations are fitted too well."""
 
@@ -62,12 +68,14 @@ def identify(
 
     Raises:
         InputError: no motion, different robots, fewer equations than base parameters, no accelerations, sizes that do not fit,
-            torques missing of a robot without a floating base, contacts missing of one that is carried by them.
+            torques missing of a robot without a floating base, contacts missing of one that is carried by them; torques that
+            are zero throughout, of the other sign, or off by a factor of 100 or more from those of the model, as in N mm.
         NoSolution: Newton's method did not converge.
 
     Warns:
         PoorExcitationWarning: some base parameters are not told at all, or a tenth of them no better than by the model.
-        InaccurateWarning: a tenth of the weight or more is left unexplained at a floating base.
+        InaccurateWarning: a tenth of the weight or more is left unexplained at a floating base; a motor's torque is zero
+            throughout, where the model needs one.
         ModelWarning: a body of the model is impossible; its second moments are raised first.
 
     Example:
@@ -101,9 +109,12 @@ def identify(
             f"{robot.name}: too few samples. Give more frames."
         )
     excitation = equations.condition(unit)
+    plain = equations
     if noise is None:
         equations = _weighed(data, equations, unit)
     _refuse_missing_forces(posed, equations)
+    _refuse_other_torques(posed, plain)
+    _warn_dead_motors(given)
     found = minimise(equations.R @ base.B, equations.z, posed.prior)
     result = Identification.of(given, data, equations, base, posed.prior, found, unit, asked, excitation, spread)
     _warn(result, spread)
@@ -126,6 +137,59 @@ def _refuse_missing_forces(posed: Setup, equations: Equations) -> None:
         raise InputError(
             f"the data ask for a total mass of {mass:.3g} kg, and the model of {robot.name} has {model:.4g} kg: a force that "
             "carried it is not given. Give the contacts that touched (contacts=), or their measured forces (forces=)."
+        )
+
+
+def _refuse_other_torques(posed: Setup, equations: Equations) -> None:
+    """Refuse torques that are no torques of such a robot: zeros, another sign or another unit.
+
+    Masses follow them: without torques the least squares are those of a robot without mass.
+    """
+    motions, base = posed.data.motions, posed.base
+    if not any(x.tau is not None and x.tau.size for x in motions):
+        return
+    needed = equations.R @ (base.B @ posed.prior.theta)
+    size = float(needed @ needed)
+    if not size > UNUSED**2 * equations.count:
+        return
+    factor = float(needed @ equations.z) / size
+    if 1.0 / FAR < factor < FAR:
+        return
+    if all(not np.any(x.tau) for x in motions):
+        why = "all torques are zero. Were they measured?"
+    elif factor < -1.0 / FAR:
+        why = "they have the other sign. Expected the torques on the joints, positive along the joint's velocity."
+    else:
+        why = "they are in another unit (N mm?), of another robot, or not of this motion. Expected N m, or N."
+    raise InputError(
+        f"the torques are {factor:.3g} times those that the model of {motions[0].robot.name} needs for these motions, and so "
+        f"would the masses be: {why}"
+    )
+
+
+def _warn_dead_motors(given: Sequence[MeasuredMotion]) -> None:
+    """Say which motors have no torque in any frame, though the model needs one."""
+    robot, torques = given[0].robot, [x.tau for x in given if x.tau is not None]
+    if not torques or not robot.nu:
+        return
+    dead = ~np.any(np.concatenate(torques), axis=0)
+    if not dead.any() or dead.all():
+        return
+    needed, parts = np.zeros(robot.nu), np.zeros(robot.nu)
+    for motion in (x for x in given if x.tau is not None and not len(x._given)):
+        for i in range(motion.frames):
+            state = State(robot, motion.motion.q[i], motion.motion.v[i])
+            inertia, bias = (robot.actuation @ x for x in (state.M @ np.asarray(motion.motion.a[i]), state.h))
+            needed += (inertia + bias) ** 2
+            parts += inertia**2 + bias**2
+    bad = np.flatnonzero(dead & (needed > DEAD**2 * parts) & (parts > 0.0))
+    if len(bad):
+        names = ", ".join(robot.actuated_names[i] for i in bad)
+        warnings.warn(
+            f"the torque of {names} is zero in all frames, and the model needs one there. Was it measured? A joint without "
+            "motor is to be passive in the model; of a sensor that failed, leave the motion out.",
+            InaccurateWarning,
+            stacklevel=3,
         )
 
 

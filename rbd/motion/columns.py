@@ -16,6 +16,8 @@ from rbd.motion.joint_orders import checked_joints, formats, single_joints
 
 BASE = 7
 """Columns of a floating base: x, y, z, and a quaternion."""
+TIMES = "the first column increases and was taken for times [s]."
+"""The note of a table without a header that has one column more than a format."""
 _TIME = re.compile(r"(t|time|times|timestamp|seconds)([ _]?[\[(]?(s|sec)[\])]?)?$")
 _COUNTED = re.compile(r"(frame|frames|index|frame_id|frame_index|#|)$")
 _BASE = r"(?:(?:root|base|pelvis|floating_base|free_?flyer|root_joint|body)[ _./]?)?"
@@ -122,7 +124,7 @@ def columns_by_number(robot: CheckedModel, numbers: Array, joints: Sequence[str]
                     f"{_all(known, base)}"
                 )
             if shift:
-                notes.append("the first column increases and was taken for times [s].")
+                notes.append(TIMES)
             if joints is None:
                 notes.append(f"{width} columns without a header: {'' if not base else 'base, then '}{what}, in that order.")
             at = shift + base

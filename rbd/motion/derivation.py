@@ -21,8 +21,8 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.rotations import conjugate, logarithm, product, rotated
 
 Method: TypeAlias = Literal["local polynomial", "low-pass"]
-NEARLY_UNIT = 1e-3
-"""Quaternions off the unit sphere by up to this are normalised, as rounded decimals leave them; beyond it, refused."""
+NEARLY_UNIT = 0.05
+"""Quaternions off the unit sphere by up to this are normalised, as retargeting and decimals leave them; beyond it, refused."""
 UNIFORM = 1e-6
 """Time steps count as equal within this share of them."""
 CHUNK = 4096

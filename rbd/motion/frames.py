@@ -8,9 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, as_float, check_finite
-from rbd.errors import InputError
+from rbd.errors import InputError, RbdError
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.derivation import NEARLY_UNIT, Derivation, unit_blocks
+from rbd.robots.robot import Robot
 
 LEAST_RATE, MOST_RATE = 1.0, 10_000.0
 """Rates that a motion can have [Hz]."""
@@ -18,6 +19,8 @@ EXACT = 1e-12
 """Norms off by less are said to be one."""
 MOST_FRAMES = 1e7
 """Frames of a motion that is made or resampled."""
+UNIT_SPREAD = 3.0
+"""A base is from a third of its height as it stands to three times that, where its unit is in question."""
 MANY_TURNS = 4.0 * np.pi
 """Joint angles beyond this are degrees, where the units are not given [rad]."""
 
@@ -36,6 +39,8 @@ class Frames:
         notes: What was guessed and changed, in words.
         noise: Standard deviation of q along each velocity that the file's decimals leave, shape (nv,) [m, rad].
         ground: Height of the floor [m].
+        quaternion: "xyzw" where the order of quaternions is decided; None: it is still to be found.
+        simulated: Whether q, v and a are those of a trajectory of `rbd`.
     """
 
     robot: CheckedModel
@@ -47,6 +52,8 @@ class Frames:
     notes: tuple[str, ...] = ()
     noise: Array | float = 0.0
     ground: float = 0.0
+    quaternion: str | None = "xyzw"
+    simulated: bool = False
 
 
 def check_rate(rate: float, what: str = "rate") -> float:
@@ -61,6 +68,44 @@ def check_rate(rate: float, what: str = "rate") -> float:
             f"{what} is {rate!r:.80}; expected {LEAST_RATE:g} to {MOST_RATE:g} frames a second. Most files have 30 or 60."
         )
     return found
+
+
+def check_same_rate(rate: float | None, own: float, where: str) -> None:
+    """Refuse a rate that is off by more than 1 % from that of a file.
+
+    Raises:
+        InputError: they differ.
+    """
+    if rate is not None and abs(rate / own - 1.0) > 0.01:
+        raise InputError(f"rate is {rate:g}, but {where} {own:.6g} Hz. Leave out rate.")
+
+
+def counts_frames(t: Array) -> bool:
+    """Whether times are whole numbers that follow each other, 0, 1, 2, ...: those of frames, not seconds."""
+    return len(t) > 2 and bool((t == np.round(t)).all()) and float(np.diff(t).min()) == 1.0
+
+
+def check_base_height(robot: CheckedModel, q: Array, ground: float, source: str) -> None:
+    """Refuse a base that is a hundred or a thousand times as high above the floor as that of the standing robot.
+
+    Raises:
+        InputError: with the unit that it probably has.
+    """
+    if not isinstance(robot, Robot) or not robot.floating:
+        return
+    try:
+        stands = float(robot.standing().q[2])
+    except RbdError:
+        return
+    height = float(np.median(q[:, 2])) - ground
+    ratio = height / stands if stands > 0.0 else 0.0
+    for unit, factor in (("centimetres", 100.0), ("millimetres", 1000.0)):
+        if factor / UNIT_SPREAD < ratio < factor * UNIT_SPREAD:
+            raise InputError(
+                f"{source}: the base is {height:.4g} m above the floor in the median, that of {robot.name} as it stands "
+                f"{stands:.3g} m. Is its position in {unit}? Expected metres: divide x, y and z by {factor:g}; or trust=True "
+                "if it is so high."
+            )
 
 
 def times_of(start: float, end: float, rate: float) -> Array:

@@ -73,4 +73,4 @@ def minimum_jerk(
             to[:, -4:] = product(begin[:, -4:], exponential(way * vector))
             turn = (speed * vector, rise * vector)
         v[:, rates], a[:, rates] = own_rates(p.kind, to, slide, turn)
-    return Motion.of_arrays(robot, at, out, v, a, source="minimum jerk", ground=ground)
+    return Motion.of_arrays(robot, at, out, v, a, source="minimum jerk", ground=ground, quaternion="xyzw", trust=True)

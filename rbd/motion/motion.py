@@ -28,8 +28,10 @@ from rbd.motion.derivation import (
     method_of,
     stencil_derivatives,
 )
-from rbd.motion.frames import check_rate, check_shape, normalise, times_of, value_at
+from rbd.motion.frames import check_base_height, check_rate, check_shape, counts_frames, normalise, times_of, value_at
 from rbd.motion.lanes import Lanes
+from rbd.motion.quaternion_order import check_quaternion, order_base
+from rbd.motion.rates import checked_rates
 from rbd.motion.reading import read_frames
 from rbd.motion.symmetry import mirrored, symmetry_of
 from rbd.motion.writing import a_motion_path, write_bodies, write_csv, write_motion
@@ -99,10 +101,14 @@ class Motion(Displayed):
         cutoff: float | None = None,
         noise: float | Array = 0.0,
         ground: float = 0.0,
+        quaternion: str | None = None,
+        trust: bool = False,
     ) -> Motion:
         """The motion of arrays; v and a, where they are not given, by `rbd.motion.derivatives`.
 
-        Quaternions within 1e-3 of unit length are normalised, and a note says so.
+        Quaternions within 5 % of unit length are normalised, and a note says so. Given v and a must be the rates of q, within
+        what sampling and noise leave open, a tenth at least; those of a base in world axes (MuJoCo's linear ones, Isaac's and
+        Drake's linear and angular ones) are recognised, converted to its own axes and told in the notes.
 
         Args:
             robot: The robot.
@@ -117,10 +123,13 @@ class Motion(Displayed):
             cutoff: Frequency of a low-pass in place of window and order [Hz].
             noise: Standard deviation of q along each velocity, a number or shape (nv,) [m, rad].
             ground: Height of the floor [m].
+            quaternion: "xyzw" or "wxyz"; by default x, y, z, w, unless only w, x, y, z fits v, or keeps the base upright.
+            trust: Take times, lengths, v and a as they are, without looking whether they can be.
 
         Raises:
             InputError: sizes that do not fit, times that do not increase, numbers that are not finite, quaternions of
-                another length.
+                another length; v or a that is not the rate of q, with the coordinate and the factor; frame numbers as times;
+                a base in millimetres or centimetres.
         """
         if not isinstance(robot, CheckedModel):
             raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
@@ -128,24 +137,38 @@ class Motion(Displayed):
         check_shape("q", q, (len(t), robot.nq), FARTHEST)
         if not isinstance(notes, list | tuple) or not all(isinstance(note, str) for note in notes):
             raise InputError(f"notes is {notes!r:.80}; expected a list of sentences.")
+        check_flag("trust", trust)
+        check_quaternion(quaternion)
         said = [*notes, *normalise(robot, q)]
         how = None
         settings: dict[str, Any] = {"window": window, "order": order}
-        if v is None and a is not None:
-            raise InputError("a was given without v; give both, or neither.")
-        if v is None:
-            v, a, how = derivatives(robot, t, q, **settings, method=method_of(cutoff), cutoff=cutoff, noise=noise)
-        else:
-            v = as_array("v", v)
-            check_shape("v", v, (len(t), robot.nv), FARTHEST)
-            if a is None:
-                a = derivative(t, v, **settings)
-                said.append(f"accelerations are derivatives of the velocities given, over {window:g} s.")
-        a = as_array("a", a)
-        check_shape("a", a, (len(t), robot.nv))
         height = as_float(ground)
         if not abs(height) < 1e5:
             raise InputError(f"ground is {ground!r:.80}; expected a height [m].")
+        if v is None and a is not None:
+            raise InputError("a was given without v; give both, or neither.")
+        for what, x in (("v", v), ("a", a)):
+            if x is not None:
+                check_shape(what, as_array(what, x), (len(t), robot.nv), FARTHEST if what == "v" else np.inf)
+        v, a = (None if x is None else as_array(what, x) for what, x in (("v", v), ("a", a)))
+        said += order_base(robot, t, q, v, quaternion, str(source))
+        if not trust:
+            check_base_height(robot, q, height, str(source))
+        if v is None:
+            if not trust and counts_frames(t):
+                raise InputError(
+                    f"{source}: times are {t[0]:g}, {t[1]:g}, {t[2]:g}, ...: these count frames. Expected seconds: "
+                    "t = numpy.arange(n) / rate; or trust=True of a motion with one frame a second."
+                )
+            v, a, how = derivatives(robot, t, q, **settings, method=method_of(cutoff), cutoff=cutoff, noise=noise)
+        else:
+            if not trust:
+                rates = checked_rates(robot, t, q, v, a, str(source))
+                v, a = rates.v, rates.a
+                said += rates.notes
+            if a is None:
+                a = derivative(t, v, **settings)
+                said.append(f"accelerations are derivatives of the velocities given, over {window:g} s.")
         return cls(robot, t, q, v, a, str(source), tuple(said), how, None, height)
 
     @classmethod
@@ -162,6 +185,7 @@ class Motion(Displayed):
         order: int = 4,
         cutoff: float | None = None,
         ground: float | None = None,
+        trust: bool = False,
         progress: bool = True,
     ) -> Motion:
         """The motion of a file; whatever had to be guessed is in its notes.
@@ -178,7 +202,8 @@ class Motion(Displayed):
         Args:
             path: The file.
             robot: The robot, or a name or file for `rbd.load_robot`; files of `save` name theirs.
-            rate: Frames a second, of a file without times; else of its name ("walk_30hz.csv").
+            rate: Frames a second, of a file without times, or one that numbers its frames; else of its name
+                ("walk_30hz.csv").
             quaternion: "xyzw" or "wxyz"; by default that in which the base stays upright, in an .npz of bodies "wxyz".
             joints: Names of the joints of the columns, in order, without those of a base.
             units: "rad" or "deg" of the joints' angles; by default radians, where they can be.
@@ -186,6 +211,7 @@ class Motion(Displayed):
             order: Order of the polynomials in them.
             cutoff: Frequency of a low-pass in place of window and order [Hz].
             ground: Height of the floor [m]; by default 0, or that of the file.
+            trust: Take times, lengths, v and a of the file as they are; see `of_arrays`.
             progress: Show a bar on a terminal where reading takes long.
 
         Raises:
@@ -194,11 +220,14 @@ class Motion(Displayed):
 
         >>> motion = rbd.Motion.read("dance.csv", robot="g1", rate=60)
         """
-        found = read_frames(path, robot, rate=rate, quaternion=quaternion, joints=joints, units=units, progress=progress)
+        found = read_frames(
+            path, robot, rate=rate, quaternion=quaternion, joints=joints, units=units, trust=trust, progress=progress
+        )
         height = found.ground if ground is None else ground
         given: dict[str, Any] = {"source": Path(path).name, "notes": found.notes, "noise": found.noise, "ground": height}
         settings: dict[str, Any] = {"window": window, "order": order, "cutoff": cutoff}
-        out = cls.of_arrays(found.robot, found.t, found.q, found.v, found.a, **given, **settings)
+        known: dict[str, Any] = {"quaternion": found.quaternion, "trust": trust or found.simulated}
+        out = cls.of_arrays(found.robot, found.t, found.q, found.v, found.a, **given, **settings, **known)
         return out if found.derivation is None else replace(out, derivation=found.derivation)
 
     @classmethod
@@ -207,7 +236,7 @@ class Motion(Displayed):
         x = trajectory
         if not isinstance(x, Trajectory):
             raise InputError(f"trajectory is {x!r:.80}; expected what rbd.simulate returns.")
-        return cls.of_arrays(x.robot, x.t, x.q, x.v, x.a, source="trajectory")
+        return cls.of_arrays(x.robot, x.t, x.q, x.v, x.a, source="trajectory", quaternion="xyzw", trust=True)
 
     @classmethod
     def from_function(cls, robot: CheckedModel, f: Callable[[float], Array], t: Array, *, ground: float = 0.0) -> Motion:
@@ -230,7 +259,7 @@ class Motion(Displayed):
         times = (t[:, None] + STENCIL * np.arange(-2, 3)).ravel()
         q = np.array([robot.check_q(value_at(f, float(each))) for each in times])
         v, a = stencil_derivatives(robot, times, q)
-        return cls.of_arrays(robot, t, q[2::5], v, a, source="function", ground=ground)
+        return cls.of_arrays(robot, t, q[2::5], v, a, source="function", ground=ground, quaternion="xyzw", trust=True)
 
     @property
     def n(self) -> int:

@@ -356,5 +356,6 @@ def _made(
         motion.t[:n], lanes.points, on, np.zeros_like(on), places[..., 2] - lanes.ground, speeds, places, lanes.ground, noise
     )
     return Motion.of_arrays(
-        robot, motion.t[:n], q, v, a, source=f"nearest to {motion.source}", notes=notes, ground=lanes.ground
-    ).with_contacts(own)
+        robot, motion.t[:n], q, v, a, source=f"nearest to {motion.source}", notes=notes, ground=lanes.ground,
+        quaternion="xyzw", trust=True,
+    ).with_contacts(own)  # fmt: skip

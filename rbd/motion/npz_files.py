@@ -14,7 +14,7 @@ from rbd.errors import InputError
 from rbd.model.actuated_model import with_plain_motors
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.derivation import NEARLY_UNIT, Derivation, Method
-from rbd.motion.frames import Frames, check_rate, joint_positions, unit_of
+from rbd.motion.frames import Frames, check_rate, check_same_rate, counts_frames, joint_positions, unit_of
 from rbd.motion.joint_orders import breadth_first, checked_joints, file_order, formats, left_still, standing_q
 from rbd.motion.quaternion_order import chosen_order
 from rbd.robots.loading import load_robot
@@ -23,6 +23,8 @@ from rbd.simulation.trajectory_file import npz_arrays
 
 NEAR, TURNED = 1e-3, 5e-3
 """How far a body may be from where kinematics puts it: a millimetre, and an angle [rad] that four decimals leave."""
+ROUNDED = 1e-6
+"""Norms off by less, as numbers of single precision are, are not told."""
 PROVED = 500
 """Number of frames, evenly spread, on which an order of joints is tested."""
 BODIES = ("fps", "joint_pos", "body_pos_w", "body_quat_w")
@@ -35,6 +37,7 @@ def of_npz(
     quaternion: str | None,
     joints: Sequence[str] | None,
     units: str | None,
+    trust: bool,
 ) -> Frames:
     """The frames of an .npz, by what it holds.
 
@@ -54,7 +57,7 @@ def of_npz(
             where = tuple(int(i) for i in np.argwhere(~np.isfinite(x))[0])
             raise InputError(f"{path.name}: {name}{list(where)} is {x[where]}; expected a finite number.")
     if {"q", "t"} <= set(arrays):
-        return _of_q(path, robot, arrays)
+        return _of_q(path, robot, arrays, rate, quaternion, trust)
     if set(BODIES[1:]) <= set(arrays):
         return _of_bodies(path, robot, arrays, rate, quaternion, joints, units)
     raise InputError(
@@ -63,7 +66,9 @@ def of_npz(
     )
 
 
-def _of_q(path: Path, robot: CheckedModel, arrays: dict[str, Array]) -> Frames:
+def _of_q(
+    path: Path, robot: CheckedModel, arrays: dict[str, Array], rate: float | None, quaternion: str | None, trust: bool
+) -> Frames:
     names = [c.name for c in robot.joints.positions]
     if "coordinates" in arrays and [str(n) for n in arrays["coordinates"].ravel()] != names:
         own = [str(n) for n in arrays["coordinates"].ravel()]
@@ -88,7 +93,19 @@ def _of_q(path: Path, robot: CheckedModel, arrays: dict[str, Array]) -> Frames:
             raise InputError(f"{path.name}: what it says of how v and a came from q cannot be read. Leave it out.") from None
     ground = float(_numbers(path, arrays, "ground").ravel()[0]) if arrays.get("ground", np.empty(0)).size == 1 else 0.0
     rounding = _rounding(robot, arrays["q"][:, :3], arrays["q"][:, 3:7], arrays["q"])
-    return Frames(robot, t, q, v, a, how, notes, rounding, ground)
+    saved = "coordinates" in arrays  # by Motion.save
+    if counts_frames(t) and not saved and not trust:
+        if rate is None:
+            raise InputError(
+                f"{path.name}: t is {t[0]:g}, {t[1]:g}, {t[2]:g}, ...: these count frames. Give rate=30 [Hz], or whatever "
+                "it is."
+            )
+        notes = (*notes, f"t counts frames, from {t[0]:g} to {t[-1]:g}; times are those of the rate.")
+        t = (t - t[0]) / rate
+    elif rate is not None and len(t) > 1 and t[-1] > t[0]:
+        check_same_rate(rate, (len(t) - 1) / float(t[-1] - t[0]), f"the times in {path.name} have")
+    turns = quaternion or ("xyzw" if saved else None)
+    return Frames(robot, t, q, v, a, how, notes, rounding, ground, turns)
 
 
 def _of_bodies(
@@ -119,8 +136,7 @@ def _of_bodies(
     notes: list[str] = []
     if "fps" in arrays:
         own = check_rate(float(_numbers(path, arrays, "fps").ravel()[0]), f"fps in {path.name}")
-        if rate is not None and abs(rate / own - 1.0) > 1e-3:
-            raise InputError(f"rate is {rate:g}, but fps in {path.name} is {own:g}. Leave out rate.")
+        check_same_rate(rate, own, f"fps in {path.name} is")
         rate = own
     if rate is None:
         raise InputError(f"{path.name} has no fps; give rate=50 [Hz], or whatever it is.")
@@ -131,6 +147,9 @@ def _of_bodies(
         frame, body = divmod(i, turn.shape[1])
         raise InputError(f"{path.name}: body_quat_w[{frame}, {body}] has norm {norm[i]:.6g}; expected 1 to {NEARLY_UNIT:g}.")
     turn = (flat / norm[:, None]).reshape(turn.shape)
+    off = float(np.abs(norm - 1.0).max())
+    if off > ROUNDED:
+        notes.append(f"quaternions in body_quat_w were normalised: off by up to {off:.1g}.")
     base, told = chosen_order(robot, turn[:, 0], quaternion or "wxyz", path.name)
     turn = turn if quaternion == "xyzw" else turn[:, :, [1, 2, 3, 0]]
     notes += told

@@ -14,13 +14,13 @@ import numpy as np
 from rbd.arrays import Array, check_flag
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.motion.columns import BASE, Columns, columns_by_number, columns_of_header
+from rbd.motion.columns import BASE, TIMES, Columns, columns_by_number, columns_of_header
 from rbd.motion.csv_files import Table, read_table
 from rbd.motion.derivation import NEARLY_UNIT
-from rbd.motion.frames import Frames, check_rate, joint_positions, unit_of
+from rbd.motion.frames import Frames, check_rate, check_same_rate, counts_frames, joint_positions, unit_of
 from rbd.motion.joint_orders import left_still, standing_q
 from rbd.motion.npz_files import of_npz
-from rbd.motion.quaternion_order import chosen_order
+from rbd.motion.quaternion_order import check_quaternion, chosen_order
 from rbd.robots.loading import load_robot
 from rbd.simulation.trajectory import Trajectory
 
@@ -37,13 +37,14 @@ def read_frames(
     quaternion: str | None = None,
     joints: Sequence[str] | None = None,
     units: str | None = None,
+    trust: bool = False,
     progress: bool = True,
 ) -> Frames:
     """The frames of a file; arguments and errors as `Motion.read`."""
     where = _a_path(path)
     check_flag("progress", progress)
-    if quaternion is not None and (not isinstance(quaternion, str) or quaternion not in ("xyzw", "wxyz")):
-        raise InputError(f"quaternion is {quaternion!r:.80}; expected 'xyzw' or 'wxyz'.")
+    check_flag("trust", trust)
+    check_quaternion(quaternion)
     if units is not None and (not isinstance(units, str) or units not in ("rad", "deg")):
         raise InputError(f"units is {units!r:.80}; expected 'rad' or 'deg'.")
     rate = None if rate is None else check_rate(rate)
@@ -54,7 +55,7 @@ def read_frames(
             f"{where.name} is a pickle, which can run any program when read; save q and t as .npz or .csv instead."
         )
     if where.suffix.lower() in (".npz", ".nc"):
-        return _of_arrays_in(where, robot, rate, quaternion, joints, units)
+        return _of_arrays_in(where, robot, rate, quaternion, joints, units, trust)
     if where.suffix.lower() == ".npy":
         raise InputError(f"{where.name} holds one array without times; give it to Motion.of_arrays(robot, t, q).")
     if robot is None:
@@ -73,7 +74,7 @@ def read_frames(
         columns = columns_by_number(robot, table.numbers, joints, where)
     notes = list(columns.notes)
     x = table.numbers
-    t = _times(where, table, columns, rate, notes)
+    t = _times(where, table, columns, rate, notes, trust)
     q = np.tile(standing_q(robot), (len(x), 1))
     noise = np.zeros(robot.nv)
     if columns.place:
@@ -102,6 +103,7 @@ def _of_arrays_in(
     quaternion: str | None,
     joints: Sequence[str] | None,
     units: str | None,
+    trust: bool,
 ) -> Frames:
     with _opened(path) as begin:
         if not begin:
@@ -109,8 +111,8 @@ def _of_arrays_in(
     if path.suffix == ".nc" or _is_trajectory(path):
         motion = Trajectory.load(path, robot)
         notes = ("v and a are those of the trajectory.",)
-        return Frames(motion.robot, motion.t, motion.q, motion.v, motion.a, notes=notes)
-    return of_npz(path, robot, rate, quaternion, joints, units)
+        return Frames(motion.robot, motion.t, motion.q, motion.v, motion.a, notes=notes, simulated=True)
+    return of_npz(path, robot, rate, quaternion, joints, units, trust)
 
 
 def _is_trajectory(path: Path) -> bool:
@@ -121,11 +123,15 @@ def _is_trajectory(path: Path) -> bool:
         return False
 
 
-def _times(path: Path, table: Table, columns: Columns, rate: float | None, notes: list[str]) -> Array:
+def _times(path: Path, table: Table, columns: Columns, rate: float | None, notes: list[str], trust: bool) -> Array:
     """Times of its column, or of the rate; even ones where the column is even to its decimals."""
     n = len(table.numbers)
-    if columns.time is not None:
-        t = table.numbers[:, columns.time]
+    t = None if columns.time is None else table.numbers[:, columns.time]
+    numbers = None
+    if t is not None and counts_frames(t) and not trust:
+        t, numbers = None, t
+        notes[:] = [note for note in notes if note != TIMES]
+    if t is not None:
         bad = np.flatnonzero(~(np.diff(t) > 0.0))
         if len(bad):
             i = int(bad[0])
@@ -135,8 +141,7 @@ def _times(path: Path, table: Table, columns: Columns, rate: float | None, notes
             )
         if n > 1:
             own = check_rate((n - 1) / (t[-1] - t[0]), f"the rate of the times in {path.name}")
-            if rate is not None and abs(rate / own - 1.0) > 0.01:
-                raise InputError(f"rate is {rate:g}, but the times in {path.name} have {own:.6g} Hz. Leave out rate.")
+            check_same_rate(rate, own, f"the times in {path.name} have")
             even = np.linspace(t[0], t[-1], n)
             if 0.0 < np.abs(t - even).max() <= 1.01 * table.steps[columns.time]:
                 notes.append(f"times are even to their decimals, and were taken for even: {own:.6g} Hz.")
@@ -145,9 +150,16 @@ def _times(path: Path, table: Table, columns: Columns, rate: float | None, notes
     if rate is None:
         found = _RATE.search(path.stem)
         if found is None:
-            raise InputError(f"{path.name} has no times; give rate=30 [Hz], or whatever it is: most such files have 30 or 60.")
+            what = "has no times"
+            if numbers is not None:
+                at = table.names[columns.time] if table.names and columns.time is not None else "the first column"
+                what += f": {at!r:.80} counts frames, {numbers[0]:g}, {numbers[1]:g}, {numbers[2]:g}, ..."
+            raise InputError(f"{path.name} {what}; give rate=30 [Hz], or whatever it is: most such files have 30 or 60.")
         rate = check_rate(float(found[1]), f"the rate in the name of {path.name}")
         notes.append(f"the rate, {rate:g} Hz, was taken from the file's name.")
+    if numbers is not None:
+        notes.append(f"the column of times counts frames, from {numbers[0]:g} to {numbers[-1]:g}; times are those of the rate.")
+        return np.asarray((numbers - numbers[0]) / rate)
     return np.asarray(np.arange(n) / rate)
 
 

@@ -204,7 +204,7 @@ class MotionReport(Displayed):
         out = []
         for cutoff in cutoffs:
             m = self.motion
-            lower = Motion.of_arrays(m.robot, m.t, m.q, cutoff=as_float(cutoff), ground=m.ground)
+            lower = Motion.of_arrays(m.robot, m.t, m.q, cutoff=as_float(cutoff), ground=m.ground, quaternion="xyzw", trust=True)
             found = self.check(lower, contacts=self.lanes, self_collision=False)
             out.append(float((found.missing_scaled > self.settings.threshold).mean()))
         return np.array(out)
@@ -232,7 +232,8 @@ class MotionReport(Displayed):
         motion wants: of its centre of mass, base, joints and of feet in the air; within the friction and the torque limits of
         this report, joint limits and speeds, on the contacts of its lanes. The motion is integrated from them. The centre of
         mass is shifted, looking ahead, so that the zero-moment point stays within the contacts [Kajita2003]. Where feet hover
-        or sink, the reference is moved to the floor by one height; feet that slide are held where they came down.
+        or sink, the reference is moved to the floor by one height: where most of its frames float, that of `lifted`; feet that
+        slide are held where they came down.
         The torque-speed lines of the robot's motors are kept; curves of `check_motion(torque_speed=)` and self-collision are
         left out.
 
@@ -261,6 +262,12 @@ class MotionReport(Displayed):
         if not 0.0 <= unused < 0.9:
             raise InputError(f"margin is {margin!r:.80}; expected a share from 0 to 0.9.")
         check_flag("progress", progress)
+        if len(self.lanes.points) and np.mean(self.of_cause("floats") & ~self.lanes.touches.any(axis=1)) > 0.5:
+            low = self.lifted()
+            by = float(low.motion.q[0, 2] - self.motion.q[0, 2])
+            first, *more = (found := low.nearest_motion(margin=margin, step=step, progress=progress)).notes
+            told = f"the reference floats in most frames, and was moved by {1e3 * by:.0f} mm to the floor, as lifted() does."
+            return replace(found, notes=(first, told, *more))
         m = self.motion
         with progress_of((float(m.t[0]), float(m.t[-1])), shown=progress, doing=f"following {m.source}") as done:
             return nearest_motion(m, self.lanes, self.friction, share, unused, longest, done)

@@ -89,7 +89,7 @@ def export_mode(mode: Mode, path: str | PathLike[str], *, amplitude: float = AMP
     period = 1.0 / mode.frequency if mode.frequency else 1.0
     phases = np.linspace(0.0, 2.0 * math.pi, FRAMES + 1)
     q = np.array([mode.pose(size * np.exp(1j * phase)).q for phase in phases])
-    motion = Motion.of_arrays(_robot(mode), period * phases / (2.0 * math.pi), q, source="mode")
+    motion = Motion.of_arrays(_robot(mode), period * phases / (2.0 * math.pi), q, source="mode", quaternion="xyzw", trust=True)
     settings: dict[str, Any] = {"charts": False, "trace": False, "title": mode.title, "follow": False} | options
     return export_motion(motion, path, **settings)
 

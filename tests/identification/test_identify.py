@@ -13,7 +13,7 @@ import pytest
 from true_robots import g1, in_the_air, on_its_feet
 
 import rbd
-from rbd.errors import PoorExcitationWarning
+from rbd.errors import InaccurateWarning, PoorExcitationWarning
 from rbd.identification import Identification, MeasuredMotion
 from rbd.identification.consistent import Prior, minimise
 from rbd.identification.possible import pseudo_inertia
@@ -184,7 +184,7 @@ class TestOpenMasses:
         q = np.array([pin.integrate(box.model, pin.neutral(box.model), rng.normal(size=6)) for _ in range(frames)])
         v, push = rng.normal(size=(frames, 6)), np.array([5.0, 7.0, 50.0, 1.0, 2.0, 3.0])
         a = np.array([rbd.solve(rbd.State(box, x, w), [], external=push).a for x, w in zip(q, v, strict=True)])
-        motion = rbd.Motion.of_arrays(box, np.arange(float(frames)), q, v, a)
+        motion = rbd.Motion.of_arrays(box, np.arange(float(frames)), q, v, a, trust=True)  # samples, not a motion
         found = rbd.identify(MeasuredMotion(motion, external=push))
         assert found.base.rank == 10 and found.mass == pytest.approx(10.0, rel=1e-7) and found.bodies["box"].mass_alone
         assert found.mass_range("box") == (found.bodies["box"].mass,) * 2 and not found.open_bodies
@@ -393,3 +393,56 @@ def test_a_push_that_is_not_given_is_told():
             rbd.identification.MeasuredMotion(run)
     rbd.identification.MeasuredMotion(run, external=external)
     assert not rbd.simulate(arm.at([0.3]), [], duration=0.1, step=1e-2, external=lambda state, t: []).pushed
+
+
+@pytest.fixture(scope="module")
+def swing() -> tuple[rbd.Motion, np.ndarray]:
+    """Two links of 1 and 2 kg that wave, and their torques."""
+    wave, t = lambda t: np.array([1.2 * np.sin(3.0 * t), 0.9 * np.cos(5.0 * t)]), np.linspace(0.0, 4.0, 81)
+    motion = rbd.Motion.from_function(ARM, wave, t)
+    return motion, np.array([rbd.dynamics.inverse_dynamics(motion.state(i), motion.a[i]) for i in range(81)])
+
+
+class TestTorquesOfAnother:
+    """Torques that are zero, in another unit, of another sign: masses would follow them."""
+
+    @pytest.mark.parametrize(
+        ("factor", "told"),
+        [
+            (0.0, "all torques are zero"),
+            (1e3, r"1e\+03 times .*N mm"),
+            (1e-3, "0.001 times .* another unit"),
+            (-1.0, "other sign"),
+        ],
+    )
+    def test_they_are_refused(self, swing, factor: float, told: str):
+        """Zeros gave masses of 0.25 kg and 4e-9 kg without a word."""
+        motion, tau = swing
+        with pytest.raises(rbd.InputError, match=f"the torques are .*{told}"):
+            rbd.identify(MeasuredMotion(motion, factor * tau))
+
+    def test_a_lighter_and_a_heavier_robot_are_not(self, swing):
+        """Three times the masses, and a third."""
+        motion, tau = swing
+        for factor in (3.0, 1.0 / 3.0):
+            found = rbd.identify(MeasuredMotion(motion, factor * tau))
+            assert found.base_values == pytest.approx(factor * (found.base.B @ found.model_theta), rel=1e-6, abs=1e-9)
+
+    def test_one_motor_without_torque_is_told(self, swing):
+        """By its name; one that swings freely needs none."""
+        motion, tau = swing
+        with pytest.warns(InaccurateWarning, match="the torque of joint_2 is zero in all frames"), warnings.catch_warnings():
+            warnings.simplefilter("ignore", PoorExcitationWarning)
+            rbd.identify(MeasuredMotion(motion, tau * [1.0, 0.0]))
+
+        def push(state: rbd.State, t: float) -> list[float]:
+            return [5.0 * np.sin(7.0 * t), 0.0]
+
+        free = rbd.simulate(ARM.at([0.5, 0.3]), duration=2.0, step=2e-3, controller=push, progress=False)
+        rbd.identify(MeasuredMotion(free[::5]))
+
+    def test_a_robot_on_its_feet_without_torques(self, walked):
+        """Zeros of motors that carry it, contacts unknown."""
+        motion, x = walked
+        with pytest.raises(rbd.InputError, match="all torques are zero"):
+            rbd.identify(MeasuredMotion(motion, 0.0 * x.tau, motion.robot.soles(None)))

@@ -43,7 +43,9 @@ def in_the_air(true: rbd.Robot, model: rbd.Robot, seed: int, frames: int) -> Mea
         accelerations = np.concatenate([base, joints])
         for kept, value in zip((q, v, a, tau), (state.q, rates, accelerations, (M @ accelerations + h)[6:]), strict=True):
             kept.append(value)
-    return MeasuredMotion(rbd.Motion.of_arrays(model, t, np.array(q), np.array(v), np.array(a)), np.array(tau))
+    # The base is another one at each time: samples, not a motion.
+    motion = rbd.Motion.of_arrays(model, t, np.array(q), np.array(v), np.array(a), trust=True, quaternion="xyzw")
+    return MeasuredMotion(motion, np.array(tau))
 
 
 def on_its_feet(true: rbd.Robot, seed: int, duration: float) -> rbd.Trajectory:

@@ -350,7 +350,7 @@ class TestBadTables:
         """Norm zero, or columns that are none of a quaternion."""
         cells = table(dance)
         cells[12][3:7] = ["0"] * 4
-        self.refused(g1, written(tmp_path, cells), "line 13: the quaternion in columns 4 to 7 has norm 0; expected 1 to 0.001")
+        self.refused(g1, written(tmp_path, cells), "line 13: the quaternion in columns 4 to 7 has norm 0; expected 1 to 0.05")
 
     def test_times(self, dance, g1, tmp_path):
         """Unsorted, repeated, at absurd rates; none at all."""

@@ -101,6 +101,18 @@ class TestPossible:
 class TestFaults:
     """References that are not possible, each for a known cause."""
 
+    @pytest.mark.parametrize("height", [0.02, 0.3])
+    def test_a_clip_that_floats_is_put_onto_the_floor_first(self, squat: rbd.Trajectory, height: float) -> None:
+        """The same as that of the clip on the floor, and it says by how much it was lowered."""
+        low = Motion.of_trajectory(squat[::5])
+        report = check_motion(low.lifted(height))
+        assert report.share_possible == 0.0
+        nearest = report.nearest_motion()
+        again = check_motion(nearest)
+        assert nearest.n == low.n and again.share_possible == 1.0
+        assert np.linalg.norm(MotionDifference.of(nearest, low).base, axis=1).max() < 2e-3  # m: the median of its lowest points
+        assert any(f"moved by -{1e3 * height:.0f} mm to the floor" in note for note in nearest.notes)
+
     def test_a_walk_that_is_too_fast(self, four_steps: rbd.Trajectory) -> None:
         """At 1.6 times its speed four steps tip in every other frame; a sway of 25 mm to the side balances them."""
         slow = Motion.of_trajectory(four_steps[::5])
