@@ -92,7 +92,8 @@ class SimulateReport:
         x = self.trajectory
         robot = x.robot
         worst = {c.name: (x.residuals[c.name], c.unit) for c in RESIDUALS}
-        residuals = {name: {"value": float(r.max()), "at": self._when(r), "unit": unit} for name, (r, unit) in worst.items()}
+        sizes = {name: (np.abs(r), unit) for name, (r, unit) in worst.items()}
+        residuals = {name: {"value": float(r.max()), "at": self._when(r), "unit": unit} for name, (r, unit) in sizes.items()}
         return {
             "robot": robot.name,
             "mass": robot.mass,

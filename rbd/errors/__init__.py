@@ -35,7 +35,7 @@
       SpeedLimitWarning                 a joint is faster than its motor can turn
       JointLimitWarning                 a joint of a state is beyond its limits
       InaccurateWarning                 the answer is worse than 1e-9, though better than 1e-7; or a simulation recorded a
-                                        residual above 1e-7
+                                        residual above 1e-7, or steps that make energy
       LoopNotClosedWarning              a loop is not closed at this state, and is solved unchanged
       ModelWarning                      a robot file that loads, but is not what it seems
       NonUniqueMotionWarning            more than one motion satisfies the contact law; the answer is one of them

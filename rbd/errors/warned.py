@@ -70,7 +70,7 @@ class InaccurateWarning(RbdWarning):
     """An answer's residuals are above 1e-9, though at most 1e-7, scaled; or those of a simulation's record are above 1e-7.
 
     Also of `rbd.identify`, where much of the weight is left unexplained, and of `rbd.simulate` with force elements that are too
-    stiff for the steps of `RungeKutta4`.
+    stiff for `RungeKutta4` or `DormandPrince8`, and with steps that make energy.
 
     Example:
         >>> import warnings

@@ -19,7 +19,7 @@ from rbd.mechanism.projection import ZERO, Projection, correction, project_posit
 from rbd.mechanism.stage_solver import OWED
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.simulation.contact_points import Layout, Points, Snapshot
+from rbd.simulation.contact_points import Layout, PointMatching, Points, Snapshot
 from rbd.simulation.motion import Stabilisation
 
 LOOSE = 1e-7
@@ -212,6 +212,28 @@ class Correction:
             return now.J[rows] / units[:, None], np.concatenate([now.error[held], now.gap[pressed]]) / units
 
         return known[id(project_position(at.state, equations, self.projection))]
+
+    def owes(self, start: Snapshot, end: Snapshot, pressed: Array, moved: Array) -> bool:
+        """Whether most of the error at a step's end was there at its start, or is the way of points that it stops.
+
+        It is then of a state given, of points that are new there, or of impacts below the speed of a bounce.
+
+        The work of its correction is then none that the step makes.
+
+        Args:
+            start: The points at its start.
+            end: The points at its end.
+            pressed: Which of those press, shape (k,).
+            moved: How far points would have gone by the mean of their velocity at the start and none, shape (k,).
+        """
+        if start.layout is not end.layout:
+            match = PointMatching(start.layout, end.layout)
+            gap, error = match.points(start.gap, np.inf), match.rows(start.error)
+        else:
+            gap, error = start.gap, start.error
+        held = end.layout.held if self.bilateral else np.zeros(len(end.error), bool)
+        now = max(max_abs(end.gap[pressed]), max_abs(end.error[held]))
+        return max(max_abs(gap[pressed]), max_abs(error[held]), max_abs(moved[pressed])) > 0.5 * now
 
     def velocities(self, at: Snapshot, t: float) -> Snapshot:
         """The snapshot with the nearest velocity, in the inertia metric, that its bilateral constraints allow.

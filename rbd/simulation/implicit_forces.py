@@ -6,8 +6,10 @@ With K = -dtau/dq and D = -dtau/dv of the elements, symmetric parts without nega
     M (v+ - v)  = h (F(q_m, v_h) + D (v_h - v)) - E (v+ - v) + J^T p
 
 The second line has the elements' force at (q + q+)/2, by K about q_m, and at v + T (v+ - v), by D about v_h. The step is of
-order 2 whatever K and D are. Of a mass on a linear spring it is the implicit midpoint rule: its energy is kept at any step, and
-of a soft spring the frequency is w (1 - (h w)^2 / 12). With dampers, where z are the eigenvalues of h M^-1 D,
+order 2 where h d/m is small. On a stiff damper, h d/m above 1, what creeps by it (v = F/d) is of order 1 to 1.75, with errors
+that fall as 1/d: 1.0 to 1.1 for 4e4 N s/m on 2 kg between 4 and 1 ms. Of a mass on a linear spring it is the implicit midpoint
+rule: its energy is kept at any step, and of a soft spring the frequency is w (1 - (h w)^2 / 12). With dampers, where z are the
+eigenvalues of h M^-1 D,
 
     T(z) = 1/2 (1 + z/3) / (1 + z/6)         between 1/2 and 1
     v+ = R(z) v,    R(z) = (1 - z/3) / (1 + 2 z/3 + z^2/6) = e^-z + O(z^4),    zero for z without bound, at least -0.11
@@ -147,8 +149,8 @@ class ImplicitElements:
         applied: Array,
         h: float,
         solution: Callable[[Array, Array], VelocityAnswer],
-    ) -> tuple[VelocityAnswer, float]:
-        """The answer of a step, and the work that elements take out of the motion in it [J].
+    ) -> tuple[VelocityAnswer, float, Array]:
+        """The answer of a step, the work that elements take out of the motion in it [J], and their impulse less h applied.
 
         Args:
             terms: The elements in its middle.
@@ -163,9 +165,11 @@ class ImplicitElements:
         part = self.at_end(terms, middle, h)
         answer, taken = self._with(terms, part, middle, v, start, applied, h, solution)
         if taken < 0.0:  # dampers would put energy into the motion
-            answer, taken = self._with(terms, 0.5 * D, middle, v, start, applied, h, solution)
+            part = 0.5 * D
+            answer, taken = self._with(terms, part, middle, v, start, applied, h, solution)
         beyond = terms.dissipation - float(v_h @ D @ v_h)  # of dampers that are not linear in the velocity
-        return answer, taken + h * beyond
+        change = answer.v - v
+        return answer, taken + h * beyond, h * (D @ (v_h - v) - part @ change - (0.25 * h) * (terms.K @ change))
 
     def _with(
         self,

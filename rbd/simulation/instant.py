@@ -61,6 +61,7 @@ class Instant:
         previous: The step before; None where contact or friction has changed.
         work: Work of the motors since the start of the motion [J].
         dissipated: Work that force elements have taken out of the motion since its start [J].
+        other_work: Work of pushes, friction, impacts and moving ground since then [J]; see `Sample`.
     """
 
     t: float
@@ -74,6 +75,7 @@ class Instant:
     previous: PreviousStep | None = None
     work: float = 0.0
     dissipated: float = 0.0
+    other_work: float = 0.0
 
     @lazy
     def touching(self) -> Array:
@@ -166,7 +168,7 @@ class PointsAtStart(NamedTuple):
 class WholeStep(NamedTuple):
     """A step before positions are corrected: its length, its end, its answer, the points and the torques in its middle.
 
-    And the work that force elements take out of the motion in it [J].
+    And the work in it that force elements take out of the motion, and that of pushes, friction and moving ground [J].
     """
 
     h: float
@@ -175,6 +177,7 @@ class WholeStep(NamedTuple):
     layout: Layout
     tau: Array
     dissipated: float = 0.0
+    other_work: float = 0.0
 
 
 class Touch(NamedTuple):

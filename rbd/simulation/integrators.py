@@ -56,6 +56,7 @@ class RungeKutta4(Displayed):
     """
 
     finds_events: ClassVar[bool] = True
+    order: ClassVar[int] = 4
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
         """Names the first constraint that can break or slip, or that the start violates; None if it can run."""
@@ -112,9 +113,10 @@ class DormandPrince8(Displayed):
         rtol: Error of a step, over the size of the motion in it.
         atol: Error of a step [m, rad, and per second].
         longest: Longest step [s]: a shorter push on a robot at rest could be stepped over.
+        most_steps: Number of steps between two samples at which a motion is given up: stiff force elements would take millions.
 
     Raises:
-        InputError: tolerances that are not in [1e-13, 1e-2], a longest step that is not positive.
+        InputError: tolerances that are not in [1e-13, 1e-2], a longest step that is not positive, a number of steps below 1.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
@@ -128,6 +130,7 @@ class DormandPrince8(Displayed):
     rtol: float = 1e-10
     atol: float = 1e-12
     longest: float = 0.05
+    most_steps: int = 20_000
 
     def __post_init__(self) -> None:
         if not 1e-13 <= as_float(self.rtol) <= 1e-2:
@@ -136,6 +139,9 @@ class DormandPrince8(Displayed):
             raise InputError(f"atol of DormandPrince8 is {self.atol!r:.80}; expected a number from 1e-18 to 1e-2.")
         if not as_float(self.longest) > 0.0:
             raise InputError(f"longest of DormandPrince8 is {self.longest!r:.80}; expected a time above 0 [s], or inf.")
+        most = self.most_steps
+        if isinstance(most, bool) or not isinstance(most, int | np.integer) or most < 1:
+            raise InputError(f"most_steps of DormandPrince8 is {most!r:.80}; expected a whole number from 1.")
 
     def reason_unsupported(self, motion: Motion, state: State) -> str | None:
         """Names the first constraint that can break or slip, or that the start violates; None if it can run."""
@@ -145,29 +151,35 @@ class DormandPrince8(Displayed):
         """One sample at each of the times, the first at `state`.
 
         Raises:
-            NoSolution: a step without an acceleration, out of all bounds, or shorter than rounding.
+            NoSolution: a step without an acceleration, out of all bounds, or shorter than rounding; more than `most_steps`.
         """
         smooth = SmoothMotion(motion, state)
         stop = _next_stop(times[0], times, motion.sample_period)
         stage = smooth.start(state, times[0], min(self.longest, stop - times[0]))
         motion.watch(stage.state, times[0])
         yield smooth.sample(stage)
-        at, h = 1, None
+        at, h, taken = 1, None, 0
         while at < len(times):
+            if taken == self.most_steps:
+                raise NoSolution(
+                    f"{taken:,} steps since the last sample have come to t = {stage.t:.9g} s, not to {times[at]:.6g} s. "
+                    "Take rbd.TimeStepping(), which takes stiff springs and dampers implicitly; or a larger most_steps."
+                )
+            taken += 1
             step, since = _AdaptiveStep(smooth, stage, self, stop, h), stage.t
             while at < len(times) and times[at] < step.end.t:
                 inside = step.at(times[at])
                 if motion.search and (yield from crossed_smoothly(smooth, since, inside, step.at, step.state_at)):
                     return
                 yield smooth.sample(inside)
-                at, since = at + 1, times[at]
+                at, since, taken = at + 1, times[at], 0
             if motion.search and (yield from crossed_smoothly(smooth, since, step.end, step.at, step.state_at)):
                 return
             stop, h, length = _next_stop(step.end.t, times, motion.sample_period), step.next, step.end.t - stage.t
             stage = smooth.begun(step.end, min(self.longest, stop - step.end.t) or length)
             if at < len(times) and times[at] == stage.t:
                 yield smooth.sample(stage)
-                at += 1
+                at, taken = at + 1, 0
 
 
 def _next_stop(t: float, times: Sequence[float], every: float | None) -> float:
@@ -252,6 +264,9 @@ class _AdaptiveStep:
 class TimeStepping(Displayed):
     """Integrator of motion with contacts: sticking, slipping, rolling, lift-off, impacts; order 2 between and across impacts.
 
+    On dampers with h d/m above 1 the order is 1 to 1.75, see `rbd.simulation.implicit_forces`. Steps are short if h w is small
+    against the fastest turn w: of two free links at h w = 0.5 the energy grows by 8 % in 0.2 s.
+
     Attributes:
         impact_speed: A point that approaches more slowly than this [m/s, rad/s] comes to rest without a bounce.
         impacts: Number of impacts resolved in one step, each at its time; then contacts are plastic to the step's end
@@ -276,6 +291,8 @@ class TimeStepping(Displayed):
     """
 
     finds_events: ClassVar[bool] = True
+    order: ClassVar[int] = 2
+    implicit: ClassVar[bool] = True
     impact_speed: float = 1e-3
     impacts: int = 20
     extrapolate: bool = False
@@ -332,8 +349,9 @@ class TimeStepping(Displayed):
 def _passed_by(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
     """A sample that is not recorded: no forces, and the acceleration of the half step, possibly extrapolated."""
     state = half.start.at.state
-    more = {"events": events, "motor_work": half.start.work, "dissipated": half.start.dissipated}
-    return Sample.of(half.start.t, state, half.a, zeros(state.robot.nu), dict, **more)
+    start = half.start
+    more = {"motor_work": start.work, "dissipated": start.dissipated, "other_work": start.other_work, "events": events}
+    return Sample.of(start.t, state, half.a, zeros(state.robot.nu), dict, **more)
 
 
 def _tilts(constraint: Constraint, state: State) -> str | None:
@@ -379,4 +397,5 @@ def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> 
         motor_work=start.work,
         elastic=stored(half.elements, at.state),
         dissipated=start.dissipated,
+        other_work=start.other_work,
     )

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields
-from typing import Any, NamedTuple, Protocol, TypeAlias
+from typing import Any, NamedTuple, Protocol, TypeAlias, cast
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +19,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection
 from rbd.model.checked_model import CheckedModel
-from rbd.model.external import External, ForceElement, elements_of, generalised, has_pushes
+from rbd.model.external import External, ExternalForce, ForceElement, elements_of, generalised, has_pushes, is_element
 from rbd.model.state import State, state_at
 from rbd.simulation.event_search import EventSearch
 from rbd.simulation.state_events import StateEvent
@@ -31,11 +32,19 @@ Stabilisation: TypeAlias = Projection | Baumgarte | None
 
 
 class Acting(NamedTuple):
-    """What acts on a robot besides constraints: motor torques (nu,), S^T tau + tau_ext (nv,), and the force elements in it."""
+    """What acts on a robot besides constraints.
+
+    Attributes:
+        tau: Motor torques, shape (nu,).
+        applied: S^T tau + tau_ext, shape (nv,).
+        elements: The force elements in it.
+        pushes: The part of it that is neither of motors nor of known elements, shape (nv,); None if there is none.
+    """
 
     tau: Array
     applied: Array
     elements: tuple[ForceElement, ...]
+    pushes: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,6 +91,16 @@ class Motion:
     def pushed(self) -> bool:
         """Whether forces acted that are none of elements; of a function of time, whether it has given any."""
         return bool(self._pushes) if callable(self.external) else has_pushes(self.external)
+
+    @lazy
+    def _pushes_alone(self) -> External:
+        """The constant external forces without force elements; None if there are none."""
+        given = cast(External, self.external)  # it is constant where this is asked
+        if not has_pushes(given):
+            return None
+        if elements_of(given):
+            return [each for each in cast(Sequence[ExternalForce], given) if not is_element(each)]
+        return given
 
     @lazy
     def names(self) -> tuple[str, ...]:
@@ -178,16 +197,21 @@ class Motion:
             external = asked("external", external, state, t)
         applied = np.zeros(robot.nv) if external is None else generalised(state, external)[0]
         elements = () if external is None else elements_of(external)
+        pushes = None
+        if callable(self.external):  # the elements too: they may be others in each step
+            pushes = applied.copy()
+        elif self._pushes_alone is not None:
+            pushes = generalised(state, self._pushes_alone)[0] if elements else applied.copy()
         if external is not self.external:
             if len(self._given) < 2:
                 self._note(elements)
             if not self._pushes and has_pushes(external):
                 self._pushes.append(True)
         if self.controller is None:
-            return Acting(zeros(robot.nu), applied, elements)
+            return Acting(zeros(robot.nu), applied, elements, pushes)
         tau = robot.check_tau(asked("controller", self.controller, state, t))
         applied[robot.motors] += tau
-        return Acting(tau, applied, elements)
+        return Acting(tau, applied, elements, pushes)
 
     def _note(self, elements: tuple[ForceElement, ...]) -> None:
         """Keep the elements that a function of time gives, the first ones and the first that differ: the same or another."""
@@ -282,6 +306,9 @@ class Sample(Displayed):
         motor_work: Work of the motors since the start of the motion [J].
         elastic: Energy stored in force elements, e.g. springs [J].
         dissipated: Work that force elements, e.g. dampers, have taken out of the motion since its start [J].
+        other_work: Work since the start of the motion of all that is neither motor nor known force element [J]: pushes,
+            friction, impacts, moving ground, switches; the elements that a function of time gives. NaN: not known, as in the
+            samples of a `Trajectory`.
         found: What it says of events of the user; None of a sample at a sample time.
     """
 
@@ -300,6 +327,7 @@ class Sample(Displayed):
     motor_work: float = 0.0
     elastic: float = 0.0
     dissipated: float = 0.0
+    other_work: float = math.nan
     found: AtEvents | None = None
 
     @classmethod

@@ -16,6 +16,7 @@ from rbd.control.accepted_steps import INSTANT
 from rbd.control.schedules import asked
 from rbd.errors import InputError
 from rbd.model.state import State
+from rbd.simulation.energy_balance import energy
 from rbd.simulation.impacts import AT_REST, impact_of
 from rbd.simulation.motion import AtEvents, Event, Integrator, Motion, Sample
 from rbd.simulation.state_events import StateEvent, Switch, check_known
@@ -57,13 +58,14 @@ class Phases:
         if not motion.search:  # nothing is switched
             yield from integrator.run(motion, state, times)
             return
-        part, events, work = replace(motion, constraints=tuple(self._active)), tuple[Event, ...](), (0.0, 0.0)
+        part, events, work = replace(motion, constraints=tuple(self._active)), tuple[Event, ...](), (0.0, 0.0, 0.0)
         while True:
             last: Sample | None = None
             for i, sample in enumerate(integrator.run(part, state, times)):
                 if any(work):
-                    done, taken = work
-                    sample = sample.but(motor_work=sample.motor_work + done, dissipated=sample.dissipated + taken)
+                    done, taken, other = work
+                    done, taken, other = done + sample.motor_work, taken + sample.dissipated, other + sample.other_work
+                    sample = sample.but(motor_work=done, dissipated=taken, other_work=other)
                 if part.before is not None and not i:
                     sample = sample.but(events=(*events, *sample.events), found=AtEvents((), True))
                 if sample.found is not None and sample.found.interrupts:
@@ -75,12 +77,14 @@ class Phases:
             if last is None:
                 return
             assert last.found is not None and motion.search is not None
-            stops, t, work = last.found.interrupts, last.t, (last.motor_work, last.dissipated)
+            stops, t = last.found.interrupts, last.t
             self.ended = tuple(str(event.name) for event in stops if motion.search.ends(event))
             if self.ended and not any(event.then is not None for event in stops):
                 yield last
                 return
             state, made = self._switched(stops, last.state, t)
+            given = 0.0 if state is last.state else energy(motion, state) - energy(motion, last.state)
+            work = last.motor_work, last.dissipated, last.other_work + given
             events = (*last.events, *made)
             rest = [] if self.ended else [x for x in self._times if x > t + INSTANT]
             times = [t, *rest]

@@ -28,13 +28,14 @@ from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.simulation.contact_points import SLIDES, Places, Snapshot, slide
+from rbd.simulation.energy_balance import balance
 from rbd.simulation.motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Motion, Sample
-from rbd.simulation.trajectory_fields import COLUMNS, RESIDUALS
+from rbd.simulation.trajectory_fields import COLUMNS, ENERGY, RESIDUALS
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows
 from rbd.solution import Solution
 
 _VECTORS = tuple(c for c in COLUMNS if c.axis)
-_NUMBERS = ("t", "kinetic", "potential", "motor_work", "elastic", "dissipated", *(c.name for c in RESIDUALS))
+_NUMBERS = ("t", "kinetic", "potential", "motor_work", "elastic", "dissipated", *(c.name for c in RESIDUALS if c is not ENERGY))
 _NO_POINTS = -1
 
 RowLayout = tuple[tuple[str, int, int, int], ...]
@@ -67,8 +68,8 @@ class Recording:
         self.motion = motion
         self._sizes = tuple(c.row(motion.robot)[0] for c in _VECTORS)
         self._width = sum(self._sizes) + len(_NUMBERS)
-        #: Of each sample: its numbers, the modes of its constraints, and the layout of the numbers.
-        self._samples: list[tuple[Array, tuple[str, ...], RowLayout]] = []
+        #: Of each sample: its numbers, the modes of its constraints, the layout of the numbers, and the balance of energy.
+        self._samples: list[tuple[Array, tuple[str, ...], RowLayout, float]] = []
         self._layouts: dict[RowLayout, RowLayout] = {}
 
     def __len__(self) -> int:
@@ -99,14 +100,17 @@ class Recording:
             )
         known = self._layouts.setdefault(tuple(layout), tuple(layout))  # one object for all samples of the same layout
         # One append, so that after Ctrl-C a sample is recorded whole or not at all.
-        self._samples.append((row, tuple([x.mode for x in acting.values()]), known))
+        self._samples.append(
+            (row, tuple([x.mode for x in acting.values()]), known, balance(self.motion, sample, *numbers[1:3]))
+        )
 
     def arrays(self) -> dict[str, Array]:
         """All that is one row a sample: t, q, v, a, tau, momentum, com, the energies and works, and the residuals."""
-        whole = np.array([row[: self._width] for row, _, _ in self._samples])
+        whole = np.array([row[: self._width] for row, *_ in self._samples])
         ends = np.cumsum(self._sizes)
         out = {c.name: whole[:, end - size : end] for c, size, end in zip(_VECTORS, self._sizes, ends, strict=True)}
-        return out | {name: whole[:, ends[-1] + k] for k, name in enumerate(_NUMBERS)}
+        kept = np.array([each[3] for each in self._samples])
+        return out | {name: whole[:, ends[-1] + k] for k, name in enumerate(_NUMBERS)} | {ENERGY.name: kept - kept[0]}
 
     def constraints(self) -> dict[str, dict[str, Array]]:
         """For all constraints: `forces`, `points`, `point_forces` and `modes` of a `Trajectory`.
@@ -117,7 +121,7 @@ class Recording:
         n, names = len(self), [c.name for c in self.motion.constraints]
         rows, points, forces = dict.fromkeys(names, 0), dict.fromkeys(names, _NO_POINTS), dict.fromkeys(names, _NO_POINTS)
         indices_of: dict[RowLayout, list[int]] = {}
-        for i, (_, _, layout) in enumerate(self._samples):
+        for i, (_, _, layout, _) in enumerate(self._samples):
             indices_of.setdefault(layout, []).append(i)
         for layout in indices_of:
             for name, m, k, f in layout:

@@ -32,9 +32,10 @@ from rbd.model.state import State
 from rbd.problem.cones import Free
 from rbd.problem.problem import Law
 from rbd.problem.residuals import USABLE
+from rbd.simulation.energy_balance import unbalanced
 from rbd.simulation.event_search import EventSearch
 from rbd.simulation.impacts import restitution_of
-from rbd.simulation.integrators import RungeKutta4, TimeStepping
+from rbd.simulation.integrators import DormandPrince8, RungeKutta4, TimeStepping
 from rbd.simulation.motion import Event, Integrator, Motion, Sample, Stabilisation
 from rbd.simulation.phases import Phases
 from rbd.simulation.progress_bar import progress_of
@@ -89,7 +90,7 @@ def simulate(
         law: "coulomb", or "convex" (Gauss's principle with circular cones), of contacts that can slip, as in `rbd.solve`.
         restitution: Newton's coefficient e of impacts, u_n+ = -e u_n-; one for all, or {constraint: e}, 0 for the others.
         integrator: `RungeKutta4()`, `DormandPrince8()` or `TimeStepping()`; by default the first or the last, see above. Of
-            springs and dampers that are too stiff for steps of the first an `InaccurateWarning` tells.
+            springs and dampers that are too stiff for the first two an `InaccurateWarning` tells.
         stabilisation: Keeps positions and velocities on bilateral constraints: `Projection()`, `Baumgarte(...)`, or None.
         record_every: A sample is recorded every so many steps, and at the first and the last.
         may_sink: Go on where a robot falls through the floor of its feet; by default the run stops there, with a quarter of the
@@ -103,7 +104,8 @@ def simulate(
     Returns:
         The trajectory; printed, it shows energy, residuals and events. After Ctrl-C it contains the motion until then, and
         `trajectory.interrupted` gives the time; Ctrl-C within the first step is a KeyboardInterrupt. Where a recorded residual
-        of the law is above 1e-7, an `InaccurateWarning` is issued once, with time and size.
+        of the law is above 1e-7, or "energy" above 1e-3 of the largest kinetic energy so far (the steps are too long), an
+        `InaccurateWarning` is issued once, with time and size.
 
     Raises:
         InputError: arguments that do not fit, two constraints with the same name, a controller's torques that are not finite.
@@ -130,7 +132,8 @@ def simulate(
     motion = _motion(state, constraints, controller, external, law, restitution, stabilisation, every, events, inactive, step)
     off = names_of("inactive", inactive)
     chosen = _integrator(integrator, motion, state, off)
-    stiff = too_stiff(motion, state, min(step, times[-1])) if isinstance(chosen, RungeKutta4) else ""
+    adaptive, explicit = isinstance(chosen, DormandPrince8), isinstance(chosen, RungeKutta4 | DormandPrince8)
+    stiff = too_stiff(motion, state, min(step, times[-1]), adaptive=adaptive) if explicit else ""
     if stiff:
         warnings.warn(f"{state.robot.name} has {stiff}", InaccurateWarning, stacklevel=2)
     recording, passed, k = Recording(motion), list[Event](), 0
@@ -162,20 +165,20 @@ def simulate(
             kept, why, ended = None, f"stopped at t = {t:.6g} s", _reason(error)
             if len(recording):
                 kept = Trajectory.of(motion, recording, _in_order(passed), chosen, step, why, ended)
-            if isinstance(chosen, RungeKutta4) and ended == Reason.STOPPED_NO_SOLUTION:
-                stiff = stiff or too_stiff(motion, here, step, t)
-            raise _stopped(error, motion, here, t, kept, ended, stiff) from error
+            if explicit and ended == Reason.STOPPED_NO_SOLUTION:
+                stiff = stiff or too_stiff(motion, here, step, t, adaptive=adaptive)
+            raise _stopped(error, motion, here, t, kept, ended, stiff, chosen) from error
     if phases.ended:
         interrupted, ended = f"ended by event {phases.ended[0]!r} at t = {t:.6g} s", Reason.EVENT
     missing, why = motion.search.missing() if motion.search and ended in (Reason.NONE, Reason.EVENT) else ("", ended)
     if sunk or missing:
         interrupted, ended = f"stopped at t = {t:.6g} s", Reason.STOPPED_SINKS if sunk else why
     trajectory = Trajectory.of(motion, recording, _in_order(passed), chosen, step, interrupted, ended)
-    inaccurate = _inaccurate(trajectory)
+    inaccurate = _inaccurate(trajectory, chosen, stiff)
     if sunk:
         raise SimulationStopped(
             f"at t = {t:.6g} s {sunk}. `error.trajectory` and `error.state` have what was reached."
-            + (f" Before that, {inaccurate}" if inaccurate else ""),
+            + "".join(f" Before that, {said}" for said in inaccurate),
             state=here, t=t, names=tuple(c.name for c in motion.constraints), trajectory=trajectory, reason=ended,
         )  # fmt: skip
     if missing:
@@ -183,8 +186,8 @@ def simulate(
             f"{missing} `error.trajectory` has the whole motion.",
             state=here, t=t, names=motion.names, trajectory=trajectory, reason=ended,
         )  # fmt: skip
-    if inaccurate:
-        warnings.warn(inaccurate, InaccurateWarning, stacklevel=2)
+    for said in inaccurate:
+        warnings.warn(said, InaccurateWarning, stacklevel=2)
     return trajectory
 
 
@@ -192,7 +195,16 @@ def _in_order(events: list[Event]) -> list[Event]:
     return sorted(events, key=lambda e: e.t)
 
 
-def _inaccurate(trajectory: Trajectory) -> str:
+def _inaccurate(trajectory: Trajectory, by: Integrator, stiff: str) -> list[str]:
+    """Messages: which recorded samples violate the equations of motion or the contact law, and that steps make energy.
+
+    Not the latter where elements are too stiff, of which there was a warning.
+    """
+    made = "" if stiff else unbalanced(vars(trajectory), by)
+    return [said for said in (_unlawful(trajectory), made) if said]
+
+
+def _unlawful(trajectory: Trajectory) -> str:
     """Message: which recorded samples violate the equations of motion or the contact law; empty if none does."""
     law = trajectory.residuals["law"]
     above = np.flatnonzero(law > USABLE)
@@ -217,7 +229,14 @@ def _reason(error: Exception) -> Reason:
 
 
 def _stopped(
-    error: Exception, motion: Motion, state: State, t: float, kept: Trajectory | None, reason: Reason, stiff: str
+    error: Exception,
+    motion: Motion,
+    state: State,
+    t: float,
+    kept: Trajectory | None,
+    reason: Reason,
+    stiff: str,
+    by: Integrator,
 ) -> SimulationStopped:
     names = tuple(c.name for c in motion.constraints)
     known = error.problem if isinstance(error, NoSolution) else None
@@ -229,11 +248,11 @@ def _stopped(
             f"the step of {motion.robot.name} after t = {t:.6g} s failed: {type(error).__name__} was raised ({error!s:.300}). "
             "If it comes from your controller, external force or constraint, the traceback above shows where."
         )
-    inaccurate = "" if kept is None else _inaccurate(kept)
+    inaccurate = [] if kept is None else _inaccurate(kept, by, stiff)
     reached = "Nothing was recorded before" if kept is None else "`error.trajectory` and `error.state` have what was reached"
     return SimulationStopped(
         f"{what}{f' It has {stiff}' if stiff else ''} Active: {', '.join(active) or 'nothing'}. {reached}."
-        + (f" Before that, {inaccurate}" if inaccurate else ""),
+        + "".join(f" Before that, {said}" for said in inaccurate),
         state=state, t=t, names=active, trajectory=kept, cause=error, reason=reason,
     )  # fmt: skip
 

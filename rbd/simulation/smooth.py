@@ -6,6 +6,7 @@ On the rows J v = u, a is Gauss's: nearest to the free acceleration, in |.|_M, w
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
@@ -42,6 +43,8 @@ TORN = 0.1
 """Velocity off the constraints after a step, over the largest velocity, above which a step is invalid."""
 MOVES = 1e-3
 """Rows that move faster at the start [m/s, rad/s] are violated: projection would be an impact."""
+CARRIES = 1e-12
+"""Velocity of the surfaces, over the largest velocity, up to which they are at rest [m/s, rad/s]: constraints do no work."""
 EXACT = 1e-14
 """Errors up to this are rounding [m, rad]; of velocities, over the largest of them where that is above 1 m/s or rad/s."""
 
@@ -60,6 +63,8 @@ class Stage:
         elements: Force elements that act.
         work: Work of the motors since the start of the motion [J].
         dissipated: Work that force elements have taken out of the motion since its start [J].
+        pushes: Forces that are neither of motors nor of known elements, shape (nv,); None if there are none.
+        other_work: Work of pushes, of ground that moves, and of feedback since the start of the motion [J].
     """
 
     t: float
@@ -71,6 +76,8 @@ class Stage:
     elements: tuple[ForceElement, ...] = ()
     work: float = 0.0
     dissipated: float = 0.0
+    pushes: Array | None = None
+    other_work: float = 0.0
 
     @property
     def state(self) -> State:
@@ -104,6 +111,9 @@ class SmoothMotion:
         self._given = self._anchored if given == placed else ConstraintManifold.unchecked(state, given, carried)
         self._open = 0.0
         self._elements = motion.may_have_elements
+        carried_first = any(carried) or _surfaces_move(self._anchored.rows(state))
+        self._works = bool(given) and (self._projection is None or carried_first)
+        self._pushed = self._works or callable(motion.external) or motion.pushed
         self._solver = StageSolver()
 
     def start(self, state: State, t: float, h: float) -> Stage:
@@ -126,7 +136,8 @@ class SmoothMotion:
         if self.motion.hook is None:
             return stage
         self.motion.tell(stage.state, stage.t, h, lambda: held_touches(stage.held.rows, self._forces(stage)))
-        return replace(self._stage(stage.held, stage.t), work=stage.work, dissipated=stage.dissipated)
+        again = self._stage(stage.held, stage.t)
+        return replace(again, work=stage.work, dissipated=stage.dissipated, other_work=stage.other_work)
 
     def at(self, q: Array, v: Array, t: float) -> Stage:
         """A stage within a step.
@@ -159,14 +170,20 @@ class SmoothMotion:
         return held
 
     def powers(self, first: Stage, stage: Stage) -> Array:
-        """Powers whose integrals over a step are work [W]: of the motors if there are any, then of force elements, likewise.
+        """Powers whose integrals over a step are work [W]: of motors, of pushes, of force elements, each if there are any.
 
         Of the motors, less that of the torques at the step's beginning: zero where they are held. Of the elements, the power
-        that they take out of the motion.
+        that they take out of the motion. With the pushes, that of constraints on ground that moves, or with feedback.
         """
         out = []
         if self.motion.controller is not None:
             out.append((stage.tau - first.tau).dot(stage.state.v[self.motion.robot.motors]))
+        if self._pushed:
+            v = stage.state.v
+            given = 0.0 if stage.pushes is None else float(stage.pushes @ v)
+            if self._works:
+                given += float(v @ (stage.state.M @ stage.a - stage.rhs))
+            out.append(given)
         if self._elements:
             out.append(dissipation(stage.elements, stage.state))
         return np.array(out, float)
@@ -179,13 +196,16 @@ class SmoothMotion:
             stage: The stage.
             work: Integrals of `powers` between them [J].
         """
+        given = float(work[-2 if self._elements else -1]) if self._pushed else 0.0
+        if not self._works and _surfaces_move(stage.held):  # as no one could tell at the start
+            given = math.nan
         if not len(work):
-            return stage
+            return replace(stage, other_work=first.other_work + given)
         motors = first.work
         if self.motion.controller is not None:
             motors += self.motion.work(first.tau, first.state.q, stage.state.q) + float(work[0])
         taken = float(work[-1]) if self._elements else 0.0
-        return replace(stage, work=motors, dissipated=first.dissipated + taken)
+        return replace(stage, work=motors, dissipated=first.dissipated + taken, other_work=first.other_work + given)
 
     def _projected(self, held: StackedRows, projection: Projection, t: float) -> StackedRows:
         """Newton's steps in position and velocity; a step's error is small, so that one of each usually suffices."""
@@ -236,6 +256,7 @@ class SmoothMotion:
             motor_work=stage.work,
             elastic=stored(stage.elements, stage.state),
             dissipated=stage.dissipated,
+            other_work=stage.other_work,
         )
 
     def _forces(self, stage: Stage) -> Mapping[str, ConstraintForce]:
@@ -261,7 +282,7 @@ class SmoothMotion:
         return out
 
     def _stage(self, held: StackedRows, t: float) -> Stage:
-        tau, applied, elements = self.motion.acting(held.state, t)
+        tau, applied, elements, pushes = self.motion.acting(held.state, t)
         rhs = applied - held.state.h
         found = self._solver.acceleration(held, rhs, t)
         a = found.a
@@ -269,7 +290,7 @@ class SmoothMotion:
             a = self._across(held, rhs, t, a, found.crossing.rate, self._projection)
         if not is_finite(a):
             raise NoSolution(f"the acceleration of {self.motion.robot.name} is not finite at t = {t:.6g} s.")
-        return Stage(t, held, tau, rhs, a, found.f, elements)
+        return Stage(t, held, tau, rhs, a, found.f, elements, pushes=pushes)
 
     def _across(self, held: StackedRows, rhs: Array, t: float, a: Array, rate: float, projection: Projection) -> Array:
         """The acceleration at a singular pose, from those of its neighbours on the branch, ahead and behind.
@@ -302,6 +323,12 @@ class SmoothMotion:
                 found.append(solver.acceleration(there, forces - there.state.h, t, directly=True).a)
             mean.append(0.5 * (found[0] + found[1]))
         return 1.5 * mean[0] - 0.6 * mean[1] + 0.1 * mean[2]
+
+
+def _surfaces_move(held: StackedRows) -> bool:
+    """Whether constraints hold to surfaces that move, and so do work."""
+    v = held.state.v
+    return len(held.J) > 0 and max_abs(held.J @ v - held.velocity) > CARRIES * max(1.0, max_abs(v))
 
 
 def reason_unknown_ground(constraint: Constraint) -> str | None:

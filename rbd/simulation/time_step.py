@@ -32,10 +32,12 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.contact_points import sources_of
+from rbd.model.dynamics import kinetic_energy
 from rbd.model.state import State
 from rbd.simulation.bases import Bases
 from rbd.simulation.contact_gaps import BodySizes, Correction, first_crossing
 from rbd.simulation.contact_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
+from rbd.simulation.energy_balance import energy
 from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.impacts import AT_REST, impact_answer
@@ -110,7 +112,7 @@ class StepSystem:
         """
         at, half = start.at, 0.5 * h
         active = start.touching if more is None else start.touching | more
-        tau, applied, elements = self.motion.acting(at.state, start.t)
+        tau, applied, elements, _ = self.motion.acting(at.state, start.t)
         v, u, guess = at.state.v, start.rates(active), half * start.force
         turned = self.bases.turned(v, v, half)
         terms = None if exact else ElementTerms.of(at.state, elements)
@@ -221,7 +223,7 @@ class StepSystem:
         v_h = half.answer.v if h == half.h else v + (half.answer.v - v) * (h / half.h)
         q_m, v, v_h, turned, mean = bases.middle(q, v, v_h, h)
         state = self.motion.reached(q_m, v_h, t + 0.5 * h)
-        tau, applied, elements = self.motion.acting(state, t + 0.5 * h)
+        tau, applied, elements, pushes = self.motion.acting(state, t + 0.5 * h)
         terms = ElementTerms.of(state, elements)
         fast = ground is not None and self.implicit.is_light(terms)
         middle = None if fast else self.points.at(state, t + 0.5 * h)
@@ -243,12 +245,20 @@ class StepSystem:
             return self._general(at, active, force, turned, h, guess, u0, error, shift, before.norms, begins, 0.5, E)
 
         if terms is None:
-            answer, dissipated = solution(applied, None), 0.0
+            answer, dissipated, implicit = solution(applied, None), 0.0, None
         else:
-            answer, dissipated = self.implicit.whole_step(terms, state, v, turned, applied, h, solution)
+            answer, dissipated, implicit = self.implicit.whole_step(terms, state, v, turned, applied, h, solution)
+        other_work = 0.0
+        if not (still and self._still(answer.velocity)):  # of friction, and of points that are stopped
+            other_work = 0.5 * float(answer.impulse @ (u0 + answer.velocity))
+        if middle is not None and len(answer.impulse):  # of ground that moves
+            other_work += float(answer.impulse @ (middle.J @ state.v - middle.velocity))
+        if pushes is not None:
+            given = h * pushes if implicit is None or not callable(self.motion.external) else h * pushes + implicit
+            other_work += 0.5 * float((v + answer.v) @ given)
         q_end, v_end = bases.moved(state.q, answer.v, 0.5 * h)
         end = self.snapshot(self.motion.reached(q_end, v_end, t + h), t + h)
-        return WholeStep(h, end, answer, layout, tau, dissipated)
+        return WholeStep(h, end, answer, layout, tau, dissipated, other_work)
 
     def _plastic(self, half: HalfStep, t_end: float, passed: Passed) -> Instant:
         """Remainder of a step with too many impacts: points that would penetrate their surface are stopped without a bounce."""
@@ -258,7 +268,7 @@ class StepSystem:
             whole = self._finish(half, h)
             through = PointMatching(whole.end.layout, start.at.layout).points(self._through(half, whole.end), False) & ~more
             if not through.any():
-                return self._accept(half, whole, passed)
+                return self._accept(half, whole, passed, caught=bool(more.any()))
             more = more | through
             half = self.solved(start, h, more)
 
@@ -316,9 +326,16 @@ class StepSystem:
                 high, at_high = s, found
         return whole
 
-    def _accept(self, half: HalfStep, whole: WholeStep, passed: Passed) -> Instant:
-        """The instant at the end of a step: positions corrected, after the impact of arriving points; extends `passed`."""
-        start, (h, end, answer, middle, tau, dissipated) = half.start, whole
+    def _accept(self, half: HalfStep, whole: WholeStep, passed: Passed, *, caught: bool = False) -> Instant:
+        """The instant at the end of a step: positions corrected, after the impact of arriving points; extends `passed`.
+
+        Args:
+            half: Its first half.
+            whole: The step.
+            passed: The step, and the impact, are appended to it.
+            caught: Whether points were stopped off their surfaces.
+        """
+        start, (h, end, answer, middle, tau, dissipated, other_work) = half.start, whole
         t, layout = start.t + h, end.layout
         active, velocity, _, _ = half.points_in(layout)
         if middle is not layout:
@@ -333,7 +350,10 @@ class StepSystem:
                 closed = layout.pushes & active & (answer.velocity[layout.normals] <= SLIDES)
             passed.append(StepRecord(start.t, h, layout, force, velocity, answer.velocity, closed))
             if not self.correction.in_place(end, gaps):
-                end = self.correction.positions(end, t, closed & (answer.impulse[layout.normals] > 0.0), gaps.size)
+                made, moved, pressed = end, 0.5 * h * velocity[layout.normals], closed & (answer.impulse[layout.normals] > 0.0)
+                end = self.correction.positions(made, t, pressed, gaps.size)
+                if end is not made and (caught or self.correction.owes(start.at, made, pressed, moved)):
+                    other_work += energy(self.motion, end.state) - energy(self.motion, made.state)
             if answer.redundant and self.correction.bilateral:
                 end = self.correction.velocities(end, t)
                 if end.layout is layout:
@@ -348,8 +368,8 @@ class StepSystem:
         work = start.work
         if self.motion.controller is not None:
             work += self.motion.work(tau, start.at.state.q, end.state.q)
-        nothing, dissipated = end.layout.nothing, start.dissipated + dissipated
-        now = Instant(t, end, gaps, active, nothing, force, norms, by_law, previous, work, dissipated)
+        nothing, dissipated, other_work = end.layout.nothing, start.dissipated + dissipated, start.other_work + other_work
+        now = Instant(t, end, gaps, active, nothing, force, norms, by_law, previous, work, dissipated, other_work)
         return self._after_impact(now, passed)
 
     def _after_impact(self, now: Instant, passed: Passed, *, first: bool = False) -> Instant:
@@ -379,7 +399,8 @@ class StepSystem:
         passed.append(ImpactRecord(now.t, layout, arrives, approach, answer.impulse[layout.normals], leaves))
         gaps = self.sizes.tolerances(after, now.gaps)
         end = Instant(now.t, after, gaps, touches, leaves, now.force, answer.norms, work=now.work)
-        end = replace(end, dissipated=now.dissipated)
+        lost = kinetic_energy(at.state) - kinetic_energy(after.state)
+        end = replace(end, dissipated=now.dissipated, other_work=now.other_work - lost)
         if arrives.any():
             late = float((2.0 * now.gaps.tight[arrives] / -approach[arrives]).max())
             passed.touches.append(Touch(at.state, end, late, len(passed)))

@@ -29,7 +29,7 @@ from rbd.simulation.trajectory_contents import (
     for_netcdf,
     header_of,
 )
-from rbd.simulation.trajectory_fields import RESIDUALS, checked, table
+from rbd.simulation.trajectory_fields import ENERGY, RESIDUALS, checked, table
 from rbd.simulation.trajectory_file import a_trajectory_path, read_netcdf, read_npz, write_netcdf, write_npz
 
 if TYPE_CHECKING:
@@ -69,7 +69,8 @@ class Trajectory(Displayed):
         momentum: Linear, then angular momentum about the centre of mass, in W, shape (n, 6) [N s, N m s].
         com: Centre of mass in W, shape (n, 3) [m].
         residuals: {"law": residual of the contact law, scaled; "drift", "drift_rate": largest error of the
-            bilateral constraints [m, rad; per s]; "penetration": depth of the deepest contact [m, rad]}, each of shape (n,).
+            bilateral constraints [m, rad; per s]; "penetration": depth of the deepest contact [m, rad]; "energy": energy that
+            the steps have made since the start, or lost [J], NaN where it is not known}, each of shape (n,).
         events: Beginnings and ends of contact, and events of yours, in order of time; `absent` names those that did not happen.
         integrator: The integrator, with its settings.
         law: Contact law.
@@ -375,7 +376,7 @@ class Trajectory(Displayed):
             self.a[i],
             self.tau[i],
             partial(dict, acting),  # which a copy or a pickle includes
-            **{name: float(x[i]) for name, x in self.residuals.items()},
+            **{name: float(x[i]) for name, x in self.residuals.items() if name != ENERGY.name},
             **{name: float(getattr(self, name)[i]) for name in ("motor_work", "elastic", "dissipated")},
             found=None,
             events=self.events[since : bisect_right(self.events, self.t[i], key=_time)],

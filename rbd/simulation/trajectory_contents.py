@@ -21,7 +21,7 @@ from rbd.modules import xarray_or_error
 from rbd.simulation.motion import Event
 from rbd.simulation.recorded_elements import elements_in, header_of_elements
 from rbd.simulation.recorded_robot import recipe, robot_numbers, robot_of
-from rbd.simulation.trajectory_fields import COLUMNS, LATER, RESIDUALS, WORDS, Fields
+from rbd.simulation.trajectory_fields import COLUMNS, ENERGY, LATER, RESIDUALS, WORDS, Fields
 from rbd.simulation.trajectory_file import checksum, listed_in, words_in
 
 if TYPE_CHECKING:
@@ -109,7 +109,8 @@ def fields_of(
         "pushed": bool(header.get("pushed", False)),
         "t": found("t"),
         **{c.name: found(c.name) for c in COLUMNS if c.name in arrays or c.name not in LATER},
-        "residuals": {c.name: found(f"residual_{c.name}") for c in RESIDUALS},
+        "residuals": {c.name: found(f"residual_{c.name}") for c in RESIDUALS if c is not ENERGY}
+        | {ENERGY.name: found(kept) if (kept := f"residual_{ENERGY.name}") in arrays else np.full(len(found("t")), np.nan)},
         "forces": {name: found(f"force_{key[name]}") for name in names},
         "modes": {name: found(f"mode_{key[name]}", "U") for name in names},
         "points": {name: found(f"points_{key[name]}") for name in contacts},

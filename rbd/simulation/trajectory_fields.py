@@ -57,11 +57,14 @@ COLUMNS = (
 """Fields of the robot at each time."""
 LATER = ("elastic", "dissipated")
 """Fields that may be missing, as in files of earlier versions: then they are zero."""
+ENERGY = Column("energy", "", "J", "energy that the steps have made since the start of the motion; negative: lost")
+"""The residual that is NaN where it is not known."""
 RESIDUALS = (
     Column("law", "", "1", "residual of the contact law, scaled"),
     Column("drift", "", "m or rad", "largest position error of the bilateral constraints"),
     Column("drift_rate", "", "m/s or rad/s", "largest velocity error of the bilateral constraints"),
     Column("penetration", "", "m or rad", "depth of the deepest contact"),
+    ENERGY,
 )
 """Residuals of each sample."""
 WORDS = ("integrator", "law", "stabilisation", "interrupted", "end_reason")
@@ -91,7 +94,7 @@ def checked(fields: Fields) -> dict[str, Any]:
     names, residuals = [c.name for c in RESIDUALS], fields["residuals"]
     if sorted(residuals) != sorted(names):
         raise InputError(f"residuals are {', '.join(map(str, residuals)):.80}; expected {', '.join(names)}.")
-    out["residuals"] = {name: kept(f"residual {name!r}", residuals[name], (n,)) for name in names}
+    out["residuals"] = {name: kept(f"residual {name!r}", residuals[name], (n,), holes=name == ENERGY.name) for name in names}
     if list(fields["modes"]) != list(fields["forces"]) or list(fields["point_forces"]) != list(fields["points"]):
         raise InputError("forces and modes, points and point_forces must name the same constraints in the same order.")
     if not set(fields["points"]) <= set(fields["forces"]):
@@ -216,11 +219,20 @@ def _residuals(x: Fields) -> list[str]:
     out = []
     for i, residual in enumerate(RESIDUALS):
         values = x["residuals"][residual.name]
-        worst = int(np.argmax(np.abs(values)))
+        worst = worst_of(values)
+        if worst is None:
+            out.append(_line("", f"{residual.name} not known"))
+            continue
         said = f"{residual.name.replace('_', ' ')} {abs(values[worst]):.1e}"
         said += " (scaled)" if residual.unit == "1" else f" {residual.unit}"
         out.append(_line("" if i else "worst residuals", said + (f" at {x['t'][worst]:.4g} s" if values[worst] else "")))
     return out
+
+
+def worst_of(residual: Array) -> int | None:
+    """The sample at which a residual is largest; None where it is known at none."""
+    size = np.abs(residual)
+    return None if np.isnan(size).all() else int(np.nanargmax(size))
 
 
 def _constraints(x: Fields) -> list[str]:

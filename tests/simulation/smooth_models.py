@@ -40,6 +40,19 @@ def body(joint: pin.JointModel, inertia: pin.Inertia, gravity: tuple[float, floa
     return CheckedModel(model, name="body", passive=["joint"])
 
 
+def two_links(gravity: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> CheckedModel:
+    """A floating bar of 1 m and 1 kg with a second one hinged to its end, along y: nv = 7."""
+    model, inertia = pin.Model(), pin.Inertia.FromBox(1.0, 1.0, 0.1, 0.1)
+    middle, end = (pin.SE3(np.eye(3), np.array([x, 0.0, 0.0])) for x in (0.5, 1.0))
+    base = model.addJoint(0, pin.JointModelFreeFlyer(), pin.SE3.Identity(), "base")
+    hinge = model.addJoint(base, pin.JointModelRY(), end, "hinge")
+    for joint, name in ((base, "first"), (hinge, "second")):
+        model.appendBodyToJoint(joint, inertia, middle)
+        model.addFrame(pin.Frame(name, joint, 0, pin.SE3.Identity(), pin.FrameType.BODY))
+    model.gravity.linear = np.array(gravity)
+    return CheckedModel(model, name="two links")
+
+
 def along(state: rbd.State, constraints: object, drive: np.ndarray) -> rbd.State:
     """The state with the velocity nearest to `drive`, plainly, that the constraints allow."""
     rows = [c.rows(state) for c in constraints]  # type: ignore[attr-defined]

@@ -141,6 +141,7 @@ def test_held_torques_give_the_motion_of_the_sampled_system(integrator):
     assert np.abs(run.tau[:, 0] - torques).max() < 1e-10
 
 
+@pytest.mark.filterwarnings("ignore:the steps of .* energy")  # they are long
 @pytest.mark.parametrize("integrator", ALL, ids=repr)
 @pytest.mark.parametrize("kind", ["held", "counter", "posture"])
 def test_a_fresh_and_a_used_controller_give_the_same_bits(integrator, kind):

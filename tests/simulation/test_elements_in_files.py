@@ -111,6 +111,7 @@ def test_elements_of_a_function_or_of_an_old_file_are_told(arm: rbd.Robot):
     assert not any("that acted" in words for words in frames_of(swing(arm, None), [1]).left_out)
 
 
+@pytest.mark.filterwarnings("ignore:the steps of .* energy")  # they are long
 def test_an_element_of_a_user_is_warned_of(arm: rbd.Robot, tmp_path: Path):
     run = swing(arm, [*acting(), Wind()])
     run.save(tmp_path / "wind.npz")

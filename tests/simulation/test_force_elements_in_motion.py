@@ -109,6 +109,7 @@ def test_frequency_of_a_mass_on_springs_is_the_root_of_stiffness_over_mass(box: 
     assert found == pytest.approx(expected, rel=2e-7)
 
 
+@pytest.mark.filterwarnings("ignore:the steps of .* energy")  # they are long
 @pytest.mark.parametrize("case", ["spring", "spring and damper", "bushing", "joints"])
 def test_time_steps_with_elements_are_of_order_two(box: CheckedModel, arm: rbd.Robot, case: str) -> None:
     state = swinging(box)
@@ -145,6 +146,7 @@ def test_a_linear_spring_keeps_its_energy_at_any_step(in_space: CheckedModel, h_
     assert np.ptp(run.energy) < 1e-12 * run.energy[0] and np.ptp(run.elastic) > 0.5
 
 
+@pytest.mark.filterwarnings("ignore:the steps of .* energy")  # they are long
 def test_a_pendulum_on_a_very_stiff_spring_swings_like_one_on_a_rod(box: CheckedModel) -> None:
     """At h w = 7 the spring is not resolved: it stays about as long as it is, and the energy does not grow."""
     spring = Spring("box", to=(0, 0, 2), stiffness=1e6, rest=1.0)
@@ -237,6 +239,7 @@ def test_joint_elements_of_talos_step_on_the_ground_as_they_do_in_general(talos:
     assert fast.residuals["law"].max() < 1e-9 and fast.dissipated[-1] > 1e-3
 
 
+@pytest.mark.filterwarnings("ignore:the steps of .* energy")  # they are long
 def test_talos_with_very_stiff_joint_damping_sinks_slowly(talos: rbd.Robot) -> None:
     """Step times damping over inertia is 1e5 in the wrists; without damping it would be on its knees."""
     state, feet = talos.at("half_sitting"), talos.feet(friction=0.6)
@@ -349,3 +352,23 @@ def test_a_trajectory_carries_energies_and_elements(box: CheckedModel, tmp_path:
     plain = rbd.simulate(swinging(box), duration=0.1, step=1e-2)
     assert "spring" not in str(plain) and "damper" not in str(plain)
     assert not replace(plain, elastic=np.zeros(0)).elastic.any()
+
+
+@pytest.mark.parametrize(("damping", "least", "most"), [(40.0, 1.9, 2.1), (4e4, 1.0, 1.75)])
+def test_on_a_stiff_damper_the_order_is_below_two(damping: float, least: float, most: float) -> None:
+    """A slider of 2 kg with a pendulum: where h d / m is 20 and more its creep is of order one to 1.75."""
+    model = pin.Model()
+    slider = model.addJoint(0, pin.JointModelPZ(), pin.SE3.Identity(), "slider")
+    turns = model.addJoint(slider, pin.JointModelRY(), pin.SE3.Identity(), "arm")
+    model.appendBodyToJoint(slider, pin.Inertia(1.0, np.zeros(3), 0.01 * np.eye(3)), pin.SE3.Identity())
+    model.appendBodyToJoint(turns, pin.Inertia(1.0, np.array([0.5, 0, 0]), 0.1 * np.eye(3)), pin.SE3.Identity())
+    start = rbd.State(CheckedModel(model, name="governor"), [0.0, 0.3], [0.0, 4.0])
+    elements = [JointSpring("slider", stiffness=1e3, rest=0.0), JointDamping({"slider": damping})]
+
+    def creep(h: float) -> float:
+        return float(rbd.simulate(start, external=elements, duration=0.48, step=h, integrator=STEPS).q[-1, 0])
+
+    true, (one, two) = creep(2.5e-5), (creep(h) for h in (2e-3, 1e-3))
+    order = np.log2(abs(one - true) / abs(two - true))
+    assert least < order < most
+    assert abs(two - true) < 1e-5

@@ -210,6 +210,7 @@ class TestLiftOff:
         assert not trajectory.point_forces["tip"][1:].any()
 
 
+@pytest.mark.filterwarnings("ignore:the steps of .* energy")  # they are long
 @pytest.mark.parametrize("extrapolate", [False, True])
 @pytest.mark.parametrize("lean", [0.3, 0.5, 0.8])
 @pytest.mark.parametrize("step", [0.04, 0.02, 5e-3])

@@ -31,6 +31,7 @@ def moved(controller, integrator, step: float, start: rbd.State = START, constra
     return rbd.simulate(start, constraints, duration=duration, step=step, controller=controller, integrator=integrator)
 
 
+@pytest.mark.filterwarnings("ignore:the steps of .* energy")  # they are long
 @pytest.mark.parametrize("integrator", [*STEPPING, *SMOOTH], ids=repr)
 def test_constant_torques_work_through_the_way_of_their_joints(integrator):
     """W = tau . (q(t) - q(0)) at every sample, to rounding; it begins at zero."""

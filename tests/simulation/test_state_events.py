@@ -96,6 +96,7 @@ def test_events_do_not_change_the_motion(by):
     assert [e for e in seen.events if e.name == "corner"] == list(plain.events)
 
 
+@pytest.mark.filterwarnings("ignore:the steps of .* energy")  # they are long
 @ALL
 def test_a_terminal_event_ends_the_motion_there(by):
     """The attributes of a plain function, as SciPy reads them; and the third passage of three."""
@@ -139,6 +140,7 @@ def test_a_ball_that_a_switch_reflects_bounces_as_one_with_restitution():
     assert np.abs(switched.q[-1] - stepped.q[-1]).max() < 1e-11
 
 
+@pytest.mark.filterwarnings("ignore:the steps of .* energy")  # they are long
 def test_a_held_contact_that_is_switched_off_lets_go():
     """A pendulum held at its tip falls from when it is let go: `inactive` and `off`, by smooth integrators."""
     state, angle = pendulum(1.0)
@@ -405,6 +407,7 @@ def test_events_at_sample_times_make_no_second_sample(by, at):
     assert abs(switched.q[-1, 2] - (1.0 - 0.5 * G * (at**2 + (0.4 - at) ** 2))) < 1e-9
 
 
+@pytest.mark.filterwarnings("ignore:the steps of .* energy")  # they are long
 @ALL
 def test_two_switches_at_one_time_both_act(by):
     """One locks, the other one stops the motion before: in the order in which the events are given."""

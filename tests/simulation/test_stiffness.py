@@ -53,8 +53,8 @@ def test_one_that_costs_accuracy_is_warned_of_and_a_soft_one_is_not(start: rbd.S
         wrong = run(start, [spring(1.0), damper(100.0)])
     assert wrong.dissipated[-1] > 0.52
     for external, options in (
-        (damper(50.0), {}),
-        (spring(3600.0), {}),
+        (damper(40.0), {}),
+        (spring(1600.0), {}),
         (damper(1e4), {"integrator": STEPS}),
         (damper(300.0), {"integrator": rbd.DormandPrince8()}),
     ):
@@ -84,3 +84,22 @@ def test_joints_of_an_arm_have_the_rate_of_its_lightest_motion():
             warnings.simplefilter("always")
             rbd.simulate(state, duration=2 * h, step=h, external=rbd.JointDamping(damping), progress=False)
         assert [f"fastest rate is {rate:.3g} per second" in str(w.message) for w in seen] == [True] * heard
+
+
+@pytest.mark.parametrize("element", [damper(1e8), spring(1e12)], ids=["damper", "spring"])
+def test_adaptive_steps_on_one_of_1e8_are_warned_of_and_given_up(start: rbd.State, element: rbd.forces.Spring):
+    """They would be some 1e5 between two samples; a motion is given up after `most_steps` of them."""
+    said = rf"stiff force elements \('{element.name}'\).*some [\d.e+]+ steps between samples"
+    by = rbd.DormandPrince8(most_steps=200)
+    moving = start.with_velocity(np.array([1.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    with pytest.warns(InaccurateWarning, match=said), pytest.raises(SimulationStopped, match="200 steps since.*TimeStepping"):
+        run(moving, element, integrator=by)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run(moving, spring(3600.0), integrator=by)  # 200 between two samples, not in all
+
+
+@pytest.mark.parametrize("most", [0, 2.5, True])
+def test_the_number_of_adaptive_steps_is_a_whole_one(most: object):
+    with pytest.raises(rbd.errors.InputError, match="most_steps of DormandPrince8 is .*expected a whole number from 1"):
+        rbd.DormandPrince8(most_steps=most)  # type: ignore[arg-type]

@@ -9,7 +9,7 @@ from rbd.motion.motion import Motion
 from rbd.motion.report import MotionReport
 from rbd.simulation.motion import Event, Sample
 from rbd.simulation.trajectory import Trajectory
-from rbd.simulation.trajectory_fields import RESIDUALS
+from rbd.simulation.trajectory_fields import RESIDUALS, worst_of
 from rbd.visual.name_lists import joined
 from rbd.visual.notebook.card import Card, Fold, Table
 from rbd.visual.notebook.registry import card_of
@@ -78,8 +78,10 @@ def _trajectory(record: Trajectory) -> Card:
 def _residuals(record: Trajectory) -> Table:
     rows = []
     for residual in RESIDUALS:
-        values = np.abs(record.residuals[residual.name])
-        worst = int(values.argmax())
+        values, worst = np.abs(record.residuals[residual.name]), worst_of(record.residuals[residual.name])
+        if worst is None:
+            rows.append((residual.name, "not known", residual.unit, "-", residual.meaning))
+            continue
         unit = "scaled" if residual.unit == "1" else residual.unit
         at = number(record.t[worst], 4) if values[worst] else "-"
         rows.append((residual.name.replace("_", " "), f"{values[worst]:.1e}", unit, at, residual.meaning))

@@ -154,7 +154,7 @@ def _residuals(shown: Any) -> Chart | None:
     lines = []
     for known, color in zip(RESIDUALS, CONTACT_COLORS, strict=False):
         values = np.abs(shown.residuals[known.name])
-        if known.name == "law" or values.any():
+        if known.name == "law" or (values.any() and np.isfinite(values).all()):
             unit = "scaled" if known.unit == "1" else known.unit
             lines.append(Line(f"{known.name.replace('_', ' ')}, {unit}", color, values))
     values = np.concatenate([np.maximum(line.values, _SMALLEST) for line in lines])
