@@ -254,7 +254,7 @@ def assembled(
     given = listed(constraints)
     rows = rows_of(state, given)
     _warn_of_open(given, rows)
-    if not all([r.patch is None or r.patch.touches for r in rows]):
+    if not all([r.touches for r in rows]):
         warn_of_distant(state.robot, rows, stacklevel=4)
     external = tuple(external) if type(external) is list else external
     problem = _of_rows(state, rhs, wrench, rows, StateOrigin(state, given, external), rest_speed)

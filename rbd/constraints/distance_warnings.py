@@ -1,4 +1,4 @@
-"""Warnings of contacts that do not fit a state: those that separate, and those that are off their planes."""
+"""Warnings of contacts that do not fit a state: those that separate, are off their planes, or have no plane."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rbd.errors import DistantContactWarning, OpeningContactWarning
+from rbd.errors import DistantContactWarning, InputError, OpeningContactWarning
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.contact_motion import Opening, opening_words
 from rbd.problem.force_set import at_rest
+from rbd.problem.ground import TOUCHES
 from rbd.problem.rows import Rows
+
+DEEPEST_M = 0.01
+"""Two bodies may be this deep inside each other at the start of a motion [m]."""
 
 
 def warn_of_opening(robot: CheckedModel, openings: Sequence[Opening], rest_speed: float, *, stacklevel: int) -> None:
@@ -35,11 +39,18 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
         below_only: Of unilateral contacts, name only those below their planes: others fall onto them.
         stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
     """
-    told = distant(rows, below_only=below_only)
-    if told:
-        more = f" and {len(told) - 6} more" if len(told) > 6 else ""
+    overlapping = [r for r in rows if r.overlaps]
+    if overlapping:
         warnings.warn(
-            f"contacts of {robot.name} are off the ground that they stand on: {', '.join(told[:6])}{more}. Move the robot "
+            f"bodies of {robot.name} are inside each other: {_listed([_deepest(r) for r in overlapping])}. They are computed "
+            "as if they touched. Move one of them, or leave the pair out, pairs=[...].",
+            DistantContactWarning,
+            stacklevel=stacklevel,
+        )
+    told = distant([r for r in rows if not r.overlaps], below_only=below_only)
+    if told:
+        warnings.warn(
+            f"contacts of {robot.name} are off the ground that they stand on: {_listed(told)}. Move the robot "
             "(robot.standing() puts its feet on z = 0), leave out what does not touch, or give the plane: robot.feet(on=0.75), "
             "robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where it is not known.",
             DistantContactWarning,
@@ -47,10 +58,60 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
         )
 
 
+def check_start(robot: CheckedModel, rows: Sequence[Rows], *, stacklevel: int) -> None:
+    """Refuse a motion that begins with bodies deep inside each other; warn of contacts that can break and have no ground.
+
+    Such a contact stands on the plane through its pose at the start. No warning where that is z = 0 to a millimetre.
+
+    Raises:
+        InputError: bodies inside each other by more than `DEEPEST_M`.
+    """
+    deep = [_deepest(r) for r in rows if max((depth for _, depth in r.overlaps), default=0.0) > DEEPEST_M]
+    if deep:
+        raise InputError(
+            f"bodies of {robot.name} are inside each other at the start: {_listed(deep)}; a simulation accepts up to "
+            f"{1e3 * DEEPEST_M:g} mm, as pushing them apart makes energy. Move one of them, or leave the pair out."
+        )
+    told = [f"{r.name!r:.80} on {words}" for r in rows if (words := _own_plane(r))]
+    if told:
+        warnings.warn(
+            f"contacts of {robot.name} have no ground, so each stands where it is at the start: {_listed(told)}. Give the "
+            "ground, on=0.0, on=rbd.Ground(point=..., normal=...), or robot.feet(on=...).",
+            DistantContactWarning,
+            stacklevel=stacklevel,
+        )
+
+
+def _own_plane(r: Rows) -> str:
+    """The plane through a contact's own pose, of one that can break and has no other; empty where it is z = 0."""
+    patch = r.patch
+    if patch is None or patch.on is not None or patch.against is not None or patch.friction is None or not len(patch.corners):
+        return ""
+    n, p = patch.axes[:, 2], patch.point
+    if np.abs(patch.corners_W[:, 2]).max() <= TOUCHES and n[2] > 0.0:
+        return ""
+    level = f"z = {p[2]:.4g} m" if n[2] > 1.0 - 1e-9 else f"the plane through ({p[0]:.3g}, {p[1]:.3g}, {p[2]:.3g}) m"
+    return level + ("" if n[2] > 1.0 - 1e-9 else f" with the normal ({n[0]:.3g}, {n[1]:.3g}, {n[2]:.3g})")
+
+
+def _deepest(r: Rows) -> str:
+    """How deep two bodies are inside each other, in words."""
+    point, depth = max(r.overlaps, key=lambda each: each[1])
+    which = f" and {len(r.overlaps) - 1} more points" if len(r.overlaps) > 1 else ""
+    return f"{r.name!r:.80} {1e3 * depth:.4g} mm at {point!r:.120}{which}"
+
+
+def _listed(told: Sequence[str]) -> str:
+    """The first six, and how many more."""
+    return ", ".join(told[:6]) + (f" and {len(told) - 6} more" if len(told) > 6 else "")
+
+
 def distant(rows: Sequence[Rows], *, below_only: bool = False) -> list[str]:
     """Contacts that are off their planes, by how much, in words; see `warn_of_distant`."""
     told = []
     for r in rows:
+        if r.overlaps:
+            told.append(_deepest(r))
         gaps = r.gaps_off_plane
         if gaps is None:
             continue

@@ -112,7 +112,9 @@ class OpeningContactWarning(RbdWarning):
 
 
 class DistantContactWarning(RbdWarning):
-    """A contact is more than a millimetre off its plane; it is solved as if it touched.
+    """A contact is more than a millimetre off its plane, or two bodies inside each other; it is solved as if it touched.
+
+    In `simulate` also: a contact that can break has no ground, and stands on the plane through its first pose.
 
     Example:
         >>> import warnings

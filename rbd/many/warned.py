@@ -42,7 +42,7 @@ WARNINGS: dict[str, type[RbdWarning]] = {
 
 def of_rows(constraints: Sequence[Constraint], rows: Sequence[Rows]) -> list[str]:
     """Kinds that the rows of one state give."""
-    told = [DISTANT] if any(r.gaps_off_plane is not None for r in rows) else []
+    told = [DISTANT] if any(r.overlaps or r.gaps_off_plane is not None for r in rows) else []
     if any(is_open(constraint, r) for constraint, r in zip(constraints, rows, strict=True)):
         told.append(LOOP)
     return told

@@ -42,7 +42,7 @@ def contact_rows(state: State, contacts: Sequence[Constraint], *, stacklevel: in
     """
     rows = tuple(rows_of(state, contacts))
     check_different([r.name for r in rows], "contacts")
-    if stacklevel is not None and not all([r.patch is None or r.patch.touches for r in rows]):
+    if stacklevel is not None and not all([r.touches for r in rows]):
         warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
     return rows
 
