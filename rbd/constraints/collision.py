@@ -165,16 +165,18 @@ class CollisionContacts(Displayed):
             return self._nothing(state)
         error = np.zeros(3 * k)
         error[2::3] = found.gaps
-        patch, kept, within, overlaps = None, self._kept, max(TOUCHES, self.margin), ()
+        patch, kept, within, deep = None, self._kept, max(TOUCHES, self.margin), list[tuple[str, float]]()
         if self.pairs:
-            overlaps = tuple([(found.names[i], -float(found.gaps[i])) for i in np.flatnonzero(found.gaps < -within)])
+            deep = [(found.names[i], -float(found.gaps[i])) for i in np.flatnonzero(found.gaps < -within)]
         else:
             r = found.positions - self._point
             patch = Patch(self._point, self._axes, r @ self._axes, self.friction, on=self.on, within=within)
         J, bias, velocity = found.J[kept], found.bias[kept], found.velocity[kept]
         cone, held, resultant = _stacked(self._cone, k), _normals(k, bool(self.friction)), self._resultant(found)
-        given = {"resultant": resultant, "patch": patch, "holonomic": held, "overlaps": overlaps}
-        return Rows(self.name, J, bias, cone, velocity, error[kept], **given)
+        return Rows(
+            self.name, J, bias, cone, velocity, error[kept], resultant=resultant, patch=patch, holonomic=held,
+            overlaps=tuple(deep),
+        )  # fmt: skip
 
     def points(self, state: State, t: float = 0.0) -> ContactPoints:
         """The points themselves, in the order of the rows; for any time `t`, as the ground is at rest.

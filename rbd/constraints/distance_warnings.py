@@ -1,4 +1,4 @@
-"""Warnings of contacts that do not fit a state: those that separate, are off their planes, or have no plane."""
+"""Warnings of constraints that do not fit a state: contacts that separate, are off their planes, or have none; what moves."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from rbd.errors import DistantContactWarning, InputError, OpeningContactWarning
+from rbd.errors import DistantContactWarning, InputError, MovingConstraintWarning, OpeningContactWarning
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.contact_motion import Opening, opening_words
 from rbd.problem.force_set import at_rest
@@ -26,6 +26,24 @@ def warn_of_opening(robot: CheckedModel, openings: Sequence[Opening], rest_speed
             f"(at rest is up to rest_speed = {rest_speed:g} m/s). Of contacts that stay, put the velocity onto them, "
             "state = rbd.mechanism.project_velocity(state, contacts), or give a larger rest_speed=.",
             OpeningContactWarning,
+            stacklevel=stacklevel + 1,
+        )
+
+
+def moves(r: Rows, rest_speed: float) -> bool:
+    """Whether bilateral rows have a velocity that no feedback takes away."""
+    return r.speed > rest_speed and not r.stabilised and at_rest(r.cone).bilateral
+
+
+def warn_of_moving(robot: CheckedModel, rows: Sequence[Rows], rest_speed: float, *, stacklevel: int) -> None:
+    """Name the bilateral constraints with a velocity; nothing where none has."""
+    told = [f"{r.name!r:.80} at {r.speed:.3g} m/s or rad/s" for r in rows if moves(r, rest_speed)]
+    if told:
+        warnings.warn(
+            f"bilateral constraints of {robot.name} move: {_listed(told)}. Only their accelerations are prescribed, so they "
+            "move on. Put the velocity onto them, state = rbd.mechanism.project_velocity(state, constraints); or give what they "
+            "move with, on=rbd.Ground(velocity=...); or a larger rest_speed=.",
+            MovingConstraintWarning,
             stacklevel=stacklevel + 1,
         )
 
@@ -86,6 +104,8 @@ def _own_plane(r: Rows) -> str:
     """The plane through a contact's own pose, of one that can break and has no other; empty where it is z = 0."""
     patch = r.patch
     if patch is None or patch.on is not None or patch.against is not None or patch.friction is None or not len(patch.corners):
+        return ""
+    if r.error is not None:  # its anchor is on the plane
         return ""
     n, p = patch.axes[:, 2], patch.point
     if np.abs(patch.corners_W[:, 2]).max() <= TOUCHES and n[2] > 0.0:

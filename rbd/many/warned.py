@@ -11,6 +11,7 @@ from rbd.errors import (
     EffortLimitWarning,
     InaccurateWarning,
     LoopNotClosedWarning,
+    MovingConstraintWarning,
     NonUniqueMotionWarning,
     OpeningContactWarning,
     RbdWarning,
@@ -19,9 +20,10 @@ from rbd.errors import (
 from rbd.many.answers import ManyAnswers
 from rbd.problem.rows import Rows
 
-TORQUE, DISTANT, OPENED, LOOP, SEVERAL, INACCURATE, SPEED = (
+TORQUE, DISTANT, MOVES, OPENED, LOOP, SEVERAL, INACCURATE, SPEED = (
     "a torque is beyond its effort limit",
     "a contact is off its plane",
+    "a bilateral constraint moves",
     "a contact separates and carries no force",
     "a loop is open",
     "more than one motion satisfies the law",
@@ -31,6 +33,7 @@ TORQUE, DISTANT, OPENED, LOOP, SEVERAL, INACCURATE, SPEED = (
 WARNINGS: dict[str, type[RbdWarning]] = {
     TORQUE: EffortLimitWarning,
     DISTANT: DistantContactWarning,
+    MOVES: MovingConstraintWarning,
     OPENED: OpeningContactWarning,
     LOOP: LoopNotClosedWarning,
     SEVERAL: NonUniqueMotionWarning,
