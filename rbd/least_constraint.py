@@ -12,7 +12,7 @@ import numpy as np
 from rbd.analysis.sensitivity import StateOrigin
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, is_open, listed, rows_of
-from rbd.constraints.distance_warnings import warn_of_distant, warn_of_limits, warn_of_opening
+from rbd.constraints.distance_warnings import warn_of_distant, warn_of_limits, warn_of_moving, warn_of_opening
 from rbd.errors import (
     ContactMoves,
     EffortLimitWarning,
@@ -86,7 +86,8 @@ def solve(
         `NonUniqueMotionWarning` describes them; the others are in `solution.others`. If a contact separates
         its force is zero: an `OpeningContactWarning` names it, and so does `solution.opening`. A contact whose
         plane is known (`on=`, the feet of a robot) and that is more than a millimetre off it is solved as if it
-        touched, with a `DistantContactWarning`. A `JointLimitWarning` names joints beyond their limits, once a state.
+        touched, with a `DistantContactWarning`. Bilateral constraints that move faster than `rest_speed` move on: a
+        `MovingConstraintWarning` names them. A `JointLimitWarning` names joints beyond their limits, once a state.
 
     Raises:
         InputError: wrong sizes, NaN, unknown frames, two constraints of one name; a law that is not the solver's.
@@ -150,6 +151,8 @@ def _prepared_answer(
     _warn_of_effort(state, torques)
     if not state.limits_checked:
         warn_of_limits(state, given, stacklevel=4)
+    if found.speed > rest_speed:
+        warn_of_moving(robot, rows_of(state, given), rest_speed, stacklevel=3)
     return solution
 
 
@@ -257,10 +260,11 @@ def assembled(
     rows = rows_of(state, given)
     _warn_of_open(given, rows)
     warn_of_limits(state, given, stacklevel=4)
-    if not all([r.patch is None or r.patch.touches for r in rows]):
+    if not all([r.touches for r in rows]):
         warn_of_distant(state.robot, rows, stacklevel=4)
     external = tuple(external) if type(external) is list else external
     problem = _of_rows(state, rhs, wrench, rows, StateOrigin(state, given, external), rest_speed)
+    warn_of_moving(state.robot, rows, rest_speed, stacklevel=3)
     warn_of_opening(state.robot, problem.openings, rest_speed, stacklevel=3)
     return problem
 

@@ -85,7 +85,7 @@ class Solution(Answer):
             seconds: What it took [s].
         """
         out = cls.__new__(cls)
-        a, forces, weights, method, steps, _ = found
+        a, forces, weights, method, steps = found[:5]
         own = out.__dict__
         own["_assemble"], own["a"], own["multipliers"], own["weights"] = problem, a, forces, weights
         own["law"], own["solver"], own["method"], own["iterations"] = law, "ContactDynamics", method, steps

@@ -18,8 +18,10 @@ import rbd  # noqa: E402
 gc.disable()  # until all is collected
 LONG = Path(__file__).with_name("long_tests.txt")
 """Tests that take longest: `make test` leaves them to `make test-long`."""
-IN_LIMITS = {"test_api_examples", "test_docs", "test_examples", "test_notebooks", "test_readme", "test_beyond_joint_limits"}
-"""Modules in which a joint beyond its limits is an error. Others draw states at random, for laws that hold at any q."""
+USERS = {"test_api_examples.py", "test_docs.py", "test_examples.py", "test_notebooks.py", "test_readme.py"}
+USERS |= {"test_beyond_joint_limits.py", "test_moving_constraints.py"}
+DRAWN = ("JointLimitWarning", "MovingConstraintWarning")
+"""Warnings that are errors in `USERS` alone: the others draw q and v of held contacts at random, for laws that hold at any."""
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -52,8 +54,9 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = [item for item in items if id(item) not in left]
         config.hook.pytest_deselected(items=out)
     for item in items:
-        if item.path.stem not in IN_LIMITS:
-            item.add_marker(pytest.mark.filterwarnings("ignore::rbd.errors.JointLimitWarning"))
+        if item.path.name not in USERS:
+            for what in DRAWN:
+                item.add_marker(pytest.mark.filterwarnings(f"ignore::rbd.errors.{what}"))
     items.sort(key=lambda item: item.get_closest_marker("long") is None)
 
 

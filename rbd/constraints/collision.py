@@ -61,6 +61,8 @@ class CollisionContacts(Displayed):
             `robot.collision_model`, or all bodies that no single joint connects where it has none.
         on: The plane of a ground at rest: `rbd.Ground(point=..., normal=...)`, or the height of a level one [m].
         margin: Largest gap of points that get rows [m]. In `rbd.solve` all of them touch; a simulation uses a larger margin.
+            Bodies that are inside each other by more than it, and more than 1 mm, get a `DistantContactWarning`; a simulation
+            does not start from more than 1 cm.
 
     Raises:
         InputError: unknown names, with the nearest; a robot without shapes; a mesh that cannot be loaded; a friction
@@ -163,13 +165,18 @@ class CollisionContacts(Displayed):
             return self._nothing(state)
         error = np.zeros(3 * k)
         error[2::3] = found.gaps
-        patch, kept = None, self._kept
-        if not self.pairs:
-            within, r = max(TOUCHES, self.margin), found.positions - self._point
+        patch, kept, within, deep = None, self._kept, max(TOUCHES, self.margin), list[tuple[str, float]]()
+        if self.pairs:
+            deep = [(found.names[i], -float(found.gaps[i])) for i in np.flatnonzero(found.gaps < -within)]
+        else:
+            r = found.positions - self._point
             patch = Patch(self._point, self._axes, r @ self._axes, self.friction, on=self.on, within=within)
         J, bias, velocity = found.J[kept], found.bias[kept], found.velocity[kept]
         cone, held, resultant = _stacked(self._cone, k), _normals(k, bool(self.friction)), self._resultant(found)
-        return Rows(self.name, J, bias, cone, velocity, error[kept], resultant=resultant, patch=patch, holonomic=held)
+        return Rows(
+            self.name, J, bias, cone, velocity, error[kept], resultant=resultant, patch=patch, holonomic=held,
+            overlaps=tuple(deep),
+        )  # fmt: skip
 
     def points(self, state: State, t: float = 0.0) -> ContactPoints:
         """The points themselves, in the order of the rows; for any time `t`, as the ground is at rest.

@@ -1,4 +1,4 @@
-"""Warnings of a state: contacts that separate or are off their planes, and joints beyond their limits."""
+"""Warnings of a state: contacts that separate, are off their planes or have none; what moves; joints beyond limits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,13 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.joint_limit import JointLimit
-from rbd.errors import DistantContactWarning, JointLimitWarning, OpeningContactWarning
+from rbd.errors import (
+    DistantContactWarning,
+    InputError,
+    JointLimitWarning,
+    MovingConstraintWarning,
+    OpeningContactWarning,
+)
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import ANGLE, AT_LIMIT, Joint
 from rbd.model.state import State
@@ -19,6 +25,9 @@ from rbd.problem.contact_motion import Opening, opening_words
 from rbd.problem.force_set import at_rest
 from rbd.problem.ground import TOUCHES
 from rbd.problem.rows import Rows
+
+DEEPEST_M = 0.01
+"""Two bodies may be this deep inside each other at the start of a motion [m]."""
 
 
 def warn_of_opening(robot: CheckedModel, openings: Sequence[Opening], rest_speed: float, *, stacklevel: int) -> None:
@@ -33,6 +42,24 @@ def warn_of_opening(robot: CheckedModel, openings: Sequence[Opening], rest_speed
         )
 
 
+def moves(r: Rows, rest_speed: float) -> bool:
+    """Whether bilateral rows have a velocity that no feedback takes away."""
+    return r.speed > rest_speed and not r.stabilised and at_rest(r.cone).bilateral
+
+
+def warn_of_moving(robot: CheckedModel, rows: Sequence[Rows], rest_speed: float, *, stacklevel: int) -> None:
+    """Name the bilateral constraints with a velocity; nothing where none has."""
+    told = [f"{r.name!r:.80} at {r.speed:.3g} m/s or rad/s" for r in rows if moves(r, rest_speed)]
+    if told:
+        warnings.warn(
+            f"bilateral constraints of {robot.name} move: {_listed(told)}. Only their accelerations are prescribed, so they "
+            "move on. Put the velocity onto them, state = rbd.mechanism.project_velocity(state, constraints); or give what they "
+            "move with, on=rbd.Ground(velocity=...); or a larger rest_speed=.",
+            MovingConstraintWarning,
+            stacklevel=stacklevel + 1,
+        )
+
+
 def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bool = False, stacklevel: int) -> None:
     """Warn of contacts that are off their planes, by name.
 
@@ -42,11 +69,18 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
         below_only: Of unilateral contacts, name only those below their planes: others fall onto them.
         stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
     """
-    told = distant(rows, below_only=below_only)
-    if told:
-        more = f" and {len(told) - 6} more" if len(told) > 6 else ""
+    overlapping = [r for r in rows if r.overlaps]
+    if overlapping:
         warnings.warn(
-            f"contacts of {robot.name} are off the ground that they stand on: {', '.join(told[:6])}{more}. Move the robot "
+            f"bodies of {robot.name} are inside each other: {_listed([_deepest(r) for r in overlapping])}. They are computed "
+            "as if they touched. Move one of them, or leave the pair out, pairs=[...].",
+            DistantContactWarning,
+            stacklevel=stacklevel,
+        )
+    told = distant([r for r in rows if not r.overlaps], below_only=below_only)
+    if told:
+        warnings.warn(
+            f"contacts of {robot.name} are off the ground that they stand on: {_listed(told)}. Move the robot "
             "(robot.standing() puts its feet on z = 0), leave out what does not touch, or give the plane: robot.feet(on=0.75), "
             "robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where it is not known.",
             DistantContactWarning,
@@ -54,10 +88,62 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
         )
 
 
+def check_start(robot: CheckedModel, rows: Sequence[Rows], *, stacklevel: int) -> None:
+    """Refuse a motion that begins with bodies deep inside each other; warn of contacts that can break and have no ground.
+
+    Such a contact stands on the plane through its pose at the start. No warning where that is z = 0 to a millimetre.
+
+    Raises:
+        InputError: bodies inside each other by more than `DEEPEST_M`.
+    """
+    deep = [_deepest(r) for r in rows if max((depth for _, depth in r.overlaps), default=0.0) > DEEPEST_M]
+    if deep:
+        raise InputError(
+            f"bodies of {robot.name} are inside each other at the start: {_listed(deep)}; a simulation accepts up to "
+            f"{1e3 * DEEPEST_M:g} mm, as pushing them apart makes energy. Move one of them, or leave the pair out."
+        )
+    told = [f"{r.name!r:.80} on {words}" for r in rows if (words := _own_plane(r))]
+    if told:
+        warnings.warn(
+            f"contacts of {robot.name} have no ground, so each stands where it is at the start: {_listed(told)}. Give the "
+            "ground, on=0.0, on=rbd.Ground(point=..., normal=...), or robot.feet(on=...).",
+            DistantContactWarning,
+            stacklevel=stacklevel,
+        )
+
+
+def _own_plane(r: Rows) -> str:
+    """The plane through a contact's own pose, of one that can break and has no other; empty where it is z = 0."""
+    patch = r.patch
+    if patch is None or patch.on is not None or patch.against is not None or patch.friction is None or not len(patch.corners):
+        return ""
+    if r.error is not None:  # its anchor is on the plane
+        return ""
+    n, p = patch.axes[:, 2], patch.point
+    if np.abs(patch.corners_W[:, 2]).max() <= TOUCHES and n[2] > 0.0:
+        return ""
+    level = f"z = {p[2]:.4g} m" if n[2] > 1.0 - 1e-9 else f"the plane through ({p[0]:.3g}, {p[1]:.3g}, {p[2]:.3g}) m"
+    return level + ("" if n[2] > 1.0 - 1e-9 else f" with the normal ({n[0]:.3g}, {n[1]:.3g}, {n[2]:.3g})")
+
+
+def _deepest(r: Rows) -> str:
+    """How deep two bodies are inside each other, in words."""
+    point, depth = max(r.overlaps, key=lambda each: each[1])
+    which = f" and {len(r.overlaps) - 1} more points" if len(r.overlaps) > 1 else ""
+    return f"{r.name!r:.80} {1e3 * depth:.4g} mm at {point!r:.120}{which}"
+
+
+def _listed(told: Sequence[str]) -> str:
+    """The first six, and how many more."""
+    return ", ".join(told[:6]) + (f" and {len(told) - 6} more" if len(told) > 6 else "")
+
+
 def distant(rows: Sequence[Rows], *, below_only: bool = False) -> list[str]:
     """Contacts that are off their planes, by how much, in words; see `warn_of_distant`."""
     told = []
     for r in rows:
+        if r.overlaps:
+            told.append(_deepest(r))
         gaps = r.gaps_off_plane
         if gaps is None:
             continue

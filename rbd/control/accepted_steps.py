@@ -10,6 +10,7 @@ from typing import Protocol, runtime_checkable
 from rbd.arrays import Array, as_float, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
 INSTANT = 1e-9
@@ -59,6 +60,7 @@ class AcceptedStep(Displayed):
         t: Time [s].
         h: Length of the step [s]; of `DormandPrince8` the longest that it may have. At the end of a motion that of the last.
         contacts: {contact: its points}: of all constraints of the motion that have contact points; computed when it is read.
+        inactive: Names of constraints of the motion that do not act now: switched off by an event, or not yet on.
 
     Example:
         >>> box = rbd.testing.box(mass=10.0)
@@ -79,6 +81,7 @@ class AcceptedStep(Displayed):
     t: float
     h: float
     contacts: Mapping[str, ContactTouch]
+    inactive: frozenset[str] = frozenset()
 
 
 @runtime_checkable
@@ -153,6 +156,16 @@ def hook(controller: object, name: str) -> Callable[..., None] | None:
     raise InputError(
         f"{name} of the controller {controller!r:.80} is {found!r:.80}; expected a method, see rbd.control.SteppedController."
     )
+
+
+def check_model(whose: str, robot: CheckedModel | None) -> None:
+    """Refuse what is no robot as the model of a controller.
+
+    Raises:
+        InputError: naming the controller.
+    """
+    if not (robot is None or isinstance(robot, CheckedModel)):
+        raise InputError(f"robot of {whose} is {robot!r:.80}; expected a robot, rbd.load_robot(...), or None.")
 
 
 def told(controller: object, method: Callable[..., None], *given: AcceptedStep, t: float = 0.0) -> None:

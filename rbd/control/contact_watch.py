@@ -204,6 +204,8 @@ class ContactWatch:
 
         A contact of a body whose collision shapes are told touches with these.
         """
+        if contact.name in step.inactive:
+            return False, False, False
         if contact.name in self._always:
             return True, True, True
         told = step.contacts.get(contact.name)

@@ -36,6 +36,7 @@ import scipy.linalg
 from rbd.arrays import Array, as_float
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.contact_points import Source, Structure, sources_of
+from rbd.control.accepted_steps import AcceptedStep
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -179,6 +180,7 @@ class HoldPosture(Displayed):
     _start: State = field(init=False, repr=False)
     _structures: tuple[Structure, ...] = field(init=False, repr=False)
     _known: dict[bytes, Gains] = field(init=False, repr=False)
+    _off: list[frozenset[str]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.state, State):
@@ -191,7 +193,7 @@ class HoldPosture(Displayed):
         rows_of(still, self.contacts)  # which raises if it is not a list of constraints
         sources = tuple(sources_of(tuple(self.contacts), still))
         start = [source.at(still, 0.0) for source in sources]
-        touching = touching_points([m.gap for m in start])
+        touching = touching_points(sources, still, 0.0)
         torque = hold(still, self.contacts, external=self.external).tau if touching.all() else None
         put = object.__setattr__
         put(self, "contacts", tuple(self.contacts))
@@ -199,6 +201,7 @@ class HoldPosture(Displayed):
         put(self, "_start", still)
         put(self, "_structures", tuple(m.structure for m in start))
         put(self, "_known", {})
+        put(self, "_off", [frozenset()])
         self._known[touching.tobytes()] = self._gains_at(still, self._structures, touching, torque)
 
     def __call__(self, state: State, t: float) -> Array:
@@ -214,6 +217,14 @@ class HoldPosture(Displayed):
         tau = gains.torque + gains.stiffness @ back - gains.damping @ state.v[motors]
         return np.clip(tau, *robot.limits_at(state.v))
 
+    def reset(self) -> None:
+        """A motion begins: no contact is known to be switched off."""
+        self._off[:] = [frozenset()]
+
+    def accepted(self, step: AcceptedStep) -> None:
+        """Notes which contacts are switched off: they do not count as touching."""
+        self._off[:] = [step.inactive]
+
     def gains(self, state: State, t: float = 0.0) -> Gains:
         """Torque, stiffness and damping for the contacts at a state.
 
@@ -222,11 +233,11 @@ class HoldPosture(Displayed):
         """
         if not self.state.robot.is_like(state.robot):
             raise InputError(f"HoldPosture was made for {self.state.robot.name}, and got a state of {state.robot.name}.")
-        touching = touching_points([source.gaps(state, t) for source in self._sources])
+        touching = touching_points(self._sources, state, t, self._off[0])
         if len(touching) != sum(len(s.owners) for s in self._structures):  # points that come and go: those that are there now
             now = [source.at(state, t) for source in self._sources]
             still = state if not state.v.any() else state.with_velocity(state.robot.zero_v)
-            return self._gains_at(still, [m.structure for m in now], touching_points([m.gap for m in now]))
+            return self._gains_at(still, [m.structure for m in now], touching)
         key = touching.tobytes()
         found = self._known.get(key)
         if found is None:  # from the posture, not from earlier states: the same in every run
@@ -246,9 +257,13 @@ class HoldPosture(Displayed):
         return posture_gains(still, rows_at, torque, float(self.frequency), float(self.damping_ratio), self.external)
 
 
-def touching_points(gaps: Sequence[Array]) -> Array:
-    """Which points count as in contact, shape (k,), by the gaps of each source."""
-    return np.concatenate([np.zeros(0), *gaps]) <= TOUCHING
+def touching_points(sources: Sequence[Source], state: State, t: float, off: frozenset[str] = frozenset()) -> Array:
+    """Which points count as in contact, shape (k,): those that are near enough, but of constraints that are switched off."""
+    touching = np.concatenate([np.zeros(0), *[source.gaps(state, t) for source in sources]]) <= TOUCHING
+    if off:
+        owners = [owner for source in sources for owner in source.at(state, t).structure.owners]
+        touching &= ~np.array([owner in off for owner in owners], bool)
+    return touching
 
 
 def holding_points(structure: Structure) -> Array:

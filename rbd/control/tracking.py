@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY, dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -18,7 +18,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_array, as_float
 from rbd.constraints.constraint import Constraint, listed, rows_of
 from rbd.constraints.contact_points import Source, sources_of
-from rbd.control.accepted_steps import AcceptedStep
+from rbd.control.accepted_steps import AcceptedStep, check_model
 from rbd.control.feed_forward import TorqueReference, reference_of, sampled, touching_contacts
 from rbd.control.posture import Gains, holding_points, posture_gains, touching_points
 from rbd.displayed import Displayed
@@ -30,6 +30,16 @@ from rbd.model.state import State
 GAINS_EVERY = 0.1
 """Gains are computed at poses of the reference this far apart [s], and are linear between them."""
 TORQUES = ("exact", "nearest", "weight", "none")
+
+
+class Modelled(NamedTuple):
+    """A motion with the model of a controller in place of its own robot; see `SampledAccelerations`."""
+
+    robot: CheckedModel
+    t: Array
+    q: Array
+    v: Array
+    a: Array
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -52,6 +62,8 @@ class TrackingController(Displayed):
         torques: "exact": inverse dynamics, an error where it has no answer. "nearest": there, the torques of the nearest
             possible acceleration. "weight": those that hold each pose at rest. "none": feedback alone.
         every: Time between computed torques [s], which are linear between them.
+        robot: The model with which it computes, of the same joints as the motion's robot; another such robot can then be
+            simulated, as a heavier one. None: the motion's, and that is simulated.
         reference: The motion at the times of the torques, with the torques.
 
     Raises:
@@ -76,10 +88,12 @@ class TrackingController(Displayed):
     damping: float | Array | None = None
     torques: str = "exact"
     every: float = 5e-3
+    robot: CheckedModel | None = None
     reference: TorqueReference = field(init=False, repr=False)
     _sources: tuple[Source, ...] = field(init=False, repr=False)
     _offsets: Array = field(init=False, repr=False)
     _knots: Array = field(init=False, repr=False)
+    _model: CheckedModel = field(init=False, repr=False)
     _known: dict[tuple[int, bytes], Gains] = field(init=False, repr=False)
     _counts: dict[str, Any] = field(init=False, repr=False)
 
@@ -95,12 +109,17 @@ class TrackingController(Displayed):
             raise InputError(f"damping_ratio of TrackingController is {self.damping_ratio!r:.80}; expected >= 0 (1: critical).")
         if not 1e-5 <= as_float(self.every) < 1e6:
             raise InputError(f"every is {self.every!r:.80}; expected a time of 1e-5 s or more.")
+        check_model("TrackingController", self.robot)
         put = object.__setattr__
+        if self.robot is not None:
+            State(motion.robot, motion.q[0]).on(self.robot)  # which raises if its joints differ
+            motion = Modelled(self.robot, motion.t, motion.q, motion.v, motion.a)
+        put(self, "_model", motion.robot)
         for name in ("stiffness", "damping"):
             put(self, name, _per_motor(name, getattr(self, name), motion.robot.nu))
         if (self.stiffness is None) != (self.damping is None):
             raise InputError("stiffness and damping of TrackingController go together; give both, or neither.")
-        lanes = getattr(motion, "contacts", None) if self.contacts is None else None
+        lanes = getattr(self.motion, "contacts", None) if self.contacts is None else None
         given = (() if lanes is None else lanes.contacts) if self.contacts is None else self.contacts
         contacts = tuple(listed(given))
         samples = sampled(motion, float(self.every))
@@ -133,16 +152,17 @@ class TrackingController(Displayed):
         Raises:
             InputError: a state of another robot.
         """
-        return np.clip(self._wanted(state, t), *self.motion.robot.limits_at(state.v))
+        return np.clip(self._wanted(state, t), *self._model.limits_at(state.v))
 
     def reset(self) -> None:
         """Counts start at zero: a motion begins."""
-        self._counts.update(steps=0, clipped=np.zeros(self.motion.robot.nu, int), any=0)
+        self._counts.update(steps=0, clipped=np.zeros(self._model.nu, int), any=0, off=frozenset())
 
     def accepted(self, step: AcceptedStep) -> None:
         """Counts the motors whose torque is clipped at the beginning of a step."""
-        over = self.motion.robot.torque_use(self._wanted(step.state, step.t), step.state.v) > 1.0
         counts = self._counts
+        counts["off"] = step.inactive
+        over = self._model.torque_use(self._wanted(step.state, step.t), step.state.v) > 1.0
         counts["steps"] += 1
         counts["any"] += bool(over.any())
         counts["clipped"] += over
@@ -160,9 +180,14 @@ class TrackingController(Displayed):
 
     def _wanted(self, state: State, t: float) -> Array:
         """Torques before they are clipped."""
-        robot, ref = self.motion.robot, self.reference
-        if not robot.is_like(state.robot):
-            raise InputError(f"TrackingController was made for {robot.name}, and got a state of {state.robot.name}.")
+        robot, ref = self._model, self.reference
+        if self.robot is not None:
+            state = state.on(self.robot)
+        elif not robot.is_like(state.robot):
+            raise InputError(
+                f"TrackingController was made for {robot.name}, and got a state of {state.robot.name}. To follow with another "
+                "model than that of the robot that is simulated, give it: TrackingController(..., robot=...)."
+            )
         motors, n = robot.motors, len(ref.t)
         i = int(np.clip(np.searchsorted(ref.t, t, side="right") - 1, 0, max(n - 2, 0)))
         back = pin.difference(robot.model, state.q, ref.q[i])[motors]
@@ -185,7 +210,7 @@ class TrackingController(Displayed):
         """Stiffness and damping for the points that touch now: matrices, or one number a motor."""
         if self.stiffness is not None and self.damping is not None:
             return np.asarray(self.stiffness), np.asarray(self.damping)
-        touching = touching_points([source.gaps(state, t) for source in self._sources])
+        touching = touching_points(self._sources, state, t, self._counts["off"])
         at = self.reference.t[self._knots]
         k = int(np.clip(np.searchsorted(at, t, side="right") - 1, 0, len(at) - 1))
         before = self._gains_at(k, touching)
@@ -202,7 +227,7 @@ class TrackingController(Displayed):
         """The gains at a pose of the reference while some points touch; from that pose alone, so the same in every run."""
         key = (knot, touching.tobytes())
         if key not in self._known:
-            pose = State(self.motion.robot, self.reference.q[self._knots[knot]])
+            pose = State(self._model, self.reference.q[self._knots[knot]])
             structures = [source.at(pose, 0.0).structure for source in self._sources]
             none = np.zeros(0, int)
             holding = np.concatenate([none.astype(bool), *[holding_points(s) for s in structures]])

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import KW_ONLY, dataclass, field
+from dataclasses import KW_ONLY, dataclass, field, replace
 
 import numpy as np
 
 from rbd.arrays import Array, as_float
 from rbd.constraints.constraint import Constraint, listed, made, member
-from rbd.control.accepted_steps import INSTANT, AcceptedStep, sample_at
+from rbd.control.accepted_steps import INSTANT, AcceptedStep, check_model, sample_at
 from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.contact_watch import ContactWatch, SeenContacts, frames_of, lifts
 from rbd.control.control_log import ControlLog, ControlStep
@@ -79,6 +79,8 @@ class WholeBodyController(Displayed):
         every: Time between two steps of control [s]; None: every step of the simulation is one.
         contact_damping: k: velocities of contacts decay at this rate [1/s]; well below 1 over the time between two steps.
         early: After this share of a swing, a contact that touches has landed.
+        robot: The model with which it computes, of the same joints; None: the robot that is simulated. With a nominal model a
+            heavier robot, or one with other inertias, shows what the controller makes of its error.
         external: Forces that the torques take into account, as of `rbd.simulate`: springs and dampers, known pushes;
             or a function of state and time that gives them. None: the controller knows of none.
 
@@ -109,6 +111,7 @@ class WholeBodyController(Displayed):
     contact_damping: float = DAMPING
     early: float = 0.5
     external: External | ExternalAt = None
+    robot: CheckedModel | None = None
     _memory: list[_Memory] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -131,6 +134,7 @@ class WholeBodyController(Displayed):
             raise InputError(f"contact_damping is {self.contact_damping!r:.80}; expected a rate >= 0 [1/s].")
         if not 0.0 < as_float(self.early) <= 1.0:
             raise InputError(f"early is {self.early!r:.80}; expected a share of a swing, in (0, 1].")
+        check_model("WholeBodyController", self.robot)
         self.reset()
 
     def reset(self) -> None:
@@ -167,6 +171,8 @@ class WholeBodyController(Displayed):
             )
         memory, robot = self._memory[0], step.state.robot
         self._check_robot(step.state)
+        if self.robot is not None:
+            step = replace(step, state=step.state.on(self.robot))
         if self.every is not None:
             sample = sample_at(step.t, self.every)
             if sample == memory.sample:

@@ -43,6 +43,7 @@
       OpeningContactWarning             a contact separates, and its force is zero
       PoorExcitationWarning             measured motions tell less of some parameters than the model does
       DistantContactWarning             a contact is not on its plane
+      MovingConstraintWarning           a bilateral constraint has a velocity
       RelaxedLimitsWarning              a step of control violates contacts or joint limits by the least
       StudyWarning                      a study ended early, or goes on with what another version computed
 """
@@ -84,6 +85,7 @@ from rbd.errors.warned import (
     JointLimitWarning,
     LoopNotClosedWarning,
     ModelWarning,
+    MovingConstraintWarning,
     NonUniqueMotionWarning,
     NotSteadyWarning,
     OpeningContactWarning,
@@ -115,6 +117,7 @@ __all__ = [
     "ModelWarning",
     "NoSolution",
     "NoSteadyState",
+    "MovingConstraintWarning",
     "NonUniqueMotionWarning",
     "NotAtRest",
     "NotDifferentiable",

@@ -113,6 +113,22 @@ class PoorExcitationWarning(RbdWarning):
     """
 
 
+class MovingConstraintWarning(RbdWarning):
+    """A bilateral constraint moves, J v is not zero: only its acceleration is prescribed, and it moves on at that velocity.
+
+    Example:
+        >>> import warnings
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> turning = arm.at().with_velocity([0.0, 4.0])
+        >>> with warnings.catch_warnings():
+        ...     warnings.simplefilter("error", rbd.errors.MovingConstraintWarning)
+        ...     rbd.solve(turning, [0.0, 0.0], [rbd.JointLock("elbow", "joint_2")])
+        Traceback (most recent call last):
+            ...
+        rbd.errors.MovingConstraintWarning: bilateral constraints of chain move: 'elbow' at 4 m/s or rad/s ...
+    """
+
+
 class OpeningContactWarning(RbdWarning):
     """A contact, or some of its points, separates: its force is zero. `Solution.opening` names it.
 
@@ -128,7 +144,9 @@ class OpeningContactWarning(RbdWarning):
 
 
 class DistantContactWarning(RbdWarning):
-    """A contact is more than a millimetre off its plane; it is solved as if it touched.
+    """A contact is more than a millimetre off its plane, or two bodies inside each other; it is solved as if it touched.
+
+    In `simulate` also: a contact that can break has no ground, and stands on the plane through its first pose.
 
     Example:
         >>> import warnings

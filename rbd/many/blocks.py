@@ -14,7 +14,7 @@ from rbd.least_constraint import posed
 from rbd.many.answers import Sheet
 from rbd.many.states import ManyStates
 from rbd.many.status import StateStatus
-from rbd.many.warned import DISTANT
+from rbd.many.warned import DISTANT, MOVES
 from rbd.prepared.contact_dynamics import DOUBTFUL, Found
 from rbd.prepared.many import BLOCK, METHODS, BlockAnswer, prepared_blocks
 from rbd.problem.problem import BILATERAL, COULOMB, GaussProblem, Law
@@ -100,6 +100,8 @@ def write(sheet: Sheet, part: Array, found: BlockAnswer, methods: Sequence[str])
         sheet.column("residuals", name)[at] = values[good]
     if found.distant.any():
         sheet.column("warned", DISTANT)[at] = found.distant[good]
+    if found.moving.any():
+        sheet.column("warned", MOVES)[at] = found.moving[good]
     for k, name in enumerate(names):
         for kind, arrays in (("forces", found.forces), ("corner_forces", found.corner_forces)):
             sheet.table(kind, name, *arrays[k].shape[1:])[at] = arrays[k][good]

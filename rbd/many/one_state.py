@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from rbd.constraints.distance_warnings import moves
 from rbd.least_constraint import posed, refuse_moving
 from rbd.many.states import ManyStates
-from rbd.many.warned import OPENED, SEVERAL, of_rows
+from rbd.many.warned import MOVES, OPENED, SEVERAL, of_rows
 from rbd.problem.problem import Law
 from rbd.solution import Solution, solution_of
 from rbd.solvers.default import solver_of
@@ -26,7 +27,9 @@ def answer_at(states: ManyStates, i: int, law: Law, rest_speed: float) -> Soluti
 
 def warnings_of(states: ManyStates, solution: Solution) -> list[str]:
     """Of what `rbd.solve` would have warned; torques are looked at for all states at once."""
-    told = of_rows(states.constraints, solution.problem.rows)
+    told, problem = of_rows(states.constraints, solution.problem.rows), solution.problem
+    if any(moves(r, problem.rest_speed) for r in problem.rows):
+        told.append(MOVES)
     if solution.problem.openings:
         told.append(OPENED)
     return [*told, SEVERAL] if solution.others else told

@@ -16,6 +16,7 @@ from rbd.errors import (
     InaccurateWarning,
     JointLimitWarning,
     LoopNotClosedWarning,
+    MovingConstraintWarning,
     NonUniqueMotionWarning,
     OpeningContactWarning,
     RbdWarning,
@@ -25,9 +26,10 @@ from rbd.many.answers import ManyAnswers
 from rbd.many.states import ManyStates
 from rbd.problem.rows import Rows
 
-TORQUE, DISTANT, OPENED, LOOP, SEVERAL, INACCURATE, SPEED, LIMIT = (
+TORQUE, DISTANT, MOVES, OPENED, LOOP, SEVERAL, INACCURATE, SPEED, LIMIT = (
     "a torque is beyond its effort limit",
     "a contact is off its plane",
+    "a bilateral constraint moves",
     "a contact separates and carries no force",
     "a loop is open",
     "more than one motion satisfies the law",
@@ -38,6 +40,7 @@ TORQUE, DISTANT, OPENED, LOOP, SEVERAL, INACCURATE, SPEED, LIMIT = (
 WARNINGS: dict[str, type[RbdWarning]] = {
     TORQUE: EffortLimitWarning,
     DISTANT: DistantContactWarning,
+    MOVES: MovingConstraintWarning,
     OPENED: OpeningContactWarning,
     LOOP: LoopNotClosedWarning,
     SEVERAL: NonUniqueMotionWarning,
@@ -50,7 +53,7 @@ WARNINGS: dict[str, type[RbdWarning]] = {
 
 def of_rows(constraints: Sequence[Constraint], rows: Sequence[Rows]) -> list[str]:
     """Kinds that the rows of one state give."""
-    told = [DISTANT] if any(r.gaps_off_plane is not None for r in rows) else []
+    told = [DISTANT] if any(r.overlaps or r.gaps_off_plane is not None for r in rows) else []
     if any(is_open(constraint, r) for constraint, r in zip(constraints, rows, strict=True)):
         told.append(LOOP)
     return told

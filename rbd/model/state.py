@@ -113,6 +113,21 @@ class State(Displayed):
         """The same configuration with another velocity."""
         return State(self.robot, self.q, v)
 
+    def on(self, robot: CheckedModel) -> State:
+        """The same configuration and velocity of another robot with the same joints, as of a heavier one.
+
+        Raises:
+            InputError: joints or motors differ, in number, name or order; names the first.
+        """
+        if robot is self.robot:
+            return self
+        mine, other = ((*r.model.names, *r.actuated_names, r.nq, r.nv) for r in (self.robot, robot))
+        if mine != other:
+            unlike = ((a, b) for a, b in zip(mine, other, strict=False) if a != b)
+            first = next((f"{a!r:.60} in place of {b!r:.60}" for a, b in unlike), "more of them")
+            raise InputError(f"{self.robot.name} and {robot.name} have different joints or motors: {first}.")
+        return State(robot, self.q, self.v)
+
     def with_joints(self, values: Mapping[str, object]) -> State:
         """The same state with other values of some joints; the rest of q, and v, are unchanged.
 

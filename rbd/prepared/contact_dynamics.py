@@ -41,6 +41,7 @@ class Found(NamedTuple):
         method: What found them.
         steps: Newton's steps.
         worst: Upper bound of its largest scaled residual. Above `SOLVED` the scales themselves have to judge.
+        speed: Largest velocity of a bilateral contact [m/s, rad/s].
     """
 
     a: Array
@@ -49,6 +50,7 @@ class Found(NamedTuple):
     method: str
     steps: int = 0
     worst: float = 0.0
+    speed: float = 0.0
 
 
 class ContactDynamics:
@@ -68,6 +70,7 @@ class ContactDynamics:
         self._turns = [contact.turned for contact in contacts]
         self._turned = any(turn is not None for turn in self._turns)
         self._frictional = [i for i, contact in enumerate(contacts) if contact.friction is not None]
+        self._held = [i for i, contact in enumerate(contacts) if contact.friction is None]
         self.G = self._turn_back(T.G) if self._turned else T.G
         self._pull = np.ascontiguousarray(self.G.T)
         self._least_norm = np.ascontiguousarray(_pseudo_inverse(T) if not self._turned else np.linalg.pinv(self.G))
@@ -143,19 +146,20 @@ class ContactDynamics:
             if held is None or not self.touches(within):
                 return None
             a, forces = held
-            w = None
+            w, speed = None, 0.0 if still or not self._held else max(map(bodies.speed, self._held))
             if not self.bilateral:
                 if not still and max(map(bodies.speed, self._frictional)) > rest_speed:
                     return None
                 w, inside = self.sticking(forces)
                 if not inside:
-                    return self._slipping(q, v, generalised, a, forces, w, coulomb=coulomb, still=still)
+                    found = self._slipping(q, v, generalised, a, forces, w, coulomb=coulomb, still=still)
+                    return found if found is None or not speed else found._replace(speed=speed)
                 forces = self.G.dot(w)  # what is judged are the corner forces
             worst = bodies.stationarity(q, v, a, forces, generalised)
             worst = max(worst, 10.0 * max_abs(bodies.row_accelerations(at_rest=still, turned=False)))
             if not worst <= DOUBTFUL:
                 return None
-            return Found(a, self._in_contact_axes(forces), w, "closed form", 0, worst)
+            return Found(a, self._in_contact_axes(forces), w, "closed form", 0, worst, speed)
 
     def _slipping(
         self, q: Array, v: Array, generalised: Array, a: Array, held: Array, start: Array, *, coulomb: bool, still: bool

@@ -7,7 +7,7 @@ method on the few rows of the bodies; then `pin.rnea`, and the accelerations of 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -51,6 +51,7 @@ class BlockAnswer:
         residuals: {equation: upper bound of its scaled residual, shape (n,)}.
         method: Which of `METHODS` found them, shape (n,).
         distant: Which have a contact off its plane, shape (n,).
+        moving: Which have a bilateral contact with a velocity, shape (n,).
         still: Largest acceleration of a contact point [m/s2], or of a bilateral row, shape (n,).
     """
 
@@ -64,6 +65,7 @@ class BlockAnswer:
     method: Array
     distant: Array
     still: Array
+    moving: Array
 
 
 class ContactBlocks(ContactDynamics):
@@ -101,7 +103,7 @@ class ContactBlocks(ContactDynamics):
             rest_speed: States with a frictional contact that moves faster are not answered [m/s, rad/s].
             mu: Friction of the points at each state, shape (n, k); None: the contacts' own.
         """
-        n, T = len(q), self.force_set
+        n, T, moving = len(q), self.force_set, np.zeros(len(q), bool)
         a, f, w = np.empty(v.shape), np.empty((n, self.bodies.m)), np.zeros((n, T.size))
         method = np.full(n, 0 if self.bilateral else 1, np.int8)
 
@@ -111,6 +113,8 @@ class ContactBlocks(ContactDynamics):
         def judge(i: int, rests: bool) -> None:
             """Row i, where the bodies were held: by which method its forces obey the law, -1 where none does."""
             held = f[i]
+            if not rests and self._held:
+                moving[i] = max(map(speed, self._held)) > rest_speed
             if self.bilateral:
                 return
             if not rests and max(map(speed, self._frictional)) > rest_speed:
@@ -140,7 +144,8 @@ class ContactBlocks(ContactDynamics):
                 stick = method <= 1
                 w[stick] = f[stick] @ self._least_norm.T
             method[~places.independent] = -1
-            return self.judged(q, v, generalised, a, f, w, places, method, coulomb=coulomb, mu=mu)
+            found = self.judged(q, v, generalised, a, f, w, places, method, coulomb=coulomb, mu=mu)
+            return replace(found, moving=moving)
 
     def judged(
         self, q: Array, v: Array, generalised: Array, a: Array, f: Array, w: Array, places: Places, method: Array, *,
@@ -254,7 +259,7 @@ class ContactBlocks(ContactDynamics):
             if contact.plane is not None:
                 corners_W = site.in_joint_axes(contact.corners) @ R.transpose(0, 2, 1) + p[:, None]
                 distant |= (np.abs(contact.plane.distances(corners_W.reshape(-1, 3))).reshape(n, -1) > TOUCHES).any(axis=1)
-        return BlockAnswer(found, a, forces, corners, friction, pressures, residuals, method, distant, still)
+        return BlockAnswer(found, a, forces, corners, friction, pressures, residuals, method, distant, still, np.zeros(n, bool))
 
 
 def prepared_blocks(robot: CheckedModel, contacts: tuple[object, ...]) -> ContactBlocks | None:

@@ -87,6 +87,7 @@ class Rows(Displayed):
             there is an error. A ball that rolls has a height, and no position along the plane: its error is zero there.
         period: The error is known up to whole multiples of this, shape (m,); zero where it is known. None: known everywhere. Of
             a screw on a continuous joint it is the pitch: turns are not counted.
+        overlaps: (name of a point, depth [m]) of the points at which two bodies are inside each other by more than they may be.
 
     Raises:
         InputError: on sizes that do not fit.
@@ -109,6 +110,7 @@ class Rows(Displayed):
     patch: Patch | None = None
     holonomic: Array | None = None
     period: Array | None = None
+    overlaps: tuple[tuple[str, float], ...] = ()
 
     @classmethod
     def unchecked(
@@ -197,6 +199,11 @@ class Rows(Displayed):
         out = object.__new__(type(self))
         out.__dict__.update(self.__dict__, velocity=zeros(len(feedback)), feedback=feedback)
         return out
+
+    @property
+    def touches(self) -> bool:
+        """Whether its corners are on their plane, to `Patch.within`, and no bodies are inside each other."""
+        return not self.overlaps and (self.patch is None or self.patch.touches)
 
     @property
     def gaps_off_plane(self) -> Array | None:

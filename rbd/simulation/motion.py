@@ -64,6 +64,7 @@ class Motion:
         before: Number of the sample times that were before this part of the motion: it begins at an event; None for the first
             part, which begins at a sample time.
         plastic: Speed below which impacts at a switch are plastic [m/s, rad/s].
+        inactive: Names of constraints that do not act in this part of the motion.
     """
 
     robot: CheckedModel
@@ -77,6 +78,7 @@ class Motion:
     search: EventSearch | None = None
     before: int | None = None
     plastic: float = 0.0
+    inactive: frozenset[str] = frozenset()
     _given: list[tuple[ForceElement, ...]] = field(default_factory=list)
     _pushes: list[bool] = field(default_factory=list)
 
@@ -164,7 +166,7 @@ class Motion:
             touches: Gives what touches; called when the controller reads it.
         """
         if self.hook is not None:
-            told(self.controller, self.hook, AcceptedStep(state, t, h, TouchesWhenRead(touches)), t=t)
+            told(self.controller, self.hook, AcceptedStep(state, t, h, TouchesWhenRead(touches), self.inactive), t=t)
 
     def recorded(self, k: int, times: Sequence[float]) -> bool:
         """Whether the k-th sample is recorded: every so many, the last, and one at an event."""

@@ -58,7 +58,7 @@ class Phases:
         if not motion.search:  # nothing is switched
             yield from integrator.run(motion, state, times)
             return
-        part, events, work = replace(motion, constraints=tuple(self._active)), tuple[Event, ...](), (0.0, 0.0, 0.0)
+        part, events, work = self._part(tuple(self._active), None), tuple[Event, ...](), (0.0, 0.0, 0.0)
         while True:
             last: Sample | None = None
             for i, sample in enumerate(integrator.run(part, state, times)):
@@ -88,7 +88,12 @@ class Phases:
             events = (*last.events, *made)
             rest = [] if self.ended else [x for x in self._times if x > t + INSTANT]
             times = [t, *rest]
-            part = replace(motion, constraints=self._placed(), before=len(self._times) - len(rest))
+            part = self._part(self._placed(), len(self._times) - len(rest))
+
+    def _part(self, acting: tuple[Constraint, ...], before: int | None) -> Motion:
+        """The motion from one switch to the next."""
+        off = frozenset(self._motion.names).difference(c.name for c in acting)
+        return replace(self._motion, constraints=acting, before=before, inactive=off)
 
     def _switched(self, stops: Sequence[StateEvent], state: State, t: float) -> tuple[State, list[Event]]:
         """(the state after the switches of events, the touches and ends of contact there)."""

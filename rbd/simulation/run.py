@@ -11,7 +11,7 @@ import numpy as np
 
 from rbd.arrays import as_float, is_finite
 from rbd.constraints.constraint import Constraint, listed, rows_of
-from rbd.constraints.distance_warnings import warn_of_distant, warn_of_limits
+from rbd.constraints.distance_warnings import check_start, warn_of_distant, warn_of_limits
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.accepted_steps import hook, sample_period
 from rbd.control.schedules import Controller, ExternalAt
@@ -77,7 +77,8 @@ def simulate(
 
     A contact with friction whose plane is known (`on=`, the feet of a robot) may start above it, and then falls. With an
     anchor, `anchor=(0, 0, 0)`, the plane goes through that point. Without either it touches at the start, and the plane goes
-    through it there. A bilateral contact off its plane, or any below it, gets a `DistantContactWarning`.
+    through it there, which a `DistantContactWarning` says unless that is z = 0. A bilateral contact off its plane, any below
+    it, and bodies inside each other get such a warning, too; from more than 1 cm inside each other there is no motion.
 
     Args:
         state: Initial configuration and velocity.
@@ -283,7 +284,9 @@ def _motion(
     off = names_of("inactive", inactive)
     check_known("inactive", off, names)
     warn_of_limits(state, given, stacklevel=4)
-    warn_of_distant(state.robot, [r for r in rows if r.name not in off], below_only=True, stacklevel=4)
+    acting = [r for r in rows if r.name not in off]
+    warn_of_distant(state.robot, acting, below_only=True, stacklevel=4)
+    check_start(state.robot, acting, stacklevel=4)
     wanted = events_of(events, names)
     if off and not wanted:
         raise InputError(f"inactive is {off!r:.80}, and no event can switch it on; leave the constraint out, or give events=.")

@@ -44,7 +44,7 @@ def contact_rows(state: State, contacts: Sequence[Constraint], *, stacklevel: in
     check_different([r.name for r in rows], "contacts")
     if stacklevel is not None:
         warn_of_limits(state, contacts, stacklevel=stacklevel + 1)
-        if not all([r.patch is None or r.patch.touches for r in rows]):
+        if not all([r.touches for r in rows]):
             warn_of_distant(state.robot, rows, stacklevel=stacklevel + 1)
     return rows
 

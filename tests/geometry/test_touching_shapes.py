@@ -193,3 +193,27 @@ def test_across_is_a_right_handed_plane(rng):
         n = n / np.linalg.norm(n)
         R = np.vstack([across(n), n])
         assert np.abs(R @ R.T - np.eye(3)).max() < 1e-15 and np.linalg.det(R) > 0.0
+
+
+def test_boxes_that_overlap_by_rounding_have_a_distance():
+    """A box that tips over another's edge: Coal's finest tolerance ends in -1.8e308 m here; the edge is on the box's face."""
+    table, brick = shape_of(coal.Box(1.0, 1.0, 0.3)), shape_of(coal.Box(0.2, 0.2, 0.1))
+    lean = 1.9215385741250376e-04
+    X_1 = pin.SE3(np.eye(3), np.array([1.22719e-14, 0.0, 0.15]))
+    X_2 = pin.SE3(pin.rpy.rpyToMatrix(0.0, lean, 0.0), np.array([4.9544572993417824e-01, 0.0, 3.5000088548688102e-01]))
+    edge = X_2.actInv(X_1.act(np.array([0.5, 0.0, 0.15])))
+    met = meeting(brick, X_2, table, X_1, 1e-3)
+    assert met is not None
+    assert abs(min(c.gap for c in met.crossings) - (-0.05 - edge[2])) < 1e-11
+    assert abs(met.normal @ X_2.rotation[:, 2] - 1.0) < 1e-9
+
+
+@pytest.mark.parametrize("depth", [1e-12, 1e-9, 3e-8, 1e-6, 1e-4, 1e-2])
+def test_the_depth_of_boxes_is_along_the_face_that_is_least_deep(depth):
+    """For any small turn about z; not along another face, 0.7 m away, which Coal names at times."""
+    table, brick = shape_of(coal.Box(1.0, 1.0, 0.3)), shape_of(coal.Box(0.2, 0.2, 0.1))
+    for k in range(20):
+        X = pin.SE3(pin.rpy.rpyToMatrix(0.0, 0.0, 0.1 * k), np.array([0.02 * k, 0.1, 0.2 - depth]))
+        met = meeting(brick, X, table, pin.SE3.Identity(), 1e-3)
+        assert met is not None and abs(met.normal[2] - 1.0) < 1e-9
+        assert abs(min(c.gap for c in met.crossings) + depth) < 1e-12

@@ -123,7 +123,8 @@ def block_thrown_up(brick: rbd.Robot, friction: float, slope: float = math.radia
         return np.array([up @ X.translation, up @ v])
 
     start = free_state(brick, 0.1 * out, (0.0, -slope, 0.0), speed * up)
-    return Case(start, [sole("box", (0.2, 0.2), 0.1, friction)], truth, read)
+    on = rbd.Ground(point=(0.0, 0.0, 0.0), normal=out)
+    return Case(start, [sole("box", (0.2, 0.2), 0.1, friction, on=on)], truth, read)
 
 
 def block_on_belt(brick: rbd.Robot, friction: float = 0.25, speed: float = 2.0) -> Case:

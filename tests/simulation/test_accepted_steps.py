@@ -212,7 +212,8 @@ def test_forces_are_in_world_axes():
     """On a slope of 30 degrees, which holds the box: they add up to its weight."""
     box = rbd.testing.box(mass=10.0)
     R = pin.rpy.rpyToMatrix(0.0, np.pi / 6.0, 0.0)
-    face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.9, on=rbd.Ground(normal=R[:, 2]))
+    slope = rbd.Ground(point=(0, 0, 0), normal=R[:, 2])
+    face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.9, on=slope)
     watch = Watches()
     start = rbd.State(box, np.r_[np.zeros(3), pin.Quaternion(R).coeffs()])
     rbd.simulate(start, [face], duration=0.05, step=0.01, controller=watch)

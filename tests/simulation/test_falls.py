@@ -70,6 +70,7 @@ def test_points_that_cannot_be_near_change_no_bit_of_a_fall(name, monkeypatch, a
             assert np.array_equal(one, other, equal_nan=True)
 
 
+@pytest.mark.filterwarnings("ignore:bodies of solo12 are inside each other")  # the hulls of its trunk and thighs
 def test_pairs_that_cannot_have_come_near_change_no_bit(monkeypatch):
     """Solo12 folds its legs: with all pairs near by their balls asked each time its contacts are the same to the last bit."""
     state, asked = tumbling("solo12"), [0, 0]

@@ -89,7 +89,7 @@ class TestBelt:
         slope, mu = math.radians(30.0), 0.4
         up, out = np.array([math.cos(slope), 0.0, math.sin(slope)]), np.array([-math.sin(slope), 0.0, math.cos(slope)])
         start = free_state(brick, 0.1 * out, (0.0, -slope, 0.0))
-        belt = sole("box", (0.2, 0.2), 0.1, mu, on=rbd.Ground(velocity=tuple(up)))
+        belt = sole("box", (0.2, 0.2), 0.1, mu, on=rbd.Ground(point=(0, 0, 0), normal=tuple(out), velocity=tuple(up)))
         trajectory = rbd.simulate(start, [belt], duration=0.5, step=1e-2, progress=False)
         X, v, w = free_motion(trajectory.state(-1))
         assert up @ v == pytest.approx(-0.5 * G * (math.sin(slope) - mu * math.cos(slope)), abs=1e-10)

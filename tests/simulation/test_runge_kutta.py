@@ -110,7 +110,7 @@ def test_the_same_run_twice_is_the_same_to_the_last_bit(talos):
 
 def test_what_can_break_or_slip_is_refused_by_name(brick):
     """Friction, and a stop that is not reached yet: both want time stepping."""
-    contact = rbd.PointContact("corner", "box", offset=(0.2, 0.2, -0.1), friction=0.5)
+    contact = rbd.PointContact("corner", "box", offset=(0.2, 0.2, -0.1), friction=0.5, on=-0.1)
     with pytest.raises(rbd.errors.Unsupported, match="corner.*TimeStepping"):
         rbd.simulate(brick.at(), [contact], duration=0.1, step=0.01, integrator=rbd.RungeKutta4())
     arm = rbd.load_robot("ur5", root="fixed")

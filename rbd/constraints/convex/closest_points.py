@@ -22,12 +22,19 @@ from rbd.arrays import Array
 from rbd.constraints.convex.few_points import across, spread
 from rbd.constraints.convex.polygons import SAME_M, Point, inside, on_edge, outline, overlap, same
 from rbd.constraints.convex.solids import ConvexShape
+from rbd.errors import NoSolution
 
 NEARLY_ACROSS = 0.99995
-"""A face's normal is tried where its cosine with the nearest direction is above this: 0.6 degrees."""
+"""A face's normal is tried where its cosine with the nearest direction is above this: 0.6 degrees. Of shapes that overlap
+all faces are tried, as Coal's direction can be that of another face, 0.7 m away."""
 IN_TOUCH_M, RETREAT_M = 1e-7, 1e-5
 """For shapes nearer than the first, Coal's normal is off by up to 1e-5, and crossing edges seem to meet at an end: the second
 shape is moved away by the other length, and the distance corrected."""
+TOLERANCES = (1e-12, 1e-10, 1e-8, 1e-6)
+"""Of Coal, the first that gives a distance: where shapes overlap by rounding, finer ones can end in -1.8e308 and NaN. The
+last is Coal's default, by which normals of round shapes are wrong by 1e-3."""
+NO_DISTANCE = 1e100
+"""A distance above this is none [m]."""
 LEVEL_M = 1e-4
 """Points that are less than this behind the nearest one belong to the same face or edge, touching or not."""
 LEANING = 0.1
@@ -154,15 +161,18 @@ def nearest_points(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: p
 
 
 def _by_coal(first: ConvexShape, X_1: pin.SE3, second: ConvexShape, X_2: pin.SE3) -> tuple[float, Array, Array, Array]:
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    request = coal.DistanceRequest()
     request.enable_signed_distance = True
-    # With the default 1e-6, normals of round shapes are wrong by 1e-3; this costs no more.
-    request.gjk_tolerance = request.epa_tolerance = 1e-12
     poses = [X * s.X_JC for X, s in ((X_1, first), (X_2, second))]
     placed = [coal.Transform3s(X.rotation, X.translation) for X in poses]
-    gap = coal.distance(first.coal, placed[0], second.coal, placed[1], request, result)
-    n = -np.array(result.normal, float)
-    return float(gap), n / np.linalg.norm(n), np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+    for tolerance in TOLERANCES:
+        request.gjk_tolerance = request.epa_tolerance = tolerance
+        result = coal.DistanceResult()
+        gap = float(coal.distance(first.coal, placed[0], second.coal, placed[1], request, result))
+        n = -np.array(result.normal, float)
+        if abs(gap) < NO_DISTANCE and 0.5 < float(n @ n) < 2.0:
+            return gap, n / np.linalg.norm(n), np.array(result.getNearestPoint1()), np.array(result.getNearestPoint2())
+    raise NoSolution(f"Coal finds no distance between {first.name!r:.80} and {second.name!r:.80} at this pose.")
 
 
 def _squared(
@@ -178,12 +188,10 @@ def _squared(
         if not len(shape.faces):
             continue
         N = sign * (shape.faces[:, :3] @ X.rotation.T)
-        along = N[int(np.argmax(N @ n))]
-        if along @ n < NEARLY_ACROSS:
-            continue
-        far = parted(along)
-        if far > (most + SAME_M if carrier else most - SAME_M):
-            best, carrier, most = along, number, far
+        for along in N if gap < -IN_TOUCH_M else N[N @ n >= NEARLY_ACROSS]:
+            far = parted(along)
+            if far > (most + SAME_M if carrier else most - SAME_M):
+                best, carrier, most = along, number, far
     return best, carrier, most if carrier else gap
 
 
