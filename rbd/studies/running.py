@@ -73,7 +73,8 @@ def study(
 
     Raises:
         InputError: before work starts: samples, names, executors, functions that cannot be sent or, with `out`,
-            counted, a store of another study; at the first result: what cannot be kept; later: a result of another shape. What was finished stays stored.
+            counted, a store of another study; at the first result: what cannot be kept; later: a result of another
+            shape. What was finished stays stored.
         StudyStopped: a full disk, a chunk that ends each process that computes it, or a warning where the filters make errors
             of warnings; with what was finished.
 
