@@ -154,7 +154,7 @@ def test_a_push_without_a_frame_acts_on_the_heaviest_link():
     """Of Talos the torso, 17.6 kg: the same lines as with --at torso_2_link."""
     code, out, _ = run("stand", "talos", "--push", "0,130,0")
     _, lines, _ = pushed("--push", "0,130,0")
-    assert code == 0 and out.splitlines()[:2] == lines[:2] and "torso_2_link" in out
+    assert code == 1 and out.splitlines()[:2] == lines[:2] and "torso_2_link" in out
 
 
 def test_a_push_that_no_torques_withstand_names_the_limits_and_still_shows_what_happens(tmp_path):
@@ -162,7 +162,7 @@ def test_a_push_that_no_torques_withstand_names_the_limits_and_still_shows_what_
     file = tmp_path / "out.json"
     code, lines, _ = pushed("--push", "0,119,0", "--json", str(file))
     text = " ".join(" ".join(lines).split())
-    assert code == 0 and lines[0] == "No motor torques withstand the push: it tips."
+    assert code == 1 and lines[0] == "No motor torques withstand the push: it tips."
     assert "Together these limits prevent it: the edge of 'left_sole'; the edge of 'right_sole'; the base" in text
     assert (
         "The base misses (0, -" in text and "Below, under the torques of the unpushed pose" in text and "friction used" in text

@@ -167,7 +167,7 @@ def test_a_step_without_a_solution_is_told_with_all_that_was_computed(computed, 
 
 
 def test_after_ctrl_c_what_there_is_is_told(monkeypatch):
-    """A controller that presses Ctrl-C at 10 ms: the tables say so, and the exit code is 0."""
+    """A controller that presses Ctrl-C at 10 ms: the tables say so, and the exit code is 130."""
     original = rbd.simulation.run.simulate
 
     def interrupted(*args, **settings):
@@ -182,7 +182,7 @@ def test_after_ctrl_c_what_there_is_is_told(monkeypatch):
 
     monkeypatch.setattr("rbd.simulation.run.simulate", interrupted)
     code, out, _ = run("solo12", "--duration", "1")
-    assert code == 0 and "ended early" in out and "interrupted at t = 0.01" in out
+    assert code == 130 and "ended early" in out and "interrupted at t = 0.01" in out
 
 
 def test_what_is_set_up_by_itself():

@@ -1,6 +1,7 @@
 """Robots in contact, from the command line.
 
-Exit codes: 0 done, 1 no solution (the message names the limit that prevents it), 2 bad input.
+Exit codes: 0 done, 1 no solution (the message names the limit that prevents it), 2 bad input, 130 interrupted,
+with something left out.
 """
 # Imports are inside commands: --help takes a third of a second.
 
@@ -22,6 +23,7 @@ from rbd.cli.standing import region, stand
 from rbd.cli.study_command import study
 from rbd.cli.terminal import (
     FIGURES,
+    INTERRUPTED,
     PAGES,
     TRAJECTORIES,
     VIDEOS,
@@ -35,7 +37,7 @@ from rbd.cli.terminal import (
     timed,
     write_json,
 )
-from rbd.errors import InputError, ModelWarning, SimulationStopped
+from rbd.errors import InputError, ModelWarning, Reason, SimulationStopped
 from rbd.installation import VERSION
 
 MOST_SAMPLES = 10_000
@@ -58,7 +60,7 @@ def _print_version(wanted: bool) -> None:
 def rbd(
     version_: Annotated[bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print it.")] = False,
 ) -> None:
-    """Robots in contact, from the command line. Exit codes: 0 done, 1 no solution, 2 bad input."""
+    """Robots in contact, from the command line. Exit codes: 0 done, 1 no solution, 2 bad input, 130 interrupted."""
 
 
 app.command()(stand)
@@ -237,6 +239,8 @@ def simulate(
                 serve(console, scene.open())
         if stopped is not None:
             raise stopped
+        if trajectory.end_reason == Reason.INTERRUPTED:
+            raise typer.Exit(INTERRUPTED)
 
 
 @app.command()

@@ -28,6 +28,7 @@ from rbd.cli.options import (
 from rbd.cli.study_command import Running, run_study
 from rbd.cli.terminal import (
     FIGURES,
+    NO_SOLUTION,
     PAGES,
     answering,
     check_outputs,
@@ -75,7 +76,7 @@ def stand(
 
     Finds the motor torques that hold it at rest, applies the push if there is one, finds motion and contact forces under
     the contact law, and prints what each foot carries. Of a push it says first whether any motor torques withstand it, and
-    if none do, which limits prevent it.
+    if none do, which limits prevent it; the exit code is then 1.
 
     With --sweep it answers that question at every combination of the values: a study, as of rbd study. What can be swept:
     posture, friction, at, push.x, push.y, push.z, push (its size along --push), push.angle (in degrees, from x towards y),
@@ -168,6 +169,8 @@ def stand(
         else:
             write_json(json_, report)
             console.print(report)
+        if isinstance(against, CannotHold):
+            raise typer.Exit(NO_SOLUTION)
 
 
 def region(

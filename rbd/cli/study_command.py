@@ -16,7 +16,17 @@ import typer
 from rich.console import Console
 
 from rbd.cli.options import Dask, Out, Resume, Workers
-from rbd.cli.terminal import FIGURES, NO_SOLUTION, answering, check_outputs, open_console, print_path, save_figure, write_json
+from rbd.cli.terminal import (
+    FIGURES,
+    INTERRUPTED,
+    NO_SOLUTION,
+    answering,
+    check_outputs,
+    open_console,
+    print_path,
+    save_figure,
+    write_json,
+)
 from rbd.errors import InputError, ModelWarning, StudyStopped
 
 if TYPE_CHECKING:
@@ -25,8 +35,6 @@ if TYPE_CHECKING:
     from rbd.cli.study_plan import StudyPlan
 
 STORES = (".zarr", ".nc")
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, as of shells."""
 DASK_SECONDS = 10
 """How long a scheduler may take to answer."""
 
@@ -124,7 +132,7 @@ def study(
     imported, and so executed. Nothing else of a study file is.
 
     Ctrl-C keeps what is finished; with --out, the same command and --resume goes on. Exit codes: 0 done, 1 no sample has a
-    result, 2 bad input, 130 ended by Ctrl-C. For example:
+    result, 2 bad input, 130 interrupted, with samples left out. For example:
 
     rbd study push.toml --out push.zarr --png push.png
     """
@@ -148,7 +156,7 @@ def run_study(console: Console, plan: StudyPlan, running: Running) -> None:
         running: Where it is computed and stored; checked.
 
     Raises:
-        typer.Exit: with the code 1 where no sample has a result, 130 after Ctrl-C.
+        typer.Exit: with the code 1 where no sample has a result, 130 after Ctrl-C with samples left out.
         StudyStopped: it ended early; the report of what is done was printed.
         InputError: as `rbd.study`.
     """

@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from rbd.robots.robot import Robot
 
 Command: TypeAlias = Callable[..., None]
-NO_SOLUTION, BAD_INPUT = 1, 2
+NO_SOLUTION, BAD_INPUT, INTERRUPTED = 1, 2, 130
+"""Exit codes; 130, as of shells, where Ctrl-C left something out."""
 WIDTH = 140
 """Width for files and pipes: tables cut at 80 columns would lose numbers."""
 PAGES, FIGURES, TRAJECTORIES, VIDEOS = (".html", ".htm"), (".png", ".svg", ".pdf"), (".npz", ".nc"), (".mp4", ".gif")

@@ -72,8 +72,9 @@ def study(
         it is used.
 
     Raises:
-        InputError: before work starts: samples, names, executors, functions that cannot be sent, a store of another study; at
-            the first result: what cannot be kept; later: a result of another shape. What was finished stays stored.
+        InputError: before work starts: samples, names, executors, functions that cannot be sent or, with `out`,
+            counted, a store of another study; at the first result: what cannot be kept; later: a result of another
+            shape. What was finished stays stored.
         StudyStopped: a full disk, a chunk that ends each process that computes it, or a warning where the filters make errors
             of warnings; with what was finished.
 
@@ -94,7 +95,10 @@ def study(
     path, found = checked_path(out), samples_of(samples)
     evaluation = Evaluation(bound(function, found), keep, _seed(seed), bool(batched))
     check_all(evaluation, executor, chunk, found)
-    store = store_of(path, found, attributes_of(function, found, keep=keep, seed=evaluation.seed, batched=evaluation.batched))
+    attributes = attributes_of(
+        function, found, keep=keep, seed=evaluation.seed, batched=evaluation.batched, stored=path is not None
+    )
+    store = store_of(path, found, attributes)
     with Interruption() as interruption:
         try:
             _tell(store, progress)

@@ -357,6 +357,24 @@ def test_modules_that_processes_lack_are_named(workers, tmp_path, monkeypatch):
         filled(Evaluation(far_away.f), grid(x=[1.0, 2.0]), workers)
 
 
+@pytest.mark.parametrize("options", [[], ["-W", "always"]])
+def test_processes_do_not_repeat_what_the_script_warned_of(options, tmp_path):
+    """Each imports the script, and with it loads its robots; only the first process tells what is wrong with files."""
+    (tmp_path / "loads.py").write_text(
+        "import warnings, rbd\n"
+        "warnings.warn('inertia of a file', rbd.errors.ModelWarning)\n"
+        "def twice(x):\n"
+        "    warnings.warn('odd')\n"
+        "    return 2 * x\n"
+        "if __name__ == '__main__':\n"
+        "    rbd.study(twice, rbd.grid(x=[1.0, 2.0, 3.0]), executor=2, chunk=1, progress=False)\n"
+    )
+    call = [sys.executable, *options, "loads.py"]
+    told = subprocess.run(call, cwd=tmp_path, capture_output=True, text=True, check=True).stderr
+    assert told.count("ModelWarning: inertia of a file") == 1
+    assert told.count("UserWarning: odd [3 of 3 calls warn so") == 1
+
+
 def test_warnings_are_told_once_a_kind(workers):
     """With their numbers and the first sample, wherever computed; filters that make errors of them change no row."""
     samples, evaluation = grid(x=np.arange(20.0)), Evaluation(studied.warned)

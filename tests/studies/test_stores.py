@@ -170,22 +170,36 @@ def test_pieces_are_runs_of_samples_and_rectangles():
             assert {pieces.number(i) for i in range(a, b)} == {k}
 
 
+class FillsDisk:
+    """A function after whose sixth call no file can be written."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch | None = None) -> None:
+        self.calls: list[float] = []
+        self.monkeypatch = monkeypatch
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Its calls are no part of what it computes."""
+        return FillsDisk, ()
+
+    def __call__(self, x: float) -> float:
+        """Twice the argument."""
+        self.calls.append(x)
+        if len(self.calls) == 6 and self.monkeypatch is not None:
+            for module in ("zarr_files", "netcdf_store"):
+                self.monkeypatch.setattr(f"rbd.studies.stores.{module}.write_file", full)
+        return 2 * x
+
+
+def full(path: Path, write: Any, error: type = InputError) -> None:
+    """Writes nothing: the disk is full."""
+    raise error("no") from OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_full_disk_ends_a_study_with_what_is_done(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """It says so, carries the dataset of what is stored, and the same call goes on."""
     real, path = zarr_files.write_file, tmp_path / name
-    calls: list[float] = []
-
-    def f(x: float) -> float:
-        calls.append(x)
-        if len(calls) == 6:
-            for module in ("zarr_files", "netcdf_store"):
-                monkeypatch.setattr(f"rbd.studies.stores.{module}.write_file", full)
-        return 2 * x
-
-    def full(path: Path, write: Any, error: type = InputError) -> None:
-        raise error("no") from OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-
+    f = FillsDisk(monkeypatch)
     monkeypatch.setattr(pacing, "SHARE", 0.0)
     monkeypatch.setattr(pacing.Pacing, "changed", lambda self, now=False: (setattr(self, "_changed", True), self.write()))
     samples = rbd.grid(x=np.arange(10.0))
@@ -199,9 +213,9 @@ def test_a_full_disk_ends_a_study_with_what_is_done(name: str, tmp_path: Path, m
     assert kept.value.values[:5].tolist() == [0, 2, 4, 6, 8]
     for module in ("zarr_files", "netcdf_store"):
         monkeypatch.setattr(f"rbd.studies.stores.{module}.write_file", real)
-    calls[:] = [0.0] * 10
+    f.calls[:] = [0.0] * 10
     again = rbd.study(f, samples, executor=0, out=path)
-    assert again.ok.all() and calls[10:] == [5, 6, 7, 8, 9] and "interrupted" not in again.attrs
+    assert again.ok.all() and f.calls[10:] == [5, 6, 7, 8, 9] and "interrupted" not in again.attrs
 
 
 def test_results_that_change_shape_end_a_study_and_keep_what_is_done(tmp_path: Path):

@@ -125,9 +125,12 @@ def source_of(function: types.FunctionType) -> str:
     try:
         return textwrap.dedent(inspect.getsource(function)).strip()
     except (OSError, TypeError):
-        code = function.__code__
-        constants = [x.co_code.hex() if isinstance(x, types.CodeType) else repr(x) for x in code.co_consts]
-        return f"{code.co_code.hex()} {constants} {code.co_names} {code.co_varnames}"
+        return _of_code(function.__code__)
+
+
+def _of_code(code: types.CodeType) -> str:
+    constants = [_of_code(x) if isinstance(x, types.CodeType) else hash_of(x) for x in code.co_consts]
+    return f"{code.co_code.hex()} {constants} {code.co_names} {code.co_varnames}"
 
 
 def _name(value: Any) -> str:

@@ -1,25 +1,28 @@
-"""What a function is: a hash of its source, of functions of its module that it calls, and of the values that it uses."""
+"""What a function is: a hash of its code and of all that it would take along to another process."""
 
 from __future__ import annotations
 
 import ast
+import copyreg
 import functools
-import hashlib
 import inspect
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import is_dataclass
-from types import CodeType, FunctionType, MethodType, ModuleType
+from dataclasses import fields, is_dataclass
+from types import CellType, CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
 from typing import Any
 
 import numpy as np
 
 from rbd.errors import InputError
-from rbd.studies.provenance.fingerprint import add, hash_of, source_of
+from rbd.model.travelling import Travelling
+from rbd.studies.provenance.fingerprint import hash_of, source_of
 
-CHANGING = {"append", "add", "clear", "discard", "extend", "insert", "pop", "remove", "setdefault", "update"}
-"""Methods that change a collection."""
+LEAVES = (bool, int, float, complex, str, bytes, bytearray, np.generic, Travelling, ModuleType)
+"""What is a value, or counts by its digest or name: `hash_of` reads it."""
+OF_CLASSES = {"__dict__", "__weakref__", "__doc__", "_abc_impl"}
+"""What Python puts into classes, that computes nothing."""
 
 
 def name_of(function: Any) -> str:
@@ -34,139 +37,173 @@ def name_of(function: Any) -> str:
 def function_hash(function: Callable[..., Any]) -> str:
     """A hash that is the same in every process for the same function, and differs where it computes something else.
 
-    It covers the source without comments and docstrings, defaults, values in closures, bound arguments, functions and classes
-    of its own module that are used, and values of that module that are numbers, text, arrays or collections of those, or that
-    tell how they are made (`__reduce__`, as robots and states do). Other modules, and functions of `rbd` itself, count by their
-    names: versions stand beside results.
+    It covers what pickling by value would send: the source without comments and docstrings, defaults, values in closures, bound
+    arguments, the object of a method, with all attributes, functions and classes of its own module that are used, with class
+    attributes, and the values of that module that are used, as they are now. Robots count by their digests, other objects by
+    what `pickle` sends of them, less what is computed when it is read. Other modules, and functions of `rbd` itself, count by
+    their names: versions stand beside results.
+
+    Args:
+        function: What is called with the values of a sample.
+
+    Raises:
+        InputError: it uses what has no content, such as a lock or an open file; names the way to it.
     """
-    found = _Hash()
-    found.add(function)
-    return found.sha.hexdigest()
+    return _Walk().digest(function, name_of(function).rpartition(".")[2])
 
 
-class _Hash:
-    """A hash of functions, with all that they use."""
+class _Walk:
+    """Digests of a function and of all that it uses, each computed once."""
 
     def __init__(self) -> None:
-        self.sha = hashlib.sha256()
-        self._seen: dict[int, int] = {}
+        self._known: dict[int, str] = {}
+        self._above: list[int] = []
         self._alive: list[Any] = []
 
-    def add(self, x: Any) -> None:
-        """Add a function, a class or a value of any kind."""
-        if id(x) in self._seen:
-            add(self.sha, f"again {self._seen[id(x)]}")
-            return
-        if isinstance(x, functools.partial):
-            self._all("partial", (x.func, *x.args, *(part for pair in sorted(x.keywords.items()) for part in pair)))
+    def digest(self, x: Any, path: str) -> str:
+        """Of a function, a class or a value of any kind; `path` is the way to it."""
+        if x is None or isinstance(x, LEAVES) or (isinstance(x, np.ndarray) and x.dtype.kind in "biufcSUmM"):
+            return hash_of(x)
+        if id(x) in self._known:
+            return self._known[id(x)]
+        if id(x) in self._above:
+            return f"again {self._above.index(id(x))}"
+        self._above.append(id(x))
+        self._alive.append(x)  # so that no other object gets its id
+        found = self._known[id(x)] = hash_of(list(self._parts(x, path)))
+        self._above.pop()
+        return found
+
+    def _parts(self, x: Any, path: str) -> Iterator[str]:
+        """The kind of an object, and digests of what it is made of."""
+        if isinstance(x, FunctionType):
+            yield from self._function(x, path)
+        elif isinstance(x, type):
+            yield from self._class(x, path)
         elif isinstance(x, MethodType):
-            self._all("method", (x.__func__, x.__self__))
-        elif isinstance(getattr(x, "__wrapped__", None), FunctionType) and not isinstance(x, FunctionType):  # functools.cache
-            self._all(f"wrapped by {name_of(type(x))}", (x.__wrapped__,))
-        elif isinstance(x, FunctionType | type):
-            self._seen[id(x)] = len(self._seen)
-            self._alive.append(x)  # so that no other object gets its id
-            self._function(x) if isinstance(x, FunctionType) else self._class(x)
-        elif _keeps_values(x):
-            self._object(x)
+            yield from ("method", self.digest(x.__self__, f"{path}.self"), self.digest(x.__func__, path))
+        elif isinstance(x, staticmethod | classmethod) or isinstance(getattr(x, "__wrapped__", None), FunctionType):
+            yield from (f"wrapped by {name_of(type(x))}", self.digest(x.__wrapped__, path))  # functools.cache, Numba
+        elif isinstance(x, property):
+            yield from ("property", *(self.digest(f, path) for f in (x.fget, x.fset, x.fdel)))
+        elif isinstance(x, functools.cached_property):
+            yield from ("cached property", self.digest(x.func, path))
+        elif isinstance(x, functools.partial):
+            yield from ("partial", self.digest(x.func, path), *self._each(x.args, path), *self._named(x.keywords, path))
+        elif isinstance(x, dict | MappingProxyType) and type(x) in (dict, MappingProxyType):
+            yield from ("mapping", *self._items(x, path))
+        elif type(x) in (list, tuple):
+            yield from (type(x).__name__, *self._each(x, path))
+        elif isinstance(x, set | frozenset):
+            yield from (name_of(type(x)), *sorted(self._each(x, path)), *self._named(getattr(x, "__dict__", {}), path))
+        elif isinstance(x, np.ndarray):
+            yield from ("objects", f"{x.dtype} {x.shape}", *self._each(x.ravel().tolist(), path))
+        elif is_dataclass(x) and _by_name(type(x)) and type(x).__reduce__ is object.__reduce__:
+            yield from (name_of(type(x)), *self._named({f.name: getattr(x, f.name) for f in fields(x)}, path))
         else:
-            self._value(x)
+            yield from self._object(x, path)
 
-    def _all(self, what: str, values: Iterable[Any]) -> None:
-        values = list(values)
-        add(self.sha, f"{what} {len(values)}")
-        for each in values:
-            self.add(each)
+    def _each(self, values: Iterable[Any], path: str) -> Iterator[str]:
+        yield from (self.digest(value, f"{path}[{i}]") for i, value in enumerate(values))
 
-    def _value(self, x: Any) -> None:
+    def _items(self, x: Mapping[Any, Any], path: str) -> Iterator[str]:
+        keyed = sorted(((self.digest(key, path), key) for key in x), key=lambda pair: pair[0])
+        for key_digest, key in keyed:
+            yield from (key_digest, self.digest(x[key], f"{path}[{key!r:.40}]"))
+
+    def _named(self, x: Mapping[str, Any], path: str) -> Iterator[str]:
+        for name in sorted(x):
+            yield from (name, self.digest(x[name], f"{path}.{name}"))
+
+    def _object(self, x: Any, path: str) -> Iterator[str]:
+        """What `pickle` sends of an object: the function that makes it, arguments, state, entries."""
+        for name in ("stdout", "stderr"):
+            if x is getattr(sys, name):
+                yield name
+                return
+        kind = type(x)
         try:
-            add(self.sha, hash_of(x))
-        except InputError:  # an open file, a lock
-            add(self.sha, name_of(type(x)))
-
-    def _object(self, x: Any) -> None:
-        """An object of a user's class: its class, and the plain values that it has."""
-        self.add(type(x))
-        for name, value in sorted(vars(x).items()):
-            if not name.startswith("_") and _is_plain(value):
-                add(self.sha, name)
-                add(self.sha, value)
-
-    def _function(self, x: FunctionType) -> None:
-        add(self.sha, f"function {name_of(x)}")
-        if _by_name_only(x.__module__):
+            registered: Any = copyreg.dispatch_table.get(kind)
+            sent: Any = registered(x) if registered else x.__reduce_ex__(4)
+        except Exception as error:  # whatever a foreign class raises where it cannot be sent
+            raise InputError(
+                f"{path} is a {kind.__module__}.{kind.__qualname__}, which has no content that could be counted "
+                f"({error!s:.200}), so a store could go on with another one. Create it inside the function, give what it is "
+                "made of, or define __reduce__ in its class; without out= the study runs as it is."
+            ) from error
+        yield f"object of {name_of(kind)}"
+        if isinstance(sent, str):
+            yield f"{getattr(x, '__module__', '')} {sent}"
             return
-        self._source(x)
-        self._all("defaults", (x.__defaults__, x.__kwdefaults__))
-        changes = _may_change_values(x.__code__)
+        make, arguments, state, entries, pairs = (*sent, None, None, None)[:5]
+        yield from (self.digest(make, path), self.digest(kind, path), self.digest(arguments, path))
+        for part in state if isinstance(state, tuple) else (state,):
+            if isinstance(part, dict) and all(isinstance(name, str) for name in part):
+                yield from self._named({name: part[name] for name in part if not _is_computed(kind, name)}, path)
+            else:
+                yield self.digest(part, path)
+        yield from self._each(entries or (), path)
+        yield from self._items(dict(pairs or ()), path)
+
+    def _function(self, x: FunctionType, path: str) -> Iterator[str]:
+        yield f"function {name_of(x)}"
+        if _by_name(x) and "<" not in x.__qualname__:
+            return
+        yield from (self.digest(x.__defaults__, path), self.digest(x.__kwdefaults__, path))
         for name, cell in zip(x.__code__.co_freevars, x.__closure__ or (), strict=True):
-            add(self.sha, name)
-            try:
-                self._used(cell.cell_contents, changes)
-            except ValueError:  # not yet assigned
-                add(self.sha, "empty")
-        wrapped = getattr(x, "__wrapped__", None)
-        if wrapped is not None:
-            self.add(wrapped)
+            yield from (name, self.digest(cell.cell_contents, f"{path}.{name}") if _is_set(cell) else "empty")
+        yield from self._named(vars(x), path)  # what it wraps, and what it keeps as attributes
+        if _by_name(x):
+            return
+        yield self._source(x)
         for name in sorted(set(_names(x.__code__)) & x.__globals__.keys()):
             value = x.__globals__[name]
-            add(self.sha, name)
-            if isinstance(value, FunctionType | type) and value.__module__ != x.__module__:
-                add(self.sha, name_of(value))
-            else:
-                self._used(value, changes)
+            foreign = (
+                isinstance(value, FunctionType | type) and value.__module__ != x.__module__ and "<" not in value.__qualname__
+            )
+            yield from (name, name_of(value) if foreign else self.digest(value, f"{path}.{name}"))
 
-    def _used(self, value: Any, changes: bool) -> None:
-        """A value from outside a function; where the function may fill collections, such as a list of calls, not theirs."""
-        if changes and isinstance(value, list | dict | set):
-            add(self.sha, type(value).__name__)
-        else:
-            self.add(value)
-
-    def _class(self, x: type) -> None:
-        add(self.sha, f"class {name_of(x)}")
-        if _by_name_only(x.__module__):
+    def _class(self, x: type, path: str) -> Iterator[str]:
+        yield f"class {name_of(x)}"
+        if _by_name(x):
             return
-        try:
-            add(self.sha, _plain(inspect.getsource(x)))
-        except (OSError, TypeError, SyntaxError):
-            own = {name: each for name, each in vars(x).items() if isinstance(each, FunctionType) or name[:2] != "__"}
-            self._all("members", (part for pair in sorted(own.items()) for part in pair))
+        yield from (self.digest(base, path) for base in x.__bases__)
+        members = {
+            name: value
+            for name, value in vars(x).items()
+            if name not in OF_CLASSES and not inspect.isgetsetdescriptor(value) and not inspect.ismemberdescriptor(value)
+            and (name[:2] != "__" or isinstance(value, FunctionType))
+        }  # fmt: skip
+        yield from self._named(members, path)
 
-    def _source(self, function: FunctionType) -> None:
+    def _source(self, function: FunctionType) -> str:
         try:
-            add(self.sha, _plain(inspect.getsource(function), lambda_only=function.__name__ == "<lambda>"))
+            return _plain(inspect.getsource(function), lambda_only=function.__name__ == "<lambda>")
         except (OSError, TypeError, SyntaxError, ValueError):  # typed in, or several on one line
-            add(self.sha, source_of(function))
+            return source_of(function)
 
 
-def _keeps_values(x: Any) -> bool:
-    """Whether an object has attributes that may be computed when they are first read: none that says how it is pickled."""
-    kind = type(x)
-    default = kind.__reduce__ is object.__reduce__ and kind.__reduce_ex__ is object.__reduce_ex__
-    return default and hasattr(x, "__dict__") and not is_dataclass(x) and not isinstance(x, ModuleType)
+def _is_computed(kind: type, name: str) -> bool:
+    """Whether an attribute is computed when it is first read."""
+    return isinstance(inspect.getattr_static(kind, name, None), functools.cached_property)
 
 
-def _is_plain(x: Any) -> bool:
-    """Numbers, text, arrays, and collections of those: not what an object computes and keeps."""
-    if isinstance(x, Mapping):
-        return all(_is_plain(each) for pair in x.items() for each in pair)
-    if isinstance(x, list | tuple):
-        return all(_is_plain(each) for each in x)
-    return x is None or isinstance(x, bool | int | float | complex | str | bytes | np.generic | np.ndarray)
+def _is_set(cell: CellType) -> bool:
+    try:
+        cell.cell_contents  # noqa: B018  an empty cell raises
+    except ValueError:
+        return False
+    return True
 
 
-def _by_name_only(module: str | None) -> bool:
-    """Whether code of a module counts by its name: of this package, Python's, and of what is installed."""
-    top = (module or "").partition(".")[0]
+def _by_name(x: Any) -> bool:
+    """Whether a function or a class counts by its name: of this package, Python's, and of what is installed."""
+    module = x.__module__ or ""
+    top = module.partition(".")[0]
     if top in ("rbd", "builtins") or top in sys.stdlib_module_names:
         return top != "__main__"
-    file = getattr(sys.modules.get(module or ""), "__file__", None) or ""
+    file = getattr(sys.modules.get(module), "__file__", None) or ""
     return "site-packages" in file or "dist-packages" in file
-
-
-def _may_change_values(code: CodeType) -> bool:
-    return bool(CHANGING & set(_names(code)))
 
 
 def _names(code: CodeType) -> Iterator[str]:

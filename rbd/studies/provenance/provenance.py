@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from rbd.compiled import in_use
 from rbd.errors import InputError
 from rbd.installation import VERSION as VERSION_OF_RBD
 from rbd.studies.kept.variable import storable
@@ -39,6 +40,7 @@ def attributes_of(
     keep: Keep,
     seed: int,
     batched: bool,
+    stored: bool,
 ) -> dict[str, Any]:
     """What a study is of, and what computes it, as text and numbers that zarr and netCDF can write.
 
@@ -48,17 +50,21 @@ def attributes_of(
         keep: What is kept of results.
         seed: Root of the seeds.
         batched: Whether the function takes arrays over samples.
+        stored: Whether there is a store, which must know its function again.
+
+    Raises:
+        InputError: a function of a stored study that uses what cannot be counted; names it.
     """
     name, now = name_of(function), _now()
     return {
         "title": f"{name} at {len(samples):,} samples",
         "format": f"{FORMAT} {VERSION}",
         "function": name,
-        "function_sha256": function_hash(function),
+        "function_sha256": _identity(function, stored),
         "samples": " x ".join(f"{n:,} {dim}" for dim, n in samples.dims.items()) or "1",
         "samples_sha256": samples.digest(),
         "seed": seed if abs(seed) < 2**31 else str(seed),
-        "keep": kept_as_text(keep),
+        "keep": kept_as_text(keep, stored=stored),
         "batched": "yes" if batched else "no",
         "versions": versions(),
         "machine": machine(),
@@ -68,16 +74,31 @@ def attributes_of(
     }
 
 
-def kept_as_text(keep: Keep) -> str:
+def _identity(function: Callable[..., Any], stored: bool) -> str:
+    """The hash of a function; of a study without a store that uses what cannot be counted, what that is."""
+    try:
+        return function_hash(function)
+    except InputError as error:
+        if stored:
+            raise
+        return f"cannot be counted: {error}"
+
+
+def kept_as_text(keep: Keep, *, stored: bool = True) -> str:
     """What is kept: names, each function with its hash; "default" where nothing is said."""
     found = Wanted(keep)
     names = ("default",) if found.names is None else found.names
-    return ", ".join((*names, *(f"{name} by {name_of(f)} {function_hash(f)[:16]}" for name, f in found.functions.items())))
+    return ", ".join((*names, *(f"{name} by {name_of(f)} {_identity(f, stored)[:16]}" for name, f in found.functions.items())))
+
+
+def versions() -> str:
+    """Python and the packages on which results depend, each with its version; and whether arithmetic is compiled."""
+    return f"{_packages()}, {'compiled' if in_use() else 'not compiled'} arithmetic"
 
 
 @cache
-def versions() -> str:
-    """Python and the packages on which results depend, each with its version."""
+def _packages() -> str:
+    """Python and the packages, each with its version."""
     found = [f"rbd {VERSION_OF_RBD}", f"python {platform.python_version()}"]
     for package in PACKAGES:
         try:
@@ -126,7 +147,7 @@ def check_same(old: Mapping[str, Any], new: Mapping[str, Any], path: str) -> Non
     texts = {
         "function": f"the function is {new['function']}, and was {old.get('function')}",
         "function_sha256": f"{new['function']} has changed: its source, a function of its module that it calls, or a value "
-        "that it uses",
+        "that it uses, as they are when the study starts",
         "samples_sha256": f"the samples are others ({new['samples']}; the store has {old.get('samples')})",
         "seed": f"seed is {new['seed']}, and was {old.get('seed')}",
         "keep": f"keep is {new['keep']!r:.200}, and was {old.get('keep')!r:.200}",

@@ -6,6 +6,7 @@ import multiprocessing
 import multiprocessing.connection
 import os
 import signal
+import sys
 import threading
 import time
 from collections import deque
@@ -262,14 +263,19 @@ def _cause_of(code: int | None) -> str:
 
 @contextmanager
 def _child_environment() -> Iterator[None]:
-    """What a process inherits that is started within: one BLAS thread, and SIGINT blocked, as Ctrl-C is for its parent."""
+    """What a process inherits that is started within: one BLAS thread, and SIGINT blocked, as Ctrl-C is for its parent.
+
+    It shows no warnings as it imports the script: its parent did. Those of the function are recorded, whatever the filters.
+    """
     with _STARTING:
         before = {name: os.environ.get(name) for name in (*ONE_THREAD, MARK)}
         blocked = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
         os.environ.update(ONE_THREAD | {MARK: "1"})
+        options, sys.warnoptions = sys.warnoptions, [*sys.warnoptions, "ignore"]
         try:
             yield
         finally:
+            sys.warnoptions = options
             for name, value in before.items():
                 if value is None:
                     os.environ.pop(name, None)
