@@ -53,8 +53,8 @@ def warn_of_moving(robot: CheckedModel, rows: Sequence[Rows], rest_speed: float,
     if told:
         warnings.warn(
             f"bilateral constraints of {robot.name} move: {_listed(told)}. Only their accelerations are prescribed, so they "
-            "move on. Put the velocity onto them, state = rbd.mechanism.project_velocity(state, constraints); or give what they "
-            "move with, on=rbd.Ground(velocity=...); or a larger rest_speed=.",
+            "move on. Put the velocity onto them, state = rbd.mechanism.project_velocity(state, constraints); or give what "
+            "they move with, on=rbd.Ground(velocity=...); or a larger rest_speed=.",
             MovingConstraintWarning,
             stacklevel=stacklevel + 1,
         )
