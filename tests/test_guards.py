@@ -967,6 +967,7 @@ CASES: dict[str, Case] = {
     "Robot.with_gravity": Case(
         lambda gravity: rbd.State(BOLT.with_gravity(gravity), STATE.q).h, {"gravity": (0.5, 0.0, -9.0)}, 20
     ),
+    "State.on": Case(lambda robot: STATE.on(robot), {"robot": BOLT}),
     "State.with_joints": Case(
         lambda values, angle: (STATE.with_joints(values), STATE.with_joints({list(BOLT.joints)[3]: angle})),
         {"values": {"root_joint": STATE.q[:7]}, "angle": 0.3},

@@ -167,7 +167,7 @@ def _refuse_other_torques(posed: Setup, equations: Equations) -> None:
     )
 
 
-def _warn_dead_motors(given: Sequence[MeasuredMotion]) -> None:
+def _warn_dead_motors(given: tuple[MeasuredMotion, ...]) -> None:
     """Say which motors have no torque in any frame, though the model needs one."""
     robot, torques = given[0].robot, [x.tau for x in given if x.tau is not None]
     if not torques or not robot.nu:

@@ -25,6 +25,8 @@ LARGEST = 1e-3
 """Largest change of the balance, over the largest kinetic energy so far, that needs no warning."""
 STILL = 1e-9
 """Changes up to this, over the work of the weight along the robot's size, are tolerances of contacts and rounding."""
+BEGINS = 1e-4
+"""A kinetic energy below this, over the weight times a metre, counts as this: a robot that begins to move has hardly any."""
 FAST = 0.1
 """Steps of this over the fastest rate of a motion are short."""
 _WEIGHS = 10.0
@@ -53,7 +55,8 @@ def unbalanced(x: Fields, by: Integrator) -> str:
     order = getattr(by, "order", None)
     change, largest = x["residuals"][ENERGY.name], np.maximum.accumulate(x["kinetic"])
     at_work = np.abs([x[name] for name in ("elastic", "dissipated", "motor_work")]).max() + np.ptp(x["potential"])
-    above = np.flatnonzero(np.abs(change) > LARGEST * largest + STILL * (at_work + _WEIGHS * x["robot"].mass))
+    weighs = _WEIGHS * x["robot"].mass
+    above = np.flatnonzero(np.abs(change) > LARGEST * np.maximum(largest, BEGINS * weighs) + STILL * (at_work + weighs))
     if not len(above):
         return ""
     first, share = int(above[0]), np.abs(change) / np.maximum(largest, 1e-300)

@@ -97,7 +97,8 @@ class TestClosedForms:
         q = np.repeat(g1.standing().q[None], 6, axis=0)
         a = np.zeros((6, g1.nv))
         a[:, 2] = -2.0 * 9.81
-        report = check_motion(Motion.of_arrays(g1, np.arange(6) / RATE, q, np.zeros((6, g1.nv)), a), self_collision=False)
+        frames = Motion.of_arrays(g1, np.arange(6) / RATE, q, np.zeros((6, g1.nv)), a, trust=True)  # each by itself
+        report = check_motion(frames, self_collision=False)
         assert np.allclose(report.missing[:, 2], -g1.mass * 9.81, rtol=1e-6)
         assert report.of_cause("floats").all() and not report.of_cause("friction").any() and not report.of_cause("tips").any()
 
@@ -112,7 +113,7 @@ class TestClosedForms:
         a = np.zeros((6, g1.nv))
         a[:, 1] = pull * 9.81  # the base's y is W's
         report = check_motion(
-            Motion.of_arrays(g1, np.arange(6) / RATE, q, np.zeros((6, g1.nv)), a), friction=mu, self_collision=False
+            Motion.of_arrays(g1, np.arange(6) / RATE, q, np.zeros((6, g1.nv)), a, trust=True), friction=mu, self_collision=False
         )
         least = (pull - mu) / np.sqrt(1.0 + mu**2)
         assert (report.missing_scaled >= least - 1e-9).all()
@@ -181,7 +182,7 @@ class TestFaults:
         knee = g1.joints["left_knee_joint"]
         q[40:50, knee.q] = knee.upper + 0.02
         v[60:70, g1.joints["left_shoulder_pitch_joint"].v] = g1.joints["left_shoulder_pitch_joint"].speed + 0.1
-        report = check_motion(Motion.of_arrays(g1, squat.t, q, v, squat.a), self_collision=False)
+        report = check_motion(Motion.of_arrays(g1, squat.t, q, v, squat.a, trust=True), self_collision=False)
         assert np.flatnonzero(report.of_cause("joint limit")).tolist() == list(range(40, 50))
         assert np.flatnonzero(report.of_cause("speed limit")).tolist() == list(range(60, 70))
 

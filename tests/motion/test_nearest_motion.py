@@ -300,7 +300,8 @@ class TestItself:
         """In the air from its first frame on it falls freely, and ends when it is far below the reference."""
         solo = rbd.load_robot("solo12")
         high = solo.standing().q + 1.0 * np.eye(solo.nq)[2]
-        reference = minimum_jerk(solo, [high, high], [0.0, 1.0])
+        low = solo.standing().q
+        reference = minimum_jerk(solo, [high, high, low, low], [0.0, 0.45, 0.5, 1.0])  # it stands in half of the frames
         nearest = check_motion(reference).nearest_motion()
         t = nearest.t[-1]
         assert "it falls" in nearest.notes[-1]

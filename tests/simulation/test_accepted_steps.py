@@ -346,4 +346,5 @@ def test_hooks_may_be_left_out():
         rbd.simulate(start, duration=0.02, step=0.01, controller=controller)
         assert controller.resets == ("reset" not in left)
         assert len(controller.steps) == (0 if "accepted" in left else 3)
-    assert isinstance(Counts(), SteppedController) and not isinstance(rbd.control.HoldPosture(start), SteppedController)
+    table = rbd.control.TorqueSchedule([0.0], [[0.0]])
+    assert isinstance(Counts(), SteppedController) and not isinstance(table, SteppedController)

@@ -50,8 +50,8 @@ def slide() -> rbd.Trajectory:
     start = rbd.State(rbd.load_robot("urdf/box.urdf"), [*(0.1 * R[:, 2]), *pin.Quaternion(R).coeffs()], [1.0, 0, 0, 0, 0, 0])
     below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))
     face = rbd.SurfaceContact(
-        "face", "box", half_lengths=(0.2, 0.2), placement=below, friction=0.5, on=rbd.Ground(normal=R[:, 2])
-    )
+        "face", "box", half_lengths=(0.2, 0.2), placement=below, friction=0.5, on=rbd.Ground(point=(0, 0, 0), normal=R[:, 2])
+    )  # fmt: skip
     return rbd.simulate(start, [face], duration=0.3, step=5e-3, progress=False)
 
 
