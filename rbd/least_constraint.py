@@ -42,7 +42,7 @@ from rbd.solvers.default import slip_law, solver_of
 
 def solve(
     state: State,
-    tau: Array,
+    tau: Array | None,
     constraints: Sequence[Constraint] = (),
     *,
     law: Law | str | None = None,
@@ -69,7 +69,7 @@ def solve(
 
     Args:
         state: The robot at (q, v).
-        tau: Motor torques, shape (nu,) [N, N m]; a warning is given beyond the effort limits.
+        tau: Motor torques, shape (nu,) [N, N m], None for zero; a warning is given beyond the effort limits.
         constraints: Contacts and other constraints, each with a different name.
         law: "coulomb", which is the default, or "convex" (Gauss's principle with circular cones): the law of contacts that can
             slip.
@@ -118,7 +118,7 @@ def solve(
 
 def _prepared_answer(
     state: State,
-    tau: Array,
+    tau: Array | None,
     constraints: Sequence[Constraint],
     law: Law | str | None,
     external: External,
@@ -221,7 +221,7 @@ def _name(problem: GaussProblem) -> str:
 
 def gauss_problem(
     state: State,
-    tau: Array,
+    tau: Array | None,
     constraints: Sequence[Constraint] = (),
     *,
     external: External = None,
@@ -231,7 +231,7 @@ def gauss_problem(
 
     Args:
         state: The robot at (q, v).
-        tau: Motor torques, shape (nu,) [N, N m].
+        tau: Motor torques, shape (nu,) [N, N m]; None: zero.
         constraints: Contacts and other constraints, each with a different name.
         external: Other forces of the world: generalised (nv,), or `ExternalForce` objects and springs (`rbd.forces`).
         rest_speed: As in `solve`.
@@ -249,13 +249,13 @@ def gauss_problem(
 
 
 def assembled(
-    state: State, tau: Array, constraints: Sequence[Constraint], external: External, rest_speed: float
+    state: State, tau: Array | None, constraints: Sequence[Constraint], external: External, rest_speed: float
 ) -> GaussProblem:
     """As `gauss_problem`; its warnings name the line that called the caller."""
     if not isinstance(state, State):
         raise InputError(f"solve wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
     rhs, wrench = free_force(state, tau, external)
-    _warn_of_effort(state, np.asarray(tau, float))
+    _warn_of_effort(state, state.robot.check_tau(tau))
     given = listed(constraints)
     rows = rows_of(state, given)
     _warn_of_open(given, rows)

@@ -95,6 +95,17 @@ class TestFriction:
         fine = talos.soles(0.998 * mu, facets=64)
         assert coefficient(told(lambda: rbd.hold(state, fine, external=push, friction="inscribed"))) == mu
 
+    def test_the_least_coefficient_that_is_told_is_the_least(self, talos):
+        """To six digits: a hundred-thousandth more does, and as much less does not."""
+        state, push = talos.standing(), rbd.ExternalForce("torso_2_link", (60.0, 45.0, 0.0))
+        said = told(lambda: rbd.hold(state, talos.soles(0.01), external=push))
+        least = float(re.search(r"the least is ([\d.]+)\)", said)[1])
+        assert least <= coefficient(said) < 1.001 * least and "none below" not in said
+        rbd.hold(state, talos.soles(least * (1.0 + 1e-5)), external=push)
+        assert float(re.search(r"the least is ([\d.]+)\)", told(
+            lambda: rbd.hold(state, talos.soles(least * (1.0 - 1e-5)), external=push)
+        ))[1]) == pytest.approx(least, rel=3e-6)  # fmt: skip
+
     def test_where_circular_cones_do_hold_it_says_so(self):
         """The pyramids inside are what is in the way: more facets are the remedy, and it works."""
         robot = box(MASS)

@@ -204,6 +204,8 @@ def in_options(message: str, command: Command | None = None) -> str:
     """A message in terms of the command line: arguments are options of the command, and advice in Python is removed."""
     message = in_commands(message)
     options = {} if command is None else _options(command)
+    for argument, option in options.items():
+        message = re.sub(rf"(?<![\w.(]){argument}=(?=[\w.'\"-])", f"{option} ", message)
     first, *more = re.split(r"(?<=\.)\s+(?=[A-Z`])", message)
     name, is_, rest = first.partition(" is ")
     if is_ and name in options:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import operator
+import re
 from enum import StrEnum
 from typing import SupportsIndex
 
@@ -236,9 +237,18 @@ class RbdError(Displayed, Exception):
     reason: Reason = Reason.OTHER_ERROR
 
     def __init__(self, *message: object, reason: Reason | None = None) -> None:
-        super().__init__(*message)
+        super().__init__(*plain(message))
         if reason is not None:
             self.reason = reason
+
+
+_SCALAR = re.compile(r"\bnp\.\w+\(([^()]*)\)")
+"""NumPy's words for one number or text: np.float64(0.06), np.str_('knee')."""
+
+
+def plain(message: tuple[object, ...]) -> tuple[object, ...]:
+    """A message with numbers as they are typed, in place of NumPy's words for them."""
+    return tuple([_SCALAR.sub(r"\1", part) if isinstance(part, str) else part for part in message])
 
 
 class InputError(RbdError, ValueError):

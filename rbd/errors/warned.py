@@ -5,6 +5,8 @@ from __future__ import annotations
 import sys
 from types import FrameType
 
+from rbd.errors.reasons import plain
+
 
 class RbdWarning(UserWarning):
     """Base of all warnings of `rbd`.
@@ -17,6 +19,9 @@ class RbdWarning(UserWarning):
         ...     print(rbd.solve(bars.at("assembled"), [1e6], bars.loops()).status)
         solved
     """
+
+    def __init__(self, *message: object) -> None:
+        super().__init__(*plain(message))
 
 
 class EffortLimitWarning(RbdWarning):

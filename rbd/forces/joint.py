@@ -59,7 +59,10 @@ class JointSpring(ByValue, Displayed):
 
     def __post_init__(self) -> None:
         if not isinstance(self.joint, str):
-            raise InputError(f"a joint spring is in {self.joint!r:.80}; expected the name of a joint, see robot.joints.")
+            raise InputError(
+                f"a joint spring is in {self.joint!r:.80}; expected the name of a joint, see robot.joints. Of several joints "
+                "each has its own: [JointSpring(joint, stiffness=k) for joint, k in {'knee': 20.0}.items()]."
+            )
         what = f"the spring in {self.joint!r:.80}"
         rest = as_array(f"rest of {what}", self.rest)
         if rest.shape not in ((), (4,)):
@@ -163,12 +166,13 @@ class JointSpring(ByValue, Displayed):
 
 
 @kept_as_data
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class JointDamping(ByValue, Displayed):
     """Viscous damping in joints: tau = -d v. It goes where `external` goes; `robot.joint_damping()` is that of its file.
 
     Args:
-        damping: {joint: d} [N m s/rad, N s/m]; d holds for all velocities of a joint with several. A name may also be that of
+        joint: The joint, with its `damping`; or {joint: damping} of several.
+        damping: d [N m s/rad, N s/m], which holds for all velocities of a joint with several. A name may also be that of
             one velocity, as in `robot.joints.velocities`.
         name: For messages and records.
 
@@ -183,17 +187,27 @@ class JointDamping(ByValue, Displayed):
     """
 
     damping: Mapping[str, float]
-    name: str = "joint_damping"
+    name: str
 
     parameters = ("damping",)
 
-    def __post_init__(self) -> None:
-        if not isinstance(self.damping, Mapping):
-            raise InputError(f"damping is {self.damping!r:.80}; expected {{joint: number}}, e.g. {{'knee': 0.5}}.")
-        if not isinstance(self.name, str) or not self.name:
-            raise InputError(f"name of joint damping is {self.name!r:.80}; expected text.")
-        found = {joint: damping_of(f"joint {joint!r:.80}", d) for joint, d in self.damping.items()}
+    def __init__(
+        self,
+        joint: str | Mapping[str, float] | None = None,
+        damping: float | Mapping[str, float] | None = None,
+        name: str = "joint_damping",
+    ) -> None:
+        given = {joint: damping} if isinstance(joint, str) else damping if joint is None else joint
+        if not isinstance(given, Mapping) or (joint is given and damping is not None):
+            raise InputError(
+                f"damping is {given!r:.80}; expected a joint and its damping, JointDamping('knee', damping=0.5), or {{joint: "
+                "number}, e.g. {'knee': 0.5, 'hip': 0.8}."
+            )
+        if not isinstance(name, str) or not name:
+            raise InputError(f"name of joint damping is {name!r:.80}; expected text.")
+        found = {each: damping_of(f"joint {each!r:.80}", d) for each, d in given.items()}
         object.__setattr__(self, "damping", MappingProxyType(found))
+        object.__setattr__(self, "name", name)
 
     def __getstate__(self) -> dict[str, object]:
         return {"damping": dict(self.damping), "name": self.name}

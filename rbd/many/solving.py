@@ -26,7 +26,7 @@ def solve_many(
     robot: CheckedModel,
     q: Array,
     v: Array | None,
-    tau: Array,
+    tau: Array | None,
     constraints: Sequence[Constraint] = (),
     *,
     law: Law | str | None = None,

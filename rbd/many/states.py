@@ -82,7 +82,7 @@ class ManyStates:
         tables["v"] = _Table("v", robot.zero_v if v is None else v, robot.nv, "nv")
         for name, value in vectors.items():
             size, meaning = (robot.nu, "nu, one entry an actuated joint") if name == "tau" else (robot.nv, "nv")
-            tables[name] = _Table(name, value, size, meaning)
+            tables[name] = _Table(name, np.zeros(size) if value is None and name == "tau" else value, size, meaning)
         forces = _forces_of(robot, external)
         if isinstance(forces, _Table):
             tables["external"] = forces

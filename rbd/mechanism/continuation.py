@@ -258,8 +258,10 @@ class Drive:
                     f"at the start, {self.joint!r:.80} = {self.place.coordinate(at.q):.6g}, {name} is singular: {freedoms} "
                     "degrees of freedom, branches meet there. Start a little away, on the intended branch."
                 )
-            names = self.closure.names(independent_columns(at.J, ~self.others))
-            others = [x for x in names if x != self.joint]
+            columns = independent_columns(at.J, ~self.others)
+            free = self.closure.free[columns].tolist()
+            joints = [j.name for j in at.state.robot.joints.values() if any(j.v.start <= i < j.v.stop for i in free)]
+            others = [x for x in joints if x != self.joint]
             raise InputError(
                 f"{name} has {freedoms} degrees of freedom; driving {self.joint!r:.80} decides one. Fix {freedoms - 1} more, "
                 f"e.g. fixed={{{', '.join(f'{x!r}: ...' for x in others[: freedoms - 1])}}}."[:500]

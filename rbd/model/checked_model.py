@@ -278,12 +278,14 @@ class CheckedModel(ActuatedModel, Displayed):
         """
         return self._vector(what, v, self.nv, "nv", FARTHEST if what == "v" else math.inf)
 
-    def check_tau(self, tau: Array) -> Array:
-        """Motor torques, copied, shape (nu,).
+    def check_tau(self, tau: Array | None) -> Array:
+        """Motor torques, copied, shape (nu,); zero for None.
 
         Raises:
             InputError: wrong size (the floating base and passive joints have no entry) or not finite.
         """
+        if tau is None:
+            return np.zeros(self.nu)
         return self._vector("tau", tau, self.nu, "nu, one entry an actuated joint")
 
     def _put_on_circles(self, q: Array, circles: Array) -> bool:

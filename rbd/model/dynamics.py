@@ -189,12 +189,12 @@ def _moves(name: str) -> str:
     return f"what {name!r} touches moves, so its J_dot v is not quadratic in v: it has no Hessian."
 
 
-def free_acceleration(state: State, tau: Array, external: External = None) -> Array:
+def free_acceleration(state: State, tau: Array | None, external: External = None) -> Array:
     """a_free = M^-1 (S^T tau + tau_ext - h), shape (nv,): the motion without any constraint.
 
     Args:
         state: Where the robot is and how it moves.
-        tau: Motor torques, shape (nu,) [N, N m].
+        tau: Motor torques, shape (nu,) [N, N m]; None: zero.
         external: Generalised force (nv,), or `ExternalForce` objects and springs (`rbd.forces`).
 
     Example:
@@ -206,7 +206,7 @@ def free_acceleration(state: State, tau: Array, external: External = None) -> Ar
     return np.asarray(lapack.dpotrs(inertia_factor(state.M, strict=True), rhs, lower=1)[0])
 
 
-def free_force(state: State, tau: Array, external: External = None) -> tuple[Array, Array]:
+def free_force(state: State, tau: Array | None, external: External = None) -> tuple[Array, Array]:
     """(S^T tau + tau_ext - h, external wrench about the centre of mass): shapes (nv,) and (6,)."""
     robot = checked(state).robot
     if external is None:

@@ -239,7 +239,7 @@ def merge_robots(
     """
     for robot in (first, second):
         if not isinstance(robot, CheckedModel):
-            raise InputError(f"combine wants two robots, got {robot!r:.80}. Load one with rbd.load_robot(name).")
+            raise InputError(f"merge_robots wants two robots, got {robot!r:.80}. Load one with rbd.load_robot(name).")
     if not np.array_equal(first.gravity, second.gravity):
         raise InputError(
             f"{first.name} has gravity {first.gravity.tolist()}, {second.name} {second.gravity.tolist()}; one world has one."

@@ -195,6 +195,8 @@ class StateEvent(Displayed):
         except TypeError as error:
             how = "(state, t)" if self._timed else "(state)"
             raise BadEvent(f"event {self.name!r:.80} was called with {how} at t = {t:.6g} s, and failed: {error}.") from error
+        if found is None:
+            raise BadEvent(f"event {self.name!r:.80} gave None at t = {t:.6g} s; expected one number. Does it return one?")
         try:
             out = np.asarray(found, float)
         except (TypeError, ValueError):

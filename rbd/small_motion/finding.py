@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_float, lazy, max_abs
+from rbd.arrays import Array, as_float, lazy, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import own_or
 from rbd.displayed import Displayed
@@ -214,7 +214,7 @@ def _torques(state: State, tau: Array | Sequence[float] | str | None) -> tuple[b
         if tau != FREE:
             raise InputError(f"tau is {tau!r:.80}; expected torques (nu,), None for zero, or 'free'.")
         return True, np.zeros(state.robot.nu)
-    return False, np.zeros(state.robot.nu) if tau is None else state.robot.check_tau(as_array("tau", tau))
+    return False, state.robot.check_tau(tau)
 
 
 def _started(

@@ -11,7 +11,7 @@ import pinocchio as pin
 from rbd.analysis.along_constraints import ranks_nearby
 from rbd.analysis.modes import modes_of
 from rbd.analysis.sensitivity import Derivatives
-from rbd.arrays import Array, as_array, check_flag, check_seed, max_abs
+from rbd.arrays import Array, check_flag, check_seed, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import RANK, ConstraintManifold, own_or
 from rbd.errors import NotDifferentiable, NotSteadyWarning
@@ -83,7 +83,7 @@ def linearise(
     robot, seed = checked(state).robot, check_seed(seed)
     check_flag("differences", differences)
     given = own_or(robot, constraints)
-    torques = np.zeros(robot.nu) if tau is None else robot.check_tau(as_array("tau", tau))
+    torques = robot.check_tau(tau)
     manifold = manifold_of(state, given)
     check_on(manifold.rows(state))
     solution = solve(state, torques, given, external=external)

@@ -167,7 +167,7 @@ class Refusal:
             )
         if (mu := self._least(limits=True)) is not None:
             more = " with circular cones; the pyramids inside them ask for more, unless they have many facets" if inside else ""
-            least = f"a coefficient {self._told(mu)} at every contact would do, and none below"
+            least = f"a coefficient {self._told(mu)} at every contact would do (the least is {mu:.6g})"
             return "friction", f"friction prevents it; {least}{more}."
         if (mu := self._least(limits=False)) is not None:
             return "friction and motor", (

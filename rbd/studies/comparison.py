@@ -110,7 +110,7 @@ class SolverComparison(Displayed):
 
 def compare_solvers(
     state: State,
-    tau: Array,
+    tau: Array | None,
     constraints: Sequence[Constraint] = (),
     *,
     external: External = None,
@@ -124,7 +124,7 @@ def compare_solvers(
 
     Args:
         state: The robot at (q, v).
-        tau: Motor torques, shape (nu,).
+        tau: Motor torques, shape (nu,); None: zero.
         constraints: Contacts and other constraints.
         external: Other forces of the world, as in `rbd.solve`.
         rest_speed: Up to which speed a contact is at rest [m/s, rad/s], as in `rbd.solve`.
@@ -309,7 +309,7 @@ class LawComparison(Displayed):
 
 def compare_laws(
     state: State,
-    tau: Array,
+    tau: Array | None,
     constraints: Sequence[Constraint],
     *,
     external: External = None,
@@ -324,7 +324,7 @@ def compare_laws(
 
     Args:
         state: The robot, its contacts at rest.
-        tau: Motor torques, shape (nu,).
+        tau: Motor torques, shape (nu,); None: zero.
         constraints: Contacts and other constraints.
         external: Other forces of the world, as in `rbd.solve`.
         rest_speed: Up to which speed a contact is at rest [m/s, rad/s], as in `rbd.solve`.

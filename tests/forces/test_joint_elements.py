@@ -176,7 +176,7 @@ def test_what_is_no_joint_spring(sprung, talos: rbd.Robot):
             "damping of joint 'hip' is -0.1; expected a finite number from 0",
         ),
         (lambda: rbd.JointDamping({"hip": math.nan}), InputError, "damping of joint 'hip' is nan"),
-        (lambda: rbd.JointDamping([0.1]), InputError, r"damping is \[0.1\]; expected {joint: number}"),
+        (lambda: rbd.JointDamping([0.1]), InputError, r"damping is \[0.1\]; expected a joint and its damping"),
         (lambda: rbd.JointDamping({"hip": 1.0}, name=""), InputError, "name of joint damping"),
         (lambda: ask(rbd.JointDamping({"hipp": 0.1})), JointNotFound, "nearest: 'hip'"),
     ):
