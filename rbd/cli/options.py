@@ -16,7 +16,7 @@ Feet = Annotated[
 Gravity = Annotated[str | None, typer.Option(metavar="X,Y,Z", help="In the world, in m/s2; 0,0,-9.81 by default.")]
 Friction = Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")]
 Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")]
-Law = Annotated[str, typer.Option(help="Of contacts that slip: coulomb or convex.")]
+Law = Annotated[str, typer.Option(help="Law of contacts that slip: coulomb or convex.")]
 RobotName = Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")]
 Video = Annotated[Path | None, typer.Option(help="Write a video, .mp4 (wants ffmpeg) or .gif.")]
 Verbose = Annotated[bool, typer.Option("--verbose", help="Also print how long each part took.")]

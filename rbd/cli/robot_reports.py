@@ -106,11 +106,13 @@ def robot_info(robot: Robot) -> Group:
         f"{_BASES[robot.root]} base, file {robot.urdf.name}"
     )
     head.append(f"\nlicence of its files: {licence(robot.source) or 'none is stated beside them'}")
+    if (found := doctor(robot)).errors or found.warnings:
+        head.append(f"\nremarks on its file: {in_commands(found.summary())}")
     feet = ", ".join(f"{foot.name} ({foot.kind} on {foot.frame})" for foot in robot.source.feet) or "none known"
     postures = ", ".join(robot.postures) or "none known"
     frames = ", ".join(robot.frames())
     lines = Text(f"\nfeet: {feet}\npostures: {postures}\n\nframes ({len(robot.frames())}): {frames}\n\n")
-    return Group(head, _joints_table(robot), lines, Text(in_commands(str(doctor(robot)))), Text(_arithmetic()))
+    return Group(head, _joints_table(robot), lines, Text(in_commands(str(found))), Text(_arithmetic()))
 
 
 def _arithmetic() -> str:

@@ -185,7 +185,7 @@ def region(
     json_: Json = None,
     verbose: Verbose = False,
 ) -> None:
-    """Tell where the centre of mass may be for a robot to stand on its feet: the support region, with its proof.
+    """Compute the support region: where the centre of mass can be for a robot to stand on its feet, with its proof.
 
     For example: rbd region talos --torque-limits --png region.png
     """

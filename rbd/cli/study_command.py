@@ -108,7 +108,7 @@ def study(
     dask: Dask = None,
     png: Annotated[Path | None, typer.Option(help="Draw the results, .png, .svg or .pdf, as its plot table says.")] = None,
     json_: Annotated[Path | None, typer.Option("--json", help="Write the numbers of the report.")] = None,
-    seed: Annotated[int | None, typer.Option(help="Of random numbers, in place of the file's.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of random numbers, in place of the file's.")] = None,
 ) -> None:
     r"""Evaluate a question about a robot, or a function, at many samples: a study, described by a TOML file.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
@@ -197,7 +198,7 @@ class JointDamping(ByValue, Displayed):
         damping: float | Mapping[str, float] | None = None,
         name: str = "joint_damping",
     ) -> None:
-        given = {joint: damping} if isinstance(joint, str) else damping if joint is None else joint
+        given: Any = {joint: damping} if isinstance(joint, str) else damping if joint is None else joint
         if not isinstance(given, Mapping) or (joint is given and damping is not None):
             raise InputError(
                 f"damping is {given!r:.80}; expected a joint and its damping, JointDamping('knee', damping=0.5), or {{joint: "

@@ -66,7 +66,7 @@ class ManyStates:
         *,
         external: ManyExternal = None,
         friction: Friction = None,
-        **vectors: Array,
+        **vectors: Array | None,
     ) -> ManyStates:
         """Checked and broadcast; what is wrong at single states is noted in `refused`.
 

@@ -278,7 +278,7 @@ class CheckedModel(ActuatedModel, Displayed):
         """
         return self._vector(what, v, self.nv, "nv", FARTHEST if what == "v" else math.inf)
 
-    def check_tau(self, tau: Array | None) -> Array:
+    def check_tau(self, tau: Array | Sequence[float] | None) -> Array:
         """Motor torques, copied, shape (nu,); zero for None.
 
         Raises:
@@ -299,7 +299,7 @@ class CheckedModel(ActuatedModel, Displayed):
         q[circles[:, far]] = points[:, far] / norms[far]
         return True
 
-    def _vector(self, what: str, value: Array, size: int, meaning: str, most: float = math.inf) -> Array:
+    def _vector(self, what: str, value: Array | Sequence[float], size: int, meaning: str, most: float = math.inf) -> Array:
         out = as_array(f"{what} of {self.name}", value)
         if out.shape != (size,):
             hint = " tau has no entry for the floating base." if what == "tau" and out.shape == (self.nv,) else ""

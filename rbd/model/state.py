@@ -119,6 +119,8 @@ class State(Displayed):
         Raises:
             InputError: joints or motors differ, in number, name or order; names the first.
         """
+        if not isinstance(robot, CheckedModel):
+            raise InputError(f"a state is put on {robot!r:.80}; expected a robot: rbd.load_robot(...).")
         if robot is self.robot:
             return self
         mine, other = ((*r.model.names, *r.actuated_names, r.nq, r.nv) for r in (self.robot, robot))

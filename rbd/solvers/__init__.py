@@ -1,4 +1,4 @@
-"""Solvers: each takes a `GaussProblem` and returns an `Answer`. They do not depend on robots, and return poor answers too."""
+"""Solvers: each takes a `GaussProblem` and returns an `Answer`. They know no robots, and return the best answer found."""
 
 from typing import Protocol
 

@@ -324,7 +324,7 @@ class TestLeftOut:
         marks, scene = shown(talos, state, held, huge)
         at = state.frame("torso_2_link").X_WF.translation
         assert marks["pushes/0"].mesh.vertices[:, 0].max() == pytest.approx(at[0] + scene.sizes.longest)
-        assert "Two heads: longer than drawn (push on torso_2_link)." in scene.left_out
+        assert "Double arrowhead: not drawn to full length (push on torso_2_link)." in scene.left_out
 
     def test_wheels_and_edges_have_their_force_where_they_touch(self):
         """A knife edge and a rolling disk: an arrow at the contact's point."""

@@ -133,7 +133,7 @@ class Picture:
         cut += [name for name, size in self._moments() if size > sizes.full_moment]
         words = [*self.unshown, *not_supporting(self.contacts)]
         if cut:
-            words.append(f"Two heads: longer than drawn ({', '.join(dict.fromkeys(cut))}).")
+            words.append(f"Double arrowhead: not drawn to full length ({', '.join(dict.fromkeys(cut))}).")
         return words
 
     def _moments(self) -> list[tuple[str, float]]:

@@ -71,7 +71,8 @@ def left_out_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[str]:
     for one in drawn:
         if isinstance(one, PushLimits) and (sizes.metres_per_newton * one.forces > reach).any():
             most = f"; the largest is {number(float(np.nanmax(one.forces)))} N"
-            out.append(f"Two heads: largest pushes longer than drawn ({reach / sizes.metres_per_newton:.4g} N{most}).")
+            reach_N = reach / sizes.metres_per_newton
+            out.append(f"Double arrowhead: largest pushes not drawn to full length ({reach_N:.4g} N{most}).")
         elif isinstance(one, SupportRegion | ZmpRegion) and len(one.vertices):
             if (np.abs(one.vertices[:, :2] - one.state.com[:2]) > reach).any():
                 out.append(f"The {_NAMES[type(one)]} is cut {number(reach)} m from the centre of mass.")

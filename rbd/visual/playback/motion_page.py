@@ -279,7 +279,7 @@ class MotionPage:
         pushes = [{"name": t.name, "color": t.color, "points": 1} for t in frames.pushes]
         lanes = [{"name": name, "color": color, "stretches": self._stretches(name)} for name, color in self.lanes.items()]
         drawn = {name: getattr(sizes, name) for name in ("body", "shaft", "line", "lift")}
-        scale = f"{scale_note(sizes.metres_per_newton, self.weight_N)} Two heads: longer than drawn."
+        scale = f"{scale_note(sizes.metres_per_newton, self.weight_N)} Double arrowhead: not drawn to full length."
         said = [scale] * bool(contacts or pushes) + [ELEMENT_COLORS] * bool(elements)
         note = " ".join([*said, *frames.left_out])
         return {
