@@ -73,7 +73,7 @@ def main(show: bool = True) -> Result:
     ]
     pivoting = state.with_velocity(np.linalg.pinv(left.rows(state).J) @ [0.0, 0.0, 0.0, 0.0, 0.0, TURN])
     turning = refused(pivoting, tau, corners)
-    as_points, as_sole = turning.nearest(), rbd.solve(pivoting, tau, [left], rest_speed=TURN)
+    as_points, as_sole = turning.nearest(), rbd.solve(pivoting, tau, [left], rest_speed=1.1 * TURN)
     print(f"A foot turns at {TURN:.0f} rad/s on four glued corners: {turning.contradiction.who} contradict each other.")
     largest_N = np.abs(as_points.solution.multipliers).max()
     print(f"The nearest motion misses corners by {as_points.worst:.3f} m/s2; no corner carries more than {largest_N:.0f} N,")
@@ -93,7 +93,7 @@ def main(show: bool = True) -> Result:
 def refused(state: rbd.State, tau: np.ndarray, constraints: list) -> rbd.NoSolution:
     """The error of a problem without an answer."""
     try:
-        rbd.solve(state, tau, constraints, rest_speed=TURN)  # corners of a foot that turns may move
+        rbd.solve(state, tau, constraints, rest_speed=1.1 * TURN)  # corners of a foot that turns may move
     except rbd.NoSolution as error:
         return error
     raise AssertionError("there is an answer")

@@ -198,7 +198,8 @@ def test_every_lock_of_the_package_is_renewed_after_a_fork():
         tree = ast.parse(path.read_text(encoding="utf-8"))
         attributes = [n for n in ast.walk(tree) if isinstance(n, ast.Attribute)]
         found = {n.attr for n in attributes} | {n.id for n in ast.walk(tree) if isinstance(n, ast.Name)}
-        assert "cached_property" not in found, f"{path.name}: use rbd.arrays.lazy"
+        decorators = [each for n in ast.walk(tree) if isinstance(n, ast.FunctionDef) for each in n.decorator_list]
+        assert not any("cached_property" in ast.unparse(each) for each in decorators), f"{path.name}: use rbd.arrays.lazy"
         threads = {ast.unparse(n) for n in attributes if f"threading.{n.attr}" in LOCKS} & LOCKS
         threads |= {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module == "threading"}
         assert not threads or "renewed_after_fork" in found, f"{path.name} makes a lock that a child may find locked for ever"

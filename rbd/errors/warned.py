@@ -186,12 +186,13 @@ class ModelWarning(RbdWarning):
 
     Example:
         >>> import warnings
+        >>> rod = '<robot name="rod"><link name="rod"><inertial><mass value="1"/><inertia ixx="1" iyy="0.1" izz="0.1" '
         >>> with warnings.catch_warnings():
         ...     warnings.simplefilter("error", rbd.errors.ModelWarning)
-        ...     rbd.load_robot("romeo")
+        ...     rbd.load_robot(text=rod + 'ixy="0" ixz="0" iyz="0"/></inertial></link></robot>')
         Traceback (most recent call last):
             ...
-        rbd.errors.ModelWarning: romeo: 2 links have inertias that no body has ('RShoulderYawLink', ...
+        rbd.errors.ModelWarning: rod: 1 link has an inertia that no body has ('rod'). rbd.doctor(robot) lists everything.
     """
 
 

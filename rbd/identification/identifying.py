@@ -74,8 +74,7 @@ def identify(
 
     Warns:
         PoorExcitationWarning: some base parameters are not told at all, or a tenth of them no better than by the model.
-        InaccurateWarning: a tenth of the weight or more is left unexplained at a floating base; a motor's torque is zero
-            throughout, where the model needs one.
+        InaccurateWarning: a tenth of the weight is unexplained at a floating base; a motor that is needed has no torque.
         ModelWarning: a body of the model is impossible; its second moments are raised first.
 
     Example:

@@ -43,6 +43,7 @@ def robots(name: str, count: int) -> Iterator[Case]:
         yield state, np.clip(tau + noise, -limit, limit), feet, rbd.ExternalForce(FRAMES[name], push)
 
 
+@pytest.mark.filterwarnings("ignore:the steps of .* energy")  # random torques and velocities, one step
 @pytest.mark.parametrize("law", ["coulomb", "convex"])
 @pytest.mark.parametrize("name", ["box", "talos", "g1", "solo12"])
 def test_the_first_sample_is_what_solve_says(brick: rbd.Robot, name: str, law: str) -> None:

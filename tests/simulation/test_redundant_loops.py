@@ -120,6 +120,7 @@ def test_bricards_mechanism_keeps_its_energy_at_order_four_and_costs_little():
     assert 3.7 < np.log2(errors[0] / errors[1]) < 4.3
 
 
+@pytest.mark.filterwarnings("ignore:the steps of bricard")  # the longest of them
 @pytest.mark.parametrize("extrapolate", [False, True])
 def test_bricards_mechanism_is_of_order_two_in_time_stepping(extrapolate):
     """In the middle of a step the ring is off by h^2, and its fifth row no longer repeats the others: it must not act."""

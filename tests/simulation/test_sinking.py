@@ -55,6 +55,7 @@ def test_a_robot_that_falls_through_its_floor_stops_the_run(limp):
     assert 0.0 < depth < 0.4 * state.com[2]
 
 
+@pytest.mark.filterwarnings("ignore:the steps of .* energy")  # of 4 ms
 def test_the_same_fall_goes_on_where_that_is_wished(limp):
     """`may_sink=True`: the bits are those of the run that stops, until there; then the floor holds the feet alone."""
     robot, state, feet = limp

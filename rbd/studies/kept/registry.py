@@ -112,7 +112,7 @@ def kept_names(result: type) -> dict[str, str]:
 
     Example:
         >>> list(rbd.studies.kept_names(rbd.statics.SupportRegion))
-        ['residual', 'area', 'com_distance', 'empty', 'bounded', 'area_gap', 'inscribed_radius']
+        ['residual', 'area', 'com_distance', 'empty', 'bounded', 'cut', 'area_gap', 'inscribed_radius']
         >>> rbd.studies.kept_names(rbd.Actuation)["worst_torque"]
         'largest share of a motor limit that is used'
     """

@@ -85,14 +85,15 @@ def _pushes(record: PushLimits) -> Card:
     rows = [
         (
             vector(record.directions[i], 2),
-            fixed(record.least[i], 2),
+            *([] if record.held else [fixed(record.least[i], 2)]),
             fixed(record.forces[i], 2),
             fixed(record.bounds[i], 2),
             joined(map(str, limits[i])) or "-",
         )
         for i in order
     ]
-    heads = ("direction", "smallest push [N]", "largest push [N]", "no more than [N]", "gives way first")
+    smallest = () if record.held else ("smallest push [N]",)
+    heads = ("direction", *smallest, "largest push [N]", "no more than [N]", "gives way first")
     residual = Table([("largest residual of the proving forces", f"{record.residual:.1e}", "N")])
     folds = [Fold("Proof: residuals", [residual])]
     return Card(said, None, [Table(rows, heads, rest="forces")], (), folds)
