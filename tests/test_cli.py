@@ -111,8 +111,10 @@ def test_bad_input_ends_with_code_2_and_says_what_was_wrong(arguments, words):
 def test_a_pose_that_cannot_be_held_ends_with_code_1(monkeypatch):
     """Motors of a tenth of their strength cannot hold Talos: no solution, and the motor in the way is named."""
 
+    strong = rbd.load_robot
+
     def weak(name, **options):
-        robot = rbd.load_robot(name, **options)
+        robot = strong(name, **options)
         robot.effort_limit = 0.1 * robot.effort_limit
         return robot
 
