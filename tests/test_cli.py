@@ -110,7 +110,6 @@ def test_bad_input_ends_with_code_2_and_says_what_was_wrong(arguments, words):
 
 def test_a_pose_that_cannot_be_held_ends_with_code_1(monkeypatch):
     """Motors of a tenth of their strength cannot hold Talos: no solution, and the motor in the way is named."""
-
     strong = rbd.load_robot
 
     def weak(name, **options):
