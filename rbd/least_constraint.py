@@ -12,7 +12,7 @@ import numpy as np
 from rbd.analysis.sensitivity import StateOrigin
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, is_open, listed, rows_of
-from rbd.constraints.distance_warnings import warn_of_distant, warn_of_limits, warn_of_moving, warn_of_opening
+from rbd.constraints.distance_warnings import moves, warn_of_distant, warn_of_limits, warn_of_moving, warn_of_opening
 from rbd.errors import (
     ContactMoves,
     EffortLimitWarning,
@@ -151,8 +151,8 @@ def _prepared_answer(
     _warn_of_effort(state, torques)
     if not state.limits_checked:
         warn_of_limits(state, given, stacklevel=4)
-    if found.speed > rest_speed:
-        warn_of_moving(robot, rows_of(state, given), rest_speed, stacklevel=3)
+    if found.moving:
+        warn_of_moving(robot, [(given[i].name, speed) for i, speed in found.moving], stacklevel=3)
     return solution
 
 
@@ -264,7 +264,7 @@ def assembled(
         warn_of_distant(state.robot, rows, stacklevel=4)
     external = tuple(external) if type(external) is list else external
     problem = _of_rows(state, rhs, wrench, rows, StateOrigin(state, given, external), rest_speed)
-    warn_of_moving(state.robot, rows, rest_speed, stacklevel=3)
+    warn_of_moving(state.robot, [(r.name, r.speed) for r in rows if moves(r, rest_speed)], stacklevel=3)
     warn_of_opening(state.robot, problem.openings, rest_speed, stacklevel=3)
     return problem
 

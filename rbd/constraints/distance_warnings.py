@@ -47,10 +47,10 @@ def moves(r: Rows, rest_speed: float) -> bool:
     return r.speed > rest_speed and not r.stabilised and at_rest(r.cone).bilateral
 
 
-def warn_of_moving(robot: CheckedModel, rows: Sequence[Rows], rest_speed: float, *, stacklevel: int) -> None:
-    """Name the bilateral constraints with a velocity; nothing where none has."""
-    told = [f"{r.name!r:.80} at {r.speed:.3g} m/s or rad/s" for r in rows if moves(r, rest_speed)]
-    if told:
+def warn_of_moving(robot: CheckedModel, moving: Sequence[tuple[str, float]], *, stacklevel: int) -> None:
+    """Say which bilateral constraints have which velocity [m/s, rad/s]; nothing where none has."""
+    if moving:
+        told = [f"{name!r:.80} at {speed:.3g} m/s or rad/s" for name, speed in moving]
         warnings.warn(
             f"bilateral constraints of {robot.name} move: {_listed(told)}. Only their accelerations are prescribed, so they "
             "move on. Put the velocity onto them, state = rbd.mechanism.project_velocity(state, constraints); or give what "

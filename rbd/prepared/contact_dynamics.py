@@ -41,7 +41,7 @@ class Found(NamedTuple):
         method: What found them.
         steps: Newton's steps.
         worst: Upper bound of its largest scaled residual. Above `SOLVED` the scales themselves have to judge.
-        speed: Largest velocity of a bilateral contact [m/s, rad/s].
+        moving: (number, velocity [m/s, rad/s]) of each bilateral contact that moves.
     """
 
     a: Array
@@ -50,7 +50,7 @@ class Found(NamedTuple):
     method: str
     steps: int = 0
     worst: float = 0.0
-    speed: float = 0.0
+    moving: tuple[tuple[int, float], ...] = ()
 
 
 class ContactDynamics:
@@ -146,20 +146,21 @@ class ContactDynamics:
             if held is None or not self.touches(within):
                 return None
             a, forces = held
-            w, speed = None, 0.0 if still or not self._held else max(map(bodies.speed, self._held))
+            w, fixed = None, () if still else self._held
+            moving = tuple([(i, speed) for i in fixed if (speed := bodies.speed(i)) > rest_speed])
             if not self.bilateral:
                 if not still and max(map(bodies.speed, self._frictional)) > rest_speed:
                     return None
                 w, inside = self.sticking(forces)
                 if not inside:
                     found = self._slipping(q, v, generalised, a, forces, w, coulomb=coulomb, still=still)
-                    return found if found is None or not speed else found._replace(speed=speed)
+                    return found if found is None or not moving else found._replace(moving=moving)
                 forces = self.G.dot(w)  # what is judged are the corner forces
             worst = bodies.stationarity(q, v, a, forces, generalised)
             worst = max(worst, 10.0 * max_abs(bodies.row_accelerations(at_rest=still, turned=False)))
             if not worst <= DOUBTFUL:
                 return None
-            return Found(a, self._in_contact_axes(forces), w, "closed form", 0, worst, speed)
+            return Found(a, self._in_contact_axes(forces), w, "closed form", 0, worst, moving)
 
     def _slipping(
         self, q: Array, v: Array, generalised: Array, a: Array, held: Array, start: Array, *, coulomb: bool, still: bool
