@@ -97,6 +97,13 @@ def nonsense(talos: rbd.Robot) -> dict[str, Any]:
         "pushes mixed": [push, 1.0],
         "pose": pin.SE3.Identity(),
         "solver": rbd.KKT(),
+        "NumPy's nan": np.float64("nan"),
+        "NumPy's inf": np.float32("inf"),
+        "NumPy's True": np.True_,
+        "NumPy's text": np.str_("tal(ons)"),
+        "NumPy's numbers": [np.float64(1.0 / 3.0)] * (NV + 2),
+        "NumPy's nans": (np.float64("nan"),) * 3,
+        "NumPy's dict": {np.str_("left_sole"): np.float64("nan")},
     }
 
 
@@ -108,7 +115,7 @@ def at_rest(robot: rbd.Robot) -> tuple[rbd.State, np.ndarray]:
     return robot.standing(), np.zeros(robot.nu)
 
 
-WORDS = {"word", "half a letter", "null"}
+WORDS = {"word", "half a letter", "null", "NumPy's text"}
 VECTOR = {"nv", "nv whole", "range"}
 EXTERNAL = VECTOR | {"None", "[]", "()", "push"}
 FRICTION = {"None", "one", "half"}
@@ -199,7 +206,7 @@ CALLS: dict[str, tuple[Call, set[str]]] = {
 
 @pytest.mark.parametrize("call", CALLS)
 def test_nonsense_is_refused_in_our_own_words(talos: rbd.Robot, call: str) -> None:
-    """Every kind of nonsense raises an RbdError with a message; what is good there is taken without one."""
+    """Every kind of nonsense raises an RbdError with a message, in plain numbers; what is good there is taken without one."""
     ask, good = CALLS[call]
     for name, x in nonsense(talos).items():
         if name in good:
@@ -209,6 +216,7 @@ def test_nonsense_is_refused_in_our_own_words(talos: rbd.Robot, call: str) -> No
             ask(talos, x)
             pytest.fail(f"{call} took {name}")
         assert 20 < len(str(caught.value)) < 600, f"{call} with {name}: {caught.value}"
+        assert "np." not in str(caught.value), f"{call} with {name}: {caught.value}"
 
 
 def arrays(rng: np.random.Generator, robot: rbd.Robot) -> Any:

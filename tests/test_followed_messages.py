@@ -8,10 +8,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.main import get_command
 from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import app
+from rbd.cli.terminal import in_options
 from rbd.errors import BadEvent, InputError, ModelError, RbdError, RbdWarning
 
 
@@ -50,6 +52,40 @@ def test_the_command_line_names_its_options(tmp_path: Path) -> None:
     assert CliRunner().invoke(app, [*command, "--rate", "30"]).exit_code == 0
 
 
+def test_every_option_that_the_command_line_names_is_one() -> None:
+    """By the command's parser: an argument without a value, with one, and as the subject of a sentence."""
+    parsers = get_command(app).commands  # type: ignore[attr-defined]
+    named = 0
+    for command in app.registered_commands:
+        parser = parsers[command.name or command.callback.__name__]
+        known = {option: each for each in parser.params for option in (*each.opts, *each.secondary_opts)}
+        for argument in (each.name for each in parser.params if each.param_type_name == "option" and each.name != "help"):
+            word = argument.rstrip("_")
+            for said in (f"{word} is 3.", f"Give {word}= a path.", f"Say {word}=3, or less.", f"Try {word}=True of it."):
+                (option,) = re.findall(r"--[\w-]+", in_options(said, command.callback))
+                assert known[option].name == argument
+                assert "=" not in in_options(said, command.callback) and "True" not in in_options(said, command.callback)
+                named += 1
+    assert named > 200
+
+
+def test_a_flag_that_is_proposed_is_taken(tmp_path: Path) -> None:
+    """--trust, and not --trust True, whose "True" would be another motion."""
+    q = np.tile(rbd.load_robot("g1").standing().q, (20, 1))
+    np.savez(tmp_path / "off.npz", t=np.arange(20) / 30.0, q=q, v=np.ones((20, 35)))
+    command = ["check", str(tmp_path / "off.npz"), "--robot", "g1"]
+    refused = CliRunner().invoke(app, command)
+    assert refused.exit_code == 2 and "take them as they are: --trust." in " ".join(refused.output.split())
+    assert CliRunner().invoke(app, [*command, "--trust"]).exit_code == 0
+
+
+def test_info_does_not_refer_to_itself() -> None:
+    """Remarks on a known file are one sentence, and its list is in the same report."""
+    told = CliRunner().invoke(app, ["info", "talos"]).output
+    assert "remarks on its file: 5 links have inertias that no body has" in told and "All are below." in told
+    assert "`rbd info`" not in told and "rgbd_optical_frame" in told.split("All are below.")[1]
+
+
 def test_two_robots_are_wanted_by_the_name_of_the_function() -> None:
     assert message(lambda: rbd.robots.merge_robots("g1", "solo12")).startswith("merge_robots wants two robots, got 'g1'")
 
@@ -62,6 +98,14 @@ def test_an_event_that_returns_none_says_so() -> None:
     assert "event 'lift' gave None" in said and "nan" not in said
 
 
+def test_a_controller_that_returns_none_says_so() -> None:
+    """It forgot its `return`; the motion is not one without torques."""
+    solo = rbd.load_robot("solo12")
+    start, feet = solo.standing(), solo.feet(friction=0.7)
+    said = message(lambda: rbd.simulate(start, feet, duration=0.002, step=0.001, controller=lambda state, t: None), InputError)
+    assert "the controller gave None at t = 0 s" in said and "return" in said
+
+
 def test_numbers_are_written_as_they_are_typed() -> None:
     """In errors and in warnings of all kinds: 0.06, not NumPy's word for it."""
     for given in (np.float64(-0.06), np.float32(-0.5), np.int64(-3)):
@@ -70,6 +114,8 @@ def test_numbers_are_written_as_they_are_typed() -> None:
     assert str(InputError("joint np.str_('knee') at np.float64(0.06), (np.int64(1), np.float64(nan))")) == (
         "joint 'knee' at 0.06, (1, nan)"
     )
+    cut = f"x is {[np.float64(1 / 3)] * 9!r:.60}; expected np.str_('a(b)c') or {np.True_!r}, and numpy.arange(n)."
+    assert str(InputError(cut)) == f"x is [{1 / 3}, 0.33333333333333; expected 'a(b)c' or True, and numpy.arange(n)."
     with warnings.catch_warnings(record=True) as told:
         warnings.simplefilter("always")
         warnings.warn("off by np.float64(0.06)", RbdWarning, stacklevel=1)
@@ -96,15 +142,17 @@ def test_no_torques_are_zero_in_every_verb() -> None:
     assert np.array_equal(rbd.gauss_problem(state, None, feet).rhs, rbd.gauss_problem(state, zero, feet).rhs)
     many = [rbd.solve_many(solo, state.q, None, tau, feet).a for tau in (None, zero)]
     assert np.array_equal(*many)
+    assert np.array_equal(solo.torque_use(None), solo.torque_use(zero))
     assert np.array_equal(rbd.dynamics.free_acceleration(state, None), rbd.dynamics.free_acceleration(state, zero))
 
 
-def test_the_world_of_the_builder_is_explained() -> None:
+@pytest.mark.parametrize("name", ["world", "World", "universe"])
+def test_the_world_of_the_builder_is_explained(name: str) -> None:
     """It is called ground there."""
     builder = rbd.RobotBuilder("arm", root="fixed")
     builder.body("link", rbd.robots.Box((0.1, 0.1, 0.1), mass=1.0))
-    builder.joint("hinge", "world", "link")
-    assert "is 'world'; what is fixed is called 'ground'" in message(builder.robot, ModelError)
+    builder.joint("hinge", name, "link")
+    assert f"is {name!r}; what is fixed is called 'ground'" in message(builder.robot, ModelError)
     builder = rbd.RobotBuilder("arm", root="fixed")
     builder.body("link", rbd.robots.Box((0.1, 0.1, 0.1), mass=1.0))
     builder.joint("hinge", "ground", "link")

@@ -81,6 +81,11 @@ def test_robots_of_the_catalogue_do_not_warn_of_their_own_files(tmp_path: Path) 
     copy.write_bytes(talos.urdf.read_bytes())
     with pytest.warns(rbd.errors.ModelWarning, match="mine: 5 links have inertias that no body has"):
         rbd.load_robot(copy, package_dirs=talos.source.package_dirs)
+    loops = tmp_path / "hands.loops.yaml"
+    hands = "frame_a: gripper_left_base_link, frame_b: gripper_right_base_link"
+    loops.write_text(f"loops:\n  - {{name: hands, kind: point, {hands}}}\n")
+    with pytest.warns(rbd.errors.ModelWarning, match=r"1 loop is open in every posture \('hands'\)"):
+        rbd.load_robot("talos", loops=loops)
 
 
 @pytest.mark.parametrize("name", SINGULAR)

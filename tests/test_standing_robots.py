@@ -15,7 +15,7 @@ PUSHED_STATES = 300
 
 @pytest.fixture(scope="module", params=NINE)
 def robot(request: pytest.FixtureRequest) -> rbd.Robot:
-    """Each of the robots that stand out of the box."""
+    """Each of the robots that stand as they are loaded."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", rbd.errors.ModelWarning)
         return rbd.load_robot(request.param)

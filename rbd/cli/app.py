@@ -71,7 +71,7 @@ app.command()(study)
 
 @app.command()
 def robots() -> None:
-    """List the robots: name, degrees of freedom, mass, postures, feet, and whether it stands out of the box."""
+    """List the robots: name, degrees of freedom, mass, postures, feet, and whether it stands as it is loaded."""
     from rbd.cli.robot_reports import robot_lines, robots_table
     from rbd.robots import catalogue
 
@@ -107,7 +107,7 @@ def info(
 def mechanism(
     file: Annotated[str, typer.Argument(help="Path of a URDF (its loops in FILE.loops.yaml) or MJCF, or name of a robot.")],
     posture: Annotated[str | None, typer.Option(help="Posture by name to start from; the file's first by default.")] = None,
-    seed: Annotated[int, typer.Option(help="Of the random starts that look for branches.")] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the random starts that look for branches.")] = 0,
     tries: Annotated[int, typer.Option(help="How many random starts.")] = 200,
     package_dir: PackageDirs = None,
     html: Annotated[Path | None, typer.Option(help="Write the picture with every branch: one page.")] = None,
@@ -248,10 +248,10 @@ def plane(
     from_: Annotated[str, typer.Option("--from", metavar="X,Y", help="Where the end point begins, in metres.")],
     to: Annotated[str, typer.Option(metavar="X,Y", help="Where it ends, in metres.")],
     links: Annotated[int | None, typer.Option(help="How many links; as many as lengths, or two.")] = None,
-    lengths: Annotated[str | None, typer.Option(metavar="L1,L2,..", help="Of the links, in metres; together 1 m.")] = None,
+    lengths: Annotated[str | None, typer.Option(metavar="L1,L2,..", help="Lengths of links, in metres; together 1 m.")] = None,
     angles: Annotated[str, typer.Option(help="How angles are measured: joint, segment or vertical.")] = "joint",
     duration: Annotated[float, typer.Option(help="Seconds from rest to rest.")] = 1.0,
-    branch: Annotated[int, typer.Option(help="Of two links: 0 bends counterclockwise, 1 clockwise.")] = 0,
+    branch: Annotated[int, typer.Option(help="Bend of two links: 0 counterclockwise, 1 clockwise.")] = 0,
     space: Annotated[str | None, typer.Option(help="Where the path is straight: endpoint, or joint (of one link).")] = None,
     out: Annotated[Path | None, typer.Option(help="Draw the motion, .png, .svg or .pdf.")] = None,
     html: Motion = None,

@@ -67,7 +67,7 @@ def check(
         bool, typer.Option("--self-collision/--no-self-collision", help="Test the bodies against each other.")
     ] = True,
     quaternion: Annotated[str | None, typer.Option(metavar="ORDER", help="xyzw or wxyz; guessed, and said.")] = None,
-    units: Annotated[str | None, typer.Option(help="Of joint angles: rad or deg; guessed, and said.")] = None,
+    units: Annotated[str | None, typer.Option(help="Unit of joint angles: rad or deg; guessed, and said.")] = None,
     trust: Annotated[bool, typer.Option("--trust", help="Take times, lengths, v and a as they are.")] = False,
     joints: Annotated[str | None, typer.Option(metavar="A,B", help="Names of the columns after the base, in order.")] = None,
     from_: Annotated[float | None, typer.Option("--from", metavar="S", help="Check from this time on ...")] = None,

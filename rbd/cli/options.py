@@ -13,7 +13,7 @@ Show = Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0
 Feet = Annotated[
     str | None, typer.Option("--feet", metavar="A,B", help="Frames of its feet; those of the catalogue by default.")
 ]
-Gravity = Annotated[str | None, typer.Option(metavar="X,Y,Z", help="In the world, in m/s2; 0,0,-9.81 by default.")]
+Gravity = Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Gravity in the world, in m/s2; 0,0,-9.81 by default.")]
 Friction = Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")]
 Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")]
 Law = Annotated[str, typer.Option(help="Law of contacts that slip: coulomb or convex.")]

@@ -22,6 +22,7 @@ from rbd.model.state import State
 from rbd.problem.answer import ContactForce
 from rbd.robots.building.parts import FARTHEST_SLIDE, FARTHEST_TURN
 from rbd.robots.catalogue import licence
+from rbd.robots.diagnosis import REMEDY
 from rbd.robots.loading import doctor, load_robot
 from rbd.robots.robot import Robot
 from rbd.solution import Solution
@@ -107,7 +108,8 @@ def robot_info(robot: Robot) -> Group:
     )
     head.append(f"\nlicence of its files: {licence(robot.source) or 'none is stated beside them'}")
     if (found := doctor(robot)).errors or found.warnings:
-        head.append(f"\nremarks on its file: {in_commands(found.summary())}")
+        remarks = found.summary().removeprefix(f"{found.robot}: ").removesuffix(REMEDY)
+        head.append(f"\nremarks on its file: {in_commands(remarks)}All are below.")
     feet = ", ".join(f"{foot.name} ({foot.kind} on {foot.frame})" for foot in robot.source.feet) or "none known"
     postures = ", ".join(robot.postures) or "none known"
     frames = ", ".join(robot.frames())

@@ -65,7 +65,7 @@ def stand(
         list[str] | None,
         typer.Option(metavar="NAME=FROM:TO:N", help="Study many cases: N values, or NAME=A,B,C; may repeat."),
     ] = None,
-    png: Annotated[Path | None, typer.Option(help="Of --sweep: draw what can be held, .png, .svg or .pdf.")] = None,
+    png: Annotated[Path | None, typer.Option(help="Draw what --sweep finds can be held, .png, .svg or .pdf.")] = None,
     out: Out = None,
     resume: Resume = False,
     workers: Workers = None,

@@ -205,7 +205,9 @@ def in_options(message: str, command: Command | None = None) -> str:
     message = in_commands(message)
     options = {} if command is None else _options(command)
     for argument, option in options.items():
-        message = re.sub(rf"(?<![\w.(]){argument}=(?=[\w.'\"-])", f"{option} ", message)
+        before = rf"(?<![\w.(]){argument}="
+        message = re.sub(rf"{before}(?:True\b|(?![\w.'\"(\[{{-]))", option, message)  # a flag, or no value
+        message = re.sub(rf"{before}(?=[\w.'\"-])", f"{option} ", message)
     first, *more = re.split(r"(?<=\.)\s+(?=[A-Z`])", message)
     name, is_, rest = first.partition(" is ")
     if is_ and name in options:
@@ -214,11 +216,13 @@ def in_options(message: str, command: Command | None = None) -> str:
 
 
 def _options(command: Command) -> dict[str, str]:
-    """{argument: its option} of a command."""
+    """{argument: its option} of a command; of a flag, the one that sets it."""
     found = {}
     for name, hint in get_type_hints(command, include_extras=True).items():
         for option in (each for each in get_args(hint) if isinstance(each, OptionInfo)):
-            found[name.rstrip("_")] = (option.param_decls or ("--" + name.replace("_", "-"),))[0]
+            # Of Annotated[..., Option("--json")] the name is first in `default`.
+            stated = [x for x in (option.default, *option.param_decls) if isinstance(x, str)]
+            found[name.rstrip("_")] = (stated or ["--" + name.replace("_", "-")])[0].split("/")[0]
     return found
 
 

@@ -242,13 +242,16 @@ class RbdError(Displayed, Exception):
             self.reason = reason
 
 
-_SCALAR = re.compile(r"\bnp\.\w+\(([^()]*)\)")
-"""NumPy's words for one number or text: np.float64(0.06), np.str_('knee')."""
+_SCALAR = re.compile(
+    r"\bnp\.(?:(?:float|int|uint|complex|longdouble|longlong|ulonglong|clongdouble|str_|bytes_|datetime)\w*"
+    r"\((b?'(?:\\.|[^'\\])*'?|b?\"(?:\\.|[^\"\\])*\"?|[\w.+-]*)\)?|(True|False)_|\w*(?=;))"
+)
+"""NumPy's words for one number or text, as np.float64(0.06), np.str_('knee'), np.True_, also where a message cuts them off."""
 
 
 def plain(message: tuple[object, ...]) -> tuple[object, ...]:
     """A message with numbers as they are typed, in place of NumPy's words for them."""
-    return tuple([_SCALAR.sub(r"\1", part) if isinstance(part, str) else part for part in message])
+    return tuple([_SCALAR.sub(r"\1\2", part) if isinstance(part, str) else part for part in message])
 
 
 class InputError(RbdError, ValueError):

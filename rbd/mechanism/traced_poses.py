@@ -101,7 +101,7 @@ class Trace(Displayed):
             return measured(value, self.unit)
 
         worst = int(np.argmin(self.sigma_min))
-        start = f"; it began {self.moved:.3g} from the start given" if self.moved > 0.1 else ""
+        start = f"; its first pose is {self.moved:.3g} [rad, m] from the start" if self.moved > 0.1 else ""
         lines = [
             f"{self.joint} from {told(self.input[0])} to {told(self.input[-1])}: {len(self)} poses, each closed to "
             f"{self.residual.max():.0e} m or rad{start}",

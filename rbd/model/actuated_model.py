@@ -124,14 +124,14 @@ class ActuatedModel(Travelling):
         limit = [np.inf if motor is None or motor.speed_limit is None else motor.speed_limit for motor in given]
         return np.asarray(np.abs(v[..., self.actuated]) > limit)
 
-    def torque_use(self, tau: Array, v: Array | None = None) -> Array:
+    def torque_use(self, tau: Array | None, v: Array | None = None) -> Array:
         """Torques over their limits at a velocity, of shape (nu,) or (n, nu): 1 is at the limit, 0 where there is none.
 
         Args:
-            tau: Motor torques, shape (nu,) or (n, nu) [N, N m].
+            tau: Motor torques, shape (nu,) or (n, nu) [N, N m]; None: zero.
             v: Velocity, shape (nv,) or (n, nv) [m/s, rad/s]; None: at rest.
         """
-        return torque_use(tau, *self.limits_at(v))
+        return torque_use(np.zeros(self.nu) if tau is None else tau, *self.limits_at(v))
 
     def _extras(self) -> tuple[Any, ...]:
         return tuple(self.motor_data.items())

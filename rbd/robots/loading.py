@@ -72,9 +72,9 @@ def load_robot(
         rotors: Whether the rotor inertias of a URDF's transmissions and of its SRDF are added to M; see `Robot.rotors`.
 
     What the doctor finds wrong is refused; what it finds worth knowing is one `ModelWarning`, and `rbd.doctor(robot)`
-    reports it in full. Of robots of the catalogue that is known: the doctor and `rbd info` have it, without a warning. Files of
-    example-robot-data are loaded with their faults, as warnings: the full Romeo's M is singular, so it has kinematics and no
-    accelerations.
+    reports it in full. Of robots of the catalogue, without `loops` of your own, that is known: the doctor and `rbd info` have
+    it, without a warning. Files of example-robot-data are loaded with their faults, as warnings: the full Romeo's M is
+    singular, so it has kinematics and no accelerations.
 
     Raises:
         UnknownRobot: no such robot; the nearest names are in the message.
@@ -122,7 +122,7 @@ def load_robot(
     assert report is not None
     if not source.known:
         refuse(report, source.urdf.name)
-    if report.errors or (report.warnings and not source.known):
+    if report.errors or (report.warnings and not (source.known and (loops is None or isinstance(loops, bool)))):
         warnings.warn(report.summary(), ModelWarning, stacklevel=2)
     return robot
 

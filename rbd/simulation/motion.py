@@ -211,7 +211,10 @@ class Motion:
                 self._pushes.append(True)
         if self.controller is None:
             return Acting(zeros(robot.nu), applied, elements, pushes)
-        tau = robot.check_tau(asked("controller", self.controller, state, t))
+        given = asked("controller", self.controller, state, t)
+        if given is None:
+            raise InputError(f"the controller gave None at t = {t:.6g} s; expected torques, shape (nu,). Does it return them?")
+        tau = robot.check_tau(given)
         applied[robot.motors] += tau
         return Acting(tau, applied, elements, pushes)
 

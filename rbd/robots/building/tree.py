@@ -81,6 +81,6 @@ def descendants(joints: Iterable[Joint]) -> dict[str, list[str]]:
 def _missing(body: str, root: str, bodies: Iterable[str]) -> str:
     if body == "ground" and root != "fixed":
         return f"there is a ground where the root is fixed, RobotBuilder(name, root='fixed'), and here it is {root!r}."
-    if body == "world":
+    if body.lower() in ("world", "universe"):
         return "what is fixed is called 'ground', where RobotBuilder(name, root='fixed')."
     return f"{nearest(body, bodies)}. Declare it: .body({body!r:.80}, ...)."
