@@ -48,7 +48,8 @@ import pytest
 from mutants_drawn import Mutant, drawn
 
 ROOT = Path(__file__).resolve().parents[1]
-PLACES = "model/dynamics.py model/state.py problem constraints solvers mechanism simulation statics planar".split()
+PLACES = """model/dynamics.py model/state.py problem constraints solvers mechanism simulation statics planar
+control motion forces small_motion identification studies many prepared""".split()
 EQUIVALENT = Path(__file__).with_name("mutants_equivalent.txt")
 LOADED_ONCE = """coverage hypothesis numpy scipy.linalg scipy.optimize scipy.spatial scipy.integrate scipy.sparse pinocchio coal
 meshcat sympy mujoco matplotlib.figure xarray typer rich.console yaml""".split()
