@@ -11,7 +11,7 @@ import numpy as np
 
 from rbd.analysis.sensitivity import StateOrigin
 from rbd.arrays import Array, max_abs
-from rbd.constraints.constraint import Constraint, is_open, listed, rows_of
+from rbd.constraints.constraint import Constraint, is_open, rows_of, with_loops
 from rbd.constraints.distance_warnings import moves, warn_of_distant, warn_of_limits, warn_of_moving, warn_of_opening
 from rbd.errors import (
     ContactMoves,
@@ -50,6 +50,7 @@ def solve(
     solver: Solver | None = None,
     check: bool = True,
     rest_speed: float = REST_SPEED,
+    loops: bool = True,
 ) -> Solution:
     """Acceleration and constraint forces of a robot: M a + h = S^T tau + tau_ext + J^T f, forces f under a contact law.
 
@@ -80,6 +81,7 @@ def solve(
         check: Raise where there is no answer within 1e-7, scaled. False returns the best that was found.
         rest_speed: A contact that can break or slip is at rest up to this speed [m/s, rad/s]. One that moves away faster
             is inactive; friction opposes the motion of one that slides faster.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         The answer with its certificate, `solution.residuals`. Where several motions satisfy Coulomb's law a warning
@@ -107,12 +109,12 @@ def solve(
         array([-0.342, -0.03 ,  0.575])
     """
     _check_is_bool(check)
-    if solver is None:
+    if solver is None and isinstance(loops, bool):
         found = _prepared_answer(state, tau, constraints, law, external, rest_speed)
         if found is not None:
             return found
     chosen = solver_of(law, solver)
-    problem = assembled(state, tau, constraints, external, rest_speed)
+    problem = assembled(state, tau, constraints, external, rest_speed, loops)
     return answered(problem, chosen, check=check)
 
 
@@ -129,7 +131,7 @@ def _prepared_answer(
     if type(state) is not State or type(rest_speed) is not float or not 0.0 <= rest_speed < 1e100:
         return None
     given = tuple(constraints) if isinstance(constraints, list | tuple) else ()
-    contacts = prepared(state.robot, given)
+    contacts = None if state.robot.loops() else prepared(state.robot, given)
     if contacts is None:
         return None
     told = COULOMB if law is None else slip_law(law)
@@ -226,6 +228,7 @@ def gauss_problem(
     *,
     external: External = None,
     rest_speed: float = REST_SPEED,
+    loops: bool = True,
 ) -> GaussProblem:
     """The arrays of the least-constraint problem that `solve` poses: M, rhs and the rows of all constraints.
 
@@ -235,6 +238,7 @@ def gauss_problem(
         constraints: Contacts and other constraints, each with a different name.
         external: Other forces of the world: generalised (nv,), or `ExternalForce` objects and springs (`rbd.forces`).
         rest_speed: As in `solve`.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: as `solve`.
@@ -245,18 +249,23 @@ def gauss_problem(
         >>> problem.M.shape, problem.J.shape, [rows.name for rows in problem.rows]
         ((18, 18), (12, 18), ['front_left', 'front_right', 'hind_left', 'hind_right'])
     """
-    return assembled(state, tau, constraints, external, rest_speed)
+    return assembled(state, tau, constraints, external, rest_speed, loops)
 
 
 def assembled(
-    state: State, tau: Array | None, constraints: Sequence[Constraint], external: External, rest_speed: float
+    state: State,
+    tau: Array | None,
+    constraints: Sequence[Constraint],
+    external: External,
+    rest_speed: float,
+    loops: bool,
 ) -> GaussProblem:
     """As `gauss_problem`; its warnings name the line that called the caller."""
     if not isinstance(state, State):
         raise InputError(f"solve wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
     rhs, wrench = free_force(state, tau, external)
     _warn_of_effort(state, state.robot.check_tau(tau))
-    given = listed(constraints)
+    given = with_loops(state.robot, constraints, loops)
     rows = rows_of(state, given)
     _warn_of_open(given, rows)
     warn_of_limits(state, given, stacklevel=4)
@@ -310,7 +319,8 @@ def _warn_of_open(constraints: tuple[Constraint, ...], rows: Sequence[Rows]) -> 
             assert r.error is not None
             warnings.warn(
                 f"loop {r.name!r} is open by {max_abs(r.error):.3g} (m, or rad) at this state, and is solved as it stands. "
-                "rbd.mechanism.assemble(state, loops) closes it; rbd.constraints.Baumgarte reduces the error over time.",
+                "rbd.mechanism.assemble(state) closes it; rbd.constraints.Baumgarte reduces the error over time; loops=False "
+                "leaves a robot's own loops out.",
                 LoopNotClosedWarning,
                 stacklevel=4,
             )

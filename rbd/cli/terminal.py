@@ -221,7 +221,7 @@ def _options(command: Command) -> dict[str, str]:
     for name, hint in get_type_hints(command, include_extras=True).items():
         for option in (each for each in get_args(hint) if isinstance(each, OptionInfo)):
             # Of Annotated[..., Option("--json")] the name is first in `default`.
-            stated = [x for x in (option.default, *option.param_decls) if isinstance(x, str)]
+            stated = [x for x in (option.default, *(option.param_decls or ())) if isinstance(x, str)]
             found[name.rstrip("_")] = (stated or ["--" + name.replace("_", "-")])[0].split("/")[0]
     return found
 

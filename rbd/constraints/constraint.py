@@ -27,7 +27,7 @@ from typing import Any, Generic, Protocol, TypeVar
 import pinocchio as pin
 
 from rbd.arrays import Array, max_abs
-from rbd.errors import InputError
+from rbd.errors import DuplicateName, InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.ground import Ground
@@ -82,10 +82,40 @@ def listed(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
         raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().")
     if hasattr(constraints, "rows"):
         raise InputError("constraints is a single constraint; give a list, [constraint].")
+    if type(constraints) is WithLoops:
+        return constraints
     try:
         return tuple(constraints)
     except TypeError:
         raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().") from None
+
+
+class WithLoops(tuple[Constraint, ...]):
+    """Constraints of which it is decided already whether a robot's own loops are among them."""
+
+
+def with_loops(robot: CheckedModel, constraints: Sequence[Constraint], loops: bool = True) -> tuple[Constraint, ...]:
+    """The constraints given, then those of the robot's own loops that are not among them.
+
+    A constraint with a loop's name and frames stands in its place, e.g. with `Baumgarte`'s feedback.
+
+    Raises:
+        InputError: if it is not a list, or `loops` is no truth value.
+        DuplicateName: one between other frames has a loop's name.
+    """
+    if not isinstance(loops, bool):
+        raise InputError(f"loops is {loops!r:.80}; expected True or False: whether the robot's own loops hold.")
+    given, own = listed(constraints), robot.loops()
+    if not own or type(constraints) is WithLoops:
+        return given
+    known = {getattr(constraint, "name", None): constraint for constraint in given}
+    for loop in own if loops else ():
+        if frames_of(known.get(loop.name, loop)) != frames_of(loop):
+            raise DuplicateName(
+                f"a {type(known[loop.name]).__name__} is named {loop.name!r:.80}, as a loop of {robot.name}, which holds "
+                "unless loops=False. Give it another name, or loops=False."
+            )
+    return WithLoops((*given, *[loop for loop in own if loops and loop.name not in known]))
 
 
 class PerRobot(Generic[Found]):

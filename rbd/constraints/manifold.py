@@ -15,7 +15,7 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, inertia_factor, lazy, max_abs, zeros
-from rbd.constraints.constraint import Constraint, anchored, listed, rows_of
+from rbd.constraints.constraint import Constraint, anchored, rows_of, with_loops
 from rbd.constraints.loop_stack import LoopRows, rows_function
 from rbd.errors import DuplicateName, InputError
 from rbd.model.checked_model import CheckedModel
@@ -156,7 +156,8 @@ class ConstraintManifold:
 
     Args:
         state: Contacts without an anchor are anchored here, and rows are scaled about it; its velocity is not used.
-        constraints: Bilateral constraints; None for the loops and wheels of the robot's file.
+        constraints: Bilateral constraints; None for the wheels of the robot's file.
+        loops: Whether the robot's own loops hold; one that is given counts once.
         tolerance: Largest constraint violation [m, rad, over the rows' norms]; above `CLOSED` for files
             whose lengths are rounded, where singular values count as zero below ten times that.
 
@@ -174,11 +175,18 @@ class ConstraintManifold:
         DuplicateName: two with the same name.
     """
 
-    def __init__(self, state: State, constraints: Sequence[Constraint] | None = None, *, tolerance: float = CLOSED) -> None:
+    def __init__(
+        self,
+        state: State,
+        constraints: Sequence[Constraint] | None = None,
+        *,
+        tolerance: float = CLOSED,
+        loops: bool = True,
+    ) -> None:
         if not isinstance(state, State):
             raise InputError(f"a State of a robot was expected first, got {state!r:.80}. Make one: rbd.State(robot, q).")
         at_rest = state.with_velocity(state.robot.zero_v)
-        given = own_or(state.robot, constraints)
+        given = own_or(state.robot, constraints, loops)
         rows = rows_of(at_rest, given)
         kept = [anchored(c, r, at_rest) if is_bilateral(r) else c for c, r in zip(given, rows, strict=True) if len(r)]
         self._set(at_rest, kept, tolerance)
@@ -321,15 +329,13 @@ class ConstraintManifold:
         return at
 
 
-def own_or(robot: CheckedModel, constraints: Sequence[Constraint] | None) -> tuple[Constraint, ...]:
-    """The constraints given, as a tuple; if None, the loops and wheels that the robot's file states.
+def own_or(robot: CheckedModel, constraints: Sequence[Constraint] | None, loops: bool = True) -> tuple[Constraint, ...]:
+    """The constraints given and the robot's own loops, if these hold; if None, its wheels and loops.
 
     Raises:
         InputError: if it is not a list.
     """
-    if constraints is None:
-        return (*robot.loops(), *robot.wheels())
-    return listed(constraints)
+    return with_loops(robot, robot.wheels() if constraints is None else constraints, loops)
 
 
 def null_space(J: Array, zero: float = RANK) -> tuple[Array, Array]:

@@ -103,7 +103,7 @@ def reference_of(
         for chosen, run in groupby(range(len(t)), touching.__getitem__):
             at = np.fromiter(run, int)
             some = [contacts[i] for i in chosen]
-            found = inverse_dynamics_many(robot, q[at], v[at], a[at], some)
+            found = inverse_dynamics_many(robot, q[at], v[at], a[at], some, loops=False)
             tau[at] = found.tau
             refused.update({int(at[i]): reason for i, reason in found.reasons.items()})
     if refused and torques != "nearest":
@@ -126,15 +126,15 @@ def _kept(
             continue
         state, some = State(robot, q[i], v[i]), [contacts[k] for k in chosen]
         moved = max(moved, *(float(np.abs(c.rows(state).velocity).max(initial=0.0)) for c in some))
-        still = project_velocity(state, some)
-        v[i], a[i] = still.v, project_acceleration(still, a[i], some).a
+        still = project_velocity(state, some, loops=False)
+        v[i], a[i] = still.v, project_acceleration(still, a[i], some, loops=False).a
     return v, a, moved
 
 
 def _nearest(robot: CheckedModel, q: Array, v: Array, a: Array, contacts: Sequence[Constraint]) -> tuple[Array, Array]:
     """(torques, accelerations) of the nearest possible acceleration; without contacts those that gravity leaves."""
     try:
-        found: Any = inverse_dynamics(State(robot, q, v), a, contacts)
+        found: Any = inverse_dynamics(State(robot, q, v), a, contacts, loops=False)
     except CannotMove as error:
         found = error.nearest()
     return found.tau, found.a
@@ -160,7 +160,7 @@ def _refuse(
         "rbd.check_motion finds possible."
     )
     try:
-        inverse_dynamics(State(robot, q[first], v[first]), a[first], [contacts[k] for k in touching[first]])
+        inverse_dynamics(State(robot, q[first], v[first]), a[first], [contacts[k] for k in touching[first]], loops=False)
     except CannotMove as error:
         raise CannotMove(
             f"{words} At {t[first]:.3f} s: {error}", limits=error.limits, irreducible=error.irreducible,

@@ -34,7 +34,7 @@ import pinocchio as pin
 import scipy.linalg
 
 from rbd.arrays import Array, as_float
-from rbd.constraints.constraint import Constraint, rows_of
+from rbd.constraints.constraint import Constraint, rows_of, with_loops
 from rbd.constraints.contact_points import Source, Structure, sources_of
 from rbd.control.accepted_steps import AcceptedStep
 from rbd.displayed import Displayed
@@ -154,6 +154,7 @@ class HoldPosture(Displayed):
         damping_ratio: zeta; 1 is critical.
         external: Other forces of the world that it counts on, such as springs, at rest: it holds the posture against them, and
             against what of them tips. By default none: it gives way to forces that it is not told of.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: an invalid frequency or damping ratio; not a state, or not constraints.
@@ -176,6 +177,7 @@ class HoldPosture(Displayed):
     frequency: float = 5.0
     damping_ratio: float = 1.0
     external: External = None
+    loops: bool = True
     _sources: tuple[Source, ...] = field(init=False, repr=False)
     _start: State = field(init=False, repr=False)
     _structures: tuple[Structure, ...] = field(init=False, repr=False)
@@ -190,13 +192,14 @@ class HoldPosture(Displayed):
         if not 0.0 <= as_float(self.damping_ratio) < 1e6:
             raise InputError(f"damping_ratio of HoldPosture is {self.damping_ratio!r:.80}; expected >= 0 (1: critical).")
         still = self.state.with_velocity(self.state.robot.zero_v)
-        rows_of(still, self.contacts)  # which raises if it is not a list of constraints
-        sources = tuple(sources_of(tuple(self.contacts), still))
+        contacts = with_loops(still.robot, self.contacts, self.loops)
+        rows_of(still, contacts)  # which raises if it is not a list of constraints
+        sources = tuple(sources_of(contacts, still))
         start = [source.at(still, 0.0) for source in sources]
         touching = touching_points(sources, still, 0.0)
-        torque = hold(still, self.contacts, external=self.external).tau if touching.all() else None
+        torque = hold(still, contacts, external=self.external, loops=False).tau if touching.all() else None
         put = object.__setattr__
-        put(self, "contacts", tuple(self.contacts))
+        put(self, "contacts", contacts)
         put(self, "_sources", sources)
         put(self, "_start", still)
         put(self, "_structures", tuple(m.structure for m in start))

@@ -9,7 +9,7 @@ from functools import lru_cache
 import numpy as np
 
 from rbd.arrays import Array, check_finite, is_finite, max_abs
-from rbd.constraints.constraint import Constraint, listed
+from rbd.constraints.constraint import Constraint
 from rbd.control.limits import Limits
 from rbd.control.step_program import StepProgram
 from rbd.control.task_actuation import Violation
@@ -78,7 +78,7 @@ class StepProblem:
         cls,
         state: State,
         tasks: Sequence[Task],
-        contacts: Sequence[Constraint],
+        contacts: tuple[Constraint, ...],
         t: float,
         limits: Limits,
         external: External,
@@ -95,8 +95,7 @@ class StepProblem:
             UnknownName: a force or bounds of a contact that was not given.
         """
         robot, nv = state.robot, state.robot.nv
-        given = listed(contacts)
-        rows = contact_rows(state, given, stacklevel=None if stacklevel is None else stacklevel + 1)
+        rows = contact_rows(state, contacts, stacklevel=None if stacklevel is None else stacklevel + 1)
         sets = _pyramids(at_rest(*[r.cone for r in rows]))
         J, offset, feedback = np.zeros((0, nv)), _NONE, _NONE
         if rows:
@@ -146,7 +145,7 @@ class StepProblem:
             slice(n, n + r),
         )
         return cls(
-            state, given, external, limits, rows, feedback, sets, J, per_weight, need, terms, (A, wanted), unit, program,
+            state, contacts, external, limits, rows, feedback, sets, J, per_weight, need, terms, (A, wanted), unit, program,
             torques, limited, slice(n + r, n + r + j),
         )  # fmt: skip
 

@@ -19,7 +19,7 @@ from functools import lru_cache
 import numpy as np
 
 from rbd.arrays import Array, as_float, max_abs
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, with_loops
 from rbd.control.least_violation import Relaxed, relaxed
 from rbd.control.limits import Limits
 from rbd.control.step_problem import StepProblem
@@ -53,6 +53,7 @@ def step(
     external: External = None,
     normal_force: Mapping[str, tuple[float, float]] | None = None,
     contact_damping: float = DAMPING,
+    loops: bool = True,
 ) -> TaskActuation:
     """The torques and contact forces with which tasks are met at least cost, with a certificate.
 
@@ -72,6 +73,7 @@ def step(
         normal_force: {contact: (least, most)}: bounds on its normal force [N].
         contact_damping: k: velocities of contacts decay at this rate [1/s]; those of constraints with their own stabilisation
             by that one.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         An `rbd.Actuation` with what each task missed.
@@ -92,7 +94,7 @@ def step(
     """
     found = silent_step(
         state, tasks, contacts, t=t, limits=limits, external=external, normal_force=normal_force,
-        contact_damping=contact_damping, stacklevel=4,
+        contact_damping=contact_damping, loops=loops, stacklevel=4,
     )  # fmt: skip
     for category, text in complaints(found):
         warnings.warn(text, category, stacklevel=2)
@@ -110,6 +112,7 @@ def silent_step(
     normal_force: Mapping[str, tuple[float, float]] | None = None,
     contact_damping: float = DAMPING,
     stacklevel: int | None = None,
+    loops: bool = True,
 ) -> TaskActuation:
     """`step` without its warnings: that of distant contacts is given if a `stacklevel` is; `complaints` has the others.
 
@@ -123,7 +126,17 @@ def silent_step(
     damping = as_float(contact_damping)
     if not 0.0 <= damping < _FASTEST:
         raise InputError(f"contact_damping is {contact_damping!r:.80}; expected a rate of 0 or more [1/s].")
-    problem = StepProblem.of(state, tasks, contacts, time, limits, external, normal_force, damping, stacklevel=stacklevel)
+    problem = StepProblem.of(
+        state,
+        tasks,
+        with_loops(state.robot, contacts, loops),
+        time,
+        limits,
+        external,
+        normal_force,
+        damping,
+        stacklevel=stacklevel,
+    )
     point, miss = minimiser(problem.program)
     eased = None
     if point is None or miss > SOLVED:

@@ -27,6 +27,7 @@ def inverse_dynamics(
     objective: Effort | None = None,
     margin: float = MARGIN,
     rest_speed: float = REST_SPEED,
+    loops: bool = True,
 ) -> Actuation:
     """Motor torques and contact forces with which a robot accelerates as wanted: M a + h = S^T tau + tau_ext + J^T f.
 
@@ -46,6 +47,7 @@ def inverse_dynamics(
         margin: Forces of points that keep still stay within 1 - margin of their cones. With 0 they may reach the limit, where
             `rbd.solve` with these torques may find another motion.
         rest_speed: As of `rbd.solve`.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         Torques, forces, corner forces, margins and residuals. `rbd.solve(state, actuation.tau, contacts)` gives back `a`
@@ -69,7 +71,7 @@ def inverse_dynamics(
     """
     robot = checked(state).robot
     a = robot.check_v(a, "a")
-    wanted = WantedMotion.of(state, a, contacts, external, objective, friction, rest_speed, holds=False, stacklevel=3)
+    wanted = WantedMotion.of(state, a, contacts, external, objective, friction, rest_speed, loops, holds=False, stacklevel=3)
     return wanted.actuation(checked_margin(margin), stacklevel=3)
 
 
@@ -86,6 +88,7 @@ def inverse_dynamics_many(
     objective: Effort | None = None,
     margin: float = MARGIN,
     rest_speed: float = REST_SPEED,
+    loops: bool = True,
 ) -> Actuations:
     """Motor torques and contact forces of n wanted motions: what `inverse_dynamics` answers at each, as arrays.
 
@@ -106,6 +109,7 @@ def inverse_dynamics_many(
         objective: As of `inverse_dynamics`.
         margin: As of `inverse_dynamics`.
         rest_speed: As of `rbd.solve`.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: what concerns all states: wrong sizes, numbers of states that differ, an objective that is none.
@@ -121,5 +125,5 @@ def inverse_dynamics_many(
         (array([6.698, 6.131,   nan]), [2])
     """
     asked = Asked.of(objective, friction, margin, rest_speed, holds=False)
-    states = ManyStates.of(robot, q, v, contacts, external=external, friction=coefficients, a=a)
+    states = ManyStates.of(robot, q, v, contacts, external=external, friction=coefficients, a=a, loops=loops)
     return actuations_of(states, asked, stacklevel=2)

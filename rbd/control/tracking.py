@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_array, as_float
-from rbd.constraints.constraint import Constraint, listed, rows_of
+from rbd.constraints.constraint import Constraint, rows_of, with_loops
 from rbd.constraints.contact_points import Source, sources_of
 from rbd.control.accepted_steps import AcceptedStep, check_model
 from rbd.control.feed_forward import TorqueReference, reference_of, sampled, touching_contacts
@@ -65,6 +65,7 @@ class TrackingController(Displayed):
         robot: The model with which it computes, of the same joints as the motion's robot; another such robot can then be
             simulated, as a heavier one. None: the motion's, and that is simulated.
         reference: The motion at the times of the torques, with the torques.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: no motion, invalid gains, an unknown word.
@@ -89,6 +90,7 @@ class TrackingController(Displayed):
     torques: str = "exact"
     every: float = 5e-3
     robot: CheckedModel | None = None
+    loops: bool = True
     reference: TorqueReference = field(init=False, repr=False)
     _sources: tuple[Source, ...] = field(init=False, repr=False)
     _offsets: Array = field(init=False, repr=False)
@@ -121,7 +123,7 @@ class TrackingController(Displayed):
             raise InputError("stiffness and damping of TrackingController go together; give both, or neither.")
         lanes = getattr(self.motion, "contacts", None) if self.contacts is None else None
         given = (() if lanes is None else lanes.contacts) if self.contacts is None else self.contacts
-        contacts = tuple(listed(given))
+        contacts = with_loops(motion.robot, given, self.loops)
         samples = sampled(motion, float(self.every))
         start = State(motion.robot, samples[1][0])
         rows_of(start, contacts)  # which raises if it is not a list of constraints
@@ -129,9 +131,10 @@ class TrackingController(Displayed):
         if lanes is None:
             touching = [touching_contacts(sources, contacts, State(motion.robot, q)) for q in samples[1]]
         else:
-            on = np.array([lanes.of_contact(c.name) for c in contacts]).reshape(len(contacts), -1).T
+            on = np.array([lanes.of_contact(c.name) for c in given]).reshape(len(given), -1).T
             frames = np.clip(np.searchsorted(lanes.t, samples[0] + 1e-9, side="right") - 1, 0, len(lanes.t) - 1)
-            touching = [tuple(np.flatnonzero(on[i]).tolist()) for i in frames]
+            held = range(len(given), len(contacts))
+            touching = [(*np.flatnonzero(on[i]).tolist(), *held) for i in frames]
         found = reference_of(motion, contacts, touching, samples, self.torques)
         steps = [
             pin.difference(motion.robot.model, a, b)[motion.robot.motors] for a, b in zip(found.q, found.q[1:], strict=False)

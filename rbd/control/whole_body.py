@@ -10,7 +10,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 import numpy as np
 
 from rbd.arrays import Array, as_float
-from rbd.constraints.constraint import Constraint, listed, made, member
+from rbd.constraints.constraint import Constraint, listed, made, member, with_loops
 from rbd.control.accepted_steps import INSTANT, AcceptedStep, check_model, sample_at
 from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.contact_watch import ContactWatch, SeenContacts, frames_of, lifts
@@ -83,6 +83,7 @@ class WholeBodyController(Displayed):
             heavier robot, or one with other inertias, shows what the controller makes of its error.
         external: Forces that the torques take into account, as of `rbd.simulate`: springs and dampers, known pushes;
             or a function of state and time that gives them. None: the controller knows of none.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: no tasks, or what is no task; no list of constraints; a schedule that lifts all contacts at once without
@@ -112,6 +113,7 @@ class WholeBodyController(Displayed):
     early: float = 0.5
     external: External | ExternalAt = None
     robot: CheckedModel | None = None
+    loops: bool = True
     _memory: list[_Memory] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
@@ -236,7 +238,8 @@ class WholeBodyController(Displayed):
 
     def _step(self, told: AcceptedStep, seen: SeenContacts) -> TaskActuation:
         """Torques for the contacts that are counted on."""
-        acting = [c for c in self.contacts if c.name in seen.since]
+        own = with_loops(told.state.robot, self.contacts, self.loops)[len(self.contacts) :]
+        acting = [c for c in self.contacts if c.name in seen.since] + [c for c in own if c.name not in told.inactive]
         frames = frames_of(acting, seen.since)
         tasks = [
             task
@@ -257,6 +260,7 @@ class WholeBodyController(Displayed):
                 normal_force=bounds,
                 contact_damping=float(self.contact_damping),
                 external=known,
+                loops=False,
             )
         except NoSolution as error:
             error.add_note(f"at t = {told.t:.6g} s, on {', '.join(seen.since) or 'no contact'}")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite, null_space
-from rbd.constraints.constraint import Constraint, listed, rows_of
+from rbd.constraints.constraint import Constraint, listed, rows_of, with_loops
 from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
 from rbd.identification.combinations import BaseParameters
@@ -41,6 +41,7 @@ class MeasuredMotion(Displayed):
         touches: Which of them touch when, shape (n, k), of truth values; all if not given. Measured forces count always.
         forces: {contact: measured forces (n, 3) or wrenches (n, 6)} on the robot, in W, as `Trajectory.forces`.
         external: Other forces of the world that are known, the same at all times; springs are taken at each state.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: sizes that do not fit, numbers that are not finite; a motion without accelerations; a trajectory with forces
@@ -61,6 +62,7 @@ class MeasuredMotion(Displayed):
     touches: Array | None = None
     forces: Mapping[str, Array] = field(default_factory=dict)
     external: External = None
+    loops: bool = True
 
     def __post_init__(self) -> None:
         x: Any = self.motion
@@ -82,12 +84,13 @@ class MeasuredMotion(Displayed):
             if self.touches is None:
                 on = [lanes.of_contact(c.name) for c in lanes.contacts]
                 set_(self, "touches", np.array(on, bool).reshape(len(on), frames).T)
-        given = listed(() if self.contacts is None else self.contacts)
+        named = listed(() if self.contacts is None else self.contacts)
+        given = with_loops(robot, named if self.contacts is None else self.contacts, self.loops)
         for each in given:
             if not callable(getattr(each, "rows", None)) or not isinstance(getattr(each, "name", None), str):
                 raise InputError(f"{each!r:.80} is no contact: it has no rows(state). Give e.g. robot.soles().")
         set_(self, "contacts", given)
-        set_(self, "touches", checked_touches(self.touches, frames, len(given)))
+        set_(self, "touches", checked_touches(self.touches, frames, named, given))
         self._check_forces(frames)
         if self.external is None and getattr(x, "pushed", False) is True:
             raise InputError(

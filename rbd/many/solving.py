@@ -33,6 +33,7 @@ def solve_many(
     external: ManyExternal = None,
     friction: Friction = None,
     rest_speed: float = REST_SPEED,
+    loops: bool = True,
 ) -> Solutions:
     """Accelerations and contact forces at n states of one robot: what `rbd.solve` answers at each, as arrays over states.
 
@@ -53,6 +54,7 @@ def solve_many(
         friction: Coefficients that replace the contacts' own: a number or (n,), of all contacts that have one, or
             {contact: a number or (n,)}.
         rest_speed: As of `rbd.solve`.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         Arrays over states; `solutions[i]` is the whole `Solution` of one. What `rbd.solve` would warn of is in
@@ -75,7 +77,7 @@ def solve_many(
     asked = COULOMB if law is None else slip_law(law)
     if not 0.0 <= as_float(rest_speed) < 1e100:
         raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
-    states = ManyStates.of(robot, q, v, constraints, external=external, friction=friction, tau=tau)
+    states = ManyStates.of(robot, q, v, constraints, external=external, friction=friction, tau=tau, loops=loops)
     sheet = Sheet(states)
     sheet.refuse_bad_input()
     for i in by_blocks(sheet, asked, rest_speed).tolist():

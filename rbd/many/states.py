@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rbd.arrays import Array, as_array
-from rbd.constraints.constraint import Constraint, check_on, has_friction, listed, made
+from rbd.constraints.constraint import Constraint, check_on, has_friction, made, with_loops
 from rbd.errors import InputError, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.model.checked_model import FARTHEST, CheckedModel
@@ -66,6 +66,7 @@ class ManyStates:
         *,
         external: ManyExternal = None,
         friction: Friction = None,
+        loops: bool = True,
         **vectors: Array | None,
     ) -> ManyStates:
         """Checked and broadcast; what is wrong at single states is noted in `refused`.
@@ -77,7 +78,7 @@ class ManyStates:
         """
         if not isinstance(robot, CheckedModel):
             raise InputError(f"a robot is wanted first, got {robot!r:.80}. Load one with rbd.load_robot(name).")
-        given = _checked_constraints(robot, constraints)
+        given = _checked_constraints(robot, constraints, loops)
         tables = {"q": _Table("q", q, robot.nq, "nq")}
         tables["v"] = _Table("v", robot.zero_v if v is None else v, robot.nv, "nv")
         for name, value in vectors.items():
@@ -239,8 +240,8 @@ def _common(rows: Mapping[str, int | None]) -> int:
     return different.pop() if different else 1
 
 
-def _checked_constraints(robot: CheckedModel, constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
-    given = listed(constraints)
+def _checked_constraints(robot: CheckedModel, constraints: Sequence[Constraint], loops: bool) -> tuple[Constraint, ...]:
+    given = with_loops(robot, constraints, loops)
     check_different([made(constraint).name for constraint in given], "constraints")
     for constraint in given:
         check_on(constraint, robot)

@@ -54,7 +54,9 @@ def link_rates(state: State, rates: Sequence[float] | Array | None = None) -> di
     return {name: float(_along(state, joint, turning) @ given) for name, joint in bodies.items()}
 
 
-def link_jacobians(state: State, constraints: Sequence[Constraint] | None = None, *, known: Sequence[str]) -> Columns:
+def link_jacobians(
+    state: State, constraints: Sequence[Constraint] | None = None, *, known: Sequence[str], loops: bool = True
+) -> Columns:
     """J1 and J2 of the loops of a flat mechanism in absolute angles, with the signed det J2.
 
     Two rows a loop, the world's x and z of e = p_a - p_b, frame_a's point less frame_b's: J1 theta1' + J2 theta2' = e', zero
@@ -69,6 +71,7 @@ def link_jacobians(state: State, constraints: Sequence[Constraint] | None = None
         state: The mechanism, in the x-z plane; its velocity is not used.
         constraints: Loop closures, not "rigid" ones; None for those of the robot's file.
         known: Names of links whose angles are known, or of joints that slide.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         `J_known` (J1) and `J_unknown` (J2) [m, or 1 for sliding joints], `determinant`, rank and condition of J2.
@@ -90,9 +93,9 @@ def link_jacobians(state: State, constraints: Sequence[Constraint] | None = None
     T = np.array(
         [_along(state, joint.id, turning) if turning[joint.v.start] else np.eye(robot.nv)[joint.v.start] for joint in joints]
     ).reshape(robot.nv, robot.nv)
-    loops = own_or(robot, constraints)
-    rows_of(state, loops)  # refuses what is no constraint, and frames that the robot does not have
-    rows = [_moving(state, a) - _moving(state, b) for a, b in (_ends(state, loop) for loop in loops)]
+    held = own_or(robot, constraints, loops)
+    rows_of(state, held)  # refuses what is no constraint, and frames that the robot does not have
+    rows = [_moving(state, a) - _moving(state, b) for a, b in (_ends(state, loop) for loop in held)]
     J = np.vstack([np.zeros((0, robot.nv)), *rows]) @ np.linalg.inv(T)
     mask = _mask(names, known)
     scale = np.array([1.0 if turning[joint.v.start] else robot.joints.reach for joint in joints])

@@ -71,6 +71,7 @@ def assemble(
     within: float = math.inf,
     tolerance: float = TOLERANCE,
     max_iterations: int = 100,
+    loops: bool = True,
 ) -> Assembly:
     """A configuration on the constraints near that of a state, with its residual.
 
@@ -87,6 +88,7 @@ def assemble(
         within: Largest accepted distance from the start, as in `Assembly.moved`.
         tolerance: Largest entry of the errors [m, rad]. Mechanisms of kilometres need more than the default.
         max_iterations: Largest number of evaluations.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         The configuration with its residual and properties.
@@ -109,7 +111,7 @@ def assemble(
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
     robot, q0 = check_state(state).robot, state.q
-    closure = Closure(robot, constraints, fixed, within_limits=within_limits)
+    closure = Closure(robot, constraints, fixed, within_limits=within_limits, loops=loops)
     start = closure.start(q0)
     found = descend(closure, start, tolerance=tolerance, most=max_iterations)
     if not found.closed:
@@ -202,7 +204,7 @@ def _without_each_fixed(closure: Closure, q: Array, tolerance: float, most: int)
     free, out = [], []
     for joint in closure.fixed:
         others = {name: value for name, value in closure.fixed.items() if name != joint}
-        less = Closure(closure.robot, closure.constraints, others)
+        less = Closure(closure.robot, closure.constraints, others, loops=False)
         found = descend(less, less.start(q), tolerance=tolerance, most=most)
         if not found.closed:
             continue

@@ -107,6 +107,7 @@ def branches(
     within_limits: bool = False,
     tolerance: float = TOLERANCE,
     max_iterations: int = 100,
+    loops: bool = True,
 ) -> Branches:
     """All assembly modes of a mechanism that many random starts find.
 
@@ -122,6 +123,7 @@ def branches(
         within_limits: Only poses within the limits of the robot's file; if not, those outside are marked.
         tolerance: As for `assemble`.
         max_iterations: Evaluations of each start.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         The branches, each with its number of hits. No proof of completeness.
@@ -141,7 +143,7 @@ def branches(
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
     robot = check_state(state).robot
-    closure = Closure(robot, constraints, fixed, within_limits=within_limits)
+    closure = Closure(robot, constraints, fixed, within_limits=within_limits, loops=loops)
     poses: list[ConstraintResidual] = []
     hits: list[int] = []
     singular: list[bool] = []

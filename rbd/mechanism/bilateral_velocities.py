@@ -41,9 +41,9 @@ def independent_columns(J: Array, last: Array | None = None) -> list[int]:
 class BilateralVelocities:
     """Rows of bilateral constraints at a state, as conditions on its velocity: J v = u."""
 
-    def __init__(self, state: State, constraints: Sequence[Constraint] | None) -> None:
+    def __init__(self, state: State, constraints: Sequence[Constraint] | None, loops: bool) -> None:
         self.state, self.joints = check_state(state), state.robot.joints
-        self.given = own_or(state.robot, constraints)
+        self.given = own_or(state.robot, constraints, loops)
         found = self.rows(state if not state.v.any() else state.with_velocity(state.robot.zero_v))
         self.J, self.u, self.row_names = found.J, -found.velocity, [name for name, _ in found.names]
 

@@ -35,6 +35,7 @@ def trace(
     tolerance: float = TOLERANCE,
     max_steps: int = 100_000,
     progress: Callable[[float], None] | None = None,
+    loops: bool = True,
 ) -> Trace:
     """The poses of a mechanism while one joint is driven through its range, on one branch.
 
@@ -55,6 +56,7 @@ def trace(
         tolerance: Largest entry of the errors [m, rad].
         max_steps: Largest number of steps tried along the curve.
         progress: Called with the fraction of the motion that is done, in [0, 1].
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         The poses that were reached; if not all were, see `limits` and `unreached`.
@@ -79,9 +81,9 @@ def trace(
     if progress is not None and not callable(progress):
         raise InputError(f"progress is {progress!r:.80}; expected a function that takes a number, or None.")
     fixed = {} if fixed is None else fixed
-    closure = Closure(check_state(state).robot, constraints, fixed, one_sided=False)
+    closure = Closure(check_state(state).robot, constraints, fixed, one_sided=False, loops=loops)
     driven = Drive(closure, joint)
-    first = assemble(state, constraints, fixed={**fixed, joint: float(wanted[0])}, tolerance=tolerance)
+    first = assemble(state, constraints, fixed={**fixed, joint: float(wanted[0])}, tolerance=tolerance, loops=loops)
     curve = Curve(closure, tolerance, longest_step)
     motion = DrivenMotion(curve, driven, driven.start(curve, closure.start(first.q)), float(wanted[0]), max_steps, progress)
     if past_limits:
@@ -284,7 +286,9 @@ class DrivenMotion:
         closure, curve = self.curve.closure, self.curve
         d = closure.way(step.start.q, step.end.q)
         guess = closure.move(step.start.q, (target - self.value) / (after - self.value) * d)
-        pinned = Closure(closure.robot, closure.constraints, {**closure.fixed, self.drive.joint: target}, one_sided=False)
+        pinned = Closure(
+            closure.robot, closure.constraints, {**closure.fixed, self.drive.joint: target}, one_sided=False, loops=False
+        )
         found = descend(pinned, pinned.start(guess), tolerance=curve.tolerance, most=8)
         if not found.closed:
             return None

@@ -110,6 +110,7 @@ class Closure:
         *,
         within_limits: bool = False,
         one_sided: bool = True,
+        loops: bool = True,
     ) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
@@ -124,7 +125,7 @@ class Closure:
         self.free = np.flatnonzero(~held)
         self.held = held
         self.metric, self.length = robot.joints.scale[self.free], robot.joints.length
-        given = own_or(robot, constraints)
+        given = own_or(robot, constraints, loops)
         self._limits = tuple(joint_limits(robot)) if within_limits else ()
         self.constraints: tuple[Constraint, ...] | None = None
         self._given, self._one_sided = given, one_sided

@@ -191,7 +191,12 @@ class Mobility(Displayed):
 
 
 def mobility(
-    state: State, constraints: Sequence[Constraint] | None = None, *, tolerance: float = CLOSED, seed: int = 0
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
+    *,
+    tolerance: float = CLOSED,
+    seed: int = 0,
+    loops: bool = True,
 ) -> Mobility:
     """How many degrees of freedom a robot has under bilateral constraints: counted, instantaneous, and of finite motions.
 
@@ -215,6 +220,7 @@ def mobility(
         tolerance: Largest constraint violation [m, rad, over the rows' lengths]: for files whose
             lengths are rounded. Singular values of J below ten times that, over the largest, count as zero.
         seed: Of the directions.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: the state is off the constraints, or one of them can break or slip.
@@ -229,7 +235,7 @@ def mobility(
         2 1 True
     """
     tolerance, seed = check_positive("tolerance", tolerance, 1e-2), check_seed(seed)
-    held = ConstraintManifold(state, constraints, tolerance=tolerance)
+    held = ConstraintManifold(state, constraints, tolerance=tolerance, loops=loops)
     at = held.check_assembled()
     N, s = null_space(at.J, held.zero)
     rank = held.n - N.shape[1]

@@ -22,7 +22,7 @@ from scipy.linalg import qr
 
 from rbd.arrays import Array, as_array, check_positive, check_seed, max_abs
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space
+from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space, own_or
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -165,6 +165,7 @@ def integrability(
     points: Array | Sequence[Array] | None = None,
     seed: int = 0,
     tolerance: float = 1e-6,
+    loops: bool = True,
 ) -> Integrability:
     """Whether velocity constraints A(q) v = 0, taken together, are holonomic, and the dimension that they leave.
 
@@ -184,6 +185,7 @@ def integrability(
             drawn within a unit of the state's in each velocity, and projected onto the rows that have positions.
         seed: Of the draws.
         tolerance: Singular values of brackets above it count as new directions.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: points that are invalid, or off the constraints; none found on the constraints.
@@ -198,14 +200,15 @@ def integrability(
     """
     tolerance, seed = check_positive("tolerance", tolerance, 0.1), check_seed(seed)
     robot = check_state(state).robot
-    starts = _drawn(state, constraints, seed) if points is None else _given(robot, constraints, points)
+    held = own_or(robot, constraints, loops)
+    starts = _drawn(state, held, seed) if points is None else _given(robot, held, points)
     reports = tuple(_look(held, at, tolerance) for held, at in starts)
     names = tuple(dict.fromkeys(name for held, _ in starts for name, _ in held.names))
     return Integrability(names, robot.nv, reports, tolerance, seed)
 
 
 def _given(
-    robot: CheckedModel, constraints: Sequence[Constraint] | None, points: Array | Sequence[Array]
+    robot: CheckedModel, constraints: Sequence[Constraint], points: Array | Sequence[Array]
 ) -> list[tuple[ConstraintManifold, Linearised]]:
     listed = np.atleast_2d(as_array("points", points))
     if listed.ndim != 2 or not len(listed) or listed.shape[1] != robot.nq:
@@ -217,7 +220,7 @@ def _given(
     return out
 
 
-def _drawn(state: State, constraints: Sequence[Constraint] | None, seed: int) -> list[tuple[ConstraintManifold, Linearised]]:
+def _drawn(state: State, constraints: Sequence[Constraint], seed: int) -> list[tuple[ConstraintManifold, Linearised]]:
     """Three configurations on the rows that have positions."""
     robot, rng, out = state.robot, np.random.default_rng(seed), []
     for _ in range(30):

@@ -104,7 +104,11 @@ class AccelerationPartition(Displayed):
 
 
 def velocity_partition(
-    state: State, constraints: Sequence[Constraint] | None = None, known: Rates | None = None
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
+    known: Rates | None = None,
+    *,
+    loops: bool = True,
 ) -> VelocityPartition:
     """All velocities of a mechanism from those that are known: J2 v2 = u - J1 v1.
 
@@ -117,6 +121,7 @@ def velocity_partition(
             file. Joint limits and dry friction determine no velocity and are ignored.
         known: {joint: rate} [rad/s, m/s]: a number, or the joint's nv numbers as in v; "base.wz" is one of them alone;
             None for none.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         v, the unknown rates by name, J1 and J2 with rank and condition number.
@@ -133,13 +138,17 @@ def velocity_partition(
         >>> {name: round(rate, 3) for name, rate in found.rates.items()}
         {'coupler_joint': -24.234, 'rocker_joint': 13.11}
     """
-    held = BilateralVelocities(state, constraints)
+    held = BilateralVelocities(state, constraints, loops)
     v, columns, residual = _solved(held, {} if known is None else known, held.u, "rate")
     return VelocityPartition(v, _named(held, v, columns), columns, residual)
 
 
 def acceleration_partition(
-    state: State, constraints: Sequence[Constraint] | None = None, known: Rates | None = None
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
+    known: Rates | None = None,
+    *,
+    loops: bool = True,
 ) -> AccelerationPartition:
     """All accelerations of a mechanism from those that are known: J2 a2 = -J_dot v - J1 a1.
 
@@ -147,6 +156,7 @@ def acceleration_partition(
         state: The robot, assembled, with a velocity that the constraints allow: `velocity_partition(...).v`.
         constraints: As for `velocity_partition`.
         known: {joint: acceleration} [rad/s2, m/s2], in the format of rates there.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         SingularPose: As `velocity_partition`.
@@ -160,7 +170,7 @@ def acceleration_partition(
         >>> {name: round(value, 3) for name, value in found.accelerations.items()}
         {'coupler_joint': 98.525, 'rocker_joint': 80.256}
     """
-    held = BilateralVelocities(state, constraints)
+    held = BilateralVelocities(state, constraints, loops)
     off = held.J @ state.v - held.u
     if max_abs(off) > _CONSISTENT * max(1.0, _terms(held.J, state.v, held.u)):
         worst = held.row_names[int(np.argmax(np.abs(off)))]
@@ -268,7 +278,11 @@ def _table(what: str, columns: Columns, x: Array, unknown: Mapping[str, float]) 
 
 
 def independent_velocities(
-    state: State, constraints: Sequence[Constraint] | None = None, *, prefer: Sequence[str] = ()
+    state: State,
+    constraints: Sequence[Constraint] | None = None,
+    *,
+    prefer: Sequence[str] = (),
+    loops: bool = True,
 ) -> tuple[str, ...]:
     """Names of velocities that, once known, decide all others: as many as there are degrees of freedom here.
 
@@ -279,6 +293,7 @@ def independent_velocities(
         state: The robot, assembled.
         constraints: As for `velocity_partition`.
         prefer: Joints to be independent if possible, e.g. those with motors.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: As `velocity_partition`.
@@ -289,7 +304,7 @@ def independent_velocities(
         >>> rbd.mechanism.independent_velocities(robot.at("assembled"), prefer=["crank_joint"])
         ('crank_joint',)
     """
-    held = BilateralVelocities(state, constraints)
+    held = BilateralVelocities(state, constraints, loops)
     if isinstance(prefer, str) or not isinstance(prefer, list | tuple):
         raise InputError(f"prefer is {prefer!r:.80}; expected a list of joints' names.")
     last = np.zeros(state.robot.nv, bool)

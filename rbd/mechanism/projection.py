@@ -138,7 +138,7 @@ def shortened(step: Array) -> Array:
     return step if longest <= FARTHEST else step * (FARTHEST / longest)
 
 
-def project_velocity(state: State, constraints: Sequence[Constraint] | None = None) -> State:
+def project_velocity(state: State, constraints: Sequence[Constraint] | None = None, *, loops: bool = True) -> State:
     """The same configuration with the nearest velocity, in the metric of inertia, that satisfies the constraints.
 
     The problem, and its solution::
@@ -157,6 +157,7 @@ def project_velocity(state: State, constraints: Sequence[Constraint] | None = No
         state: The robot at (q, v).
         constraints: Contacts, loops, rolling wheels, locks; None for the loops and wheels of the robot's file. Dry friction in
             joints does not restrict velocities and is ignored.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         A state with the same q.
@@ -174,7 +175,7 @@ def project_velocity(state: State, constraints: Sequence[Constraint] | None = No
         >>> print(max(np.abs(foot.rows(clean).velocity).max() for foot in feet) < 1e-12)
         True
     """
-    stack = _stacked(check_state(state), constraints)
+    stack = _stacked(check_state(state), constraints, loops)
     if not stack.rows:
         return state
     return state.with_velocity(_nearest(stack, state.v, stack.J @ state.v - stack.velocity, "velocity", "m/s (rad/s)"))
@@ -204,7 +205,11 @@ class ProjectedAcceleration(Displayed):
 
 
 def project_acceleration(
-    state: State, a: Sequence[float] | Array, constraints: Sequence[Constraint] | None = None
+    state: State,
+    a: Sequence[float] | Array,
+    constraints: Sequence[Constraint] | None = None,
+    *,
+    loops: bool = True,
 ) -> ProjectedAcceleration:
     """The nearest acceleration, in the metric of inertia, that satisfies the constraints.
 
@@ -222,6 +227,7 @@ def project_acceleration(
         a: The given acceleration, shape (nv,).
         constraints: Contacts, loops, rolling wheels, locks; None for the loops and wheels of the robot's file. Dry friction in
             joints does not restrict accelerations and is ignored.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         The acceleration, with its multipliers and the residuals of both equations.
@@ -240,7 +246,7 @@ def project_acceleration(
         [0.    0.    1.024] solved
     """
     given = check_state(state).robot.check_v(a, "a")  # type: ignore[arg-type]
-    stack = _stacked(state, constraints)
+    stack = _stacked(state, constraints, loops)
     if not stack.rows:
         return ProjectedAcceleration(given, {}, 0.0, 0.0)
     nearest = _nearest(stack, given, -stack.offset, "acceleration", "m/s2 (rad/s2)")
@@ -254,9 +260,9 @@ def project_acceleration(
     return ProjectedAcceleration(nearest, forces, residual, missed)
 
 
-def _stacked(state: State, constraints: Sequence[Constraint] | None) -> StackedRows:
+def _stacked(state: State, constraints: Sequence[Constraint] | None, loops: bool) -> StackedRows:
     """The rows of the constraints that restrict motion: all but joint friction."""
-    rows = [r for r in rows_of(state, own_or(state.robot, constraints)) if len(r) and not isinstance(r.cone, Box)]
+    rows = [r for r in rows_of(state, own_or(state.robot, constraints, loops)) if len(r) and not isinstance(r.cone, Box)]
     for i, r in enumerate(rows):
         if any(r.name == other.name for other in rows[:i]):
             raise DuplicateName(f"two constraints are called {r.name!r:.80}; give each its own name.")

@@ -127,6 +127,7 @@ def singularities(
     outputs: str | Sequence[str] = (),
     tolerance: float = SINGULAR,
     seed: int = 0,
+    loops: bool = True,
 ) -> Singularities:
     """The kinds of singularity of a configuration, with the velocities that define them.
 
@@ -140,6 +141,7 @@ def singularities(
             is not examined.
         tolerance: Distances below count as zero.
         seed: Of the directions of the configurations nearby.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         JointNotFound, FrameNotFound: with the nearest names.
@@ -152,7 +154,7 @@ def singularities(
         ('configuration', 'output')
     """
     tolerance, seed = check_positive("tolerance", tolerance, 0.1), check_seed(seed)
-    held = ConstraintManifold(state, constraints)
+    held = ConstraintManifold(state, constraints, loops=loops)
     at = held.check_assembled()
     matrices = _Matrices(held, inputs, outputs)
     nearby = [p for p in neighbours(held, at, FAR, np.random.default_rng(seed), 12) if p is not None]
@@ -171,6 +173,7 @@ def singularities_along(
     inputs: Sequence[str] = (),
     outputs: str | Sequence[str] = (),
     tolerance: float = SINGULAR,
+    loops: bool = True,
 ) -> SingularitiesAlong:
     """The singularities that a motion passes, each refined between the configurations given.
 
@@ -186,6 +189,7 @@ def singularities_along(
         inputs: As for `singularities`.
         outputs: As for `singularities`.
         tolerance: As for `singularities`.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
@@ -200,7 +204,7 @@ def singularities_along(
     given = as_array("path", getattr(path, "q", path))
     if given.ndim != 2 or given.shape[1] != robot.nq or not len(given):
         raise InputError(f"path has shape {given.shape}; expected (k, {robot.nq}): configurations in order.")
-    held = ConstraintManifold(state, constraints)
+    held = ConstraintManifold(state, constraints, loops=loops)
     matrices = _Matrices(held, inputs, outputs)
     along = [held.project(State(robot, q).q) for q in given]
     for k, point in enumerate(along):

@@ -135,6 +135,7 @@ def classify(
     *,
     end: str | Sequence[str] = (),
     seed: int = 0,
+    loops: bool = True,
 ) -> MechanismClass:
     """Class of a robot (serial, branched, parallel or hybrid), its mobility, and redundancy of its end points.
 
@@ -152,6 +153,7 @@ def classify(
         constraints: Bilateral constraints; None for the loops and wheels of the robot's file.
         end: Frames of end points, one or several.
         seed: Of the configurations examined.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         FrameNotFound: with the nearest names.
@@ -166,7 +168,7 @@ def classify(
     seed = check_seed(seed)
     robot = check_state(state).robot
     frames = _frames(robot, end)
-    held = ConstraintManifold(state, constraints)
+    held = ConstraintManifold(state, constraints, loops=loops)
     rolling = {name for (name, _), placed in zip(held.names, held.placed, strict=True) if not placed}
     graph = Graph(robot, [c for c in held.constraints if c.name not in rolling])
     looked = _configurations(held, seed)

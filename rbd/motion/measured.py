@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite
-from rbd.constraints.constraint import Constraint, listed, rows_of
+from rbd.constraints.constraint import Constraint, rows_of, with_loops
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -34,6 +34,7 @@ def estimate_forces(
     *,
     noise: SensorNoise | None = None,
     external: External = None,
+    loops: bool = True,
 ) -> ForceEstimate:
     """Contact forces that explain a measured motion: M a + h - tau_ext - S^T tau = J^T f, by weighted least squares.
 
@@ -51,6 +52,7 @@ def estimate_forces(
         tau: Measured motor torques, shape (nu,) [N, N m].
         noise: Standard deviations of the sensors.
         external: Other forces of the world that are known: generalised (nv,), or `ExternalForce`s and springs (`rbd.forces`).
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: wrong sizes, NaN, unknown frames; noise that does not fit; no equation: a fixed base without torques.
@@ -68,7 +70,7 @@ def estimate_forces(
     a = robot.check_v(a, "a")
     tau = None if tau is None else robot.check_tau(tau)
     noise = checked_noise(robot, noise, torques=tau is not None)
-    given = listed(contacts)
+    given = with_loops(robot, contacts, loops)
     rows = contact_rows(state, given, stacklevel=3)
     need = state.M @ a + state.h
     if external is not None:
@@ -240,6 +242,7 @@ def estimate_forces_along(
     touches: Array | None = None,
     noise: SensorNoise | None = None,
     external: External = None,
+    loops: bool = True,
 ) -> ForceHistory:
     """`estimate_forces` at every time of a motion.
 
@@ -252,6 +255,7 @@ def estimate_forces_along(
             nothing, and without torques only this says so.
         noise: Standard deviations of the sensors.
         external: Other forces of the world that are known, the same at all times.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: sizes that do not fit, and as `estimate_forces`, with the number of the frame.
@@ -266,17 +270,23 @@ def estimate_forces_along(
                [-49.05,  0.  ,  98.1 ],
                [-49.05,  0.  ,  98.1 ]])
     """
-    given, frames = listed(contacts), len(motion.t)
+    given, frames = with_loops(motion.robot, contacts, loops), len(motion.t)
     accelerations = frame_rows("a", getattr(motion, "a", None) if a is None else a, frames, motion.robot.nv)
     torques = None if tau is None else frame_rows("tau", tau, frames, motion.robot.nu)
-    touching = checked_touches(touches, frames, len(given))
+    touching = checked_touches(touches, frames, contacts, given)
     out = []
     for i in range(frames):
         acting = [c for c, yes in zip(given, touching[i], strict=True) if yes]
         state = State(motion.robot, motion.q[i], motion.v[i])
         out.append(
             estimate_forces(
-                state, accelerations[i], acting, None if torques is None else torques[i], noise=noise, external=external
+                state,
+                accelerations[i],
+                acting,
+                None if torques is None else torques[i],
+                noise=noise,
+                external=external,
+                loops=False,
             )
         )
     return ForceHistory(np.array(motion.t), tuple(out), tuple(c.name for c in given), touching)
@@ -297,14 +307,16 @@ def frame_rows(what: str, value: object, frames: int, size: int) -> Array:
     return out
 
 
-def checked_touches(touches: object, frames: int, count: int) -> Array:
-    """Which contacts touch when, shape (frames, count).
+def checked_touches(touches: object, frames: int, given: Sequence[Constraint], all_: Sequence[Constraint]) -> Array:
+    """Which of all constraints touch when, shape (frames, k); loops that the robot adds to those given always hold.
 
     Raises:
         InputError: another shape, or no truth values.
     """
+    count = len(given)
+    held = np.ones((frames, len(all_)), bool)
     if touches is None:
-        return np.ones((frames, count), bool)
+        return held
     try:
         out = np.array(touches)
     except (TypeError, ValueError, OverflowError) as error:
@@ -313,4 +325,5 @@ def checked_touches(touches: object, frames: int, count: int) -> Array:
         raise InputError(
             f"touches has shape {out.shape} of {out.dtype}; expected ({frames}, {count}) truth values, a column a contact."
         )
-    return out
+    held[:, :count] = out
+    return held

@@ -21,7 +21,7 @@ from dataclasses import replace
 import numpy as np
 
 from rbd.arrays import Array, as_float, check_positive
-from rbd.constraints.constraint import Constraint, check_on, listed
+from rbd.constraints.constraint import Constraint, WithLoops, check_on, listed, with_loops
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -56,6 +56,7 @@ class MomentumObserver(Displayed):
         held: Torques stay as given until the next sample, as a digital controller commands them; else they are measured at the
             samples, and the mean of two is taken between them.
         noise: Standard deviations of v and tau.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: a bandwidth that is none, noise of q or a, a fixed base without torques; unknown frames.
@@ -79,13 +80,15 @@ class MomentumObserver(Displayed):
         torques: bool = True,
         held: bool = False,
         noise: SensorNoise | None = None,
+        loops: bool = True,
     ) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"MomentumObserver wants a robot first, got {robot!r:.80}. Load one: rbd.load_robot(name).")
         for what, value in (("torques", torques), ("held", held)):
             if not isinstance(value, bool):
                 raise InputError(f"{what} of MomentumObserver is {value!r:.80}; expected True or False.")
-        self.robot, self.contacts, self.torques, self.held = robot, listed(contacts), torques, held
+        self.robot, self.contacts, self.torques, self.held = robot, with_loops(robot, contacts, loops), torques, held
+        self._given, self._loops = listed(contacts), loops
         for contact in self.contacts:
             check_on(contact, robot)
         self.bandwidth = check_positive("bandwidth", bandwidth, MOST_BANDWIDTH)
@@ -142,7 +145,9 @@ class MomentumObserver(Displayed):
         if not (math.isfinite(now) and now > self._t):
             raise InputError(f"t is {t!r:.80}; expected a time after that of the sample before, {self._t:g} s.")
         given = None if tau is None else robot.check_tau(tau)
-        rows = contact_rows(state, self.contacts if contacts is None else listed(contacts), stacklevel=3)
+        rows = contact_rows(
+            state, self.contacts if contacts is None else with_loops(robot, contacts, self._loops), stacklevel=3
+        )
         self._advance(now, state, given, external)
         rows = self._delayed(now, rows)
         covariance = None if self.noise is None else self._covariance(state, self.noise, now)
@@ -168,13 +173,13 @@ class MomentumObserver(Displayed):
         """
         frames = len(motion.t)
         torques = None if tau is None else frame_rows("tau", tau, frames, self.robot.nu)
-        touching = checked_touches(touches, frames, len(self.contacts))
+        touching = checked_touches(touches, frames, self._given, self.contacts)
         self.reset()
         out = []
         for i in range(frames):
             acting = [c for c, yes in zip(self.contacts, touching[i], strict=True) if yes]
             state = State(self.robot, motion.q[i], motion.v[i])
-            out.append(self.update(motion.t[i], state, None if torques is None else torques[i], contacts=acting))
+            out.append(self.update(motion.t[i], state, None if torques is None else torques[i], contacts=WithLoops(acting)))
         return ForceHistory(np.array(motion.t), tuple(out), tuple(c.name for c in self.contacts), touching)
 
     def _advance(self, t: float, state: State, tau: Array | None, external: External) -> None:

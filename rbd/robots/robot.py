@@ -245,12 +245,12 @@ class Robot(ShapedRobot):
     def loops(self) -> tuple[Constraint, ...]:
         """The constraints that close its tree: of the loop file of its URDF, or of an MJCF's <equality>; empty for a tree.
 
-        They act only where they are given: `rbd.solve(state, tau, robot.loops())`.
+        They hold in `rbd.solve`, `rbd.simulate` and all other functions of constraints, unless `loops=False`.
         """
         return self._loops
 
     def wheels(self) -> tuple[Constraint, ...]:
-        """Its wheels, balls and knife edges on the ground, from the loop file; they too act only where given as constraints."""
+        """Its wheels, balls and knife edges on the ground, from the loop file; they act only where given as constraints."""
         return self._wheels
 
     def joint_limits(self, *, margin: float = 1e-6) -> list[JointLimit]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from rbd.analysis.uniqueness import Uniqueness
 from rbd.arrays import Array, as_float, lazy, max_abs
-from rbd.constraints.constraint import Constraint, listed, member, rows_of
+from rbd.constraints.constraint import Constraint, member, rows_of, with_loops
 from rbd.constraints.contact_points import sources_of
 from rbd.constraints.distance_warnings import warn_of_distant
 from rbd.displayed import Displayed
@@ -212,6 +212,7 @@ def impact(
     restitution: float | Mapping[str, float] = 0.0,
     law: Law | str = "coulomb",
     plastic_below: float = 0.0,
+    loops: bool = True,
 ) -> Impact:
     """The velocity after an impact of a robot with contacts and other constraints, and the impulses.
 
@@ -233,6 +234,7 @@ def impact(
         restitution: Newton's coefficient e, from 0 to 1; one for all, or {constraint: e}, 0 for the others.
         law: "coulomb" or "convex" (circular cones).
         plastic_below: Points that approach more slowly than this do not bounce [m/s, rad/s].
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         The velocity after it, impulses, energy lost, residuals.
@@ -251,7 +253,7 @@ def impact(
         (array([0.  , 0.  , 0.25]), array([-0.75,  1.5 ]))
     """
     check_state(state)
-    given = listed(contacts)
+    given = with_loops(state.robot, contacts, loops)
     rows = rows_of(state, given)
     names = [c.name for c in given]
     check_different(names, "constraints")

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from rbd.arrays import as_float, is_finite
-from rbd.constraints.constraint import Constraint, listed, rows_of
+from rbd.constraints.constraint import Constraint, rows_of, with_loops
 from rbd.constraints.distance_warnings import check_start, warn_of_distant, warn_of_limits
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.control.accepted_steps import hook, sample_period
@@ -66,6 +66,7 @@ def simulate(
     progress: bool = True,
     events: Sequence[StateEvent | Callable[..., float]] = (),
     inactive: str | Sequence[str] = (),
+    loops: bool = True,
 ) -> Trajectory:
     """Motion of a robot over time, under the same constraints that `rbd.solve` takes, with its residuals.
 
@@ -101,6 +102,7 @@ def simulate(
             `rbd.simulation.StateEvent`, or plain functions with the attributes `direction` and `terminal`, as of SciPy's
             `solve_ivp`. Each is an entry of `trajectory.events` and a sample; contacts can be switched there.
         inactive: Names of constraints that do not act until an event switches them on.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         The trajectory; printed, it shows energy, residuals and events. After Ctrl-C it contains the motion until then, and
@@ -130,7 +132,10 @@ def simulate(
         if not isinstance(given, bool):
             raise InputError(f"{what} is {given!r:.80}; expected True or False.")
     times = _times(duration, step)
-    motion = _motion(state, constraints, controller, external, law, restitution, stabilisation, every, events, inactive, step)
+    motion = _motion(
+        state, with_loops(state.robot, constraints, loops), controller, external, law, restitution, stabilisation, every,
+        events, inactive, step,
+    )  # fmt: skip
     off = names_of("inactive", inactive)
     chosen = _integrator(integrator, motion, state, off)
     adaptive, explicit = isinstance(chosen, DormandPrince8), isinstance(chosen, RungeKutta4 | DormandPrince8)
@@ -266,7 +271,7 @@ def _check(sample: Sample) -> None:
 
 def _motion(
     state: State,
-    constraints: Sequence[Constraint],
+    given: tuple[Constraint, ...],
     controller: Controller | None,
     external: External | ExternalAt,
     law: Law | str,
@@ -277,7 +282,6 @@ def _motion(
     inactive: str | Sequence[str],
     step: float,
 ) -> Motion:
-    given = listed(constraints)
     rows = rows_of(state, given)
     names = [c.name for c in given]
     check_different(names, "constraints")

@@ -359,7 +359,8 @@ def reason_not_smooth(motion: Motion, state: State) -> str | None:
         if off > OPEN:
             return (
                 f"{r.name!r:.80} is off by {off:.3g} m (or rad) at the start. Close it first, with rbd.mechanism.assemble, or "
-                "give stabilisation=rbd.constraints.Baumgarte(frequency), which pulls it together."
+                "give stabilisation=rbd.constraints.Baumgarte(frequency), which pulls it together; loops=False leaves a "
+                "robot's own loops out."
             )
         speed = max_abs(velocity_of(r, state))
         if speed > MOVES:

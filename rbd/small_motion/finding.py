@@ -97,6 +97,7 @@ def find_equilibrium(
     tau: Array | Sequence[float] | str | None = None,
     external: External = None,
     fixed: Mapping[str, object] | None = None,
+    loops: bool = True,
 ) -> SteadyState:
     """The equilibrium nearest to a state: a configuration on the constraints with a = 0 at v = 0.
 
@@ -112,6 +113,7 @@ def find_equilibrium(
             nearest to the start that some torques hold, of least effort as `rbd.hold` finds them.
         external: Other forces, as of `solve`.
         fixed: {joint: value that is kept}, as `State.with_joints` takes them.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         The equilibrium, with its residuals; `found.linearised` says whether it is stable.
@@ -132,7 +134,7 @@ def find_equilibrium(
     robot = checked(state).robot
     free, torques = _torques(state, tau)
     start, kept, _ = _started(state.with_velocity(robot.zero_v), fixed, None)
-    given = own_or(robot, constraints)
+    given = own_or(robot, constraints, loops)
     positions = np.flatnonzero(~kept)
     held = tuple(held_together(c) for c in given)
     search = Search(held, manifold_of(start, held), external, positions, np.zeros(0, int), free)
@@ -153,6 +155,7 @@ def find_steady_motion(
     conditions: Sequence[Condition] = (),
     tau: Array | Sequence[float] | str | None = None,
     external: External = None,
+    loops: bool = True,
 ) -> SteadyState:
     """The steady motion nearest to a state: q and v whose v' is zero now and stays zero, v of a base in its own axes.
 
@@ -168,6 +171,7 @@ def find_steady_motion(
         conditions: Functions of the state that are to vanish, for what is no joint's value: a lean, a radius.
         tau: As of `find_equilibrium`; "free": torques of least norm that go with it.
         external: Other forces, as of `solve`.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         The steady motion, with its residuals; `found.linearised` says whether it is stable.
@@ -188,7 +192,7 @@ def find_steady_motion(
     robot = checked(state).robot
     free, torques = _torques(state, tau)
     start, kept, still = _started(state, fixed, speeds)
-    given = own_or(robot, constraints)
+    given = own_or(robot, constraints, loops)
     if not isinstance(conditions, list | tuple) or not all(map(callable, conditions)):
         raise InputError(
             f"conditions are {conditions!r:.80}; expected functions of the state, e.g. [lambda state: state.q[2] - 1]."

@@ -40,6 +40,7 @@ def linearise(
     external: External = None,
     differences: bool = False,
     seed: int = 0,
+    loops: bool = True,
 ) -> Linearised:
     """The linear equations x' = A x + B dtau of small motion about an equilibrium or a steady motion.
 
@@ -61,6 +62,7 @@ def linearise(
         external: Other forces, as of `solve`; those of springs and dampers change with the state.
         differences: Take A by differences of `solve` also where there are derivatives.
         seed: Of the directions in which A is compared with differences of `solve`.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         A, B, what x means, eigenvalues and modes, and how well A agrees with the true motion.
@@ -82,7 +84,7 @@ def linearise(
     """
     robot, seed = checked(state).robot, check_seed(seed)
     check_flag("differences", differences)
-    given = own_or(robot, constraints)
+    given = own_or(robot, constraints, loops)
     torques = robot.check_tau(tau)
     manifold = manifold_of(state, given)
     check_on(manifold.rows(state))

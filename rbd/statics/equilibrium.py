@@ -26,6 +26,7 @@ def hold(
     friction: str = "cone",
     objective: Effort | None = None,
     margin: float | None = None,
+    loops: bool = True,
 ) -> Actuation:
     """Motor torques that keep a robot at rest, and the contact forces that go with them: inverse dynamics with a = 0, v = 0.
 
@@ -42,6 +43,7 @@ def hold(
         margin: Corner forces stay within 1 - margin of their cones. None: 5 % from the limit where that is possible, else up to
             the limit itself; `Actuation.margin` says which. At the limit the robot is held, but these torques may allow
             other motions too.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         The torques, with a = 0. What cannot be held within 1e-6 of a limit is refused, with a proof; what can, is found. A
@@ -60,7 +62,9 @@ def hold(
     """
     robot = checked(state).robot
     refuse_motion(state)
-    wanted = WantedMotion.of(state, zeros(robot.nv), contacts, external, objective, friction, holds=True, stacklevel=3)
+    wanted = WantedMotion.of(
+        state, zeros(robot.nv), contacts, external, objective, friction, loops=loops, holds=True, stacklevel=3
+    )
     refuse_motion(state, wanted.rows)
     if margin is not None:
         return wanted.actuation(checked_margin(margin), stacklevel=3)
@@ -78,6 +82,7 @@ def hold_many(
     friction: str = "cone",
     objective: Effort | None = None,
     margin: float | None = None,
+    loops: bool = True,
 ) -> Actuations:
     """Motor torques and contact forces that hold a robot still at n poses: what `hold` answers at each, as arrays.
 
@@ -94,6 +99,7 @@ def hold_many(
         friction: As of `hold`.
         objective: As of `hold`.
         margin: As of `hold`.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         InputError: what concerns all poses: wrong sizes, numbers of states that differ, an objective that is none.
@@ -109,5 +115,5 @@ def hold_many(
                [-0.201, -0.012,  0.618]])
     """
     asked = Asked.of(objective, friction, margin, REST_SPEED, holds=True)
-    states = ManyStates.of(robot, q, None, contacts, external=external, friction=coefficients)
+    states = ManyStates.of(robot, q, None, contacts, external=external, friction=coefficients, loops=loops)
     return actuations_of(states, asked, stacklevel=2)

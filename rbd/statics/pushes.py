@@ -177,6 +177,7 @@ def push_limits(
     at_most: float = 1e4,
     friction: str = "cone",
     margin: float = 0.0,
+    loops: bool = True,
 ) -> PushLimits:
     """The largest push in each direction that the robot can withstand without moving, and the limit that is reached first.
 
@@ -198,6 +199,7 @@ def push_limits(
         at_most: Larger pushes are not looked for [N].
         friction: "cone", the circular cones; "inscribed" or "circumscribed", the pyramids inside or around them.
         margin: Share of each coefficient of friction that is left unused.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
@@ -215,7 +217,7 @@ def push_limits(
     """
     most = check_positive("at_most", at_most, 1e9)
     at, ways = place("offset", offset), _unit_directions(directions)
-    loads = standing_loads(state, contacts, friction, margin)
+    loads = standing_loads(state, contacts, friction, margin, loops)
     search = _Search(loads, _point_jacobian(state, frame, at), ways, most / loads.unit)
     search.run()
     found, least = ([answers[i] for i in range(len(ways))] for answers in (search.answers, search.least))

@@ -196,6 +196,7 @@ def support_region(
     margin: float = 0.0,
     friction: str = "cone",
     area_gap: float = 1e-4,
+    loops: bool = True,
 ) -> SupportRegion:
     """Where the centre of mass may be, seen along gravity, for some contact forces to balance the robot's weight.
 
@@ -217,6 +218,7 @@ def support_region(
             "circumscribed", those around them. With pyramids the region is a polygon, found exactly.
         area_gap: With circular cones, by how much the area of the polygon that holds the region may exceed that of the polygon
             inside it [m2].
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:
         NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
@@ -236,7 +238,7 @@ def support_region(
     """
     check_flag("torque_limits", torque_limits)
     gap = check_area_gap(area_gap)
-    loads = standing_loads(state, contacts, friction, margin)
+    loads = standing_loads(state, contacts, friction, margin, loops)
     _check_stands(state)
     program = _program(loads, torque_limits)
     found, directions, cut = planar_region(program, gap if len(loads.sets.mu) else 0.0)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, as_float, as_vector3
-from rbd.constraints.constraint import Constraint, listed
+from rbd.constraints.constraint import Constraint, listed, with_loops
 from rbd.errors import InputError
 from rbd.model.checked_model import FARTHEST
 from rbd.model.state import State, checked
@@ -24,7 +24,9 @@ _FELT = 1e-12
 """A motor that feels less of a contact force as large as the robot's weight, over its limit, feels none."""
 
 
-def standing_loads(state: State, contacts: Sequence[Constraint], friction: str, margin: float = 0.0) -> Loads:
+def standing_loads(
+    state: State, contacts: Sequence[Constraint], friction: str, margin: float = 0.0, loops: bool = True
+) -> Loads:
     """The loads of a robot at rest on its contacts.
 
     Args:
@@ -32,6 +34,7 @@ def standing_loads(state: State, contacts: Sequence[Constraint], friction: str, 
         contacts: At least one.
         friction: "cone", "inscribed" or "circumscribed".
         margin: Share of each coefficient of friction that is left unused.
+        loops: Whether the robot's own loops hold.
 
     Raises:
         NotAtRest: if `|v|` exceeds 1e-9, or what a contact touches moves.
@@ -39,7 +42,7 @@ def standing_loads(state: State, contacts: Sequence[Constraint], friction: str, 
     """
     robot = checked(state).robot
     refuse_motion(state)
-    rows = given_rows(state, contacts, stacklevel=4)
+    rows = given_rows(state, with_loops(robot, contacts, loops), stacklevel=4)
     refuse_motion(state, rows)
     sets = force_sets(rows, friction, margin)
     if not robot.mass * float(np.linalg.norm(robot.gravity)) > 0.0:

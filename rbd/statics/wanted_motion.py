@@ -13,7 +13,7 @@ from functools import partial
 import numpy as np
 
 from rbd.arrays import Array, as_float, lazy, max_abs, zeros
-from rbd.constraints.constraint import Constraint, listed
+from rbd.constraints.constraint import Constraint, with_loops
 from rbd.constraints.distance_warnings import warn_of_opening
 from rbd.errors import CannotMove, ContactMoves, InputError, NoSolution, Reason, SpeedLimitWarning
 from rbd.model.external import External, generalised
@@ -75,6 +75,7 @@ class WantedMotion:
         effort: Effort | None,
         friction: str,
         rest_speed: float = REST_SPEED,
+        loops: bool = True,
         *,
         holds: bool,
         stacklevel: int,
@@ -85,7 +86,7 @@ class WantedMotion:
             InputError: of what is no constraint, no effort, no kind of friction.
             DuplicateName: two constraints of one name.
         """
-        given = listed(contacts)
+        given = with_loops(state.robot, contacts, loops)
         rows = contact_rows(state, given, stacklevel=stacklevel + 1)
         if not holds:
             _warn_of_speed(state, stacklevel + 1)

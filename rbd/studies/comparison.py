@@ -115,6 +115,7 @@ def compare_solvers(
     *,
     external: External = None,
     rest_speed: float = REST_SPEED,
+    loops: bool = True,
 ) -> SolverComparison:
     """The answers of all solvers to one problem, and their differences in a and in the unique part of the forces.
 
@@ -128,6 +129,7 @@ def compare_solvers(
         constraints: Contacts and other constraints.
         external: Other forces of the world, as in `rbd.solve`.
         rest_speed: Up to which speed a contact is at rest [m/s, rad/s], as in `rbd.solve`.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         A table; print it. Solvers that refuse are listed with their reason.
@@ -143,7 +145,7 @@ def compare_solvers(
         >>> found.worst < 1e-9, list(found.refused)
         (True, ['KKT'])
     """
-    problem = assembled(state, tau, constraints, external, rest_speed)
+    problem = assembled(state, tau, constraints, external, rest_speed, loops)
     asked: list[tuple[str, Solver, GaussProblem]] = [
         ("KKT", KKT(), problem),
         ("ProxQP", ProxQP(), problem),
@@ -314,6 +316,7 @@ def compare_laws(
     *,
     external: External = None,
     rest_speed: float = REST_SPEED,
+    loops: bool = True,
 ) -> LawComparison:
     """Convex and Coulomb's law compared, both with circular cones: the effect of the convex relaxation.
 
@@ -328,6 +331,7 @@ def compare_laws(
         constraints: Contacts and other constraints.
         external: Other forces of the world, as in `rbd.solve`.
         rest_speed: Up to which speed a contact is at rest [m/s, rad/s], as in `rbd.solve`.
+        loops: Whether the robot's own loops hold; one that is given counts once.
 
     Returns:
         Both answers with their certificates, and the behaviour of each contact under each; printable.
@@ -345,7 +349,7 @@ def compare_laws(
         True [ 0. 0.] [0. 0.]
         False [2.114 0.   ] [1.554 0.933]
     """
-    problem = assembled(state, tau, constraints, external, rest_speed)
+    problem = assembled(state, tau, constraints, external, rest_speed, loops)
     convex, coulomb = (answered(problem, solver_of(law, None)) for law in ("convex", "coulomb"))
     return LawComparison(convex, coulomb, _under(convex), _under(coulomb))
 

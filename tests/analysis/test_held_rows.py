@@ -261,7 +261,7 @@ def test_derivatives_through_many_loops_are_those_one_by_one() -> None:
     upright = robot.at("assembled")
     state = upright.with_velocity(rbd.mechanism.velocity_partition(upright, robot.loops(), {"crank_0_joint": -1.0}).v)
     found, opaque = (
-        rbd.solve(state, [0.1], loops, solver=rbd.KKT()).derivatives()
+        rbd.solve(state, [0.1], loops, solver=rbd.KKT(), loops=False).derivatives()
         for loops in (robot.loops(), [Opaque(loop) for loop in robot.loops()])
     )
     compare(found, opaque, 1e-9)

@@ -313,7 +313,7 @@ def test_a_start_far_from_q0_is_told():
     robot, loops = four_bar(*CRANK_ROCKER)
     far = trace(rbd.State(robot, np.array([0.7, 0.8, 1.0])), loops, joint="crank", values=(0.7, 0.8), steps=1)
     assert far.moved == pytest.approx(float(np.linalg.norm(far.q[0] - [0.7, 0.8, 1.0])), abs=1e-12)
-    assert "from the start given" in str(far)
+    assert "its first pose is 0.984 [rad, m] from the start" in str(far)
     assert "from the start given" not in str(
         trace(rbd.State(robot, far.q[0]), loops, joint="crank", values=(0.7, 0.8), steps=1)
     )

@@ -16,7 +16,10 @@ def test_what_is_out_of_phase_counts_over_the_robots_length(length: float, aside
     """An angle and a length, in phase but for rounding, or out of phase by a millionth of what moves: the same in any unit."""
     scale = np.array([1.0, length])
     for moved in (np.array([1.0, 0.5j * aside]), np.array([0.1 + 0.1j * aside, 1.0]), np.array([1j * aside, 1.0])):
-        for dq, dv in (in_phase(moved * scale, 3.0 * moved * scale, scale), in_phase(moved * scale, 1e-5 * moved * scale, scale)):
+        for dq, dv in (
+            in_phase(moved * scale, 3.0 * moved * scale, scale),
+            in_phase(moved * scale, 1e-5 * moved * scale, scale),
+        ):
             assert np.isrealobj(dq) is real and np.isrealobj(dv) is real
             assert np.array_equal(np.real(dq), moved.real * scale)
 
