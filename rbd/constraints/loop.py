@@ -70,7 +70,7 @@ class LoopClosure(Displayed):
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
         >>> joined = rbd.LoopClosure("joined", "coupler_tip", "rocker_tip", kind="planar", axis=(0, -1, 0))
-        >>> solution = rbd.solve(robot.at("assembled"), [0.0], [joined])
+        >>> solution = rbd.solve(robot.at("assembled"), [0.0], [joined], loops=False)
         >>> solution.forces["joined"].round(3)
         array([10.221,  0.   , -9.118])
     """

@@ -46,7 +46,7 @@ def double_pendulum(q: Array) -> tuple[Array, Array]:
 
 @pytest.mark.parametrize(("away", "rate"), [(0.0, 0.0), (0.02, 0.0), (-0.03, 0.0), (0.0, 0.1), (0.01, -0.2)])
 def test_a_lift_is_carried_and_drawn_back(away: float, rate: float) -> None:
-    """tau = m g - m w^2 (q - q*) - 2 zeta w m v: upwards against the weight, back against the distance and the velocity."""
+    """It is m g - m w^2 (q - q*) - 2 zeta w m v: upwards against the weight, back against the distance and the velocity."""
     robot = lift()
     tau = HoldPosture(rbd.State(robot, [0.5]), frequency=W, damping_ratio=ZETA)(rbd.State(robot, [0.5 + away], [rate]), 0.0)
     assert tau == pytest.approx([MASS * (G - W**2 * away - 2.0 * ZETA * W * rate)], abs=1e-7)
@@ -54,13 +54,13 @@ def test_a_lift_is_carried_and_drawn_back(away: float, rate: float) -> None:
 
 @pytest.mark.parametrize(("away", "tau"), [(-1.0, LIMIT), (1.0, -LIMIT)])
 def test_torques_end_at_the_effort_limit(away: float, tau: float) -> None:
-    """m g +- m w^2 1 m is 137 N and -79 N: the motor gives 40 N, in the direction that leads back."""
+    """With m g +- m w^2 1 m that is 137 N and -79 N: the motor gives 40 N, in the direction that leads back."""
     robot = lift()
     assert HoldPosture(rbd.State(robot, [0.0]), frequency=W)(rbd.State(robot, [away]), 0.0) == pytest.approx([tau], abs=1e-12)
 
 
 def test_a_hanging_arm_feels_its_whole_inertia() -> None:
-    """K = w^2 M and D = 2 zeta w M of both links, and torques that carry the weight; what hangs needs nothing against tipping."""
+    """K = w^2 M and D = 2 zeta w M of both links, and torques that carry the weight."""
     robot, goal = two_links(), np.array([0.4, 0.5])
     inertia, weight = double_pendulum(goal)
     hold = HoldPosture(rbd.State(robot, goal), frequency=W, damping_ratio=ZETA)

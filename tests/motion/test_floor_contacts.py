@@ -57,7 +57,7 @@ def contacts_of(box: CheckedModel, *wanted: str) -> FloorContacts:
 
 
 def above(box: CheckedModel, height: float, pitch: float = 0.0, turned: bool = False) -> rbd.State:
-    """The box with its lowest point of sole (of the knob, when turned over) at a height above the floor; the nose up by pitch."""
+    """The box with its lowest point of sole (of the knob, when turned over) at a height; the nose up by pitch."""
     R = pin.rpy.rpyToMatrix(np.pi if turned else 0.0, -pitch, 0.0)
     low = R[2] @ KNOB - RADIUS if turned else (CORNERS @ R[2]).min()
     return rbd.State(box, pin.SE3ToXYZQUAT(pin.SE3(R, np.array([1.0, 2.0, GROUND + height - low]))))

@@ -43,7 +43,7 @@ def points_on(robot: CheckedModel, joints: list[int], local: list[list[float]]) 
 
 
 def test_a_turning_table_spreads_its_points_by_their_distance_from_its_axis() -> None:
-    """A point at r from the axis moves by r sigma in one of two directions: r sigma / sqrt(2). The arm's noise moves it alone."""
+    """A point at r from the axis moves by r sigma in one of two directions: r sigma / sqrt(2)."""
     robot, q = turntable(), np.array([0.7, 0.0])
     points = points_on(robot, [1, 1, 2], [[0.3, 0.4, 0.2], [0.0, 0.0, 0.1], [0.0, 0.0, -0.25]])
     frames, turned, nodded = np.array([q + 1.0, q, q - 1.0]), np.array([2e-3, 0.0]), np.array([0.0, 3e-3])
