@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import subprocess
 import sys
@@ -192,6 +193,32 @@ def test_an_identity_is_the_same_in_another_process(tmp_path: Path):
         for seed in ("1", "2", "3")
     }
     assert len(found) == 1 and len(found.pop().split()) == 4
+
+
+@pytest.mark.parametrize("edit", ["FACTOR = 2.0", "def scaled(x): return 2.0 * x", "class Arm:\n    length = 2.0"])
+@pytest.mark.parametrize(
+    "study",
+    [
+        "from mine.parts import scaled, Arm, FACTOR\ndef f(x): return scaled(x) * Arm.length * FACTOR",
+        "from mine import parts as p\ndef f(x): return p.scaled(x) * p.Arm.length * p.FACTOR",
+        "import mine.parts\ndef f(x): return mine.parts.scaled(x) * mine.parts.Arm.length * mine.parts.FACTOR",
+    ],
+)
+def test_other_modules_of_the_user_are_counted(study: str, edit: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """A helper in a file of its own, edited between two runs; a comment there changes nothing."""
+    text, found = "import mine\nFACTOR = 1.0\ndef scaled(x): return x\nclass Arm:\n    length = 1.0\n", []
+    for k, more in enumerate(("", "# a remark", edit)):
+        folder = tmp_path / str(k) / "mine"
+        folder.mkdir(parents=True)
+        for name, content in (("__init__", ""), ("parts", text + more), ("push", study)):
+            (folder / f"{name}.py").write_text(content)
+        with monkeypatch.context() as patch:
+            patch.syspath_prepend(folder.parent)
+            function = importlib.import_module("mine.push").f
+            found.append((function_hash(function), function(3.0)))
+            for name in [name for name in sys.modules if name.partition(".")[0] == "mine"]:
+                del sys.modules[name]
+    assert found[0] == found[1] and found[0][0] != found[2][0] and found[2][1] == 6.0
 
 
 def ends_at_two(x: float) -> float:

@@ -38,10 +38,10 @@ def function_hash(function: Callable[..., Any]) -> str:
     """A hash that is the same in every process for the same function, and differs where it computes something else.
 
     It covers what pickling by value would send: the source without comments and docstrings, defaults, values in closures, bound
-    arguments, the object of a method, with all attributes, functions and classes of its own module that are used, with class
-    attributes, and the values of that module that are used, as they are now. Robots count by their digests, other objects by
-    what `pickle` sends of them, less what is computed when it is read. Other modules, and functions of `rbd` itself, count by
-    their names: versions stand beside results.
+    arguments, the object of a method, with all attributes, functions and classes that are used, with class attributes, and the
+    values of modules that are used, as they are now. Robots count by their digests, other objects by what `pickle` sends of
+    them, less what is computed when it is read. What is installed, and `rbd` itself, counts by name: versions stand beside
+    results.
 
     Args:
         function: What is called with the values of a sample.
@@ -156,12 +156,16 @@ class _Walk:
         if _by_name(x):
             return
         yield self._source(x)
-        for name in sorted(set(_names(x.__code__)) & x.__globals__.keys()):
-            value = x.__globals__[name]
-            foreign = (
-                isinstance(value, FunctionType | type) and value.__module__ != x.__module__ and "<" not in value.__qualname__
-            )
-            yield from (name, name_of(value) if foreign else self.digest(value, f"{path}.{name}"))
+        yield from self._used(x.__globals__, set(_names(x.__code__)), path, ())
+
+    def _used(self, has: Mapping[str, Any], names: set[str], path: str, inside: tuple[ModuleType, ...]) -> Iterator[str]:
+        """What of a module's values a code names; of the user's modules among them, what it names of these."""
+        for name in sorted(names & has.keys()):
+            value = has[name]
+            if isinstance(value, ModuleType) and not _by_name(value) and value not in inside:
+                yield from (name, *self._used(vars(value), names, f"{path}.{name}", (*inside, value)))
+            else:
+                yield from (name, self.digest(value, f"{path}.{name}"))
 
     def _class(self, x: type, path: str) -> Iterator[str]:
         yield f"class {name_of(x)}"
@@ -198,7 +202,7 @@ def _is_set(cell: CellType) -> bool:
 
 def _by_name(x: Any) -> bool:
     """Whether a function or a class counts by its name: of this package, Python's, and of what is installed."""
-    module = x.__module__ or ""
+    module = (x.__name__ if isinstance(x, ModuleType) else x.__module__) or ""
     top = module.partition(".")[0]
     if top in ("rbd", "builtins") or top in sys.stdlib_module_names:
         return top != "__main__"
