@@ -115,6 +115,14 @@ def test_a_list_of_the_module_counts_by_what_it_holds_at_the_start(monkeypatch: 
     assert function_hash(f) != before
 
 
+def test_functions_among_samples_count_as_those_of_studies(monkeypatch: pytest.MonkeyPatch):
+    """By what they use: a class attribute that a method reads was not seen."""
+    digest = rbd.grid(f=[Push().push, Push(mu=0.6).push]).digest()
+    assert rbd.grid(f=[Push().push, Push(mu=0.6).push]).digest() == digest
+    monkeypatch.setattr(Push, "scale", 2.0)
+    assert rbd.grid(f=[Push().push, Push(mu=0.6).push]).digest() != digest
+
+
 def test_what_is_computed_when_it_is_read_is_not_counted():
     """A state's frames, a contact's rows: they follow from what is counted."""
     state = rbd.State(rbd.testing.box(), [0, 0, 0, 0, 0, 0, 1])

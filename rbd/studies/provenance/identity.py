@@ -1,28 +1,49 @@
-"""What a function is: a hash of its code and of all that it would take along to another process."""
+"""What a function, or a value, is: a hash of its content, with all that it would take along to another process."""
 
 from __future__ import annotations
 
 import ast
 import copyreg
 import functools
+import hashlib
 import inspect
+import struct
 import sys
 import textwrap
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
+from enum import Enum
 from types import CellType, CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from rbd.errors import InputError
 from rbd.model.travelling import Travelling
-from rbd.studies.provenance.fingerprint import hash_of, source_of
 
-LEAVES = (bool, int, float, complex, str, bytes, bytearray, np.generic, Travelling, ModuleType)
-"""What is a value, or counts by its digest or name: `hash_of` reads it."""
+UTF = ("utf-8", "surrogatepass")
 OF_CLASSES = {"__dict__", "__weakref__", "__doc__", "_abc_impl"}
 """What Python puts into classes, that computes nothing."""
+
+
+class Hash(Protocol):
+    """What takes bytes, such as `hashlib.sha256()`."""
+
+    def update(self, data: bytes, /) -> None:
+        """Add bytes."""
+        ...
+
+
+def add(found: Hash, value: object, path: str) -> None:
+    """Add a value's content to a hash, as `function_hash` counts it; `path` is its name in messages.
+
+    Numbers count by value (0.5 of NumPy is 0.5 of Python), arrays by type, shape and entries in little-endian order, mappings
+    and sets without their order, members of an Enum by name. Addresses never count.
+
+    Raises:
+        InputError: an object that has no content to read, such as an open file or a lock.
+    """
+    found.update(_Walk().digest(value, path).encode())
 
 
 def name_of(function: Any) -> str:
@@ -62,15 +83,16 @@ class _Walk:
 
     def digest(self, x: Any, path: str) -> str:
         """Of a function, a class or a value of any kind; `path` is the way to it."""
-        if x is None or isinstance(x, LEAVES) or (isinstance(x, np.ndarray) and x.dtype.kind in "biufcSUmM"):
-            return hash_of(x)
+        leaf = _leaf(x)
+        if leaf is not None:
+            return _hash(*leaf)
         if id(x) in self._known:
             return self._known[id(x)]
         if id(x) in self._above:
             return f"again {self._above.index(id(x))}"
         self._above.append(id(x))
         self._alive.append(x)  # so that no other object gets its id
-        found = self._known[id(x)] = hash_of(list(self._parts(x, path)))
+        found = self._known[id(x)] = _hash(*[part.encode(*UTF) for part in self._parts(x, path)])
         self._above.pop()
         return found
 
@@ -184,7 +206,41 @@ class _Walk:
         try:
             return _plain(inspect.getsource(function), lambda_only=function.__name__ == "<lambda>")
         except (OSError, TypeError, SyntaxError, ValueError):  # typed in, or several on one line
-            return source_of(function)
+            return self._code(function.__code__, function.__name__)
+
+    def _code(self, code: CodeType, path: str) -> str:
+        """Compiled code as text."""
+        constants = [self._code(x, path) if isinstance(x, CodeType) else self.digest(x, path) for x in code.co_consts]
+        return f"{code.co_code.hex()} {constants} {code.co_names} {code.co_varnames}"
+
+
+def _leaf(x: Any) -> tuple[bytes, ...] | None:
+    """Kind and content of what is a value, or counts by its digest or name; None of what holds other objects."""
+    if isinstance(x, Enum):
+        return b"enum", f"{name_of(type(x))}.{x.name}".encode(*UTF)
+    if isinstance(x, np.generic) and x.dtype.kind in "biufcSU":
+        return _leaf(x.item())
+    if type(x) in (bool, int, str, type(None)):
+        return type(x).__name__.encode(), str(x).encode(*UTF)
+    if type(x) in (float, complex):
+        parts = [np.nan if part != part else part for part in (np.real(x), np.imag(x))]  # every NaN is the same
+        return type(x).__name__.encode(), struct.pack("<dd", *parts)
+    if isinstance(x, bytes | bytearray):
+        return b"bytes", bytes(x)
+    if isinstance(x, np.ndarray | np.generic) and x.dtype.kind in "biufcSUmM":
+        kind = x.dtype.newbyteorder("<")
+        return b"array", f"{kind.str} {x.shape}".encode(), np.ascontiguousarray(x, kind).tobytes()
+    if isinstance(x, Travelling):
+        return b"robot", x.digest.encode()
+    return (b"module", x.__name__.encode()) if isinstance(x, ModuleType) else None
+
+
+def _hash(*parts: bytes) -> str:
+    """The SHA-256 hash of parts, with their lengths, 64 hexadecimal digits."""
+    found = hashlib.sha256()
+    for part in parts:
+        found.update(b"%d:" % len(part) + part)
+    return found.hexdigest()
 
 
 def _is_computed(kind: type, name: str) -> bool:

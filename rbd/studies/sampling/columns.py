@@ -12,7 +12,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.studies.provenance.fingerprint import Hash, add
+from rbd.studies.provenance.identity import Hash, add
 from rbd.studies.sampling.gaps import without_gaps
 
 Coordinate = tuple[tuple[str, ...], Array, dict[str, str]]
@@ -85,7 +85,7 @@ class Column:
             labels = None
         if all(type(x) is str for x in choices):  # as one text: they may be millions
             choices = ["".join(choices), np.array([len(x) for x in choices], np.int64)]
-        add(found, (self.name, self.dim, self.mark or self.values, choices, labels))
+        add(found, (self.name, self.dim, self.mark or self.values, choices, labels), self.name)
 
     @property
     def text(self) -> str:

@@ -10,7 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_float, check_seed, check_whole
 from rbd.errors import InputError, nearest
-from rbd.studies.provenance.fingerprint import add
+from rbd.studies.provenance.identity import add
 from rbd.studies.sampling.columns import Column, check_name, column, is_one
 from rbd.studies.sampling.samples import Samples
 
@@ -178,5 +178,5 @@ def _column(name: str, given: Any, chosen: Column | None, unit: Array) -> Column
     # Quantiles may differ in the last bits from platform to platform; the draws of (0, 1) do not.
     mark = hashlib.sha256()
     shown = [f"{x:.9g}" for x in np.asarray(ppf(QUANTILES), float)]
-    add(mark, (unit, type(given).__qualname__, shown))
+    add(mark, (unit, type(given).__qualname__, shown), type(given).__qualname__)
     return Column(name, "sample", values, mark=mark.hexdigest())
