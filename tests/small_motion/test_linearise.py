@@ -275,3 +275,14 @@ def test_records_travel_and_changed_states_are_those_of_x():
         warnings.simplefilter("error")
         later = mode.at(0.2, 1e-3)
     assert np.abs(later.v[0] - 5.0) < 1e-2
+
+
+def test_a_mode_draws_itself(tmp_path):
+    """`mode.scene`, `mode.plot` and `mode.export` are those of `rbd.visual`."""
+    from matplotlib.figure import Figure
+
+    mode = rbd.find_equilibrium(rbd.mechanism.four_bar(1.0, 3.0, 2.0, 2.5).at("assembled")).linearised.modes()[0]
+    bars = mode.plot(Figure().add_subplot())
+    assert len(bars) >= 3 and max(abs(bar.get_width()) + abs(bar.get_height()) for bar in bars) > 0.0
+    assert any(mark.path for mark in mode.scene().drawn)
+    assert "Hz" in mode.export(tmp_path / "mode.html").read_text(encoding="utf-8")

@@ -408,3 +408,33 @@ def test_slices_of_a_trajectory_have_charts(slide: rbd.Trajectory) -> None:
     assert [len(chart.lines[0].values) for chart in charts] == [2] * len(charts)
     still = replace(slide, residuals={name: np.zeros(len(slide)) for name in slide.residuals})
     assert list(named(charts_of(still, ["residuals"]), "residuals")) == ["law, scaled"]
+
+
+def test_forces_of_loops_and_locks_are_curves() -> None:
+    """|f| of a loop, the torque of a lock as it is; the largest first."""
+    bars = rbd.load_robot("four_bar")
+    given = [rbd.JointLock("brake", "crank_joint")]
+    held = rbd.simulate(bars.at("assembled"), given, duration=0.02, step=1e-2, progress=False)
+    chart = charts_of(held, ["forces"])[0]
+    assert chart.title == "forces of constraints, N or N m"
+    values = named([chart], "forces")
+    assert np.array_equal(values["|f| coupler_pin"], np.linalg.norm(held.forces["coupler_pin"][:, :3], axis=1))
+    assert np.array_equal(values["brake"], held.forces["brake"][:, 0])
+    size = [np.abs(line.values).max() for line in chart.lines]
+    assert size == sorted(size, reverse=True)
+
+
+def test_torques_of_motors_without_limits_are_in_newton_metres() -> None:
+    """And nothing is drawn where none pulls."""
+    builder = rbd.RobotBuilder("arm", root="fixed")
+    for name, parent in (("upper", "ground"), ("lower", "upper")):
+        builder.body(name, rbd.robots.Rod((0, 0, 0), (1, 0, 0), mass=1.0))
+        builder.joint(f"to_{name}", parent, name, at=(1, 0, 0), axis=(0, 1, 0), motor=True)
+    arm = builder.robot()
+    start, pulls = arm.at([0.1, 0.2]), lambda state, t: np.array([3.0, -7.0])
+    moved = rbd.simulate(start, duration=0.02, step=1e-2, controller=pulls, progress=False)
+    chart = charts_of(moved, ["torques"])[0]
+    assert chart.title == "motor torques, N m (no limits are known)"
+    assert [float(line.values[1]) for line in chart.lines] == [7.0, 3.0]
+    limp = rbd.simulate(start, duration=0.02, step=1e-2, progress=False)
+    assert "torques" not in [chart.name for chart in charts_of(limp, True)]

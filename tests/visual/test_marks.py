@@ -378,3 +378,32 @@ def test_the_page_draws_the_polygon_in_the_plane_of_the_soles(browser, talos, tm
     off = ramp.distances(np.array(found["points"]))
     assert len(off) >= 4 and 0.0 < off.min() and np.ptp(off) < 2e-4 and off.max() < 0.01
     assert found["surfaces"] == 3 and not found["shown"] and torques
+
+
+class TestOtherConstraints:
+    """Forces of what is no contact on a patch: loops, points of shapes; what cannot be placed is said."""
+
+    def test_a_rigid_loop_has_a_force_on_each_body_and_a_moment(self):
+        """Equal and opposite at the pin; the label tells the numbers."""
+        bars = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        weld = rbd.LoopClosure("weld", "coupler_tip", "rocker_tip", kind="revolute", axis=(0, 1, 0))
+        state = bars.at("assembled")
+        solution = rbd.solve(state, [0.0], [weld], loops=False)
+        marks, _ = shown(bars, state, solution)
+        own, other = marks["loops/weld/force"], marks["loops/weld/reaction"]
+        force = solution.forces["weld"][:3]
+        assert f"{np.linalg.norm(force):.4g}"[:3] in " ".join(own.label.lines) and "gets the opposite" in " ".join(
+            own.label.lines
+        )
+        assert other.label.lines[1].startswith("the opposite of that on") and other.opacity < own.opacity
+
+    def test_forces_between_bodies_at_points_of_their_shapes_are_one_mark(self):
+        """A box on another: what acts on the lower one, 196.2 N from the floor less 98.1 N, is its weight."""
+        boxes = [rbd.load_robot("urdf/box.urdf", root="free_flyer") for _ in range(2)]
+        both = rbd.robots.merge_robots(*boxes, names=("low", "high"))
+        state = rbd.State(both, [0, 0, 0.1, 0, 0, 0, 1, 0, 0, 0.3, 0, 0, 0, 1])
+        pair = [shape.name for shape in both.collision_model.geometryObjects]
+        touching = rbd.CollisionContacts("all", both, ground=True, pairs=[pair])
+        marks, _ = shown(both, state, rbd.solve(state, [], [touching]))
+        told = marks["points/all"].label.lines
+        assert told[0] == "8 points" and told[1] == "sum of the forces (0, 0, 98.1) N" and len(told) == 10

@@ -104,7 +104,7 @@ def _constraint_forces(shown: Any) -> Chart | None:
             words.add("N")
         else:
             lines += [(name if force.shape[1] == 1 else f"{name} row {k + 1}", row) for k, row in enumerate(force.T)]
-            words.add("N or N m")
+            words |= {"N", "N m"}
     if not lines:
         return None
     lines.sort(key=lambda line: -float(np.abs(line[1]).max()))
