@@ -276,6 +276,15 @@ def test_a_picture_that_would_not_show_the_study_is_refused_before_it_is_compute
         (SOLO + "[fixed]\nfriction = 0.5", ["friction", "both"]),
         (SOLO + "[fixed]\nmargin = 1.0", ["margin (line 8", "below 1"]),
         (SOLO + "[fixed]\nmargin = [0.1, 0.2]", ["margin (line 8", "one value"]),
+        (SOLO + '[fixed]\nmargin = "0.1:0.2:3"', ["margin (line 8", "one value. Sweep it"]),
+        (SOLO + "[fixed]\nmargin = true", ["margin (line 8", "expected a number"]),
+        (SOLO + '[fixed]\nrobot = "talos"', ["robot (line 3", "in [fixed]; give it once"]),
+        (SOLO + "[fixed]\nfeet = 3", ["[fixed] feet (line 8", "a list of frames"]),
+        (SOLO + "[fixed]\npush = [0, 1, 0]\npush.x = 1.0".replace("push.x", "'push.x'"), ["both give the push"]),
+        (SOLO + '[fixed]\npush = ["a", 1, 2]', ["[fixed] push (line 8", "three numbers"]),
+        (SOLO.replace("push.y", "push") + "[fixed]\npush = 3.0", ["both swept and fixed"]),
+        ("keep = []\n" + SOLO, ["keep (line 1", "a list of names"]),
+        ('function = "my-push.py:push"\n[samples]\na = [1]', ["my-push.py", "letters, digits and _"]),
         (SOLO + "[plot]\nx = 3", ["[plot] x (line 8"]),
         (SOLO + '[plot]\nz = "friction"', ["[plot] z (line 8"]),
         ("keep = 3\n" + SOLO, ["keep (line 1"]),
@@ -306,6 +315,7 @@ def test_a_file_that_is_wrong_is_refused_with_the_line_and_the_nearest_names(fol
     """Nothing is computed, nothing is printed as if it were an answer; exit code 2."""
     (folder / "json.py").write_text("")
     (folder / "broken.py").write_text("1 / 0")
+    (folder / "my-push.py").write_text("")
     (folder / "wrong.toml").write_text(text)
     code, out, complaint = run("study", "wrong.toml", "--workers", "0")
     assert code == 2 and not out
