@@ -82,3 +82,10 @@ def test_a_lift_comes_back_as_the_oscillator(damping_ratio: float) -> None:
     turn = W * root * t
     shape = 1.0 + W * t if damping_ratio == 1.0 else np.cos(turn) + damping_ratio / root * np.sin(turn)
     assert np.allclose(motion.q[:, 0], 0.02 * np.exp(-damping_ratio * W * t) * shape, rtol=0.0, atol=1e-4)
+
+
+@pytest.mark.parametrize(("count", "more"), [(6, ""), (7, " and 1 more"), (9, " and 3 more")])
+def test_a_violation_names_six(count: int, more: str) -> None:
+    """And counts the rest."""
+    told = str(rbd.control.Violation({}, {f"joint {i}": 0.5 for i in range(count)}))
+    assert told.endswith("beyond its limit" + more) and told.count("'joint") == 6

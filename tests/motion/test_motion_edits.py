@@ -251,3 +251,15 @@ def test_arrays_cannot_be_changed(reach):
             motion.q[0, 0] = 1.0
     assert "Motion('g1', 201 frames, 0 to 2 s at 100 Hz" in repr(reach)
     assert Path(reach.source).name == "minimum jerk"
+
+
+@pytest.mark.parametrize(("count", "more"), [(5, ""), (6, ""), (8, "and 2 joints less")])
+def test_a_difference_names_six_joints(g1: rbd.Robot, count: int, more: str) -> None:
+    """The largest first, and counts the rest."""
+    t, q = np.arange(3) / 30.0, np.tile(g1.standing().q, (3, 1))
+    other = q.copy()
+    other[:, 7 : 7 + count] += 0.01 * np.arange(1, count + 1)
+    told = str(rbd.motion.MotionDifference.of(*(rbd.Motion.of_arrays(g1, t, x) for x in (other, q)))).splitlines()
+    assert told[-1].strip() == more if more else "less" not in told[-1]
+    assert len(told) == 1 + 3 + min(count, 6) + bool(more)
+    assert f"{np.degrees(0.01 * count):.2f} deg" in told[4]

@@ -370,6 +370,8 @@ class TestBadTables:
             self.refused(g1, plain, "rate is", rate=rate)
         cells = [[f"{0.02 * i:.3f}", *row] for i, row in enumerate(table(dance))]
         self.refused(g1, written(tmp_path, [header, *cells]), "rate is 60, but the times .* 50 Hz", rate=60)
+        dance.save(tmp_path / "dance.npz")
+        self.refused(g1, tmp_path / "dance.npz", "rate is 60, but the times in dance.npz have 50 Hz", rate=60)
 
     def test_joints_that_the_robot_lacks(self, dance, g1, tmp_path):
         """With the nearest names; twice the same; no base."""

@@ -325,3 +325,16 @@ class TestUnits:
         np.savez(tmp_path / "long.npz", **arrays)
         found = Motion.read(tmp_path / "long.npz", robot=dance.robot)
         assert np.allclose(found.q, dance.q, atol=1e-9) and any("body_quat_w were normalised" in note for note in found.notes)
+
+
+def test_a_wheel_that_turns_round_and_round() -> None:
+    """Its angle jumps by a turn where it passes pi: v of 3 rad/s is that of its q for two turns, and 2 rad/s is not."""
+    unicycle = rbd.load_robot("unicycle")
+    t = np.arange(140) / 30.0
+    wheel = next(p for p in unicycle.joints.pieces if p.kind == "circle")
+    q, v = np.tile(unicycle.at().q, (len(t), 1)), np.zeros((len(t), unicycle.nv))
+    q[:, wheel.q : wheel.q + 2] = np.stack([np.cos(3.0 * t), np.sin(3.0 * t)], axis=1)
+    v[:, wheel.v] = 3.0
+    assert np.array_equal(Motion.of_arrays(unicycle, t, q, v).v, v)
+    with pytest.raises(InputError, match="it is 0.67 times that rate"):
+        Motion.of_arrays(unicycle, t, q, 2.0 / 3.0 * v)

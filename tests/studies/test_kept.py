@@ -589,3 +589,9 @@ def test_attributes_of_variables():
     """Only those that there are."""
     assert Variable(np.zeros(1)).attributes == {}
     assert Variable(np.zeros(1), units="N").attributes == {"units": "N"}
+
+
+def test_the_largest_circle_in_a_polygon_whose_corners_go_clockwise() -> None:
+    """Of 6 m by 2 m, off the origin: 1 m."""
+    corners = np.array([[0.0, 2.0], [6.0, 2.0], [6.0, 0.0], [0.0, 0.0]]) + [5.0, -7.0]
+    assert inscribed_radius(corners) == pytest.approx(1.0, abs=1e-9)

@@ -418,6 +418,8 @@ def test_rows_of_a_dataset_keep_its_coordinates() -> None:
     found = rbd.study(lambda a: 2 * a, given, executor=0, progress=False)
     assert found.value.sel(t=6).item() == 4.0 and found.who.values.tolist() == ["a", "b"] and found.t.attrs == {"units": "s"}
     assert table(dict(given.data_vars)).coords()["t"][1].tolist() == [5, 6]
+    wide = xarray.Dataset({"a": (("t", "k"), np.zeros((2, 3)))}, {"t": [5, 6], "k": [7, 8, 9]})
+    assert table(dict(wide.data_vars)).coords()["t"][1].tolist() == [5, 6]
     both = (rbd.grid(f=[1, 2]) * samples).with_units(a="m")
     assert both.at(f=2, t=5) == {"f": 2, "a": 1.0} and set(both.coords()) == {"f", "a", "t", "who"} <= set(both.taken)
     assert table(dict(given.data_vars, t=given.t)).row(0) == {"a": 1.0, "t": 5}
