@@ -14,7 +14,6 @@ from rbd.errors import InaccurateWarning
 from rbd.model.external import External
 from rbd.problem.answer import Status
 from rbd.problem.conic import Conic, ConicAnswer
-from rbd.problem.programs import Outcome
 from rbd.solvers.conic import solve_conic
 from rbd.statics.actuation import Actuation
 from rbd.statics.effort import POSSIBLE, Effort
@@ -40,12 +39,13 @@ def least_effort(
     program = effort.program(loads)
     found = solve_conic(program)
     least = found.solved
-    if found.outcome is Outcome.NOT_FOUND and program.outside(found.x) > POSSIBLE:
+    if not least and found.certificate is None and program.outside(found.x) > POSSIBLE:
         zero = np.zeros_like(program.H)
         found = solve_conic(replace(program, H=zero, g=zero[:, 0]), newton=False, tolerance=POSSIBLE)
-    if not (found.solved or found.outcome is Outcome.NOT_FOUND and program.outside(found.x) <= POSSIBLE):
+    x = _balanced(program, found.x)
+    if not (found.solved or found.certificate is None and program.outside(x) <= POSSIBLE):
         return found
-    w = _balanced(program, found.x) * loads.unit
+    w = x * loads.unit
     tau, _ = loads.torques(w)
     return Actuation(a, tau, w, loads, constraints, external, effort, margin, rest_speed, found.iterations, found.method, least)
 

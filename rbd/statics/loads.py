@@ -72,6 +72,7 @@ class Loads:
         sets: The forces that may act, as weights on p columns: f = G w.
         need: M a + h - tau_ext, shape (nv,) [N, N m]: what torques and forces must come to.
         stacked: (J, bias and feedback) of the rows, where they are known already.
+        terms: Size of what adds up to `need`, shape (nv,) [N, N m]: where it cancels, what is left is rounding of it.
     """
 
     state: State
@@ -79,6 +80,7 @@ class Loads:
     sets: ForceSet
     need: Array
     stacked: tuple[Array, Array] | None = None
+    terms: Array | None = None
 
     @lazy
     def unit(self) -> float:
@@ -137,7 +139,8 @@ class Loads:
         The largest of its terms, at least what moves it at 1 m/s2 (rad/s2), or 1 N, over the unit.
         """
         still = self.state.robot.idle
-        top = np.maximum(np.abs(self.per_weight[still]).max(axis=1, initial=0.0), np.abs(self.need[still]) / self.unit)
+        need = np.abs(self.need if self.terms is None else self.terms)[still]
+        top = np.maximum(np.abs(self.per_weight[still]).max(axis=1, initial=0.0), need / self.unit)
         return np.maximum(top, np.minimum(self.state.M.diagonal()[still], 1.0) / self.unit)
 
     @lazy

@@ -156,7 +156,10 @@ class WantedMotion:
     def _loads(self, sets: ForceSet) -> Loads:
         state = self.state
         need = state.h - self.tau_ext
-        return Loads(state, self.rows, sets, need if self.holds else state.M @ self.a + need, self._motion)
+        if self.holds:
+            return Loads(state, self.rows, sets, need, self._motion)
+        terms = np.abs(state.M) @ np.abs(self.a) + np.abs(need)
+        return Loads(state, self.rows, sets, state.M @ self.a + need, self._motion, terms)
 
     def _allowed(self, sets: ForceSet, y: Array, still: Array, margin: float) -> tuple[ForceSet, tuple[Refused, ...]]:
         allowed, refused = (narrowed(sets, margin), ()) if self.holds else allowed_forces(sets, y, still, margin)

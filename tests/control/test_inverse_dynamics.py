@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -90,6 +91,21 @@ def test_motions_that_slip_and_open_have_torques(name: str, exhaustive: bool) ->
         back += off(rbd.solve(state, found.tau, moving.contacts, check=False), moved.a) < 1e-8
     assert {1, 3} <= modes and False in modes  # points that slip, points that keep still, points that open
     assert back > 0.5 * count
+
+
+def test_motions_that_are_possible_but_for_rounding_are_possible() -> None:
+    """Forces of a foot that slips are on a line, six equations for one number: they hold to rounding of what is added up."""
+    one, rng = robot("solo12"), np.random.default_rng(11)
+    for _ in range(20):
+        moving = drawn(one, rng, friction=0.3)
+        tau = 0.3 * one.effort_limit * rng.normal(size=one.nu)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", rbd.errors.RbdWarning)
+            moved = rbd.solve(moving.state, tau, moving.contacts, check=False)
+        limit = np.abs(tau / one.effort_limit).max()
+        if moved.status == "solved" and limit < 1.0:
+            a = moved.a * (1.0 + 1e-11 * rng.normal(size=one.nv))
+            assert rbd.inverse_dynamics(moving.state, a, moving.contacts, margin=0.0).status == "solved"
 
 
 def test_pyramids_inside_the_cones_are_kept(talos: rbd.Robot) -> None:
