@@ -20,7 +20,6 @@ from rich.progress import track
 from rbd.cli.checking import check
 from rbd.cli.options import Feet, Friction, Gravity, Json, Law, Motion, PackageDirs, RobotName, Show, Verbose, Video
 from rbd.cli.standing import region, stand
-from rbd.cli.study_command import study
 from rbd.cli.terminal import (
     FIGURES,
     INTERRUPTED,
@@ -66,7 +65,6 @@ def rbd(
 app.command()(stand)
 app.command()(region)
 app.command()(check)
-app.command()(study)
 
 
 @app.command()

@@ -23,4 +23,3 @@ Verbose = Annotated[bool, typer.Option("--verbose", help="Also print how long ea
 Out = Annotated[Path | None, typer.Option(help="Store every result, .zarr (or .nc, of small studies).")]
 Resume = Annotated[bool, typer.Option("--resume", help="Go on with a store that is there.")]
 Workers = Annotated[int | None, typer.Option(metavar="N", help="Processes; one a core by default, 0: none but this one.")]
-Dask = Annotated[str | None, typer.Option(metavar="ADDRESS", help="Workers of this dask scheduler, tcp://host:8786.")]

@@ -5,13 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 
 from rbd.cli.options import (
-    Dask,
     Feet,
     Friction,
     Gravity,
@@ -25,7 +24,6 @@ from rbd.cli.options import (
     Verbose,
     Workers,
 )
-from rbd.cli.study_command import Running, run_study
 from rbd.cli.terminal import (
     FIGURES,
     NO_SOLUTION,
@@ -42,6 +40,9 @@ from rbd.cli.terminal import (
     write_json,
 )
 from rbd.errors import CannotHold, InputError
+
+if TYPE_CHECKING:
+    from rbd.robots.robot import Robot
 
 FRICTION, FACETS, LAW = 0.7, 4, "coulomb"
 
@@ -69,7 +70,6 @@ def stand(
     out: Out = None,
     resume: Resume = False,
     workers: Workers = None,
-    dask: Dask = None,
     verbose: Verbose = False,
 ) -> None:
     """Stand a robot on its feet: holding torques, contact forces, residuals, and a picture.
@@ -78,14 +78,14 @@ def stand(
     the contact law, and prints what each foot carries. Of a push it says first whether any motor torques withstand it, and
     if none do, which limits prevent it; the exit code is then 1.
 
-    With --sweep it answers that question at every combination of the values: a study, as of rbd study. What can be swept:
+    With --sweep it answers that question at every combination of the values: a study, as of rbd.study. What can be swept:
     posture, friction, at, push.x, push.y, push.z, push (its size along --push), push.angle (in degrees, from x towards y),
     margin (share of friction left unused), facets (of pyramids inside the friction cones). For example:
 
     rbd stand talos --sweep friction=0.1:1:19 --sweep push.y=0:200:21 --at torso_2_link --png map.png
     """
     from rbd.cli.robot_reports import StandReport, holding
-    from rbd.cli.study_plan import sweep_plan
+    from rbd.cli.sweeps import check_running, check_values, push_arguments, run_sweep, sweeps_of
     from rbd.least_constraint import solve
     from rbd.model.external import ExternalForce
     from rbd.problem.cones import check_friction
@@ -97,7 +97,7 @@ def stand(
 
     console = open_console()
     with answering(stand):
-        running = Running.of(out, resume, workers, dask, png, json_)
+        out = None if out is None else out.expanduser()  # the ~ of --out=~/push.zarr, which a shell leaves
         if sweep:
             _only(
                 {"--html": html, "--show": show, "--braced": braced, "--verbose": verbose, "--gravity": gravity},
@@ -107,16 +107,23 @@ def stand(
                 {"--facets": facets != FACETS, "--law": law != LAW},
                 "has no effect on whether torques withstand a push, which --sweep asks",
             )
-            running.check(robot)
-            fixed = {
-                "robot": robot, "posture": posture, "at": at, "feet": names_of("--feet", feet_), "package_dir": package_dir,
-                "friction": None if friction == FRICTION else friction,
-                "push": None if push is None else numbers_of("--push", push, "newtons", names="X,Y,Z").tolist(),
-            }  # fmt: skip
-            return run_study(console, sweep_plan(sweep, {name: x for name, x in fixed.items() if x is not None}), running)
+            swept = sweeps_of(sweep)
+            _only(
+                {f"--{name}": name in swept and value for name, value in (("posture", posture), ("at", at))}
+                | {"--friction": "friction" in swept and friction != FRICTION},
+                "is both fixed and swept; give it once",
+            )
+            _only({"--png": png and sum(len(values) > 1 for values in swept.values()) > 3}, "shows three dimensions at most")
+            check_running(out, resume, workers, png, json_, robot)
+            vector = None if push is None else numbers_of("--push", push, "newtons", names="X,Y,Z")
+            same = push_arguments(swept, vector, at) | {"posture": posture, "friction": friction, "at": at}
+            stands = _on_feet(load_robot(robot, package_dirs=package_dir or (), feet=names_of("--feet", feet_)))
+            same = {name: value for name, value in same.items() if value is not None and name not in swept}
+            check_values(stands, swept, same)
+            return run_sweep(console, stands, swept, same, out=out, workers=workers, png=png, json_=json_)
         _only(
-            {"--png": png, "--out": out, "--resume": resume, "--workers": workers is not None, "--dask": dask},
-            "is of studies, and there is no --sweep",
+            {"--png": png, "--out": out, "--resume": resume, "--workers": workers is not None},
+            "is of sweeps, and there is no --sweep",
         )
         force = _push(push, at)
         if braced and force is None:
@@ -128,11 +135,7 @@ def stand(
         with timed(seconds, "load"):
             loaded = load_robot(robot, package_dirs=package_dir or (), feet=names_of("--feet", feet_))
             loaded = in_gravity(loaded, gravity)
-        if not loaded.source.feet:
-            raise InputError(
-                f"no feet are known for {loaded.name}, so that it cannot stand; `rbd robots` lists those that do. Or name the "
-                "frames of its feet: --feet A,B."
-            )
+        _on_feet(loaded)
         with timed(seconds, "stand"):
             state, feet = loaded.standing(posture), loaded.feet(friction, facets=facets)
         at = heaviest_link(loaded) if at is None else at
@@ -217,3 +220,13 @@ def _only(options: Mapping[str, object], why: str) -> None:
     for option, given in options.items():
         if given:
             raise InputError(f"{option} {why}.")
+
+
+def _on_feet(robot: Robot) -> Robot:
+    """The robot, if its feet are known."""
+    if not robot.source.feet:
+        raise InputError(
+            f"no feet are known for {robot.name}, so that it cannot stand; `rbd robots` lists those that do. Or name the "
+            "frames of its feet: --feet A,B."
+        )
+    return robot

@@ -1,242 +1,366 @@
-"""What can be swept on the command line and in study files: names, their units, and values written as text."""
+"""`rbd stand --sweep`: whether torques withstand a push at every combination of some values; run, stored, reported, drawn."""
+# Imports are inside functions: --help takes a third of a second.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterable, Mapping, Sequence
+import time
+import warnings
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
-from typing import TypeAlias
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+import typer
+from rich.console import Console, Group
+from rich.text import Text
 
-from rbd.arrays import Array
-from rbd.errors import InputError, nearest
+from rbd.arrays import Array, lazy
+from rbd.cli.terminal import (
+    FIGURES,
+    INTERRUPTED,
+    NO_SOLUTION,
+    Table,
+    check_outputs,
+    counted,
+    facts,
+    in_options,
+    open_console,
+    print_path,
+    save_figure,
+    write_json,
+)
+from rbd.errors import InputError, ModelWarning, Reason, StudyStopped, nearest
+from rbd.installation import VERSION
 
-Values: TypeAlias = Array | list[str]
-"""Values of one quantity: numbers, or words."""
-Drawn: TypeAlias = tuple[float, float] | list[str]
-"""What is drawn at random: a number of a range, or a word."""
+if TYPE_CHECKING:
+    import xarray
+
+    from rbd.robots.robot import Robot
+
+QUANTITIES: dict[str, tuple[str, type]] = {
+    "posture": ("", str),
+    "friction": ("1", float),
+    "at": ("", str),
+    "push": ("N", float),
+    "push.angle": ("deg", float),
+    "push.x": ("N", float),
+    "push.y": ("N", float),
+    "push.z": ("N", float),
+    "margin": ("1", float),
+    "facets": ("1", int),
+}
+"""{what can be swept: (its unit, its kind)}; with _ in place of the dot the arguments of `rbd.studies.withstand_push`."""
 FORM = "FROM:TO:N (N values, both ends included) or A,B,C"
-MOST_VALUES = 10_000_000
-_WORDS, _NUMBERS, _WHOLE = "words", "numbers", "whole numbers"
+MOST_LINES = 12
+"""Lines of the boundary that are printed."""
 
 
-@dataclass(frozen=True)
-class Quantity:
-    """What can differ from sample to sample, or is the same in all of them.
+def sweeps_of(options: Iterable[str]) -> dict[str, Array]:
+    """{quantity: its values} of the options `--sweep NAME=VALUES`.
+
+    Raises:
+        InputError: no equals sign, unknown names, a name twice, values that cannot be read, or that occur twice.
+    """
+    found: dict[str, Array] = {}
+    for option in options:
+        name, equals, text = (part.strip() for part in option.partition("="))
+        if not equals or not name:
+            raise InputError(f"--sweep is {option!r:.80}; expected NAME=VALUES, e.g. friction=0.1:1:19 or at=base_link,torso.")
+        if name not in QUANTITIES:
+            raise InputError(f"--sweep: {name!r:.80} cannot be swept; {nearest(name, QUANTITIES)}.")
+        if name in found:
+            raise InputError(f"--sweep {name} came twice; give all of its values at once, {name}={FORM}.")
+        found[name] = values_of(name, text)
+    return found
+
+
+def values_of(name: str, text: str) -> Array:
+    """The values of a quantity, each once: "0.1:1:19" are those of `numpy.linspace`, "A,B" these; words as objects.
+
+    Raises:
+        InputError: what cannot be read, numbers that are not finite or not whole, values that occur twice.
+    """
+    unit, kind = QUANTITIES[name]
+    wanted = {str: "words", int: "whole numbers", float: "numbers"}[kind] + (f" in {unit}" if len(unit) > 1 else "")
+    wrong = InputError(f"--sweep {name} is {text!r:.80}; expected {wanted}: {FORM}.")
+    words = [word.strip() for word in text.split(",")]
+    if kind is str and all(words):
+        values = np.array(words, object)
+    else:
+        try:
+            if ":" in text:
+                low, high, n = (float(part) for part in text.split(":"))
+                values = np.linspace(low, high, int(n) if n == int(n) and 2 <= n <= 10_000_000 else 0)
+            else:
+                values = np.array([float(word) for word in words])
+        except (ValueError, OverflowError):
+            raise wrong from None
+        if not len(values) or not (np.abs(values) < 1e150).all() or (values.astype(kind) != values).any():
+            raise wrong
+    if len(set(values.tolist())) < len(values):
+        raise InputError(f"--sweep {name} is {text!r:.80}, with a value twice; give each once.")
+    return np.asarray(values if kind is str else values.astype(kind))
+
+
+def push_arguments(swept: Mapping[str, Array], push: Array | None, at: str | None) -> dict[str, Any]:
+    """What of the push is the same in all cases: its direction where its size or its angle is swept, else components.
+
+    Raises:
+        InputError: a size and components, a size without direction, an angle without size, a frame without a push.
+    """
+    size, parts = "push" in swept, [name for name in ("push.x", "push.y", "push.z") if name in swept]
+    if size and parts:
+        raise InputError(
+            f"--sweep push is the size of the push and --sweep {parts[0]} a component of it; give one of them: components, or "
+            "a size with its direction, by --push X,Y,Z or push.angle."
+        )
+    if size and push is None and "push.angle" not in swept:
+        raise InputError(
+            "--sweep push has a size and no direction; give it by --push X,Y,Z (whose length does not matter), or sweep "
+            "push.angle, or push.x, push.y or push.z."
+        )
+    if "push.angle" in swept and not size and push is None:
+        raise InputError("--sweep push.angle turns a push that has no size; give --push X,Y,Z, or sweep push (in newtons).")
+    if (at is not None or "at" in swept) and push is None and not size and not parts:
+        raise InputError("--at came without a push; give --push X,Y,Z, or sweep push.x, push.y or push.z.")
+    if push is None:
+        return {}
+    if not size and "push.angle" not in swept:
+        return {f"push_{axis}": float(f) for axis, f in zip("xyz", push, strict=True) if f"push.{axis}" not in swept}
+    if not push.any():
+        raise InputError("--push is zero; expected the direction of the push, e.g. 0,1,0.")
+    return {"direction": tuple(push.tolist())} | ({} if size else {"push": float(np.linalg.norm(push))})
+
+
+def check_values(robot: Robot, swept: Mapping[str, Array], same: Mapping[str, Any]) -> None:
+    """Refuse values that no case could take, before anything is computed.
+
+    Raises:
+        InputError: a negative friction, an unknown posture or frame, ...; the message names the option.
+    """
+    from rbd.problem.cones import check_friction
+    from rbd.statics.wanted_motion import checked_margin
+
+    checks: dict[str, Callable[[Any], object]] = {
+        "friction": lambda x: check_friction(x, 4),
+        "facets": lambda x: check_friction(0.5, x),
+        "margin": checked_margin,
+        "posture": robot.posture,
+        "at": robot.frame,
+    }
+    for option, check, value in [
+        *((f"--sweep {name}", checks.get(name, bool), x) for name, values in swept.items() for x in values.tolist()),
+        *((f"--{name}", checks.get(name, bool), x) for name, x in same.items()),
+    ]:
+        try:
+            check(value)
+        except InputError as error:
+            raise type(error)(f"{option}: {error}") from None
+
+
+def check_running(
+    out: Path | None, resume: bool, workers: int | None, png: Path | None, json_: Path | None, reads: str
+) -> None:
+    """Refuse what cannot be, before anything is computed.
+
+    Raises:
+        InputError: paths that cannot be written, a store that is there without --resume, a negative number of processes.
+    """
+    if workers is not None and workers < 0:
+        raise InputError(f"--workers is {workers}; expected how many processes, 0 for none but this one.")
+    if resume and out is None:
+        raise InputError("--resume came without --out FILE.zarr, the store to go on with.")
+    check_outputs({"--png": (png, FIGURES), "--json": (json_, ())}, reads=reads)
+    if out is not None and out.exists() and not resume:
+        raise InputError(f"--out is {str(out)!r:.300}, which is there. Go on with it by --resume, or give another name.")
+    if out is not None and not out.exists():
+        check_outputs({"--out": (out, (".zarr", ".nc"))})
+
+
+def run_sweep(
+    console: Console,
+    robot: Robot,
+    swept: Mapping[str, Array],
+    same: Mapping[str, Any],
+    *,
+    out: Path | None,
+    workers: int | None,
+    png: Path | None,
+    json_: Path | None,
+) -> None:
+    """Run the study, print its report, write what is asked for.
+
+    Args:
+        console: Where the report is printed.
+        robot: It stands on its feet.
+        swept: {quantity: its values}: every combination is a case.
+        same: {argument of `rbd.studies.withstand_push`: its value in all cases}.
+        out: The store, or None.
+        workers: How many processes; None: as many as cores, 0: none but this one.
+        png: The picture, or None.
+        json_: The numbers of the report, or None.
+
+    Raises:
+        typer.Exit: with the code 1 where no case can be held, 130 after Ctrl-C with cases left out.
+        StudyStopped: it ended early; the report of what is done was printed.
+        InputError: as `rbd.study`.
+    """
+    from rbd.studies import grid, running
+    from rbd.studies.standing import withstand_push
+
+    samples = grid(**{name.replace(".", "_"): values.tolist() for name, values in swept.items()}).with_units(
+        **{name.replace(".", "_"): QUANTITIES[name][0] for name in swept if QUANTITIES[name][0]}
+    )
+    began, stopped = time.perf_counter(), None
+    kept = (
+        "Nothing is stored; --out FILE.zarr would keep it."
+        if out is None
+        else f"What was finished is in {out}; the same command with --resume goes on."
+    )
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)  # the robot was loaded, and what is wrong with its file told
+        try:
+            dataset = running.study(partial(withstand_push, robot, **same), samples, executor=workers, out=out)
+        except StudyStopped as error:
+            if error.dataset is None:
+                raise
+            dataset, stopped = error.dataset, error
+        except KeyboardInterrupt:  # a second one, or before the first case
+            open_console(errors=True).print(f"Ended at once. {kept}", highlight=False, soft_wrap=True)
+            raise typer.Exit(INTERRUPTED) from None
+    report = SweepReport(robot.name, dataset, time.perf_counter() - began)
+    console.print(report)
+    write_json(json_, report)
+    if out is not None:
+        print_path(console, "store", out)
+    if png is not None and report.run.any():
+        from rbd.visual import plot_study
+
+        print_path(console, "picture", save_figure(cast(Any, plot_study(dataset)[0].figure), png, dpi=130))
+    if stopped is not None:
+        raise stopped
+    if dataset.attrs.get("interrupted"):
+        console.print(f"Ended by Ctrl-C. {kept}", highlight=False, soft_wrap=True)
+        raise typer.Exit(INTERRUPTED)
+    if not report.ok.any():
+        raise typer.Exit(NO_SOLUTION)
+
+
+@dataclass(frozen=True, eq=False)
+class SweepReport:
+    """How many cases can be held, why the others cannot, and where along the push that ends.
 
     Attributes:
-        name: As users write it, "push.y".
-        unit: "" where it has none.
-        kind: Words, numbers or whole numbers.
-        about: What it is.
-        question: The only question to which it belongs; "" of both.
+        robot: Its name.
+        dataset: What `rbd.study` returns.
+        seconds: How long it took.
     """
 
-    name: str
-    unit: str
-    kind: str
-    about: str
-    question: str = ""
+    robot: str
+    dataset: xarray.Dataset
+    seconds: float
+
+    @lazy
+    def ok(self) -> Array:
+        """Which cases can be held, of the shape of the sweep."""
+        return np.asarray(self.dataset["ok"].values, bool)
+
+    @lazy
+    def run(self) -> Array:
+        """Which cases were computed."""
+        return np.asarray(self.dataset["reason"].values) != Reason.NOT_RUN.code
+
+    @lazy
+    def reasons(self) -> list[tuple[Reason, int, str]]:
+        """(reason, how many cases, the message of the first), most frequent first."""
+        codes, messages = self.dataset["reason"].values, self.dataset["message"].values
+        found = [
+            (reason, int(where.sum()), str(messages[where][0]))
+            for reason in Reason
+            if (where := (codes == reason.code) & ~self.ok & self.run).any()
+        ]
+        return sorted(found, key=lambda each: -each[1])
+
+    @lazy
+    def axis(self) -> str | None:
+        """The dimension along which the boundary is told: the last of a push's size or components, else of numbers."""
+        numbers = [str(d) for d in self.dataset["ok"].dims if self.dataset[d].dtype.kind in "fi" and self.dataset.sizes[d] > 1]
+        return next(reversed([d for d in numbers if d.startswith("push") and d != "push_angle"] or numbers), None)
+
+    @lazy
+    def lines(self) -> list[tuple[dict[str, Any], bool, list[tuple[float, float]]]]:
+        """(other values, whether the first case is held, neighbours between which that changes) of each line along the axis."""
+        found = list[tuple[dict[str, Any], bool, list[tuple[float, float]]]]()
+        if self.axis is not None:
+            held = self.dataset["ok"].where(self.run).sortby(self.axis)  # NaN where it was not run
+            held = held.transpose(..., self.axis)
+            at, others = held[self.axis].values.tolist(), [str(d) for d in held.dims[:-1]]
+            for where in np.ndindex(held.shape[:-1]):
+                if not np.isnan(row := held.values[where].astype(float)).any():
+                    ends = [(at[i], at[i + 1]) for i in np.flatnonzero(row[1:] != row[:-1])]
+                    found.append(({d: held[d].values[i] for d, i in zip(others, where, strict=True)}, bool(row[0]), ends))
+        return found
+
+    def data(self) -> dict[str, object]:
+        """The numbers of the report, for JSON; those of all cases are in the store of --out."""
+        return {
+            "rbd": VERSION,
+            "robot": self.robot,
+            "samples": self.ok.size,
+            "ok": int(self.ok.sum()),
+            "run": int(self.run.sum()),
+            "reasons": {str(reason): n for reason, n, _ in self.reasons},
+            "dimensions": {str(d): self.dataset[d].values.tolist() for d in self.dataset["ok"].dims},
+            "along": self.axis,
+            "boundary": [{"at": at, "first_is_held": first, "changes_between": ends} for at, first, ends in self.lines],
+            "worst_residual": self.worst,
+            "interrupted": bool(self.dataset.attrs.get("interrupted")),
+            "seconds": self.seconds,
+        }
 
     @property
-    def argument(self) -> str:
-        """The function's argument, and the dataset's dimension."""
-        return argument_of(self.name)
+    def worst(self) -> float:
+        """The largest residual of all results, scaled; NaN where there is none."""
+        return float(np.nanmax(self.dataset["worst_residual"].values)) if self.ok.any() else float("nan")
+
+    def __rich__(self) -> Group:
+        """The verdict, the boundary, why cases cannot be held, what was studied and how long it took."""
+        n, good, left = self.ok.size, int(self.ok.sum()), int((~self.run).sum())
+        share = f"all {n:,}" if good == n > 1 else f"none of {n:,}" if not good else f"{good:,} of {n:,}"
+        more = f"; {left:,} of the {n:,} were not run" if left else ""
+        parts: list[Any] = [Text(f"{self.robot} can be held in {share} cases{more}.")]
+        chosen = sorted({round(i) for i in np.linspace(0, len(self.lines) - 1, min(len(self.lines), MOST_LINES))})
+        if any(ends for _, _, ends in self.lines):
+            parts += [Text(self._along(*self.lines[i])) for i in chosen]
+        if self.reasons:
+            parts.append(Table("reasons", ("reason",), ("samples", "of all")))
+            parts[-1].add_column("for example")
+            for reason, count, message in self.reasons:
+                first = in_options(message.split(". ")[0].split("\n")[0])
+                parts[-1].add_row(str(reason), f"{count:,}", f"{100.0 * count / n:.1f} %", first[:300])
+        dims = [f"{_named(str(d))} ({self.dataset.sizes[d]:,})" for d in self.dataset["ok"].dims]
+        rows = [
+            ("samples", " x ".join(dims)),
+            ("time", f"{self.seconds:.2f} s"),
+            ("worst residual", f"{self.worst:.1e}, scaled"),
+        ]
+        return Group(*parts, facts("the study", rows if good else rows[:2]))
+
+    def _along(self, at: dict[str, Any], held: bool, ends: list[tuple[float, float]]) -> str:
+        """Between which values cases begin or cease to be held."""
+        name = _named(self.axis or "")
+        words, unit = ("held", "not held")[:: 1 if held else -1], QUANTITIES[name][0].strip("1")
+        told = [
+            f"{words[k % 2]} up to {f'{low:g} {unit}'.strip()}, {words[(k + 1) % 2]} from {f'{high:g} {unit}'.strip()}"
+            for k, (low, high) in enumerate(ends[:2])
+        ] or [f"all {words[0]}"]
+        where = "".join(f", {_named(d)} {x:g}" if isinstance(x, float) else f", {_named(d)} {x}" for d, x in at.items())
+        more = f"; {counted(len(ends), 'change')} in all" if len(ends) > 2 else ""
+        return f"Along {name}{where}: {'; '.join(told)}{more}."
 
 
-QUANTITIES = {
-    each.name: each
-    for each in (
-        Quantity("robot", "", _WORDS, "the robot"),
-        Quantity("posture", "", _WORDS, "its posture"),
-        Quantity("friction", "1", _NUMBERS, "Coulomb's coefficient at the feet"),
-        Quantity("at", "", _WORDS, "the frame that is pushed"),
-        Quantity("push", "N", _NUMBERS, "size of the push along --push X,Y,Z"),
-        Quantity("push.angle", "deg", _NUMBERS, "direction of push in the level plane, from x towards y"),
-        Quantity("push.x", "N", _NUMBERS, "the push along x"),
-        Quantity("push.y", "N", _NUMBERS, "the push along y"),
-        Quantity("push.z", "N", _NUMBERS, "the push along z"),
-        Quantity("margin", "1", _NUMBERS, "share of friction that stays unused", "stand"),
-        Quantity("facets", "1", _WHOLE, "facets of pyramids inside the friction cones, in place of the cones", "stand"),
-        Quantity("law", "", _WORDS, "of contacts that slip: coulomb or convex", "solve"),
-    )
-}
-"""{name: quantity} of the questions about a robot on its feet."""
-COMPONENTS = ("push.x", "push.y", "push.z")
-QUESTIONS = {
-    "stand": "whether any motor torques withstand the push",
-    "solve": "motion and forces under the torques that hold the robot without the push",
-}
-"""{question of a study: what it asks}."""
-
-
-def argument_of(name: str) -> str:
-    """The argument that a name stands for: push.y is push_y."""
-    return name.replace(".", "_")
-
-
-def quantity_of(name: str, question: str, what: str) -> Quantity:
-    """The quantity of a name, "push.y" or "push_y".
-
-    Args:
-        name: As written.
-        question: "stand" or "solve".
-        what: Where it is written, for messages.
-
-    Raises:
-        InputError: an unknown name, with the nearest ones; a name of the other question.
-    """
-    ours = {each.argument: each for each in QUANTITIES.values()}
-    found = ours.get(argument_of(name))
-    if found is None:
-        fit = [each.name for each in QUANTITIES.values() if each.question in ("", question)]
-        raise InputError(f"{what}: {name!r:.80} cannot be swept; {nearest(name, fit)}.")
-    if found.question not in ("", question):
-        why = f"it has no effect on {QUESTIONS[question]}"
-        raise InputError(
-            f'{what}: {found.name} belongs to the question "{found.question}" and not to "{question}": {why}. '
-            f'A study file with question = "{found.question}" takes it (rbd study --help).'
-        )
-    return found
-
-
-def sweeps_of(options: Iterable[str], question: str) -> dict[str, Values]:
-    """{name: values} of the options `--sweep NAME=VALUES`.
-
-    Args:
-        options: Their texts, "friction=0.1:1:19".
-        question: What is studied.
-
-    Raises:
-        InputError: no equals sign, unknown names, a name twice, values that cannot be read.
-    """
-    found: dict[str, Values] = {}
-    for text in options:
-        name, equals, values = text.partition("=")
-        if not equals or not name.strip():
-            raise InputError(
-                f"--sweep is {text!r:.80}; expected NAME=VALUES, e.g. friction=0.1:1:19 or at=base_link,torso_2_link."
-            )
-        quantity = quantity_of(name.strip(), question, "--sweep")
-        if quantity.name in found:
-            raise InputError(f"--sweep {quantity.name} came twice; give all of its values at once, {quantity.name}={FORM}.")
-        found[quantity.name] = as_kind(quantity, values_of(values, f"--sweep {quantity.name}"), f"--sweep {quantity.name}")
-    return found
-
-
-def values_of(given: object, what: str) -> Values:
-    """Values from text, "0.1:1:19" or "0.1,0.5" or "coulomb,convex", or from a list of numbers or of words.
-
-    Args:
-        given: Text or a list.
-        what: Where it is written, for messages.
-
-    Returns:
-        Numbers, shape (n,), or words; each once.
-
-    Raises:
-        InputError: what cannot be read, numbers that are not finite, values that occur twice, none at all.
-    """
-    if isinstance(given, str):
-        return _different(_from_text(given, what), what)
-    if not isinstance(given, Sequence) or isinstance(given, str | bytes):
-        raise InputError(f"{what} is {given!r:.80}; expected {FORM} as text, or a list of values.")
-    values = list(given)
-    if values and all(isinstance(value, str) for value in values):
-        return _different([str(value) for value in values], what)
-    if not values or not all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
-        raise InputError(f"{what} is {given!r:.80}; expected a list of numbers, or a list of words.")
-    return _different(_finite(np.array(values, float), given, what), what)
-
-
-def as_kind(quantity: Quantity, values: Values, what: str) -> Values:
-    """The values as those of a quantity: words, numbers, or whole numbers.
-
-    Raises:
-        InputError: words where numbers are expected.
-    """
-    if quantity.kind == _WORDS:
-        if isinstance(values, list):
-            return values
-        raise InputError(f"{what} has numbers; expected words, {quantity.about}: {quantity.name}=A,B.")
-    if isinstance(values, list):
-        unit = f" in {quantity.unit}" if quantity.unit not in ("", "1") else ""
-        raise InputError(f"{what} is {','.join(values)!r:.80}; expected numbers{unit}: {FORM}.")
-    if quantity.kind == _WHOLE:
-        if (values != np.round(values)).any():
-            raise InputError(f"{what} has {values[values != np.round(values)][0]:g}; expected whole numbers.")
-        return values.astype(np.int64)
-    return values
-
-
-def _from_text(text: str, what: str) -> Values:
-    if ":" in text:
-        return _spaced(text, what)
-    words = [word.strip() for word in text.split(",")]
-    if not all(words):
-        raise InputError(f"{what} is {text!r:.80}; expected {FORM}.")
-    numbers = [_number(word) for word in words]
-    if all(x is None for x in numbers):
-        return words
-    if wrong := [word for word, x in zip(words, numbers, strict=True) if x is None]:
-        raise InputError(f"{what} is {text!r:.80}, and {wrong[0]!r} is no number; expected {FORM}.")
-    return _finite(np.array(numbers, float), text, what)
-
-
-def _spaced(text: str, what: str) -> Array:
-    """N values of "FROM:TO:N"."""
-    parts = [_number(part) for part in text.split(":")]
-    expected = f"expected {FORM}, e.g. 0.1:1:19"
-    if len(parts) != 3 or any(x is None or not math.isfinite(x) for x in parts):
-        raise InputError(f"{what} is {text!r:.80}; {expected}.")
-    low, high, count = (float(x) for x in parts if x is not None)
-    if count != round(count) or not 2 <= count <= MOST_VALUES:
-        raise InputError(f"{what} is {text!r:.80}, of {count:g} values; expected a whole number from 2 to {MOST_VALUES:,}.")
-    if low == high:
-        raise InputError(f"{what} is {text!r:.80}: both ends are {low:g}; expected two different ones.")
-    return np.linspace(low, high, int(count))
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None
-
-
-def _finite(values: Array, given: object, what: str) -> Array:
-    if not (np.abs(values) < 1e150).all():
-        raise InputError(f"{what} is {given!r:.80}; expected finite numbers.")
-    return values
-
-
-def _different(values: Values, what: str) -> Values:
-    seen, counts = np.unique(np.asarray(values), return_counts=True)
-    if (counts > 1).any():
-        twice = seen[counts > 1][0]
-        raise InputError(f"{what} has {twice!s:.80} twice; give each value once.")
-    return values
-
-
-def ranges_of(given: Mapping[str, object], where: Mapping[str, str]) -> dict[str, Drawn]:
-    """{name: (low, high)} of random draws, from "0.1:1" or [0.1, 1]; of words, those to choose from.
-
-    Args:
-        given: {name: text or list}.
-        where: {name: where it is written}, for messages.
-
-    Raises:
-        InputError: what is no range.
-    """
-    found: dict[str, Drawn] = {}
-    for name, value in given.items():
-        ends = [_number(x) for x in value.split(":")] if isinstance(value, str) else value
-        if isinstance(ends, list) and len(ends) > 1 and all(isinstance(x, str) for x in ends):
-            found[name] = [str(x) for x in _different(ends, where[name])]
-            continue
-        numbers = isinstance(ends, list) and all(isinstance(x, int | float) and not isinstance(x, bool) for x in ends)
-        if not isinstance(ends, list) or not numbers or len(ends) != 2 or not -1e150 < ends[0] < ends[1] < 1e150:
-            raise InputError(f'{where[name]} is {value!r:.80}; expected a range, [LOW, HIGH] or "LOW:HIGH", LOW below HIGH.')
-        found[name] = (float(ends[0]), float(ends[1]))
-    return found
+def _named(dimension: str) -> str:
+    """A quantity of a dimension: push_y is push.y."""
+    return dimension.replace("push_", "push.")

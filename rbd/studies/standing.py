@@ -1,4 +1,4 @@
-"""Functions that `rbd stand --sweep` and `rbd study` evaluate: a standing robot that is pushed, of arguments to sweep."""
+"""Functions for studies, as `rbd stand --sweep` runs them: a standing robot that is pushed, of arguments to sweep."""
 
 from __future__ import annotations
 

@@ -63,7 +63,7 @@ def plot_study(
 
     Args:
         dataset: What `rbd.study` returned.
-        x: Dimension or coordinate across; by default the first.
+        x: Dimension or coordinate across; by default the first, and of a grid of three `by` is the shortest.
         y: Upwards; by default the second of a grid of two dimensions, or of draws.
         value: Quantity to draw, with labels of its further dimensions: "force_left_sole[fz]". By default the first number that
             is no residual; the reasons where there is none.
@@ -121,6 +121,9 @@ def _chosen(data: StudyData, x: object, y: object, by: object) -> tuple[str, str
         return str(x), None if y is None else str(y), None if by is None else str(by)
     used = [data.dim(what, name) for what, name in (("x", x), ("y", y), ("by", by)) if name is not None]
     free = [d for d in data.dims if d not in used]
+    if x is None and by is None and len(free) == 3:
+        by = min(free, key=lambda d: data.dataset.sizes[d])
+        free.remove(by)
     if x is None:
         x = free.pop(0) if free else by
         if len(free) == 1 and (by is None or not data.numbered(free[0])):
