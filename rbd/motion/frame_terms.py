@@ -109,13 +109,6 @@ class FrameTerms:
         F = np.matmul(R, rows[:, :3, None])[..., 0]
         return np.hstack([F, np.matmul(R, rows[:, 3:, None])[..., 0] + np.cross(arm, F)])
 
-    def to_rows(self, wrench: Array) -> Array:
-        """The other way: shape (n, 6)."""
-        F = wrench[:, :3]
-        back = self.R.transpose(0, 2, 1)
-        m = wrench[:, 3:] - np.cross(self.base - self.com, F)
-        return np.hstack([np.matmul(back, F[:, :, None])[..., 0], np.matmul(back, m[:, :, None])[..., 0]])
-
     def wrench_map(self, places: Array, touches: Array) -> Array:
         """Wrenches about the centre of mass of unit forces x, y, z at points, shape (n, 6, k, 3); zero where none touch."""
         n, k, _ = places.shape

@@ -9,6 +9,7 @@ import pytest
 from flat_bodies import ball
 
 import rbd
+from rbd.small_motion.spin import spin_axes
 
 
 @pytest.mark.parametrize("rate", [0.0, 20.0, 40.0])
@@ -62,3 +63,20 @@ def test_edges_without_freedom_have_no_modes():
     assert (rubbed.n, rubbed.symmetries.shape) == (1, (1, 1))
     with pytest.raises(rbd.errors.Unsupported, match="'rubs' yields"):
         rbd.linearise(arm.at([-1.0]), [rbd.JointFriction("rubs", joint, 1.0)])
+
+
+@pytest.mark.parametrize(
+    ("inertia", "axes"),
+    [((0.1, 0.01, 0.1), [1]), ((0.1, 0.1, 0.19), [2]), ((0.1, 0.1, 0.1), [0, 1, 2]), ((0.1, 0.11, 0.12), [])],
+    ids=["rod", "disk", "ball", "brick"],
+)
+def test_a_body_of_revolution_spins_about_its_own_axis(inertia: tuple[float, float, float], axes: list[int]) -> None:
+    """About the line through its centre of mass, of whatever of its moments are equal: the longest axis of a rod."""
+    builder = rbd.RobotBuilder("body", root="free_flyer")
+    builder.body("body", mass=1.0, com=(0.1, 0.2, 0.3), inertia=inertia)
+    found = spin_axes(builder.robot())
+    assert found.shape == (6, len(axes))
+    for column in found.T:
+        axis = np.abs(column[3:])
+        assert np.allclose(column[:3], np.cross([0.1, 0.2, 0.3], column[3:])) and axis.max() == pytest.approx(1.0)
+    assert sorted(int(np.argmax(np.abs(column[3:]))) for column in found.T) == axes

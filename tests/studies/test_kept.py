@@ -193,6 +193,8 @@ class TestAgreement:
             kept({"load": a, "more": b})
         with pytest.raises(rbd.InputError, match="'more' is 1 long along 'foot' in sample 0, and 'load' is 2"):
             kept({"load": a, "more": a[:1]})
+        plain = xarray.DataArray([1.0, 2.0], dims=["foot"])
+        assert set(kept({"plain": plain, "load": a}).variables) >= {"plain", "load"}  # one of them says the labels
 
     def test_of_blocks(self):
         """Blocks of one study agree as samples do, whatever the length of their text."""

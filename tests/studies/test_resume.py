@@ -23,6 +23,7 @@ import rbd
 from rbd.errors import InputError, StudyWarning
 from rbd.studies import open_study
 from rbd.studies.provenance.identity import function_hash, name_of
+from rbd.studies.workers.chunks import BATCH, Chunks
 
 FORMATS = ["sums.zarr", "sums.nc"]
 GRID = {"x": np.linspace(0, 1, 5), "y": np.linspace(0, 1, 6)}
@@ -319,3 +320,12 @@ def test_a_store_with_nonsense_in_its_list_is_refused(tmp_path: Path):
         run()
     listed.write_text(content)
     run()
+
+
+def test_what_is_left_is_taken_in_whole_batches() -> None:
+    """Batches of which a part is missing are computed again as a whole; the last one may be shorter."""
+    done = np.ones(5 * BATCH + 3, bool)
+    done[[BATCH, 2 * BATCH - 1, 4 * BATCH + 1, 5 * BATCH + 2]] = False
+    chunks = Chunks(done, BATCH, batched=True)
+    taken = list(iter(chunks.take, None))
+    assert taken == [(BATCH, 2 * BATCH), (4 * BATCH, 5 * BATCH), (5 * BATCH, 5 * BATCH + 3)]
