@@ -80,7 +80,7 @@ class Kind:
     @property
     def defaults(self) -> tuple[str, ...]:
         """Names that are kept where nothing is said."""
-        return tuple(name for name, kept in self.names.items() if kept.default or name in self.certificate)
+        return tuple(name for name, kept in self.names.items() if kept.default)
 
 
 def kind_of(result: type) -> Kind | None:
