@@ -97,6 +97,14 @@ def imports(tree: ast.Module) -> set[str]:
     return found
 
 
+def statements(tree: ast.Module) -> int:
+    """How many, docstrings and imports left out."""
+    texts = (node for node in ast.walk(tree) if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant))
+    left_out = sum(isinstance(node.value.value, str) for node in texts)
+    kept = (isinstance(node, ast.stmt) and not isinstance(node, ast.Import | ast.ImportFrom) for node in ast.walk(tree))
+    return sum(kept) - left_out
+
+
 @cache
 def all_imports() -> dict[str, set[str]]:
     """{module: what it imports}; read when a test asks, for a second of every process that collects."""
@@ -333,3 +341,18 @@ import rbd.problem.cones
 import numpy
 """
     assert imports(ast.parse(source)) == {"robots.robot", "solvers.qp", "", "simulation.trajectory", "problem.cones"}
+
+
+class TestBudget:
+    """What each room may hold: neither packing lines nor splitting files helps."""
+
+    def test_no_room_has_more_statements_than_its_budget(self):
+        """Nor much less: a room that became smaller keeps no reserve. `tests/budget.txt` says how a number is raised."""
+        lines = Path(__file__).with_name("budget.txt").read_text().split("\n\n")[1].splitlines()
+        budget = {name: int(number) for name, number in map(str.split, lines)}
+        held = dict.fromkeys(budget, 0)
+        for module, path in MODULES.items():
+            inside = path.name == "__init__.py" and module or "." in module
+            held[room(module) if inside else "flat"] += statements(parsed(module))
+        assert {name: n for name, n in held.items() if n > budget[name]} == {}
+        assert {name: n for name, n in held.items() if n < 0.98 * budget[name] - 10} == {}
