@@ -244,7 +244,7 @@ def test_torques_that_are_no_numbers_are_none(monkeypatch):
     monkeypatch.setattr(conic, "_by_newton", lambda program: None)
     monkeypatch.setattr(
         conic,
-        "_interior_point",
+        "interior_point",
         lambda p: conic.ConicAnswer(p, Outcome.NOT_FOUND, nan * np.ones(len(p.g)), 0 * p.b, nan * p.low, "Clarabel", 1),
     )
     with pytest.raises(CannotHold, match="whether it can be held was not found"):

@@ -20,7 +20,7 @@ from rbd.problem.problem import CONVEX, COULOMB, GaussProblem, Law, checked
 from rbd.problem.programs import SEARCH_WORK, Work
 from rbd.problem.residuals import SOLVED
 from rbd.solvers import qp
-from rbd.solvers.interior_point import solve_interior_point
+from rbd.solvers.conic import interior_point
 from rbd.solvers.kkt import KKT, constrained, independent_factor
 from rbd.solvers.newton import FOUND, Scaled, leaves_motion_open, scaled, settled, steps_from
 from rbd.solvers.pinocchio_admm import admm
@@ -285,11 +285,11 @@ class _Search:
         return w
 
     def _by_interior_point(self, S: Scaled, extra: Array) -> Array:
-        w, steps = solve_interior_point(S, extra=extra)
-        self.iterations += steps
-        self.work.spend(steps * self.step)
+        found = interior_point(S.convex(extra))
+        self.iterations += found.iterations
+        self.work.spend(found.iterations * self.step)
         self.method = "cones: interior point, Newton"
-        return w
+        return found.x
 
     def _judge(self, w: Array, reason: str = "") -> bool:
         """Record the answer of given weights; whether it is `solved`."""

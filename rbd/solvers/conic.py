@@ -154,7 +154,7 @@ _STATUS = {"PrimalInfeasible": Outcome.INFEASIBLE, "DualInfeasible": Outcome.UNB
 
 def _by_clarabel(program: Conic, tolerance: float) -> ConicAnswer:
     """By the interior-point method, then Newton's from its point; where it does not know, a proof is looked for."""
-    found = _interior_point(program)
+    found = interior_point(program)
     if found.outcome is Outcome.INFEASIBLE:
         proof = Certificate.of(program, found.y, found.z)
         if proof is not None and proof.reach >= _REACH and proof.gap > _GAP:
@@ -222,7 +222,7 @@ def _refuted(program: Conic) -> Certificate | None:
     inward[program.cones[:, 2]] = _INWARD * np.maximum(1.0, program.mu)
     for shift in (inward, np.zeros(n)):  # r inside of what it must be by more than rounding, if that can be
         dual = Conic.of(np.zeros((size, size)), -gain, A, -shift, lower, upper, cones, 1.0 / program.mu)
-        found = _interior_point(dual)
+        found = interior_point(dual)
         z = np.zeros(len(program.C))
         z[row_down] += found.x[e : e + below]
         z[row_up] -= found.x[e + below : e + below + above]
@@ -232,8 +232,8 @@ def _refuted(program: Conic) -> Certificate | None:
     return None
 
 
-def _interior_point(program: Conic) -> ConicAnswer:
-    """What Clarabel says: as outcome, INFEASIBLE or UNBOUNDED; else NOT_FOUND, judged by nobody."""
+def interior_point(program: Conic) -> ConicAnswer:
+    """What Clarabel says: as outcome, INFEASIBLE or UNBOUNDED; else NOT_FOUND, its best point, judged by nobody."""
     import clarabel
     from scipy.sparse import csc_matrix
 

@@ -22,6 +22,7 @@ from scipy.linalg import lapack, lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, max_abs, null_space
 from rbd.compiled import in_use
+from rbd.problem.conic import Conic
 from rbd.problem.force_set import ForceSet
 
 PROXIMAL = 1e-7
@@ -104,6 +105,14 @@ class Scaled:
         back = np.empty_like(out)
         back[self.order.columns] = out
         return back
+
+    def convex(self, extra: Array | float = 0.0) -> Conic:
+        """The program of the convex law, 1/2 w^T D w + (q + extra)^T w, with D symmetric."""
+        p, k = len(self.q), len(self.order.mu)
+        lower, upper = np.full(p, -np.inf), np.full(p, np.inf)
+        lower[: len(self.lower)], upper[: len(self.upper)] = self.lower, self.upper
+        cones = p - 3 * k + np.arange(3 * k).reshape(k, 3)
+        return Conic.of(self.D, self.q + extra, np.zeros((0, p)), np.zeros(0), lower, upper, cones, self.order.mu)
 
     def guess(self, weights: Array) -> Array:
         """Scaled weights, from those of `ForceSet`."""

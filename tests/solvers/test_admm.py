@@ -15,7 +15,7 @@ from rbd.problem.problem import COULOMB
 from rbd.problem.programs import SEARCH_WORK
 from rbd.problem.rows import Rows
 from rbd.solvers.admm import OPEN, _Search, holding
-from rbd.solvers.interior_point import solve_interior_point
+from rbd.solvers.conic import interior_point
 from rbd.solvers.newton import scaled, steps_from
 from rbd.solvers.pinocchio_admm import admm
 from rbd.testing import box, law_residuals
@@ -487,7 +487,7 @@ def methods(name: str, law: str, count: int) -> str:
             )  # fmt: skip
             take(f"Newton from {tolerance:g}", S, w, lambda S, w: steps_from(S, w, coulomb=coulomb)[0])
         if not coulomb:
-            take("interior point", S, first, lambda S, w: solve_interior_point(S)[0])
+            take("interior point", S, first, lambda S, w: interior_point(S.convex()).x)
     cells = []
     for what, results in found.items():
         good, exact, seconds = np.array(results).T

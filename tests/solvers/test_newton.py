@@ -10,7 +10,7 @@ import pytest
 from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.solvers.admm import de_saxce
-from rbd.solvers.interior_point import solve_interior_point
+from rbd.solvers.conic import interior_point
 from rbd.solvers.newton import _gap, _matrix, order_of, scaled, solve_newton, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 
@@ -68,7 +68,7 @@ def test_with_the_identity_the_convex_answer_is_the_projection(rng):
         S = scaled(np.eye(T.size), y_free, T)
         theirs, _ = admm(S, S.guess(start), coulomb=False, iterations=2000, tolerance=1e-11)
         assert np.abs(S.weights(theirs) - nearest).max() < 1e-8
-        inner, _ = solve_interior_point(S)
+        inner = interior_point(S.convex()).x
         assert np.abs(S.weights(inner) - nearest).max() < 1e-6
 
 
@@ -82,7 +82,7 @@ def test_three_methods_agree_on_the_convex_law(rng):
         start = S.guess(np.zeros(3 * k))
         w, merit, _ = steps_from(S, start, coulomb=False)
         assert merit < 1e-12
-        inner, _ = solve_interior_point(S)
+        inner = interior_point(S.convex()).x
         assert np.abs(S.D @ (inner - w)).max() < 1e-5  # it stops at a duality gap of 1e-13, which is a distance squared
         theirs, n = admm(S, start, coulomb=False, iterations=3000, tolerance=1e-10)
         if n <= 3000:
@@ -175,7 +175,7 @@ def test_what_has_no_answer_ends():
         w, merit, steps = solve_newton(D, np.array([1.0, 0.0, 0.0, -1.0]), T, np.zeros(4), coulomb=coulomb)
         assert merit > 0.1 and steps <= 50 and np.isfinite(w).all()
     S = scaled(D, np.array([1.0, 0.0, 0.0, -1.0]), T)
-    assert solve_interior_point(S)[1] <= 60 and np.isfinite(solve_interior_point(S)[0]).all()
+    assert interior_point(S.convex()).iterations <= 60 and np.isfinite(interior_point(S.convex()).x).all()
 
 
 def test_the_order_of_columns_is_put_back(rng):
@@ -239,5 +239,5 @@ def test_the_interior_point_without_cones_is_the_clipped_answer(rng):
     """Half-lines alone and D = 1: w = max(0, -q), in closed form."""
     q = rng.normal(size=6)
     problem = scaled(np.eye(6), q, parts(NonNegative(6)))
-    w, _ = solve_interior_point(problem)
+    w = interior_point(problem.convex()).x
     assert problem.weights(w) == pytest.approx(np.maximum(-q, 0.0), abs=1e-7)
