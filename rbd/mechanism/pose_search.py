@@ -17,7 +17,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, largest_first, max_abs
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, with_loops
 from rbd.displayed import Displayed
 from rbd.errors import CannotReach, InputError, ModelError
 from rbd.mechanism.bounded_descent import Bounded, Minimum, Reached
@@ -114,6 +114,7 @@ def find_pose(
     *,
     posture: str | Array | State | None = None,
     com: Sequence[float] | Array | None = None,
+    loops: bool = True,
 ) -> FoundPose:
     """A pose with contacts, frames and the centre of mass at given places, near a posture, within joint limits.
 
@@ -128,7 +129,7 @@ def find_pose(
                              rbd.Ground: the origin on that plane, anywhere
 
     All in W. Feet have the names of `robot.feet()`; other contacts are keys themselves, `{hand: (0.5, 0.2, 1.0)}`, and their
-    friction is not used. Loops of the robot's file stay closed. The base moves as the targets require; the joints stay near
+    friction is not used. The base moves as the targets require; the joints stay near
     the posture: steps along the targets reduce the displacement until a step reduces its square by less than 2e-3, with the
     tilt of the base weighted as a joint. Joints that affect no target do not move.
 
@@ -140,6 +141,7 @@ def find_pose(
         posture: Initial configuration, and the one to stay near: a name, q, or a state; by default the standing posture, else
             the neutral one. Joints beyond their limits are first moved onto them.
         com: Position of the centre of mass, (x, y) or (x, y, z) in W [m].
+        loops: Whether the robot's own loops hold.
 
     Returns:
         The pose, with each target satisfied to 1e-12 m and rad (more by rounding, far from the origin).
@@ -161,7 +163,7 @@ def find_pose(
     if not isinstance(robot, CheckedModel):
         raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
     asked, place = read_targets(robot, targets), read_com(com)
-    search = _Search(robot, asked, place, tuple(robot.loops()))
+    search = _Search(robot, asked, place, with_loops(robot, (), loops))
     q0 = search.bounded.inside(_posture(robot, posture))
     proof = out_of_reach(robot, asked)
     tried = [search.descend(q0)]

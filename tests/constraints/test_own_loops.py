@@ -112,6 +112,15 @@ def test_a_four_bar_stays_closed() -> None:
     assert np.abs(PIN.rows(opened[-1].state).error).max() > 0.01
 
 
+def test_a_pose_is_found_on_its_loops_or_off_them() -> None:
+    """The tip of the coupler where crank and coupler alone can put it: off the circle of the rocker's tip."""
+    place = STATE.with_joints({"crank_joint": 0.8, "coupler_joint": -0.3}).frame("coupler_tip").X_WF.translation
+    near = rbd.find_pose(BARS, {"coupler_tip": tuple(place)}, posture="assembled", loops=False)
+    assert np.abs(PIN.rows(BARS.at(near.q)).error).max() > 1e-3
+    with pytest.raises(rbd.errors.CannotReach):
+        rbd.find_pose(BARS, {"coupler_tip": tuple(place)}, posture="assembled")
+
+
 def test_what_has_a_loops_name_and_kind_stands_in_its_place() -> None:
     """As one with feedback; what is no loop and has its name is refused."""
     pulled = rbd.constraints.Baumgarte(50.0).of(PIN)
