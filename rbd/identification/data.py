@@ -39,7 +39,7 @@ class MeasuredMotion(Displayed):
             equations that no motor enters count: the rate of momentum of a floating base.
         contacts: What may touch; None: those of `Motion.contacts`. Forces that are not in `forces` are eliminated.
         touches: Which of them touch when, shape (n, k), of truth values; all if not given. Measured forces count always.
-        forces: {contact: measured forces (n, 3) or wrenches (n, 6)} on the robot, in W, as `Trajectory.forces`.
+        forces: {contact: measured forces (n, 3), of a point, or wrenches (n, 6)} on the robot, in W, as `Trajectory.forces`.
         external: Other forces of the world that are known, the same at all times; springs are taken at each state.
         loops: Whether the robot's own loops hold; one that is given counts once.
 
@@ -169,12 +169,10 @@ class MeasuredMotion(Displayed):
             if force is None:
                 unknown.append(rows.J.T)
                 continue
-            if rows.resultant is None:
-                f = force[i]
-            else:
-                f = np.linalg.lstsq(rows.resultant, force[i, : len(rows.resultant)], rcond=None)[0]
-            if f.shape != (len(rows),):
-                raise InputError(f"forces of {rows.name!r} have {len(f)} columns; expected {len(rows)}.")
+            width = len(rows) if rows.resultant is None else len(rows.resultant)
+            if force.shape[1] != width:
+                raise InputError(f"forces of {rows.name!r} have {force.shape[1]} columns; expected {width}.")
+            f = force[i] if rows.resultant is None else np.linalg.lstsq(rows.resultant, force[i], rcond=None)[0]
             b += rows.J.T @ f
         return state, Y, b, np.hstack(unknown)
 

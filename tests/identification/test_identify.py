@@ -446,3 +446,14 @@ class TestTorquesOfAnother:
         motion, x = walked
         with pytest.raises(rbd.InputError, match="all torques are zero"):
             rbd.identify(MeasuredMotion(motion, 0.0 * x.tau, motion.robot.soles(None)))
+
+
+@pytest.mark.parametrize("columns", [3, 5, 7])
+def test_forces_of_another_width_are_refused(columns: int) -> None:
+    """Three of a sole leave its moment open, and a seventh was cut off without a word."""
+    box = rbd.testing.box(mass=10.0)
+    face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.5, on=0.0)
+    rest = rbd.simulate(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [face], duration=0.02, step=1e-2)
+    given = MeasuredMotion(rest, contacts=[face], forces={"face": np.zeros((3, columns))})
+    with pytest.raises(rbd.InputError, match=f"forces of 'face' have {columns} columns; expected 6"):
+        rbd.identification.identify(given)

@@ -52,8 +52,8 @@ def inscribed_radius(vertices: Array) -> float:
     some = length > 0.0
     normals = np.stack([along[some, 1], -along[some, 0]], axis=1) / length[some, None]
     level = (normals * flat[some]).sum(axis=1)
-    outward = normals * np.where(level < 0.0, -1.0, 1.0)[:, None]  # the middle is inside
-    found = linear_program(np.array([0.0, 0.0, -1.0]), np.column_stack([outward, np.ones(len(outward))]), np.abs(level))
+    # The middle is inside: normals point outwards, or all of them inwards, which is the polygon turned by half a turn.
+    found = linear_program(np.array([0.0, 0.0, -1.0]), np.column_stack([normals, np.ones(len(normals))]), np.abs(level))
     return float(found.x[2]) if found.outcome is Outcome.SOLVED else np.nan
 
 
