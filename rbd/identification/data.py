@@ -85,7 +85,7 @@ class MeasuredMotion(Displayed):
                 on = [lanes.of_contact(c.name) for c in lanes.contacts]
                 set_(self, "touches", np.array(on, bool).reshape(len(on), frames).T)
         named = listed(() if self.contacts is None else self.contacts)
-        given = with_loops(robot, named if self.contacts is None else self.contacts, self.loops)
+        given = with_loops(robot, named, self.loops)
         for each in given:
             if not callable(getattr(each, "rows", None)) or not isinstance(getattr(each, "name", None), str):
                 raise InputError(f"{each!r:.80} is no contact: it has no rows(state). Give e.g. robot.soles().")
