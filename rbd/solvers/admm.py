@@ -22,7 +22,7 @@ from rbd.problem.residuals import SOLVED
 from rbd.solvers import qp
 from rbd.solvers.conic import interior_point
 from rbd.solvers.kkt import KKT, constrained, independent_factor
-from rbd.solvers.newton import FOUND, Scaled, leaves_motion_open, scaled, settled, steps_from
+from rbd.solvers.newton import FOUND, Scaled, leaves_motion_open, scaled, settled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 from rbd.solvers.refinement import NEAR, by_newton, refined
 
@@ -40,6 +40,8 @@ HELD = (
 """`Answer.reason` where the convex law's answer satisfies Coulomb's law too."""
 _RANDOM_STARTS = 4
 _FIXED_POINT_STEPS = 12
+_COMPLIANCES = (1e-2, 1e-3, 1e-4)
+"""Of proximal rounds from an interior point that is too coarse for Newton's method, as with a friction of 1e6."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -271,7 +273,9 @@ class _Search:
             yield w, 1e-6
             extra = de_saxce(S, S.D @ w + S.q)
         if not self.coulomb:
-            yield w, 1e-4
+            for compliance in _COMPLIANCES:
+                w, _ = yielding_steps(S, w, coulomb=False, compliance=compliance)
+            yield w, 1e-6
             return
         self.method = "cones: Newton"
         rng = np.random.default_rng(0)

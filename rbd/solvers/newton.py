@@ -231,7 +231,9 @@ def _kernel() -> ModuleType:
     return newton_kernel
 
 
-def yielding_steps(problem: Scaled, w: Array, *, coulomb: bool, outer: int = 8, iterations: int = 15) -> tuple[Array, float]:
+def yielding_steps(
+    problem: Scaled, w: Array, *, coulomb: bool, compliance: float = 1e-5, outer: int = 8, iterations: int = 15
+) -> tuple[Array, float]:
     """Weights where rows are redundant and Newton's steps stall: (w, merit), in the problem's units and order.
 
     Newton on D + k 1, whose solution is unique, about the weights of the round before (the proximal-point method), so that
@@ -241,13 +243,14 @@ def yielding_steps(problem: Scaled, w: Array, *, coulomb: bool, outer: int = 8, 
         problem: The scaled problem.
         w: Where to start.
         coulomb: Coulomb's law; else the convex one.
+        compliance: k, over the points' mobility: the larger, the surer each round and the more of them.
         outer: Rounds at most.
         iterations: Newton's steps in a round at most.
     """
-    firm = replace(problem, D=problem.D + _YIELDS * identity(len(w)))
+    firm = replace(problem, D=problem.D + compliance * identity(len(w)))
     best, least = w, math.inf
     for _ in range(outer):
-        about = replace(firm, q=problem.q - _YIELDS * w)
+        about = replace(firm, q=problem.q - compliance * w)
         w, reached, _ = steps_from(about, w, coulomb=coulomb, iterations=iterations, proximal=0.0)
         merit = max_abs(_gap(problem, w, problem.D @ w + problem.q, coulomb)[0])
         if not merit < least:
@@ -330,8 +333,6 @@ _RANK = 1e-13
 """Singular values of Newton's matrix below this, over the largest, are zero."""
 _OPEN = 1e-8
 """The same in the search for null directions: answers have a merit of 1e-10."""
-_YIELDS = 1e-5
-"""Compliance of the proximal-point rounds, over the points' mobility."""
 _STALLS = 1e-11
 """Their merit does not fall much below this, of rounding."""
 _TOUCHES = 1e-9
