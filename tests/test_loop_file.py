@@ -503,8 +503,11 @@ def test_a_four_bar_by_connect_moves_as_the_urdf_with_a_planar_pin(tmp_path: Pat
 @pytest.mark.parametrize(
     ("equality", "more", "says"),
     [
-        ('<tendon tendon1="t"/>', "", "is a <tendon>; only <connect>, <weld>, <joint> are read"),
-        ('<flex flex="f"/>', "", "is a <flex>"),
+        (
+            '<tendon tendon1="t"/></equality><tendon><fixed name="t"><joint joint="j1" coef="1"/></fixed></tendon><equality>',
+            "",
+            "is of a kind that is not read; only <connect>, <weld>, <joint> are",
+        ),
         ('<weld name="w" body1="crank" active="false"/>', "", "is not active"),
         ('<weld name="w" body1="crank"/>', '<default><equality active="false"/></default>', "is not active"),
         (
@@ -534,28 +537,20 @@ def test_a_class_that_is_off_can_be_switched_on(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("equality", "says"),
     [
-        ('<connect name="c" body1="rockr" anchor="0 0 0"/>', "<connect> 'c' has body1 'rockr', .*nearest: 'rocker'"),
-        ('<connect name="c" body1="rocker" body2="crnk" anchor="0 0 0"/>', "has body2 'crnk', .*nearest: 'crank'"),
-        ('<connect name="c" anchor="0 0 0"/>', "'c' has no body1"),
-        ('<connect name="c" site1="tip"/>', "'c' has no site2"),
-        ('<connect name="c" site1="tip" site2="tap"/>', "site2 'tap', .*nearest: 'tip'"),
-        ('<connect name="c" body1="rocker"/>', "'c': anchor is missing; expected 3 finite numbers"),
-        ('<connect name="c" body1="rocker" anchor="0 0"/>', "anchor is '0 0'; expected 3"),
+        ('<connect name="c" body1="rockr" anchor="0 0 0"/>', "unknown element 'rockr' .*'c', line 10"),
+        ('<connect name="c" body1="rocker" body2="crnk" anchor="0 0 0"/>', "unknown element 'crnk'"),
+        ('<connect name="c" anchor="0 0 0"/>', "MuJoCo refuses it: .*'connect', line 10"),
+        ('<connect name="c" site1="tip"/>', "MuJoCo refuses it: .*'connect', line 10"),
         ('<connect name="c" body1="rocker" anchor="0 0 nan"/>', "anchor is '0 0 nan'"),
-        ('<connect name="c" body1="rocker" body2="rocker" anchor="0 0 0"/>', "ties 'rocker' to itself"),
-        ('<weld name="c" body1="world"/>', "ties 'world' to itself"),
-        ('<weld name="c" body1="rocker" relpose="0 0 0 1"/>', "relpose is '0 0 0 1'; expected 7"),
-        ('<weld name="c" body1="rocker" relpose="0 0 0 1e-9 0 0 0"/>', "quaternion is .*nearly zero"),
-        ('<joint name="c" joint1="j9"/>', "<joint> equality 'c' has joint1 'j9', .*nearest: 'j3', 'j2', 'j1'"),
-        ('<joint name="c" joint1="j1" joint2="j1"/>', "ties 'j1' to itself"),
-        ('<joint name="c" joint1="j1" polycoef="x 1"/>', "polycoef is 'x 1'"),
-        ('<joint name="c" joint1="j1" polycoef="0 1 0 0 0 0 0"/>', "polycoef is '0 1 0 0 0 0 0'; expected 5"),
-        ('<weld name="c" body1="rocker"/><weld name="c" body1="crank"/>', "two equalities are called 'c'"),
-        ('<weld name="rocker" body1="rocker"/><weld name="c" body1="crank" body2="crank"/>', "ties 'crank' to itself"),
+        ('<connect name="c" body1="rocker" body2="rocker" anchor="0 0 0"/>', "'rocker' is repeated"),
+        ('<weld name="c" body1="rocker" relpose="0 0 0 1"/>', "MuJoCo refuses it: .*'weld', line 10"),
+        ('<joint name="c" joint1="j9"/>', "unknown element 'j9'"),
+        ('<joint name="c" joint1="j1" polycoef="x 1"/>', "bad format in attribute 'polycoef'"),
+        ('<weld name="c" body1="rocker"/><weld name="c" body1="crank"/>', "repeated name 'c'"),
     ],
 )
 def test_a_broken_equality_is_refused_by_name(tmp_path: Path, equality: str, says: str) -> None:
-    """Bodies, sites and joints that are not there, numbers that are none."""
+    """Bodies, sites and joints that are not there, numbers that are none: in MuJoCo's words, with the line of the file."""
     with pytest.raises(ModelError, match=says):
         rbd.load_robot(mjcf(tmp_path, equality))
 
@@ -569,7 +564,7 @@ def test_equalities_without_names_get_some(tmp_path: Path) -> None:
 
 
 def test_joints_that_share_a_body_can_be_coupled(tmp_path: Path) -> None:
-    """Each is a joint of its own; one with several freedoms cannot be coupled, and the word tells a way out."""
+    """Each is a joint of its own; one with several freedoms cannot be coupled."""
     text = mjcf(tmp_path, '<joint name="g" joint1="j1" joint2="extra"/>').read_text()
     path = tmp_path / "chain.xml"
     path.write_text(text.replace('<joint name="j1"', '<joint name="extra" axis="0 0 1"/><joint name="j1"'))
@@ -581,9 +576,8 @@ def test_joints_that_share_a_body_can_be_coupled(tmp_path: Path) -> None:
         .replace('<joint name="was_j1" axis="0 -1 0" ref="0.3"/>', "")
         .replace('joint1="j1"', 'joint1="j2"')
     )
-    with pytest.raises(ModelError, match="equality 'g' ties joint 'extra', which has several degrees of freedom.*loops=None"):
+    with pytest.raises(ModelError, match="only HINGE and SLIDE joint allowed .*'g', line 10"):
         rbd.load_robot(path)
-    assert rbd.load_robot(path, loops=None).nv == 5
 
 
 def test_a_yaml_beside_an_mjcf_is_read_too(tmp_path: Path) -> None:

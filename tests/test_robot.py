@@ -222,7 +222,8 @@ def test_keyframes_of_an_mjcf_file_are_postures(tmp_path: Path) -> None:
 
 def test_what_an_mjcf_file_loses_is_said(tmp_path: Path) -> None:
     """Equalities of kinds that are not read are left out, with a warning; a weld is a loop (tests/test_loop_file.py)."""
-    both = '<equality><weld body1="b"/><tendon tendon1="t"/></equality>'
+    tendon = '<tendon><fixed name="t"><joint joint="j" coef="1"/></fixed></tendon>'
+    both = f'{tendon}<equality><weld body1="b"/><tendon tendon1="t"/></equality>'
     with pytest.warns(ModelWarning, match="1 equality constraint is left out"):
         robot = rbd.load_robot(mjcf(tmp_path, '<joint name="j" type="hinge" axis="0 1 0"/>', both))
     assert [loop.name for loop in robot.loops()] == ["weld_b"]

@@ -149,8 +149,9 @@ def test_the_doctor_works_when_the_file_is_gone(tmp_path: Path, mjcf: bool) -> N
     """What was found when it was loaded, and a note; a copy of the robot knows it too."""
     if mjcf:
         path = tmp_path / "it.xml"
-        strange = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 9"/>'
-        path.write_text(f'<mujoco><worldbody><body name="b"><joint name="j"/>{strange}</body></worldbody></mujoco>')
+        air = '<option density="1.2"/>'
+        weight = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+        path.write_text(f'<mujoco>{air}<worldbody><body name="b"><joint name="j"/>{weight}</body></worldbody></mujoco>')
     else:
         path = urdf(tmp_path, dynamics='<dynamics damping="2"/>')
     with warnings.catch_warnings():

@@ -16,8 +16,7 @@ from rbd.errors import InputError, ModelError
 from rbd.model import mjcf
 from rbd.model.input_files import FileLimits, parse_xml, read_xml
 from rbd.model.mjcf import Mjcf, carry_out_includes, read_mjcf
-from rbd.model.mjcf.equality import Equality, read_equalities
-from rbd.model.mjcf.flattening import writers_in, written_out
+from rbd.model.mjcf.equality import Equality
 from rbd.model.planar_base import Plane, turn_base
 from rbd.model.remaking import remade
 from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf
@@ -99,7 +98,7 @@ def read(
     limits = FileLimits() if limits is None else limits
     element = read_xml(path, limits) if data is None else parse_xml(path.name, data, limits)
     if element.tag == "mujoco":
-        return _read_mjcf(path, element, limits, folders, leave_out)
+        return _read_mjcf(path, element, path.read_bytes() if data is None else data, limits, folders, leave_out)
     if element.tag != "robot":
         raise ModelError(f"{path.name} is no robot: its first element is <{element.tag:.80}>; expected <robot> or <mujoco>.")
     urdf = check_urdf(path, element, floating=base > 0, known=known)
@@ -114,18 +113,18 @@ def read(
 
 
 def _read_mjcf(
-    path: Path, element: ElementTree.Element, limits: FileLimits, folders: tuple[Path, ...], leave_out: Collection[str]
+    path: Path,
+    element: ElementTree.Element,
+    data: bytes,
+    limits: FileLimits,
+    folders: tuple[Path, ...],
+    leave_out: Collection[str],
 ) -> RobotFile:
+    includes = element.find(".//include") is not None
     carry_out_includes(path, element, limits, folders)
-    if writers_in(element):
-        element = written_out(path, element, limits)
-    mjcf = read_mjcf(path, element, limits, folders, leave_out)
-    mjcf.meshes.check_folders()
-    off = "equality" in mjcf.settings.off
-    equalities, lost = read_equalities(path.name, mjcf.root, off=off)
-    bodies = tuple(body.name for body in mjcf.bodies[1:])
-    meshes = tuple(mjcf.meshes.files().items())[:MOST_MESHES]
-    return RobotFile(path, "mjcf", None, mjcf, bodies, mjcf.mass, (*mjcf.remarks, *lost), meshes, equalities, element)
+    mjcf = read_mjcf(path, element, limits, folders, leave_out, text=None if includes else data.decode("utf-8", "replace"))
+    meshes = tuple(mjcf.meshes.items())[:MOST_MESHES]
+    return RobotFile(path, "mjcf", None, mjcf, mjcf.bodies[1:], mjcf.mass, mjcf.remarks, meshes, mjcf.equalities, element)
 
 
 def check_freedoms(path: Path, nv: int, limits: FileLimits) -> None:

@@ -11,6 +11,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import coal
 import numpy as np
@@ -19,8 +20,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.errors import ModelError
 from rbd.model.input_files import LARGEST, MISSING, OUTSIDE, FileLimits, check_mesh, check_scale, find_mesh
-from rbd.model.mjcf import LEAVABLE, Mjcf, Shape, Surface, carry_out_includes, convex_hull, read_mjcf
-from rbd.model.mjcf.bodies import WORLD
+from rbd.model.mjcf import LEAVABLE, Mjcf, carry_out_includes, pose, read_mjcf
 
 Element = ElementTree.Element
 STAND_IN_M = 0.05
@@ -130,16 +130,6 @@ class _Meshes:
             self.refused[name] = str(error)
         return None
 
-    def look_at(self, name: str, place: str) -> None:
-        """Refuse an MJCF's mesh file that may not be opened.
-
-        Raises:
-            ModelError: why not.
-        """
-        path = find_mesh(place, self._base, self._folders)
-        if path.suffix.lower() != ".msh":  # whose size determines it
-            check_mesh(path, self._folders)
-
     def read_each(self) -> bool:
         """Read every usable mesh, and refuse those that cannot be; whether there were any."""
         before = len(self._known)
@@ -236,8 +226,9 @@ def _mjcf(
     meshes = _Meshes(path.parent, folders)
     try:
         carry_out_includes(path, element, limits, folders)
-        file = read_mjcf(path, element, limits, folders, LEAVABLE)
-        found, stand_ins, meshes.refused = mjcf_geometry(model, file, kind, meshes.look_at, STAND_IN_M)
+        file = read_mjcf(path, element, limits, folders, LEAVABLE, shapes=True, stand_in_m=STAND_IN_M)
+        found, stand_ins = mjcf_geometry(model, file, kind)
+        meshes.refused.update(file.refused)
     except ModelError as error:
         return Geometry(pin.GeometryModel(), complaint=f"is left out, as it cannot be built: {error}")
     return Geometry(found, stand_ins, meshes.complaint())
@@ -245,103 +236,84 @@ def _mjcf(
 
 HIDDEN = 2
 """Shapes of groups above this are not drawn, as in MuJoCo's viewer."""
-_PRIMITIVES: dict[str, Callable[..., coal.CollisionGeometry]] = {
-    "sphere": lambda r: coal.Sphere(r),
-    "capsule": lambda r, half: coal.Capsule(r, 2.0 * half),
-    "cylinder": lambda r, half: coal.Cylinder(r, 2.0 * half),
-    "ellipsoid": lambda x, y, z: coal.Ellipsoid(x, y, z),
-    "box": lambda x, y, z: coal.Box(2.0 * x, 2.0 * y, 2.0 * z),
+_GREY = (0.5, 0.5, 0.5, 1.0)
+_SHAPES: dict[int, Callable[..., coal.CollisionGeometry]] = {
+    0: lambda *_: coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0),
+    2: lambda r, *_: coal.Sphere(r),
+    3: lambda r, half, _: coal.Capsule(r, 2.0 * half),
+    4: lambda x, y, z: coal.Ellipsoid(x, y, z),
+    5: lambda r, half, _: coal.Cylinder(r, 2.0 * half),
+    6: lambda x, y, z: coal.Box(2.0 * x, 2.0 * y, 2.0 * z),
 }
+"""By MuJoCo's numbers: plane, sphere, capsule, ellipsoid, cylinder, box."""
 
 
-def mjcf_geometry(
-    model: pin.Model, mjcf: Mjcf, kind: pin.GeometryType, usable: Callable[[str, str], None], stand_in_m: float
-) -> tuple[pin.GeometryModel, frozenset[str], dict[str, str]]:
-    """(geometry, names in it of boxes that replace meshes, {file or mesh: why it cannot be loaded}).
+def mjcf_geometry(model: pin.Model, mjcf: Mjcf, kind: pin.GeometryType) -> tuple[pin.GeometryModel, frozenset[str]]:
+    """(geometry, names in it of boxes that replace meshes).
 
     Visual shapes are those that MuJoCo's viewer shows at first or that cannot collide; collision shapes those that can.
 
     Args:
         model: With the bodies of the file as frames.
-        mjcf: The file.
+        mjcf: The file, its shapes read.
         kind: pin.GeometryType.VISUAL or COLLISION.
-        usable: Raises a ModelError for a mesh file that may not be opened, of its name and where it is.
-        stand_in_m: Side of the boxes [m].
     """
-    found = pin.GeometryModel()
+    m, found = mjcf.model, pin.GeometryModel()
     stand_ins: set[str] = set()
-    refused: dict[str, str] = {}
-    made: dict[str, coal.CollisionGeometry | None] = {}
-    for body in mjcf.bodies:
-        frame = 0 if body.name == WORLD else model.getFrameId(body.name, pin.FrameType.BODY)
-        carrier = model.frames[frame]
-        for i, shape in enumerate(body.shapes):
-            shown = shape.group <= HIDDEN or not shape.touches
-            if shape.kind == "hfield" or not (shape.touches if kind == pin.GeometryType.COLLISION else shown):
-                continue
-            name = shape.name or f"{body.name}Geom_{i}"
-            while found.existGeometryName(name):
-                name = f"{body.name}_{name}_{i}"
-            geometry = _geometry(mjcf, shape, made, refused, usable)
-            if geometry is None:
-                geometry = coal.Box(stand_in_m, stand_in_m, stand_in_m)
-                stand_ins.add(name)
-            placement = carrier.placement * pin.SE3(shape.X.R, shape.X.p)
-            colour = np.array(_colour(mjcf, shape))
-            found.addGeometryObject(
-                pin.GeometryObject(name, carrier.parentJoint, frame, placement, geometry, "", np.ones(3), False, colour)
-            )
-    return found, frozenset(stand_ins), refused
+    made: dict[int, coal.CollisionGeometry] = {}
+    for i in range(m.ngeom):
+        body, shape, mesh = int(m.geom_bodyid[i]), int(m.geom_type[i]), int(m.geom_dataid[i])
+        touches = bool(m.geom_contype[i] or m.geom_conaffinity[i])
+        if not (touches if kind == pin.GeometryType.COLLISION else m.geom_group[i] <= HIDDEN or not touches):
+            continue
+        number = i - int(m.body_geomadr[body])
+        name = m.geom(i).name or f"{mjcf.bodies[body]}Geom_{number}"
+        while found.existGeometryName(name):
+            name = f"{mjcf.bodies[body]}_{name}_{number}"
+        if i in mjcf.stand_ins:
+            stand_ins.add(name)
+        if shape in _SHAPES:
+            geometry = _SHAPES[shape](*m.geom_size[i].tolist())
+        else:
+            geometry = made[mesh] = made.get(mesh) or _triangles(m, mesh)
+        frame = model.getFrameId(mjcf.bodies[body], pin.FrameType.BODY) if body else 0
+        carrier, own, material = model.frames[frame], tuple(m.geom_rgba[i].tolist()), int(m.geom_matid[i])
+        placement = carrier.placement * pose(m.geom_pos[i], m.geom_quat[i])
+        colour = np.array(own if material < 0 or own != _GREY else m.mat_rgba[material], dtype=float)
+        found.addGeometryObject(
+            pin.GeometryObject(name, carrier.parentJoint, frame, placement, geometry, "", np.ones(3), False, colour)
+        )
+    return found, frozenset(stand_ins)
 
 
-def _geometry(
-    mjcf: Mjcf,
-    shape: Shape,
-    made: dict[str, coal.CollisionGeometry | None],
-    refused: dict[str, str],
-    usable: Callable[[str, str], None],
-) -> coal.CollisionGeometry | None:
-    """The shape itself; None where it cannot be had."""
-    if shape.kind == "plane":
-        return coal.Halfspace(np.array([0.0, 0.0, 1.0]), 0.0)
-    if not shape.mesh:
-        return _PRIMITIVES[shape.kind](*(float(x) for x in shape.size))
-    if shape.kind != "mesh":
-        refused.setdefault(shape.mesh, f"is to be fitted by a {shape.kind}, which is not read")
-        return None
-    if shape.mesh not in made:
-        file = mjcf.meshes.file(shape.mesh)
-        made[shape.mesh] = None
-        try:
-            if file:
-                usable(*file)
-            made[shape.mesh] = _triangles(mjcf.meshes.load(shape.mesh))
-        except (ModelError, ValueError) as error:
-            refused[file[0] if file else shape.mesh] = str(error)
-    return made[shape.mesh]
-
-
-def _triangles(surface: Surface) -> coal.CollisionGeometry:
-    faces = surface.faces if len(surface.faces) else convex_hull(surface.vertices)
+def _triangles(m: Any, i: int) -> coal.CollisionGeometry:
+    vertices = m.mesh_vert[m.mesh_vertadr[i] : m.mesh_vertadr[i] + m.mesh_vertnum[i]].astype(float)
+    faces = m.mesh_face[m.mesh_faceadr[i] : m.mesh_faceadr[i] + m.mesh_facenum[i]].astype(int)
     mesh = coal.BVHModelOBBRSS()
-    mesh.beginModel(len(faces), len(surface.vertices))
-    mesh.addVertices(np.ascontiguousarray(surface.vertices))
+    mesh.beginModel(len(faces), len(vertices))
+    mesh.addVertices(np.ascontiguousarray(vertices))
     mesh.addTriangles(np.ascontiguousarray(faces))
     mesh.endModel()
     return mesh
 
 
-def _colour(mjcf: Mjcf, shape: Shape) -> Array | tuple[float, ...]:
-    """Its colour, its material's, or MuJoCo's grey."""
-    name = shape.element.get("material")
-    if shape.element.get("rgba") is not None or not name:
-        return shape.rgba
-    for material in mjcf.root.iterfind("asset/material"):
-        if material.get("name") == name:
-            words = material.get("rgba", "1 1 1 1").split()
-            try:
-                found = np.array([float(word) for word in words])
-            except ValueError:
-                return shape.rgba
-            return found if found.shape == (4,) and np.isfinite(found).all() else shape.rgba
-    return shape.rgba
+def convex_hull(vertices: Array) -> Array:
+    """The triangles of the convex hull of points, counter-clockwise as seen from outside, shape (m, 3).
+
+    Raises:
+        ValueError: points in a plane.
+    """
+    from scipy.spatial import ConvexHull, QhullError  # 0.2 s to import, and few files need it
+
+    if len(vertices) < 4:
+        raise ValueError("has fewer than four corners")
+    try:
+        found = ConvexHull(vertices)
+    except QhullError:
+        raise ValueError("has all its corners in one plane") from None
+    faces, outward = np.array(found.simplices), found.equations[:, :3]
+    corners = vertices[faces]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    inward = np.einsum("fi,fi->f", normals, outward) < 0.0
+    faces[inward] = faces[inward][:, ::-1]
+    return faces

@@ -291,9 +291,9 @@ class Bodies:
     def of(cls, file: RobotFile) -> Bodies:
         """The bodies of a file."""
         if file.urdf is None:
-            bodies = () if file.mjcf is None else file.mjcf.bodies[1:]
-            masses, tensors = [body.solid.mass for body in bodies], np.array([body.solid.inertia for body in bodies])
-            return cls("body", [body.name for body in bodies], np.array(masses), _moments(tensors))
+            assert file.mjcf is not None
+            model = file.mjcf.model
+            return cls("body", list(file.bodies), model.body_mass[1:], np.sort(model.body_inertia[1:], axis=1))
         links = list(file.urdf.links.values())
         tensors = np.array([link.inertia for link in links])[:, _ENTRIES].reshape(-1, 3, 3)
         return cls("link", [link.name for link in links], np.array([link.mass for link in links]), _moments(tensors))

@@ -22,7 +22,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import ModelWarning
-from rbd.model.mjcf import convex_hull
+from rbd.model.meshes import convex_hull
 from rbd.visual import shapes
 from rbd.visual.shapes import Mesh, joined, outermost
 from rbd.visual.style import COLLISION_COLOR, INERTIA_COLOR, SKELETON_COLOR, hexadecimal

@@ -6,11 +6,15 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.model.mjcf.joints import Joint
-from rbd.model.mjcf.poses import Pose, about, at_rest
+from rbd.model.mjcf.motors import BALL, FREE, HINGE
 from rbd.model.mjcf.reading import Mjcf
 
 _ALIGNED = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
+
+
+def pose(p: Array, quaternion: Array) -> pin.SE3:
+    """Of a position and MuJoCo's quaternion w, x, y, z."""
+    return pin.SE3(pin.Quaternion(*quaternion.tolist()).matrix(), p)
 
 
 def build(mjcf: Mjcf) -> pin.Model:
@@ -22,28 +26,29 @@ def build(mjcf: Mjcf) -> pin.Model:
     Raises:
         ValueError: from Pinocchio, where it refuses.
     """
-    model = pin.Model()
+    m, model = mjcf.model, pin.Model()
     model.name = mjcf.name
-    model.gravity.linear = np.array(mjcf.settings.gravity)
-    carriers = [(0, at_rest(), 0)]  # of each body: joint, pose on that joint, frame
-    for body in mjcf.bodies[1:]:
-        joint, X, frame = carriers[body.parent]
-        X = X * body.X
-        for one in body.joints:
-            joint, frame = _add_joint(model, one, joint, X, frame)
-            X = Pose(np.eye(3), np.zeros(3) if one.kind == "free" else -one.p)
-        placement = pin.SE3(X.R, X.p)
-        frame = model.addFrame(pin.Frame(body.name, joint, frame, placement, pin.FrameType.BODY))
+    model.gravity.linear = np.zeros(3) if mjcf.is_off("GRAVITY") else np.array(m.opt.gravity)
+    carriers = [(0, pin.SE3.Identity(), 0)]  # of each body: joint, pose on that joint, frame
+    for i in range(1, m.nbody):
+        joint, X, frame = carriers[m.body_parentid[i]]
+        X = X * pose(m.body_pos[i], m.body_quat[i])
+        for j in range(m.body_jntadr[i], m.body_jntadr[i] + m.body_jntnum[i]):
+            joint, frame = _add_joint(model, mjcf, j, joint, X, frame)
+            X = pin.SE3(np.eye(3), np.zeros(3) if m.jnt_type[j] == FREE else -m.jnt_pos[j])
+        frame = model.addFrame(pin.Frame(mjcf.bodies[i], joint, frame, X, pin.FrameType.BODY))
         if joint:
-            solid = body.solid
-            model.appendBodyToJoint(joint, pin.Inertia(solid.mass, solid.centre, solid.inertia), placement)
+            R = pin.Quaternion(*m.body_iquat[i].tolist()).matrix()
+            inertia = pin.Inertia(float(m.body_mass[i]), m.body_ipos[i], R @ np.diag(m.body_inertia[i]) @ R.T)
+            model.appendBodyToJoint(joint, inertia, X)
         carriers.append((joint, X, frame))
-    for body, (joint, X, frame) in zip(mjcf.bodies, carriers, strict=True):
-        for name, own in body.sites:
-            at = X * own
-            model.addFrame(pin.Frame(name, joint, frame, pin.SE3(at.R, at.p), pin.FrameType.OP_FRAME))
+    for i in range(m.nsite):
+        joint, X, frame = carriers[m.site_bodyid[i]]
+        if name := m.site(i).name:
+            at = X * pose(m.site_pos[i], m.site_quat[i])
+            model.addFrame(pin.Frame(name, joint, frame, at, pin.FrameType.OP_FRAME))
     _set_properties(model, mjcf)
-    model.referenceConfigurations["qpos0"] = _drawn(model, mjcf)
+    model.referenceConfigurations["qpos0"] = _ours(mjcf, m.qpos0)
     for name, q in mjcf.keys.items():
         model.referenceConfigurations[name] = _ours(mjcf, q)
     return model
@@ -54,75 +59,63 @@ def passive(mjcf: Mjcf) -> tuple[str, ...]:
     if mjcf.motors is None:
         return ()
     driven = {motor.joint for motor in mjcf.motors}
-    return tuple(joint.name for joint in mjcf.joints if joint.name not in driven and joint.kind != "free")
+    return tuple(n for j, n in enumerate(mjcf.joints) if j not in driven and mjcf.model.jnt_type[j] != FREE)
 
 
 def springs(mjcf: Mjcf) -> dict[str, tuple[float, float]]:
     """{joint: (stiffness [N m/rad, N/m], coordinate at rest [rad, m])}; the latter 0 of a ball joint: its drawn orientation."""
-    return {joint.name: (joint.stiffness, joint.springref) for joint in mjcf.joints if joint.stiffness != 0.0}
+    m = mjcf.model
+    if mjcf.is_off("SPRING"):
+        return {}
+    rest = [
+        0.0 if kind in (FREE, BALL) else float(m.qpos_spring[at]) for kind, at in zip(m.jnt_type, m.jnt_qposadr, strict=True)
+    ]
+    return {name: (float(k), at) for name, k, at in zip(mjcf.joints, m.jnt_stiffness, rest, strict=True) if k != 0.0}
 
 
-def _add_joint(model: pin.Model, joint: Joint, parent: int, X: Pose, frame: int) -> tuple[int, int]:
+def _add_joint(model: pin.Model, mjcf: Mjcf, j: int, parent: int, X: pin.SE3, frame: int) -> tuple[int, int]:
     """(joint, its frame), hung from a parent joint at the pose X that the body has there when the joint has not moved."""
-    if joint.kind == "free":
-        made, at = pin.JointModelFreeFlyer(), at_rest()
-    elif joint.kind == "ball":
-        made, at = pin.JointModelSpherical(), X.moved(joint.p)
+    m = mjcf.model
+    kind, axis = m.jnt_type[j], m.jnt_axis[j]
+    at = X * pin.SE3(np.eye(3), m.jnt_pos[j])
+    if kind == FREE:
+        made, at = pin.JointModelFreeFlyer(), pin.SE3.Identity()
+    elif kind == BALL:
+        made = pin.JointModelSpherical()
     else:
-        kind = "R" if joint.kind == "hinge" else "P"
-        letter = _ALIGNED.get((float(joint.axis[0]), float(joint.axis[1]), float(joint.axis[2])))
-        unaligned = pin.JointModelRevoluteUnaligned if kind == "R" else pin.JointModelPrismaticUnaligned
-        made = getattr(pin, f"JointModel{kind}{letter}")() if letter else unaligned(joint.axis)
-        at = X.moved(joint.p)  # and back by `ref`, so that the file's drawing is at q = ref
-        if kind == "R":
-            at = at * Pose(about(joint.axis, -joint.ref), np.zeros(3))
-        else:
-            at = at.moved(-joint.ref * joint.axis)
-    index = model.addJoint(parent, made, pin.SE3(at.R, at.p), joint.name)
+        letter, ref = _ALIGNED.get(tuple(axis.tolist())), float(m.qpos0[m.jnt_qposadr[j]])
+        name, turned = ("R", "RevoluteUnaligned") if kind == HINGE else ("P", "PrismaticUnaligned")
+        made = getattr(pin, f"JointModel{name}{letter}")() if letter else getattr(pin, f"JointModel{turned}")(axis)
+        # and back by `ref`, so that the file's drawing is at q = ref
+        at = at * (pin.SE3(pin.exp3(-ref * axis), np.zeros(3)) if kind == HINGE else pin.SE3(np.eye(3), -ref * axis))
+    index = model.addJoint(parent, made, at, mjcf.joints[j])
     return index, model.addJointFrame(index, frame)
 
 
 def _set_properties(model: pin.Model, mjcf: Mjcf) -> None:
-    motors = {motor.joint: motor for motor in mjcf.motors or ()}
+    m = mjcf.model
+    limited = np.zeros(m.njnt, bool) if mjcf.is_off("LIMIT") or mjcf.is_off("CONSTRAINT") else m.jnt_limited.astype(bool)
     low, high = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    armature, damping, friction, effort = (np.zeros(model.nv) for _ in range(4))
-    effort[:] = np.inf
-    for joint in mjcf.joints:
-        made = model.joints[model.getJointId(joint.name)]
-        v = slice(made.idx_v, made.idx_v + made.nv)
-        armature[v], damping[v], friction[v] = joint.armature, joint.damping, joint.friction
-        if made.nv == 1:
-            low[made.idx_q], high[made.idx_q] = joint.range or (-np.inf, np.inf)
-            motor = motors.get(joint.name)
-            armature[v] += motor.armature if motor else 0.0
-            effort[v] = motor.effort if motor and motor.effort is not None else np.inf
+    armature, effort = np.array(m.dof_armature), np.full(model.nv, np.inf)
+    for j in range(m.njnt):
+        if m.jnt_type[j] not in (FREE, BALL):
+            low[m.jnt_qposadr[j]], high[m.jnt_qposadr[j]] = m.jnt_range[j] if limited[j] else (-np.inf, np.inf)
+    for motor in mjcf.motors or ():
+        at = m.jnt_dofadr[motor.joint]
+        armature[at] += motor.armature
+        effort[at] = np.inf if motor.effort is None else motor.effort
     model.lowerPositionLimit, model.upperPositionLimit = low, high
-    model.armature, model.damping = armature, damping
+    model.armature, model.damping = armature, m.dof_damping * (not mjcf.is_off("DAMPER"))
+    friction = m.dof_frictionloss * (not mjcf.is_off("FRICTIONLOSS"))
     model.upperDryFrictionLimit, model.lowerDryFrictionLimit = friction, -friction
     model.upperEffortLimit, model.lowerEffortLimit = effort, -effort
 
 
-def _drawn(model: pin.Model, mjcf: Mjcf) -> Array:
-    """The configuration in which the file draws its bodies, shape (nq,)."""
-    q = pin.neutral(model)
-    for body in mjcf.bodies:
-        for joint in body.joints:
-            at = model.joints[model.getJointId(joint.name)].idx_q
-            if joint.kind == "free":
-                q[at : at + 7] = pin.SE3ToXYZQUAT(pin.SE3(body.X.R, body.X.p))
-            elif joint.kind != "ball":
-                q[at] = joint.ref
-    return q
-
-
 def _ours(mjcf: Mjcf, qpos: Array) -> Array:
     """MuJoCo's q, whose quaternions are w, x, y, z of any length, in Pinocchio's order."""
-    q, at = np.array(qpos, float), 0
-    for joint in mjcf.joints:
-        at += 3 if joint.kind == "free" else 0
-        if joint.kind in ("free", "ball"):
+    q, m = np.array(qpos, float), mjcf.model
+    for kind, at in zip(m.jnt_type, m.jnt_qposadr, strict=True):
+        if kind in (FREE, BALL):
+            at += 3 if kind == FREE else 0
             q[at : at + 4] = np.roll(q[at : at + 4], -1) / np.linalg.norm(q[at : at + 4])
-            at += 4
-        else:
-            at += 1
     return q

@@ -1,0 +1,120 @@
+"""The motors of an MJCF file: actuators that are a torque or a force at one joint."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from rbd.model.urdf import Complaints
+
+FREE, BALL, SLIDE, HINGE = range(4)
+"""MuJoCo's numbers of joint types."""
+Remark = tuple[str, str, str]
+_KINDS = ("free", "ball", "slide", "hinge")
+_TRANSMISSIONS = ("joint", "joint", "slider crank", "tendon", "site", "body")
+_LEAVE = "load_robot(..., leave_out=['actuators']) gives every joint a motor without limits"
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A motor at a joint.
+
+    Attributes:
+        name: Its name, or its joint's.
+        joint: Index of the joint.
+        effort: Largest torque or force either way [N m, N]; None where there is no limit.
+        armature: Its rotor inertia, seen at the joint [kg m2, kg].
+    """
+
+    name: str
+    joint: int
+    effort: float | None
+    armature: float
+
+
+def check_actuators(wrong: Complaints, mujoco: Any, spec: Any, leave_out: Collection[str]) -> None:
+    """Takes out those that are left out; refuses muscles, whose lengths MuJoCo would first search by simulation.
+
+    Raises:
+        ModelError: a muscle.
+    """
+    for each in spec.actuators:
+        if "actuators" in leave_out:
+            spec.delete(each)
+        elif each.gaintype == mujoco.mjtGain.mjGAIN_MUSCLE:
+            wrong.stop(
+                f"actuator {each.name or each.target!r:.80} is a muscle and no motor at a joint, and not read. {_LEAVE}."
+            )
+    if "actuators" in leave_out:
+        for key in spec.keys:
+            key.ctrl = key.act = []
+
+
+def read_motors(
+    wrong: Complaints, model: Any, joints: Sequence[str], is_off: Callable[[str], bool]
+) -> tuple[tuple[Motor, ...], list[Remark]]:
+    """The motors in the order of the file, and remarks about them.
+
+    MuJoCo's control goes through a gain and a gear; here tau is the torque at the joint itself. So a gear is in the limits of
+    tau alone, and a servo is a motor whose own control law is left out.
+
+    Args:
+        wrong: Where complaints go.
+        model: `mujoco.MjModel`.
+        joints: Names of the joints.
+        is_off: Whether the file switches something off, by MuJoCo's name for it.
+
+    Raises:
+        ModelError: an actuator that is no torque at one hinge or slide, or a second one there.
+    """
+    remarks: list[Remark] = []
+    motors: dict[int, Motor] = {}
+    if model.nu and is_off("ACTUATION"):
+        wrong.stop("<flag>: actuation is disabled, so that no motor turns; it is not read. Take it or the <actuator> out.")
+    for i in range(model.nu):
+        on, joint = int(model.actuator_trntype[i]), int(model.actuator_trnid[i, 0])
+        name = model.actuator(i).name or (joints[joint] if on < 2 else f"number {i + 1}")
+        what = f"actuator {name!r:.80}"
+        if on >= 2:
+            kind = _TRANSMISSIONS[on] if on < len(_TRANSMISSIONS) else "something else"
+            wrong.stop(f"{what} acts on a {kind}, which no torque at one joint is; it is not read. {_LEAVE}.")
+        if model.jnt_type[joint] not in (HINGE, SLIDE):
+            kind = _KINDS[int(model.jnt_type[joint])]
+            wrong.stop(f"{what} acts on {joints[joint]!r:.80}, a {kind} joint; motors are read at hinges and slides. {_LEAVE}.")
+        if joint in motors:
+            wrong.stop(f"{what} is a second actuator at joint {joints[joint]!r:.80}; expected one a joint. {_LEAVE}.")
+        gear, armature = float(model.actuator_gear[i, 0]), float(model.actuator_armature[i])
+        if gear == 0.0 or armature < 0.0:
+            fault = "the gear 0; expected another" if gear == 0.0 else f"armature {armature:g}; expected zero or more"
+            wrong.stop(f"{what} has {fault}.")
+        effort, told = _effort(wrong, model, i, joint, gear, is_off, f"{what} gives joint {joints[joint]!r:.80}")
+        motors[joint] = Motor(name, joint, effort, armature * gear * gear)
+        remarks += [(kind, name, text) for kind, text in told]
+    return tuple(motors.values()), remarks
+
+
+def _effort(
+    wrong: Complaints, model: Any, i: int, joint: int, gear: float, is_off: Callable[[str], bool], what: str
+) -> tuple[float | None, list[tuple[str, str]]]:
+    """The largest torque either way, None for no limit, and remarks."""
+    plain = not (model.actuator_gaintype[i] or model.actuator_biastype[i] or model.actuator_dyntype[i])
+    gain = float(model.actuator_gainprm[i, 0]) if plain else 0.0
+    spans = []
+    if gain and model.actuator_ctrllimited[i] and not is_off("CLAMPCTRL"):
+        spans.append(gain * gear * model.actuator_ctrlrange[i])
+    if model.actuator_forcelimited[i]:
+        spans.append(gear * model.actuator_forcerange[i])
+    if model.jnt_actfrclimited[joint]:
+        spans.append(model.jnt_actfrcrange[joint])
+    told = [] if gain else [("servo", "has a control law of its own, which is left out; tau is the torque at the joint")]
+    if not spans:
+        return None, told
+    low, high = max(float(min(span)) for span in spans), min(float(max(span)) for span in spans)
+    least = min(-low, high)
+    if not least > 0.0:
+        came = f"torques from {low:g} to {high:g}"
+        wrong.stop(f"{what} {came}: limits here are the same both ways, and not zero. {_LEAVE}.")
+    if abs(low + high) > 1e-12 * least:
+        told.append(("one-sided", f"gives torques from {low:g} to {high:g}; taken as {least:g} either way"))
+    return least, told
