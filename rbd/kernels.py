@@ -1,28 +1,42 @@
-"""Functions compiled by Numba, and the types of their arguments; imported only if Numba is installed and in use."""
+"""Functions compiled by Numba, and the types of their arguments; imported only where such functions are used."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Literal
 
-import numba
+import numpy as np
 
-NUMBER, COUNT, FLAG = numba.float64, numba.int64, numba.boolean
+from rbd.compiled import in_use
+
+if in_use():
+    import numba
+
+NUMBER, COUNT, FLAG = (numba.float64, numba.int64, numba.boolean) if in_use() else (None, None, None)
 
 
-def array(dim: int, kind: Any = NUMBER, *, written: bool = False) -> Any:
-    """Numba's type of a C-contiguous array; one that is only read may be read-only."""
-    return numba.types.Array(kind, dim, "C", readonly=not written)
+def array(dim: int, kind: Any = NUMBER, *, written: bool = False, layout: Literal["C", "A"] = "C") -> Any:
+    """Numba's type of an array; one that is only read may be read-only."""
+    return numba.types.Array(kind, dim, layout, readonly=not written) if in_use() else None
 
 
-def compiled(function: Callable[..., Any], signature: Any = None) -> Callable[..., Any]:
+def signature(result: Any, *arguments: Any) -> Any:
+    """Of a function of these arguments; a tuple of results is a tuple of types."""
+    if not in_use():
+        return None
+    return (numba.types.Tuple(result) if isinstance(result, tuple) else result)(*arguments)
+
+
+def compiled(function: Callable[..., Any], types: Any = None) -> Callable[..., Any]:
     """A function compiled when it is first called, and kept on disk; with a signature, compiled for these types alone.
 
     Where neither the package's folder nor the user's cache can be written, it is compiled anew in each process.
     """
+    if not in_use():
+        return np.errstate(all="ignore")(function)
     try:
-        return numba.njit(signature, cache=True, error_model="numpy")(function)
+        return numba.njit(types, cache=True, error_model="numpy")(function)
     except RuntimeError as error:
         if "cannot cache" not in str(error):
             raise
-        return numba.njit(signature, error_model="numpy")(function)
+        return numba.njit(types, error_model="numpy")(function)

@@ -2,7 +2,6 @@
 
     python tests/bench.py                      all tables, with marks and versions (`make bench`)
     python tests/bench.py --rows answers many  some groups of rows
-    python tests/bench.py --plain              without the compiled kernels, as if Numba were not installed
     python tests/bench.py --profile            where a call of `rbd.solve` and a step of `rbd.simulate` spend their time
     python tests/bench.py --write              all tables, also into docs/reference/speed.md, docs/studies.md, README.md; with
                                                --profile, the parts of a call into docs/design/speed.md
@@ -17,12 +16,9 @@ import os
 import sys
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # threads cost more than they give on 38 x 38 matrices
-if "--plain" in sys.argv:
-    sys.modules["numba"] = None  # type: ignore[assignment]  # an import of it fails, as where it is not installed
 
 import argparse
 import json
-import subprocess
 import time
 import traceback
 from collections.abc import Callable, Sequence
@@ -59,25 +55,12 @@ def everyone() -> list[Draws]:
     return [draws_of("talos"), draws_of("g1")]
 
 
-def _answers() -> list[Row]:
-    if "--plain" in sys.argv:
-        return bench_answers.answer_rows(everyone(), bench_answers.PLAIN)
-    return [*bench_answers.answer_rows(everyone(), bench_answers.COMPILED), *_without_numba()]
-
-
-def _without_numba() -> list[Row]:
-    """The same rows of another process, which has its own unit."""
-    command = [sys.executable, __file__, "--plain", "--rows", "answers", "--json"]
-    done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return [Row(**row | {"marks": tuple(row["marks"])}) for row in json.loads(done.stdout)["answers"]]
-
-
 def _many() -> list[Row]:
     return bench_answers.many_rows(everyone()) if hasattr(rbd, "solve_many") else []
 
 
 ASKED: dict[str, Callable[[], list[Row]]] = {
-    "answers": _answers,
+    "answers": lambda: bench_answers.answer_rows(everyone()),
     "many": _many,
     "points": lambda: bench_answers.point_rows(everyone()),
     "control": lambda: control_rows(everyone()),
@@ -129,7 +112,6 @@ def main() -> None:
     groups = [*ASKED, *OTHERS, "accuracy"]
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rows", nargs="+", choices=groups, default=groups, metavar="GROUP", help=", ".join(groups))
-    parser.add_argument("--plain", action="store_true", help="as if Numba were not installed")
     parser.add_argument("--profile", action="store_true", help="where the time of a call and of a step goes")
     parser.add_argument("--json", action="store_true", help="print the rows as JSON")
     parser.add_argument(

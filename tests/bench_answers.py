@@ -20,13 +20,11 @@ from rbd.solvers.default import GaussFirst
 
 UNIT = "constraintDynamics, unchecked"
 CALLS = "x constraintDynamics"
-COMPILED, PLAIN = "with the extra `fast`", "without it"
 HELD, STICKING, CONVEX, COULOMB = "held", "frictional, sticking", "slipping, convex law", "slipping, Coulomb's law"
 GENERAL = "the general way, "
 """Beginning of rows that do not take the prepared form."""
 MEAN = "mean of all calls, "
-MARKS = {HELD: (4.0, 3.0), STICKING: (4.0, 3.0)}
-SLIPPING_MARKS = {COMPILED: {CONVEX: (6.0, 4.5), COULOMB: (12.0, 8.0)}, PLAIN: {CONVEX: (9.0,), COULOMB: (30.0,)}}
+MARKS = {HELD: (4.0, 3.0), STICKING: (4.0, 3.0), CONVEX: (6.0, 4.5), COULOMB: (12.0, 8.0)}
 """First mark, and second where there is one."""
 MANY_MARKS = {STICKING: (2.0, 1.6), CONVEX: (4.0, 3.0), COULOMB: (7.0, 5.0)}
 POINTS_MARKS = (2.5, 1.7)
@@ -92,17 +90,14 @@ def in_units(medians: dict[str, dict[str, float]], labels: Sequence[str], marks:
     ]
 
 
-def answer_rows(everyone: Sequence[Draws], kind: str) -> list[Row]:
-    """`rbd.solve` with its default solver; `kind` is `COMPILED` or `PLAIN`, which decides the marks."""
+def answer_rows(everyone: Sequence[Draws]) -> list[Row]:
+    """`rbd.solve` with its default solver."""
     medians = {}
     for d in everyone:
         columns = {UNIT: ConstraintDynamics(d).column(d.sticking())} | answers_of(d)
         medians[d.robot.name] = quiet(columns)
-    marks = MARKS | SLIPPING_MARKS[kind]
-    rows = in_units(medians, (HELD, STICKING, CONVEX, COULOMB, MEAN + COULOMB), marks)
-    if kind == COMPILED:
-        return [replace(row, what=f"rbd.solve, {row.what}") for row in rows]
-    return [replace(row, what=f"rbd.solve, {row.what}, without the extra `fast`") for row in rows[2:]]
+    rows = in_units(medians, (HELD, STICKING, CONVEX, COULOMB, MEAN + COULOMB), MARKS)
+    return [replace(row, what=f"rbd.solve, {row.what}") for row in rows]
 
 
 def peer_rows(everyone: Sequence[Draws]) -> list[Row]:

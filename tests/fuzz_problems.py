@@ -35,7 +35,6 @@ from forked import child, ended
 from numpy.typing import NDArray
 
 import rbd
-from rbd import compiled
 
 Array = NDArray[np.float64]
 
@@ -382,11 +381,8 @@ def told(seed: int, i: int) -> tuple[str, str]:
 
 def load() -> None:
     """Import what most problems need: each fork would import it anew, which takes longer than its problem."""
-    if compiled.installed():
-        for name in ("contact_kernel", "newton_kernel", "point_law_kernel", "release_kernel"):
-            importlib.import_module(f"rbd.solvers.{name}")
-        for name in ("simulation.step_kernel", "constraints.plane_kernel", "constraints.convex.low_points_kernel"):
-            importlib.import_module(f"rbd.{name}")
+    for name in ("solvers.contact_kernel", "solvers.newton_kernel", "constraints.plane_kernel"):
+        importlib.import_module(f"rbd.{name}")
     for name in ("rbd.simulation", "rbd.mechanism", "rbd.statics", "scipy.optimize", "clarabel"):
         importlib.import_module(name)
 

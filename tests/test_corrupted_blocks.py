@@ -14,7 +14,6 @@ import pytest
 from test_corrupted_path import KINDS, ROBOTS, case_of, judged
 
 import rbd
-from rbd import compiled
 from rbd.solvers.contact_newton import ContactNewton
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.RbdWarning")
@@ -109,7 +108,6 @@ def test_the_faults_have_an_effect(name, kind, monkeypatch):
 @pytest.mark.parametrize("wrong", ["wrench", "weights", "change"])
 def test_a_fault_of_compiled_forces_is_noticed(name, wrong, monkeypatch):
     """Forces on the bodies, at their points, or the accelerations that they give are a ten-thousandth too large."""
-    pytest.importorskip("numba", reason="the extra `fast` is not installed: nothing is let go in one call")
     case = case_of(name, *KINDS["slipping, convex"], count=COUNT)
     right, release, codes = answered(case), ContactNewton.release, []
 
@@ -119,7 +117,7 @@ def test_a_fault_of_compiled_forces_is_noticed(name, wrong, monkeypatch):
             {"wrench": f, "weights": w, "change": change}[wrong][:] *= 1.0001
         return codes[-1]
 
-    with compiled.use(True), monkeypatch.context() as patch:
+    with monkeypatch.context() as patch:
         patch.setattr(ContactNewton, "release", faulty)
         found = answered(case)
     assert codes.count(2) > COUNT // 2

@@ -20,7 +20,8 @@ PACKAGE = Path(__file__).parent.parent / "rbd"
 ORDER = """
 displayed
 errors
-arrays compiled installation kernels modules
+arrays compiled installation modules
+kernels
 model problem
 constraints solvers forces
 robots analysis prepared

@@ -12,9 +12,9 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
-from rbd import compiled
 from rbd.arrays import Array, largest_first
 from rbd.cli.terminal import Table, facts, in_commands, in_options, rounded
+from rbd.compiled import in_use
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotHold, ModelWarning, RbdError
 from rbd.model.external import ExternalForce
@@ -34,6 +34,7 @@ UNLIMITED = 1e100
 """A bound beyond this counts as none: files write it as the largest number."""
 UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementarity": "N m/s2", "centroidal": "N"}
 LARGEST_TORQUES = 5
+_SLOW = Text("\narithmetic in loops is interpreted, which takes some hundred times as long: RBD_COMPILED=0 says so")
 
 
 @dataclass(frozen=True)
@@ -114,15 +115,7 @@ def robot_info(robot: Robot) -> Group:
     postures = ", ".join(robot.postures) or "none known"
     frames = ", ".join(robot.frames())
     lines = Text(f"\nfeet: {feet}\npostures: {postures}\n\nframes ({len(robot.frames())}): {frames}\n\n")
-    return Group(head, _joints_table(robot), lines, Text(in_commands(str(found))), Text(_arithmetic()))
-
-
-def _arithmetic() -> str:
-    """Whether slipping contacts are solved by compiled code."""
-    if compiled.in_use():
-        return "\ncompiled arithmetic: in use (extra `fast`, Numba)"
-    how = "turned off by RBD_COMPILED=0" if compiled.installed() else "not installed; pip install 'rbd-contact[fast]'"
-    return f"\ncompiled arithmetic: {how}"
+    return Group(head, _joints_table(robot), lines, Text(in_commands(str(found))), *([] if in_use() else [_SLOW]))
 
 
 def _joints_table(robot: Robot) -> Table:

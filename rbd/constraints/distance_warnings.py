@@ -173,12 +173,13 @@ def warn_of_limits(state: State, constraints: Sequence[Constraint] = (), *, stac
         return
     low, high = joint_bounds(robot, constraints)
     beyond = (state.q < low) | (state.q > high)
-    told = [_beyond(joint, float(state.q[joint.q.start])) for joint in robot.joints.values() if beyond[joint.q].any()]
-    if told:
+    names = list(dict.fromkeys(robot.joints.positions[i].joint for i in beyond.nonzero()[0].tolist()))
+    if names:
         state.limits_checked = True
-        more = f" and {len(told) - 6} more" if len(told) > 6 else ""
+        told = [_beyond(joint, float(state.q[joint.q.start])) for joint in map(robot.joints.__getitem__, names[:6])]
+        more = f" and {len(names) - 6} more" if len(names) > 6 else ""
         warnings.warn(
-            f"joints of {robot.name} are beyond their limits: {'; '.join(told[:6])}{more}. The pose is taken as it is. "
+            f"joints of {robot.name} are beyond their limits: {'; '.join(told)}{more}. The pose is taken as it is. "
             "Angles are in radians; robot.joints lists the limits.",
             JointLimitWarning,
             stacklevel=stacklevel,

@@ -1,16 +1,15 @@
-"""Compiled arithmetic of `rbd.constraints.plane_contact`: imported only if Numba is installed and in use.
+"""Compiled arithmetic of `rbd.constraints.plane_contact`.
 
 `places` are the placements of all joints, R by columns and then p in a row; `carries` tells which coordinates move a body.
 """
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.convex.low_points_kernel import wander
-from rbd.kernels import COUNT, NUMBER, array, compiled
+from rbd.kernels import COUNT, NUMBER, array, compiled, signature
 
 
 def _normals(places: Array, joints: Array, normal: Array, level: float) -> tuple[Array, Array]:
@@ -134,21 +133,23 @@ def _motion(
     return velocity, bias
 
 
-_PLACES = numba.types.Array(NUMBER, 2, "A", readonly=True)
+_PLACES = array(2, layout="A")
 _WRITTEN, _TABLE, _NUMBERS = array(1, written=True), array(2, written=True), array(1, COUNT, written=True)
 normals = compiled(
     _normals,
-    numba.types.Tuple((_TABLE, _WRITTEN))(_PLACES, array(1, COUNT), array(1), NUMBER),
+    signature((_TABLE, _WRITTEN), _PLACES, array(1, COUNT), array(1), NUMBER),
 )
 rows = compiled(
     _rows,
-    numba.types.Tuple((_NUMBERS, _NUMBERS, _TABLE, _TABLE))(
-        array(2), array(1, COUNT), array(1, COUNT), array(1, COUNT), _PLACES, array(1, COUNT), array(2), array(2), array(2)
+    signature(
+        (_NUMBERS, _NUMBERS, _TABLE, _TABLE),
+        array(2), array(1, COUNT), array(1, COUNT), array(1, COUNT), _PLACES, array(1, COUNT), array(2), array(2), array(2),
     ),
 )  # fmt: skip
 motion = compiled(
     _motion,
-    numba.types.Tuple((_WRITTEN, _WRITTEN))(
+    signature(
+        (_WRITTEN, _WRITTEN),
         array(2), array(1, COUNT), array(1, COUNT), _PLACES, array(1, COUNT), array(2), array(2), array(2),
         array(2), array(2), array(1), array(1, COUNT), array(1), array(3),
     ),

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.compiled import in_use
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.prepared.block_bodies import BlockBodies, Places
@@ -108,7 +107,7 @@ class ContactBlocks(ContactDynamics):
         method = np.full(n, 0 if self.bilateral else 1, np.int8)
 
         speed, own, possibly, least_norm = self.bodies.speed, self._newton, self._possibly.dot, self._least_norm.dot
-        target, compiled = self.bodies.target, not coulomb and in_use()
+        target, compiled = self.bodies.target, not coulomb
 
         def judge(i: int, rests: bool) -> None:
             """Row i, where the bodies were held: by which method its forces obey the law, -1 where none does."""

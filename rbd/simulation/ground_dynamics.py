@@ -26,7 +26,7 @@ from rbd.arrays import Array, cross_rows, each_times, is_finite, lazy, max_abs, 
 from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.state import State
 from rbd.prepared.contact_bodies import DEPENDENT, SETTINGS
-from rbd.simulation.bases import compiled_steps
+from rbd.simulation.bases import step_kernel
 from rbd.simulation.contact_points import Places, Points, Snapshot
 from rbd.simulation.ground_bodies import INDEPENDENT, MOST_SPARE, TouchingBodies, TurnedMap
 from rbd.simulation.velocity_problem import Undecided, VelocityAnswer, active_rows, point_impulses
@@ -53,7 +53,7 @@ class GroundDynamics:
 
     def __init__(self, points: Points, grounds: Sequence[OnGround], bodies: TouchingBodies, start: State) -> None:
         model = start.robot.model
-        self._points, self._model, self._bodies, self._kernel = points, model, bodies, compiled_steps()
+        self._points, self._model, self._bodies, self._kernel = points, model, bodies, step_kernel()
         self.layout = points.layout(tuple([s.structure for s in points.sources]))  # type: ignore[attr-defined]
         self._workspace = space = bodies.workspace(model)
         self._data, self._models, self._datas = space.data, space.models, space.contacts
@@ -96,13 +96,9 @@ class GroundDynamics:
     def at(self, state: State, t: float) -> Snapshot:
         """All points at a state: gaps and velocities; the rest is computed the general way, if asked for."""
         pin.forwardKinematics(self._model, self._data, state.q, state.v)
-        if self._kernel is not None:
-            gap, velocity = self._kernel.points(
-                self._places, self._rates, self._joints, self._gaps, self._height, *self._velocity.parts
-            )
-        else:
-            X, V = self._places.take(self._joints, axis=0).ravel(), self._rates.take(self._joints, axis=0).ravel()
-            gap, velocity = self._gaps.dot(X) - self._height, self._velocity(X, V)
+        gap, velocity = self._kernel.points(
+            self._places, self._rates, self._joints, self._gaps, self._height, *self._velocity.parts
+        )
         return Snapshot(
             state, self.layout, velocity, gap, self.at_rest,
             lambda: [source.at(state, t) for source in self._points.sources], lambda: self._located(state),
@@ -174,21 +170,10 @@ class GroundDynamics:
         """The step if all points stick, by their forces of least norm; None if these are not in their cones."""
         F, kernel, change = self._data.lambda_c, self._kernel, _NOTHING
         if whole:
-            if kernel is not None:
-                kernel.target(self._rates, self._joints, self._row_velocity, h, self._target)
-            else:
-                W = self._rates.take(self._joints, axis=0).ravel()
-                self._target[: self.size] = self._row_velocity.dot(W) * (-1.0 / h)
+            kernel.target(self._rates, self._joints, self._row_velocity, h, self._target)
             change = self._factors.solve(self._target)
-        if kernel is not None:
-            inside, impulse, v = kernel.sticking(
-                self._places, self._joints, F, change, a, start, h, self._mu, *self._forces.parts
-            )
-            return VelocityAnswer(v, impulse, self.at_rest, 0.0, True) if inside else None
-        if whole:
-            F, a = F - change[: self.size], a + change[self.size :]
-        f = self._forces(self._places.take(self._joints, axis=0).ravel(), F)
-        return VelocityAnswer(start + h * a, h * f, self.at_rest, 0.0, True) if self._inside(f) else None
+        inside, impulse, v = kernel.sticking(self._places, self._joints, F, change, a, start, h, self._mu, *self._forces.parts)
+        return VelocityAnswer(v, impulse, self.at_rest, 0.0, True) if inside else None
 
     def _by_points(
         self,
@@ -277,11 +262,6 @@ class GroundDynamics:
         """Whether bodies that touch at patches turn so slowly that their points' centripetal accelerations are rounding."""
         rates = self._workspace.patch_rates
         return not len(rates) or bool(np.vdot(rates, rates) * h <= _TURNS)
-
-    def _inside(self, f: Array) -> bool:
-        """Whether forces of points are in their cones; false where a force pulls."""
-        x, y, n = f.reshape(-1, 3).T
-        return bool((np.hypot(x, y) <= self._mu * n).all())
 
     def _rotations(self, X: Array) -> Array:
         """R_WJ of the bodies' joints, shape (n, 3, 3)."""

@@ -1,7 +1,4 @@
-"""The compiled arithmetic of a step: imported only if Numba is installed and in use.
-
-Its plain twins are in `rbd.simulation.bases` and `rbd.simulation.ground_dynamics`.
-"""
+"""The compiled arithmetic of a step: floating bases, points of bodies in contact."""
 
 from __future__ import annotations
 

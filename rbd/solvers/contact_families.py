@@ -1,4 +1,4 @@
-"""Compiled search of families of motions under Coulomb's law, for `rbd.solvers.contact_kernel`; needs Numba."""
+"""Compiled search of families of motions under Coulomb's law, for `rbd.solvers.contact_kernel`."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Compiled arithmetic of `rbd.solvers.contact_newton`: imported only if Numba is installed and in use.
+"""Compiled arithmetic of `rbd.solvers.contact_newton`.
 
 It is the code of `rbd.solvers.newton` in loops over few numbers. A point touches one body only: `columns` (3 k, d) holds the
 entries of each column of P that may differ from zero, and `first` (k,) the row in which those of a point begin.
@@ -9,10 +9,10 @@ from __future__ import annotations
 import math
 from typing import NamedTuple
 
-import numba
+import numpy as np
 
 from rbd.arrays import Array
-from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled
+from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
 from rbd.solvers.contact_families import leaves_motion_open
 from rbd.solvers.contact_scaling import MOBILITY, Bodies, scale
 from rbd.solvers.small_systems import eliminate, inverse
@@ -30,6 +30,7 @@ _NEARLY = 1e-12
 _GROWS, _EARLY = 4.0, 6
 """The first steps, in which points change between open, sticking and slipping, may make the sum of squares grow so much."""
 OPEN, STICKS, SLIPS = 0.0, 1.0, 2.0
+UNKNOWN, STICK, MOVE = 0, 1, 2
 
 
 class Compliance(NamedTuple):
@@ -367,9 +368,91 @@ def settle(
 
 body_forces = compiled(
     _body_forces,
-    numba.types.Tuple((NUMBER, COUNT, FLAG))(
+    signature(
+        (NUMBER, COUNT, FLAG),
         array(2), array(1), array(1), FLAG,
         array(2), array(1, COUNT), array(1), array(1, COUNT), array(1, written=True), array(2, COUNT, written=True),
         array(1, written=True),
     ),
 )  # fmt: skip
+
+
+def _release(
+    D: Array, f: Array, w: Array, change: Array, least_norm: Array, found: float,
+    P: Array, first: Array, mu: Array, seeds: Array, memory: Array, points: Array,
+) -> int:  # fmt: skip
+    """`ContactNewton.release`: f, w and the beginning of `change` are written where the points do not all stick.
+
+    Args:
+        D: Inverse inertia of the bodies' rows, shape (nw, nw).
+        f: Row forces that hold the bodies, shape (nw,).
+        w: Weights of the points, shape (3 k,).
+        change: Accelerations of the rows, in its first nw entries.
+        least_norm: Weights of minimum norm for row forces, shape (3 k, nw).
+        found: Largest merit of an answer.
+        P: As of `body_forces`, like those after it.
+        first: First row of each point.
+        mu: Frictions.
+        seeds: Points with which the search begins.
+        memory: Working memory.
+        points: Working memory of numbers.
+    """
+    n, nw = len(w), len(f)
+    c, start, out = np.empty(nw), np.empty(n), np.empty(n + nw)
+    for r in range(nw):
+        total = 0.0
+        for s in range(nw):
+            total -= D[r, s] * f[s]
+        c[r] = total
+    for j in range(n):
+        total = 0.0
+        for s in range(nw):
+            total += least_norm[j, s] * f[s]
+        start[j] = total
+    sticks = True
+    for i in range(len(mu)):
+        sticks = sticks and math.hypot(start[3 * i], start[3 * i + 1]) <= mu[i] * start[3 * i + 2]
+    if sticks:
+        return STICK
+    merit, _, _ = body_forces(D, c, start, False, P, first, mu, seeds, memory, points, out)
+    if not merit <= found:
+        return UNKNOWN
+    for r in range(nw):
+        total = c[r]
+        for s in range(nw):
+            total += D[r, s] * out[n + s]
+        change[r] = total
+    for j in range(n):
+        w[j] = out[j]
+    for r in range(nw):
+        f[r] = out[n + r]
+    return MOVE
+
+
+release = compiled(
+    _release,
+    signature(
+        COUNT, array(2), array(1, written=True), array(1, written=True), array(1, written=True), array(2), NUMBER,
+        array(2), array(1, COUNT), array(1), array(1, COUNT), array(1, written=True), array(2, COUNT, written=True),
+    ),
+)  # fmt: skip
+
+
+@compiled
+def law_residual(y: Array, w: Array, mu: Array, least: float, coulomb: bool) -> float:
+    """`rbd.solvers.point_law.law_residual` of the points' accelerations y; `least`: lower bound of a force's scale [N]."""
+    worst = 0.0
+    for i in range(len(mu)):
+        a, b, c, m = w[3 * i], w[3 * i + 1], w[3 * i + 2], mu[i]
+        u, v, sinks = y[3 * i], y[3 * i + 1], y[3 * i + 2]
+        worst = max(worst, -sinks)
+        if not coulomb:
+            worst = max(worst, (m * math.hypot(u, v) - max(sinks, 0.0)) / (1.0 + m))
+        push = max(math.sqrt(a * a + b * b + c * c), least)
+        p, q, n = a - push * u, b - push * v, c - push * sinks
+        normal, share, _ = project(p, q, n, m, coulomb)
+        far = math.sqrt((share * p - a) ** 2 + (share * q - b) ** 2 + (normal - c) ** 2) / push
+        if not far <= math.inf:
+            return math.nan
+        worst = max(worst, far)
+    return worst

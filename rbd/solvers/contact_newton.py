@@ -1,4 +1,4 @@
-"""Forces of the points of contact bodies, by Newton's method on the bodies' own few rows; compiled where Numba is installed.
+"""Forces of the points of contact bodies, by Newton's method on the bodies' own few rows.
 
     find w in the cones,  f = P w,  s = D f + c,  y = P' s  paired with w by the law
 
@@ -10,29 +10,18 @@ there.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from functools import cache
+from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
 
-from rbd import compiled as _compiled_code
-from rbd.arrays import Array, is_finite, max_abs, zeros
-from rbd.solvers.contact_steps import ContactSteps, Reached
-from rbd.solvers.newton import FOUND, Order, Scaled, plain_steps_from
-from rbd.solvers.pinocchio_admm import admm
+from rbd.arrays import Array, max_abs
+from rbd.solvers.newton import FOUND
 from rbd.solvers.point_law import law_residual
 
 _ALL = 12
 """Up to this number of points, all are taken into account from the start."""
-
-
-_ITERATIONS = 40
-"""Of Pinocchio's ADMM, from whose weights Newton's steps are tried again; they take as long as four of these."""
-_NEAR = 1e-7
-"""Its tolerance."""
-_STEP = 3.0
-"""Its step size, for a scaled D."""
 _STILL, _NEARLY = 1e-12, 1e-6
 """Accelerations of loaded points that count as zero, over the largest of the bodies without forces; in between: undecided.
 
@@ -73,12 +62,19 @@ class ContactNewton:
     def __init__(self, P: Array, mu: Array) -> None:
         self.P, self.mu = np.array(P, dtype=float), np.array(mu, dtype=float)
         self._pull = np.ascontiguousarray(self.P.T)
-        k = len(self.mu)
-        self._order = Order(None, 0, zeros(0), zeros(0), self.mu, 1 / (1 + self.mu**2), 3 * np.arange(k), np.full(k, 3))
-        self._compiled: _Compiled | None = None
-        self._steps: ContactSteps | None = None
+        nw, n = self.P.shape
+        k = n // 3
+        touched = [np.flatnonzero(np.abs(self.P[:, 3 * i : 3 * i + 3]).any(axis=1)) for i in range(k)]
+        d = max((int(rows[-1] - rows[0]) + 1 for rows in touched if len(rows)), default=1)
+        first = np.array([min(int(rows[0]), nw - d) if len(rows) else 0 for rows in touched], dtype=np.int64)
+        columns = np.array([self.P[first[j // 3] : first[j // 3] + d, j] for j in range(n)]).reshape(n, d)
+        vectors, squares, rows = 10 * n + 4 * nw + n * d + 4 * k, 4 * nw * nw, 2 * n * nw
+        memory = np.zeros(vectors + squares + rows + nw * n)
+        begin = seeds(columns, first)
+        self._fixed = (columns, first, self.mu, begin, memory, np.zeros((2, k), dtype=np.int64))
+        self._share = None if len(begin) == k else np.linalg.pinv(self.P.reshape(nw, k, 3)[:, begin].reshape(nw, -1)) @ self.P
 
-    def forces(self, D: Array, c: Array, start: Array, *, coulomb: bool, compiled: bool | None = None) -> ContactForces:
+    def forces(self, D: Array, c: Array, start: Array, *, coulomb: bool) -> ContactForces:
         """Forces that obey the law; `merit` says whether they do. Never raises.
 
         Args:
@@ -86,15 +82,17 @@ class ContactNewton:
             c: Acceleration of the rows without the points' forces, shape (nw,); or velocity, and then forces are impulses.
             start: Weights to start from, shape (3 k,), in the cones or not, finite or not.
             coulomb: Coulomb's law; else the convex one.
-            compiled: Whether compiled code is used; None: where it is installed, see `rbd.compiled`.
         """
-        run: Callable[[Array, Array, Array, bool], ContactForces] = self._plain
-        if _compiled_code.in_use() if compiled is None else compiled and _compiled_code.installed():
-            run = self._fast().forces
-        return run(D, c, start, coulomb)
+        n = len(self._pull)
+        out = np.empty(n + len(c))
+        D = D if D.flags.c_contiguous else D.T  # symmetric
+        if self._share is not None:  # weights of the first points, of the same wrench
+            start = self._share.dot(start)
+        merit, steps, opened = _kernel().body_forces(D, c, start, coulomb, *self._fixed, out)
+        return ContactForces(out[:n], out[n:], merit, steps, opened)
 
     def release(self, D: Array, f: Array, w: Array, change: Array, least_norm: Array) -> int:
-        """Forces of the convex law on bodies that are held, in one compiled call.
+        """Forces of the convex law on bodies that are held, in one call.
 
         Returns:
             2 if they are found, 1 if all points stick, and nothing is written; 0 if nothing is known.
@@ -106,13 +104,8 @@ class ContactNewton:
             change: Its first entries are written: accelerations of the rows, shape (nw or more,).
             least_norm: Weights of minimum norm for forces on the rows, from which to start, shape (3 k, nw).
         """
-        return self._fast().release(D, f, w, change, least_norm) if _compiled_code.in_use() else 0
-
-    def _fast(self) -> _Compiled:
-        """The compiled form, made when it is first needed."""
-        if self._compiled is None:
-            self._compiled = _Compiled(self.P, self.mu)
-        return self._compiled
+        D = D if D.flags.c_contiguous else D.T  # symmetric
+        return int(_kernel().release(D, f, w, change, least_norm, FOUND, *self._fixed))
 
     def found(self, D: Array, c: Array, start: Array, *, coulomb: bool) -> ContactForces:
         """Forces that obey the law, searched from the other law's forces too; arguments as of `forces`.
@@ -157,73 +150,10 @@ class ContactNewton:
         y = (D @ gauss.wrench + c) / rate
         return law_residual(self._pull, y, gauss.weights / push, self.mu, coulomb=True)
 
-    def _plain(self, D: Array, c: Array, start: Array, coulomb: bool) -> ContactForces:
-        P, newton = self.P, self._steps
-        if newton is None:
-            newton = self._steps = ContactSteps(P, self.mu)
-        if not newton.pose(D, c):
-            return ContactForces(np.zeros(P.shape[1]), np.zeros(len(P)), math.inf, 0, False)
-        first = start / newton.unit
-        if not is_finite(first):
-            first = np.zeros(len(start))
-        found = newton.steps_from(first, coulomb=coulomb)
-        if not found.merit <= FOUND:
-            none, unit = zeros(0), np.full(len(first), newton.unit)
-            S = Scaled(newton.D, newton.q, self._order, none, none, unit, newton.rate)
-            near, taken = admm(S, first, coulomb=coulomb, iterations=_ITERATIONS, tolerance=_NEAR, step=_STEP)
-            steps = found.steps + taken
-            for guess in (near, zeros(len(first))):
-                found = newton.steps_from(guess, coulomb=coulomb)
-                steps += found.steps
-                if found.merit <= FOUND:
-                    break
-            if not found.merit <= FOUND:
-                w, merit, more = plain_steps_from(S, near, coulomb=coulomb)
-                found, steps = Reached(newton.projected(w, coulomb=coulomb), merit, 0), steps + more
-            found = found._replace(steps=steps)
-        opened = coulomb and found.merit <= FOUND and newton.leaves_motion_open(found.w)
-        if opened:
-            found = newton.settled(found, coulomb=coulomb)
-        weights = newton.unit * found.w
-        return ContactForces(weights, P @ weights, found.merit, found.steps, opened)
 
-
-def contact_forces(
-    D: Array, c: Array, P: Array, mu: Array, start: Array, *, coulomb: bool, compiled: bool | None = None
-) -> ContactForces:
+def contact_forces(D: Array, c: Array, P: Array, mu: Array, start: Array, *, coulomb: bool) -> ContactForces:
     """Forces of the points of contact bodies: `ContactNewton.forces`, for one call."""
-    return ContactNewton(P, mu).forces(D, c, start, coulomb=coulomb, compiled=compiled)
-
-
-class _Compiled:
-    """Working arrays of the compiled code."""
-
-    def __init__(self, P: Array, mu: Array) -> None:
-        nw, n = P.shape
-        k = n // 3
-        touched = [np.flatnonzero(np.abs(P[:, 3 * i : 3 * i + 3]).any(axis=1)) for i in range(k)]
-        d = max((int(rows[-1] - rows[0]) + 1 for rows in touched if len(rows)), default=1)
-        first = np.array([min(int(rows[0]), nw - d) if len(rows) else 0 for rows in touched], dtype=np.int64)
-        columns = np.array([P[first[j // 3] : first[j // 3] + d, j] for j in range(n)]).reshape(n, d)
-        self.n, self.size = n, n + nw
-        vectors, squares, rows = 10 * n + 4 * nw + n * d + 4 * k, 4 * nw * nw, 2 * n * nw
-        memory = np.zeros(vectors + squares + rows + nw * n)
-        begin = seeds(columns, first)
-        self.fixed = (columns, first, mu, begin, memory, np.zeros((2, k), dtype=np.int64))
-        self.share = None if len(begin) == k else np.linalg.pinv(P.reshape(nw, k, 3)[:, begin].reshape(nw, -1)) @ P
-        self._run, self._release = _kernel(), _release()
-
-    def forces(self, D: Array, c: Array, start: Array, coulomb: bool) -> ContactForces:
-        out = np.empty(self.size)
-        D = D if D.flags.c_contiguous else D.T  # symmetric
-        if self.share is not None:  # weights of the first points, of the same wrench
-            start = self.share.dot(start)
-        merit, steps, opened = self._run(D, c, start, coulomb, *self.fixed, out)
-        return ContactForces(out[: self.n], out[self.n :], merit, steps, opened)
-
-    def release(self, D: Array, f: Array, w: Array, change: Array, least_norm: Array) -> int:
-        D = D if D.flags.c_contiguous else D.T  # symmetric
-        return int(self._release(D, f, w, change, least_norm, FOUND, *self.fixed))
+    return ContactNewton(P, mu).forces(D, c, start, coulomb=coulomb)
 
 
 def seeds(columns: Array, first: Array) -> Array:
@@ -244,14 +174,7 @@ def seeds(columns: Array, first: Array) -> Array:
 
 
 @cache
-def _kernel() -> Callable[..., tuple[float, int, bool]]:
-    from rbd.solvers.contact_kernel import body_forces  # imports Numba
+def _kernel() -> ModuleType:
+    from rbd.solvers import contact_kernel  # imports Numba
 
-    return body_forces
-
-
-@cache
-def _release() -> Callable[..., int]:
-    from rbd.solvers.release_kernel import release  # imports Numba
-
-    return release
+    return contact_kernel

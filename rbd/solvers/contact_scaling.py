@@ -1,4 +1,4 @@
-"""The contact problem in numbers of order one, for `rbd.solvers.contact_kernel`; needs Numba."""
+"""The contact problem in numbers of order one, for `rbd.solvers.contact_kernel`."""
 
 from __future__ import annotations
 

@@ -21,7 +21,6 @@ import numpy as np
 from scipy.linalg import lapack, lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, max_abs, null_space
-from rbd.compiled import in_use
 from rbd.problem.conic import Conic
 from rbd.problem.force_set import ForceSet
 
@@ -165,12 +164,12 @@ def solve_newton(
 def compiled_weights(
     D: Array, y_free: Array, parts: ForceSet, w0: Array, *, coulomb: bool, iterations: int
 ) -> tuple[Array, float, float] | None:
-    """(weights, merit, rate) of `solve_newton` in one compiled call, bit for bit; None where there is none for this problem.
+    """(weights, merit, rate) of `solve_newton` in one call, bit for bit; None where the columns have another order.
 
     The merit is scaled; the rate is that of `Scaled`.
     """
     order = order_of(parts)
-    if not in_use() or len(w0) > _MOST_COMPILED or order.columns is not None:
+    if order.columns is not None:
         return None
     out = np.empty(len(w0))
     D, y_free, w0 = np.ascontiguousarray(D), np.ascontiguousarray(y_free), np.ascontiguousarray(w0)
@@ -183,45 +182,13 @@ def compiled_weights(
 def steps_from(
     problem: Scaled, w: Array, *, coulomb: bool, iterations: int = 50, proximal: float = PROXIMAL, exact: float = EXACT
 ) -> tuple[Array, float, int]:
-    """`solve_newton` in the problem's units and order; compiled where Numba is installed, see `rbd.compiled`."""
-    if in_use() and len(w) <= _MOST_COMPILED:
-        order, best = problem.order, np.empty(len(w))
-        merit, step = _kernel().newton_steps(
-            np.ascontiguousarray(problem.D), np.ascontiguousarray(problem.q), problem.lower, problem.upper, order.mu,
-            np.array(w), coulomb, iterations, proximal, exact, best,
-        )  # fmt: skip
-        return best, merit, step
-    return plain_steps_from(problem, w, coulomb=coulomb, iterations=iterations, proximal=proximal, exact=exact)
-
-
-def plain_steps_from(
-    problem: Scaled, w: Array, *, coulomb: bool, iterations: int = 50, proximal: float = PROXIMAL, exact: float = EXACT
-) -> tuple[Array, float, int]:
-    """`steps_from` in NumPy."""
-    D, q = problem.D, problem.q
-    shifted = D + (proximal - 1.0) * identity(len(w))  # Newton's matrix I - V + V D is I + V (D - I)
-    gap, edges = _gap(problem, w, D @ w + q, coulomb)
-    merit, square = max_abs(gap), float(gap @ gap)
-    best, least = w, merit
-    step = 0
-    while step < iterations and least > exact and square < math.inf:
-        move = _move(problem, shifted, gap, edges, coulomb)
-        if move is None:
-            break
-        before, t = square, 1.0
-        for _ in range(7):
-            new = w + move if t == 1.0 else w + t * move
-            gap, edges = _gap(problem, new, D @ new + q, coulomb)
-            square = float(gap @ gap)
-            if square <= before * (1.0 - 1e-4 * t):
-                break
-            t *= 0.5
-        w, merit, step = new, max_abs(gap), step + 1
-        if merit < least:
-            best, least = w, merit
-        if before < 1e-22 and square > 0.1 * before:  # rounding
-            break
-    return best, least, step
+    """`solve_newton` in the problem's units and order."""
+    best = np.empty(len(w))
+    merit, step = _kernel().newton_steps(
+        np.ascontiguousarray(problem.D), np.ascontiguousarray(problem.q), problem.lower, problem.upper, problem.order.mu,
+        np.array(w), coulomb, iterations, proximal, exact, best,
+    )  # fmt: skip
+    return best, merit, step
 
 
 @cache
@@ -327,8 +294,6 @@ def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
     return np.asarray(found)
 
 
-_MOST_COMPILED = 75
-"""Most weights for which elimination in loops is no slower than LAPACK's."""
 _RANK = 1e-13
 """Singular values of Newton's matrix below this, over the largest, are zero."""
 _OPEN = 1e-8
@@ -364,12 +329,6 @@ def _gap(problem: Scaled, w: Array, y: Array, coulomb: bool) -> tuple[Array, _Ed
     O = out[n:].reshape(-1, 3).T
     O[0], O[1], O[2] = factor * x, factor * y, normal
     return out - w, (p, x / t, y / t, pushes, factor, (factor < 1.0) & pushes)
-
-
-def _move(problem: Scaled, shifted: Array, gap: Array, edges: _Edges, coulomb: bool) -> Array | None:
-    """Newton's step (I - V + V D) dw = gap; None where the matrix is singular."""
-    _, _, move, info = lapack.dgesv(_matrix(problem, shifted, edges, coulomb), gap)
-    return move if info == 0 and math.isfinite(move @ move) else None
 
 
 def _matrix(problem: Scaled, shifted: Array, edges: _Edges, coulomb: bool) -> Array:

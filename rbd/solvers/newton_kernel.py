@@ -1,17 +1,16 @@
-"""Compiled steps of `rbd.solvers.newton`: imported only if Numba is installed and in use.
+"""Compiled steps of `rbd.solvers.newton`.
 
-The same method in loops. Rows that the projection makes zero leave the linear system: their weights are known.
+Rows that the projection makes zero leave the linear system: their weights are known.
 """
 
 from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled
+from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
 from rbd.solvers.contact_kernel import project
 from rbd.solvers.small_systems import eliminate
 
@@ -158,8 +157,8 @@ def _newton_steps(
 
 newton_steps = compiled(
     _newton_steps,
-    numba.types.Tuple((NUMBER, COUNT))(
-        array(2), array(1), array(1), array(1), array(1),
+    signature(
+        (NUMBER, COUNT), array(2), array(1), array(1), array(1), array(1),
         array(1, written=True), FLAG, COUNT, NUMBER, NUMBER, array(1, written=True),
     ),
 )  # fmt: skip
@@ -216,7 +215,8 @@ def _solve(
 
 weights = compiled(
     _solve,
-    numba.types.Tuple((NUMBER, NUMBER))(
+    signature(
+        (NUMBER, NUMBER),
         array(2), array(1), array(1), array(1), array(1), array(1), FLAG, COUNT, NUMBER, NUMBER, array(1, written=True),
     ),
 )  # fmt: skip

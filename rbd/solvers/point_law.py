@@ -7,20 +7,16 @@ the scale, does not grow with the scale.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from functools import cache
 
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.compiled import in_use
 
 LEAST_PUSH = 1e-3
 """Lower bound of the scale of a point's force [N]: what accelerates a gram at 1 m/s2."""
 _TINY = 1e-300
-_FEW = 16
-"""Points up to which floats are faster than arrays."""
 
 
 def law_residual(pull: Array, c: Array, w: Array, mu: Array, *, coulomb: bool) -> float:
@@ -33,37 +29,7 @@ def law_residual(pull: Array, c: Array, w: Array, mu: Array, *, coulomb: bool) -
         mu: Friction coefficients, shape (k,).
         coulomb: Coulomb's law; else the convex one.
     """
-    return _kernel()(pull.dot(c), w, mu, LEAST_PUSH, coulomb) if in_use() else plain(pull.dot(c), w, mu, coulomb)
-
-
-def plain(accelerations: Array, w: Array, mu: Array, coulomb: bool) -> float:
-    """`law_residual` without compiled code, of the points' accelerations, shape (3k,)."""
-    if len(mu) <= _FEW:
-        return _of_few(accelerations.tolist(), w.tolist(), mu.tolist(), coulomb)
-    sinks, far, _ = of_points(accelerations.reshape(-1, 3).T, w.reshape(-1, 3).T, mu, coulomb=coulomb)
-    worst, farthest = float(sinks.max()), float(far.max())
-    return farthest if farthest != farthest else max(0.0, worst, farthest)
-
-
-def _of_few(accelerations: list[float], weights: list[float], frictions: list[float], coulomb: bool) -> float:
-    """`plain` in floats, which for a few points take less time than arrays."""
-    sqrt, worst, y, w = math.sqrt, 0.0, iter(accelerations), iter(weights)
-    for y_1, y_2, y_n, p_1, p_2, p_n, mu in zip(y, y, y, w, w, w, frictions, strict=True):
-        push = max(sqrt(p_1 * p_1 + p_2 * p_2 + p_n * p_n), LEAST_PUSH)
-        x_1, x_2, normal = p_1 - push * y_1, p_2 - push * y_2, p_n - push * y_n
-        t = sqrt(x_1 * x_1 + x_2 * x_2)
-        if not coulomb:
-            worst = max(worst, (mu * sqrt(y_1 * y_1 + y_2 * y_2) - max(y_n, 0.0)) / (1.0 + mu))
-            if t > mu * normal:
-                normal = (mu * t + normal) / (1.0 + mu * mu)
-        normal = max(normal, 0.0)
-        cut = mu * normal / t if t > mu * normal else 1.0
-        x_1, x_2, normal = cut * x_1 - p_1, cut * x_2 - p_2, normal - p_n
-        far = sqrt(x_1 * x_1 + x_2 * x_2 + normal * normal) / push
-        if not far < math.inf:
-            return math.nan
-        worst = max(worst, -y_n, far)
-    return worst
+    return _kernel()(pull.dot(c), w, mu, LEAST_PUSH, coulomb)
 
 
 def of_points(
@@ -95,6 +61,6 @@ def of_points(
 
 @cache
 def _kernel() -> Callable[[Array, Array, Array, float, bool], float]:
-    from rbd.solvers.point_law_kernel import law_residual as compiled  # imports Numba
+    from rbd.solvers.contact_kernel import law_residual as compiled  # imports Numba
 
     return compiled

@@ -1,16 +1,32 @@
-"""Compiled linear algebra of matrices of a few rows, where a call of LAPACK costs more than the arithmetic; needs Numba."""
+"""Linear algebra in loops, of matrices of a few rows, where a call of LAPACK costs more than the arithmetic."""
 
 from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from rbd.arrays import Array
 from rbd.kernels import compiled
+
+_MOST = 75
+"""Rows up to which loops are no slower than LAPACK."""
+
+
+@compiled
+def _by_lapack(A: Array, b: Array, n: int) -> bool:
+    try:
+        b[:n] = np.linalg.solve(A[:n, :n].copy(), b[:n].copy())
+    except Exception:  # the only kind that Numba knows
+        return False
+    return True
 
 
 @compiled
 def eliminate(A: Array, b: Array, n: int) -> bool:
     """Solve A x = b in place by Gauss's elimination with row pivots, x in b; False where A is singular or not finite."""
+    if n > _MOST:
+        return _by_lapack(A, b, n)
     for k in range(n):
         pivot, most = k, abs(A[k, k])
         for i in range(k + 1, n):

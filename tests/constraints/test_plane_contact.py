@@ -1,4 +1,4 @@
-"""Contact points of shapes with a plane: compiled arithmetic finds those of NumPy's."""
+"""Contact points of shapes with a plane: shape by shape, by Pinocchio's frames, and by differences along a motion."""
 
 from __future__ import annotations
 
@@ -9,23 +9,20 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd import compiled
+from rbd.constraints.convex.few_points import MOST_POINTS, spread_each
+from rbd.constraints.convex.rounds import Rim
+from rbd.constraints.convex.solids import RIM_CORNERS
 
 ROUNDING = 1e-12
 """Over the size of the largest entry."""
+STEP = 1e-6
+"""Of differences in time [s]."""
 SHAPES = (
     '<sphere radius="0.1"/>',
     '<cylinder radius="0.1" length="0.3"/>',
     '<box size="0.2 0.3 0.1"/>',
 )
 PLANES = ((0.0, 0.0, 1.0), (0.36, -0.48, 0.8), (0.96, 0.0, 0.28))
-
-
-@pytest.fixture(autouse=True)
-def fast():
-    """Only where the extra `fast` is installed."""
-    if not compiled.installed():
-        pytest.skip("the extra `fast` is not installed")
 
 
 def chain(tmp: Path) -> rbd.Robot:
@@ -56,11 +53,47 @@ def egg(tmp: Path) -> rbd.Robot:
     return rbd.load_robot(path)
 
 
+def by_shapes(contacts: rbd.CollisionContacts, state: rbd.State, margin: float) -> dict[int, np.ndarray]:
+    """{number: place in W (3,)} of the near points, shape by shape, all of each looked at."""
+    plane, found = contacts._finder.plane, {}
+    assert plane is not None
+    data, n = plane.model.createData(), plane.axes[:, 2]
+    pin.forwardKinematics(plane.model, data, state.q)
+    for shape, first in plane.points._each():
+        X, points = data.oMi[shape.joint], shape.vertices
+        up, height = n @ X.rotation, float(X.translation @ n - plane.height)
+        above = np.add.reduce(points.T * up[:, None], axis=0) + height
+        for r in shape.rounds:
+            if isinstance(r, Rim) and r.stands(up):
+                above[r.first : r.first + RIM_CORNERS] = np.inf
+        near = np.flatnonzero(above <= margin)
+        if len(points) > MOST_POINTS and len(near):
+            near = near[spread_each(points[near].T, above[near], np.array([len(near)]), up[None])]
+        lowest = [(len(points) + i, r.lowest(up)) for i, r in enumerate(shape.rounds)]
+        for i, p in [*((i, points[i]) for i in near.tolist()), *((i, p) for i, p in lowest if p @ up + height <= margin)]:
+            found[first + i] = X.act(p)
+    return found
+
+
+def jacobian(contacts: rbd.CollisionContacts, state: rbd.State, number: int, P: np.ndarray) -> np.ndarray:
+    """Of a point fixed to its body, in the plane's axes, by Pinocchio's frames, shape (3, nv)."""
+    plane = contacts._finder.plane
+    joint = plane.joints[plane.points.body[number]]
+    model, data = plane.model, plane.model.createData()
+    pin.computeJointJacobians(model, data, state.q)
+    J = pin.getJointJacobian(model, data, joint, pin.LOCAL_WORLD_ALIGNED)
+    arm = P - data.oMi[joint].translation
+    return plane.axes.T @ (J[:3] - pin.skew(arm) @ J[3:])
+
+
 @pytest.mark.parametrize("name", ["chain", "egg", "talos", "g1", "solo12"])
-def test_both_find_the_same_points_and_their_motion(name, tmp_path):
-    """Poses of all kinds on level and inclined planes: numbers, places, gaps, J, velocities and J_dot v; also at rest."""
+def test_points_and_their_motion(name, tmp_path):
+    """Poses of all kinds on level and inclined planes, also at rest.
+
+    Numbers and places as found shape by shape; J by Pinocchio's frames; J_dot v as the difference of velocities.
+    """
     robot = {"chain": chain, "egg": egg}[name](tmp_path) if name in ("chain", "egg") else rbd.load_robot(name)
-    rng, seen = np.random.default_rng(8), 0
+    rng, seen, compared = np.random.default_rng(8), 0, 0
     for k in range(24):
         plane = rbd.Ground(point=(0.1, -0.2, 0.3), normal=PLANES[k % len(PLANES)])
         q = pin.integrate(robot.model, pin.neutral(robot.model), 0.6 * rng.normal(size=robot.nv))
@@ -68,20 +101,25 @@ def test_both_find_the_same_points_and_their_motion(name, tmp_path):
         lowest = rbd.CollisionContacts("ground", robot, on=plane, margin=10.0).points(robot.at(q)).gaps.min()
         q[:3] -= (lowest - 0.01) * np.array(plane.normal)
         contacts, state = rbd.CollisionContacts("ground", robot, on=plane, margin=0.3), rbd.State(robot, q, v)
-        found = []
-        for use in (True, False):
-            with compiled.use(use):
-                found.append(contacts.with_margin(0.3)._touching(rbd.State(robot, state.q, state.v)))
-        one, other = found
-        seen += len(other.numbers)
-        assert np.array_equal(one.numbers, other.numbers)
-        for what in ("positions", "gaps", "J", "velocity", "bias"):
-            a, b = getattr(one, what), getattr(other, what)
-            assert a.shape == b.shape and np.abs(a - b).max() <= ROUNDING * max(1.0, float(np.abs(b).max())), what
-    assert seen >= 24
+        found, expected = contacts._touching(state), by_shapes(contacts, state, 0.3)
+        assert found.numbers.tolist() == sorted(expected)
+        before, after = (contacts._touching(rbd.State(robot, pin.integrate(robot.model, q, h * v), v)) for h in (-STEP, STEP))
+        for i, number in enumerate(found.numbers.tolist()):
+            P, J = found.positions[i], found.J[3 * i : 3 * i + 3]
+            assert np.abs(P - expected[number]).max() < ROUNDING
+            assert abs(found.gaps[i] - plane.distances(P[None])[0]) < ROUNDING
+            assert np.abs(J - jacobian(contacts, state, number, P)).max() < ROUNDING * max(1.0, np.abs(J).max())
+            assert np.abs(found.velocity[3 * i : 3 * i + 3] - J @ v).max() < ROUNDING * max(1.0, np.abs(v).max())
+            rates = [at.velocity.reshape(-1, 3)[np.flatnonzero(at.numbers == number)] for at in (before, after)]
+            if all(len(rate) for rate in rates) and v.any():
+                compared += 1
+                bias = found.bias[3 * i : 3 * i + 3]
+                assert np.abs((rates[1] - rates[0])[0] / (2.0 * STEP) - bias).max() < 1e-5 * max(1.0, np.abs(bias).max())
+        seen += len(found.numbers)
+    assert seen >= 24 and compared >= 15
 
 
-def test_a_flat_rim_and_equal_heights_are_decided_alike(tmp_path):
+def test_a_flat_rim_and_equal_heights(tmp_path):
     """A cylinder upright, with a rim that is level; a box whose corners are equally low; turned by a hair and not at all."""
     robot = chain(tmp_path)
     for turn in (0.0, 1e-9, 1e-7, 1e-3, 0.2):
@@ -90,11 +128,11 @@ def test_a_flat_rim_and_equal_heights_are_decided_alike(tmp_path):
             own = robot.collision_model.geometryObjects[flat]
             R = np.asarray(own.placement.rotation)  # in its joint's axes
             q[3:7] = pin.Quaternion(pin.exp3(np.array([turn, 0.0, 0.0])) @ R.T).coeffs()
-            found = []
-            for use in (True, False):
-                with compiled.use(use):
-                    contacts = rbd.CollisionContacts("ground", robot, on=-0.5, margin=2.0)
-                    found.append(contacts._touching(rbd.State(robot, q, np.ones(robot.nv))))
-            assert np.array_equal(found[0].numbers, found[1].numbers) and len(found[0].numbers) > 8
-            assert np.abs(found[0].gaps - found[1].gaps).max() < ROUNDING
-            assert np.abs(found[0].bias - found[1].bias).max() <= 1e-9 * max(1.0, float(np.abs(found[1].bias).max()))
+            contacts, state = (
+                rbd.CollisionContacts("ground", robot, on=-0.5, margin=2.0),
+                rbd.State(robot, q, np.ones(robot.nv)),
+            )
+            found, expected = contacts._touching(state), by_shapes(contacts, state, 2.0)
+            assert found.numbers.tolist() == sorted(expected) and len(expected) > 8
+            assert np.isfinite(found.bias).all()
+            assert np.abs(found.positions - [expected[i] for i in sorted(expected)]).max() < ROUNDING

@@ -7,20 +7,10 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd import compiled
 from rbd.constraints.contact_kinematics import Between
 from rbd.constraints.convex.low_points import LowPoints
 
 ROBOTS = ("talos", "g1", "solo12")
-
-
-@pytest.fixture(params=[False, True], ids=["NumPy", "compiled"])
-def arithmetic(request):
-    """By NumPy, and by compiled code where it is installed."""
-    if request.param and not compiled.installed():
-        pytest.skip("the extra `fast` is not installed")
-    with compiled.use(request.param):
-        yield
 
 
 def tumbling(name: str, seed: int = 3) -> rbd.State:
@@ -41,7 +31,7 @@ def look_at_all(self: LowPoints, up: np.ndarray, height: np.ndarray, margin: flo
 
 
 @pytest.mark.parametrize("name", ROBOTS)
-def test_points_that_cannot_be_near_change_no_bit_of_a_fall(name, monkeypatch, arithmetic):
+def test_points_that_cannot_be_near_change_no_bit_of_a_fall(name, monkeypatch):
     """With all points looked at each time the fall is the same to the last bit, and so are its events, forces and residuals."""
     state, asked = tumbling(name), []
     near = LowPoints.near

@@ -13,7 +13,6 @@ from contact_cases import sole
 from flat_bodies import ball, flat_body, flat_state, floor_point, free_body, free_state
 
 import rbd
-from rbd import compiled
 from rbd.simulation import ground_dynamics
 from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.instant import Instant
@@ -22,19 +21,8 @@ from rbd.simulation.motion import Motion
 from rbd.simulation.time_step import StepSystem
 
 H = 1e-3
-ROUNDING = 1e-13
-"""Between compiled arithmetic and NumPy's, over the size."""
 AGREES = 1e-9
 """Between both ways, over the size of the largest entry: of velocities, and of the impulses of independent points."""
-
-
-@pytest.fixture(params=[False, True], ids=["NumPy", "compiled"], autouse=True)
-def arithmetic(request):
-    """Each test by NumPy, and by compiled code where it is installed."""
-    if request.param and not compiled.installed():
-        pytest.skip("the extra `fast` is not installed")
-    with compiled.use(request.param):
-        yield
 
 
 def system(motion: Motion, state: rbd.State, *, prepared: bool = True) -> StepSystem:
@@ -179,34 +167,6 @@ def test_residuals_see_an_answer_that_is_wrong(monkeypatch, name, wrong):
     else:
         ground._forces._matrix[0] *= 1.0 + 1e-3
     assert fast.law_residual(fast.solved(now, H)) > 1e-7
-
-
-def test_compiled_arithmetic_is_that_of_numpy():
-    """Bases moved, turned and carried; gaps and velocities of points; impulses and velocities of those that stick."""
-    if not compiled.installed():
-        pytest.skip("the extra `fast` is not installed")
-    for name in ("talos", "solo12", "g1"):
-        motion, state = standing(rbd.load_robot(name), 0.7, 4, push=0.0)
-        found: list[list[np.ndarray]] = []
-        for use in (True, False):
-            with compiled.use(use):
-                made = system(motion, state)
-                now = made.begin(state, 0.0).end
-                half = made.half_step(now, H)
-                whole = made._finish(half, H)
-                q, v, w, h = state.q, state.v, half.answer.v, 0.3
-                spun = v + np.eye(len(v))[:6].T @ np.arange(6.0)
-                arrays = [half.answer.v, half.answer.impulse, whole.answer.v, whole.answer.impulse, whole.end.gap]
-                arrays += [
-                    whole.end.velocity,
-                    whole.end.state.q,
-                    *made.bases.middle(q, spun, w, h),
-                    *made.bases.moved(q, spun, h),
-                ]
-                found.append([*arrays, made.bases.turned(w, spun, h)])
-        assert half.answer.least
-        for one, other in zip(*found, strict=True):
-            assert np.abs(one - other).max() <= ROUNDING * max(1.0, float(np.abs(other).max()))
 
 
 def test_what_is_not_covered_steps_the_general_way():

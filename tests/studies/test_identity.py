@@ -16,9 +16,9 @@ import pytest
 from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 import rbd
-from rbd import compiled
 from rbd.errors import InputError, StudyWarning
 from rbd.studies import open_study
+from rbd.studies.provenance import provenance
 from rbd.studies.provenance.identity import function_hash
 
 LOG: list[float] = []
@@ -238,15 +238,11 @@ def ends_at_two(x: float) -> float:
 
 def test_whether_arithmetic_was_compiled_stands_in_the_store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """A store that goes on with the other arithmetic says so, as of another version."""
-    if not compiled.installed():
-        pytest.skip("Numba is not installed")
     samples, out = rbd.grid(x=[1.0, 2.0, 3.0]), tmp_path / "s.zarr"
-    with compiled.use(True), pytest.warns(StudyWarning, match="Ctrl-C"):
+    with pytest.warns(StudyWarning, match="Ctrl-C"):
         rbd.study(ends_at_two, samples, executor=0, out=out, chunk=1)
     monkeypatch.setenv("RBD_TEST_GOES_ON", "1")
-    with (
-        compiled.use(False),
-        pytest.warns(StudyWarning, match="with compiled arithmetic.*with not compiled arithmetic"),
-    ):
+    monkeypatch.setattr(provenance, "in_use", lambda: False)
+    with pytest.warns(StudyWarning, match="with compiled arithmetic.*with not compiled arithmetic"):
         whole = rbd.study(ends_at_two, samples, executor=0, out=out)
     assert "compiled arithmetic; then" in whole.attrs["versions"]

@@ -9,7 +9,7 @@ As long as this is less than what the points of each shape had above the margin 
 molecular dynamics: Verlet's list). Points of a shape with many that `spread_each` does not choose, turned by up to `TURN`, are
 not in the list either. The result is the same, to the last bit, as if all points were looked at.
 
-The arithmetic is in `rbd.constraints.convex.low_points_kernel`, or in array operations here: about ten times as long.
+The arithmetic of a pose is in `rbd.constraints.convex.low_points_kernel`.
 """
 
 from __future__ import annotations
@@ -24,9 +24,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.compiled import in_use
-from rbd.constraints.convex.few_points import MOST_POINTS, possible, spread_each
-from rbd.constraints.convex.rounds import Ball, Oval, Rim, Round, stacked
+from rbd.constraints.convex.few_points import MOST_POINTS, possible
+from rbd.constraints.convex.rounds import Ball, Oval, Rim, Round
 from rbd.constraints.convex.solids import RIM_CORNERS, ConvexShape
 
 SKIN = 0.03
@@ -128,7 +127,6 @@ class LowPoints:
 
     Attributes:
         body: Body of each point, shape (n,).
-        has_rounds: Whether some are of round parts.
         parts: The round parts in arrays.
         part_of: The round part of each point, or -1, shape (n,).
     """
@@ -142,12 +140,8 @@ class LowPoints:
         self.body = np.repeat(bodies, sizes)
         self._shape = np.repeat(np.arange(len(shapes)), sizes)
         rounds = [r for s in shapes for r in s.rounds]
-        #: Points of the round parts, ascending; and these parts stacked by kind, with their place among them, and their bodies.
+        #: Points of the round parts, ascending.
         self._round = np.array([first + len(s.vertices) + i for s, first in self._each() for i in range(len(s.rounds))], int)
-        self._kinds: list[tuple[Round, Array, Array]] = []
-        for kind in dict.fromkeys(type(r) for r in rounds):
-            which = np.array([i for i, r in enumerate(rounds) if type(r) is kind])
-            self._kinds.append((stacked([rounds[i] for i in which]), which, self.body[self._round[which]]))
         #: Corners of rims, and the place of each one's rim among all rims.
         rims = [first + r.first for s, first in self._each() for r in s.rounds if isinstance(r, Rim)]
         self._corners = np.array([i for start in rims for i in range(start, start + RIM_CORNERS)], int)
@@ -156,7 +150,6 @@ class LowPoints:
         self._many[self._round] = False
         self._is_round = np.zeros(len(self.body), bool)
         self._is_round[self._round] = True
-        self.has_rounds = bool(rounds)
         self.parts = RoundParts.of(rounds, self.body[self._round])
         self.part_of = np.full(len(self.body), -1)
         self.part_of[self._round] = np.arange(len(rounds))
@@ -176,69 +169,23 @@ class LowPoints:
         shape = int(np.searchsorted(self._first, point, side="right")) - 1
         return self.shapes[shape].name, point - int(self._first[shape])
 
-    def at(self, up: Array, height: Array, margin: float) -> tuple[Array, Array, Array]:
-        """(numbers (k,), places in their bodies (3, k) [m], heights (k,) [m]) of the points up to `margin` above the plane.
+    def near(self, up: Array, height: Array, margin: float) -> tuple[Listed, Array, Array]:
+        """(the list, which of its points are up to `margin` above the plane (k,), their heights (k,) [m]).
 
-        Of a shape with more than `MOST_POINTS` corners, those chosen by `spread_each`. Not for two threads at once.
+        Of a shape with more than `MOST_POINTS` corners, those chosen by `spread`. Not for two threads at once.
 
         Args:
             up: Normal of the plane in each body's axes, shape (bodies, 3).
             height: Height of each body's origin, shape (bodies,) [m].
             margin: [m].
         """
-        now, near, above = self.near(up, height, margin)
-        return now.index.take(near), now.points.take(near, axis=1), above
-
-    def near(self, up: Array, height: Array, margin: float) -> tuple[Listed, Array, Array]:
-        """(the list, which of its points `at` has, their heights [m]); arguments as of `at`."""
         now = self._current(up, height, margin)
-        if in_use():
-            here = now.points, now.body, now.shape, now.many, now.rounds, now.corners, now.rims
-            return now, *_kernel().near_points(*here, *self.parts, up, height, margin)
-        stands = self._place_rounds(now, up)
-        above = _heights(now.points, now.body, up, height)
-        if stands is not None and len(now.corners):
-            above[now.corners[stands[now.rims]]] = np.inf
-        near = (above <= margin).nonzero()[0]
-        many = now.many.take(near)
-        rows = near[many]
-        if len(rows):
-            counts = np.bincount(now.shape.take(rows))
-            of = counts.nonzero()[0]
-            up = up.take(self._bodies.take(of), axis=0)
-            chosen = spread_each(now.points.take(rows, axis=1), above.take(rows), counts.take(of), up)
-            few = ~many
-            few[many.nonzero()[0].take(chosen)] = True
-            near = near[few]
-        return now, near, above.take(near)
-
-    def wander(self, points: Array, up: Array, rate: Array) -> tuple[Array, Array]:
-        """(which of some points are of round parts, how fast they move over their bodies (3, that many) [m/s]).
-
-        Args:
-            points: Numbers of points, shape (k,).
-            up: Normal of the plane in each body's axes, shape (bodies, 3).
-            rate: Its rate of change, shape (bodies, 3) [1/s].
-        """
-        moves = np.empty((3, len(self._round)))
-        for parts, which, bodies in self._kinds:
-            moves[:, which] = parts.wander(up.take(bodies, axis=0), rate.take(bodies, axis=0)).T
-        at = self._is_round.take(points).nonzero()[0]
-        return at, moves.take(np.searchsorted(self._round, points.take(at)), axis=1)
-
-    def _place_rounds(self, now: Listed, up: Array) -> Array | None:
-        """Put the lowest points of round parts into the list; returns which rims stand."""
-        stands = None
-        for parts, which, bodies in self._kinds:
-            n = up.take(bodies, axis=0)
-            now.points[:, now.rounds.take(which)] = parts.lowest(n).T
-            if isinstance(parts, Rim):
-                stands = parts.stands(n)
-        return stands
+        here = now.points, now.body, now.shape, now.many, now.rounds, now.corners, now.rims
+        return now, *_kernel().near_points(*here, *self.parts, up, height, margin)
 
     def _current(self, up: Array, height: Array, margin: float) -> Listed:
         """The list, with points of those shapes listed again of which others may have come near."""
-        if self._list is not None and self._list[0].margin == margin and in_use():
+        if self._list is not None and self._list[0].margin == margin:
             then, listed = self._list
             before = then.up, then.above, then.turn, then.spare
             if _kernel().lasts(up, height, self._bodies, self._centres, self._reach, *before, _ROUNDING):

@@ -1,4 +1,4 @@
-"""Compiled arithmetic of `rbd.constraints.convex.low_points`: imported only if Numba is installed and in use.
+"""Compiled arithmetic of `rbd.constraints.convex.low_points`.
 
 Round parts are given in the arrays of `rbd.constraints.convex.low_points.RoundParts`.
 """
@@ -7,13 +7,12 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.convex.few_points import DIRECTIONS, LOWEST, TIPS, TOWARDS
 from rbd.constraints.convex.rounds import LEVEL_M, STEEP
-from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled
+from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
 
 BALL, RIM, OVAL = 0, 1, 2
 _FLAT = TIPS * TIPS * (1.0 + 1e-9)
@@ -37,7 +36,7 @@ def _lasts(
 
 lasts = compiled(
     _lasts,
-    FLAG(array(2), array(1), array(1, COUNT), array(2), array(1), array(2), array(1), array(1), array(1), NUMBER),
+    signature(FLAG, array(2), array(1), array(1, COUNT), array(2), array(1), array(2), array(1), array(1), array(1), NUMBER),
 )
 
 
@@ -151,7 +150,7 @@ def _near(
     kind: Array, centre: Array, radius: Array, form: Array, round_body: Array,
     up: Array, height: Array, margin: float,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """(which points of a list are near, their heights): `LowPoints.at`. Round parts' lowest points are put into `points`.
+    """(which points of a list are near, their heights): `LowPoints.near`. Round parts' lowest points are put into `points`.
 
     Args:
         points: As in `low_points._Listed`, like those up to `rims`.
@@ -215,7 +214,8 @@ def _near(
 
 near_points = compiled(
     _near,
-    numba.types.Tuple((array(1, COUNT, written=True), array(1, written=True)))(
+    signature(
+        (array(1, COUNT, written=True), array(1, written=True)),
         array(2, written=True), array(1, COUNT), array(1, COUNT), array(1, FLAG), array(1, COUNT), array(1, COUNT),
         array(1, COUNT),
         array(1, COUNT), array(2), array(1), array(3), array(1, COUNT), array(2), array(1), NUMBER,

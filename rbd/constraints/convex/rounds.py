@@ -1,4 +1,4 @@
-"""Round parts of shapes: balls, rims of cylinders and cones, ellipsoids; one of each, or many in an array.
+"""Round parts of shapes: balls, rims of cylinders and cones, ellipsoids.
 
 A round part gives its lowest point. `up` is the unit normal of the surface below, in the body's axes; as the body turns, `up`
 turns the other way at a rate that the caller gives, and the lowest point moves over the body at
@@ -6,14 +6,11 @@ turns the other way at a rate that the caller gives, and the lowest point moves 
     ball:       p = c - r up                                   p' = -r up'
     rim:        p = c - r e,  e = u / |u|,  u = up - (up . a) a    p' = -r e'
     ellipsoid:  p = c - Q up / s,  s = sqrt(up . Q up)         p' = -Q up' / s + Q up (up . Q up') / s^3
-
-The fields of one part are vectors and numbers, those of n stacked parts have n rows; `up` and `rate` have shape (3,) or (n, 3).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -36,12 +33,6 @@ class Round(Protocol):
         """How fast the lowest point moves over the body while `up` changes at `rate` [1/s], shape (3,) [m/s]."""
 
 
-def stacked(parts: Sequence[Round]) -> Round:
-    """Several parts of one kind as one, each field an array with a row for each."""
-    kind = type(parts[0])
-    return kind(*(np.array([np.atleast_1d(getattr(part, f.name)) for part in parts]) for f in fields(kind)))  # type: ignore[arg-type]
-
-
 @dataclass(frozen=True, eq=False)
 class Ball:
     """A ball.
@@ -52,7 +43,7 @@ class Ball:
     """
 
     centre: Array
-    radius: float | Array
+    radius: float
 
     def lowest(self, up: Array) -> Array:
         """Straight below the centre."""
@@ -76,7 +67,7 @@ class Rim:
 
     centre: Array
     axis: Array
-    radius: float | Array
+    radius: float
     first: int
 
     def lowest(self, up: Array) -> Array:
@@ -87,20 +78,20 @@ class Rim:
     def wander(self, up: Array, rate: Array) -> Array:
         """Along the rim; fast where it is nearly flat, as for a coin that comes to rest; zero where it is flat."""
         u, length = self._towards(up)
-        du = rate - np.vecdot(rate, self.axis)[..., None] * self.axis
-        e = u / length
-        moved = -self.radius * (du - e * np.vecdot(e, du)[..., None]) / length
-        return np.where(np.isnan(length), 0.0, moved)
+        if np.isnan(length):
+            return np.zeros(3)
+        du, e = rate - (rate @ self.axis) * self.axis, u / length
+        return np.asarray(-self.radius * (du - e * (e @ du)) / length)
 
-    def _towards(self, up: Array) -> tuple[Array, Array]:
+    def _towards(self, up: Array) -> tuple[Array, float]:
         """(the part of `up` in the rim's plane, its length: NaN where the rim is flat)."""
-        u = up - np.vecdot(up, self.axis)[..., None] * self.axis
-        length = np.sqrt(np.vecdot(u, u))[..., None]
-        return u, np.where(self.radius * length < LEVEL_M, np.nan, length)
+        u = up - (up @ self.axis) * self.axis
+        length = float(np.sqrt(u @ u))
+        return u, np.nan if self.radius * length < LEVEL_M else length
 
-    def stands(self, up: Array) -> Array:
+    def stands(self, up: Array) -> bool:
         """Whether it is inclined so much that only its lowest point can touch."""
-        return np.asarray(1.0 - np.vecdot(up, self.axis) ** 2 > STEEP**2)
+        return bool(1.0 - (up @ self.axis) ** 2 > STEEP**2)
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,9 +114,9 @@ class Oval:
     def wander(self, up: Array, rate: Array) -> Array:
         """The derivative of `lowest`."""
         down, s = self._down(up)
-        return -(self.Q @ rate[..., None])[..., 0] / s + down * np.vecdot(down, rate)[..., None] / s**3
+        return np.asarray(-self.Q @ rate / s + down * (down @ rate) / s**3)
 
-    def _down(self, up: Array) -> tuple[Array, Array]:
+    def _down(self, up: Array) -> tuple[Array, float]:
         """(Q up, s)."""
-        down = (self.Q @ up[..., None])[..., 0]
-        return down, np.sqrt(np.vecdot(up, down))[..., None]
+        down = self.Q @ up
+        return down, float(np.sqrt(up @ down))
