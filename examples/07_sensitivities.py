@@ -21,7 +21,7 @@ class Result:
     """The derivatives; the motor that moves most weight, how far its rule holds, and what it did up to there."""
 
     talos: rbd.Robot
-    derivatives: rbd.analysis.Derivatives
+    derivatives: rbd.answers.analysis.Derivatives
     motor: int
     gain: float
     change_Nm: np.ndarray

@@ -24,10 +24,10 @@ COM = (0.15, -0.1)  # [m]
 class Result:
     """What is unique in each case, and two choices of the table's forces."""
 
-    free: rbd.analysis.Uniqueness
-    braked: rbd.analysis.Uniqueness
+    free: rbd.answers.analysis.Uniqueness
+    braked: rbd.answers.analysis.Uniqueness
     rigid: tuple[float, float]
-    table: rbd.analysis.Uniqueness
+    table: rbd.answers.analysis.Uniqueness
     least_N: np.ndarray
     weighted_N: np.ndarray
 

@@ -22,11 +22,11 @@ class Result:
     """The contradictions, the motions that come nearest, and what happens where contacts can open."""
 
     glued: rbd.NoSolution
-    nearest: rbd.solution.NearestMotion
+    nearest: rbd.answers.solution.NearestMotion
     opened: rbd.Solution
     real: rbd.Solution
     turning: rbd.NoSolution
-    as_points: rbd.solution.NearestMotion
+    as_points: rbd.answers.solution.NearestMotion
     as_sole: rbd.Solution
 
 

@@ -29,11 +29,11 @@ class Result:
 
     speeds: np.ndarray
     eigenvalues: list[np.ndarray]
-    at_5: rbd.small_motion.Linearised
+    at_5: rbd.mechanism.small_motion.Linearised
     off: dict[str, float]
     weave_speed: float
     capsize_speed: float
-    turn: rbd.small_motion.SteadyState
+    turn: rbd.mechanism.small_motion.SteadyState
 
 
 def main(show: bool = True) -> Result:

@@ -8,7 +8,7 @@ import numpy as np
 import pinocchio as pin
 
 import rbd
-from rbd.identification import Identification, MeasuredMotion
+from rbd.motion.identification import Identification, MeasuredMotion
 
 SHOWN = ("waist_pitch_joint", "left_shoulder_pitch_joint", "right_elbow_joint")
 FORCE_NOISE = np.array([2.0, 2.0, 4.0, 0.3, 0.3, 0.1])  # of a sole [N, N m]

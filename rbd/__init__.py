@@ -11,6 +11,17 @@ from rbd.modules import named as _named
 _check_place()  # a wrong Pinocchio is reported before it causes errors
 
 if _TYPE_CHECKING:
+    from rbd.answers.least_constraint import (
+        gauss_problem as gauss_problem,
+        solve as solve,
+        solve_problem as solve_problem,
+    )
+    from rbd.answers.many.solving import (
+        solve_many as solve_many,
+    )
+    from rbd.answers.solution import (
+        Solution as Solution,
+    )
     from rbd.constraints import (
         CollisionContacts as CollisionContacts,
         FunctionConstraint as FunctionConstraint,
@@ -28,6 +39,13 @@ if _TYPE_CHECKING:
         SurfaceContact as SurfaceContact,
         VelocityConstraint as VelocityConstraint,
     )
+    from rbd.constraints.forces import (
+        Bushing as Bushing,
+        Damper as Damper,
+        JointDamping as JointDamping,
+        JointSpring as JointSpring,
+        Spring as Spring,
+    )
     from rbd.control.torques import (
         inverse_dynamics as inverse_dynamics,
     )
@@ -38,26 +56,15 @@ if _TYPE_CHECKING:
         NoSolution as NoSolution,
         RbdError as RbdError,
     )
-    from rbd.forces import (
-        Bushing as Bushing,
-        Damper as Damper,
-        JointDamping as JointDamping,
-        JointSpring as JointSpring,
-        Spring as Spring,
-    )
-    from rbd.identification import (
-        identify as identify,
-    )
-    from rbd.least_constraint import (
-        gauss_problem as gauss_problem,
-        solve as solve,
-        solve_problem as solve_problem,
-    )
-    from rbd.many.solving import (
-        solve_many as solve_many,
-    )
     from rbd.mechanism.pose_search import (
         find_pose as find_pose,
+    )
+    from rbd.mechanism.small_motion.finding import (
+        find_equilibrium as find_equilibrium,
+        find_steady_motion as find_steady_motion,
+    )
+    from rbd.mechanism.small_motion.linearisation import (
+        linearise as linearise,
     )
     from rbd.model import dynamics as dynamics
     from rbd.model.external import (
@@ -71,6 +78,9 @@ if _TYPE_CHECKING:
     )
     from rbd.motion.checking import (
         check_motion as check_motion,
+    )
+    from rbd.motion.identification import (
+        identify as identify,
     )
     from rbd.motion.measured import (
         estimate_forces as estimate_forces,
@@ -109,16 +119,6 @@ if _TYPE_CHECKING:
         impact as impact,
         simulate as simulate,
     )
-    from rbd.small_motion.finding import (
-        find_equilibrium as find_equilibrium,
-        find_steady_motion as find_steady_motion,
-    )
-    from rbd.small_motion.linearisation import (
-        linearise as linearise,
-    )
-    from rbd.solution import (
-        Solution as Solution,
-    )
     from rbd.solvers.admm import (
         ConeSolver as ConeSolver,
     )
@@ -153,10 +153,10 @@ _NAMES = {
     """,
     "rbd.control.torques": "inverse_dynamics",
     "rbd.errors": "CannotHold CannotMove InputError NoSolution RbdError",
-    "rbd.forces": "Bushing Damper JointDamping JointSpring Spring",
-    "rbd.identification": "identify",
-    "rbd.least_constraint": "gauss_problem solve solve_problem",
-    "rbd.many.solving": "solve_many",
+    "rbd.constraints.forces": "Bushing Damper JointDamping JointSpring Spring",
+    "rbd.motion.identification": "identify",
+    "rbd.answers.least_constraint": "gauss_problem solve solve_problem",
+    "rbd.answers.many.solving": "solve_many",
     "rbd.mechanism.pose_search": "find_pose",
     "rbd.model": "dynamics",
     "rbd.model.external": "ExternalForce",
@@ -173,9 +173,9 @@ _NAMES = {
     "rbd.robots.loading": "doctor load_robot",
     "rbd.robots.robot": "Robot",
     "rbd.simulation": "DormandPrince8 RungeKutta4 TimeStepping Trajectory impact simulate",
-    "rbd.small_motion.finding": "find_equilibrium find_steady_motion",
-    "rbd.small_motion.linearisation": "linearise",
-    "rbd.solution": "Solution",
+    "rbd.mechanism.small_motion.finding": "find_equilibrium find_steady_motion",
+    "rbd.mechanism.small_motion.linearisation": "linearise",
+    "rbd.answers.solution": "Solution",
     "rbd.solvers.admm": "ConeSolver",
     "rbd.solvers.kkt": "KKT",
     "rbd.solvers.proxqp": "ProxQP",

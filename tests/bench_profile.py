@@ -34,13 +34,13 @@ PARTS = {
     "rbd/problem/residuals.py": "certificate",
     "rbd/problem/scales.py": "certificate",
     "rbd/problem/law_distance.py": "certificate",
-    "rbd/prepared/": "prepared form: the order of the call",
+    "rbd/answers/prepared/": "prepared form: the order of the call",
     "rbd/solvers/point_law": "certificate: law of the points",
     "rbd/solvers/": "law: Newton's method, or QP",
-    "rbd/many/": "many states",
-    "rbd/solution.py": "record",
+    "rbd/answers/many/": "many states",
+    "rbd/answers/solution.py": "record",
     "rbd/problem/answer.py": "record",
-    "rbd/least_constraint.py": "rbd.solve: finding the prepared form, warnings",
+    "rbd/answers/least_constraint.py": "rbd.solve: finding the prepared form, warnings",
     "rbd/constraints/": "rows of the constraints",
     "rbd/problem/": "problem in arrays",
     "rbd/simulation/recording.py": "recording",
@@ -67,7 +67,7 @@ FUNCTIONS = {
     "row_accelerations": "certificate: row accelerations from the bodies'",
     "touches": "gaps of the contacts",
 }
-"""{function of `rbd/prepared`: part}, before `PARTS`."""
+"""{function of `rbd/answers/prepared`: part}, before `PARTS`."""
 CALLS, STEPS = 30, 200
 """In one run of the profiler."""
 PIN = "Pinocchio: "
@@ -99,7 +99,7 @@ def part_of(key: Key) -> str | None:
     path, _, name = key
     if name.startswith(PIN):
         return name
-    if "/rbd/prepared/" in path and name in FUNCTIONS:
+    if "/rbd/answers/prepared/" in path and name in FUNCTIONS:
         return FUNCTIONS[name]
     fitting = [begin for begin in PARTS if f"/{begin}" in path]
     return PARTS[max(fitting, key=len)] if fitting else None

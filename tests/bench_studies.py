@@ -48,7 +48,7 @@ def standing() -> tuple[rbd.Robot, np.ndarray, list, np.ndarray, np.ndarray]:
     return talos, state.q, soles, rbd.hold(state, soles).tau, unit
 
 
-def pushed(friction: np.ndarray, push_y: np.ndarray) -> rbd.many.Solutions:
+def pushed(friction: np.ndarray, push_y: np.ndarray) -> rbd.answers.many.Solutions:
     """Motions of Talos, standing and pushed, of all samples of a batch."""
     began = time.perf_counter()
     talos, q, soles, tau, unit = standing()

@@ -21,10 +21,12 @@ from rbd.robots import loop_file
 PACKAGES = [
     "rbd",
     *(f"rbd.{module.name}" for module in iter_modules(rbd.__path__) if module.ispkg),
+    *("rbd.answers.analysis", "rbd.answers.many", "rbd.answers.prepared", "rbd.constraints.forces"),
+    *("rbd.mechanism.small_motion", "rbd.motion.identification"),
     "rbd.dynamics",
 ]
-SHOWN = [package for package in PACKAGES if package not in ("rbd.cli", "rbd.prepared")]
-"""Those that list names for users; the last two are modules."""
+SHOWN = [package for package in PACKAGES if package not in ("rbd.answers", "rbd.cli", "rbd.answers.prepared")]
+"""Those that list names for users; the last is a module."""
 BROWSER = {
     *("Browser", "contact_sheet", "export_video", "find_browser", "motion_sheet", "replay", "replay_planar"),
     *("screenshot", "show_report"),

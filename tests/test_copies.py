@@ -22,7 +22,7 @@ import pytest
 from copied import difference, instances
 
 import rbd
-from rbd.analysis.sensitivity import StateOrigin
+from rbd.answers.analysis.sensitivity import StateOrigin
 from rbd.cli.mechanism_report import report_mechanism
 
 URDF = Path(__file__).parents[1] / "urdf"
@@ -104,7 +104,7 @@ def contact_answers() -> Iterator[object]:
         if isinstance(ask, rbd.errors.CannotMove) or (isinstance(ask, rbd.NoSolution) and ask.problem is not None):
             yield ask.nearest()
         yield ask
-    yield rbd.solution.nearest_motion(rbd.gauss_problem(state, held.tau, with_pull))
+    yield rbd.answers.solution.nearest_motion(rbd.gauss_problem(state, held.tau, with_pull))
 
 
 def motions() -> Iterator[object]:
@@ -182,14 +182,14 @@ def identified() -> Iterator[object]:
         arm, [np.zeros(2), np.array([1.0, -2.0]), np.array([-1.0, 1.0])], [0.0, 0.5, 0.9], rate=20.0
     )
     tau = [rbd.dynamics.inverse_dynamics(motion.state(i), motion.a[i]) for i in range(motion.n)]
-    measured = rbd.identification.MeasuredMotion(motion, np.array(tau))
+    measured = rbd.motion.identification.MeasuredMotion(motion, np.array(tau))
     found = rbd.identify(measured)
     assert str(found) and found.open_bodies and found.bodies
     yield from (
         measured,
         found,
         found.base,
-        rbd.identification.excitation(motion),
+        rbd.motion.identification.excitation(motion),
         rbd.dynamics.regressor(motion.state(1), motion.a[1]),
     )
     derived = rbd.solve(motion.state(1), np.zeros(2), []).derivatives(parameters=("mass", "gravity"))
@@ -317,8 +317,16 @@ def found() -> dict[type, list[Any]]:
 KEPT = 3
 """So many instances of a class are copied."""
 PUBLIC = ("rbd", "rbd.control", "rbd.simulation", "rbd.mechanism", "rbd.planar", "rbd.constraints", "rbd.problem", "rbd.model")
-PUBLIC += ("rbd.many", "rbd.analysis", "rbd.robots", "rbd.studies", "rbd.statics", "rbd.motion", "rbd.forces")
-PUBLIC += ("rbd.identification",)
+PUBLIC += (
+    "rbd.answers.many",
+    "rbd.answers.analysis",
+    "rbd.robots",
+    "rbd.studies",
+    "rbd.statics",
+    "rbd.motion",
+    "rbd.constraints.forces",
+)
+PUBLIC += ("rbd.motion.identification",)
 
 
 def public_classes() -> list[type]:

@@ -15,7 +15,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.prepared.contact_dynamics import ContactDynamics, prepared
+from rbd.answers.prepared.contact_dynamics import ContactDynamics, prepared
 from rbd.problem.residuals import residuals_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.RbdWarning")

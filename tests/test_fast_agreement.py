@@ -18,8 +18,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.analysis.modes import modes_of
-from rbd.analysis.uniqueness import motion_freedom
+from rbd.answers.analysis.modes import modes_of
+from rbd.answers.analysis.uniqueness import motion_freedom
 from rbd.constraints.constraint import Constraint
 from rbd.errors import NonUniqueMotionWarning, RbdWarning
 from rbd.problem.residuals import residuals_of

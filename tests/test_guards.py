@@ -129,7 +129,7 @@ SQUEEZED = rbd.GaussProblem(
 
 def use_contradiction(**given: Any) -> Any:
     """The certificate and the violation of a contradiction, if there is one."""
-    found = rbd.analysis.contradiction(**given)
+    found = rbd.answers.analysis.contradiction(**given)
     return None if found is None else (dict(found.certificate), found.violation)
 
 
@@ -440,7 +440,7 @@ def use_measured(*given: Any, ask: Any = rbd.estimate_forces, **named: Any) -> A
 
 ARM = rbd.planar.to_robot(rbd.planar.Chain(1, lengths=[1.0]), masses=[1.0])
 ARM_MOTION = rbd.motion.minimum_jerk(ARM, [np.zeros(1), np.ones(1), np.zeros(1)], [0.0, 0.5, 1.2], rate=20.0)
-ARM_MEASURED = rbd.identification.MeasuredMotion(
+ARM_MEASURED = rbd.motion.identification.MeasuredMotion(
     ARM_MOTION, np.array([rbd.dynamics.inverse_dynamics(ARM_MOTION.state(i), ARM_MOTION.a[i]) for i in range(ARM_MOTION.n)])
 )
 
@@ -612,7 +612,9 @@ CASES: dict[str, Case] = {
     "solve_problem": Case(rbd.solve_problem, {"problem": PROBLEM, "solver": rbd.ProxQP(), "check": True}),
     "Solution.of": Case(rbd.Solution.of, {"answer": rbd.KKT().solve(rbd.gauss_problem(STATE, TAU, BOLT.feet(None)))}),
     "contradiction": Case(use_contradiction, {"problem": SQUEEZED, "law": "convex"}),
-    "nearest_motion": Case(rbd.solution.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}),
+    "nearest_motion": Case(
+        rbd.answers.solution.nearest_motion, {"problem": SQUEEZED, "weights": {"row": 2.0}, "solver": rbd.ProxQP()}
+    ),
     "Workers": Case(lambda count: rbd.studies.Workers(count).count, {"count": 2}),
     "withstand_push": Case(lambda **given: rbd.studies.withstand_push(**given).tau, {**STANDS, "facets": 4, "margin": 0.1}, 30),
     "move_under_push": Case(rbd.studies.move_under_push, {**STANDS, "law": "coulomb"}, 30),
@@ -718,16 +720,16 @@ CASES: dict[str, Case] = {
         30,
     ),
     "identification.MeasuredMotion": Case(
-        lambda **given: rbd.identification.MeasuredMotion(**given).equations(1, ("inertia",))[1:],
+        lambda **given: rbd.motion.identification.MeasuredMotion(**given).equations(1, ("inertia",))[1:],
         {"motion": TRAJECTORY, "tau": np.zeros((4, 0)), "contacts": FLOOR, "touches": np.ones((4, 1), bool)}
         | {"forces": TRAJECTORY.forces, "external": np.zeros(6)},
         30,
     ),
     "identification.base_parameters": Case(
-        lambda **given: rbd.identification.base_parameters(**given).B, {"robot": BOX, "columns": ["inertia"]}, 10
+        lambda **given: rbd.motion.identification.base_parameters(**given).B, {"robot": BOX, "columns": ["inertia"]}, 10
     ),
     "identification.excitation": Case(
-        lambda **given: rbd.identification.excitation(**given).singular_values,
+        lambda **given: rbd.motion.identification.excitation(**given).singular_values,
         {"motions": [ARM_MEASURED], "columns": ["inertia", "damping"]},
         20,
     ),
@@ -1595,11 +1597,11 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
 def public() -> Iterator[str]:
     """Names of all public callables that take arguments."""
     packages = (
-        rbd.analysis,
+        rbd.answers.analysis,
         rbd.constraints,
         rbd.control,
-        rbd.forces,
-        rbd.many,
+        rbd.constraints.forces,
+        rbd.answers.many,
         rbd.model,
         rbd.problem,
         rbd.robots,
@@ -1610,8 +1612,8 @@ def public() -> Iterator[str]:
     rooms = [("", place, place.__all__) for place in (rbd, *packages)]
     rooms += [("dynamics.", rbd.dynamics, None), ("catalogue.", rbd.robots.catalogue, None)]
     rooms += [("mechanism.", rbd.mechanism, rbd.mechanism.__all__), ("visual.", rbd.visual, rbd.visual.__all__)]
-    rooms += [("small_motion.", rbd.small_motion, rbd.small_motion.__all__)]
-    rooms += [("identification.", rbd.identification, rbd.identification.__all__)]
+    rooms += [("small_motion.", rbd.mechanism.small_motion, rbd.mechanism.small_motion.__all__)]
+    rooms += [("identification.", rbd.motion.identification, rbd.motion.identification.__all__)]
     rooms += [("motion.", rbd.motion, rbd.motion.__all__), ("Motion.", rbd.Motion, None)]
     rooms += [("Robot.", rbd.Robot, None), ("State.", rbd.State, None)]
     for room, place, names in rooms:

@@ -17,8 +17,8 @@ import pytest
 from work import calls
 
 import rbd
+from rbd.answers.least_constraint import momentum_balance
 from rbd.errors import InputError, JointNotFound, ModelError, ModelWarning
-from rbd.least_constraint import momentum_balance
 from rbd.robots.loop_file import LoopFile, NamedFrame, read_loop_file
 from rbd.robots.loop_text import LARGEST_FILE
 

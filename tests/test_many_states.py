@@ -15,11 +15,11 @@ import pinocchio as pin
 import pytest
 
 import rbd
+from rbd.answers.many import Solutions, StateStatus
+from rbd.answers.many.warned import WARNINGS
+from rbd.answers.prepared.kept import MOST, MOST_BODIES
+from rbd.answers.prepared.many import prepared_blocks
 from rbd.errors import DistantContactWarning, EffortLimitWarning, OpeningContactWarning
-from rbd.many import Solutions, StateStatus
-from rbd.many.warned import WARNINGS
-from rbd.prepared.kept import MOST, MOST_BODIES
-from rbd.prepared.many import prepared_blocks
 
 URDF = Path(__file__).parents[1] / "urdf"
 

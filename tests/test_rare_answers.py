@@ -35,7 +35,7 @@ def squeezed() -> rbd.GaussProblem:
 
 def test_a_nearest_motion_names_what_it_misses():
     """Halfway: both stops by 0.75 m/s2; what is met is not listed."""
-    near = rbd.solution.nearest_motion(squeezed())
+    near = rbd.answers.solution.nearest_motion(squeezed())
     lines = str(near).splitlines()
     assert lines[0] == "nearest motion: rows are missed by up to 0.75 m/s2 (rad/s2), least squares"
     assert [line.split()[0] for line in lines[1:3]] == ["low", "high"] and "across" not in "\n".join(lines[1:3])
@@ -61,7 +61,7 @@ class Lame:
 def test_a_nearest_motion_that_its_solver_does_not_find_is_none():
     """A solver that leaves the rows alone has no answer to the relaxed problem."""
     with pytest.raises(NoSolution, match="the nearest motion was not found"):
-        rbd.solution.nearest_motion(squeezed(), solver=Lame())
+        rbd.answers.solution.nearest_motion(squeezed(), solver=Lame())
 
 
 @dataclass(frozen=True)

@@ -14,8 +14,8 @@ import pytest
 
 import rbd
 from rbd import errors, testing
+from rbd.answers.many import StateStatus
 from rbd.errors import InputError, RbdError, Reason
-from rbd.many import StateStatus
 from rbd.motion import CAUSES
 from rbd.problem import Status
 from rbd.statics import Effort

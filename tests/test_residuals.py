@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import rbd
+from rbd.answers.solution import Solution
 from rbd.problem.residuals import SOLVED, USABLE, residuals_of
 from rbd.problem.rows import Rows
-from rbd.solution import Solution
 from rbd.testing import law_residuals, reference_problems
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")  # noise on small motors

@@ -17,8 +17,8 @@ import pytest
 from scipy.optimize import nnls
 
 import rbd
-from rbd.analysis.differences import SMOOTH, slope as slope_of
-from rbd.analysis.sensitivity import Derivatives
+from rbd.answers.analysis.differences import SMOOTH, slope as slope_of
+from rbd.answers.analysis.sensitivity import Derivatives
 from rbd.model.external import generalised
 from rbd.testing import box
 

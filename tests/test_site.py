@@ -261,7 +261,7 @@ def test_the_source_of_an_error_is_the_file_that_writes_it():
     written = {"CannotHold": "no_solution", "ModelWarning": "warned", "RbdError": "reasons", "nearest": "inputs"}
     for name, file in written.items():
         assert public.place_of(f"rbd.errors.{name}") == (TOP / f"rbd/errors/{file}.py", name)
-    assert public.place_of("rbd.Solution") == (TOP / "rbd/solution.py", "Solution")
+    assert public.place_of("rbd.Solution") == (TOP / "rbd/answers/solution.py", "Solution")
 
 
 @pytest.mark.parametrize(

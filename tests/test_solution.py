@@ -9,11 +9,11 @@ import pinocchio as pin
 import pytest
 
 import rbd
+from rbd.answers.solution import Solution
 from rbd.arrays import RANK
 from rbd.errors import InaccurateWarning, NoSolution
 from rbd.problem.answer import Status
 from rbd.problem.rows import Rows
-from rbd.solution import Solution
 
 pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.EffortLimitWarning")  # noise on small motors
 

@@ -183,7 +183,7 @@ class TestOtherDoors:
                 rbd.solve_problem(problem(rbd.problem.Box([-8.0], [8.0]), 1e-3, rest), solver=solver) for rest in (1e-2, 1e-4)
             )
             assert sticks.a == pytest.approx([0.0]) and rubs.a == pytest.approx([-7.0])
-        assert rbd.analysis.contradiction(problem(rbd.problem.NonNegative(1), 1e-3, 1e-4)) is None
+        assert rbd.answers.analysis.contradiction(problem(rbd.problem.NonNegative(1), 1e-3, 1e-4)) is None
 
     def test_a_problem_by_hand_with_an_impact_has_no_answer(self):
         """Solved directly, without `rbd.solve`, a contact that approaches is no answer either."""
@@ -196,7 +196,7 @@ class TestOtherDoors:
         """Both start from the problem that was solved."""
         state, tau = up(talos, FAST)
         P = rbd.gauss_problem(state, tau, talos.soles(), rest_speed=1e-5)
-        near = rbd.solution.nearest_motion(P)
+        near = rbd.answers.solution.nearest_motion(P)
         assert np.abs(near.a).max() < 1e-9 and near.solution.opening == ()
         words = rbd.solve_problem(P).derivatives().active
         assert set(words["left_sole"]) == {"sticks"}

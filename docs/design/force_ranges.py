@@ -12,8 +12,8 @@ import numpy as np
 from scipy.optimize import linprog
 
 import rbd
-from rbd.analysis.admissible_forces import admissible
-from rbd.analysis.extent import Reach
+from rbd.answers.analysis.admissible_forces import admissible
+from rbd.answers.analysis.extent import Reach
 from rbd.problem.programs import ENDS_WORK, Work
 
 ROUNDS = 120

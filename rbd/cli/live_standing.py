@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from rbd.answers.least_constraint import solve
 from rbd.arrays import Array
 from rbd.cli.terminal import in_options, rounded
 from rbd.constraints.constraint import Constraint
 from rbd.errors import RbdError
-from rbd.least_constraint import solve
 from rbd.model.external import ExternalForce
 from rbd.model.state import State
 from rbd.robots.robot import Robot

@@ -12,6 +12,7 @@ import numpy as np
 from rich.console import Group
 from rich.text import Text
 
+from rbd.answers.solution import Solution
 from rbd.arrays import Array, largest_first
 from rbd.cli.terminal import Table, facts, in_commands, in_options, rounded
 from rbd.compiled import in_use
@@ -25,7 +26,6 @@ from rbd.robots.catalogue import licence
 from rbd.robots.diagnosis import REMEDY
 from rbd.robots.loading import doctor, load_robot
 from rbd.robots.robot import Robot
-from rbd.solution import Solution
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold
 

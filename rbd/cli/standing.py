@@ -84,9 +84,9 @@ def stand(
 
     rbd stand talos --sweep friction=0.1:1:19 --sweep push.y=0:200:21 --at torso_2_link --png map.png
     """
+    from rbd.answers.least_constraint import solve
     from rbd.cli.robot_reports import StandReport, holding
     from rbd.cli.sweeps import check_running, check_values, push_arguments, run_sweep, sweeps_of
-    from rbd.least_constraint import solve
     from rbd.model.external import ExternalForce
     from rbd.problem.cones import check_friction
     from rbd.robots.loading import load_robot

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rbd.answers.many.states import Friction, ManyExternal, ManyStates
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
-from rbd.many.states import Friction, ManyExternal, ManyStates
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External
 from rbd.model.state import State, checked
@@ -40,7 +40,8 @@ def inverse_dynamics(
         state: The robot at (q, v).
         a: The wanted acceleration, shape (nv,) [m/s2, rad/s2]; of a floating base in the base's axes, as `Solution.a`.
         contacts: Contacts, loops and other constraints, each with its own name.
-        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects and springs (`rbd.forces`).
+        external: Other forces of the world: generalised (nv,), or `ExternalForce` objects and springs
+            (`rbd.constraints.forces`).
         friction: "cone": circular cones. "inscribed": the pyramids inside them, of each contact's facets; for points that keep
             still.
         objective: What is made least, and bounds on normal forces and centres of pressure; see `rbd.statics.Effort`.
@@ -92,7 +93,8 @@ def inverse_dynamics_many(
 ) -> Actuations:
     """Motor torques and contact forces of n wanted motions: what `inverse_dynamics` answers at each, as arrays.
 
-    A motion that is not possible is a row of NaN with its `rbd.many.StateStatus` and a message; `actuations[i]` then raises
+    A motion that is not possible is a row of NaN with its `rbd.answers.many.StateStatus` and a message; `actuations[i]` then
+    raises
     the error of `inverse_dynamics`, with the limits that prevent it and the proof. Other errors and warnings are those of
     `rbd.solve_many`.
 
@@ -102,7 +104,8 @@ def inverse_dynamics_many(
         v: Velocities, shape (n, nv), or (nv,) [m/s, rad/s]; None: at rest.
         a: The wanted accelerations, shape (n, nv), or (nv,) [m/s2, rad/s2].
         contacts: As of `inverse_dynamics`.
-        external: Generalised forces (n, nv) or (nv,), or `ExternalForce`s and springs (`rbd.forces`) that act at every state.
+        external: Generalised forces (n, nv) or (nv,), or `ExternalForce`s and springs (`rbd.constraints.forces`) that act at
+            every state.
         coefficients: Of friction, in place of the contacts' own: a number or (n,), of all contacts that have one, or
             {contact: a number or (n,)}.
         friction: As of `inverse_dynamics`.

@@ -48,7 +48,9 @@ class NoSolution(RbdError):
         self._nearest = nearest
 
     def nearest(self, *, weights: Mapping[str, float | np.ndarray] | None = None) -> Any:
-        """The `NearestMotion` that violates the constraints least, by the same solver; see `rbd.solution.nearest_motion`.
+        """The `NearestMotion` that violates the constraints least, by the same solver.
+
+        See `rbd.answers.solution.nearest_motion`.
 
         Args:
             weights: {constraint: weight of its rows}; 1 if not given.

@@ -112,7 +112,7 @@ class PoorExcitationWarning(RbdWarning):
         >>> rest = rbd.Motion.of_arrays(arm, np.arange(5.0), np.zeros((5, 2)), np.zeros((5, 2)), np.zeros((5, 2)))
         >>> with warnings.catch_warnings(record=True) as seen:
         ...     warnings.simplefilter("always")
-        ...     found = rbd.identify(rbd.identification.MeasuredMotion(rest, np.tile([19.62, 4.905], (5, 1))))
+        ...     found = rbd.identify(rbd.motion.identification.MeasuredMotion(rest, np.tile([19.62, 4.905], (5, 1))))
         >>> print(seen[0].category.__name__, found.certificate.rank, "of", found.base.rank)
         PoorExcitationWarning 2 of 6
     """

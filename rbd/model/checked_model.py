@@ -58,7 +58,7 @@ class CheckedModel(ActuatedModel, Displayed):
         floating: Whether all bodies hang from one free-flyer joint.
         sound: False where the doctor found errors and the robot was loaded all the same: its M is then checked each time.
         zero_v: A velocity of zero, shape (nv,), read-only.
-        kept: Prepared forms of sets of contacts, see `rbd.prepared`.
+        kept: Prepared forms of sets of contacts, see `rbd.answers.prepared`.
         kept_bodies: Those of the bodies in contact, also of `rbd.simulation`.
     """
 

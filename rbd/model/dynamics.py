@@ -195,7 +195,7 @@ def free_acceleration(state: State, tau: Array | None, external: External = None
     Args:
         state: Where the robot is and how it moves.
         tau: Motor torques, shape (nu,) [N, N m]; None: zero.
-        external: Generalised force (nv,), or `ExternalForce` objects and springs (`rbd.forces`).
+        external: Generalised force (nv,), or `ExternalForce` objects and springs (`rbd.constraints.forces`).
 
     Example:
         >>> solo = rbd.load_robot("solo12")

@@ -48,9 +48,10 @@ class ExternalForce(Displayed):
 class ForceElement(Protocol):
     """Protocol of force elements: forces that the state determines, e.g. of springs. They go where `external` goes.
 
-    Those of `rbd.forces` are force elements; so is any object with `name`, `generalised`, `energy` and `dissipation`. If it has
+    Those of `rbd.constraints.forces` are force elements; so is any object with `name`, `generalised`, `energy` and
+    `dissipation`. If it has
     `derivatives(state)` too, (dtau/dq on the tangent space, dtau/dv), shapes (nv, nv), it is used; else they are taken by
-    differences (`rbd.analysis.external_derivatives`). What it returns is checked: sizes, and that it is finite.
+    differences (`rbd.answers.analysis.external_derivatives`). What it returns is checked: sizes, and that it is finite.
     """
 
     @property

@@ -126,8 +126,8 @@ def regressor(
             "dry_friction" (times the sign of v_i); the last three have a column for each joint velocity but those of a base.
 
     Returns:
-        Y with names, the model's values and P. Y has less than full column rank: `rbd.identification.base_parameters` finds the
-        combinations that can be known.
+        Y with names, the model's values and P. Y has less than full column rank: `rbd.motion.identification.base_parameters`
+        finds the combinations that can be known.
 
     Raises:
         InputError: wrong sizes, not finite; unknown columns.

@@ -51,7 +51,8 @@ def estimate_forces(
         contacts: What touches, loops and other constraints, each with its own name. None: what is left unexplained is told.
         tau: Measured motor torques, shape (nu,) [N, N m].
         noise: Standard deviations of the sensors.
-        external: Other forces of the world that are known: generalised (nv,), or `ExternalForce`s and springs (`rbd.forces`).
+        external: Other forces of the world that are known: generalised (nv,), or `ExternalForce`s and springs
+            (`rbd.constraints.forces`).
         loops: Whether the robot's own loops hold; one that is given counts once.
 
     Raises:

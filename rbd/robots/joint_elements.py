@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from rbd.forces.joint import JointDamping, JointSpring
+from rbd.constraints.forces.joint import JointDamping, JointSpring
 from rbd.model.checked_model import CheckedModel
 
 

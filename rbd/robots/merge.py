@@ -13,9 +13,9 @@ import pinocchio as pin
 from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import renamed
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
+from rbd.constraints.forces.joint import JointDamping, JointSpring
 from rbd.constraints.surface import rigid_placement
 from rbd.errors import InputError, ModelError, ModelWarning
-from rbd.forces.joint import JointDamping, JointSpring
 from rbd.model.checked_model import CheckedModel
 from rbd.model.data_pool import DataPool
 from rbd.model.state import State

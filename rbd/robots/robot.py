@@ -13,11 +13,11 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
+from rbd.constraints.forces.joint import JointDamping, JointSpring
 from rbd.constraints.joint import JointCoupling, JointFriction
 from rbd.constraints.joint_limit import JointLimit
 from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
 from rbd.errors import InputError, ModelError, nearest
-from rbd.forces.joint import JointDamping, JointSpring
 from rbd.model.input_files import FileLimits
 from rbd.model.motors import Motor
 from rbd.model.state import State

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
+from rbd.answers.prepared.kept import MOST_BODIES, keep
 from rbd.arrays import Array, cross_matrix, rank_of, rows_from
 from rbd.constraints.ground_points import OnGround
 from rbd.model.checked_model import CheckedModel
-from rbd.prepared.kept import MOST_BODIES, keep
 
 INDEPENDENT = 1e-6
 """Singular values below this, over the largest, are those of points on a line, or of dependent rows."""

@@ -22,10 +22,10 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
+from rbd.answers.prepared.contact_bodies import DEPENDENT, SETTINGS
 from rbd.arrays import Array, cross_rows, each_times, is_finite, lazy, max_abs, rank_of, zeros
 from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.state import State
-from rbd.prepared.contact_bodies import DEPENDENT, SETTINGS
 from rbd.simulation.bases import step_kernel
 from rbd.simulation.contact_points import Places, Points, Snapshot
 from rbd.simulation.ground_bodies import INDEPENDENT, MOST_SPARE, TouchingBodies, TurnedMap

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.analysis.uniqueness import Uniqueness
+from rbd.answers.analysis.uniqueness import Uniqueness
+from rbd.answers.solution import Solution
 from rbd.arrays import Array, as_float, lazy, max_abs
 from rbd.constraints.constraint import Constraint, member, rows_of, with_loops
 from rbd.constraints.contact_points import sources_of
@@ -31,7 +32,6 @@ from rbd.simulation.contact_points import SLIDES, Points, Snapshot, slide
 from rbd.simulation.motion import ConstraintForce
 from rbd.simulation.recording import constraint_forces, least_forces
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows, solve_velocity
-from rbd.solution import Solution
 from rbd.solvers.default import slip_law
 
 AT_REST = 1e-7

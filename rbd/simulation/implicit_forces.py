@@ -32,7 +32,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas
 
-from rbd.analysis.external_derivatives import derivatives_of
+from rbd.answers.analysis.external_derivatives import derivatives_of
 from rbd.arrays import Array, inertia_factor, lazy
 from rbd.model.external import ForceElement
 from rbd.model.state import State

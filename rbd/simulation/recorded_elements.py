@@ -1,4 +1,4 @@
-"""The force elements of a trajectory in its file's header: those of `rbd.forces` whole, others by name."""
+"""The force elements of a trajectory in its file's header: those of `rbd.constraints.forces` whole, others by name."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from rbd.constraints.forces.plain_data import data_of, element_of
 from rbd.errors import InputError
 from rbd.errors.warned import ForceElementWarning, stacklevel_of_user
-from rbd.forces.plain_data import data_of, element_of
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import ForceElement
 from rbd.simulation.trajectory_file import listed_in, words_in
@@ -38,8 +38,8 @@ def elements_in(header: Mapping[str, Any], robot: CheckedModel) -> tuple[ForceEl
         raise InputError(f"its header has two force elements of one name: {', '.join(names):.200}")
     if others:
         warnings.warn(
-            f"force elements acted that the file has by name alone ({', '.join(others):.200}), as they are not of rbd.forces. "
-            "Drawings do not show them, and rbd.identify needs them: external=[...].",
+            f"force elements acted that the file has by name alone ({', '.join(others):.200}), as they are not of "
+            "rbd.constraints.forces. Drawings do not show them, and rbd.identify needs them: external=[...].",
             ForceElementWarning,
             stacklevel=stacklevel_of_user(),
         )

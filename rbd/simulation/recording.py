@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from rbd.answers.solution import Solution
 from rbd.arrays import Array, cross_rows, is_finite, max_abs
 from rbd.constraints.contact_points import Structure
 from rbd.errors import NoSolution
@@ -32,7 +33,6 @@ from rbd.simulation.energy_balance import balance
 from rbd.simulation.motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Motion, Sample
 from rbd.simulation.trajectory_fields import COLUMNS, ENERGY, RESIDUALS
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows
-from rbd.solution import Solution
 
 _VECTORS = tuple(c for c in COLUMNS if c.axis)
 _NUMBERS = ("t", "kinetic", "potential", "motor_work", "elastic", "dissipated", *(c.name for c in RESIDUALS if c is not ENERGY))

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pinocchio as pin
 
+from rbd.answers.solution import Solution
 from rbd.arrays import Array, is_finite, max_abs
 from rbd.constraints.constraint import OPEN, Constraint, anchored, ground_of, is_carried, rows_of
 from rbd.constraints.loop_stack import LoopRows
@@ -28,7 +29,6 @@ from rbd.problem.answer import corner_split
 from rbd.problem.problem import BILATERAL, GaussProblem
 from rbd.simulation.motion import HOLDS, ConstraintForce, Motion, Sample, dissipation, stored
 from rbd.simulation.touches import held_touches
-from rbd.solution import Solution
 
 CLOSE = 3e-2
 """Where the least singular value, over the largest, is below this, stages are projected too: a stage has an error of h^2, which

@@ -90,7 +90,7 @@ def checked(fields: Fields) -> dict[str, Any]:
         out[c.name] = kept(c.name, np.zeros(n) if missing else fields[c.name], (n, *c.row(robot)))
     out["elements"] = tuple(fields["elements"])
     if not all(is_element(each) for each in out["elements"]):
-        raise InputError("elements of a trajectory must be force elements, as of rbd.forces.")
+        raise InputError("elements of a trajectory must be force elements, as of rbd.constraints.forces.")
     names, residuals = [c.name for c in RESIDUALS], fields["residuals"]
     if sorted(residuals) != sorted(names):
         raise InputError(f"residuals are {', '.join(map(str, residuals)):.80}; expected {', '.join(names)}.")

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas, lapack
 
+from rbd.answers.solution import Solution
 from rbd.arrays import Array, inertia_factor, is_finite, max_abs
 from rbd.errors import NoSolution
 from rbd.mechanism.projection import ZERO
@@ -32,7 +33,6 @@ from rbd.problem.problem import GaussProblem
 from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
 from rbd.simulation.contact_points import Layout, Snapshot
-from rbd.solution import Solution
 from rbd.solvers.admm import ConeSolver, holding
 from rbd.solvers.kkt import StickingSolver, independent_factor
 from rbd.solvers.newton import Scaled, compiled_weights, scaled, steps_from, yielding_steps

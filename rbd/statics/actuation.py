@@ -8,11 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rbd.answers.least_constraint import momentum_balance
+from rbd.answers.solution import Solution
 from rbd.arrays import Array, lazy, null_space, rank_of
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.displayed import Displayed
-from rbd.least_constraint import momentum_balance
 from rbd.model.dynamics import free_force
 from rbd.model.external import External
 from rbd.model.state import State
@@ -23,7 +24,6 @@ from rbd.problem.motion_forces import given_weights
 from rbd.problem.problem import COULOMB, GaussProblem
 from rbd.problem.residuals import Residuals
 from rbd.problem.rows import Rows
-from rbd.solution import Solution
 from rbd.solvers.conic import solve_conic
 from rbd.statics.effort import Effort
 from rbd.statics.loads import Loads

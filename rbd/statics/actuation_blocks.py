@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from rbd.answers.many.states import ManyStates
+from rbd.answers.prepared.many import BlockAnswer, ContactBlocks
 from rbd.arrays import Array
-from rbd.many.states import ManyStates
-from rbd.prepared.many import BlockAnswer, ContactBlocks
 from rbd.problem.residuals import SOLVED
 from rbd.statics.effort import Effort
 

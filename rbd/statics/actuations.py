@@ -7,17 +7,17 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rbd.answers.many.answers import ManyAnswers, Sheet
+from rbd.answers.many.blocks import friction_of, write
+from rbd.answers.many.states import ManyStates
+from rbd.answers.many.status import StateStatus
+from rbd.answers.many.warned import INACCURATE, LIMIT, OPENED, SPEED, beyond_limits, of_rows, warn
+from rbd.answers.prepared.many import BLOCK, prepared_blocks
 from rbd.arrays import Array, zeros
 from rbd.constraints.constraint import rows_of
 from rbd.displayed import Displayed
 from rbd.errors import CannotHold, CannotMove, RbdError
-from rbd.many.answers import ManyAnswers, Sheet
-from rbd.many.blocks import friction_of, write
-from rbd.many.states import ManyStates
-from rbd.many.status import StateStatus
-from rbd.many.warned import INACCURATE, LIMIT, OPENED, SPEED, beyond_limits, of_rows, warn
 from rbd.model.external import generalised
-from rbd.prepared.many import BLOCK, prepared_blocks
 from rbd.problem.answer import Status
 from rbd.statics.actuation import CHOICE, Actuation
 from rbd.statics.actuation_blocks import least_effort_of
@@ -71,7 +71,7 @@ class Actuations(ManyAnswers, Displayed):
         friction_used: {contact: `|f_t| / (mu f_n)` of its net force, shape (n,)}.
         centre_of_pressure: {contact: point in W, shape (n, 3) [m]}.
         residuals: {equation: scaled residual, shape (n,)}.
-        status: A `rbd.many.StateStatus` of each state, shape (n,), integers.
+        status: A `rbd.answers.many.StateStatus` of each state, shape (n,), integers.
         reason_codes: `rbd.errors.Reason.code` of each state, shape (n,), integers; 0 where there is an answer.
         reasons: {state: message} where it is not solved.
         methods: Names of the methods that answered; `method_codes`, shape (n,), says which did where.

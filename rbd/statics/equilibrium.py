@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from rbd.answers.many.states import Friction, ManyExternal, ManyStates
 from rbd.arrays import Array, zeros
 from rbd.constraints.constraint import Constraint
-from rbd.many.states import Friction, ManyExternal, ManyStates
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External
 from rbd.model.state import State, checked
@@ -37,7 +37,8 @@ def hold(
     Args:
         state: The pose; v must be zero.
         contacts: What it stands on; bilateral contacts (friction=None) may pull.
-        external: Other forces to hold against: generalised (nv,), or `ExternalForce` objects and springs (`rbd.forces`).
+        external: Other forces to hold against: generalised (nv,), or `ExternalForce` objects and springs
+            (`rbd.constraints.forces`).
         friction: "cone": circular cones. "inscribed": the pyramids inside them, of each contact's facets.
         objective: What is made least, and bounds on normal forces and centres of pressure; see `rbd.statics.Effort`.
         margin: Corner forces stay within 1 - margin of their cones. None: 5 % from the limit where that is possible, else up to
@@ -86,14 +87,15 @@ def hold_many(
 ) -> Actuations:
     """Motor torques and contact forces that hold a robot still at n poses: what `hold` answers at each, as arrays.
 
-    A pose that cannot be held is a row of NaN with its `rbd.many.StateStatus` and a message; `actuations[i]` then raises
-    `hold`'s error, with the limits that prevent it and the proof. Other errors and warnings as of `rbd.solve_many`.
+    A pose that cannot be held is a row of NaN with its `rbd.answers.many.StateStatus` and a message; `actuations[i]` then
+    raises `hold`'s error, with the limits that prevent it and the proof. Other errors and warnings as of `rbd.solve_many`.
 
     Args:
         robot: The robot.
         q: Configurations, shape (n, nq), or (nq,).
         contacts: As of `hold`.
-        external: Generalised forces (n, nv) or (nv,), or `ExternalForce`s and springs (`rbd.forces`) that act at every pose.
+        external: Generalised forces (n, nv) or (nv,), or `ExternalForce`s and springs (`rbd.constraints.forces`) that act at
+            every pose.
         coefficients: Of friction, in place of the contacts' own: a number or (n,), of all contacts that have one, or
             {contact: a number or (n,)}.
         friction: As of `hold`.

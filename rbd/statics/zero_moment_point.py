@@ -48,7 +48,8 @@ def zmp(state: State, a: Array, *, on: On = 0.0, external: External = None) -> A
         state: Where the robot is and how it moves.
         a: Its acceleration, shape (nv,).
         on: The plane: the height of a level one [m], or `rbd.Ground(point=..., normal=...)`.
-        external: Forces of the world beside the contacts: generalised (nv,), or `ExternalForce`s and springs (`rbd.forces`).
+        external: Forces of the world beside the contacts: generalised (nv,), or `ExternalForce`s and springs
+            (`rbd.constraints.forces`).
 
     Raises:
         NoSolution: no force along the normal pushes: in free fall, say, there is no such point.

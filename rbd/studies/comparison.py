@@ -10,11 +10,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from rbd.answers.least_constraint import answered, assembled
+from rbd.answers.solution import Solution, solution_of
 from rbd.arrays import Array, max_abs, range_of
 from rbd.constraints.constraint import Constraint
 from rbd.displayed import Displayed
 from rbd.errors import NoSolution
-from rbd.least_constraint import answered, assembled
 from rbd.model.external import External
 from rbd.model.state import State
 from rbd.problem.answer import CARRIES_NOTHING_N, Status
@@ -23,7 +24,6 @@ from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import at_rest
 from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.rows import Rows
-from rbd.solution import Solution, solution_of
 from rbd.solvers import Solver
 from rbd.solvers.admm import ConeSolver
 from rbd.solvers.default import solver_of

@@ -9,15 +9,15 @@ from functools import lru_cache
 import numpy as np
 import pinocchio as pin
 
+from rbd.answers.least_constraint import solve
+from rbd.answers.solution import Solution
 from rbd.arrays import Array, as_float, as_vector3
 from rbd.errors import InputError
-from rbd.least_constraint import solve
 from rbd.model.external import ExternalForce
 from rbd.model.state import State
 from rbd.problem.cones import check_friction
 from rbd.robots.loading import load_robot
 from rbd.robots.robot import Robot
-from rbd.solution import Solution
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
+from rbd.answers.least_constraint import gauss_problem
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
@@ -15,7 +16,6 @@ from rbd.constraints.loop import LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge
 from rbd.constraints.rolling import RollingBall
 from rbd.displayed import Displayed
-from rbd.least_constraint import gauss_problem
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import ExternalForce
 from rbd.model.state import State

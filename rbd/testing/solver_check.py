@@ -8,13 +8,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.optimize import nnls
 
+from rbd.answers.solution import Solution
 from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError, Reason
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.problem.problem import GaussProblem, Law
-from rbd.solution import Solution
 from rbd.solvers import Solver
 from rbd.testing.reference import ReferenceProblem, reference_problems
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from rbd.arrays import as_float, check_positive, check_whole
 from rbd.errors import InputError
+from rbd.mechanism.small_motion.linearised import Linearised
+from rbd.mechanism.small_motion.modes import Mode
 from rbd.motion.motion import Motion
 from rbd.robots.robot import Robot
-from rbd.small_motion.linearised import Linearised
-from rbd.small_motion.modes import Mode
 from rbd.visual.figures.plots import an_axis
 from rbd.visual.playback.animation import export_motion
 from rbd.visual.scene import Scene

@@ -10,8 +10,8 @@ from os import PathLike
 from pathlib import Path
 from string import Template
 
+from rbd.answers.least_constraint import solve
 from rbd.errors import InputError
-from rbd.least_constraint import solve
 from rbd.robots.loading import load_robot
 from rbd.robots.robot import Robot
 from rbd.statics.equilibrium import hold

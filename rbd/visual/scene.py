@@ -38,8 +38,8 @@ from rbd.visual.robot_meshes import RobotPart
 from rbd.visual.style import a_length, a_page, a_picture, contact_colors
 
 if TYPE_CHECKING:
+    from rbd.answers.solution import Solution
     from rbd.robots.robot import Robot
-    from rbd.solution import Solution
     from rbd.statics.actuation import Actuation
 
 

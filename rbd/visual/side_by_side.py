@@ -9,11 +9,11 @@ from pathlib import Path
 from string import Template
 from typing import Any
 
+from rbd.answers.solution import NearestMotion, Solution
 from rbd.arrays import Array, check_flag
 from rbd.errors import InputError, PictureError
 from rbd.model.state import State
 from rbd.robots.robot import Robot
-from rbd.solution import NearestMotion, Solution
 from rbd.statics.actuation import Actuation
 from rbd.visual.pages.page import write_page
 from rbd.visual.scene import Scene

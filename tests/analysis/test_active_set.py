@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.analysis.active_set import ActiveSet
+from rbd.answers.analysis.active_set import ActiveSet
 from rbd.errors import NotDifferentiable
 from rbd.problem.rows import Rows
 from rbd.testing import box

@@ -8,8 +8,8 @@ import pytest
 from scipy.optimize import least_squares
 
 import rbd
-from rbd.analysis.modes import modes_of
-from rbd.analysis.uniqueness import motion_freedom
+from rbd.answers.analysis.modes import modes_of
+from rbd.answers.analysis.uniqueness import motion_freedom
 from rbd.problem.residuals import SOLVED, residuals_of
 from rbd.testing import box
 

@@ -11,9 +11,9 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.analysis.active_set import ActiveSet
-from rbd.analysis.held_rows import HeldRows
-from rbd.analysis.sensitivity import Derivatives
+from rbd.answers.analysis.active_set import ActiveSet
+from rbd.answers.analysis.held_rows import HeldRows
+from rbd.answers.analysis.sensitivity import Derivatives
 from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
 
 MOTION = ("da_dq", "da_dv", "da_dtau", "da_dexternal")

@@ -13,8 +13,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.analysis.conditions import conditions_of, smallest_violation
-from rbd.analysis.infeasibility import Contradiction, _polished, contradiction, split
+from rbd.answers.analysis.conditions import conditions_of, smallest_violation
+from rbd.answers.analysis.infeasibility import Contradiction, _polished, contradiction, split
 from rbd.arrays import Array
 from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.problem.problem import CONVEX
@@ -411,7 +411,7 @@ def test_where_nothing_is_held_no_row_is_said_to_be_unmet() -> None:
 @pytest.mark.parametrize("limit", ["CERTIFICATE_LEFT_OUT", "CERTIFICATE_PROGRAMS"])
 def test_a_search_that_ends_at_its_limit_does_not_claim_the_smallest(monkeypatch: pytest.MonkeyPatch, limit: str) -> None:
     """The contradiction is proved as ever; that no smaller one exists is not said."""
-    monkeypatch.setattr(f"rbd.analysis.infeasibility.{limit}", 0)
+    monkeypatch.setattr(f"rbd.answers.analysis.infeasibility.{limit}", 0)
     found = contradiction(ladder_of_stops(3))
     assert_proved(ladder_of_stops(3), found)
     assert found is not None and not found.smallest and "A smaller set was not excluded." in str(found)
@@ -444,15 +444,15 @@ def test_a_law_that_is_none_is_refused() -> None:
 
 def test_stops_give_way_to_each_other_by_their_weights() -> None:
     """Asked for a >= 1 and a <= -2: a = -1/2; where the lower stop's square counts w^2 times, a = (w^2 - 2) / (1 + w^2)."""
-    near = rbd.solution.nearest_motion(squeezed())
+    near = rbd.answers.solution.nearest_motion(squeezed())
     assert near.a == pytest.approx([-0.5], abs=TINY)
     assert near.violation["low"] == pytest.approx([1.5], abs=TINY) and near.optimality < TINY
-    near = rbd.solution.nearest_motion(squeezed(), weights={"low": 3.0})
+    near = rbd.answers.solution.nearest_motion(squeezed(), weights={"low": 3.0})
     assert near.a == pytest.approx([(9.0 - 2.0) / 10.0], abs=TINY)
     assert near.violation["low"] == pytest.approx([0.3], abs=TINY)
 
 
-def assert_least(P: rbd.GaussProblem, near: rbd.solution.NearestMotion) -> None:
+def assert_least(P: rbd.GaussProblem, near: rbd.answers.solution.NearestMotion) -> None:
     """Its own proof, from outside: s in K with J^T s = 0 and s . offset = -|s|^2, so no a has a row distance below |s|."""
     s = stacked(P, dict(near.violation))
     size = max(1.0, float(np.abs(s).max())) ** 2
@@ -476,7 +476,7 @@ def test_the_violation_is_the_least(seed: int) -> None:
     ]
     P = problem(*[rows(str(i), rng.normal(size=(c.dim, nv)), 3.0 * rng.normal(size=c.dim), c) for i, c in enumerate(cones)])
     assert contradiction(P, "convex, 4 facets") is not None
-    near = rbd.solution.nearest_motion(P, solver=rbd.ProxQP())
+    near = rbd.answers.solution.nearest_motion(P, solver=rbd.ProxQP())
     assert_least(P, near)
     assert near.solution.status is rbd.problem.Status.SOLVED and near.optimality < 1e-9
     s = stacked(P, dict(near.violation))
@@ -518,7 +518,7 @@ def test_of_what_can_be_solved_the_nearest_motion_is_the_answer(talos: rbd.Robot
     state, soles = talos.standing(), talos.soles()
     tau = rbd.hold(state, soles).tau * 0.9
     P = rbd.gauss_problem(state, tau, soles)
-    near = rbd.solution.nearest_motion(P)
+    near = rbd.answers.solution.nearest_motion(P)
     assert near.worst == 0.0
     assert np.abs(near.a - rbd.solve(state, tau, soles).a).max() < 1e-9
 
@@ -531,7 +531,7 @@ def test_a_box_turning_on_four_held_corners_moves_as_on_one_patch(solver: rbd.Pr
     patch = rbd.SurfaceContact("patch", "box", corners=SITES * [1, 1, 0], placement=at)
     six = rbd.solve(state, [], [patch])
     P = rbd.gauss_problem(state, [], corners())
-    near = rbd.solution.nearest_motion(P, solver=solver)
+    near = rbd.answers.solution.nearest_motion(P, solver=solver)
     best = rbd.solve(state, [], corners(), solver=solver, check=False)
     for answer in (near.solution, best):
         assert np.abs(answer.a - six.a).max() < 1e-9
@@ -549,7 +549,7 @@ def test_talos_turning_on_four_held_points_moves_as_on_a_sole(talos: rbd.Robot, 
     state = talos.standing().with_velocity(rng.normal(size=talos.nv))
     tau = rbd.hold(talos.standing(), talos.soles()).tau
     P = rbd.gauss_problem(state, tau, points)
-    near = rbd.solution.nearest_motion(P, solver=solver)
+    near = rbd.answers.solution.nearest_motion(P, solver=solver)
     met = np.concatenate([near.violation[p.name] for p in points])
     assert np.abs(met).max() > 0.01
     # Accelerations of the corners are B times that of the patch, so six rows with B^+ of the corners' offsets say the same.
@@ -572,7 +572,7 @@ def test_true_cones_have_a_nearest_motion_too(law: str) -> None:
     """A point drawn along its floor: circular cone, distance of (1, 1, n) and (0, 0, 0) shared by two rows, half each."""
     normal = 0.3 if law == "convex" else -0.3
     P = floor_and_pull(normal)
-    near = rbd.solution.nearest_motion(P, solver=rbd.ConeSolver(law=law))  # type: ignore[arg-type]
+    near = rbd.answers.solution.nearest_motion(P, solver=rbd.ConeSolver(law=law))  # type: ignore[arg-type]
     assert_least(P, near)
     slope = MU if law == "convex" else 0.0  # c_n >= slope |c_t|
     apart = (slope * math.sqrt(2.0) - normal) / math.hypot(1.0, slope)
@@ -588,7 +588,7 @@ def test_a_true_cone_is_met_where_it_is_not_along_a_first_ray(angle: float) -> N
         rows("floor", np.eye(3), [0, 0, 0], rbd.problem.FrictionCone(MU)),
         rows("pull", np.eye(3), [*-along, 0.0], rbd.problem.Free(3)),
     )
-    near = rbd.solution.nearest_motion(P, solver=rbd.ConeSolver(law="convex"))
+    near = rbd.answers.solution.nearest_motion(P, solver=rbd.ConeSolver(law="convex"))
     assert_least(P, near)
     half = 0.5 * MU / math.hypot(1.0, MU)  # from (along, 0) to c_n >= mu |c_t|, shared by two
     expected = half * np.r_[-MU * along, 1.0] / math.hypot(1.0, MU)
@@ -610,17 +610,17 @@ def test_a_violation_is_judged_by_its_own_conditions(monkeypatch: pytest.MonkeyP
     expected, miss = smallest_violation(P, CONVEX)
     assert miss < 1e-9
     if way == "cuts":
-        monkeypatch.setattr("rbd.analysis.conditions.VIOLATION_CUTS", 1)
+        monkeypatch.setattr("rbd.answers.analysis.conditions.VIOLATION_CUTS", 1)
     else:
-        monkeypatch.setattr("rbd.analysis.conditions.least_distance", lambda *_: None)
+        monkeypatch.setattr("rbd.answers.analysis.conditions.least_distance", lambda *_: None)
     if way == "nothing":
-        monkeypatch.setattr("rbd.analysis.conditions.qp.attempts", lambda *_, **__: iter(()))
+        monkeypatch.setattr("rbd.answers.analysis.conditions.qp.attempts", lambda *_, **__: iter(()))
     elif way == "zeros":
 
         def at_zero(H: Array, *_: object, **__: object) -> Iterator[QPResult]:
             yield QPResult(np.zeros(len(H)), np.zeros(P.nv), np.zeros(0), 1)
 
-        monkeypatch.setattr("rbd.analysis.conditions.qp.attempts", at_zero)
+        monkeypatch.setattr("rbd.answers.analysis.conditions.qp.attempts", at_zero)
     s, optimality = smallest_violation(P, CONVEX)
     if way == "no guess" or (way == "cuts" and P.nv == 1):  # stops need no rays
         assert optimality < 1e-9 and np.abs(s - expected).max() < 1e-9
@@ -637,11 +637,11 @@ def test_weights_that_are_none_are_refused() -> None:
         ([1.0], "expected {constraint: weight}"),
     ):
         with pytest.raises(InputError, match=said):
-            rbd.solution.nearest_motion(squeezed(), weights=weights)  # type: ignore[arg-type]
+            rbd.answers.solution.nearest_motion(squeezed(), weights=weights)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="solver is"):
-        rbd.solution.nearest_motion(squeezed(), solver=rbd.ProxQP)  # type: ignore[arg-type]
+        rbd.answers.solution.nearest_motion(squeezed(), solver=rbd.ProxQP)  # type: ignore[arg-type]
     with pytest.raises(rbd.errors.Unsupported, match="KKT"):
-        rbd.solution.nearest_motion(squeezed(), solver=rbd.KKT())
+        rbd.answers.solution.nearest_motion(squeezed(), solver=rbd.KKT())
 
 
 # The error
@@ -731,7 +731,7 @@ def test_unchecked_answers_of_contradictory_contacts_are_bounded(talos: rbd.Robo
     found = rbd.solve_problem(P, check=False)
     assert found.status is rbd.problem.Status.INFEASIBLE
     assert np.abs(found.multipliers).max() < 10.0 * talos.mass * 9.81
-    near = rbd.solution.nearest_motion(P)
+    near = rbd.answers.solution.nearest_motion(P)
     assert near.solution.status is rbd.problem.Status.SOLVED and np.abs(found.a - near.a).max() < 1e-7
     s = stacked(P, dict(near.violation))
     # The two normals share what they are apart; so does the sole's moment, of the ceiling's lever about its centre.

@@ -16,7 +16,7 @@ import pytest
 from work import calls
 
 import rbd
-from rbd.analysis import extent, force_choice
+from rbd.answers.analysis import extent, force_choice
 from rbd.errors import CannotHold, InputError, NoSolution, RbdError
 from rbd.model.checked_model import CheckedModel
 from rbd.problem import programs
@@ -227,7 +227,7 @@ class TestWork:
     @pytest.mark.parametrize("solver", LAWS, ids=IDS)
     def test_ranges_that_were_not_found_say_so(self, monkeypatch, solver):
         """NaN, "?", `found` False, and no forces that attain them; the value returned stays."""
-        monkeypatch.setattr("rbd.analysis.uniqueness.ENDS_WORK", -1.0)
+        monkeypatch.setattr("rbd.answers.analysis.uniqueness.ENDS_WORK", -1.0)
         u = sole(solver=solver).uniqueness()
         r = u.contacts["floor"].corners[0]
         assert not u.found and not r.found and math.isnan(r.lowest) and math.isnan(r.highest)
@@ -241,7 +241,7 @@ class TestWork:
         expected = s.uniqueness().contacts["floor"].corners
         known = []
         for work in (1e5, 3e6, 1e7, 3e7, 1e8):
-            monkeypatch.setattr("rbd.analysis.uniqueness.ENDS_WORK", work)
+            monkeypatch.setattr("rbd.answers.analysis.uniqueness.ENDS_WORK", work)
             u = s.uniqueness()
             for one, full in zip(u.contacts["floor"].corners, expected, strict=True):
                 for found, end in ((one.lowest, full.lowest), (one.highest, full.highest)):

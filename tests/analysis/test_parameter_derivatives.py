@@ -29,7 +29,7 @@ def answer(solution: rbd.Solution) -> np.ndarray:
     return np.concatenate([solution.a, *solution.forces.values()])
 
 
-def column(found: rbd.analysis.Derivatives, parameter: str, label: str) -> np.ndarray:
+def column(found: rbd.answers.analysis.Derivatives, parameter: str, label: str) -> np.ndarray:
     """(da, dforces) by one label."""
     by = found.parameters[parameter]
     return np.concatenate([by.of(label), *[by.force_of(label, name) for name in by.forces]])

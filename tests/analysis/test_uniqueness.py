@@ -10,7 +10,7 @@ import pytest
 from scipy.optimize import linprog
 
 import rbd
-from rbd.analysis.extent import Reach
+from rbd.answers.analysis.extent import Reach
 from rbd.errors import NoSolution
 from rbd.problem.cones import pyramid
 from rbd.problem.programs import Work
@@ -56,7 +56,7 @@ def ends(r) -> tuple[float, float]:
     return r.lowest, r.highest
 
 
-def all_ranges(u: rbd.analysis.Uniqueness) -> list:
+def all_ranges(u: rbd.answers.analysis.Uniqueness) -> list:
     """Every range of an answer, with the constraint it belongs to and what to look at in the forces."""
     found = []
     for name, c in u.contacts.items():

@@ -42,7 +42,7 @@ def estimated(found: rbd.motion.ForceEstimate) -> list[str]:
 
 
 def identified(constraints: list[Any], **loops: bool) -> np.ndarray:
-    given = rbd.identification.MeasuredMotion(swung([PIN]), contacts=constraints, **loops)
+    given = rbd.motion.identification.MeasuredMotion(swung([PIN]), contacts=constraints, **loops)
     return np.asarray(str(given))
 
 
@@ -148,7 +148,7 @@ def test_loops_is_a_truth_value(nonsense: Any) -> None:
 
 def test_every_verb_with_constraints_has_the_rule() -> None:
     """Each public function of constraints takes loops=True, but those whose answer contacts with the world decide alone."""
-    modules = (rbd, rbd.mechanism, rbd.control, rbd.statics, rbd.motion, rbd.simulation, rbd.studies, rbd.identification)
+    modules = (rbd, rbd.mechanism, rbd.control, rbd.statics, rbd.motion, rbd.simulation, rbd.studies, rbd.motion.identification)
     public = {
         getattr(module, name) for module in modules for name in module.__all__ if name not in ("zmp_region", "wrench_cone")
     }

@@ -7,10 +7,10 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.analysis.differences import slope
-from rbd.analysis.external_derivatives import derivatives_of, element_derivatives
-from rbd.forces.coordinates import inverse_change, inverse_left_jacobian, rotation_vector
-from rbd.forces.places import Pair, Place
+from rbd.answers.analysis.differences import slope
+from rbd.answers.analysis.external_derivatives import derivatives_of, element_derivatives
+from rbd.constraints.forces.coordinates import inverse_change, inverse_left_jacobian, rotation_vector
+from rbd.constraints.forces.places import Pair, Place
 from rbd.model.pose_derivatives import FixedPose, state_derivatives
 
 Array = np.ndarray

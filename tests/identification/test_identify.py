@@ -14,10 +14,10 @@ from true_robots import g1, in_the_air, on_its_feet
 
 import rbd
 from rbd.errors import InaccurateWarning, PoorExcitationWarning
-from rbd.identification import Identification, MeasuredMotion
-from rbd.identification.consistent import Prior, minimise
-from rbd.identification.possible import pseudo_inertia
 from rbd.model.inertial import body_names, inertial_parameters
+from rbd.motion.identification import Identification, MeasuredMotion
+from rbd.motion.identification.consistent import Prior, minimise
+from rbd.motion.identification.possible import pseudo_inertia
 
 ARM = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 0.8]), masses=[1.0, 2.0])
 
@@ -306,16 +306,16 @@ class TestExcitation:
     def test_it_is_that_of_the_identification(self):
         """The same condition number, without torques; of columns of friction too."""
         motion, tau = waving(ARM)
-        found = rbd.identification.excitation(motion)
+        found = rbd.motion.identification.excitation(motion)
         assert found.rank == 6 and found.condition == pytest.approx(
             rbd.identify(MeasuredMotion(motion, tau)).certificate.condition, rel=1e-6
         )
-        assert rbd.identification.excitation(motion, columns=["inertia", "damping"]).rank == 8
+        assert rbd.motion.identification.excitation(motion, columns=["inertia", "damping"]).rank == 8
 
     def test_it_names_what_a_still_link_does_not_tell(self):
         """Joint 1 never moves: its torques tell the weight of link 1 in one posture, and nothing of its inertia."""
         still = rbd.Motion.from_function(ARM, lambda t: np.array([0.3, np.sin(3.0 * t)]), np.linspace(0.0, 4.0, 60))
-        found = rbd.identification.excitation(still)
+        found = rbd.motion.identification.excitation(still)
         assert found.rank == 4 and found.condition == np.inf and "condition inf" in str(found)
         assert set(found.weakest) <= {"link_1.mc_x", "link_1.mc_z", "link_1.I_yy"}
 
@@ -390,8 +390,8 @@ def test_a_push_that_is_not_given_is_told():
         run = rbd.simulate(arm.at([0.3]), [], duration=0.1, step=1e-2, external=external)
         assert run.pushed
         with pytest.raises(rbd.InputError, match="external forces acted in the trajectory, which it does not record"):
-            rbd.identification.MeasuredMotion(run)
-    rbd.identification.MeasuredMotion(run, external=external)
+            rbd.motion.identification.MeasuredMotion(run)
+    rbd.motion.identification.MeasuredMotion(run, external=external)
     assert not rbd.simulate(arm.at([0.3]), [], duration=0.1, step=1e-2, external=lambda state, t: []).pushed
 
 
@@ -456,4 +456,4 @@ def test_forces_of_another_width_are_refused(columns: int) -> None:
     rest = rbd.simulate(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [face], duration=0.02, step=1e-2)
     given = MeasuredMotion(rest, contacts=[face], forces={"face": np.zeros((3, columns))})
     with pytest.raises(rbd.InputError, match=f"forces of 'face' have {columns} columns; expected 6"):
-        rbd.identification.identify(given)
+        rbd.motion.identification.identify(given)

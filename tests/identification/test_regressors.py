@@ -9,7 +9,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.identification.possible import (
+from rbd.model.inertial import COLUMNS, body_names, inertial_parameters
+from rbd.motion.identification.possible import (
     central,
     is_possible,
     made_possible,
@@ -17,7 +18,6 @@ from rbd.identification.possible import (
     pseudo_inertia,
     whitened_basis,
 )
-from rbd.model.inertial import COLUMNS, body_names, inertial_parameters
 
 
 @pytest.mark.parametrize("name", ["talos", "g1", "panda"])
@@ -75,7 +75,7 @@ class TestBaseParameters:
     def test_a_planar_arm_is_the_textbooks(self):
         """Of two links of lengths l: m_1 c_1 + l m_2, I_1 + l^2 m_2, m_2 c_2, I_2, and centres off the links' lines."""
         arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[0.7, 1.0]), masses=[1.0, 1.0])
-        base = rbd.identification.base_parameters(arm)
+        base = rbd.motion.identification.base_parameters(arm)
         assert base.labels == ("link_1.mc_x", "link_1.mc_z", "link_1.I_yy", "link_2.mc_x", "link_2.mc_z", "link_2.I_yy")
         expected = np.zeros((6, 20))
         for i, column in enumerate(base.columns):
@@ -89,7 +89,7 @@ class TestBaseParameters:
     def test_a_floating_tree_has_ten_and_seven_a_hinge(self):
         """213 of G1's 300; the total mass is one of them, no single mass is."""
         robot = rbd.load_robot("g1")
-        base = rbd.identification.base_parameters(robot)
+        base = rbd.motion.identification.base_parameters(robot)
         assert base.rank == 10 + 7 * robot.nu == 213
         total = np.tile(np.eye(10)[0], 30)
         assert base.reaches(total) and base.labels[0] == "pelvis.m"
@@ -98,18 +98,18 @@ class TestBaseParameters:
 
     def test_rounding_is_no_parameter(self):
         """A Panda on a table has 43 of its arm, and four of each finger: one less than by columns of 1e-16."""
-        assert rbd.identification.base_parameters(rbd.load_robot("panda", root="fixed")).rank == 51
+        assert rbd.motion.identification.base_parameters(rbd.load_robot("panda", root="fixed")).rank == 51
 
     def test_bodies_without_mass_have_none(self):
         """The human model joins hinges by bodies without mass: they are in no combination."""
         human = rbd.load_robot("human")
-        base, massless = rbd.identification.base_parameters(human), inertial_parameters(human)[:, 0] == 0.0
+        base, massless = rbd.motion.identification.base_parameters(human), inertial_parameters(human)[:, 0] == 0.0
         assert massless.sum() == 19 and not base.B[:, np.repeat(massless, 10)].any() and base.rank == 155
 
     def test_the_reduced_equations_are_the_whole_ones(self, rng: np.random.Generator):
         """Y theta = Y_1 B theta for any parameters at states that were not used to find B."""
         robot = rbd.load_robot("panda")
-        base = rbd.identification.base_parameters(robot, columns=COLUMNS)
+        base = rbd.motion.identification.base_parameters(robot, columns=COLUMNS)
         assert len(str(base).splitlines()) == 14 and "and" in str(base) and repr(base).startswith("BaseParameters(")
         for _ in range(5):
             q = pin.integrate(robot.model, robot.neutral(), rng.uniform(-1.0, 1.0, robot.nv))

@@ -9,9 +9,9 @@ import numpy as np
 import pinocchio as pin
 
 import rbd
-from rbd.identification import MeasuredMotion
-from rbd.identification.possible import central, parameters_of, pseudo_inertia
 from rbd.model.inertial import inertial_parameters
+from rbd.motion.identification import MeasuredMotion
+from rbd.motion.identification.possible import central, parameters_of, pseudo_inertia
 
 
 def with_other_inertias(robot: rbd.Robot, seed: int = 1, size: float = 0.1) -> rbd.Robot:

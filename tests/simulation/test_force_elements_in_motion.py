@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.forces import Bushing, Damper, JointDamping, JointSpring, Spring
+from rbd.constraints.forces import Bushing, Damper, JointDamping, JointSpring, Spring
 from rbd.model.checked_model import CheckedModel
 
 EXACT = rbd.DormandPrince8(rtol=1e-12, atol=1e-13)

@@ -33,7 +33,7 @@ def run(start: rbd.State, external: object, **options: object) -> rbd.Trajectory
 
 
 @pytest.mark.parametrize(("element", "rate"), [(damper(1e4), "1e.04"), (spring(1e8), "1e.04")], ids=["damper", "spring"])
-def test_one_that_stops_the_default_is_named_with_the_cure(start: rbd.State, element: rbd.forces.Spring, rate: str):
+def test_one_that_stops_the_default_is_named_with_the_cure(start: rbd.State, element: rbd.constraints.forces.Spring, rate: str):
     said = rf"stiff force elements \('{element.name}'\): their fastest rate is {rate} per second, 100 times 1 / step"
     with pytest.warns(InaccurateWarning, match=said), pytest.raises(SimulationStopped, match=f"{said}.*rbd.TimeStepping"):
         run(start, element)
@@ -87,7 +87,7 @@ def test_joints_of_an_arm_have_the_rate_of_its_lightest_motion():
 
 
 @pytest.mark.parametrize("element", [damper(1e8), spring(1e12)], ids=["damper", "spring"])
-def test_adaptive_steps_on_one_of_1e8_are_warned_of_and_given_up(start: rbd.State, element: rbd.forces.Spring):
+def test_adaptive_steps_on_one_of_1e8_are_warned_of_and_given_up(start: rbd.State, element: rbd.constraints.forces.Spring):
     """They would be some 1e5 between two samples; a motion is given up after `most_steps` of them."""
     said = rf"stiff force elements \('{element.name}'\).*some [\d.e+]+ steps between samples"
     by = rbd.DormandPrince8(most_steps=200)

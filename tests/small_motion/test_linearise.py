@@ -65,7 +65,7 @@ def test_the_bicycles_small_motion_is_that_of_the_true_simulation():
     assert off[0] < 2e-5 and 3.5 < off[0] / off[1] < 9.0
 
 
-def _assembled(small: rbd.small_motion.Linearised, x: Array) -> rbd.State:
+def _assembled(small: rbd.mechanism.small_motion.Linearised, x: Array) -> rbd.State:
     """A state x away, put back onto the wheels' ground."""
     near = small.changed(x)
     return rbd.State(near.robot, rbd.mechanism.assemble(near, tyres()).q, near.v)
@@ -75,7 +75,7 @@ def _carried(state: rbd.State, t: float) -> rbd.State:
     return rbd.State(state.robot, pin.integrate(state.robot.model, state.q, t * state.v), state.v)
 
 
-def _coordinates(small: rbd.small_motion.Linearised, about: rbd.State, state: rbd.State) -> Array:
+def _coordinates(small: rbd.mechanism.small_motion.Linearised, about: rbd.State, state: rbd.State) -> Array:
     """The x of a state, about one of the steady motion."""
     names = [c.name for c in state.robot.joints.velocities]
     dq, dv = pin.difference(state.robot.model, about.q, state.q), state.v - about.v
@@ -109,7 +109,7 @@ def test_double_pendula_swing_at_the_closed_form(bodies: str, squares: tuple[flo
 def test_damping_makes_a_pendulum_decay_as_its_formula_says():
     """It is lambda = -d / (2 m L^2) +/- ...: an external element's derivatives are in A."""
     bob, mass, length, d = pendulum(2.0, 0.5), 2.0, 0.5, 0.3
-    element = rbd.forces.JointDamping({"hinge": d})
+    element = rbd.constraints.forces.JointDamping({"hinge": d})
     small = rbd.linearise(rbd.State(bob, np.zeros(1)), [], external=[element])
     (mode,) = small.modes()
     decay = d / (2.0 * mass * length**2)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rbd.small_motion.modes import in_phase, largest_entry, shares_of
+from rbd.mechanism.small_motion.modes import in_phase, largest_entry, shares_of
 
 ROUNDING = 1e-12
 

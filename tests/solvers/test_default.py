@@ -139,7 +139,7 @@ def test_rows_that_contradict_each_other_are_named_with_their_proof():
     assert near.a == pytest.approx([0.0, 0.0, -0.5], abs=1e-9) and str(near.solution.law) == "coulomb"
     unchecked = rbd.solve_problem(P, check=False)
     assert unchecked.status is rbd.problem.Status.INFEASIBLE and unchecked.a == pytest.approx(near.a, abs=1e-9)
-    assert rbd.solution.nearest_motion(P, law="convex").a == pytest.approx([0.0, 0.0, -0.5], abs=1e-9)
+    assert rbd.answers.solution.nearest_motion(P, law="convex").a == pytest.approx([0.0, 0.0, -0.5], abs=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -152,7 +152,7 @@ def test_a_law_and_a_solver_of_another_are_refused(law, solver):
     ):
         pushed((30.0, 0.0, 0.0), law=law, solver=solver)
     with pytest.raises(InputError, match="Leave one of them out"):
-        rbd.solution.nearest_motion(rbd.GaussProblem(np.eye(1), [1.0]), law=law, solver=solver)
+        rbd.answers.solution.nearest_motion(rbd.GaussProblem(np.eye(1), [1.0]), law=law, solver=solver)
 
 
 def test_what_is_no_law_is_refused_and_what_fits_is_taken():

@@ -14,9 +14,9 @@ import pytest
 import xarray as xr
 
 import rbd
+from rbd.answers.many import StateStatus
+from rbd.answers.many.answers import ManyAnswers
 from rbd.errors import Reason
-from rbd.many import StateStatus
-from rbd.many.answers import ManyAnswers
 from rbd.studies.kept.layout import Layout
 from rbd.studies.kept.limits_of_standing import inscribed_radius
 from rbd.studies.kept.plain import NotKept
@@ -456,7 +456,7 @@ class TestRecords:
     def test_kept_names(self):
         """What keep may name, by type; of a subclass those of its base."""
         assert rbd.studies.kept_names(rbd.Solution)["forces"].startswith("force or wrench")
-        assert kind_of(rbd.many.Solutions) is kind_of(ManyAnswers)
+        assert kind_of(rbd.answers.many.Solutions) is kind_of(ManyAnswers)
         for nonsense in (int, 3, "Solution"):
             with pytest.raises(rbd.InputError, match="is no type of which a study keeps something by name"):
                 rbd.studies.kept_names(nonsense)  # type: ignore[arg-type]

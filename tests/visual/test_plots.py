@@ -15,7 +15,7 @@ from rbd.visual import contact_colors, plot_ranges
 COLUMNS = {"a": 1.0, "b": 1.0, "c": -1.0}
 
 
-def beam(friction: float | None, names: str = "ab") -> rbd.analysis.Uniqueness:
+def beam(friction: float | None, names: str = "ab") -> rbd.answers.analysis.Uniqueness:
     """A mass of one coordinate on supports that push it up (a, b) or down (c), 6 N."""
     rows = []
     for name in names:

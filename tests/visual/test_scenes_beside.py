@@ -11,7 +11,7 @@ import pytest
 from PIL import Image
 
 import rbd
-from rbd.solution import nearest_motion
+from rbd.answers.solution import nearest_motion
 from rbd.visual import Scene, contact_colors, scenes_beside, screenshot
 
 URDF = Path(__file__).parents[2] / "urdf" / "box.urdf"

@@ -15,9 +15,9 @@ import rbd
 PACKAGES = tuple(
     f"rbd.{name}"
     for name in (
-        *("dynamics", "constraints", "problem", "solvers", "analysis", "robots", "model", "statics", "control", "mechanism"),
-        "small_motion",
-        *("simulation", "motion", "identification", "many", "forces", "studies", "planar", "visual", "testing", "errors"),
+        *("dynamics", "constraints", "constraints.forces", "problem", "solvers", "answers.analysis", "answers.many"),
+        *("robots", "model", "statics", "control", "mechanism", "mechanism.small_motion", "simulation"),
+        *("motion", "motion.identification", "studies", "planar", "visual", "testing", "errors"),
     )
 )
 """Sub-packages and modules that users import from, besides `rbd` itself."""

@@ -6,17 +6,17 @@ from typing import Any
 
 import numpy as np
 
+from rbd.answers.many import naming
+from rbd.answers.many.naming import Named
+from rbd.answers.many.status import StateStatus
+from rbd.answers.many.variable import Variable
 from rbd.arrays import Array
-from rbd.many import naming
-from rbd.many.naming import Named
-from rbd.many.status import StateStatus
-from rbd.many.variable import Variable
 from rbd.problem.answer import Answer
 from rbd.statics.actuation import Actuation
 from rbd.studies.kept.registry import Kept, Kind, Verdict, number, one
 
 ABOUT = {
-    "status": "solved, inaccurate, failed, ...: a code of rbd.many.StateStatus",
+    "status": "solved, inaccurate, failed, ...: a code of rbd.answers.many.StateStatus",
     "worst_residual": "largest scaled residual: the certificate of the answer",
     "residuals": "scaled residual of each equation",
     "a": "accelerations, by velocity coordinate",

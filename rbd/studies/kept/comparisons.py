@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rbd.many import naming
-from rbd.many.naming import Named
+from rbd.answers.many import naming
+from rbd.answers.many.naming import Named
 from rbd.studies.comparison import LawComparison
 from rbd.studies.kept.answers import verdict_of
 from rbd.studies.kept.registry import Kept, Kind, Verdict, number, one

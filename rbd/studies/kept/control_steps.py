@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
+from rbd.answers.many import naming
+from rbd.answers.many.naming import Named
 from rbd.arrays import max_abs
 from rbd.control.task_actuation import TaskActuation
-from rbd.many import naming
-from rbd.many.naming import Named
 from rbd.studies.kept import answers
 from rbd.studies.kept.registry import Kept, Kind, number, one
 

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from rbd.answers.many import naming
+from rbd.answers.many.naming import Named
+from rbd.answers.many.variable import Variable
 from rbd.arrays import Array
-from rbd.many import naming
-from rbd.many.naming import Named
-from rbd.many.variable import Variable
 from rbd.problem.programs import Outcome, linear_program
 from rbd.statics.pushes import PushLimits
 from rbd.statics.regions import SupportRegion

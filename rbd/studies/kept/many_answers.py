@@ -6,11 +6,11 @@ from typing import Any
 
 import numpy as np
 
+from rbd.answers.many import naming
+from rbd.answers.many.answers import ManyAnswers
+from rbd.answers.many.naming import Named
+from rbd.answers.many.variable import Variable
 from rbd.arrays import Array
-from rbd.many import naming
-from rbd.many.answers import ManyAnswers
-from rbd.many.naming import Named
-from rbd.many.variable import Variable
 from rbd.studies.kept.answers import ABOUT
 from rbd.studies.kept.registry import Kept, Kind, Rows
 
@@ -65,7 +65,7 @@ _NAMES = {
     "method": Kept(ABOUT["method"], lambda found: [("method", Variable(found.method, (), "", ABOUT["method"]))], False),
 }
 KINDS = {
-    "rbd.many.answers.ManyAnswers": Kind(_NAMES, _CERTIFICATE, rows=_rows),
+    "rbd.answers.many.answers.ManyAnswers": Kind(_NAMES, _CERTIFICATE, rows=_rows),
     "rbd.statics.actuations.Actuations": Kind(
         {name: kept for name, kept in _NAMES.items() if name != "a"}
         | {

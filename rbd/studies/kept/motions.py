@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from rbd.answers.many import naming
+from rbd.answers.many.naming import Named
+from rbd.answers.many.variable import Variable
 from rbd.arrays import Array
 from rbd.errors import Reason
-from rbd.many import naming
-from rbd.many.naming import Named
-from rbd.many.variable import Variable
 from rbd.motion.causes import CAUSES
 from rbd.motion.report import MotionReport
 from rbd.simulation.trajectory import Trajectory

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
+from rbd.answers.many.variable import Variable
 from rbd.arrays import Array
-from rbd.many.variable import Variable
 from rbd.studies.kept.variable import storable
 
 _EXACT = 2**53

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from rbd.many import naming
-from rbd.many.naming import Named
+from rbd.answers.many import naming
+from rbd.answers.many.naming import Named
 from rbd.mechanism.pose_search import FoundPose
 from rbd.model.state import State
 from rbd.studies.kept.registry import Kept, Kind, one

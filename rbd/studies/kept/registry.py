@@ -9,11 +9,11 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from rbd.answers.many.naming import Named
+from rbd.answers.many.variable import Variable
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.errors.reasons import Reason
-from rbd.many.naming import Named
-from rbd.many.variable import Variable
 
 Verdict: TypeAlias = tuple[Reason, str] | None
 """Why a result is no answer, and its message; None where it is one."""
@@ -24,7 +24,7 @@ _HOMES = {
     "rbd.problem.answer.Answer": "answers",
     "rbd.statics.actuation.Actuation": "answers",
     "rbd.control.task_actuation.TaskActuation": "control_steps",
-    "rbd.many.answers.ManyAnswers": "many_answers",
+    "rbd.answers.many.answers.ManyAnswers": "many_answers",
     "rbd.statics.actuations.Actuations": "many_answers",
     "rbd.model.state.State": "poses",
     "rbd.mechanism.pose_search.FoundPose": "poses",
@@ -33,7 +33,7 @@ _HOMES = {
     "rbd.statics.pushes.PushLimits": "limits_of_standing",
     "rbd.statics.regions.SupportRegion": "limits_of_standing",
     "rbd.statics.zero_moment_point.ZmpRegion": "limits_of_standing",
-    "rbd.analysis.uniqueness.Uniqueness": "uniqueness",
+    "rbd.answers.analysis.uniqueness.Uniqueness": "uniqueness",
     "rbd.studies.comparison.LawComparison": "comparisons",
     "rbd.mechanism.degrees_of_freedom.Mobility": "comparisons",
 }

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from rbd.answers.many.naming import Named
+from rbd.answers.many.variable import Variable
 from rbd.arrays import Array
 from rbd.errors import InputError, RbdError
 from rbd.errors.reasons import Reason
-from rbd.many.naming import Named
-from rbd.many.variable import Variable
 from rbd.studies.kept.layout import Layout, described, words_of
 from rbd.studies.kept.plain import NotKept
 from rbd.studies.kept.variable import Block, missing, storable

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from rbd.analysis.uniqueness import Uniqueness
-from rbd.many import naming
-from rbd.many.naming import Named
+from rbd.answers.analysis.uniqueness import Uniqueness
+from rbd.answers.many import naming
+from rbd.answers.many.naming import Named
 from rbd.studies.kept.registry import Kept, Kind, number, one
 
 
@@ -18,7 +18,7 @@ def _ranges(unique: Uniqueness) -> list[Named]:
 
 
 KINDS = {
-    "rbd.analysis.uniqueness.Uniqueness": Kind(
+    "rbd.answers.analysis.uniqueness.Uniqueness": Kind(
         {
             **one(
                 "row_freedom", "dimension of the row forces of the same motion; 0: unique", lambda unique: unique.row_freedom

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from rbd.answers.many.variable import Variable
 from rbd.arrays import Array
-from rbd.many.variable import Variable
 
 __all__ = ["Block", "Variable", "missing", "storable"]
 

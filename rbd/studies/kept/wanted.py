@@ -7,10 +7,10 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from rbd.answers.many.naming import Named
+from rbd.answers.many.variable import Variable
 from rbd.arrays import Array
 from rbd.errors import InputError, nearest
-from rbd.many.naming import Named
-from rbd.many.variable import Variable
 from rbd.studies.kept.layout import RESERVED
 from rbd.studies.kept.plain import WANTED, NotKept, mapping_of, variable_of
 from rbd.studies.kept.registry import Kept, Kind, Rows, Verdict, kind_of

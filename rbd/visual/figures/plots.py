@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Literal
 
-from rbd.analysis.uniqueness import Range, Uniqueness
+from rbd.answers.analysis.uniqueness import Range, Uniqueness
 from rbd.errors import InputError
 from rbd.visual.style import contact_colors
 

@@ -16,8 +16,8 @@ from rbd.visual.marks.arrows import force_arrow, moment_marks, tip_of
 from rbd.visual.marks.mark import Label, Mark, Sizes, node, number, numbers
 
 if TYPE_CHECKING:
+    from rbd.answers.solution import Solution
     from rbd.problem.rows import Patch
-    from rbd.solution import Solution
     from rbd.statics.actuation import Actuation
 
 # How far outside its patch rounding may put a centre of pressure.

@@ -19,8 +19,8 @@ from rbd.visual.shapes import Mesh
 from rbd.visual.style import LIMITED_COLOR
 
 if TYPE_CHECKING:
+    from rbd.answers.solution import Solution
     from rbd.problem.rows import Rows
-    from rbd.solution import Solution
     from rbd.statics.actuation import Actuation
 
 NO_LIMIT_COLOR = "#7f7f7f"

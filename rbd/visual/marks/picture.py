@@ -21,7 +21,7 @@ from rbd.visual.marks.support import DOWN, com_marks, ground_under, not_supporti
 from rbd.visual.marks.surfaces import ShownSurface, surface_marks, surfaces_of
 
 if TYPE_CHECKING:
-    from rbd.solution import Solution
+    from rbd.answers.solution import Solution
     from rbd.statics.actuation import Actuation
 
 

@@ -6,8 +6,9 @@ import math
 
 import numpy as np
 
-from rbd.analysis.infeasibility import Contradiction
-from rbd.analysis.uniqueness import Range, Uniqueness
+from rbd.answers.analysis.infeasibility import Contradiction
+from rbd.answers.analysis.uniqueness import Range, Uniqueness
+from rbd.answers.solution import Solution
 from rbd.arrays import Array, largest_first, max_abs
 from rbd.control.task_actuation import StepCertificate, TaskActuation
 from rbd.model.checked_model import CheckedModel
@@ -16,7 +17,6 @@ from rbd.problem.answer import Answer, ContactForce, Status
 from rbd.problem.contact_motion import opening_words
 from rbd.problem.force_set import at_rest
 from rbd.problem.residuals import Residuals
-from rbd.solution import Solution
 from rbd.statics.actuation import Actuation
 from rbd.visual.name_lists import joined
 from rbd.visual.notebook.card import Card, Fold, Table

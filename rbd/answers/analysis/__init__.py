@@ -1,0 +1,18 @@
+"""Analysis of an answer beyond its residuals.
+
+Uniqueness, force distribution, contradictory rows, derivatives.
+
+Works on arrays; users call it through `rbd.Solution`.
+"""
+
+from rbd.answers.analysis.infeasibility import Contradiction, contradiction
+from rbd.answers.analysis.parameters import ParameterDerivatives
+from rbd.answers.analysis.sensitivity import Derivatives
+from rbd.answers.analysis.uniqueness import Uniqueness
+from rbd.modules import submodule as _submodule
+
+__all__ = ["Contradiction", "Derivatives", "ParameterDerivatives", "Uniqueness", "contradiction"]
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)

@@ -1,0 +1,327 @@
+"""Derivatives of an answer by the implicit function theorem, for fixed contact modes.
+
+With the modes of `rbd.answers.analysis.modes` fixed, an answer satisfies equations, and a change of their terms changes it by
+
+    M+ da - J^T Phi ds = r + J^T f',        Psi^T (J da + c') = 0,        df = Phi ds + f'
+
+r is the change of the forces and inertia forces without the multipliers', c' that of the rows' accelerations at fixed a.
+f' is the rotation of sliding points' friction; M+ is M with, for each point that starts to slip, N mu/|y_t| (1 - e e^T) between
+its tangential rows, as its friction turns with its acceleration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg import blas, lapack
+
+from rbd.answers.analysis.modes import RESOLUTION, Modes, Need, modes_of
+from rbd.arrays import RANK, Array, block_diagonal
+from rbd.errors import NotDifferentiable
+from rbd.problem.answer import Answer
+from rbd.problem.contact_motion import centripetal
+from rbd.problem.programs import linear_program
+from rbd.problem.rows import Rows
+
+CONSISTENT = 1e-6
+"""Largest residual of redundant rows after a change, over its largest entry."""
+
+
+@dataclass(frozen=True, eq=False)
+class SetChange:
+    """How sets of forces change along n directions.
+
+    Attributes:
+        forces: Row forces at fixed weights, shape (m, n).
+        answers: The accelerations that stay zero, at fixed a, shape (k, n).
+    """
+
+    forces: Array
+    answers: Array
+
+
+class ActiveSet:
+    """The equations that an answer satisfies, factorised once.
+
+    Args:
+        answer: A solved answer.
+
+    Attributes:
+        words: {constraint: mode of each of its parts}, as in `rbd.answers.analysis.modes`.
+        internal: Internal forces: row forces that cause no motion, as columns, shape (m, d).
+
+    Raises:
+        NotDifferentiable: at a change of contact mode.
+    """
+
+    def __init__(self, answer: Answer) -> None:
+        P = self._problem = answer.problem
+        self._modes = modes_of(answer)
+        self._convex = answer.law.kind == "convex"
+        T, k = self._modes.sets, len(self._modes.start)
+        self._Phi = np.array(self._modes.phi).reshape(k, -1).T if k else np.zeros((T.size, 0))
+        self._Psi = np.array(self._modes.psi).reshape(k, -1).T if k else np.zeros((T.size, 0))
+        self._J = T.H.T @ P.J  # for the accelerations y
+        self.words: dict[str, tuple[str, ...]] = {
+            r.name: tuple(word for e, word in self._modes.words.items() if e.rows == i) for i, r in enumerate(P.rows)
+        }
+        self._factorise()
+        _check_room(answer, self._modes, self._kernel)
+        forces = T.G @ self._Phi @ self._kernel
+        self.internal = forces[:, np.abs(forces).max(axis=0, initial=0.0) > RANK] if P.m else forces
+
+    def _factorise(self) -> None:
+        """L L^T = M+, and bases of the active force and acceleration directions, in the metric of inertia."""
+        P, T, M = self._problem, self._modes.sets, self._problem.M.copy()
+        for slip in self._modes.slips:
+            E = T.G[:, slip.columns].T @ P.J
+            M -= self._modes.start[slip.active] * E.T @ slip.turning @ E
+        self._L, info = lapack.dpotrf(M, lower=1, clean=1)
+        if info:
+            raise NotDifferentiable("a slipping point has negative normal force: solve again, to scaled residuals below 1e-9.")
+        X = blas.dtrsm(1.0, self._L, P.J.T @ (T.G @ self._Phi), lower=1)
+        Y = blas.dtrsm(1.0, self._L, self._J.T @ self._Psi, lower=1)
+        self._U, self._to_weights, self._kernel = _bases(X)
+        self._V, to_answers, self._repeated = _bases(Y)
+        self._answers = to_answers.T
+        if self._U.shape[1] != self._V.shape[1]:
+            raise NotDifferentiable(
+                f"friction couples {self._U.shape[1]} independent forces to {self._V.shape[1]} independent accelerations: how "
+                "the points that slip share the load is not unique, and it decides the motion. Under Coulomb's law that is so "
+                "of a patch that slips on more than three corners. Use fewer corners, or the convex law."
+            )
+        meeting = self._V.T @ self._U
+        if meeting.size and np.linalg.svd(meeting, compute_uv=False)[-1] <= RANK:
+            raise NotDifferentiable(
+                "friction jams the sliding contacts (Painleve): near this answer there is no motion, or more than one."
+            )
+        self._meeting = meeting
+
+    def derivative(self, r: Array, c: Array, u: Array, rubs: SetChange | None = None) -> tuple[Array, Array]:
+        """(da, df): change of the acceleration and of the row forces, shapes (nv, n) and (m, n).
+
+        Args:
+            r: Change of forces less inertia forces at fixed a and f, shape (nv, n) [N, N m].
+            c: Change of the rows' accelerations at fixed a, shape (m, n).
+            u: Change of the rows' velocities, shape (m, n).
+            rubs: Change of the sets of forces, or None.
+
+        Raises:
+            NotDifferentiable: if rows are redundant here and not after the change, or if the change depends on a
+                force distribution that the motion does not determine.
+        """
+        P, T = self._problem, self._modes.sets
+        forces, y = self._turning(u)
+        y = y + T.H.T @ c
+        weights = np.zeros_like(y)
+        for slip in self._modes.slips:
+            weights[slip.columns] = self._modes.start[slip.active] * slip.turning @ y[slip.columns]
+        b = -(self._Psi.T @ y)
+        if rubs is not None:
+            forces, b = forces + rubs.forces, b - rubs.answers
+        p, z = self._motion(r + P.J.T @ (forces + T.G @ weights), b, c)
+        da = self._back(z)
+        dy = self._J @ da + y
+        weights += self._Phi @ (self._to_weights @ p)
+        for slip in self._modes.slips:
+            weights[slip.columns] += self._modes.start[slip.active] * slip.turning @ (dy - y)[slip.columns]
+        self._check_shares(dy, da)
+        return da, forces + T.G @ weights
+
+    def by_force(self) -> tuple[Array, Array]:
+        """(da, df) by a generalised force, shapes (nv, nv) and (m, nv); errors as `derivative`."""
+        nv, m = self._problem.nv, self._problem.m
+        return self.derivative(np.eye(nv), np.zeros((m, nv)), np.zeros((m, nv)))
+
+    def by_friction(self, names: Sequence[str]) -> tuple[Array, Array]:
+        """(da, df) by the friction coefficient of each of some constraints, shapes (nv, n) and (m, n); errors as `derivative`.
+
+        A point that slips or slides rubs with f_t = -mu f_n t, so that its force changes by f_t / mu at fixed f_n. Under the
+        convex law its acceleration is y_n = mu |y_t| besides. What sticks is not affected.
+        """
+        P, T, modes = self._problem, self._modes.sets, self._modes
+        w, n = modes.w, len(names)
+        rubs = SetChange(np.zeros((P.m, n)), np.zeros((len(modes.start), n)))
+        loose = np.zeros((P.m, self._kernel.shape[1], n))
+        shares = self._Phi @ self._kernel
+        generators = block_diagonal([r.cone.generators()[0] for r in P.rows])
+        for i, name in enumerate(names):
+            row = [r.name for r in P.rows].index(name)
+            changed = np.zeros(T.size)  # of the accelerations, by that of the columns
+            for e in T.elements:
+                if e.rows != row or not e.mu or modes.words[e] == "sticks":
+                    continue
+                tangents, push = generators[:, e.source][:, :2], T.push[e.columns, :2] / e.mu
+                rubs.forces[:, i] += tangents @ (w[e.columns] @ push)
+                loose[:, :, i] += tangents @ (push.T @ shares[e.columns])
+                if e.facets:  # rays at rest: y_j is the acceleration of the point along ray j
+                    point = np.linalg.lstsq(T.push[e.columns], modes.y[e.columns], rcond=None)[0]
+                    changed[e.columns] = push @ point[:2]
+            rubs.answers[:, i] = self._Psi.T @ changed
+            for slip in modes.slips if self._convex else ():
+                if T.elements[T.element_at[slip.columns.start]].rows == row:
+                    rubs.answers[slip.active, i] -= slip.direction @ modes.y[slip.columns]
+        self._check_friction(rubs, loose)
+        nothing = np.zeros((P.m, n))
+        return self.derivative(np.zeros((P.nv, n)), nothing, nothing, rubs)
+
+    def _check_friction(self, rubs: SetChange, loose: Array) -> None:
+        """Refuse if undetermined forces affect how friction changes."""
+        scale = float(np.abs(self._modes.start).max(initial=0.0))
+        size = max(1.0, float(np.abs(rubs.forces).max(initial=0.0)))
+        for i in range(loose.shape[2]):
+            moved = self.response(self._problem.J.T @ loose[:, :, i]) if loose.shape[1] else np.zeros(0)
+            if np.abs(moved).max(initial=0.0) * scale > CONSISTENT * size:
+                raise NotDifferentiable(
+                    "how the points that slip share the load is not unique, and it decides what more friction does. Use "
+                    "fewer contact points, three at most."
+                )
+
+    def response(self, r: Array) -> Array:
+        """Acceleration by a generalised force r under the active constraints, shape (nv, n)."""
+        return self._back(self._motion(r, np.zeros((len(self._modes.start), r.shape[1])), np.zeros((1, r.shape[1])))[1])
+
+    def _back(self, z: Array) -> Array:
+        """L^-T z."""
+        return blas.dtrsm(1.0, self._L, z, lower=1, trans_a=1)
+
+    def _motion(self, r: Array, b: Array, c: Array) -> tuple[Array, Array]:
+        """(p, z): z = L^T da = L^-1 r + U p with Psi^T J da = b."""
+        left = np.abs(self._repeated.T @ b).max(initial=0.0)
+        if left > CONSISTENT * max(1.0, float(np.abs(c).max(initial=0.0))):
+            raise NotDifferentiable(
+                f"rows are linearly dependent here, and contradict each other nearby (by {left:.2g} m/s2 per unit): "
+                "the answer does not change smoothly. Leave out the redundant rows; a sole is one SurfaceContact."
+            )
+        free = blas.dtrsm(1.0, self._L, r, lower=1)
+        p = np.linalg.solve(self._meeting, self._answers @ b - self._V.T @ free)
+        return p, free + self._U @ p
+
+    def _turning(self, u: Array) -> tuple[Array, Array]:
+        """(forces, y): effect of a change of velocities on sliding friction and on centripetal accelerations."""
+        P, T, w, n = self._problem, self._modes.sets, self._modes.w, u.shape[1]
+        forces, y = np.zeros((P.m, n)), np.zeros((T.size, n))
+        if not n or T.bilateral or not any(r.speed > P.rest_speed for r in P.rows):
+            return forces, y
+        generators = block_diagonal([r.cone.generators()[0] for r in P.rows])
+        sliding = {s.column: s for s in T.sliding}
+        offset = np.vstack([_centripetal_change(r, u[P.slices[r.name]]) for r in P.rows])
+        for e in T.elements:
+            own = offset[e.source]
+            y[e.columns] = T.push[e.columns] @ own if e.facets else own[-e.size :]
+            if (s := sliding.get(e.columns.start)) is not None:
+                tangents, t = generators[:, e.source][:, :2], np.array(s.direction)
+                turned = tangents.T @ u
+                turned -= np.outer(t, t @ turned)
+                forces -= w[s.column] * s.mu / s.speed * (tangents @ turned)
+        return forces, y
+
+    def _check_shares(self, dy: Array, da: Array) -> None:
+        """Refuse if undetermined internal forces affect how friction turns."""
+        load = float(np.abs(self._modes.start).max(initial=0.0))
+        for n in self._kernel.T:
+            turned = np.zeros_like(dy)
+            for slip in self._modes.slips:
+                turned[slip.columns] = load * n[slip.active] * slip.turning @ dy[slip.columns]
+            if not turned.any():
+                continue
+            moved = self.response(self._problem.J.T @ (self._modes.sets.G @ turned))
+            if np.abs(moved).max() > CONSISTENT * max(1.0, float(np.abs(da).max())):
+                raise NotDifferentiable(
+                    "a patch slips without turning, and how its corners share the load is not unique; yet that decides how "
+                    "its friction resists a turn. Use fewer contact points, three at most."
+                )
+
+
+def _bases(X: Array) -> tuple[Array, Array, Array]:
+    """(U, T, N): an orthonormal basis of X's columns, X T = U, and unit vectors with X N = 0."""
+    length = np.linalg.norm(X, axis=0)
+    length[length == 0.0] = 1.0
+    U, s, Vt = np.linalg.svd(X / length, full_matrices=True)
+    rank = int((s > RANK).sum())
+    N = Vt[rank:].T / length[:, None]
+    return U[:, :rank], Vt[:rank].T / s[:rank] / length[:, None], N / np.linalg.norm(N, axis=0)
+
+
+def _centripetal_change(rows: Rows, u: Array) -> Array:
+    """Derivative of the centripetal accelerations of a set's points, quadratic in the velocity, along a change of it."""
+    cone, v = rows.cone, rows.velocity
+    return np.column_stack([0.5 * (centripetal(cone, v + du) - centripetal(cone, v - du)) for du in u.T])
+
+
+def _check_room(answer: Answer, modes: Modes, kernel: Array) -> None:
+    """Refuse unless some weights, with the same motion, satisfy the modes' inequalities strictly.
+
+    A linear program, with tangent planes added where circular cones are violated.
+    """
+    start = np.array(modes.start)
+    room = _room(modes.needs, start)
+    if room.min(initial=1.0) > RESOLUTION:
+        return
+    worst = modes.needs[int(np.argmin(room))]
+    planes, shift = [_plane(need, start) for need in modes.needs], kernel * max(need.unit for need in modes.needs)
+    for _ in range(40 if kernel.shape[1] else 0):
+        rows, levels = np.array([plane.row for plane in planes]), np.array([plane.level for plane in planes])
+        found = linear_program(
+            np.r_[np.zeros(kernel.shape[1]), -1.0],
+            np.column_stack([-rows @ shift, np.ones(len(rows))]),
+            rows @ start + levels,
+            bounds=[(None, None)] * kernel.shape[1] + [(None, 1.0)],
+        )
+        if not found.solved:
+            raise NotDifferentiable(
+                "whether the forces lie strictly inside their sets, without which there are no derivatives, was not decided: a "
+                f"linear program gave up after {found.pivots} pivots. Move q, tau or the push a little."
+            )
+        s = start + shift @ found.x[:-1]
+        room, most = _room(modes.needs, s), float(found.x[-1])
+        if room.min() > RESOLUTION:
+            return
+        if most <= RESOLUTION:
+            worst = planes[int(np.argmin(found.lower))].need
+            break
+        planes += [_plane(need, s) for need, r in zip(modes.needs, room, strict=True) if need.cone and r < most]
+    _refuse(answer, modes, worst)
+
+
+def _room(needs: list[Need], s: Array) -> Array:
+    """Slack of each force, over its unit, shape (len(needs),)."""
+    out = np.zeros(len(needs))
+    for i, need in enumerate(needs):
+        k = need.active
+        given = need.sign * s[k + 2] - np.hypot(s[k], s[k + 1]) if need.cone else need.sign * s[k] + need.level
+        out[i] = given / need.unit
+    return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """row . s + level: the slack of an inequality over its unit; for a cone, an upper bound that is exact at one s."""
+
+    row: Array
+    level: float
+    need: Need
+
+
+def _plane(need: Need, s: Array) -> _Plane:
+    row, at = np.zeros(len(s)), need.active
+    if need.cone:
+        t = float(np.hypot(s[at], s[at + 1]))
+        row[at : at + 2] = -s[at : at + 2] / t if t else 0.0
+        row[at + 2] = need.sign
+    else:
+        row[at] = need.sign
+    return _Plane(row / need.unit, need.level / need.unit, need)
+
+
+def _refuse(answer: Answer, modes: Modes, need: Need) -> None:
+    e = need.element
+    rows, y = answer.problem.rows[e.rows], modes.y[e.columns]
+    raise NotDifferentiable(
+        f"{rows.name!r} is at a change of contact mode: its part {e.number} {modes.words[e]} (acceleration "
+        f"{np.abs(y).max():.1e} m/s2), and no forces with this motion are more than {RESOLUTION * need.unit:.1e} N from the "
+        "edge of its set. On one side of this answer the mode stays, on the other it slips, breaks or yields, with different "
+        "derivatives. Move q, tau or the push a little, or take one-sided differences of rbd.solve."
+    )

@@ -1,0 +1,369 @@
+"""Conditions that rows impose on an acceleration, A a + b = 0 or >= 0, and their least violation if they are infeasible.
+
+A law with forces f = F z, z in a product of lines, half-lines and friction cones, requires that y = F^T (J a + offset) be zero
+along lines, not negative along half-lines, and in the dual of each cone. Forces between two bounds, and contacts that open,
+give no condition. Coulomb's law requires of a point at rest or sliding only that it does not penetrate.
+
+The least violation is the smallest change of the rows that makes them feasible,
+
+    minimise 1/2 |W s|^2     subject to     J a + offset + s in K*     for some a
+
+Rows in the units they are given in, W a diagonal of weights. Its dual is a program in f = W^2 s in K,
+
+    minimise 1/2 |W^-1 f|^2 + f . offset     subject to     J^T f = 0 ,
+
+so that the violation is itself a proof that there is no answer (see `rbd.answers.analysis.infeasibility`), and J^T f = 0, c + s
+in K*, f . (c + s) = 0 together prove that no violation is smaller. These are checked; the QP solver's status is not used.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rbd.arrays import RANK, Array, as_array, block_diagonal, max_abs, null_space
+from rbd.errors import InputError, nearest
+from rbd.problem.cones import Free, LineCone, NonNegative, SecondOrderCone, WrenchCone, project_cones
+from rbd.problem.force_set import Element, ForceSet
+from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.programs import QP_WORK, VIOLATION_CUTS, Work, least_distance
+from rbd.problem.residuals import ENOUGH
+from rbd.problem.rows import Rows
+from rbd.solvers import qp
+
+ROUNDING = 1e-11
+"""A violation up to this, over max(1, |offset|), counts as none."""
+_EXACT = 1e-12  # scaled residuals up to this are not improved further
+
+
+@dataclass(frozen=True)
+class Member:
+    """The smallest part of a constraint: a scalar row, or a point with friction.
+
+    Attributes:
+        rows: The constraint's name.
+        part: Name of the row or point; empty where there is only one.
+    """
+
+    rows: str
+    part: str
+
+
+@dataclass(frozen=True, eq=False)
+class Round:
+    """A point under a circular friction cone: y = A a + b (tangent, tangent, normal) must obey |y_t| <= y_n / mu.
+
+    Attributes:
+        member: Its number among the members.
+        force: Row forces of unit forces on the point, shape (m, 3).
+        A: Shape (3, nv).
+        b: Shape (3,).
+        mu: Friction coefficient.
+    """
+
+    member: int
+    force: Array
+    A: Array
+    b: Array
+    mu: float
+
+    def sunk(self, a: Array, more: Array | float = 0.0) -> Array:
+        """The force in the friction cone with negative power on y: its norm is y's distance to the dual cone, shape (3,)."""
+        return project_cones(-(self.A @ a + self.b + more)[None], np.array([self.mu]))[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Conditions:
+    """k scalar conditions y = A a + b, and conic conditions in `rounds`.
+
+    Attributes:
+        force: Row forces of unit multipliers, shape (m, k).
+        A: Shape (k, nv).
+        b: Shape (k,) [m/s2, rad/s2].
+        holds: y = 0 where true, y >= 0 elsewhere, shape (k,).
+        push: Unit force on a point with friction (tangent, tangent, normal), shape (k, 3); zero for scalar rows.
+        member: Number of the member that each belongs to, shape (k,).
+        rounds: Points under circular cones.
+        members: The members, by their numbers.
+        span: For each member, rows that span its conditions, shape (1 or 3, nv); none for a member
+            without conditions.
+    """
+
+    force: Array
+    A: Array
+    b: Array
+    holds: Array
+    push: Array
+    member: Array
+    rounds: tuple[Round, ...]
+    members: tuple[Member, ...]
+    span: tuple[Array, ...]
+
+    def only(self, kept: frozenset[int]) -> Conditions:
+        """The conditions of some members."""
+        rounds = tuple(r for r in self.rounds if r.member in kept)
+        return replace(self._of(np.isin(self.member, list(kept))), rounds=rounds)
+
+    def thinned(self, carries: Array) -> Conditions:
+        """Without the inactive rays of circular cones that have active ones; `carries` has shape (k,)."""
+        busy = [c.member for c in self.rounds if carries[self.member == c.member].any()]
+        return self._of(carries | ~np.isin(self.member, busy))
+
+    def _of(self, at: Array) -> Conditions:
+        return replace(
+            self, force=self.force[:, at], A=self.A[at], b=self.b[at], holds=self.holds[at], push=self.push[at],
+            member=self.member[at],
+        )  # fmt: skip
+
+    def with_rays(self, rays: list[tuple[Round, Array]]) -> Conditions:
+        """With one more condition r . y >= 0 for each ray r of a round's cone, a unit vector, shape (3,)."""
+        if not rays:
+            return self
+        return replace(
+            self,
+            force=np.column_stack([self.force, *[c.force @ r for c, r in rays]]),
+            A=np.vstack([self.A, *[r @ c.A for c, r in rays]]),
+            b=np.r_[self.b, [r @ c.b for c, r in rays]],
+            holds=np.r_[self.holds, [False] * len(rays)],
+            push=np.vstack([self.push, *[r for _, r in rays]]),
+            member=np.r_[self.member, [c.member for c, _ in rays]],
+        )
+
+    def fan(self) -> Conditions:
+        """With a first fan of nine rays for each circular cone."""
+        turn = np.arange(8) * (math.pi / 4.0)
+        rays = []
+        for c in self.rounds:
+            around = np.vstack([c.mu * np.cos(turn), c.mu * np.sin(turn), np.ones(8)]) / math.hypot(c.mu, 1.0)
+            rays += [(c, r) for r in around.T] + [(c, np.array([0.0, 0.0, 1.0]))]
+        return self.with_rays(rays)
+
+
+def conditions_of(problem: GaussProblem, law: Law) -> Conditions:
+    """The conditions of a law on the rows of a problem.
+
+    Args:
+        problem: The rows, with their velocities.
+        law: As `Answer.law`.
+    """
+    P, T = problem, problem.force_set_of(law)
+    generators = block_diagonal([r.cone.generators()[0] for r in P.rows])
+    members, span, rounds = [], [], []
+    force, b, pushes = [np.zeros((P.m, 0))], [np.zeros(0)], [np.zeros((0, 3))]
+    holds: list[bool] = []
+    member: list[int] = []
+    for number, e in enumerate(T.elements):
+        r = P.rows[e.rows]
+        members.append(Member(r.name, _words(r, e, generators[P.slices[r.name], e.source])))
+        if e.is_cone and law.kind != "coulomb":
+            H = T.H[:, e.columns]
+            rounds.append(Round(number, H, H.T @ P.J, H.T @ P.offset + T.offset[e.columns], e.mu))
+            span.append(rounds[-1].A)
+            continue
+        H, offset, push, bounded_below, bounded_above = _asked(T, e)
+        if bounded_below and bounded_above:  # any acceleration is allowed
+            span.append(np.zeros((0, P.nv)))
+            continue
+        sign = -1.0 if bounded_above else 1.0
+        force.append(sign * H)
+        b.append(sign * (H.T @ P.offset + offset))
+        pushes.append(push)
+        holds += [not (bounded_below or bounded_above)] * len(push)
+        member += [number] * len(push)
+        span.append((H @ np.linalg.pinv(push.T) if e.facets else H).T @ P.J)  # for a pyramid, the three axes of its point
+    F = np.hstack(force)
+    return Conditions(
+        F, F.T @ P.J, np.concatenate(b), np.array(holds, bool), np.vstack(pushes), np.array(member, int),
+        tuple(rounds), tuple(members), tuple(span),
+    )  # fmt: skip
+
+
+def _asked(T: ForceSet, e: Element) -> tuple[Array, Array, Array, bool, bool]:
+    """(columns of forces, offsets of their accelerations, forces on the point, whether weights end below, and above)."""
+    H, offset, push = T.H[:, e.columns], T.offset[e.columns], T.push[e.columns]
+    if e.is_cone:  # under Coulomb's law
+        return H[:, 2:], offset[2:], _ALONG_NORMAL, True, False
+    if e.facets:
+        length = np.linalg.norm(push, axis=1)
+        return H / length, offset / length, push / length[:, None], True, False
+    at = e.columns.start
+    rubs = isinstance(e.shape, SecondOrderCone)
+    return H, offset, _ALONG_NORMAL if rubs else np.zeros((1, 3)), bool(T.below[at]), bool(T.above[at])
+
+
+_ALONG_NORMAL = np.array([[0.0, 0.0, 1.0]])
+_AXES = ("tangent x", "tangent y", "normal", "turn about x", "turn about y", "turn about the normal")
+
+
+def _words(r: Rows, e: Element, local: Array) -> str:
+    """Which of a constraint's rows or points an element is; `local` are its columns among the rows."""
+    if isinstance(r.cone, WrenchCone | LineCone):
+        return f"corner {e.number + 1}" if len(r.cone.corners) > 1 else "the corner"
+    touched = np.flatnonzero(np.abs(local).max(axis=1))
+    first = int(touched[0]) if len(touched) else 0
+    if r.patch is not None and isinstance(r.cone, Free | NonNegative):
+        axes = {1: _AXES[2:3], 3: _AXES[:3], 5: (*_AXES[:3], *_AXES[4:]), 6: _AXES}.get(len(r))
+        if axes is not None:
+            return axes[first]
+    if len(r) <= e.shape.dim:
+        return ""
+    return f"row {first + 1}" if len(touched) == 1 else f"rows {first + 1} to {int(touched[-1]) + 1}"
+
+
+def smallest_violation(P: GaussProblem, law: Law, weights: Array | None = None) -> tuple[Array, float]:
+    """(s, optimality): the violation, shape (m,) [m/s2, rad/s2], and the largest scaled residual of its conditions.
+
+    Args:
+        P: Any problem; one with an answer has s = 0.
+        law: As `Answer.law`.
+        weights: Diagonal of W, shape (m,); ones if not given.
+    """
+    W = np.ones(P.m) if weights is None else weights
+    asked = conditions_of(P, law).fan()
+    best, stuck, work = None, 0, Work(QP_WORK)
+    for _ in range(VIOLATION_CUTS if asked.rounds else 1):
+        found = _LeastSquares(asked, W).solved(work)
+        stuck = 0 if best is None or found.miss < 0.5 * best.miss else stuck + 1
+        best = found if best is None or found.miss < best.miss else best
+        worse: list[tuple[Round, Array]] = []
+        for c in asked.rounds:
+            sunk = c.sunk(found.a, found.s @ c.force)
+            if (length := float(np.linalg.norm(sunk))) > _EXACT * found.rate:
+                worse.append((c, sunk / length))
+        if not worse or best.miss <= ENOUGH or stuck > 15 or work.left < 0.0:
+            break
+        asked = asked.thinned(found.carries).with_rays(worse)
+    assert best is not None
+    if max_abs(best.s) <= ROUNDING * best.rate:
+        return np.zeros(P.m), best.miss
+    return np.where(np.abs(best.s) > 1e-15 * best.rate, best.s, 0.0), best.miss
+
+
+def row_weights(P: GaussProblem, given: Mapping[str, float | Array] | None) -> Array:
+    """Diagonal of W, shape (m,), from {constraint: weight of its rows}; ones for constraints not named.
+
+    Raises:
+        InputError: unknown constraints, weights that are not positive.
+    """
+    out = np.ones(P.m)
+    if given is None:
+        return out
+    if not isinstance(given, Mapping):
+        raise InputError(f"weights are {given!r:.80}; expected {{constraint: weight}}.")
+    for name, value in given.items():
+        if name not in P.slices:
+            raise InputError(f"weights: no constraint {name!r:.80}; {nearest(name, P.slices)}.")
+        w = as_array(f"weight of {name!r}", value)
+        m = len(out[P.slices[name]])
+        if w.shape not in ((), (m,)) or not ((w > 1e-100) & (w < 1e100)).all():
+            raise InputError(f"weight of {name!r} is {value!r:.80}; expected one number > 0, or {m} of them.")
+        out[P.slices[name]] = w
+    return out
+
+
+def relaxed(P: GaussProblem, s: Array) -> GaussProblem:
+    """The problem whose rows have s added to their feedback."""
+    rows = [_relaxed(r, s[P.slices[r.name]]) for r in P.rows]
+    return replace(P, rows=rows, origin=None, from_state=True)
+
+
+def _relaxed(r: Rows, s: Array) -> Rows:
+    return replace(r, feedback=r.feedback + s) if s.any() else r
+
+
+class _LeastSquares:
+    """Least squares over polyhedral conditions: minimise 1/2 z^T H z + b . z over A^T z = 0, z >= 0 where y >= 0 is required.
+
+    H = F^T W^-2 F, and s = W^-2 F z; the multipliers of A^T z = 0 are a motion a with y = A a + F^T s + b.
+
+    Attributes:
+        s: The violation, shape (m,).
+        a: A motion with it, shape (nv,).
+        carries: Which conditions have a nonzero multiplier, shape (k,).
+        rate: max(1, |b|).
+        flat: Largest residual of the scalar conditions, over `rate`.
+    """
+
+    def __init__(self, C: Conditions, weights: Array) -> None:
+        self.C, self.rate = C, max(1.0, max_abs(C.b))
+        self.G = C.force / weights[:, None]  # G z = W s
+        self.weights = weights
+        self.H = self.G.T @ self.G
+        U, S, Vt = np.linalg.svd(C.A, full_matrices=False)
+        kept = S > RANK * max(float(S.max(initial=0.0)), 1e-300)
+        self.U, self.to_a = U[:, kept], Vt[kept].T / S[kept]
+        self._keep(np.zeros(len(C.b)), -np.linalg.lstsq(C.A, C.b)[0] if len(C.b) else np.zeros(C.A.shape[1]))
+
+    @property
+    def miss(self) -> float:
+        """Largest residual of all conditions, circular cones included, over `rate`."""
+        sunk = (float(np.linalg.norm(c.sunk(self.a, self.s @ c.force))) for c in self.C.rounds)
+        return max(self.flat, max(sunk, default=0.0) / self.rate)
+
+    def solved(self, work: Work) -> _LeastSquares:
+        """The best answer of several attempts, within the remaining work."""
+        k, r = self.U.shape
+        if k == r or self.flat <= _EXACT:
+            return self
+        b = self.C.b / self.rate
+        C = np.eye(k)[~self.C.holds]
+        self._guess()
+        if self.flat <= ENOUGH:
+            return self
+        policy = qp.POLICY[:3]
+        for attempt in qp.attempts(self.H, b, self.U.T, np.zeros(r), C, np.zeros(len(C)), None, policy=policy, work=work):
+            z = np.where(self.C.holds, attempt.x, np.maximum(attempt.x, 0.0))
+            y = attempt.y
+            for least in (1e-6, 1e-9, 1e-4):
+                self._polish(z, -self.to_a @ y, least)
+            if self.flat <= ENOUGH:
+                break
+        return self
+
+    def _guess(self) -> None:
+        """Solution with A^T z = 0 softened to a penalty: least distance programming [LawsonHanson1974], ch. 23.
+
+        The penalty changes the answer a little, and seldom the active set: active-set refinement makes it exact.
+        """
+        C = self.C
+        size = float(np.linalg.norm(self.G, axis=0).max(initial=0.0)) or 1.0
+        b = C.b / self.rate
+        for soft in (1e-3, 1e-5):
+            E = np.vstack([self.G / size, self.U.T / soft, -b])
+            E = np.hstack([E, -E[:, C.holds]])
+            found = least_distance(E[:-1].T, E[-1])
+            if found is None:
+                continue
+            u = found[1] / size**2
+            z = u[: len(b)].copy()
+            z[C.holds] -= u[len(b) :]
+            y = self.U.T @ z * size**2 / soft**2
+            for least in (1e-9, 1e-6):
+                self._polish(z, self.to_a @ y, least)
+
+    def _polish(self, z: Array, a: Array, least: float) -> None:
+        """The exact answer if the conditions with z above `least` are the active ones; used only if it is better."""
+        C = self.C
+        some = C.holds | (z > least * max(1.0, max_abs(z)))
+        N = null_space(self.U[some].T, unit=True)
+        H = N.T @ self.H[np.ix_(some, some)] @ N
+        x = N.T @ z[some]
+        x -= np.linalg.lstsq(H, H @ x + N.T @ C.b[some] / self.rate, rcond=1e-12)[0]
+        z = np.zeros(len(z))
+        z[some] = N @ x
+        z = self.rate * np.where(C.holds, z, np.maximum(z, 0.0))
+        a = self.rate * a
+        a = a - np.linalg.lstsq(C.A[some], C.A[some] @ a + (self.H @ z + C.b)[some], rcond=RANK)[0]
+        self._keep(z, a)
+
+    def _keep(self, z: Array, a: Array) -> None:
+        s = (self.G @ z) / self.weights
+        y = self.C.A @ a + self.H @ z + self.C.b
+        wrong = np.where(self.C.holds, np.abs(y), np.maximum(-y, 0.0))
+        slack = np.where(self.C.holds, 0.0, np.abs(z * y)) / self.rate
+        miss = max(max_abs(wrong), max_abs(slack), max_abs(self.C.A.T @ z)) / self.rate
+        if not miss >= getattr(self, "flat", np.inf):
+            self.flat, self.a, self.s, self.carries = miss, a, s, z != 0.0

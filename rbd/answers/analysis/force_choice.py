@@ -1,0 +1,236 @@
+"""The force distribution of minimum norm among all admissible forces.
+
+    minimise |T s(x)|^2 over the admissible set        s: corner forces of contacts [N], row forces of all else
+
+with T the identity or the user's weights. The minimiser is unique in s, as the norm is strictly convex there. Over bounds and
+facets it is a least-distance program, exact by nonnegative least squares [LawsonHanson1974], chapter 23; over circular cones
+Newton's method on its dual (`rbd.problem.cone_programs`), exact too; where that does not converge (sets without an interior
+or weights that mix the corners), a barrier method, then Newton's method on the modes found (inside, on the edge, at the apex).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.answers.analysis.admissible_forces import Admissible, admissible
+from rbd.answers.analysis.extent import Reach
+from rbd.arrays import Array, as_array, block_diagonal, is_finite
+from rbd.errors import InputError, NoSolution, UnknownName, nearest
+from rbd.problem.cone_programs import ConeSet, least, least_squares
+from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.programs import FORCE_CHOICE_WORK, Work, least_distance
+
+MINIMUM_NORM = "minimum norm of the corner forces [N]"
+UNIQUE = "unique"
+GIVEN_WEIGHT = "minimum of the given weight"
+
+_EVEN = 1e-5
+"""Smallest accepted ratio of two square roots of weights."""
+_GAP = 1e-13
+_TOUCHES = 3e-7
+_EXACT = 1e-12
+
+
+def minimum_norm(
+    problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law, weight: Mapping[str, object] | None = None
+) -> tuple[Array, Array | None]:
+    """(row forces, weights) of minimum norm among those with the same motion under the same law.
+
+    Args:
+        problem: The problem.
+        a: Acceleration, shape (nv,).
+        f: Row forces, shape (m,).
+        weights: As `rbd.problem.Answer.weights`.
+        law: As `rbd.problem.Answer.law`.
+        weight: As `rbd.Solution.with_forces` takes it.
+
+    Raises:
+        InputError: on weights that are not positive or do not fit.
+        NoSolution: where they were not found within the limit of `rbd.problem.programs.FORCE_CHOICE_WORK`.
+    """
+    found = admissible(problem, a, f, weights, law)
+    x = shortest(found, metric(found, weight))
+    if x is None:
+        raise NoSolution(f"the forces of least norm were not found within {FORCE_CHOICE_WORK:.0e} multiplications.")
+    return found.forces(x), found.law_weights(x)
+
+
+def metric(adm: Admissible, weight: Mapping[str, object] | None) -> Array | None:
+    """T with |T s|^2 the weighted sum of squares, shape (s, s); None for the plain sum.
+
+    Raises:
+        InputError: on weights that are not positive, do not fit, or name no constraint.
+    """
+    if weight is None:
+        return None
+    if not isinstance(weight, Mapping):
+        raise InputError(f"weight is {weight!r:.80}; expected {{contact name: positive number}}.")
+    for name in weight:
+        if name not in adm.spans:
+            raise UnknownName(f"weight names {name!r:.80}, which is no constraint here; {nearest(name, adm.spans)}.")
+    roots, sizes = [], []
+    for name, span in adm.spans.items():
+        size = span.stop - span.start
+        each = 3 if name in adm.has_corners else 1
+        roots.append(_root(name, weight[name], size, each) if name in weight else np.eye(size))
+        sizes += np.linalg.svd(roots[-1], compute_uv=False).tolist()
+    if sizes and min(sizes) < _EVEN * max(sizes):
+        raise InputError(
+            f"weights reach from {min(sizes) ** 2:.3g} to {max(sizes) ** 2:.3g} (1 where not named); expected "
+            f"the least to be at least {_EVEN**2:.0e} of the largest, or rounding would determine the forces."
+        )
+    return block_diagonal(roots) if roots else np.zeros((0, 0))
+
+
+def _root(name: str, given: object, size: int, each: int) -> Array:
+    """A square root of one constraint's weight, shape (size, size)."""
+    k = size // each
+    w = as_array(f"weight of {name!r}", given)
+    fits = w.shape in ((), (k,), (size, size)) and is_finite(w)
+    if fits and w.ndim < 2 and (w > 0.0).all():
+        return np.diag(np.repeat(np.sqrt(np.broadcast_to(w, (k,))), each))
+    if fits and w.ndim == 2 and np.abs(w - w.T).max(initial=0.0) <= 1e-9 * np.abs(w).max(initial=0.0):
+        values, vectors = np.linalg.eigh(w)
+        if (values > 0.0).all():
+            return np.asarray(np.sqrt(values)[:, None] * vectors.T)
+    raise InputError(
+        f"weight of {name!r} is {given!r:.80}; expected a positive number, {k} of them (one a corner), or a positive definite "
+        f"matrix of shape ({size}, {size})."
+    )
+
+
+def shortest(adm: Admissible, T: Array | None = None) -> Array | None:
+    """Where |T s(x)| is least, shape (n,); None where it was not found within `rbd.problem.programs.FORCE_CHOICE_WORK`."""
+    if not adm.null.shape[1]:
+        return adm.start.copy()
+    E, e = adm.corners, (adm.corners @ adm.start + adm.corners_at) / adm.size
+    if T is not None:
+        E, e = T @ E, T @ e
+        scale = np.abs(T).max()
+        E, e = E / scale, e / scale
+    H = E @ adm.null
+    z = -np.linalg.lstsq(H, e, rcond=1e-12)[0]
+    x = adm.start + adm.size * (adm.null @ z)
+    if adm.outside(x) <= _EXACT * adm.size:
+        return adm.kept(x)
+    if not len(adm.mu):
+        z = _least_distance(H, e, adm.D @ adm.null, (adm.d - adm.D @ adm.start) / adm.size)
+        if z is not None:
+            return adm.kept(adm.start + adm.size * (adm.null @ z))
+    x = _by_dual(adm, E, e)
+    return _within_cones(adm, E, e) if x is None else x
+
+
+def _by_dual(adm: Admissible, E: Array, e: Array) -> Array | None:
+    """The same where |E (x - start) / size + e|^2 has no products of different columns.
+
+    None where it has, or Newton's method on the dual does not converge.
+    """
+    P = adm.separable(E.T @ E, E.T @ (e - E @ (adm.start / adm.size)))  # e is the value at the start, not at zero
+    if P is None:
+        return None
+    found = least_squares(P)
+    return None if found is None else adm.kept(adm.size * found[0])
+
+
+def _least_distance(H: Array, c: Array, A: Array, b: Array) -> Array | None:
+    """Where |H z + c| is least with A z >= b; None where the active set is not found."""
+    Q, R = np.linalg.qr(H)
+    if len(R) < H.shape[1] or np.abs(np.diag(R)).min(initial=1.0) <= 1e-9 * np.abs(np.diag(R)).max(initial=0.0):
+        # Some directions do not change the norm (corners of a cone without a patch): minimal in those too, to 1e-12.
+        H, c = np.vstack([H, 1e-6 * np.eye(H.shape[1])]), np.concatenate([c, np.zeros(H.shape[1])])
+        Q, R = np.linalg.qr(H)
+    G = np.linalg.solve(R.T, A.T).T
+    h = b + G @ (Q.T @ c)
+    norms = np.maximum(np.linalg.norm(G, axis=1), 1e-300)
+    felt = norms > 1e-12  # the others are constants: 0 >= their part of h
+    G, h = G[felt] / norms[felt, None], h[felt] / norms[felt]
+    found = least_distance(G, h, 1e-14)
+    if found is None:
+        return None
+    u, y = found
+    active = y > 0.0
+    if active.any():  # refined on the planes found: the last digits
+        again = np.linalg.lstsq(G[active], h[active], rcond=1e-12)[0]
+        if (h - G @ again).max() <= max(_EXACT, (h - G @ u).max()):
+            u = again
+    if (h - G @ u).max() > 1e-9:
+        return None
+    return np.asarray(np.linalg.solve(R, u - Q.T @ c))
+
+
+@dataclass(frozen=True, eq=False)
+class _Modes:
+    """Active rows and cones: equations g(z) = 0 with their slopes and curvature."""
+
+    inside: ConeSet
+    rows: Array
+    edge: Array
+    apex: Array
+
+    def equations(self, z: Array, lam: Array | None) -> tuple[Array, Array, Array]:
+        """(g, dg/dz, sum of lam times the second derivatives)."""
+        on, n = self.inside, len(z)
+        u = on.C[self.edge] @ z + on.at[self.edge]
+        length = np.maximum(np.hypot(u[:, 0], u[:, 1]), 1e-300)
+        t = u[:, :2] / length[:, None]
+        C = on.C[self.edge]
+        slope = np.einsum("ki,kiz->kz", t, C[:, :2]) - on.mu[self.edge, None] * C[:, 2]
+        apex = on.C[self.apex].reshape(on.at[self.apex].size, n)
+        g = np.concatenate(
+            [on.A[self.rows] @ z - on.b[self.rows], length - on.mu[self.edge] * u[:, 2], apex @ z + on.at[self.apex].ravel()]
+        )
+        bend = np.zeros((n, n))
+        if lam is not None:
+            first = int(self.rows.sum())
+            across = np.einsum("ki,kiz->kz", np.stack([-t[:, 1], t[:, 0]], axis=1), C[:, :2])
+            bend = (across.T * (lam[first : first + len(t)] / length)) @ across
+        return g, np.vstack([on.A[self.rows], slope, apex]), bend
+
+
+def _within_cones(adm: Admissible, E: Array, e: Array) -> Array | None:
+    work = Work(FORCE_CHOICE_WORK)
+    reach = Reach(adm, work)
+    if not reach.known:
+        return None
+    B = reach.directions
+    if not B.shape[1]:  # bounds and cones leave one point, as at the limit of friction: the point found
+        return adm.kept(adm.start)
+    H = E @ B
+    if not len(adm.mu):
+        on = ConeSet(adm.D @ B, (adm.d - adm.D @ adm.start) / adm.size, np.zeros((0, 3, B.shape[1])), np.zeros((0, 3)), adm.mu)
+        on, z = on.widened(1e-10), np.zeros(B.shape[1])
+    else:
+        on, z = reach.cone_set
+    z = least(H.T @ H, H.T @ e, on, z, _GAP, work)
+    if work.left < 0.0:
+        return None
+    z = _polished(H, e, on, z)
+    return adm.kept(adm.start + adm.size * (B @ z))
+
+
+def _polished(H: Array, e: Array, on: ConeSet, z: Array) -> Array:
+    """Newton's method on the modes at z; z itself where that leaves the set or to a larger norm."""
+    s, u, edge = on.slack(z)
+    far = on.mu * u[:, 2] + np.hypot(u[:, 0], u[:, 1])
+    apex = far < _TOUCHES
+    modes = _Modes(on, s < _TOUCHES, (edge < _TOUCHES) & ~apex, apex)
+    P, best = H.T @ H, z
+    lam: Array | None = None
+    for _ in range(8):
+        g, slope, bend = modes.equations(best, lam)
+        k, gradient = len(g), H.T @ (H @ best + e)
+        if lam is None:
+            lam = np.linalg.lstsq(slope.T, -gradient, rcond=1e-12)[0]
+            continue
+        system = np.block([[P + bend, slope.T], [slope, np.zeros((k, k))]])
+        step = np.linalg.lstsq(system, np.concatenate([-gradient, -g]), rcond=1e-14)[0]
+        best, lam = best + step[: len(z)], step[len(z) :]
+        if not math.isfinite(float(np.abs(best).sum())) or np.abs(best - z).max(initial=0.0) > 1e-3:
+            return z
+    better = np.linalg.norm(H @ best + e) <= np.linalg.norm(H @ z + e) + 1e-10
+    return best if better and on.margin(best) >= -_EXACT else z

@@ -1,0 +1,12 @@
+"""Many states of one robot at once: answers as arrays over states, each with its residuals."""
+
+from rbd.answers.many.solutions import Solutions
+from rbd.answers.many.solving import solve_many
+from rbd.answers.many.status import StateStatus
+from rbd.modules import submodule as _submodule
+
+__all__ = ["Solutions", "StateStatus", "solve_many"]
+
+
+def __getattr__(name: str) -> object:
+    return _submodule(__name__, name)

@@ -1,0 +1,150 @@
+"""Names, dimensions, labels and units of the quantities of an answer: of one state, or of many in one more axis in front."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from typing import Any, TypeAlias
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from rbd.answers.many.status import StateStatus
+from rbd.answers.many.variable import Variable
+from rbd.arrays import Array
+from rbd.model.checked_model import CheckedModel
+from rbd.model.joints import FORCE_OF
+
+AXES, SPATIAL = ("x", "y", "z"), ("fx", "fy", "fz", "mx", "my", "mz")
+RESIDUAL_OF = {
+    "stationarity": "equations of motion",
+    "feasibility": "accelerations that the law allows",
+    "cone": "forces that the law allows",
+    "complementarity": "forces and accelerations that go together",
+    "centroidal": "momentum about the centre of mass",
+}
+"""{equation: what its scaled residual is of}."""
+
+Named: TypeAlias = tuple[str, Variable]
+_Form: TypeAlias = tuple[tuple[str, ...], str, str, dict[str, tuple[Any, ...]]]
+"""Dimensions, unit, meaning and labels."""
+_FLAGS = {int(code): code.name.lower() for code in StateStatus}
+_coordinates: WeakKeyDictionary[CheckedModel, dict[str, _Form]] = WeakKeyDictionary()
+
+
+@lru_cache(maxsize=1000)
+def key(name: str) -> str:
+    """A constraint's name inside the names of variables: letters, digits and _."""
+    return re.sub(r"\W", "_", name)
+
+
+def coordinates(what: str, values: Array, robot: CheckedModel) -> Named:
+    """q, v, a, tau or used_torque, labelled by the coordinates of a robot.
+
+    Args:
+        what: Which of them.
+        values: Shape (..., nq), (..., nv) or (..., nu).
+        robot: The robot.
+    """
+    forms = _coordinates.get(robot)
+    if forms is None:
+        forms = _coordinates[robot] = _forms_of(robot)
+    return what, Variable(values, *forms[what])
+
+
+def _forms_of(robot: CheckedModel) -> dict[str, _Form]:
+    position = {"position": tuple(c.name for c in robot.joints.positions)}
+    velocity = {"velocity": tuple(c.name for c in robot.joints.velocities)}
+    motor = {"motor": tuple(c.name for c in robot.motor_coordinates)}
+    units = list(dict.fromkeys(c.unit for c in robot.joints.velocities))
+    forces = list(dict.fromkeys(FORCE_OF[c.unit] for c in robot.motor_coordinates))
+    return {
+        "q": (("position",), _or([c.unit for c in robot.joints.positions]), "configuration", position),
+        "v": (("velocity",), _or([f"{u}/s" for u in units]), "velocity", velocity),
+        "a": (("velocity",), _or([f"{u}/s2" for u in units]), "acceleration", velocity),
+        "tau": (("motor",), _or(forces), "motor torques", motor),
+        "used_torque": (("motor",), "1", "share of each motor's limit that is used", motor),
+    }
+
+
+def _or(units: list[str]) -> str:
+    return " or ".join(dict.fromkeys(units))
+
+
+def force(name: str, values: Array, *, contact: bool) -> Named:
+    """The force of a constraint: (3,) or (6,) of a contact, else one entry a row; a constraint without rows has one of zero.
+
+    Args:
+        name: The constraint's name.
+        values: Shape (..., m).
+        contact: Whether it is the force or wrench of a contact, on the robot, in world axes.
+    """
+    if not values.shape[-1]:  # a limit that is not reached
+        values = np.zeros((*values.shape[:-1], 1))
+    known, form = _force(name, values.shape[-1], contact)
+    return known, Variable(values, *form)
+
+
+@lru_cache(maxsize=1000)
+def _force(name: str, m: int, contact: bool) -> tuple[str, _Form]:
+    contact = contact and m in (3, 6)
+    rows = SPATIAL[:m] if contact else tuple(str(i) for i in range(m))
+    unit = "N, then N m" if contact and m == 6 else "N" if contact else "N or N m"
+    return f"force_{key(name)}", ((f"{key(name)}_row",), unit, f"force of {name}", {f"{key(name)}_row": rows})
+
+
+def corner_forces(name: str, values: Array) -> Named:
+    """Forces at the corners of a contact, shape (..., k, 3), world axes."""
+    dims, about = (f"{key(name)}_corner", "axis"), f"forces at the corners of {name}"
+    return f"corner_forces_{key(name)}", Variable(values, dims, "N", about, {"axis": AXES})
+
+
+def of_contact(what: str, name: str, value: Any) -> Named:
+    """A number of one contact: `friction_used`, `normal_force`, `margin_friction`, `margin_pressure`, or its `friction`.
+
+    Args:
+        what: Which of them.
+        name: The contact's name.
+        value: Shape (...); None where there is none.
+    """
+    known, unit, about = _of_contact(what, name)
+    return known, Variable(np.asarray(np.nan if value is None else value), (), unit, about)
+
+
+@lru_cache(maxsize=1000)
+def _of_contact(what: str, name: str) -> tuple[str, str, str]:
+    unit, about = {
+        "friction": ("1", f"coefficient of {name}"),
+        "friction_used": ("1", f"|f_t| / (mu f_n) of {name}"),
+        "normal_force": ("N", f"normal force of {name}"),
+        "margin_friction": ("1", f"share of the friction of {name} that is left"),
+        "margin_pressure": ("m", f"distance of the centre of pressure of {name} from the edge"),
+    }[what]
+    return f"{what}_{key(name)}", unit, about
+
+
+def centre_of_pressure(name: str, values: Array | None) -> Named:
+    """Centre of pressure of a contact in W, shape (..., 3); None where it carries nothing."""
+    found = np.full(3, np.nan) if values is None else values
+    return f"centre_of_pressure_{key(name)}", Variable(found, ("axis",), "m", f"centre of pressure of {name}", {"axis": AXES})
+
+
+def residual(equation: str, values: Any) -> Named:
+    """The scaled residual of an equation of the law, shape (...)."""
+    about = f"scaled residual: {RESIDUAL_OF[equation]}"
+    return f"residual_{equation}", Variable(np.asarray(values), (), "1", about)
+
+
+def worst_residual(values: Any) -> Named:
+    """The largest scaled residual, shape (...)."""
+    return "worst_residual", Variable(np.asarray(values), (), "1", "largest scaled residual of the answer")
+
+
+def status(codes: Any) -> Named:
+    """`StateStatus` codes, shape (...)."""
+    return "status", Variable(np.asarray(codes, np.int8), (), "", "solved, inaccurate, failed, ...", {}, _FLAGS)
+
+
+def com(values: Array) -> Named:
+    """The centre of mass in W, shape (..., 3)."""
+    return "com", Variable(values, ("axis",), "m", "centre of mass in W", {"axis": AXES})

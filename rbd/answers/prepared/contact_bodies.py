@@ -1,0 +1,218 @@
+"""Constrained accelerations of the bodies in contact by Pinocchio's contact dynamics, and the terms of their certificate.
+
+For bodies of full row rank `pin.constraintDynamics` gives the acceleration that holds them all still and the forces f_0 on
+them, with the factors of the operational-space inertia L = (J M^-1 J^T)^-1. A row acceleration s then costs
+
+    f = f_0 + L s,        a = a_0 + M^-1 J^T L s
+
+The judgement takes another route. `pin.rnea` at (q, v, a) with the contact forces on their bodies gives the torques that this
+motion takes: less those given, that is the residual of the equations of motion, whose rows at a floating base are the balance
+of momentum. It leaves the acceleration of every body, from which the row accelerations follow through constant matrices.
+Neither M, J and J_dot v as arrays, nor the factors that found the answer, take part.
+
+Rows are in Pinocchio's axes: three of a point in world axes, six of a patch in its own.
+
+Source: [Carpentier2021] for the factors of constrained dynamics.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+
+import numpy as np
+import pinocchio as pin
+from scipy.linalg import blas
+
+from rbd.answers.prepared.sites import Site
+from rbd.arrays import Array, block_diagonal, max_abs, zeros
+from rbd.model.checked_model import CheckedModel
+from rbd.model.forks import renewed_after_fork
+from rbd.problem.residuals import SOLVED
+
+DEPENDENT = 1e-9
+"""Pivots of the contact rows below this, over the largest: rows that may be dependent."""
+SETTINGS = (1e-10, 1e-10, 0.0, 1)
+"""Of Pinocchio's proximal iterations: a single one, without regularisation, is exact where rows are independent."""
+_STILL = 1e-15
+"""Squares of a body's velocity up to this leave its centripetal acceleration in the rounding."""
+TURNS = 1e-13
+"""Centripetal accelerations up to this are rounding [m/s2]."""
+
+
+class ContactBodies:
+    """The bodies of a robot that contacts touch: what is constant, and the memory for what is not.
+
+    Everything is used under `lock`, in the order `held`, `moved`, `stationarity`, `row_accelerations`.
+
+    Attributes:
+        robot: The robot.
+        sites: The contacts' places on their bodies, in the order of the rows.
+        m: Number of rows.
+        lock: For all methods, and for what they leave.
+        placements: Poses of the bodies in W, as `held` left them.
+    """
+
+    def __init__(self, robot: CheckedModel, sites: Sequence[Site]) -> None:
+        self.robot, self.sites, self.lock = robot, tuple(sites), threading.Lock()
+        self._model = model = robot.model
+        self._data = data = model.createData()
+        self._models, self._datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
+        for site in sites:
+            made = site.pinocchio(model)
+            self._models.append(made)
+            self._datas.append(made.createData())
+        pin.initConstraintDynamics(model, data, self._models, self._datas)
+        self._settings = pin.ProximalSettings(*SETTINGS)
+        self._factors = data.constraint_chol
+        self.m = m = sum(site.size for site in sites)
+        ends = np.cumsum([site.size for site in sites])
+        self._rows = [slice(int(end) - site.size, int(end)) for end, site in zip(ends, sites, strict=True)]
+        self._target = np.zeros(m + model.nv)
+        self._forces = pin.StdVec_Force()
+        for _ in range(model.njoints):
+            self._forces.append(pin.Force.Zero())
+        # References into the data: they follow it.
+        joints = [site.joint for site in sites]
+        self._slots = [self._forces[j] for j in joints]
+        self.placements = [data.oMi[j] for j in joints]
+        self._accelerations, self._twists = [data.a_gf[j] for j in joints], [data.v[j] for j in joints]
+        self._velocities = [each.contact1_velocity for each in self._datas]
+        self._prepare_maps(np.array(model.gravity.linear))
+        self._points = [i for i, site in enumerate(sites) if site.size == 3]
+        self._per_inertia = 1.0 / robot.least_inertia
+        renewed_after_fork(self)
+
+    def _prepare_maps(self, gravity: Array) -> None:
+        """Constant matrices: wrenches on the bodies, and row accelerations from those of the bodies.
+
+        The latter are of a - R^T g of each body, and of the third row of its R where gravity is along z, else of R^T g.
+        """
+        self._gravity = gravity if gravity[:2].any() else None
+        fall = float(gravity[2]) if self._gravity is None else 1.0
+        self._dual = [site.X_JC.toDualActionMatrix()[:, : site.size] for site in self.sites]
+        self._all_dual = block_diagonal(self._dual)
+        self._to_contact = [site.X_JC.toActionMatrixInverse() for site in self.sites]
+        own = [A[: site.size] for A, site in zip(self._to_contact, self.sites, strict=True)]
+        self._accelerate = np.hstack([block_diagonal(own), block_diagonal([fall * A[:, :3] for A in own])])
+        self._seen = np.zeros(9 * len(own))
+
+    def renew_after_fork(self) -> None:
+        """In a forked child: a new lock."""
+        self.lock = threading.Lock()
+
+    def held(self, q: Array, v: Array, generalised: Array, *, at_rest: bool) -> tuple[Array, Array] | None:
+        """(a, row forces) that hold the bodies, J a + J_dot v = 0; None if the rows may be dependent.
+
+        Args:
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            generalised: S^T tau + tau_ext, shape (nv,).
+            at_rest: v is zero.
+        """
+        a = pin.constraintDynamics(self._model, self._data, q, v, generalised, self._models, self._datas, self._settings)
+        pivots = self._factors.D[: self.m]
+        if not pivots[pivots.argmax()] < DEPENDENT * pivots[pivots.argmin()]:  # all are negative
+            return None
+        forces = self._data.lambda_c.copy()
+        if not at_rest:
+            turning = self._centripetal()
+            if turning is not None:
+                a += self.moved(turning)
+                forces += self.inertia() @ turning
+        return a, forces
+
+    def _centripetal(self) -> Array | None:
+        """Row accelerations -(w x v) of patches that move: what Pinocchio's spatial acceleration lacks; None if zero."""
+        out, moves = zeros(self.m), False
+        for site, rows, velocity in zip(self.sites, self._rows, self._velocities, strict=True):
+            u = velocity.vector
+            if site.size == 6 and blas.ddot(u, u) > TURNS:  # |w x v| is at most half of that
+                x, y, z, p, q, r = u.tolist()
+                turn = (r * y - q * z, p * z - r * x, q * x - p * y)
+                if not max(map(abs, turn)) <= TURNS:
+                    out = out if moves else np.zeros(self.m)
+                    out[rows.start : rows.start + 3] = turn
+                    moves = True
+        return out if moves else None
+
+    def speed(self, i: int) -> float:
+        """Largest entry of a site's velocity [m/s, rad/s], as `held` left it."""
+        velocity = self._velocities[i].vector
+        return max_abs(velocity if self.sites[i].size == 6 else velocity[:3])
+
+    def inertia(self) -> Array:
+        """Operational-space inertia L of the rows, shape (m, m)."""
+        return np.asarray(self._factors.getOperationalSpaceInertiaMatrix())
+
+    def mobility(self) -> Array:
+        """L^-1 = J M^-1 J^T, shape (m, m)."""
+        return np.asarray(self._factors.getInverseOperationalSpaceInertiaMatrix())
+
+    @property
+    def target(self) -> Array:
+        """Where `moved_to_target` takes row accelerations from, shape (m or more,): its first m entries are to be written."""
+        return self._target
+
+    def moved_to_target(self) -> Array:
+        """`moved`, by the row accelerations in `target`."""
+        return np.asarray(self._factors.solve(self._target)[self.m :])
+
+    def moved(self, s: Array) -> Array:
+        """M^-1 J^T L s: the change of the acceleration by row accelerations s, shape (nv,)."""
+        self._target[: self.m] = s
+        return self.moved_to_target()
+
+    def stationarity(self, q: Array, v: Array, a: Array, forces: Array, generalised: Array) -> float:
+        """Residual of the equations of motion, scaled; leaves the bodies' accelerations for `row_accelerations`.
+
+        Args:
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            a: Acceleration, shape (nv,).
+            forces: Row forces, shape (m,).
+            generalised: S^T tau + tau_ext, shape (nv,).
+        """
+        if self._points:
+            forces = forces.copy()
+            for i in self._points:
+                forces[self._rows[i]] = self.placements[i].rotation.T.dot(forces[self._rows[i]])
+        wrenches, at = self._all_dual.dot(forces), 0
+        for slot in self._slots:
+            slot.vector = wrenches[at : at + 6]
+            at += 6
+        left = pin.rnea(self._model, self._data, q, v, a, self._forces)
+        left -= generalised
+        scaled = max_abs(left * self._per_inertia)
+        # Bodies of a few grams may have accelerations of 1e5: then the terms of each equation are its scale.
+        return scaled if scaled <= SOLVED else max_abs(left / np.maximum(self._terms(a), 1.0 / self._per_inertia))
+
+    def _terms(self, a: Array) -> Array:
+        """|M| |a|, shape (nv,), of the upper triangle that Pinocchio's contact dynamics left."""
+        M, size = np.triu(np.abs(self._data.M)), np.abs(a)
+        return np.asarray(M @ size + M.T @ size - M.diagonal() * size)
+
+    def row_accelerations(self, *, at_rest: bool, turned: bool = True) -> Array:
+        """J a + J_dot v by the bodies' accelerations that `stationarity` left, shape (m,).
+
+        Args:
+            at_rest: v is zero.
+            turned: Points in world axes; else in those of their bodies.
+        """
+        seen, at, up = self._seen, 0, 6 * len(self.sites)
+        for acceleration, X in zip(self._accelerations, self.placements, strict=True):
+            seen[at : at + 6] = acceleration.vector
+            seen[up : up + 3] = X.rotation[2] if self._gravity is None else self._gravity.dot(X.rotation)
+            at += 6
+            up += 3
+        c = self._accelerate.dot(seen)
+        if not at_rest:
+            for rows, A, twist in zip(self._rows, self._to_contact, self._twists, strict=True):
+                u = twist.vector
+                if blas.ddot(u, u) > _STILL:
+                    x, y, z, p, q, r = A.dot(u).tolist()
+                    c[rows.start : rows.start + 3] += q * z - r * y, r * x - p * z, p * y - q * x
+        if turned:
+            for i in self._points:
+                c[self._rows[i]] = self.placements[i].rotation.dot(c[self._rows[i]])
+        return np.asarray(c)

@@ -1,0 +1,269 @@
+"""Coordinates of force elements: lengths, angles and relative poses of two places, with their rates and second derivatives.
+
+Each has x, shape (m,), and D, shape (m, 12), with x_dot = D u of the ends' velocities u (`rbd.constraints.forces.places.Pair`).
+A force F
+conjugate to x is then the wrenches D^T F at the ends, and the gradient of an energy E(x) is D^T dE/dx. `force_change` and
+`rate_change` are how D^T F and D u change as the ends move, by (dp, turn) of each in world axes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Protocol
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, cross_matrix
+from rbd.constraints.forces.places import Pair
+from rbd.errors import InputError
+
+SHORTEST = 1e-9
+"""A line shorter than this has no direction [m]."""
+WIDEST = math.radians(170.0)
+"""Largest angle between two frames [rad]: it is known up to full turns only, and beyond half a turn would change its sign."""
+_SERIES = (1 / 12, 1 / 720, 1 / 30240, 1 / 1209600, 1 / 47900160, 691 / 1307674368000, 1 / 74724249600)
+
+
+class Coordinates(Protocol):
+    """Coordinates of an element at a state."""
+
+    x: Array
+    D: Array
+
+    def force_change(self, F: Array) -> Array:
+        """d(D^T F) of constant F, shape (12, 12)."""
+
+    def rate_change(self, u: Array) -> Array:
+        """d(D u) of constant u, shape (m, 12)."""
+
+
+class Distance:
+    """The distance of two points, x = |d|.
+
+    Raises:
+        InputError: it is zero, so that the line has no direction.
+    """
+
+    def __init__(self, pair: Pair, what: str) -> None:
+        d = pair.points[1] - pair.points[0]
+        length = math.sqrt(float(d @ d))
+        if not length > SHORTEST:
+            raise InputError(
+                f"{what} has zero length at this state, where the line between its ends has no direction. Move an end; "
+                "a spring with rest=0 and preload=0 may have zero length."
+            )
+        self._n = d / length
+        self._across = (np.eye(3) - np.outer(self._n, self._n)) / length
+        self.x = np.array([length])
+        self.D = np.zeros((1, 12))
+        self.D[0, :3], self.D[0, 6:9] = -self._n, self._n
+
+    def force_change(self, F: Array) -> Array:
+        """Of the direction: F (1 - n n^T) / L."""
+        out, P = np.zeros((12, 12)), F[0] * self._across
+        out[:3, :3] = out[6:9, 6:9] = P
+        out[:3, 6:9] = out[6:9, :3] = -P
+        return out
+
+    def rate_change(self, u: Array) -> Array:
+        """Of the direction."""
+        out = np.zeros((1, 12))
+        out[0, 6:9] = self._across @ (u[6:9] - u[:3])
+        out[0, :3] = -out[0, 6:9]
+        return out
+
+
+class Vector:
+    """The vector from one point to the other, in world axes: smooth where the distance is not."""
+
+    def __init__(self, pair: Pair) -> None:
+        self.x = pair.points[1] - pair.points[0]
+        self.D = np.zeros((3, 12))
+        self.D[:, :3], self.D[:, 6:9] = -np.eye(3), np.eye(3)
+
+    def force_change(self, F: Array) -> Array:
+        """Zero."""
+        return np.zeros((12, 12))
+
+    def rate_change(self, u: Array) -> Array:
+        """Zero."""
+        return np.zeros((3, 12))
+
+
+class _AboutAxis:
+    """A rate about an axis g in the axes of the first place: D u = (R g) . (w_2 - w_1)."""
+
+    def __init__(self, pair: Pair, g: Array, dg: Array) -> None:
+        self._R, self._dg = pair.R, dg
+        self._g = pair.R @ g
+        self.D = np.zeros((1, 12))
+        self.D[0, 3:6], self.D[0, 9:] = -self._g, self._g
+
+    def _gradient(self) -> Array:
+        """Change of R g by the turns of both ends, shape (3, 12)."""
+        out, relative = np.zeros((3, 12)), self._R @ self._dg @ self._R.T
+        out[:, 3:6], out[:, 9:] = -cross_matrix(self._g) - relative, relative
+        return out
+
+    def force_change(self, F: Array) -> Array:
+        """Of the axis."""
+        out, moved = np.zeros((12, 12)), F[0] * self._gradient()
+        out[3:6], out[9:] = -moved, moved
+        return out
+
+    def rate_change(self, u: Array) -> Array:
+        """Of the axis."""
+        return np.asarray((u[9:] - u[3:6])[None] @ self._gradient())
+
+
+class Angle(_AboutAxis):
+    """The angle of the second place's axes about an axis a, relative to the first: the twist of the rotation between them.
+
+    Of the unit quaternion (e, w) between the axes it is 2 atan2(a . e, w), in (-pi, pi]. In a hinge about a it is the hinge's
+    angle, whatever else is fixed between; its rate is g . w with g = (w^2 a + w e x a + (a . e) e) / (w^2 + (a . e)^2).
+
+    Raises:
+        InputError: the axes are tilted by more than 170 degrees against each other, or the angle less `rest` is beyond that.
+    """
+
+    def __init__(self, pair: Pair, axis: Array, rest: float, what: str) -> None:
+        quaternion = pin.Quaternion(pair.R.T @ pair.R_other).coeffs()
+        e, w = quaternion[:3], float(quaternion[3])
+        s = float(axis @ e)
+        n = w * w + s * s
+        if not n > math.cos(0.5 * WIDEST) ** 2:
+            tilt = math.degrees(2.0 * math.acos(min(1.0, math.sqrt(n))))
+            raise InputError(
+                f"{what} has its axis in one frame tilted by {tilt:.0f} degrees from "
+                "that in the other; beyond 170 degrees there is no angle about it. Take another axis."
+            )
+        across = cross_matrix(e) @ axis
+        g = (w * w * axis + w * across + s * e) / n
+        dw, de = -0.5 * e, 0.5 * (w * np.eye(3) - cross_matrix(e))
+        ds = axis @ de
+        dN = np.outer(2.0 * w * axis + across, dw) - w * cross_matrix(axis) @ de + np.outer(e, ds) + s * de
+        super().__init__(pair, g, (dN - np.outer(g, 2.0 * w * dw + 2.0 * s * ds)) / n)
+        self.x = np.array([rest + from_rest(2.0 * math.atan2(s, w), rest, what)])
+
+
+class Spin(_AboutAxis):
+    """The angular velocity of the second place relative to the first, about an axis fixed in the first; x is not known."""
+
+    def __init__(self, pair: Pair, axis: Array) -> None:
+        super().__init__(pair, axis, np.zeros((3, 3)))
+        self.x = np.zeros(1)
+
+
+class Pose:
+    """The second place in the axes of the first: position and rotation vector, x = (R^T d, log R^T R_2).
+
+    Args:
+        pair: The places.
+        what: Names the element in errors.
+        turns: Whether F depends on the rotation; where it does not, that counts as zero beyond 170 degrees.
+
+    Raises:
+        InputError: the rotation is beyond 170 degrees.
+    """
+
+    def __init__(self, pair: Pair, what: str, *, turns: bool = True) -> None:
+        R, d = pair.R, pair.points[1] - pair.points[0]
+        theta, angle = rotation_vector(R.T @ pair.R_other)
+        known = angle <= WIDEST
+        if turns and not known:
+            raise too_far(what, angle, "A rotation vector is known up to half a turn.")
+        theta = theta if known else np.zeros(3)
+        self._R, self._d, self._theta = R, d, theta
+        self._inverse = inverse_left_jacobian(theta) if known else np.zeros((3, 3))
+        turn = self._inverse @ R.T
+        self.x = np.concatenate([R.T @ d, theta])
+        self.D = np.zeros((6, 12))
+        self.D[:3, :3], self.D[:3, 3:6], self.D[:3, 6:9] = -R.T, R.T @ cross_matrix(d), R.T
+        self.D[3:, 3:6], self.D[3:, 9:] = -turn, turn
+
+    def _relative(self) -> Array:
+        """d(rotation vector) by the turns of both ends, shape (3, 12)."""
+        return self.D[3:]
+
+    def force_change(self, F: Array) -> Array:
+        """Of the first place's axes, the lever arm, and the map from turns to rotation vectors."""
+        R, f, m = self._R, self._R @ F[:3], self._R @ (self._inverse.T @ F[3:])
+        df, dm, dlever = np.zeros((3, 12)), np.zeros((3, 12)), np.zeros((3, 12))
+        df[:, 3:6] = -cross_matrix(f)
+        dm[:, 3:6] = -cross_matrix(m)
+        dm += R @ inverse_change(self._theta, F[3:], transposed=True) @ self._relative()
+        dlever[:, :3], dlever[:, 3:6] = -cross_matrix(f), cross_matrix(self._d) @ cross_matrix(f)
+        dlever[:, 6:9] = cross_matrix(f)
+        return np.concatenate([-df, dlever - dm, df, dm])
+
+    def rate_change(self, u: Array) -> Array:
+        """Likewise."""
+        R, turned = self._R, u[9:] - u[3:6]
+        r = u[6:9] - u[:3] + cross_matrix(self._d) @ u[3:6]
+        out = np.zeros((6, 12))
+        out[:3, :3] = R.T @ cross_matrix(u[3:6])
+        out[:3, 3:6] = R.T @ cross_matrix(r)
+        out[:3, 6:9] = -out[:3, :3]
+        out[3:] = inverse_change(self._theta, R.T @ turned) @ self._relative()
+        out[3:, 3:6] += self._inverse @ R.T @ cross_matrix(turned)
+        return out
+
+
+def from_rest(angle: float, rest: float, what: str) -> float:
+    """An angle known up to full turns, less the rest angle, within 170 degrees of it.
+
+    Raises:
+        InputError: it is farther.
+    """
+    found = math.remainder(angle - rest, 2.0 * math.pi)
+    if not abs(found) <= WIDEST:
+        raise too_far(what, abs(found), "Angles between frames, and those of continuous joints, are known up to full turns.")
+    return found
+
+
+def too_far(what: str, angle: float, why: str) -> InputError:
+    """The error of an element that is turned almost by half a turn."""
+    return InputError(
+        f"{what} is {math.degrees(angle):.0f} degrees from its rest; at most 170 are taken. {why} Move `rest` and add what "
+        "that takes away as `preload`, or use rbd.JointSpring in a revolute joint with limits, which counts turns."
+    )
+
+
+def rotation_vector(R: Array) -> tuple[Array, float]:
+    """(log R, its length), shape (3,) [rad]."""
+    quaternion = pin.Quaternion(R).coeffs()
+    if quaternion[3] < 0.0:
+        quaternion = -quaternion
+    sine = math.sqrt(float(quaternion[:3] @ quaternion[:3]))
+    angle = 2.0 * math.atan2(sine, float(quaternion[3]))
+    return quaternion[:3] * (angle / sine if sine > 1e-9 else 2.0), angle
+
+
+def _coefficients(theta: Array) -> tuple[float, float]:
+    """(c, dc/ds) of s = |theta|^2, c = (1 - t/2 cot t/2) / t^2 with t = |theta|."""
+    s = float(theta @ theta)
+    if s < 0.25:
+        return (
+            sum([b * s**k for k, b in enumerate(_SERIES)]),
+            sum([k * b * s ** (k - 1) for k, b in enumerate(_SERIES) if k]),
+        )
+    t = math.sqrt(s)
+    cot = 1.0 / math.tan(0.5 * t)
+    whole = 1.0 - 0.5 * t * cot
+    return whole / s, (0.25 * t / math.sin(0.5 * t) ** 2 - 0.5 * cot) / (2.0 * t * s) - whole / (s * s)
+
+
+def inverse_left_jacobian(theta: Array) -> Array:
+    """The rate of a rotation vector per angular velocity in the first axes, 1 - [theta]/2 + c [theta]^2, shape (3, 3)."""
+    T = cross_matrix(theta)
+    return np.asarray(np.eye(3) - 0.5 * T + _coefficients(theta)[0] * (T @ T))
+
+
+def inverse_change(theta: Array, m: Array, *, transposed: bool = False) -> Array:
+    """How that matrix, or its transpose, times a constant m changes with theta, shape (3, 3)."""
+    c, dc = _coefficients(theta)
+    T = cross_matrix(theta)
+    turned = (-0.5 if transposed else 0.5) * cross_matrix(m)
+    squared = c * (float(theta @ m) * np.eye(3) + np.outer(theta, m) - 2.0 * np.outer(m, theta))
+    return np.asarray(turned + squared + 2.0 * dc * np.outer(T @ (T @ m), theta))

@@ -1,0 +1,196 @@
+"""The changes of a state that its constraints allow, and coordinates of them.
+
+A change of the state (q, v) is (dq, dv), dq in the tangent space as pin.integrate takes it. With the rows that are held, of
+Jacobian J, and J_h those of them that hold a position, it is allowed where
+
+    J_h dq = 0        J dv + D dq = 0        D = d(J v - u)/dq at fixed v
+
+D is zero at rest. Rows of velocity alone (rolling, edges) leave more freedoms of position than of velocity. Independent
+entries of dq and of dv are chosen by pivoting; they are the reduced coordinates x = (x_q, x_v), and
+
+    dq = T_q x_q        dv = G x_q + T_v x_v
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.answers.analysis.differences import STEP, slope
+from rbd.answers.analysis.modes import modes_of
+from rbd.arrays import Array, max_abs
+from rbd.constraints.constraint import Constraint, anchored, is_carried, listed, rows_of
+from rbd.constraints.manifold import RANK, ConstraintManifold, StackedRows, null_space
+from rbd.errors import InputError, Unsupported
+from rbd.model.state import State
+from rbd.problem.answer import Answer
+
+ON = 1e-8
+"""Largest error of the rows [m, rad; m/s, rad/s] at a state on its constraints."""
+_HELD = ("holds", "sticks", "presses")
+
+
+@dataclass(frozen=True, eq=False)
+class TangentSpace:
+    """The allowed changes of a state and their coordinates.
+
+    Attributes:
+        positions: Entries of dq that are coordinates, shape (n_q,), int.
+        velocities: Entries of dv that are coordinates, shape (n_v,), int.
+        T_q: Shape (nv, n_q); its rows `positions` are the identity.
+        T_v: Shape (nv, n_v); its rows `velocities` are the identity.
+        G: Shape (nv, n_q); its rows `velocities` are zero.
+        rank_q: Rank of the rows that hold a position.
+        rank_v: Rank of all held rows.
+        m: Number of held rows.
+    """
+
+    positions: Array
+    velocities: Array
+    T_q: Array
+    T_v: Array
+    G: Array
+    rank_q: int
+    rank_v: int
+    m: int
+
+    @property
+    def basis(self) -> Array:
+        """(dq, dv) of the coordinates, shape (2 nv, n)."""
+        return np.block([[self.T_q, np.zeros_like(self.T_v)], [self.G, self.T_v]])
+
+    @property
+    def picked(self) -> Array:
+        """The entries of (dq, dv) that are coordinates, shape (n,)."""
+        return np.concatenate([self.positions, len(self.T_q) + self.velocities]).astype(int)
+
+
+def manifold_of(state: State, constraints: Sequence[Constraint]) -> ConstraintManifold:
+    """The constraints, those without a position anchored at the state's."""
+    given = listed(constraints)
+    at_rest = state.with_velocity(state.robot.zero_v)
+    put = [anchored(c, r, at_rest) for c, r in zip(given, rows_of(at_rest, given), strict=True)]
+    return ConstraintManifold.unchecked(at_rest, put, [is_carried(c) for c in put])
+
+
+def check_on(held: StackedRows) -> None:
+    """Refuse a state that violates its constraints.
+
+    Raises:
+        InputError: naming the worst row, its error and the cure.
+    """
+    for what, sizes, unit, cure in (
+        ("is off by", held.error, "m or rad", "Put it there first, with rbd.mechanism.assemble."),
+        (
+            "moves at",
+            held.velocity,
+            "m/s or rad/s",
+            "rbd.mechanism.project_velocity gives the nearest velocity that is allowed.",
+        ),
+    ):
+        if max_abs(sizes) > ON:
+            worst = int(np.abs(sizes).argmax())
+            name, row = held.names[worst]
+            raise InputError(
+                f"the state is not on its constraints: row {row} of {name!r:.80} {what} {abs(float(sizes[worst])):.3g} "
+                f"({unit}); expected at most {ON:g}. {cure}"
+            )
+
+
+def held_rows(answer: Answer, words: dict[str, tuple[str, ...]]) -> Array:
+    """Combinations of the problem's rows that stay zero, shape (k, m).
+
+    Raises:
+        Unsupported: a contact slips or opens, or a force is at its bound: then no constraint is left of which small motion
+            has a linear law on both sides.
+    """
+    for name, said in words.items():
+        other = next((word for word in said if word not in _HELD), None)
+        if other is not None:
+            raise Unsupported(
+                f"{name!r:.80} {other} at this state, so small motion about it is not linear (its contact mode changes). Leave "
+                "it out, or give it friction=None, or take torques (rbd.hold) with which it sticks."
+            )
+    if not answer.problem.m:
+        return np.zeros((0, 0))
+    modes = modes_of(answer)
+    psi = np.array(modes.psi).reshape(len(modes.start), -1)
+    rows: Array = psi @ modes.sets.H.T
+    return rows
+
+
+def allowed_changes(state: State, manifold: ConstraintManifold, S: Array) -> TangentSpace:
+    """The allowed changes of a state.
+
+    Args:
+        state: The state, on its constraints.
+        manifold: Its constraints.
+        S: Combinations of their rows that are held, shape (k, m).
+    """
+    here, nv, scale = manifold.rows(state), state.robot.nv, state.robot.joints.scale
+    placed = np.ones(len(here.J), bool) if here.placed is None else here.placed
+    of_positions = ~((np.abs(S) > 1e-12) & ~placed).any(axis=1)
+    J, D = S @ here.J, S @ velocity_slopes(state, manifold, here)
+    J_h = J[of_positions]
+    T_q, positions, _ = coordinates(J_h, scale)
+    T_v, velocities, weights = coordinates(J, scale)
+    G = np.zeros((nv, len(positions)))
+    if D.any():
+        z = np.linalg.lstsq(weights[:, None] * J * scale, -(weights[:, None] * D) @ T_q, rcond=RANK)[0]
+        G = scale[:, None] * z
+        G -= T_v @ G[velocities]
+    return TangentSpace(positions, velocities, T_q, T_v, G, nv - len(positions), nv - len(velocities), len(J))
+
+
+def coordinates(J: Array, scale: Array) -> tuple[Array, Array, Array]:
+    """(T, chosen, weights): a basis of the changes with J d = 0, with T[chosen] the identity, and the rows' scales.
+
+    Args:
+        J: Shape (m, nv).
+        scale: Unit of each entry, shape (nv,).
+    """
+    sizes = np.linalg.norm(J * scale, axis=1)
+    most = float(sizes.max(initial=0.0))
+    # A row of rounding errors gets the scale of a small one: normalised it would count.
+    weights = 1.0 / np.maximum(sizes, 1e-6 * most) if most else np.ones(len(J))
+    N, _ = null_space(weights[:, None] * J * scale, RANK)
+    chosen = independent_rows(N)
+    T = np.linalg.solve(N[chosen].T, N.T).T if N.shape[1] else N
+    T = scale[:, None] * T / scale[chosen]
+    T[chosen] = np.eye(len(chosen))
+    return T, chosen, weights
+
+
+def independent_rows(N: Array) -> Array:
+    """Rows of a basis that make an invertible square, well conditioned, ascending, shape (d,).
+
+    The row farthest from those already chosen is next, as in a pivoted QR; of rows as far, the first one, so that rounding does
+    not decide between the sides of a symmetric robot.
+    """
+    left, chosen = N.copy(), []
+    for _ in range(N.shape[1]):
+        sizes = np.linalg.norm(left, axis=1)
+        k = int(np.flatnonzero(sizes >= (1.0 - 1e-6) * sizes.max())[0])
+        chosen.append(k)
+        along = left[k] / sizes[k]
+        left -= np.outer(left @ along, along)
+    return np.sort(np.array(chosen, dtype=int))
+
+
+def velocity_slopes(state: State, manifold: ConstraintManifold, here: StackedRows) -> Array:
+    """D = d(J v - u)/dq at fixed v, shape (m, nv), by differences of the sixth order; zero at rest on ground at rest."""
+    nv, v = state.robot.nv, state.v
+    D = np.zeros((len(here.J), nv))
+    if not len(D) or not (v.any() or any(is_carried(c) for c in manifold.constraints)):
+        return D
+    for i in range(nv):
+        along = np.eye(nv)[i]
+
+        def sample(h: float, along: Array = along) -> Array:
+            return manifold.rows(State(state.robot, pin.integrate(state.robot.model, state.q, h * along), v)).velocity
+
+        D[:, i] = slope(sample, here.velocity, STEP, f"q[{i}]")
+    return D
