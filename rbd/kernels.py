@@ -35,8 +35,22 @@ def compiled(function: Callable[..., Any], types: Any = None) -> Callable[..., A
     if not in_use():
         return np.errstate(all="ignore")(function)
     try:
-        return numba.njit(types, cache=True, error_model="numpy")(function)
+        made = numba.njit(cache=True, error_model="numpy")(function)
     except RuntimeError as error:
         if "cannot cache" not in str(error):
             raise
-        return numba.njit(types, error_model="numpy")(function)
+        made = numba.njit(error_model="numpy")(function)
+    else:
+        _without_what_is_gone(made)
+    if types is not None:
+        made.compile(types)
+        made.disable_compile()
+    return made
+
+
+def _without_what_is_gone(function: Any) -> None:
+    """Empty a function's store on disk where it names a class that is gone: Numba would end with an ImportError."""
+    try:
+        function._cache._cache_file._load_index()
+    except (ImportError, AttributeError):
+        function._cache.flush()

@@ -17,7 +17,7 @@ import pytest
 from scipy.optimize import nnls
 
 import rbd
-from rbd.answers.analysis.differences import SMOOTH, slope as slope_of
+from rbd.answers.analysis.external_derivatives import SMOOTH, slope as slope_of
 from rbd.answers.analysis.sensitivity import Derivatives
 from rbd.model.external import generalised
 from rbd.testing import box

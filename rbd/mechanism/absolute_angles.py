@@ -18,7 +18,7 @@ from rbd.arrays import Array, as_array, check_finite
 from rbd.constraints.constraint import Constraint, frames_of, loop_dof, rows_of
 from rbd.constraints.manifold import own_or
 from rbd.errors import InputError, nearest
-from rbd.mechanism.columns import Columns
+from rbd.mechanism.partition import Columns
 from rbd.model.state import State, check_state
 from rbd.robots.linkage import link_angles
 

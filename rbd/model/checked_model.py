@@ -22,8 +22,7 @@ from rbd.installation import check_whole
 from rbd.model.actuated_model import ActuatedModel
 from rbd.model.data_pool import DataPool
 from rbd.model.gravity import checked_gravity
-from rbd.model.joint_errors import UNIT_TOLERANCE
-from rbd.model.joints import Coordinate, Joints
+from rbd.model.joints import UNIT_TOLERANCE, Coordinate, Joints
 from rbd.model.planar_base import Plane, base_turn, plane_of_base
 from rbd.model.travelling import Recipe, packed, unpacked
 

@@ -1,10 +1,10 @@
-"""The robot of a trajectory file: its source, with its numbers, so that a changed robot is noticed."""
+"""The robot of a trajectory file, with its numbers, so that a changed robot is noticed; and its force elements."""
 
 from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -13,9 +13,12 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.constraints.forces.plain_data import data_of, element_of
 from rbd.errors import InputError, ModelError, ModelWarning, RbdError
+from rbd.errors.warned import ForceElementWarning, stacklevel_of_user
 from rbd.model.actuated_model import with_plain_motors
 from rbd.model.checked_model import CheckedModel
+from rbd.model.external import ForceElement
 from rbd.model.input_files import FileLimits
 from rbd.model.motors import plain_motors
 from rbd.robots import catalogue
@@ -23,6 +26,7 @@ from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import beside
 from rbd.robots.robot import Robot
 from rbd.robots.travelling import given_texts, texts_of
+from rbd.simulation.trajectory_file import listed_in, words_in
 
 _COLUMNS = {"placement": 12, "mass": 1, "centre of mass": 3, "inertia": 6, "axis": 6, "rotor inertia": 1}
 """Columns of `robot_numbers` for each joint and its body."""
@@ -198,3 +202,36 @@ def _found(name: str) -> Path | None:
         return catalogue.find(name).urdf
     except RbdError:
         return None
+
+
+_KNOWN, _OTHERS = "elements", "other_elements"
+
+
+def header_of_elements(elements: Sequence[ForceElement]) -> dict[str, Any]:
+    """The entries of a header that describe the elements; of classes of a user a file has the names alone."""
+    data = [data_of(element) for element in elements]
+    others = [element.name for element, known in zip(elements, data, strict=True) if known is None]
+    return {_KNOWN: [known for known in data if known is not None], _OTHERS: others}
+
+
+def elements_in(header: Mapping[str, Any], robot: CheckedModel) -> tuple[ForceElement, ...]:
+    """The elements that a header describes, none of files of earlier versions; those that it only names are warned of.
+
+    Raises:
+        InputError: no elements, or none of the robot.
+    """
+    others = words_in(header, _OTHERS) if _OTHERS in header else ()
+    found = tuple(element_of(data) for data in (listed_in(header, _KNOWN) if _KNOWN in header else ()))
+    for element in found:
+        element.check_on(robot)
+    names = [element.name for element in found]
+    if len(set(names)) != len(names):
+        raise InputError(f"its header has two force elements of one name: {', '.join(names):.200}")
+    if others:
+        warnings.warn(
+            f"force elements acted that the file has by name alone ({', '.join(others):.200}), as they are not of "
+            "rbd.constraints.forces. Drawings do not show them, and rbd.identify needs them: external=[...].",
+            ForceElementWarning,
+            stacklevel=stacklevel_of_user(),
+        )
+    return found

@@ -19,8 +19,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
 from rbd.modules import xarray_or_error
 from rbd.simulation.motion import Event
-from rbd.simulation.recorded_elements import elements_in, header_of_elements
-from rbd.simulation.recorded_robot import recipe, robot_numbers, robot_of
+from rbd.simulation.recorded_robot import elements_in, header_of_elements, recipe, robot_numbers, robot_of
 from rbd.simulation.trajectory_fields import COLUMNS, ENERGY, LATER, RESIDUALS, WORDS, Fields
 from rbd.simulation.trajectory_file import checksum, listed_in, words_in
 

@@ -13,8 +13,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
-from rbd.solvers.contact_families import leaves_motion_open
-from rbd.solvers.contact_scaling import MOBILITY, Bodies, scale
+from rbd.solvers.contact_families import MOBILITY, Bodies, leaves_motion_open, scale
 from rbd.solvers.small_systems import eliminate, inverse
 
 _SMALL = 1e-200

@@ -28,9 +28,8 @@ import rbd
 from rbd.studies.sampling.grids import grid
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.store import MemoryStore
-from rbd.studies.workers.chunks import Chunks
 from rbd.studies.workers.evaluation import BATCH, Evaluation
-from rbd.studies.workers.executors import Lost
+from rbd.studies.workers.executors import Chunks, Lost
 from rbd.studies.workers.filling import Filled, _of_lost, check_all, fill
 from rbd.studies.workers.own_processes import Workers
 from rbd.studies.workers.progress_bar import Progress, counted

@@ -23,7 +23,7 @@ import rbd
 from rbd.errors import InputError, StudyWarning
 from rbd.studies import open_study
 from rbd.studies.provenance.identity import function_hash, name_of
-from rbd.studies.workers.chunks import BATCH, Chunks
+from rbd.studies.workers.executors import BATCH, Chunks
 
 FORMATS = ["sums.zarr", "sums.nc"]
 GRID = {"x": np.linspace(0, 1, 5), "y": np.linspace(0, 1, 6)}

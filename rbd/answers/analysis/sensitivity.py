@@ -17,8 +17,7 @@ import pinocchio as pin
 
 from rbd.answers.analysis.active_set import CONSISTENT, ActiveSet
 from rbd.answers.analysis.along_constraints import projections
-from rbd.answers.analysis.differences import STEP, slope
-from rbd.answers.analysis.external_derivatives import derivatives_of
+from rbd.answers.analysis.external_derivatives import STEP, derivatives_of, slope
 from rbd.answers.analysis.held_rows import HeldRows
 from rbd.answers.analysis.parameters import ParameterDerivatives, by_parameter, checked_parameters
 from rbd.answers.analysis.term_changes import Change

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rbd.answers.many.dataset import dataset_of
+from rbd.answers.many.naming import dataset_of
 from rbd.answers.many.states import ManyStates
 from rbd.answers.many.status import StateStatus
 from rbd.arrays import Array

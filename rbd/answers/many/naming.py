@@ -1,19 +1,55 @@
-"""Names, dimensions, labels and units of the quantities of an answer: of one state, or of many in one more axis in front."""
+"""Names, dimensions, labels and units of the quantities of an answer, at one state or at many; many as an xarray.Dataset."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from rbd.answers.many import naming
 from rbd.answers.many.status import StateStatus
-from rbd.answers.many.variable import Variable
 from rbd.arrays import Array
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
+from rbd.modules import xarray_or_error
+
+if TYPE_CHECKING:
+    import xarray
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """A quantity that is kept, of one sample or of n.
+
+    Attributes:
+        values: Of one sample an array of the shape of `dims`; of n samples, one more axis in front.
+        dims: Names of the dimensions of one sample's value; empty of a number.
+        units: Unit, "" where there is none.
+        long_name: What it is.
+        labels: {dimension: labels of its entries}, text or numbers.
+        flags: {code: its meaning}, of codes.
+    """
+
+    values: Array
+    dims: tuple[str, ...] = ()
+    units: str = ""
+    long_name: str = ""
+    labels: Mapping[str, tuple[Any, ...]] = field(default_factory=dict)
+    flags: Mapping[int, str] = field(default_factory=dict)
+
+    @property
+    def attributes(self) -> dict[str, Any]:
+        """Its unit and what it is, as attributes of an xarray variable; of codes their meanings too, as CF has them."""
+        found: dict[str, Any] = {"units": self.units, "long_name": self.long_name}
+        if self.flags:
+            found["flag_values"], found["flag_meanings"] = list(self.flags), " ".join(self.flags.values())
+        return {name: value for name, value in found.items() if value}
+
 
 AXES, SPATIAL = ("x", "y", "z"), ("fx", "fy", "fz", "mx", "my", "mz")
 RESIDUAL_OF = {
@@ -148,3 +184,41 @@ def status(codes: Any) -> Named:
 def com(values: Array) -> Named:
     """The centre of mass in W, shape (..., 3)."""
     return "com", Variable(values, ("axis",), "m", "centre of mass in W", {"axis": AXES})
+
+
+def dataset_of(found: Any) -> xarray.Dataset:
+    """All arrays of a `ManyAnswers` over the dimension `state`; constraints stand in the names of variables: force_left_sole.
+
+    Raises:
+        InputError: xarray is not installed; names the extra.
+    """
+    xr, robot = xarray_or_error(), found.states.robot
+    variables: dict[str, Any] = {}
+    coords: dict[str, Any] = {"state": np.arange(len(found)), "axis": list(naming.AXES)}
+    for name, variable in _variables(found):
+        variables[name] = (["state", *variable.dims], variable.values, variable.attributes)
+        coords |= {dim: np.array(labels, None if labels else str) for dim, labels in variable.labels.items()}
+    coords["velocity_unit"] = ("velocity", [f"{c.unit}/s" for c in robot.joints.velocities])
+    coords["motor_unit"] = ("motor", np.array([FORCE_OF[c.unit] for c in robot.motor_coordinates], str))
+    variables["method"] = ("state", found.method)
+    about = {"title": f"{len(found)} states of {robot.name}", "frames": "W, z up; forces are those on the robot"}
+    return xr.Dataset(variables, coords, about)
+
+
+def _variables(found: Any) -> Iterator[naming.Named]:
+    states = found.states
+    for name, values in (("q", states.q), ("v", states.v), ("a", found.a), ("tau", found.tau)):
+        yield naming.coordinates(name, values, states.robot)
+    yield naming.status(found.status)
+    for name, values in found.residuals.items():
+        yield naming.residual(name, values)
+    for name, values in states.friction.items():
+        yield naming.of_contact("friction", name, values)
+    for name, values in found.forces.items():
+        yield naming.force(name, values, contact=name in found.friction_used)
+    for name, values in found.corner_forces.items():
+        yield naming.corner_forces(name, values)
+    for name, values in found.friction_used.items():
+        yield naming.of_contact("friction_used", name, values)
+    for name, values in found.centre_of_pressure.items():
+        yield naming.centre_of_pressure(name, values)

@@ -8,8 +8,7 @@ import numpy as np
 
 from rbd.answers.many.answers import Sheet
 from rbd.answers.many.blocks import by_blocks
-from rbd.answers.many.one_state import answer_at, warnings_of
-from rbd.answers.many.solutions import Solutions
+from rbd.answers.many.solutions import Solutions, answer_at, warnings_of
 from rbd.answers.many.states import Friction, ManyExternal, ManyStates
 from rbd.answers.many.status import StateStatus
 from rbd.answers.many.warned import INACCURATE, LIMIT, TORQUE, beyond_limits, warn

@@ -14,7 +14,7 @@ from rbd.errors import InputError, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.external import ExternalForce, ForceElement, generalised, is_element
-from rbd.model.joint_errors import UNIT_TOLERANCE
+from rbd.model.joints import UNIT_TOLERANCE
 from rbd.model.state import State
 
 Friction: TypeAlias = float | Sequence[float] | Array | Mapping[str, Any] | None

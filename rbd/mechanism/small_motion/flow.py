@@ -18,7 +18,7 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from rbd.answers.analysis.differences import STEP, slope
+from rbd.answers.analysis.external_derivatives import STEP, slope
 from rbd.answers.least_constraint import solve
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.answers.analysis.differences import STEP, slope
+from rbd.answers.analysis.external_derivatives import STEP, slope
 from rbd.answers.least_constraint import solve
 from rbd.arrays import Array, as_array, max_abs, range_of
 from rbd.constraints.constraint import Constraint, has_friction, member

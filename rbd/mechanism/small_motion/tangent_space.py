@@ -19,7 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.answers.analysis.differences import STEP, slope
+from rbd.answers.analysis.external_derivatives import STEP, slope
 from rbd.answers.analysis.modes import modes_of
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, anchored, is_carried, listed, rows_of

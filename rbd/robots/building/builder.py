@@ -3,20 +3,22 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+import warnings
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 from rbd.arrays import Array
 from rbd.constraints.contact_kinds import PointContact, SurfaceContact
 from rbd.displayed import Displayed
-from rbd.errors import InputError, ModelError
+from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model.input_files import FileLimits
 from rbd.model.output_files import check_place, write_text
 from rbd.model.planar_base import Plane, checked_plane
 from rbd.model.urdf import BASE_JOINT
 from rbd.robots import catalogue
 from rbd.robots.building.closing import coupling_entry, loop_direction, posture_value, user_entry, wheel_entry
-from rbd.robots.building.finishing import finished
 from rbd.robots.building.numbers import (
     checked_choice,
     checked_name,
@@ -26,8 +28,33 @@ from rbd.robots.building.parts import Body, Frame, Joint, a_body, a_joint
 from rbd.robots.building.solids import Solid
 from rbd.robots.building.tree import check_tree
 from rbd.robots.building.writing import Entry, urdf_text, yaml_text
+from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import ENDING, ROOTS, LoopFile, Root
 from rbd.robots.robot import Robot
+
+DELIBERATE = ("effort",)
+"""Kinds of warnings of the doctor that a user of the builder has asked for: a motor whose limit was not given."""
+
+
+def finished(text: str, loops: LoopFile, thin: Collection[str], **options: Any) -> Robot:
+    """The robot of two texts. A `ModelWarning` has what the doctor finds, without motors whose limit was not given.
+
+    Args:
+        text: The URDF.
+        loops: The loop file.
+        thin: Bodies without extension that were asked for, which are left out of the warning too.
+        options: More for `load_robot`.
+    """
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", ModelWarning)
+        robot = load_robot(text=text, loops=loops, **options)
+    report = robot.report
+    assert report is not None
+    kept = [f for f in report.warnings if f.kind not in DELIBERATE and not (f.kind == "inertia" and f.where in thin)]
+    if kept:
+        warnings.warn(replace(report, warnings=tuple(kept)).summary(), ModelWarning, stacklevel=3)
+    return robot
+
 
 GROUND = "ground"
 """The body of a fixed root: what does not move. It need not be declared."""

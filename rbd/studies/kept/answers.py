@@ -7,9 +7,8 @@ from typing import Any
 import numpy as np
 
 from rbd.answers.many import naming
-from rbd.answers.many.naming import Named
+from rbd.answers.many.naming import Named, Variable
 from rbd.answers.many.status import StateStatus
-from rbd.answers.many.variable import Variable
 from rbd.arrays import Array
 from rbd.problem.answer import Answer
 from rbd.statics.actuation import Actuation

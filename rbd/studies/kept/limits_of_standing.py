@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rbd.answers.many import naming
-from rbd.answers.many.naming import Named
-from rbd.answers.many.variable import Variable
+from rbd.answers.many.naming import Named, Variable
 from rbd.arrays import Array
 from rbd.problem.programs import Outcome, linear_program
 from rbd.statics.pushes import PushLimits

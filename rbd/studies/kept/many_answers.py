@@ -8,8 +8,7 @@ import numpy as np
 
 from rbd.answers.many import naming
 from rbd.answers.many.answers import ManyAnswers
-from rbd.answers.many.naming import Named
-from rbd.answers.many.variable import Variable
+from rbd.answers.many.naming import Named, Variable
 from rbd.arrays import Array
 from rbd.studies.kept.answers import ABOUT
 from rbd.studies.kept.registry import Kept, Kind, Rows

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from rbd.answers.many import naming
-from rbd.answers.many.naming import Named
-from rbd.answers.many.variable import Variable
+from rbd.answers.many.naming import Named, Variable
 from rbd.arrays import Array
 from rbd.errors import Reason
 from rbd.motion.causes import CAUSES

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.answers.many.variable import Variable
+from rbd.answers.many.naming import Variable
 from rbd.arrays import Array
 from rbd.studies.kept.variable import storable
 

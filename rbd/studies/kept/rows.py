@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.answers.many.naming import Named
-from rbd.answers.many.variable import Variable
+from rbd.answers.many.naming import Named, Variable
 from rbd.arrays import Array
 from rbd.errors import InputError, RbdError
 from rbd.errors.reasons import Reason

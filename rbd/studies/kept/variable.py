@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.answers.many.variable import Variable
+from rbd.answers.many.naming import Variable
 from rbd.arrays import Array
 
 __all__ = ["Block", "Variable", "missing", "storable"]

@@ -7,8 +7,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rbd.answers.many.naming import Named
-from rbd.answers.many.variable import Variable
+from rbd.answers.many.naming import Named, Variable
 from rbd.arrays import Array
 from rbd.errors import InputError, nearest
 from rbd.studies.kept.layout import RESERVED

@@ -15,13 +15,11 @@ from rbd.errors.warned import StudyWarning, stacklevel_of_user
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores.store import Store
 from rbd.studies.workers import executors
-from rbd.studies.workers.chunks import Chunks
-from rbd.studies.workers.evaluation import Evaluation, Finished
-from rbd.studies.workers.executors import Lost, Stopped
+from rbd.studies.workers.evaluation import Evaluation, Finished, Told
+from rbd.studies.workers.executors import Chunks, Lost, Stopped
 from rbd.studies.workers.interruption import Interruption
 from rbd.studies.workers.progress_bar import Progress, counted
 from rbd.studies.workers.sending import sent_columns
-from rbd.studies.workers.told import Told
 
 
 @dataclass(frozen=True, eq=False)
