@@ -14,7 +14,7 @@ import pinocchio as pin
 
 from rbd.errors import InputError, ModelError
 from rbd.model import mjcf
-from rbd.model.input_files import FileLimits, parse_xml, read_xml
+from rbd.model.input_files import FileLimits, file_bytes, parse_xml
 from rbd.model.mjcf import Mjcf, carry_out_includes, read_mjcf
 from rbd.model.mjcf.equality import Equality
 from rbd.model.planar_base import Plane, turn_base
@@ -96,9 +96,10 @@ def read(
         ModelError: naming the fault.
     """
     limits = FileLimits() if limits is None else limits
-    element = read_xml(path, limits) if data is None else parse_xml(path.name, data, limits)
+    data = file_bytes(path, limits) if data is None else data
+    element = parse_xml(path.name, data, limits)
     if element.tag == "mujoco":
-        return _read_mjcf(path, element, path.read_bytes() if data is None else data, limits, folders, leave_out)
+        return _read_mjcf(path, element, data, limits, folders, leave_out)
     if element.tag != "robot":
         raise ModelError(f"{path.name} is no robot: its first element is <{element.tag:.80}>; expected <robot> or <mujoco>.")
     urdf = check_urdf(path, element, floating=base > 0, known=known)
@@ -122,7 +123,7 @@ def _read_mjcf(
 ) -> RobotFile:
     includes = element.find(".//include") is not None
     carry_out_includes(path, element, limits, folders)
-    mjcf = read_mjcf(path, element, limits, folders, leave_out, text=None if includes else data.decode("utf-8", "replace"))
+    mjcf = read_mjcf(path, element, limits, folders, leave_out, text=None if includes else data.decode())
     meshes = tuple(mjcf.meshes.items())[:MOST_MESHES]
     return RobotFile(path, "mjcf", None, mjcf, mjcf.bodies[1:], mjcf.mass, mjcf.remarks, meshes, mjcf.equalities, element)
 

@@ -77,7 +77,7 @@ def read_xml(path: Path, limits: FileLimits) -> ElementTree.Element:
     Raises:
         ModelError: no regular file, too large, with a document type or entities, in an encoding other than UTF-8, or no XML.
     """
-    return parse_xml(path.name, _bytes(path, limits), limits)
+    return parse_xml(path.name, file_bytes(path, limits), limits)
 
 
 def parse_xml(name: str, data: bytes, limits: FileLimits) -> ElementTree.Element:
@@ -106,7 +106,12 @@ def parse_xml(name: str, data: bytes, limits: FileLimits) -> ElementTree.Element
     return element
 
 
-def _bytes(path: Path, limits: FileLimits) -> bytes:
+def file_bytes(path: Path, limits: FileLimits) -> bytes:
+    """The content of a regular file.
+
+    Raises:
+        ModelError: no regular file, too large, or not to be read.
+    """
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for, a device has no end

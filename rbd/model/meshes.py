@@ -226,7 +226,7 @@ def _mjcf(
     meshes = _Meshes(path.parent, folders)
     try:
         carry_out_includes(path, element, limits, folders)
-        file = read_mjcf(path, element, limits, folders, LEAVABLE, shapes=True, stand_in_m=STAND_IN_M)
+        file = read_mjcf(path, element, limits, folders, LEAVABLE, stand_in_m=STAND_IN_M)
         found, stand_ins = mjcf_geometry(model, file, kind)
         meshes.refused.update(file.refused)
     except ModelError as error:

@@ -10,15 +10,13 @@ there.
 from __future__ import annotations
 
 import math
-from functools import cache
-from types import ModuleType
 from typing import NamedTuple
 
 import numpy as np
 
 from rbd.arrays import Array, max_abs
 from rbd.solvers.newton import FOUND
-from rbd.solvers.point_law import law_residual
+from rbd.solvers.point_law import contact_kernel, law_residual
 
 _ALL = 12
 """Up to this number of points, all are taken into account from the start."""
@@ -88,7 +86,7 @@ class ContactNewton:
         D = D if D.flags.c_contiguous else D.T  # symmetric
         if self._share is not None:  # weights of the first points, of the same wrench
             start = self._share.dot(start)
-        merit, steps, opened = _kernel().body_forces(D, c, start, coulomb, *self._fixed, out)
+        merit, steps, opened = contact_kernel().body_forces(D, c, start, coulomb, *self._fixed, out)
         return ContactForces(out[:n], out[n:], merit, steps, opened)
 
     def release(self, D: Array, f: Array, w: Array, change: Array, least_norm: Array) -> int:
@@ -105,7 +103,7 @@ class ContactNewton:
             least_norm: Weights of minimum norm for forces on the rows, from which to start, shape (3 k, nw).
         """
         D = D if D.flags.c_contiguous else D.T  # symmetric
-        return int(_kernel().release(D, f, w, change, least_norm, FOUND, *self._fixed))
+        return int(contact_kernel().release(D, f, w, change, least_norm, FOUND, *self._fixed))
 
     def found(self, D: Array, c: Array, start: Array, *, coulomb: bool) -> ContactForces:
         """Forces that obey the law, searched from the other law's forces too; arguments as of `forces`.
@@ -171,10 +169,3 @@ def seeds(columns: Array, first: Array) -> Array:
             away = np.linalg.norm(places - places[new], axis=1)
             far = away if len(out) % 4 == 1 else np.minimum(far, away)
     return np.array(out)
-
-
-@cache
-def _kernel() -> ModuleType:
-    from rbd.solvers import contact_kernel  # imports Numba
-
-    return contact_kernel

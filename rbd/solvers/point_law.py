@@ -7,8 +7,9 @@ the scale, does not grow with the scale.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import cache
+from types import ModuleType
 
 import numpy as np
 
@@ -17,6 +18,14 @@ from rbd.arrays import Array
 LEAST_PUSH = 1e-3
 """Lower bound of the scale of a point's force [N]: what accelerates a gram at 1 m/s2."""
 _TINY = 1e-300
+
+
+@cache
+def contact_kernel() -> ModuleType:
+    """`rbd.solvers.contact_kernel`, imported with the first contact that needs it: it imports Numba."""
+    from rbd.solvers import contact_kernel
+
+    return contact_kernel
 
 
 def law_residual(pull: Array, c: Array, w: Array, mu: Array, *, coulomb: bool) -> float:
@@ -29,7 +38,8 @@ def law_residual(pull: Array, c: Array, w: Array, mu: Array, *, coulomb: bool) -
         mu: Friction coefficients, shape (k,).
         coulomb: Coulomb's law; else the convex one.
     """
-    return _kernel()(pull.dot(c), w, mu, LEAST_PUSH, coulomb)
+    residual: float = contact_kernel().law_residual(pull.dot(c), w, mu, LEAST_PUSH, coulomb)
+    return residual
 
 
 def of_points(
@@ -57,10 +67,3 @@ def of_points(
     cut = np.minimum(mu * normal / np.maximum(t, _TINY), 1.0)
     far = np.sqrt((cut * x_1 - p_1) ** 2 + (cut * x_2 - p_2) ** 2 + (normal - p_n) ** 2)
     return sinks, far / push, push
-
-
-@cache
-def _kernel() -> Callable[[Array, Array, Array, float, bool], float]:
-    from rbd.solvers.contact_kernel import law_residual as compiled  # imports Numba
-
-    return compiled

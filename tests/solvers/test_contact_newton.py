@@ -68,7 +68,7 @@ def law_missed(D, c, P, mu, found: ContactForces, *, coulomb: bool) -> float:
 
 
 def plain_steps(S: Scaled, w: np.ndarray, *, coulomb: bool, iterations: int, proximal: float) -> tuple[np.ndarray, float]:
-    """(weights, merit) after so many damped steps, by NumPy's matrices."""
+    """(weights, merit) after `iterations` damped Newton steps in NumPy: what the compiled steps must give."""
     gap, edges = _gap(S, w, S.D @ w + S.q, coulomb)
     best, least = w, np.abs(gap).max()
     for _ in range(iterations):

@@ -1,4 +1,4 @@
-"""`find_equilibrium` and `find_steady_motion`: states that stay as they are, or move on for ever in the same way."""
+"""`find_equilibrium` and `find_steady_motion`: states at rest without acceleration, and motions of constant velocity."""
 
 from __future__ import annotations
 

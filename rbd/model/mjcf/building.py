@@ -6,7 +6,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.model.mjcf.motors import BALL, FREE, HINGE
+from rbd.model.mjcf.motors import BALL, FREE, HINGE, is_off
 from rbd.model.mjcf.reading import Mjcf
 
 _ALIGNED = {(1.0, 0.0, 0.0): "X", (0.0, 1.0, 0.0): "Y", (0.0, 0.0, 1.0): "Z"}
@@ -28,7 +28,7 @@ def build(mjcf: Mjcf) -> pin.Model:
     """
     m, model = mjcf.model, pin.Model()
     model.name = mjcf.name
-    model.gravity.linear = np.zeros(3) if mjcf.is_off("GRAVITY") else np.array(m.opt.gravity)
+    model.gravity.linear = np.zeros(3) if is_off(m, "GRAVITY") else np.array(m.opt.gravity)
     carriers = [(0, pin.SE3.Identity(), 0)]  # of each body: joint, pose on that joint, frame
     for i in range(1, m.nbody):
         joint, X, frame = carriers[m.body_parentid[i]]
@@ -65,7 +65,7 @@ def passive(mjcf: Mjcf) -> tuple[str, ...]:
 def springs(mjcf: Mjcf) -> dict[str, tuple[float, float]]:
     """{joint: (stiffness [N m/rad, N/m], coordinate at rest [rad, m])}; the latter 0 of a ball joint: its drawn orientation."""
     m = mjcf.model
-    if mjcf.is_off("SPRING"):
+    if is_off(m, "SPRING"):
         return {}
     rest = [
         0.0 if kind in (FREE, BALL) else float(m.qpos_spring[at]) for kind, at in zip(m.jnt_type, m.jnt_qposadr, strict=True)
@@ -94,7 +94,7 @@ def _add_joint(model: pin.Model, mjcf: Mjcf, j: int, parent: int, X: pin.SE3, fr
 
 def _set_properties(model: pin.Model, mjcf: Mjcf) -> None:
     m = mjcf.model
-    limited = np.zeros(m.njnt, bool) if mjcf.is_off("LIMIT") or mjcf.is_off("CONSTRAINT") else m.jnt_limited.astype(bool)
+    limited = np.zeros(m.njnt, bool) if is_off(m, "LIMIT") or is_off(m, "CONSTRAINT") else m.jnt_limited.astype(bool)
     low, high = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
     armature, effort = np.array(m.dof_armature), np.full(model.nv, np.inf)
     for j in range(m.njnt):
@@ -105,8 +105,8 @@ def _set_properties(model: pin.Model, mjcf: Mjcf) -> None:
         armature[at] += motor.armature
         effort[at] = np.inf if motor.effort is None else motor.effort
     model.lowerPositionLimit, model.upperPositionLimit = low, high
-    model.armature, model.damping = armature, m.dof_damping * (not mjcf.is_off("DAMPER"))
-    friction = m.dof_frictionloss * (not mjcf.is_off("FRICTIONLOSS"))
+    model.armature, model.damping = armature, m.dof_damping * (not is_off(m, "DAMPER"))
+    friction = m.dof_frictionloss * (not is_off(m, "FRICTIONLOSS"))
     model.upperDryFrictionLimit, model.lowerDryFrictionLimit = friction, -friction
     model.upperEffortLimit, model.lowerEffortLimit = effort, -effort
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from rbd.model.mjcf.motors import Remark, is_off
 from rbd.model.urdf import LONGEST_NAME, Complaints
 
 WORLD = "world"
@@ -39,15 +40,15 @@ class Equality:
     polynomial: tuple[float, float] = (0.0, 1.0)
 
 
-def equalities(wrong: Complaints, mujoco: Any, model: Any) -> tuple[tuple[Equality, ...], list[tuple[str, str, str]]]:
+def equalities(wrong: Complaints, mujoco: Any, model: Any) -> tuple[tuple[Equality, ...], list[Remark]]:
     """(equalities read, (kind, where, text) of those left out).
 
     Raises:
         ModelError: a name that is too long.
     """
-    off = bool(model.opt.disableflags & int(mujoco.mjtDisableBit.mjDSBL_EQUALITY))
+    off = is_off(model, "EQUALITY")
     found: dict[str, Equality] = {}
-    lost: list[tuple[str, str, str]] = []
+    lost: list[Remark] = []
     for i in range(model.neq):
         number, objects, data = int(model.eq_type[i]), model.eq_objtype[i], tuple(model.eq_data[i].tolist())
         kind = _KINDS[number] if number < len(_KINDS) else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,6 +14,13 @@ Remark = tuple[str, str, str]
 _KINDS = ("free", "ball", "slide", "hinge")
 _TRANSMISSIONS = ("joint", "joint", "slider crank", "tendon", "site", "body")
 _LEAVE = "load_robot(..., leave_out=['actuators']) gives every joint a motor without limits"
+
+
+def is_off(model: Any, flag: str) -> bool:
+    """Whether a file switches something off, by MuJoCo's name for it: "SPRING", "DAMPER", "LIMIT", ..."""
+    import mujoco
+
+    return bool(model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")))
 
 
 @dataclass(frozen=True)
@@ -51,9 +58,7 @@ def check_actuators(wrong: Complaints, mujoco: Any, spec: Any, leave_out: Collec
             key.ctrl = key.act = []
 
 
-def read_motors(
-    wrong: Complaints, model: Any, joints: Sequence[str], is_off: Callable[[str], bool]
-) -> tuple[tuple[Motor, ...], list[Remark]]:
+def read_motors(wrong: Complaints, model: Any, joints: Sequence[str]) -> tuple[tuple[Motor, ...], list[Remark]]:
     """The motors in the order of the file, and remarks about them.
 
     MuJoCo's control goes through a gain and a gear; here tau is the torque at the joint itself. So a gear is in the limits of
@@ -63,14 +68,13 @@ def read_motors(
         wrong: Where complaints go.
         model: `mujoco.MjModel`.
         joints: Names of the joints.
-        is_off: Whether the file switches something off, by MuJoCo's name for it.
 
     Raises:
         ModelError: an actuator that is no torque at one hinge or slide, or a second one there.
     """
     remarks: list[Remark] = []
     motors: dict[int, Motor] = {}
-    if model.nu and is_off("ACTUATION"):
+    if model.nu and is_off(model, "ACTUATION"):
         wrong.stop("<flag>: actuation is disabled, so that no motor turns; it is not read. Take it or the <actuator> out.")
     for i in range(model.nu):
         on, joint = int(model.actuator_trntype[i]), int(model.actuator_trnid[i, 0])
@@ -88,20 +92,20 @@ def read_motors(
         if gear == 0.0 or armature < 0.0:
             fault = "the gear 0; expected another" if gear == 0.0 else f"armature {armature:g}; expected zero or more"
             wrong.stop(f"{what} has {fault}.")
-        effort, told = _effort(wrong, model, i, joint, gear, is_off, f"{what} gives joint {joints[joint]!r:.80}")
+        effort, told = _effort(wrong, model, i, joint, gear, f"{what} gives joint {joints[joint]!r:.80}")
         motors[joint] = Motor(name, joint, effort, armature * gear * gear)
         remarks += [(kind, name, text) for kind, text in told]
     return tuple(motors.values()), remarks
 
 
 def _effort(
-    wrong: Complaints, model: Any, i: int, joint: int, gear: float, is_off: Callable[[str], bool], what: str
+    wrong: Complaints, model: Any, i: int, joint: int, gear: float, what: str
 ) -> tuple[float | None, list[tuple[str, str]]]:
     """The largest torque either way, None for no limit, and remarks."""
     plain = not (model.actuator_gaintype[i] or model.actuator_biastype[i] or model.actuator_dyntype[i])
     gain = float(model.actuator_gainprm[i, 0]) if plain else 0.0
     spans = []
-    if gain and model.actuator_ctrllimited[i] and not is_off("CLAMPCTRL"):
+    if gain and model.actuator_ctrllimited[i] and not is_off(model, "CLAMPCTRL"):
         spans.append(gain * gear * model.actuator_ctrlrange[i])
     if model.actuator_forcelimited[i]:
         spans.append(gear * model.actuator_forcerange[i])

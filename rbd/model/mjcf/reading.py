@@ -23,7 +23,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError, ModelError
 from rbd.model.input_files import MISSING, OUTSIDE, FileLimits, find_mesh, mesh_bytes
 from rbd.model.mjcf.equality import WORLD, Equality, equalities
-from rbd.model.mjcf.motors import BALL, FREE, Motor, Remark, check_actuators, read_motors
+from rbd.model.mjcf.motors import BALL, FREE, Motor, Remark, check_actuators, is_off, read_motors
 from rbd.model.urdf import FARTHEST, LARGEST, LIGHTEST, LONGEST_NAME, Complaints
 
 Element = ElementTree.Element
@@ -74,23 +74,12 @@ class Mjcf:
     refused: Mapping[str, str]
 
     @property
-    def moves(self) -> Array:
-        """Which bodies hang from a joint, shape (nbody,)."""
-        found = self.model.body_jntnum > 0
-        for i, parent in enumerate(self.model.body_parentid):
-            found[i] |= found[parent]
-        return np.asarray(found)
-
-    @property
     def mass(self) -> float:
         """Of the bodies that hang from a joint [kg]."""
-        return float(self.model.body_mass[self.moves].sum())
-
-    def is_off(self, flag: str) -> bool:
-        """Whether the file switches something off: "SPRING", "DAMPER", "LIMIT", ..."""
-        import mujoco
-
-        return bool(self.model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")))
+        moves = self.model.body_jntnum > 0
+        for i, parent in enumerate(self.model.body_parentid):  # parents come first
+            moves[i] |= moves[parent]
+        return float(self.model.body_mass[moves].sum())
 
 
 def read_mjcf(
@@ -100,9 +89,8 @@ def read_mjcf(
     folders: tuple[Path, ...] = (),
     leave_out: Collection[str] = (),
     *,
-    shapes: bool = False,
+    stand_in_m: float | None = None,
     text: str | None = None,
-    stand_in_m: float = 0.1,
 ) -> Mjcf:
     """An MJCF file.
 
@@ -112,9 +100,9 @@ def read_mjcf(
         limits: How large it may become.
         folders: Folders of meshes, besides the file's folder.
         leave_out: Of `LEAVABLE`.
-        shapes: Whether the meshes of shapes that do not weigh are read too; those that cannot be are small boxes.
+        stand_in_m: Side of the boxes in place of meshes that cannot be read [m]; None: shapes are not asked for, and meshes
+            that do not weigh are not read.
         text: Of the file, where it includes none: MuJoCo's messages then have its lines.
-        stand_in_m: Side of the boxes [m].
 
     Raises:
         ModelError: MuJoCo is not installed or refuses the file, in its words; or what cannot be expressed, by name.
@@ -134,9 +122,9 @@ def read_mjcf(
         _check_settings(wrong, spec)
         _check_ranges(wrong, spec)
         check_actuators(wrong, mujoco, spec, leave_out)
-        loader = _Loader(wrong, spec, path.parent, folders, shapes)
+        loader = _Loader(wrong, spec, path.parent, folders, stand_in_m)
         named, meshes = {mesh.name: mesh.file for mesh in spec.meshes}, loader.files()
-        model, stand_ins = loader.compiled(stand_in_m, lines=text is not None)
+        model, stand_ins = loader.compiled(lines=text is not None)
     _check_numbers(wrong, model)
     bodies = _names(wrong, mujoco, model, "BODY", model.nbody)
     joints = _names(wrong, mujoco, model, "JOINT", model.njnt, bodies)
@@ -147,7 +135,7 @@ def read_mjcf(
     found = Mjcf(name, model, bodies, joints, None, keys, equal, (), meshes, stand_ins, refused)
     remarks += _ignored(wrong, found, leave_out)
     if "actuators" not in leave_out:
-        motors, told = read_motors(wrong, model, joints, found.is_off)
+        motors, told = read_motors(wrong, model, joints)
         found = replace(found, motors=motors)
         remarks += told
     return replace(found, remarks=(*remarks, *lost))
@@ -270,17 +258,22 @@ def _springs(wrong: Complaints, spec: Any, leave_out: Collection[str]) -> Iterat
         if not np.any(joint.springdamper):
             continue
         told = "a springdamper: MuJoCo finds its stiffness and damping from the inertia, and they are in no term here"
-        if "springs" not in leave_out:
-            wrong.stop(f"joint {joint.name!r:.80} has {told}. If that is meant: load_robot(..., leave_out=['springs']).")
+        _must_be_named(wrong, leave_out, "springs", f"joint {joint.name!r:.80} has {told}")
         joint.springdamper = np.zeros(2)
         yield "spring", joint.name, told
+
+
+def _must_be_named(wrong: Complaints, leave_out: Collection[str], part: str, told: str) -> None:
+    """Refuse what has no term in the dynamics, unless `leave_out` names it."""
+    if part not in leave_out:
+        wrong.stop(f"{told}. If that is meant: load_robot(..., leave_out=['{part}']).")
 
 
 class _Loader:
     """Brings the meshes that are needed, and leaves out all files that are not."""
 
-    def __init__(self, wrong: Complaints, spec: Any, folder: Path, folders: tuple[Path, ...], shapes: bool) -> None:
-        self.wrong, self.spec, self.folder, self.folders, self.shapes = wrong, spec, folder, folders, shapes
+    def __init__(self, wrong: Complaints, spec: Any, folder: Path, folders: tuple[Path, ...], stand_in_m: float | None) -> None:
+        self.wrong, self.spec, self.folder, self.folders, self.stand_in_m = wrong, spec, folder, folders, stand_in_m
         self.refused: dict[str, str] = {}
         self.named: dict[str, str] = {}
         rule, (low, high) = spec.compiler.inertiafromgeom, spec.compiler.inertiagrouprange
@@ -302,7 +295,7 @@ class _Loader:
         for mesh in self.spec.meshes:
             if mesh.file:
                 found[mesh.file] = place = self._place(mesh)
-                if not self.shapes:
+                if self.stand_in_m is None:
                     _contained(self.wrong, "mesh", mesh.file, place, self.folder, self.folders)
         return found
 
@@ -311,7 +304,7 @@ class _Loader:
         name = PurePosixPath(name).name if self.spec.strippath else name
         return str(PurePosixPath(mesh.compiler.meshdir or self.spec.meshdir) / name)
 
-    def compiled(self, stand_in_m: float, *, lines: bool) -> tuple[Any, frozenset[int]]:
+    def compiled(self, *, lines: bool) -> tuple[Any, frozenset[int]]:
         """(MuJoCo's model, indices of the shapes that are boxes in place of meshes)."""
         spec = self.spec
         for each in (*spec.sensors, *spec.pairs, *spec.tuples, *spec.skins, *(g for g in spec.geoms if g.type == _HFIELD)):
@@ -321,15 +314,14 @@ class _Loader:
         for material in spec.materials:
             material.textures = [""] * len(list(material.textures))
         for i, mesh in enumerate(list(spec.meshes)):
-            if (mesh.name in self.weighing or self.shapes) and mesh.file:
+            if self.stand_in_m is None and mesh.name not in self.weighing:
+                self._drop(mesh)
+            elif mesh.file:
                 self._bring(i, mesh)
-            elif mesh.name not in self.weighing and not self.shapes:
-                self._drop(mesh, 0.0)
-        boxes = [box for mesh in [m for m in spec.meshes if m.name in self.refused] for box in self._drop(mesh, stand_in_m)]
+        boxes = [box for mesh in [m for m in spec.meshes if m.name in self.refused] for box in self._drop(mesh)]
         model, why = _compiled(spec)
         if why and not self._why_not(""):  # without any mesh it can be compiled
-            broken = [mesh for mesh in spec.meshes if self._is_broken(mesh)]
-            boxes += [box for mesh in broken for box in self._drop(mesh, stand_in_m)]
+            boxes += [box for mesh in [m for m in spec.meshes if self._is_broken(m)] for box in self._drop(mesh)]
             model, why = _compiled(spec)
         if why:
             self.wrong.stop(_in_its_words(why, lines=lines))
@@ -379,16 +371,16 @@ class _Loader:
             alone.delete(other)
         return _compiled(alone)[1]
 
-    def _drop(self, mesh: Any, side: float) -> list[Any]:
-        """Take a mesh out; small boxes stand for it, which are returned, or nothing where their side is zero."""
+    def _drop(self, mesh: Any) -> list[Any]:
+        """Take a mesh out; small boxes stand for it where shapes are asked for: these."""
         used = [geom for geom in self.spec.geoms if geom.meshname == mesh.name]
         for geom in used:
-            if side:
-                geom.meshname, geom.type, geom.size = "", _BOX, np.full(3, 0.5 * side)
-            else:
+            if self.stand_in_m is None:
                 self.spec.delete(geom)
+            else:
+                geom.meshname, geom.type, geom.size = "", _BOX, np.full(3, 0.5 * self.stand_in_m)
         self.spec.delete(mesh)
-        return used if side else []
+        return [] if self.stand_in_m is None else used
 
 
 def _compiled(spec: Any) -> tuple[Any, str]:
@@ -461,24 +453,19 @@ def _keys(wrong: Complaints, spec: Any, model: Any, joints: tuple[str, ...]) -> 
 
 def _ignored(wrong: Complaints, file: Mjcf, leave_out: Collection[str]) -> Iterator[Remark]:
     """Remarks about what is in no term of the dynamics; refused where it must be named to be left out."""
-
-    def leave(part: str, told: str) -> None:
-        if part not in leave_out:
-            wrong.stop(f"{told}. If that is meant: load_robot(..., leave_out=['{part}']).")
-
-    model, off = file.model, file.is_off
+    model = file.model
     for name, share in zip(file.bodies, model.body_gravcomp, strict=True):
         if share != 0.0:
             told = f"gravcomp {share:g}: its weight is taken off it in the file, and is in full in the dynamics here"
-            leave("gravcomp", f"body {name!r:.80} has {told}")
+            _must_be_named(wrong, leave_out, "gravcomp", f"body {name!r:.80} has {told}")
             yield "gravcomp", name, told
     for i, (name, kind) in enumerate(zip(file.joints, model.jnt_type, strict=True)):
         stiffness, bent = float(model.jnt_stiffness[i]), model.jnt_stiffnesspoly[i].any() or model.jnt_springyield[i].any()
-        if (stiffness != 0.0 or bent) and not off("SPRING"):
+        if (stiffness != 0.0 or bent) and not is_off(model, "SPRING"):
             told = f"a spring (stiffness {stiffness:g})"
             if kind == FREE or bent:
                 told += ", which is in no term of the dynamics" if not bent else ", which is no linear one"
-                leave("springs", f"joint {name!r:.80} has {told}")
+                _must_be_named(wrong, leave_out, "springs", f"joint {name!r:.80} has {told}")
                 yield "spring", name, told
             elif "springs" in leave_out:
                 yield "spring", name, f"{told}, which is left out"
@@ -486,7 +473,7 @@ def _ignored(wrong: Complaints, file: Mjcf, leave_out: Collection[str]) -> Itera
                 yield "joint spring", name, f"{told}, which acts where external=robot.joint_springs() is given"
         if kind == BALL and model.jnt_limited[i]:
             yield "limit", name, "is a ball joint with a limit, which is left out"
-        if model.dof_dampingpoly[model.jnt_dofadr[i]].any() and not off("DAMPER"):
+        if model.dof_dampingpoly[model.jnt_dofadr[i]].any() and not is_off(model, "DAMPER"):
             wrong.stop(f"joint {name!r:.80} has damping that is no multiple of its rate, which is in no term of the dynamics.")
         for key in ("armature", "damping", "frictionloss"):
             if (value := float(getattr(model, f"dof_{key}")[model.jnt_dofadr[i]])) < 0.0:
@@ -495,7 +482,12 @@ def _ignored(wrong: Complaints, file: Mjcf, leave_out: Collection[str]) -> Itera
         name = model.tendon(i).name or f"number {i + 1}"
         acting = [key for key in ("stiffness", "armature", "damping", "frictionloss") if getattr(model, f"tendon_{key}")[i]]
         if inner := [key for key in acting if key in ("stiffness", "armature")]:
-            leave("tendons", f"tendon {name!r:.80} has {' and '.join(inner)}, which is in no term of the dynamics")
+            _must_be_named(
+                wrong,
+                leave_out,
+                "tendons",
+                f"tendon {name!r:.80} has {' and '.join(inner)}, which is in no term of the dynamics",
+            )
         if acting or model.tendon_limited[i]:
             yield "tendon", name, f"is left out, with its {', '.join(acting) or 'limit'}"
     if model.opt.density or model.opt.viscosity:

@@ -31,7 +31,7 @@ SECONDS = 1.0
 MOST_SAMPLES = 65_536
 """Samples of a chunk, at most."""
 GROWTH = 4
-"""A chunk has at most so many times the samples of the largest that is finished: the first of a process take longer."""
+"""A chunk has at most this many times the samples of the largest finished one: the first chunk of a process takes longer."""
 
 
 class Chunks:
