@@ -168,14 +168,16 @@ def check_running(
     Raises:
         InputError: paths that cannot be written, a store that is there without --resume, a negative number of processes.
     """
+    from rbd.studies.stores import is_stored
+
     if workers is not None and workers < 0:
         raise InputError(f"--workers is {workers}; expected how many processes, 0 for none but this one.")
     if resume and out is None:
         raise InputError("--resume came without --out FILE.zarr, the store to go on with.")
     check_outputs({"--png": (png, FIGURES), "--json": (json_, ())}, reads=reads)
-    if out is not None and out.exists() and not resume:
+    if out is not None and (there := is_stored(out)) and not resume:
         raise InputError(f"--out is {str(out)!r:.300}, which is there. Go on with it by --resume, or give another name.")
-    if out is not None and not out.exists():
+    if out is not None and not there:
         check_outputs({"--out": (out, (".zarr", ".nc"))})
 
 

@@ -9,7 +9,7 @@ from rbd.studies.sampling.grids import grid
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.sampling.tables import table
 from rbd.studies.standing import move_under_push, withstand_push
-from rbd.studies.stores.opened import open_study
+from rbd.studies.stores import open_study
 from rbd.studies.workers.own_processes import Workers
 
 __all__ = [

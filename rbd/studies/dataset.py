@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,48 +11,52 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors.reasons import Reason
 from rbd.modules import xarray_or_error
-from rbd.studies.kept.variable import Block, storable
-from rbd.studies.sampling.samples import Samples
+from rbd.studies.kept.variable import MESSAGE, OK, REASON, Block, Variable, storable
+from rbd.studies.sampling.samples import ONE, Samples
 
 if TYPE_CHECKING:
     import xarray
 
-OK, REASON, MESSAGE = "ok", "reason", "message"
-"""Variables that every study has."""
-OUTCOME = ("summary", "interrupted")
-"""Attributes on how many samples have a result, and how many were not computed."""
-OWN: Mapping[str, dict[str, Any]] = {
-    OK: {"long_name": "whether there is a result"},
-    REASON: {
-        "long_name": "why there is none",
-        "flag_values": [reason.code for reason in Reason],
-        "flag_meanings": " ".join(reason.name.lower() for reason in Reason),
-    },
-    MESSAGE: {"long_name": "message of the error"},
-}
-"""Their attributes; the codes as the CF conventions have them."""
+LAYOUT = "rbd_layout"
+"""Attribute of a store: dimensions, coordinates and their kinds, and the order of its variables, as JSON."""
 
 
-def dataset_of(samples: Samples, found: Block, attributes: Mapping[str, Any]) -> xarray.Dataset:
-    """All that is kept, over the dimensions of the samples, with `ok`, `reason` (codes) and `message`.
+def empty_dataset(samples: Samples, attributes: Mapping[str, Any]) -> xarray.Dataset:
+    """The coordinates of the samples; in the attributes what is needed to read a stored dataset as it was: `LAYOUT`."""
+    coords = coordinates(samples)
+    kinds = {name: str(x.dtype) for name, (_, x, _) in coords.items() if x.dtype.kind in "imM"}
+    layout = json.dumps({"dims": dict(samples.dims), "coords": list(coords), "kinds": kinds, "order": []})
+    return xarray_or_error().Dataset(coords=coords, attrs={**attributes, LAYOUT: layout})
+
+
+def filled(empty: xarray.Dataset, dims: Mapping[str, int], found: Block, rows: slice = slice(None)) -> xarray.Dataset:
+    """What is kept, over the dimensions of the samples, with `ok`, `reason` (codes) and `message`.
 
     Args:
-        samples: The samples.
-        found: Results of all of them.
-        attributes: Provenance; `with_outcome` adds how many samples have a result.
+        empty: The samples' coordinates, and attributes.
+        dims: {dimension of the samples: its length}.
+        found: Results of all samples, or of those of some places along the first dimension.
+        rows: These places.
     """
-    xarray, shape, dims = xarray_or_error(), tuple(samples.dims.values()), tuple(samples.dims)
-    messages = np.full(len(samples), "", object)
-    for i, text in found.messages.items():
-        messages[i] = text
-    values = {OK: found.ok, REASON: found.reason, MESSAGE: messages}
-    variables: dict[str, Any] = {name: (dims, x.reshape(shape), OWN[name]) for name, x in values.items()}
-    coords: dict[str, Any] = dict(coordinates(samples))
-    for name, v in found.variables.items():
-        inner = v.values.shape[1:]
-        variables[name] = ((*dims, *v.dims), v.values.reshape(*shape, *inner), v.attributes)
-        coords |= {dim: ((dim,), np.asarray(labels), {}) for dim, labels in v.labels.items()}
-    return with_outcome(normal(xarray.Dataset(variables, coords, dict(attributes))))
+    whole, shape = empty.isel({d: rows for d in list(dims)[:1] if d in empty.dims}), (-1, *tuple(dims.values())[1:])
+    labels = {dim: ((dim,), np.asarray(x)) for v in found.variables.values() for dim, x in v.labels.items()}
+    values = {
+        name: ((*dims, *v.dims), v.values.reshape(*shape, *v.values.shape[1:]), v.attributes)
+        for name, v in found.variables.items()
+    }
+    return normal(whole.assign_coords(labels).assign(values))
+
+
+def block_of(dataset: xarray.Dataset) -> Block:
+    """The block of a dataset that `dataset_of` made of consecutive samples along one dimension, which has their numbers."""
+    found: dict[str, Variable] = {}
+    for name, x in normal(dataset).data_vars.items():
+        dims = tuple(str(dim) for dim in x.dims[1:])
+        labels = {dim: tuple(dataset[dim].values.tolist()) for dim in dims if dim in dataset.coords}
+        flags = zip(x.attrs.get("flag_values", ()), str(x.attrs.get("flag_meanings", "")).split(), strict=False)
+        units, about = (str(x.attrs.get(key, "")) for key in ("units", "long_name"))
+        found[str(name)] = Variable(x.values, dims, units, about, labels, {int(code): word for code, word in flags})
+    return Block(dataset[ONE].values.astype(np.int64), found)
 
 
 def coordinates(samples: Samples) -> dict[str, tuple[tuple[str, ...], Array, dict[str, Any]]]:
@@ -72,6 +77,47 @@ def _text(values: Array) -> Array:
         if isinstance(x, str):
             found.flat[i] = storable(x)
     return found
+
+
+def netcdf(dataset: xarray.Dataset) -> bytes:
+    """A dataset as the bytes of a netCDF 3 file; `restored` gives back what it does not have.
+
+    Raises:
+        ValueError, TypeError: text or numbers that it cannot hold.
+    """
+    blank = [name for name in dataset.coords if " " in str(name) and name not in dataset.dims]
+    texts = {name: (x.dims, _as_text(x.values), x.attrs) for name, x in dataset.coords.items() if _is_foreign(x.values)}
+    return bytes(dataset.assign_coords(texts).reset_coords(blank).to_netcdf(engine="scipy", format="NETCDF3_64BIT"))
+
+
+def restored(dataset: xarray.Dataset) -> xarray.Dataset:
+    """A dataset that was read from a file, in the form that it had in memory, by its attribute `LAYOUT`, which goes."""
+    layout = json.loads(dataset.attrs[LAYOUT])
+    found = dataset.assign_coords(
+        {
+            name: (dataset[name].dims, _of_kind(dataset[name].values, np.dtype(kind)), dataset[name].attrs)
+            for name, kind in layout["kinds"].items()
+        }
+    )
+    found = normal(found, [OK, REASON, MESSAGE, *layout["order"]], layout["coords"])
+    found.attrs = {name: x.item() if isinstance(x, np.generic) else x for name, x in found.attrs.items() if name != LAYOUT}
+    return found
+
+
+def _is_foreign(values: Array) -> bool:
+    """Whether netCDF 3 lacks values: dates, times, and whole numbers of more than 32 bits. They are written as text."""
+    return values.dtype.kind in "mM" or (values.dtype.kind == "i" and bool(values.size) and int(np.abs(values).max()) >= 2**31)
+
+
+def _as_text(values: Array) -> Array:
+    return (values if values.dtype.kind == "M" else values.astype(np.int64)).astype(str).astype(object)
+
+
+def _of_kind(values: Array, kind: np.dtype) -> Array:
+    if values.dtype.kind not in "OTU":
+        return values.astype(kind)
+    texts = values.astype(str)
+    return texts.astype(kind) if kind.kind == "M" else texts.astype(np.int64).astype(kind)
 
 
 def normal(dataset: xarray.Dataset, order: Sequence[str] | None = None, coords: Iterable[str] = ()) -> xarray.Dataset:
@@ -116,9 +162,8 @@ def _in_order(dataset: xarray.Dataset, names: list[Any]) -> xarray.Dataset:
     )
 
 
-def with_outcome(dataset: xarray.Dataset) -> xarray.Dataset:
-    """The dataset with `summary`, how many samples have a result, and `interrupted` where some were not computed."""
-    reason = dataset[REASON].values
+def outcome_of(reason: Array) -> dict[str, str]:
+    """`summary`, how many samples have a result, from the codes of all; and `interrupted` where some were not computed."""
     codes, counts = np.unique(reason, return_counts=True)
     found = {int(code): int(count) for code, count in zip(codes, counts, strict=True)}
     n, not_run = reason.size, found.pop(Reason.NOT_RUN.code, 0)
@@ -127,8 +172,5 @@ def with_outcome(dataset: xarray.Dataset) -> xarray.Dataset:
     failed = sorted(found.items(), key=lambda pair: (-pair[1], pair[0]))
     parts = [f"{good:,} ok", *(f"{count:,} {texts.get(code, code)}" for code, count in failed)]
     parts += [f"{not_run:,} not run"] if not_run else []
-    dataset.attrs.pop("interrupted", None)
-    dataset.attrs["summary"] = f"{n:,} sample{'s' if n > 1 else ''}: {'; '.join(parts)}"
-    if not_run:
-        dataset.attrs["interrupted"] = f"{n - not_run:,} of {n:,} samples are done"
-    return dataset
+    told = {"summary": f"{n:,} sample{'s' if n > 1 else ''}: {'; '.join(parts)}"}
+    return told | ({"interrupted": f"{n - not_run:,} of {n:,} samples are done"} if not_run else {})

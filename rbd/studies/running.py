@@ -19,8 +19,7 @@ from rbd.studies.kept.wanted import Keep
 from rbd.studies.provenance.provenance import attributes_of
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.sampling.tables import samples_of
-from rbd.studies.stores.opened import checked_path, store_of
-from rbd.studies.stores.store import Store
+from rbd.studies.stores import Store, checked_path
 from rbd.studies.workers.calling import bound
 from rbd.studies.workers.evaluation import Evaluation
 from rbd.studies.workers.filling import check_all, fill
@@ -98,7 +97,7 @@ def study(
     attributes = attributes_of(
         function, found, keep=keep, seed=evaluation.seed, batched=evaluation.batched, stored=path is not None
     )
-    store = store_of(path, found, attributes)
+    store = Store(path, found, attributes)
     with Interruption() as interruption:
         try:
             _tell(store, progress)

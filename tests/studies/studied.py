@@ -27,6 +27,24 @@ def drawn(x: float, rng: np.random.Generator) -> float:
     return float(x + rng.standard_normal())
 
 
+class Drawn:
+    """`drawn`, which ends the study as Ctrl-C does after some samples; other processes get it without an end."""
+
+    def __init__(self, after: int = 10**9) -> None:
+        self._after = after
+
+    def __reduce__(self) -> tuple[type, tuple[()]]:
+        """When it ends the study is no part of what it computes."""
+        return Drawn, ()
+
+    def __call__(self, x: float, rng: np.random.Generator) -> float:
+        """As `drawn`."""
+        self._after -= 1
+        if self._after < 0:
+            raise KeyboardInterrupt
+        return drawn(x, rng)
+
+
 def sizes(x: np.ndarray) -> dict[str, np.ndarray]:
     """Of each sample of a batch, how many there are, and a sum whose last bits depend on that."""
     return {"size": np.full(len(x), len(x)), "share": x / np.sum(np.sqrt(x))}

@@ -25,9 +25,10 @@ import pytest
 import studied
 
 import rbd
+from rbd.studies.kept.variable import Block, joined
 from rbd.studies.sampling.grids import grid
 from rbd.studies.sampling.samples import Samples
-from rbd.studies.stores.store import MemoryStore
+from rbd.studies.stores import Store
 from rbd.studies.workers.evaluation import BATCH, Evaluation
 from rbd.studies.workers.executors import Chunks, Lost
 from rbd.studies.workers.filling import Filled, _of_lost, check_all, fill
@@ -38,23 +39,32 @@ from rbd.studies.workers.sending import sent_columns
 GRID = {"x": np.arange(12.0), "y": np.linspace(0.0, 1.0, 9)}
 
 
-def filled(
-    evaluation: Evaluation, samples: Samples, executor: Executor | int | None, **kwargs: Any
-) -> tuple[MemoryStore, Filled]:
+def filled(evaluation: Evaluation, samples: Samples, executor: Executor | int | None, **kwargs: Any) -> tuple[Store, Filled]:
     """A store in memory, filled."""
-    store = MemoryStore(samples, {})
+    store = Store(None, samples, {})
     return store, fill(store, evaluation, samples, executor=executor, progress=False, **kwargs)
 
 
-def same(one: MemoryStore, other: MemoryStore) -> bool:
+def kept_of(store: Store) -> Block:
+    """All that is kept."""
+    return joined(np.arange(len(store.done)), store.parts.blocks, store.parts.layout.forms)
+
+
+def messages_of(block: Block) -> dict[int, str]:
+    """{number of the sample: message} where there is one."""
+    return {i: text for i, text in enumerate(block.variables["message"].values.tolist()) if text}
+
+
+def same(one: Store, other: Store) -> bool:
     """Whether all that is kept is equal, bit by bit."""
-    a, b = one.found.block(), other.found.block()
+    a, b = kept_of(one), kept_of(other)
     return (
-        a.messages == b.messages
-        and np.array_equal(a.ok, b.ok)
-        and np.array_equal(a.reason, b.reason)
+        messages_of(a) == messages_of(b)
         and sorted(a.variables) == sorted(b.variables)
-        and all(v.values.tobytes() == b.variables[name].values.tobytes() for name, v in a.variables.items())
+        and all(
+            np.array_equal(v.values, b.variables[n].values, equal_nan=v.values.dtype.kind == "f")
+            for n, v in a.variables.items()
+        )
     )
 
 
@@ -75,7 +85,7 @@ def test_the_values_do_not_depend_on_executor_and_chunk(function, workers):
 
 def test_seeds_are_those_that_numpy_spawns():
     """Sample i has child i of the root."""
-    found = filled(Evaluation(studied.drawn, seed=11), grid(x=np.arange(6.0)), 0)[0].found.block()
+    found = kept_of(filled(Evaluation(studied.drawn, seed=11), grid(x=np.arange(6.0)), 0)[0])
     expected = [np.random.default_rng(s).standard_normal() for s in np.random.SeedSequence(11).spawn(6)]
     assert found.variables["value"].values.tolist() == (np.arange(6.0) + expected).tolist()
 
@@ -88,11 +98,11 @@ def test_batches_are_the_same_whatever_the_chunk(function, workers):
     for executor in (0, workers):
         for chunk in (None, 1, 700, 5000):
             assert same(filled(evaluation, samples, executor, chunk=chunk)[0], first)
-    kept = first.found.block()
+    kept = kept_of(first)
     if function is studied.sizes:
         assert np.array_equal(kept.variables["size"].values, np.repeat([BATCH, BATCH, 1300 - 2 * BATCH], [BATCH, BATCH, 276]))
     if function is studied.with_one_bad_sample:  # only the second batch is computed one by one, from what was given
-        assert np.array_equal(np.flatnonzero(~kept.ok), [700]) and kept.messages == {700: "ValueError: no number of mine"}
+        assert np.array_equal(np.flatnonzero(~kept.ok), [700]) and messages_of(kept) == {700: "ValueError: no number of mine"}
         assert np.array_equal(kept.variables["above"].values[kept.ok], np.arange(1300)[kept.ok] + 0.5)
         sizes = kept.variables["size"].values[[0, 511, 512, 1023, 1024]].tolist()
         assert sizes == [BATCH, BATCH, 1, 1, 276]
@@ -108,10 +118,10 @@ def test_batches_are_the_same_whatever_the_chunk(function, workers):
 def test_a_batch_that_raises_and_whose_samples_cannot_be_computed_alone_is_told_with_its_samples(function, told):
     """What the batch raised stands behind what the samples do; the study goes on."""
     samples, evaluation = grid(x=np.arange(1300.0)), Evaluation(function, batched=True)
-    kept = filled(evaluation, samples, 0)[0].found.block()
+    kept = kept_of(filled(evaluation, samples, 0)[0])
     assert np.array_equal(kept.ok, np.arange(1300) // BATCH != 1)
-    assert kept.messages[600].startswith(told)
-    assert kept.messages[600].endswith("(samples 512 to 1023 in one call: ValueError: no batch of mine)")
+    assert messages_of(kept)[600].startswith(told)
+    assert messages_of(kept)[600].endswith("(samples 512 to 1023 in one call: ValueError: no batch of mine)")
 
 
 def test_a_function_of_keep_that_raises_for_one_sample_of_a_batch_loses_no_others():
@@ -128,21 +138,21 @@ def test_a_function_of_keep_that_raises_for_one_sample_of_a_batch_loses_no_other
         return np.sqrt(y)
 
     store, told = filled(Evaluation(square, keep={"root": root}, batched=True), grid(x=np.arange(20.0)), 0)
-    assert store.found.block().messages == {3: "y is 9."} and list(told.told.first.values()) == [0]
+    assert messages_of(kept_of(store)) == {3: "y is 9."} and list(told.told.first.values()) == [0]
 
 
 def test_an_exit_in_a_sample_is_a_row(workers):
     """Of `sys.exit`, in this process and others, as any other exception."""
     for executor in (0, workers):
         store, told = filled(Evaluation(studied.ends_at_three), grid(x=np.arange(6.0)), executor)
-        assert store.done.all() and store.found.block().messages == {3: "SystemExit: no case of mine"} and not told.stopped
+        assert store.done.all() and messages_of(kept_of(store)) == {3: "SystemExit: no case of mine"} and not told.stopped
 
 
 def test_an_unfinished_store_is_filled_batch_by_batch():
     """What is left of a batch is computed with the whole batch, and counted once."""
     samples, evaluation = grid(x=np.arange(1300.0)), Evaluation(studied.sizes, batched=True)
     first, _ = filled(evaluation, samples, 0)
-    store = MemoryStore(samples, {})
+    store = Store(None, samples, {})
     store.put(evaluation.block(0, samples.columns(0, BATCH)))
     store.done[100:] = False
     told = fill(store, evaluation, samples, executor=0, progress=False)
@@ -152,7 +162,7 @@ def test_an_unfinished_store_is_filled_batch_by_batch():
 def test_processes_have_one_blas_thread_and_stay(workers):
     """Of two studies, in at most two processes, which are not this one; its environment is as it was."""
     before = dict(os.environ)
-    found = [filled(Evaluation(studied.where), grid(x=np.arange(40.0)), workers, chunk=4)[0].found.block() for _ in range(2)]
+    found = [kept_of(filled(Evaluation(studied.where), grid(x=np.arange(40.0)), workers, chunk=4)[0]) for _ in range(2)]
     processes = {p for kept in found for p in kept.variables["process"].values.tolist()}
     assert len(processes) <= 2 and os.getpid() not in processes
     assert all((kept.variables["threads"].values == 1).all() for kept in found)
@@ -165,7 +175,7 @@ def test_a_killed_process_is_replaced(workers, tmp_path):
     function = partial(studied.killed_once, mark=str(tmp_path / "killed"))
     store, told = filled(Evaluation(function), grid(x=np.arange(30.0)), workers)
     assert (tmp_path / "killed").exists() and told.stopped == ""
-    assert np.array_equal(store.found.block().variables["value"].values, np.arange(30.0))
+    assert np.array_equal(kept_of(store).variables["value"].values, np.arange(30.0))
 
 
 def test_a_sample_that_kills_its_processes_is_named(workers):
@@ -229,7 +239,7 @@ def test_what_numpy_does_about_a_division_by_zero_does_not_depend_on_the_process
     with np.errstate(all="raise"):
         for executor in (0, workers):
             store, told = filled(Evaluation(studied.inverse), grid(x=[0.0, 2.0]), executor)
-            assert store.found.block().variables["value"].values.tolist() == [np.inf, 0.5]
+            assert kept_of(store).variables["value"].values.tolist() == [np.inf, 0.5]
             assert [name for _, name in told.told.counts] == ["RuntimeWarning"]
 
 
@@ -382,7 +392,7 @@ def test_warnings_are_told_once_a_kind(workers):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
             store, told = filled(evaluation, samples, executor)
-        assert store.found.block().ok.all()
+        assert kept_of(store).ok.all()
         with warnings.catch_warnings(record=True) as seen:
             warnings.simplefilter("always")
             told.warn()
@@ -531,7 +541,7 @@ def test_a_function_that_swallows_ctrl_c_does_not_keep_its_result():
 def test_ctrl_c_waits_while_a_block_is_stored_but_not_a_second_one():
     """A store is not left half written; who presses it twice wants the end."""
 
-    class Slow(MemoryStore):
+    class Slow(Store):
         presses = 1
 
         def put(self, block):
@@ -539,7 +549,7 @@ def test_ctrl_c_waits_while_a_block_is_stored_but_not_a_second_one():
                 signal.raise_signal(signal.SIGINT)
             super().put(block)
 
-    store = Slow(grid(x=np.arange(5.0)), {})
+    store = Slow(None, grid(x=np.arange(5.0)), {})
     told = fill(store, Evaluation(studied.warned), grid(x=np.arange(5.0)), executor=0, chunk=2, progress=False)
     assert store.done.sum() == 2 and told.interrupted
     store.presses = 2

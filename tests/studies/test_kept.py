@@ -28,22 +28,32 @@ from rbd.studies.kept.wanted import Keep, Wanted
 CENTRE = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 
 
-def kept(*results: Any, keep: Keep = None, **options: Any) -> Block:
+class Found:
+    """A block, with what is kept of results apart from the three variables that every study has."""
+
+    def __init__(self, block: Block) -> None:
+        self.numbers, own = block.numbers, {name: block.variables[name].values for name in ("ok", "reason", "message")}
+        self.ok, self.reason = own["ok"], own["reason"]
+        self.messages = {int(i): text for i, text in zip(block.numbers, own["message"], strict=True) if text}
+        self.variables = {name: variable for name, variable in block.variables.items() if name not in own}
+
+
+def kept(*results: Any, keep: Keep = None, **options: Any) -> Found:
     """The block of some results."""
     rows = KeptRows(len(results), keep, **options)
     for i, result in enumerate(results):
         rows.put(i, result)
-    return rows.block()
+    return Found(rows.block())
 
 
-def batch(result: Any, n: int, keep: Keep = None) -> Block:
+def batch(result: Any, n: int, keep: Keep = None) -> Found:
     """The block of one batch."""
     rows = KeptRows(n, keep, first=1000)
     rows.put_batch(0, n, result)
-    return rows.block()
+    return Found(rows.block())
 
 
-def values(block: Block) -> dict[str, list[Any]]:
+def values(block: Found) -> dict[str, list[Any]]:
     """{name: values of all samples}."""
     return {name: variable.values.tolist() for name, variable in block.variables.items()}
 
@@ -548,7 +558,7 @@ def test_errors_are_rows():
     rows = KeptRows(3, None, first=10)
     rows.refuse(0, rbd.InputError("friction is -1."))
     rows.refuse(1, ValueError("x" * 5000))
-    block = rows.block()
+    block = Found(rows.block())
     assert block.reason.tolist() == [Reason.BAD_INPUT.code, Reason.OTHER_ERROR.code, Reason.NOT_RUN.code]
     assert block.messages[10] == "friction is -1." and block.messages[11].startswith("ValueError: xxx")
     assert len(block.messages[11]) == 1000 and block.messages[11].endswith("x ...") and not block.ok.any()

@@ -112,8 +112,6 @@ def kill_one(cluster: distributed.LocalCluster, client: distributed.Client, left
 
 def done_of(out: Path) -> int:
     """How many samples a store has."""
-    if not out.exists():
-        return 0
     try:
         found = rbd.studies.open_study(out)
     except rbd.InputError:  # not there yet

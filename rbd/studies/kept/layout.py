@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from rbd.errors import InputError
-from rbd.studies.kept.variable import Block, Variable
+from rbd.studies.kept.variable import MESSAGE, OK, REASON, Block, Variable
 
-RESERVED = ("ok", "reason", "message", "sample")
+RESERVED = (OK, REASON, MESSAGE, "sample")
 """Names of what every study has."""
 _KINDS = {"f": "numbers", "b": "truth values", "i": "codes", "U": "text"}
 
@@ -20,11 +20,15 @@ class Layout:
 
     Args:
         arguments: Names of the samples' arguments, which are coordinates of the dataset.
+
+    Attributes:
+        first: {variable with entries: the first sample of the first block that has it, and its place there}.
     """
 
     def __init__(self, arguments: Collection[str] = ()) -> None:
         self._arguments = arguments
         self._first: dict[str, tuple[Variable, tuple[int, ...], str, str]] = {}
+        self.first: dict[str, tuple[int, int]] = {}
         self._dims: dict[str, tuple[int, tuple[Any, ...] | None, str]] = {}
 
     def check(self, block: Block) -> None:
@@ -33,9 +37,26 @@ class Layout:
         Raises:
             InputError: another shape, kind or other labels; which variable, in which samples.
         """
-        where = words_of(block.start, block.stop)
+        start, own = int(block.numbers[0]), (OK, REASON, MESSAGE)
+        where = words_of(start, int(block.numbers[-1]) + 1)
+        for place, (name, variable) in enumerate(block.variables.items()):
+            if name not in own:
+                self.agree(name, variable, variable.values.shape[1:], where)
+                if variable.values.size:
+                    self.first[name] = min(self.first.get(name, (start, place)), (start, place))
+
+    def begin(self, block: Block, first: Mapping[str, Sequence[int]]) -> None:
+        """Take over the variables of a stored part, and where each first came."""
         for name, variable in block.variables.items():
-            self.agree(name, variable, variable.values.shape[1:], where)
+            if name not in (OK, REASON, MESSAGE):
+                self.agree(name, variable, variable.values.shape[1:], "the store")
+        for name, (start, place) in first.items():
+            self.first[name] = min(self.first.get(name, (start, place)), (start, place))
+
+    @property
+    def forms(self) -> dict[str, Variable]:
+        """Variables, each of some samples, by the first sample that has them, in whatever order blocks were finished."""
+        return {name: self._first[name][0] for name in sorted(self.first, key=self.first.__getitem__)}
 
     def agree(self, name: str, variable: Variable, shape: Sequence[int], where: str) -> None:
         """Refuse a variable that does not agree with the first of its name, or whose dimensions disagree with another's.

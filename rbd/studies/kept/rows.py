@@ -14,7 +14,7 @@ from rbd.errors import InputError, RbdError
 from rbd.errors.reasons import Reason
 from rbd.studies.kept.layout import Layout, described, words_of
 from rbd.studies.kept.plain import NotKept
-from rbd.studies.kept.variable import Block, missing, storable
+from rbd.studies.kept.variable import Block, missing, own_variables, storable
 from rbd.studies.kept.wanted import Keep, Wanted
 
 LONGEST_MESSAGE = 1000
@@ -40,7 +40,7 @@ class KeptRows:
         self._layout = Layout(arguments)
         self._columns: dict[str, _Column] = {}
         self._ok, self._reason = np.zeros(n, bool), np.full(n, Reason.NOT_RUN.code, np.int16)
-        self._messages: dict[int, str] = {}
+        self._messages = np.full(n, "", object)
 
     def put(self, i: int, result: Any) -> None:
         """Keep the result of one sample.
@@ -102,7 +102,7 @@ class KeptRows:
         self._reason[start:stop] = codes
         self._ok[start:stop] = codes == 0
         for row, message in messages.items():  # the number of a state is that within the batch
-            self._messages[self._start + start + row] = _shortened(message.removeprefix(f"at state {row}: "))
+            self._messages[start + row] = _shortened(message.removeprefix(f"at state {row}: "))
         return None
 
     def refuse(self, i: int, error: BaseException, more: str = "") -> None:
@@ -117,12 +117,13 @@ class KeptRows:
 
     def block(self) -> Block:
         """All that was kept; samples that were not put have `Reason.NOT_RUN`."""
-        variables = {name: column.variable() for name, column in self._columns.items()}
-        return Block(self._start, self._start + self.n, variables, self._ok, self._reason, self._messages)
+        own = own_variables(self._ok, self._reason, self._messages)
+        found = {name: column.variable() for name, column in self._columns.items()}
+        return Block(np.arange(self._start, self._start + self.n), own | found)
 
     def _no_answer(self, i: int, reason: Reason, message: str) -> None:
         self._ok[i], self._reason[i] = False, reason.code
-        self._messages[self._start + i] = _shortened(message)
+        self._messages[i] = _shortened(message)
 
     def _column(self, name: str, variable: Variable, shape: tuple[int, ...], where: str) -> _Column:
         self._layout.agree(name, variable, shape, where)

@@ -1,38 +1,75 @@
-"""`Block`: what is kept of the samples of one chunk, as arrays; and the value that stands where there is none."""
+"""`Block`: what is kept of some samples, as arrays; blocks put together; and the value that stands where there is none."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rbd.answers.many.naming import Variable
 from rbd.arrays import Array
+from rbd.errors.reasons import Reason
 
 __all__ = ["Block", "Variable", "missing", "storable"]
 
 
+OK, REASON, MESSAGE = "ok", "reason", "message"
+"""Variables that every study has."""
+_CODES = {reason.code: reason.name.lower() for reason in Reason}
+
+
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Results of the samples start to stop.
+    """Results of some samples.
 
     Attributes:
-        start: Number of the first.
-        stop: Number after the last.
+        numbers: Those of the samples, shape (n,).
         variables: {name: values of all of them}: numbers (float64), truth values, codes or text; `missing` where a sample has
-            none.
-        ok: Which have a result, shape (n,), truth values.
-        reason: `Reason.code` of each, shape (n,), int16; 0 where it is ok.
-        messages: {number of the sample: message} where it is not ok.
+            none. Every block has `ok`, which samples have a result; `reason`, a code, 0 where there is one; and `message`.
     """
 
-    start: int
-    stop: int
+    numbers: Array
     variables: Mapping[str, Variable]
-    ok: Array
-    reason: Array
-    messages: Mapping[int, str]
+
+    @property
+    def ok(self) -> Array:
+        """Which samples have a result."""
+        return self.variables[OK].values
+
+
+def own_variables(ok: Array, reason: Array, message: Array) -> dict[str, Variable]:
+    """The three variables of every study, of some samples; the codes as the CF conventions have them."""
+    return {
+        OK: Variable(ok, long_name="whether there is a result"),
+        REASON: Variable(reason, long_name="why there is none", flags=_CODES),
+        MESSAGE: Variable(message, long_name="message of the error"),
+    }
+
+
+def empty_of(name: str, v: Variable, n: int) -> Variable:
+    """A variable of n samples that were not computed; text as objects, of any length."""
+    kind = np.dtype(object) if v.values.dtype.kind in "UOT" else v.values.dtype
+    fill = Reason.NOT_RUN.code if name == REASON else missing(kind)
+    return replace(v, values=np.full((n, *v.values.shape[1:]), fill, kind))
+
+
+def joined(numbers: Array, blocks: Iterable[Block], forms: Mapping[str, Variable]) -> Block:
+    """What blocks have of some samples, as one block.
+
+    Args:
+        numbers: Those of the samples, ascending.
+        blocks: The blocks, in any order.
+        forms: The variables in order, besides `ok`, `reason`, `message`.
+    """
+    n, own = len(numbers), own_variables(np.empty(0, bool), np.empty(0, np.int16), np.empty(0, object))
+    found = {name: empty_of(name, v, n) for name, v in {**own, **forms}.items()}
+    for block in blocks:
+        at = np.searchsorted(numbers, block.numbers)
+        inside = (at < n) & (numbers[np.minimum(at, n - 1)] == block.numbers)
+        for name, v in block.variables.items():
+            found[name].values[at[inside]] = v.values[inside]
+    return Block(numbers, found)
 
 
 def missing(kind: np.dtype) -> float | int | bool | str:

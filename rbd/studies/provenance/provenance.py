@@ -17,6 +17,7 @@ import numpy as np
 from rbd.compiled import in_use
 from rbd.errors import InputError
 from rbd.installation import VERSION as VERSION_OF_RBD
+from rbd.studies.dataset import LAYOUT
 from rbd.studies.kept.variable import storable
 from rbd.studies.kept.wanted import Keep, Wanted
 from rbd.studies.provenance.identity import function_hash, name_of
@@ -25,8 +26,6 @@ from rbd.studies.sampling.samples import Samples
 FORMAT = "rbd study"
 VERSION = 1
 """Version of the layout of stores; a store of a newer one is refused."""
-LAYOUT = "rbd_layout"
-"""Attribute of a store with the order of its variables, as JSON."""
 PACKAGES = ("pin", "numpy", "scipy", "proxsuite", "clarabel", "daqp", "numba")
 """Packages on which the bits of results can depend."""
 SAME = ("function", "function_sha256", "samples_sha256", "seed", "keep", "batched")

@@ -13,7 +13,7 @@ import numpy as np
 from rbd.errors import InputError
 from rbd.errors.warned import StudyWarning, stacklevel_of_user
 from rbd.studies.sampling.samples import Samples
-from rbd.studies.stores.store import Store
+from rbd.studies.stores import Store
 from rbd.studies.workers import executors
 from rbd.studies.workers.evaluation import Evaluation, Finished, Told
 from rbd.studies.workers.executors import Chunks, Lost, Stopped
@@ -128,7 +128,7 @@ def fill(
 
 def _put(store: Store, finished: Finished, told: Told, counts: Progress) -> None:
     block = finished.block
-    new = np.logical_not(store.done[block.start : block.stop])  # of a batched function, whole batches are computed again
+    new = np.logical_not(store.done[block.numbers])  # of a batched function, whole batches are computed again
     store.put(block)
     told.join(finished.told)
     counts.add(int(np.count_nonzero(new)), int(np.count_nonzero(new & ~np.asarray(block.ok))))
