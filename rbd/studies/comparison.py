@@ -363,7 +363,9 @@ def _under(solution: Solution) -> dict[str, ContactUnderLaw]:
         if rows.patch is None:
             continue
         f = solution.corner_forces[rows.name] @ rows.patch.axes
-        motion = np.zeros_like(f) if at_rest(rows.cone).bilateral else T.at_points(y, i)  # bilateral constraints do not move
+        motion = (
+            np.zeros_like(f) if at_rest(rows.cone).bilateral else T.point_accelerations(y, i)
+        )  # bilateral constraints do not move
         loaded = f[:, 2] > CARRIES_NOTHING_N
         out[rows.name] = ContactUnderLaw(
             normal=float(f[:, 2].sum()),

@@ -82,6 +82,7 @@ class Parts:
                 damaged.append(file)
                 continue
             self._found(file, block)
+            self.empty.attrs["finished"] = max(part.attrs["finished"], self.empty.attrs.get("finished", ""))
         return damaged
 
     def write(self) -> None:
@@ -90,7 +91,8 @@ class Parts:
         numbers = np.sort(np.concatenate([each.numbers for each in self.blocks]))
         numbers = numbers[np.append(np.diff(numbers) > 0, True)]  # batches that are computed again overlap
         block = joined(numbers, self.blocks, self.layout.forms)
-        empty = xarray_or_error().Dataset(coords={ONE: numbers.astype(float)}, attrs={FIRST: json.dumps(self.layout.first)})
+        attributes = {FIRST: json.dumps(self.layout.first), "finished": self.empty.attrs.get("finished", "")}
+        empty = xarray_or_error().Dataset(coords={ONE: numbers.astype(float)}, attrs=attributes)
         content = netcdf(filled(empty, {ONE: len(numbers)}, block))
         file = self.folder / f"{len(self.files):06}-{time.time_ns():x}{PART}"
         write_file(file, lambda out: out.write(zlib.compress(content, 0)), StudyStopped)
@@ -154,7 +156,7 @@ class Parts:
 
     def _attributes(self) -> dict[str, Any]:
         layout = {**json.loads(self.empty.attrs[LAYOUT]), "order": list(self.layout.forms)}
-        return {**finished(self.empty.attrs), LAYOUT: json.dumps(layout)}
+        return {**self.empty.attrs, LAYOUT: json.dumps(layout)}
 
 
 def _read_part(file: Path) -> xarray.Dataset:
@@ -241,6 +243,7 @@ class Store:
             )
         self.parts.blocks.append(replace(block, variables=kept))
         self.done[block.numbers] = True
+        self.parts.empty.attrs = finished(self.parts.empty.attrs)
         if time.monotonic() - self._last >= self._pause:
             self.write()
 

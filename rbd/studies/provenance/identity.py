@@ -26,6 +26,23 @@ OF_CLASSES = {"__dict__", "__weakref__", "__doc__", "_abc_impl"}
 """What Python puts into classes, that computes nothing."""
 
 
+class NoContent(InputError):
+    """An object that has no content to read, such as an open file or a lock.
+
+    Attributes:
+        what: Its type, and the way to it.
+        cause: What Python says of it.
+    """
+
+    def __init__(self, what: str, cause: str) -> None:
+        self.what, self.cause = what, cause
+        super().__init__(
+            f"{what}, which has no content that could be counted ({cause}), so a store could go on with another one. Create "
+            "it inside the function, give what it is made of, or define __reduce__ in its class; without out= the study runs "
+            "as it is."
+        )
+
+
 class Hash(Protocol):
     """What takes bytes, such as `hashlib.sha256()`."""
 
@@ -148,11 +165,7 @@ class _Walk:
             registered: Any = copyreg.dispatch_table.get(kind)
             sent: Any = registered(x) if registered else x.__reduce_ex__(4)
         except Exception as error:  # whatever a foreign class raises where it cannot be sent
-            raise InputError(
-                f"{path} is a {kind.__module__}.{kind.__qualname__}, which has no content that could be counted "
-                f"({error!s:.200}), so a store could go on with another one. Create it inside the function, give what it is "
-                "made of, or define __reduce__ in its class; without out= the study runs as it is."
-            ) from error
+            raise NoContent(f"{path} is a {kind.__module__}.{kind.__qualname__}", str(error)[:200]) from error
         yield f"object of {name_of(kind)}"
         if isinstance(sent, str):
             yield f"{getattr(x, '__module__', '')} {sent}"

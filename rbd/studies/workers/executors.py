@@ -10,8 +10,8 @@ import signal
 import threading
 import time
 from collections import OrderedDict
-from collections.abc import Callable, Generator, Iterator
-from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor
+from collections.abc import Callable, Generator, Iterator, Mapping
+from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ThreadPoolExecutor, wait
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from queue import Empty, SimpleQueue
@@ -21,9 +21,10 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError
+from rbd.studies.provenance.identity import name_of
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.workers.evaluation import BATCH, ONE_AT_A_TIME, Columns, Evaluation, Finished, recorded
-from rbd.studies.workers.own_processes import MOST, WITHOUT_GUARD, WorkerDied, Workers, cores, end_if_unguarded
+from rbd.studies.workers.own_processes import MOST, UNGUARDED, WITHOUT_GUARD, Workers, cause_of, cores, end_if_unguarded
 from rbd.studies.workers.sending import pickled, sent_columns
 
 SECONDS = 1.0
@@ -167,9 +168,9 @@ def sent_of(evaluation: Evaluation, executor: Executor | int | None) -> bytes:
     """
     if executor == 0 or isinstance(executor, ThreadPoolExecutor):
         return b""
-    return pickled(
-        evaluation, evaluation.function, same_script=not isinstance(executor, Executor) or isinstance(executor, Workers)
-    )
+    keep = evaluation.keep if isinstance(evaluation.keep, Mapping) else {}
+    kept = {f"keep[{name!r}]": function for name, function in keep.items()}
+    return pickled(evaluation, {name_of(evaluation.function): evaluation.function, **kept})
 
 
 def blocks(
@@ -207,23 +208,30 @@ def blocks(
 
 
 class _Way(NamedTuple):
-    """A chunk on its way: what was submitted, and when."""
+    """A chunk on its way: what was submitted, when, and whether a process died while it was computed before."""
 
     start: int
     stop: int
     future: Future[Any]
     begun: float
+    suspect: bool
 
 
 class _Crew:
-    """Chunks given to an executor, as many at a time as it needs to be busy."""
+    """Chunks given to an executor, as many at a time as it needs to be busy.
+
+    When one of our own processes dies, it is not known of which chunk: those that were computed are suspects, and each is
+    computed again alone. The one of which the processes die again is divided into its samples, until that sample is found.
+    """
 
     def __init__(self, executor: Executor, evaluation: Evaluation, sent: bytes, samples: Samples, chunks: Chunks) -> None:
         self.executor, self.evaluation, self.samples, self.chunks = executor, evaluation, samples, chunks
         self.sent, self.key = sent, hashlib.sha256(sent).hexdigest()
-        self.room = 3 * executor.count if isinstance(executor, Workers) else 2 * cores() + 1
+        self.own = executor if isinstance(executor, Workers) else None
+        self.room = 3 * self.own.count if self.own else 2 * cores() + 1
         self.ways: dict[int, _Way] = {}
         self.numbers, self.ended = itertools.count(), SimpleQueue[tuple[int, float]]()
+        self.suspects: list[tuple[int, int]] = []
         self.sending, self.lost = self.room, 0
 
     def results(self) -> Iterator[Finished | Lost | Stopped | None]:
@@ -231,8 +239,7 @@ class _Crew:
         while True:
             self.chunks.shares = self.room
             try:
-                while len(self.ways) < self.room and (chunk := self.chunks.take()) is not None:
-                    self._submit(*chunk, with_bytes=self.sending > 0)
+                while len(self.ways) < self.room and self._submit_next():
                     self.sending -= 1
             except (RuntimeError, CancelledError) as error:  # BrokenExecutor is one; or it was shut down meanwhile
                 yield Stopped(f"the executor takes no more work ({error!s:.200})", error)
@@ -244,7 +251,8 @@ class _Crew:
             except Empty:
                 yield None
                 continue
-            found = self._taken(self.ways.pop(number), at)
+            way = self.ways.pop(number, None)  # None of a suspect
+            found = None if way is None else self._taken(way, at)
             if found is not None:
                 yield found
             if isinstance(found, Stopped):
@@ -252,32 +260,50 @@ class _Crew:
 
     def end(self) -> None:
         """Nothing that is on its way is wanted any more."""
-        if self.ways and isinstance(self.executor, Workers):
-            self.executor.drop()
         for way in self.ways.values():
             way.future.cancel()
+        if self.ways and self.own:
+            self.own.renew()
 
-    def _submit(self, start: int, stop: int, *, with_bytes: bool) -> None:
+    def _submit_next(self) -> bool:
+        """Submit one more chunk, if there is one; a suspect alone."""
+        if any(way.suspect for way in self.ways.values()) or (self.suspects and self.ways):
+            return False
+        if self.suspects:
+            self._submit(*self.suspects.pop(0), with_bytes=True, suspect=True)
+            return True
+        if (chunk := self.chunks.take()) is None:
+            return False
+        self._submit(*chunk, with_bytes=self.sending > 0)
+        return True
+
+    def _submit(self, start: int, stop: int, *, with_bytes: bool, suspect: bool = False) -> None:
         columns, begun = self.samples.columns(start, stop), time.monotonic()
         if self.sent:
-            future: Future[Any] = self.executor.submit(
-                _evaluate, self.key, self.sent if with_bytes else None, start, sent_columns(columns)
-            )
+            call: tuple[Any, ...] = (_evaluate, self.key, self.sent if with_bytes else None, start, sent_columns(columns))
         else:
-            future = self.executor.submit(_evaluate_here, self.evaluation, start, columns)
+            call = (_evaluate_here, self.evaluation, start, columns)
+        try:
+            future = self.executor.submit(*call)
+        except BrokenExecutor:
+            if not self.own:
+                raise
+            if self.ways:  # their ends will say so
+                self.suspects.append((start, stop))
+                return
+            self.own.renew()  # one died while it had nothing to do
+            future = self.own.submit(*call)
         number = next(self.numbers)
-        self.ways[number] = _Way(start, stop, future, begun)
+        self.ways[number] = _Way(start, stop, future, begun, suspect)
         future.add_done_callback(lambda _: self.ended.put((number, time.monotonic())))
 
     def _taken(self, way: _Way, at: float) -> Finished | Lost | Stopped | None:
-        """What became of a chunk; None if it was sent again."""
+        """What became of a chunk; None if it is computed again."""
         try:
             found = way.future.result()
-        except WorkerDied as error:
-            if WITHOUT_GUARD in str(error):
-                raise InputError(WITHOUT_GUARD) from None
-            return self._lost(way, str(error))
         except (BrokenExecutor, CancelledError) as error:
+            if self.own and isinstance(error, BrokenExecutor):
+                return self._after_death(self.own, way)
             return Stopped(f"the executor broke: {str(error) or 'what it computed was cancelled'}", error)
         except Exception as error:
             if type(error).__name__ == "KilledWorker":  # dask's: workers died of it, as often as dask allows
@@ -286,20 +312,37 @@ class _Crew:
         if isinstance(found, NotLoaded):
             if found.why:
                 raise InputError(found.why)
-            self._submit(way.start, way.stop, with_bytes=True)
+            self._submit(way.start, way.stop, with_bytes=True, suspect=way.suspect)
             return None
         assert isinstance(found, Finished)
         self.chunks.learn(way.stop - way.start, found.seconds)
-        if not isinstance(self.executor, Workers) and at - way.begun < 2.0 * found.seconds:  # it hardly waited: give more
+        if not self.own and at - way.begun < 2.0 * found.seconds:  # it hardly waited: give more
             self.room = min(self.room + 1, MOST_WAITING)
         return found
+
+    def _after_death(self, own: Workers, way: _Way) -> Lost | Stopped | None:
+        """One of our processes died: what was under way is computed again, one after the other."""
+        wait([each.future for each in self.ways.values()])
+        others = {n: each for n, each in self.ways.items() if isinstance(each.future.exception(), BrokenExecutor)}
+        self.ways = {n: each for n, each in self.ways.items() if n not in others}
+        code = own.renew()
+        if code == UNGUARDED:
+            raise InputError(WITHOUT_GUARD) from None
+        if way.suspect:
+            return self._lost(way, cause_of(code))
+        self.suspects += sorted((each.start, each.stop) for each in (way, *others.values()))
+        return None
 
     def _lost(self, way: _Way, why: str) -> Lost | Stopped | None:
         """Processes died of a chunk: it is computed again, sample by sample, so that one sample loses no others."""
         unit = self.chunks.unit
         if way.stop - way.start > unit and not self.chunks.fixed:
-            for start in range(way.start, way.stop, unit):
-                self._submit(start, min(start + unit, way.stop), with_bytes=True)
+            parts = [(start, min(start + unit, way.stop)) for start in range(way.start, way.stop, unit)]
+            if self.own:
+                self.suspects[:0] = parts
+            else:
+                for part in parts:
+                    self._submit(*part, with_bytes=True)
             return None
         self.lost += 1
         lost = Lost(way.start, way.stop, why)

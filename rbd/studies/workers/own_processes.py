@@ -1,4 +1,4 @@
-"""`Workers`: spawned processes for studies; one that dies is replaced, and what it computed is computed again."""
+"""`Workers`: spawned processes for studies; they are replaced when one of them dies."""
 
 from __future__ import annotations
 
@@ -9,10 +9,8 @@ import signal
 import sys
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor, wait as wait_for
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
@@ -27,64 +25,15 @@ UNGUARDED = 79
 """Exit code of such a process."""
 MOST = 1024
 """Processes, at most; more are a cluster's."""
-DEATHS = 2
-"""A task is given up when so many processes have died of it."""
 _STARTING = RenewedLock()
-
-
-class WorkerDied(BrokenExecutor):
-    """Processes died of one and the same task; the others go on."""
-
-
-class _Task:
-    """What is submitted, and how many processes have died of it."""
-
-    def __init__(self, call: Callable[[], Any], future: Future[Any]) -> None:
-        self.call, self.future, self.deaths = call, future, 0
-
-
-class _Seat:
-    """One process: a pool of one, so that it is known which task it died of."""
-
-    def __init__(self) -> None:
-        self.pool: ProcessPoolExecutor | None = None
-        self.tasks: list[_Task] = []
-        self.process: Any = None
-
-    def submit(self, task: _Task, finished: Callable[[_Seat, _Task, Future[Any]], None]) -> None:
-        """Give the process one more task; the first one starts it."""
-        self.tasks.append(task)
-        if self.pool is None:
-            self.pool = ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn"), initializer=_begin)
-        with _child_environment():
-            inner = self.pool.submit(task.call)
-        if self.process is None:
-            self.process = next(iter(self.pool._processes.values()), None)
-        inner.add_done_callback(lambda done: finished(self, task, done))
-
-    def exit_code(self) -> int | None:
-        """What the process ended with, a negative number by a signal; None where that is unknown."""
-        end = time.monotonic() + 1.0
-        while self.process is not None and self.process.exitcode is None and time.monotonic() < end:
-            time.sleep(0.01)
-        return None if self.process is None else self.process.exitcode
-
-    def close(self, *, wait: bool) -> None:
-        """End the process, after its tasks."""
-        if self.pool is not None:
-            self.pool.shutdown(wait=wait, cancel_futures=True)
-
-    def kill(self) -> None:
-        """End the process at once."""
-        if self.process is not None and self.process.is_alive():
-            self.process.kill()
 
 
 class Workers(Executor):
     """Processes that stay open for several studies: an executor, to be used in a `with` statement.
 
     Each is a new Python process with one BLAS thread that ignores Ctrl-C and ends with the one that started it. They start
-    with the first study. A process that dies, of a signal or for want of memory, is replaced and its chunk computed again.
+    with the first study. Where one dies, of a signal or for want of memory, all are
+    replaced, and what they computed is computed again.
 
     Attributes:
         count: Number of processes.
@@ -109,9 +58,8 @@ class Workers(Executor):
         if count is not None and (isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST):
             raise InputError(f"count is {count!r:.80}; expected a number of processes from 1 to {MOST}, or None: one a core.")
         self.count = count or cores()
-        self._seats = [_Seat() for _ in range(self.count)]
-        self._waiting: deque[_Task] = deque()
-        self._lock = RenewedLock()
+        self._pool: ProcessPoolExecutor | None = None
+        self._processes: list[Any] = []
         self._closed = False
 
     def __repr__(self) -> str:
@@ -121,108 +69,45 @@ class Workers(Executor):
         """A future of `fn(*args, **kwargs)`, as of every executor.
 
         Raises:
-            RuntimeError: they are shut down.
+            RuntimeError: they are shut down; BrokenProcessPool, one of them died, until `renew`.
         """
-        future: Future[T] = Future()
-        with self._lock:
-            if self._closed:
-                raise RuntimeError("cannot schedule new futures after shutdown")
-            self._waiting.append(_Task(_Call(fn, args, kwargs), future))
-            self._hand_out()
+        if self._closed:
+            raise RuntimeError("cannot schedule new futures after shutdown")
+        with _child_environment():
+            if self._pool is None:
+                spawn = multiprocessing.get_context("spawn")
+                self._pool = ProcessPoolExecutor(self.count, mp_context=spawn, initializer=_begin)
+            future = self._pool.submit(fn, *args, **kwargs)
+        self._processes = list((self._pool._processes or {}).values()) or self._processes
         return future
+
+    def renew(self) -> int | None:
+        """End all processes at once; others take their places when something is submitted.
+
+        Returns:
+            The exit code of one that had died before; None where none had, or it is unknown.
+        """
+        end = time.monotonic() + 1.0
+        while time.monotonic() < end and any(p.exitcode is None for p in self._processes) and self._pool_is_broken():
+            time.sleep(0.01)  # the pool is ending the others
+        codes = [p.exitcode for p in self._processes if p.exitcode not in (None, 0)]
+        for process in self._processes:
+            process.kill()
+        pool, self._pool, self._processes = self._pool, None, []
+        if pool is not None:
+            pool.shutdown(wait=True, cancel_futures=True)
+        return next(
+            (code for code in codes if code != -signal.SIGTERM), codes[0] if codes else None
+        )  # it ends others by SIGTERM
+
+    def _pool_is_broken(self) -> bool:
+        return self._pool is not None and bool(self._pool._broken)
 
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End the processes, after what was submitted; as of every executor."""
-        with self._lock:
-            self._closed = True
-            waiting = list(self._waiting) if cancel_futures else []
-            self._waiting = deque(() if cancel_futures else self._waiting)
-            for task in waiting:
-                task.future.cancel()
-            futures = [task.future for seat in self._seats for task in seat.tasks] + [task.future for task in self._waiting]
-            for seat in self._seats:
-                self._close_if_idle(seat)
-        if wait:
-            wait_for(futures)
-            for seat in self._seats:
-                seat.close(wait=True)
-
-    def drop(self) -> None:
-        """End at once what is computed, with its processes; others take their places when something is submitted."""
-        with self._lock:
-            waiting, self._waiting = list(self._waiting), deque()
-            busy = [seat for seat in self._seats if seat.tasks]
-            for seat in busy:
-                self._seats[self._seats.index(seat)] = _Seat()
-        for task in [*waiting, *(task for seat in busy for task in seat.tasks)]:
-            task.future.cancel()
-        for seat in busy:
-            seat.kill()
-        for seat in busy:
-            seat.close(wait=True)
-
-    def _hand_out(self) -> None:
-        """Each process has one task, and one more that waits in its pipe; called with the lock."""
-        for most in (1, 2):
-            for seat in self._seats:
-                while self._waiting and len(seat.tasks) < most:
-                    task = self._waiting.popleft()
-                    if task.future.running() or task.future.set_running_or_notify_cancel():
-                        self._give(seat, task)
-
-    def _give(self, seat: _Seat, task: _Task) -> None:
-        try:
-            seat.submit(task, self._finished)
-        except BrokenProcessPool:  # it died while it had nothing to do, or a moment ago
-            seat.tasks.remove(task)
-            self._waiting.appendleft(task)
-            if seat in self._seats:
-                self._replace(seat)
-        except RuntimeError as error:  # Python is ending
-            seat.tasks.remove(task)
-            task.future.set_exception(error)
-
-    def _close_if_idle(self, seat: _Seat) -> None:
-        if self._closed and not self._waiting and not seat.tasks:
-            seat.close(wait=False)
-
-    def _finished(self, seat: _Seat, task: _Task, done: Future[Any]) -> None:
-        """Called in the thread of a seat's pool."""
-        error = None if done.cancelled() else done.exception()
-        with self._lock:
-            if seat not in self._seats:  # dropped, or replaced
-                return
-            if isinstance(error, BrokenProcessPool):
-                self._replace(seat)
-                return
-            seat.tasks.remove(task)
-            self._hand_out()
-            self._close_if_idle(seat)
-        if error is not None:
-            task.future.set_exception(error)
-        elif not done.cancelled():
-            task.future.set_result(done.result())
-
-    def _replace(self, seat: _Seat) -> None:
-        """The process of a seat died, of the first of its tasks: another process begins with them."""
-        self._seats[self._seats.index(seat)] = _Seat()
-        if seat.tasks:
-            seat.tasks[0].deaths += 1
-            code = seat.exit_code()
-            if seat.tasks[0].deaths >= DEATHS or code == UNGUARDED:
-                seat.tasks.pop(0).future.set_exception(WorkerDied(_cause_of(code)))
-        self._waiting.extendleft(reversed(seat.tasks))
-        self._hand_out()
-
-
-class _Call:
-    """A function with its arguments, to be called in the process."""
-
-    def __init__(self, fn: Callable[..., Any], args: tuple[Any, ...], kwargs: dict[str, Any]) -> None:
-        self.fn, self.args, self.kwargs = fn, args, kwargs
-
-    def __call__(self) -> Any:
-        return self.fn(*self.args, **self.kwargs)
+        self._closed = True
+        if self._pool is not None:
+            self._pool.shutdown(wait=wait, cancel_futures=cancel_futures)
 
 
 def cores() -> int:
@@ -250,7 +135,7 @@ WITHOUT_GUARD = (
 )
 
 
-def _cause_of(code: int | None) -> str:
+def cause_of(code: int | None) -> str:
     """Why a process died, in words."""
     if code == UNGUARDED:
         return WITHOUT_GUARD
