@@ -54,6 +54,11 @@ def zarr_or_error() -> Any:
     return _of_study("zarr")
 
 
+def cloudpickle_or_error() -> Any:
+    """The module cloudpickle; errors as `xarray_or_error`."""
+    return _of_study("cloudpickle")
+
+
 def _of_study(name: str) -> Any:
     try:
         return import_module(name)

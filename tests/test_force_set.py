@@ -10,8 +10,9 @@ import pytest
 
 import rbd
 from rbd.arrays import block_diagonal
-from rbd.problem.cones import LineCone, WrenchCone, project_cones, pyramid
+from rbd.problem.cones import project_cones, pyramid
 from rbd.problem.contact_motion import REST_SPEED
+from rbd.problem.corner_cones import LineCone, WrenchCone
 from rbd.problem.force_set import ForceSet
 from rbd.testing import box
 
@@ -298,8 +299,12 @@ class TestWeights:
         for velocity in ([0.0] * 6, [0.3, 0, 0, 0, 0, 1.0], [0, 0, 0.1, 0, 0.5, 0]):
             T = ForceSet.of([rows_with(rbd.problem.Free(2), name="held"), rows_with(cone, velocity, "sole")])
             w = T.project(rng.uniform(0.5, 2.0, T.size))
-            forces = T.at_points(w, 1)
-            assert forces.shape == (4, 3) and cone.corner_map @ forces.ravel() == pytest.approx((T.G @ w)[2:])
+            forces = (T.point_map(1) @ w).reshape(-1, 3)
+            assert (
+                T.point_map(0) is None
+                and forces.shape == (4, 3)
+                and cone.corner_map @ forces.ravel() == pytest.approx((T.G @ w)[2:])
+            )
 
     @pytest.mark.parametrize("velocity", [[0.0] * 6, [0.3, 0.1, 0, 0, 0, 1.0]])
     def test_weights_are_found_from_forces(self, velocity):

@@ -468,6 +468,7 @@ CASES: dict[str, Case] = {
     "Box": Case(lambda **given: use_cone(rbd.problem.Box(**given)), {"lo": np.array([-1.0, 0.0]), "hi": np.array([1.0, 2.0])}),
     "Free": Case(lambda **given: use_cone(rbd.problem.Free(**given)), {"dim": 3}),
     "NonNegative": Case(lambda **given: use_cone(rbd.problem.NonNegative(**given)), {"dim": 3}),
+    "EllipticCone": Case(lambda **given: use_cone(rbd.problem.EllipticCone(**given)), {"mu_x": 0.5, "mu_y": 0.4, "facets": 4}),
     "FrictionCone": Case(lambda **given: use_cone(rbd.problem.FrictionCone(**given)), {"mu": 0.5, "facets": 4}),
     "LineCone": Case(lambda **given: use_cone(rbd.problem.LineCone(**given)), {"half_length": 0.1, "mu": 0.5, "facets": 4}),
     "Product": Case(

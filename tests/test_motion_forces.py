@@ -7,8 +7,9 @@ import pytest
 
 import rbd
 from rbd.arrays import Array
-from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
+from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product
 from rbd.problem.contact_motion import REST_SPEED
+from rbd.problem.corner_cones import WrenchCone
 from rbd.problem.force_set import ForceSet
 from rbd.problem.motion_forces import Refused, allowed_forces, given_weights, narrowed, refusal_words
 

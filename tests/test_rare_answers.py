@@ -91,7 +91,7 @@ def test_a_solver_fails_that_is_not_right_or_does_not_say_so():
 
 
 @dataclass(frozen=True)
-class Strange:
+class Strange(Cone):
     """A set that is a half-line, under a name of its own."""
 
     dim: int = 1

@@ -19,10 +19,8 @@ from rbd.arrays import Array, lazy, max_abs, without_lazies
 from rbd.constraints.stabilisation import feedback_acceleration
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution, Unsupported
-from rbd.problem.answer import Answer, Status, corner_split
-from rbd.problem.cones import FrictionCone, LineCone, WrenchCone
+from rbd.problem.answer import Answer, Status, corner_split, corners_of
 from rbd.problem.contact_motion import opening_words
-from rbd.problem.force_set import at_rest
 from rbd.problem.problem import GaussProblem, Law, checked
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.problem.rows import Patch, Rows
@@ -140,7 +138,7 @@ class Solution(Answer):
         return by_hand | {name: corners.copy() for name, corners in self._split[0].items()}
 
     def _by_hand(self, i: int, rows: Rows) -> Array:
-        corners = np.zeros((1, 3)) if isinstance(rows.cone, FrictionCone) else rows.cone.corners  # type: ignore[attr-defined]
+        corners = getattr(rows.cone, "corners", np.zeros((1, 3)))
         patch = Patch(np.zeros(3), np.eye(3), corners, None)
         return self._corners(i, replace(rows, patch=patch, resultant=np.eye(len(rows))))
 
@@ -239,11 +237,10 @@ class Solution(Answer):
             raise NoSolution(f"{self.worst}: this is no answer, and {what}.", problem=self.problem, result=self)
 
     def _corners(self, i: int, rows: Rows) -> Array:
-        P = self.problem
-        if self.weights is not None and len(rows) and not at_rest(rows.cone).bilateral:
-            assert rows.patch is not None
-            return P.force_set_of(self.law).at_points(self.weights, i) @ rows.patch.axes.T
-        return corner_split(rows, self.multipliers[P.slices[rows.name]])
+        P, f = self.problem, self.multipliers[self.problem.slices[rows.name]]
+        if self.weights is None:
+            return corner_split(rows, f)
+        return corners_of(rows, f, P.force_set_of(self.law), self.weights, i)
 
     @lazy
     def feedback_acceleration(self) -> Array:
@@ -291,7 +288,7 @@ class Solution(Answer):
 
 
 def _has_points(rows: Rows) -> bool:
-    return isinstance(rows.cone, FrictionCone | LineCone | WrenchCone)
+    return rows.cone.at_points is not None and not rows.cone.separate
 
 
 def solution_of(problem: GaussProblem, solver: Solver) -> Solution:

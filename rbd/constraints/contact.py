@@ -65,7 +65,8 @@ class Contact(Displayed):
         corners: Corner points from the contact's centre in its axes, shape (k, 3) [m]; two become an edge along x.
         placement: X_FP, from the frame to the centre and axes: z is the outward normal of the surface. A point takes
             W's axes, rotated to the normal.
-        friction: Coulomb's coefficient, or None.
+        friction: Coulomb's coefficient; a set of forces, `rbd.problem.Cone`, of each corner (3 components: tangent, tangent,
+            normal) or of all rows, e.g. `rbd.problem.EllipticCone(mu_x, mu_y)`; or None.
         facets: Facets of each corner's pyramid that replaces the cone in a QP; it circumscribes the cone, so it admits
             up to mu / cos(pi / facets) on its edges.
         on: The surface: a plane, `rbd.Ground(point=..., normal=...)`, which may move, or the height of a level one [m];
@@ -95,7 +96,7 @@ class Contact(Displayed):
     frame: str
     corners: Array
     placement: pin.SE3
-    friction: float | None
+    friction: float | Cone | None
     facets: int
     on: Surface
     anchor: pin.SE3 | Array | None
@@ -114,13 +115,14 @@ class Contact(Displayed):
         *,
         corners: Sequence[Sequence[float]] | Array,
         placement: pin.SE3 | Array | None = None,
-        friction: float | None = None,
+        friction: float | Cone | None = None,
         facets: int = 4,
         on: On = None,
         anchor: pin.SE3 | Sequence[float] | Array | None = None,
     ) -> None:
         check_words("a contact", name=name, frame=frame)
-        check_friction(0.0 if friction is None else friction, facets)
+        if not isinstance(friction, Cone):
+            check_friction(0.0 if friction is None else friction, facets)
         points, X_FP = corners_of(name, corners, rigid_placement(f"placement of contact {name!r}", placement))
         surface = surface_of(name, on)
         if isinstance(surface, Body) and surface.frame == frame:
@@ -132,7 +134,7 @@ class Contact(Displayed):
         put(self, "corners", points)
         put(self, "placement", X_FP)
         put(self, "anchor", X_S0.translation if X_S0 is not None and len(points) == 1 else X_S0)
-        put(self, "cone", cone_of(points, friction, int(facets)))
+        put(self, "cone", cone_of(name, points, friction, int(facets)))
         put(self, "_touched", Counterpart(name, surface, X_S0))
         put(self, "plane", self._measured_from(X_S0))
         put(self, "_against", surface.frame if isinstance(surface, Body) else None)
@@ -199,8 +201,9 @@ class Contact(Displayed):
         return None if source is None else ContactPoints.of(source.at(state, t))
 
     def source(self, start: State) -> OnGround | None:
-        """Its corners on the ground for a motion; None if bilateral, or on a body."""
-        return None if self.friction is None or self._against is not None else OnGround(self, start)
+        """Its corners on the ground for a motion; None if bilateral, on a body, or with a set of all rows."""
+        whole = isinstance(self.friction, Cone) and self.friction.dim > 3
+        return None if self.friction is None or self._against is not None or whole else OnGround(self, start)
 
     def anchored(self, state: State) -> Self:
         """The same contact, anchored where it touches at this state."""

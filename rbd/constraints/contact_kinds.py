@@ -11,6 +11,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_array, as_float, as_vector3, is_finite
 from rbd.constraints.contact import Contact
 from rbd.errors import InputError
+from rbd.problem.cones import Cone
 from rbd.problem.ground import On
 
 
@@ -24,7 +25,8 @@ class PointContact(Contact):
         name: The contact's role, e.g. "left_foot".
         frame: Frame of the robot to which it is fixed.
         offset: The point, from the frame's origin in the frame's axes, shape (3,) [m].
-        friction: Coulomb's coefficient; 0 without friction; None, bilateral: it neither slips nor separates.
+        friction: Coulomb's coefficient, or a set of forces, as of `Contact`; 0 without friction; None, bilateral: it neither
+            slips nor separates.
         facets: Facets of the pyramid that replaces the cone in a QP.
         on: The surface: `rbd.Ground`, the height of a level one [m], `rbd.Body` for another body, or None if it is unknown.
         anchor: Where the point first touched, in W or in the body's axes, shape (3,) [m]; None: the rows have no `error`.
@@ -50,7 +52,7 @@ class PointContact(Contact):
         frame: str,
         *,
         offset: Sequence[float] | Array = (0.0, 0.0, 0.0),
-        friction: float | None = None,
+        friction: float | Cone | None = None,
         facets: int = 4,
         on: On = None,
         anchor: Sequence[float] | Array | None = None,
@@ -72,7 +74,8 @@ class LineContact(Contact):
         frame: Frame of the robot to which it is fixed.
         half_length: Half of the edge's length [m].
         placement: X_FP, from the frame to the edge's middle; the edge is along x.
-        friction: Coulomb's coefficient; 0 without friction; None, bilateral: it neither slips nor separates.
+        friction: Coulomb's coefficient, or a set of forces, as of `Contact`; 0 without friction; None, bilateral: it neither
+            slips nor separates.
         facets: Facets of the pyramid that replaces the cone in a QP.
         on: The surface: `rbd.Ground`, the height of a level one [m], `rbd.Body` for another body, or None if it is unknown.
         anchor: Pose where the edge first touched, rotation about it excluded, pin.SE3; None: the rows have no `error`.
@@ -100,7 +103,7 @@ class LineContact(Contact):
         *,
         half_length: float,
         placement: pin.SE3 | Array | None = None,
-        friction: float | None = None,
+        friction: float | Cone | None = None,
         facets: int = 4,
         on: On = None,
         anchor: pin.SE3 | Array | None = None,
@@ -127,7 +130,8 @@ class SurfaceContact(Contact):
         frame: Frame of the robot to which it is fixed.
         placement: X_FP, from the frame to the patch's centre and axes: z is the outward normal of the surface. By default
             those of the frame.
-        friction: Coulomb's coefficient; 0 without friction; None, bilateral: it neither slips nor separates.
+        friction: Coulomb's coefficient, or a set of forces, as of `Contact`; 0 without friction; None, bilateral: it neither
+            slips nor separates.
         facets: Facets of the pyramid that replaces the cone in a QP.
         on: The surface: `rbd.Ground`, the height of a level one [m], `rbd.Body` for another body, or None if it is unknown.
         anchor: Pose of the centre where it first touched, pin.SE3; None: the rows have no `error`.
@@ -151,7 +155,7 @@ class SurfaceContact(Contact):
         half_lengths: Sequence[float] | Array | None = None,
         corners: Sequence[Sequence[float]] | Array | None = None,
         placement: pin.SE3 | Array | None = None,
-        friction: float | None = None,
+        friction: float | Cone | None = None,
         facets: int = 4,
         on: On = None,
         anchor: pin.SE3 | Array | None = None,

@@ -18,13 +18,12 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, check_finite
+from rbd.arrays import Array, as_array, block_diagonal, check_finite
 from rbd.constraints.constraint import Constraint, anchored, member, rows_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State
-from rbd.problem.cones import Box, Cone, Free, FrictionCone, HalfLine, Interval, Line, NonNegative, SecondOrderCone
-from rbd.problem.contact_motion import centripetal
+from rbd.problem.cones import Cone, Free, Line
 from rbd.problem.rows import Rows
 
 ALWAYS = -np.inf
@@ -132,6 +131,7 @@ class Measured:
         arms: From its contact's centre to each point in W, shape (k, 3) [m]; None if the resultant is only a force.
         points: Positions of the points in W, shape (k, 3) [m]; None if it is not a contact.
         axes: R_WC of the contact axes; (3, 3), or (k, 3, 3); None if it is not a contact.
+        pushes: Force on its point of a unit force of each row, in contact axes, shape (p, 3); None: along the last axes.
     """
 
     structure: Structure
@@ -144,6 +144,7 @@ class Measured:
     arms: Array | None = None
     points: Array | None = None
     axes: Array | None = None
+    pushes: Array | None = None
 
 
 Group: TypeAlias = tuple[Callable[[Sequence[Any], State], "Source"], Hashable]
@@ -179,15 +180,70 @@ def _source(constraint: Constraint, start: State) -> Source:
     prepared = member(constraint, "source")
     source = prepared(start) if callable(prepared) else None
     if source is not None:
-        return source
+        return source if source.group is not None or _pieces(source.at(start, 0.0).structure) is None else ByParts(source)
     with_margin = member(constraint, "with_margin")
     if callable(with_margin):  # points that appear and disappear, within a margin
         constraint = with_margin(MARGIN)
     points = member(constraint, "points")
     if callable(points) and points(start, 0.0) is not None:
-        return FromPoints(constraint.name, points)
+        return ByParts(FromPoints(constraint.name, points))
     (rows,) = rows_of(start, (constraint,))
     return FromRows(anchored(constraint, rows, start))
+
+
+class ByParts:
+    """The points of a source with a cone, a half-line or an interval each: other sets become the parts that make them.
+
+    A point of another set becomes one for each part, at the same place and with the same gap: their forces add up.
+    """
+
+    group = None
+
+    def __init__(self, source: Source) -> None:
+        self.source = source
+
+    def at(self, state: State, t: float) -> Measured:
+        """Its points."""
+        m = self.source.at(state, t)
+        found = _pieces(m.structure)
+        if found is None:
+            return m
+        structure, G, of, pushes = found
+        given = ContactPoints.of(m)
+        axes = given.axes if given.axes.ndim == 2 else given.axes[of]
+        return Measured(
+            structure, G.T @ m.J, G.T @ m.velocity, G.T @ m.bias, m.gap[of], G.T @ m.error, given.resultant @ G,
+            None, given.positions[of], axes, pushes,
+        )  # fmt: skip
+
+    def gaps(self, state: State, t: float) -> Array:
+        """The gaps of `at`."""
+        return self.at(state, t).gap
+
+
+@lru_cache(maxsize=512)
+def _pieces(structure: Structure) -> tuple[Structure, Array, Array, Array] | None:
+    """(points of the parts, G, point of each part, forces of unit weights) of points; None where each set is a part."""
+    sources = [(np.eye(c.dim), (c,)) if c.bilateral else _alone(c) for c in structure.cones]
+    if all(len(cones) == 1 and np.array_equal(G, np.eye(len(G))) for G, cones in sources):
+        return None
+    counts = [len(cones) for _, cones in sources]
+    of = np.repeat(np.arange(len(counts)), counts)
+    most = max(counts)
+    numbers = tuple(most * n + i for n, k in zip(structure.numbers, counts, strict=True) for i in range(k))
+    cones = tuple(cone for _, cones in sources for cone in cones)
+    pushes = np.concatenate([np.hstack([np.zeros((G.shape[1], 3 - len(G[:3]))), G[:3].T]) for G, _ in sources])
+    return (
+        Structure(tuple(structure.owners[i] for i in of), numbers, cones),
+        block_diagonal([G for G, _ in sources]),
+        of,
+        pushes,
+    )
+
+
+def _alone(cone: Cone) -> tuple[Array, tuple[Cone, ...]]:
+    G, parts = cone.generators()
+    return G, tuple(part.alone() for part in parts)
 
 
 class FromPoints:
@@ -279,7 +335,7 @@ class FromRows:
         J, velocity, bias = rows.J, rows.velocity, rows.bias
         to_world = rows.resultant
         if local is not None:
-            bias = local.T @ bias + centripetal(rows.cone, velocity)
+            bias = local.T @ bias + rows.cone.inward(velocity)
             J, velocity, error = local.T @ J, local.T @ velocity, local.T @ error
             to_world = None if to_world is None else to_world @ local
         if not len(rows):
@@ -309,22 +365,12 @@ def _structure(name: str, cone: Cone) -> tuple[Array | None, Structure]:
     G, parts = cone.generators()
     if all(isinstance(part, Line) for part in parts):
         return None, Structure((name,), (0,), (Free(cone.dim),)) if cone.dim else Structure((), (), ())
-    cones = tuple(_single(part) for part in parts)
+    cones = tuple(part.alone() for part in parts)
     same = G.shape[0] == G.shape[1] and np.array_equal(G, np.eye(len(G)))
     return None if same else G, Structure((name,) * len(cones), tuple(range(len(cones))), cones)
-
-
-def _single(part: object) -> Cone:
-    if isinstance(part, SecondOrderCone):
-        return FrictionCone(part.mu, part.facets)
-    if isinstance(part, HalfLine):
-        return NonNegative(1)
-    if isinstance(part, Interval):
-        return Box(np.array([part.lo]), np.array([part.hi]))
-    return Free(1)
 
 
 @lru_cache(maxsize=512)
 def _pushes(structure: Structure) -> Array:
     """Which points are unilateral along their normal, shape (k,)."""
-    return np.array([not isinstance(c, Free | Box) for c in structure.cones], bool)
+    return np.array([not (c.bilateral or c.bounded) for c in structure.cones], bool)

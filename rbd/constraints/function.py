@@ -95,7 +95,7 @@ class FunctionConstraint(Displayed):
         error = self._phi(q)
         m, nv = len(error), state.robot.nv
         if not m:
-            none = Free(0) if self.cone is None or isinstance(self.cone, Free) else NonNegative(0)
+            none = Free(0) if self.cone is None or self.cone.bilateral else NonNegative(0)
             return Rows(self.name, np.zeros((0, nv)), np.zeros(0), none)
         self._check_phi(error)
 

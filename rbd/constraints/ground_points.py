@@ -29,7 +29,7 @@ class OnGround:
 
     def __init__(self, contact: Any, start: State) -> None:
         self.contact, self.X_FP, self.local = contact, contact.placement, contact.corners
-        mu, k, ground = float(contact.friction or 0.0), len(contact.corners), contact.on
+        friction, k, ground = contact.friction, len(contact.corners), contact.on
         assert ground is None or isinstance(ground, Ground)
         X_WP = start.moving(contact.frame, self.X_FP, pin.LOCAL)[0]
         self.R = _axes_at(contact, ground, X_WP)
@@ -38,19 +38,23 @@ class OnGround:
             through = np.asarray(ground.point)
         self.normal = self.R[:, 2]
         self.height = float(self.normal @ through)
-        cone: Cone = FrictionCone(mu, int(contact.facets)) if mu else NonNegative(1)
+        given = isinstance(friction, Cone)
+        cone: Cone = friction if given else FrictionCone(float(friction), int(contact.facets)) if friction else NonNegative(1)
         self.structure = Structure((contact.name,) * k, tuple(range(k)), (cone,) * k)
         # The velocity of a point of the patch is v + w x p, in the patch's axes.
         self.spread = np.concatenate([np.tile(np.eye(3), (k, 1, 1)), [-cross_matrix(p) for p in self.local]], axis=2)
-        self.kept = slice(None) if mu else slice(2, 3)
+        self.kept = slice(3 - cone.dim, 3)
         self.surface = ground if ground is not None and ground.moves else None
         self.rise = 0.0 if self.surface is None else float(self.normal @ motion_of(self.surface)[0][:3])
-        self.point_alone = k == 1
+        self.point_alone, self._alone = k == 1, given or self.surface is not None
 
     @property
     def group(self) -> Group | None:
-        """Sources computed together: points; or patches and edges, whose resultants have moments. None on moving ground."""
-        return None if self.surface is not None else (Grounds, self.point_alone)
+        """Sources computed together: points; or patches and edges, whose resultants have moments.
+
+        None on moving ground, and of sets that are no circular cones.
+        """
+        return None if self._alone else (Grounds, self.point_alone)
 
     @property
     def members(self) -> tuple[OnGround, ...]:

@@ -13,7 +13,6 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.dynamics import constraint_hessian
 from rbd.model.state import State
-from rbd.problem.cones import Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
 from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.rows import Rows
 
@@ -83,7 +82,7 @@ class Baumgarte(Displayed):
         """
         u = 2.0 * float(self.damping_ratio) * float(self.frequency) * (rows.velocity if velocity is None else velocity)
         e = None if rows.error is None else float(self.frequency) ** 2 * rows.error
-        return _harmless(rows.cone, u, e)
+        return rows.cone.feedback(u, e)
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,42 +129,11 @@ class Stabilised:
         rows = self.constraint.rows(state)
         if not len(rows):
             return f"nothing: {self.name!r:.80} has no rows at this state"
-        if not _heard(rows.cone):
+        if not rows.cone.keeps_position:
             return f"nothing: {self.name!r:.80} has forces in a {type(rows.cone).__name__}, which has no position to return to"
         if rows.error is None or (rows.holonomic is not None and not rows.holonomic.any()):
             return f"velocity alone: the rows of {self.name!r:.80} give no error, so position drift remains"
         return "position and velocity"
-
-
-def _heard(cone: Cone) -> bool:
-    if isinstance(cone, Product):
-        return any(_heard(part) for part in cone.cones)
-    return isinstance(cone, Free | NonNegative | FrictionCone | WrenchCone | LineCone)
-
-
-def _harmless(cone: Cone, u: Array, e: Array | None) -> Array:
-    """Velocity part u and position part e (None: there is none) of the feedback, limited by the force set."""
-    if isinstance(cone, Product):
-        ends = np.cumsum([part.dim for part in cone.cones])[:-1]
-        errors = [None] * len(cone.cones) if e is None else np.split(e, ends)
-        parts = zip(cone.cones, np.split(u, ends), errors, strict=True)
-        return np.concatenate([_harmless(part, u_i, e_i) for part, u_i, e_i in parts])
-    out = np.zeros(cone.dim)
-    if isinstance(cone, Free):
-        return u.copy() if e is None else u + e
-    if isinstance(cone, NonNegative):
-        return _pushed_out(u, e)
-    if isinstance(cone, FrictionCone):
-        out[2] = _pushed_out(u[2:], None if e is None else e[2:])[0]
-    elif isinstance(cone, WrenchCone | LineCone):
-        normals = cone.corner_map[:, 2::3]  # their transpose maps rows to the corners' normals
-        out[2] = _pushed_out(normals.T @ u, None if e is None else normals.T @ e).max()
-    return out
-
-
-def _pushed_out(u: Array, e: Array | None) -> Array:
-    """Never above zero, and zero where there is still a gap."""
-    return np.minimum(0.0, u) if e is None else np.where(e <= 0.0, np.minimum(0.0, u + e), 0.0)
 
 
 def feedback_acceleration(problem: GaussProblem, weights: Array | None, law: Law) -> Array:

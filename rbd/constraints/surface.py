@@ -26,7 +26,8 @@ import pinocchio as pin
 from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite, cross_matrix, is_finite, lazy, zeros
 from rbd.errors import InputError
 from rbd.model.state import State
-from rbd.problem.cones import Cone, Free, FrictionCone, LineCone, NonNegative, WrenchCone
+from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative
+from rbd.problem.corner_cones import LineCone, WrenchCone
 from rbd.problem.ground import Body, Ground, Surface
 
 HERE = pin.SE3.Identity()
@@ -220,11 +221,25 @@ def rigid_placement(what: str, placement: pin.SE3 | Array | None) -> pin.SE3:
     return pin.SE3(R, matrix[:3, 3])
 
 
-def cone_of(corners: Array, friction: float | None, facets: int) -> Cone:
-    """Set of a contact's row forces."""
+def cone_of(name: str, corners: Array, friction: float | Cone | None, facets: int) -> Cone:
+    """Set of a contact's row forces.
+
+    Raises:
+        InputError: a set that is neither one of a corner's forces nor one of all rows.
+    """
     k = len(corners)
+    rows = {1: 3, 2: 5}.get(k, 6)
     if friction is None:
-        return Free({1: 3, 2: 5}.get(k, 6))
+        return Free(rows)
+    if isinstance(friction, Cone):
+        if friction.dim not in (3, rows):
+            raise InputError(
+                f"the friction of contact {name!r} is a set of dimension {friction.dim}; expected 3, of the force at each "
+                f"corner, or {rows}, of all its rows."
+            )
+        if friction.dim == rows:
+            return friction
+        return LineCone(float(corners[0, 0]), friction) if k == 2 else WrenchCone(corners, friction)
     mu = float(friction)
     if k == 1:
         return FrictionCone(mu, facets) if mu else NonNegative(1)

@@ -12,7 +12,6 @@ from rbd.constraints.manifold import CLOSED, StackedRows, own_or
 from rbd.errors import InputError
 from rbd.mechanism.closure import SINGULAR, position_residual
 from rbd.model.state import State, check_state
-from rbd.problem.cones import Box, Free, NonNegative
 
 Rates = Mapping[str, "float | Sequence[float] | Array"]
 
@@ -55,9 +54,9 @@ class BilateralVelocities:
         """
         out = []
         for r in rows_of(state, self.given):
-            if not len(r) or isinstance(r.cone, Box | NonNegative):
+            if not len(r) or r.cone.bounded or r.cone.one_sided:
                 continue  # joint limits and friction depend on forces
-            if not isinstance(r.cone, Free):
+            if not r.cone.bilateral:
                 raise InputError(
                     f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}): forces decide whether it sticks (rbd.solve). "
                     "Give it friction=None to make it bilateral."

@@ -27,7 +27,7 @@ from rbd.errors import DuplicateName, InputError
 from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, with_values
-from rbd.problem.cones import Box, Free, NonNegative
+from rbd.problem.cones import Box, NonNegative
 from rbd.problem.rows import Rows
 
 SINGULAR = 1e-5
@@ -193,11 +193,11 @@ class Closure:
             if r.name in names:
                 raise DuplicateName(f"two constraints are called {r.name!r:.80}; give each its own name.")
             names.add(r.name)
-            if isinstance(r.cone, Box):
+            if r.cone.bounded:
                 skipped.append(f"{r.name!r:.80} resists motion and gives no position")
             elif len(r) and (r.error is None or r.holonomic is not None and not r.holonomic.any()):
                 skipped.append(f"{r.name!r:.80} constrains velocities alone, or has no anchor")
-            elif len(r) and not isinstance(r.cone, Free | NonNegative):
+            elif len(r) and not (r.cone.bilateral or r.cone.one_sided):
                 raise InputError(
                     f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}), so it does not determine a position. "
                     "Give it friction=None to make it bilateral, or leave it out."

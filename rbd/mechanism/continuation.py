@@ -21,7 +21,6 @@ from rbd.arrays import Array
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.bilateral_velocities import independent_columns
 from rbd.mechanism.closure import Closure, ConstraintResidual, branches_meet, descend
-from rbd.problem.cones import NonNegative
 
 _LEAST_STEP = 1e-6
 _MOST_TURN = 0.2
@@ -165,7 +164,7 @@ class Curve:
         """(least distance to a limit, negative beyond it; its constraint), over the unilateral constraints."""
         least, whose = 1.0, ""
         for r in p.at.rows:
-            if isinstance(r.cone, NonNegative) and r.error is not None and len(r.error) and r.error.min() < least:
+            if r.cone.one_sided and r.error is not None and len(r.error) and r.error.min() < least:
                 least, whose = float(r.error.min()), r.name
         return least, whose
 

@@ -13,8 +13,8 @@ from rbd.displayed import Displayed
 from rbd.model.state import State
 from rbd.motion.force_fit import ForceFit
 from rbd.motion.sensor_noise import force_scale
-from rbd.problem.answer import ContactForce, corner_split
-from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.answer import ContactForce, corners_of
+from rbd.problem.force_set import ForceSet
 from rbd.problem.rows import Rows
 
 DETERMINED = 1e-7
@@ -107,9 +107,8 @@ class ForceEstimate(Displayed):
         out = dict[str, Array]()
         for i, r in enumerate(self.rows):
             if r.patch is not None:
-                held = not len(r) or at_rest(r.cone).bilateral
                 part = self.row_forces[self.slices[r.name]]
-                out[r.name] = corner_split(r, part) if held else self.sets.at_points(self.fit.w, i) @ r.patch.axes.T
+                out[r.name] = corners_of(r, part, self.sets, self.fit.w, i)
         return out
 
     @lazy

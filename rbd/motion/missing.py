@@ -9,8 +9,9 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.motion.floor_points import FloorPoints
 from rbd.motion.frame_terms import FrameTerms, wrench_scale
+from rbd.problem.cones import project_cones
 from rbd.problem.conic import Conic
-from rbd.solvers.cone_least_squares import ConeFits, Stage, nearest_in_cones, projected, staged_fits
+from rbd.solvers.cone_least_squares import ConeFits, Stage, nearest_in_cones, staged_fits
 from rbd.solvers.conic import solve_conic
 
 BALANCE, STEEP = 1e8, 1e3
@@ -156,7 +157,7 @@ def _one_frame(stacked: Array, aim: Array, bounded: Array, mu: float, other: Arr
     if not found.solved:
         return other
     out = np.zeros_like(other)
-    out[touching] = projected(found.x[:n].reshape(-1, 3), mu)
+    out[touching] = project_cones(found.x[:n].reshape(-1, 3), mu)
     return out
 
 

@@ -2,7 +2,8 @@
 
 from rbd.modules import submodule as _submodule
 from rbd.problem.answer import Answer, Status
-from rbd.problem.cones import Box, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
+from rbd.problem.cones import Box, Cone, EllipticCone, Free, FrictionCone, NonNegative, Product
+from rbd.problem.corner_cones import LineCone, WrenchCone
 from rbd.problem.ground import Ground
 from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
@@ -10,6 +11,8 @@ from rbd.problem.rows import Rows
 __all__ = [
     "Answer",
     "Box",
+    "Cone",
+    "EllipticCone",
     "Free",
     "FrictionCone",
     "GaussProblem",

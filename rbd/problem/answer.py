@@ -15,7 +15,9 @@ import numpy as np
 from rbd.arrays import Array, lazy, rank_of
 from rbd.displayed import Displayed
 from rbd.errors import Reason
-from rbd.problem.cones import NonNegative, Product, WrenchCone
+from rbd.problem.cones import friction_used
+from rbd.problem.corner_cones import WrenchCone
+from rbd.problem.force_set import ForceSet
 from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
 from rbd.problem.rows import Patch, Rows
@@ -51,7 +53,7 @@ class ContactForce(Displayed):
         normal, tangential = float(f[2]), math.hypot(f[0], f[1])
         if normal < CARRIES_NOTHING_N:
             return cls(force[:3], normal, tangential, None, None)
-        used = None if not patch.friction else tangential / (patch.friction * normal)
+        used = friction_used(patch.friction, f)
         cop = patch.point
         if len(force) == 6:
             t = patch.axes.T @ force[3:]
@@ -75,12 +77,27 @@ def corner_split(rows: Rows, f: Array) -> Array:
     if k == 1:
         assert rows.resultant is not None
         return (rows.resultant @ f)[:3].reshape(1, 3)
-    if isinstance(rows.cone, Product | NonNegative):  # a contact at points: its row forces are the points' forces
+    if rows.cone.separate:
         local = np.zeros((k, 3))
         local[:, 3 - len(f) // k :] = f.reshape(k, -1)
     else:
         local = np.linalg.lstsq(corner_map(rows), f, rcond=None)[0].reshape(k, 3)
     return local @ rows.patch.axes.T
+
+
+def corners_of(rows: Rows, f: Array, sets: ForceSet, w: Array, number: int) -> Array:
+    """Forces at the points of a contact (k, 3) in world axes: what its weights give, else the split of minimum norm.
+
+    Args:
+        rows: Rows with a patch.
+        f: Its row forces, shape (m,).
+        sets: The force set of all rows.
+        w: All weights, shape (p,).
+        number: Number of the contact among the rows.
+    """
+    assert rows.patch is not None
+    at_points = sets.point_map(number) if len(rows) and not rows.cone.bilateral else None
+    return corner_split(rows, f) if at_points is None else (at_points @ w).reshape(-1, 3) @ rows.patch.axes.T
 
 
 def corner_map(rows: Rows) -> Array:

@@ -24,7 +24,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from rbd.arrays import Array, max_abs
-from rbd.problem.cones import project_cones
+from rbd.problem.cones import project_cones, projection
 from rbd.problem.programs import Work
 
 _STEPS = 60
@@ -84,7 +84,7 @@ class Separable:
         J = (self.R[:, inside] / self.d[inside]) @ self.R[:, inside].T
         if not len(self.mu):
             return np.asarray(J)
-        V = _slopes(p[self.cones], self.mu) / self.d[self.cones[:, :1], None]
+        V = projection(p[self.cones].T, self.mu).slopes(self.mu) / self.d[self.cones[:, :1], None]
         columns = self.R[:, self.cones]  # (r, k, 3)
         turned = np.einsum("rki,kij->rkj", columns, V).reshape(len(self.b), -1)
         return np.asarray(J + turned @ columns.reshape(len(self.b), -1).T)
@@ -135,26 +135,6 @@ def least_squares(problem: Separable, lam: Array | None = None, work: Work | Non
             return None
         lam, y, p, value = ahead, new, q, found
     return None
-
-
-def _slopes(p: Array, mu: Array) -> Array:
-    """Derivatives of the projections on the cones |y_t| <= mu y_n, shape (k, 3, 3)."""
-    t, n = np.hypot(p[:, 0], p[:, 1]), p[:, 2]
-    inside, apex = t <= mu * n, mu * t <= -n
-    edge = ~(inside | apex)
-    out = np.zeros((len(p), 3, 3))
-    out[inside] = np.eye(3)
-    t, n, m = np.maximum(t[edge], 1e-300), n[edge], mu[edge]
-    u = p[edge, :2] / t[:, None]
-    share = 1.0 / (1.0 + m * m)
-    shrunk = m * (m * t + n) * share / t  # tangents keep their direction: the ratio of their norms
-    along = m * m * share
-    block = np.zeros((len(t), 3, 3))
-    block[:, :2, :2] = shrunk[:, None, None] * np.eye(2) + (along - shrunk)[:, None, None] * (u[:, :, None] * u[:, None, :])
-    block[:, :2, 2] = block[:, 2, :2] = (m * share)[:, None] * u
-    block[:, 2, 2] = share
-    out[edge] = block
-    return out
 
 
 @dataclass(frozen=True, eq=False)

@@ -2,7 +2,8 @@
 
 A cone K here is any closed convex set of forces in contact axes (tangent, tangent, normal): a whole space, a half-line, a
 friction cone, an interval. Every K is the image K = G P of a product P of simple *parts* (line, half-line, interval,
-second-order cone): `generators` gives (G, parts). `rbd.problem.force_set` stacks them.
+second-order cone): `generators` gives (G, parts). `rbd.problem.force_set` stacks them. All else that is asked of a set follows
+from these two, and is a member of `Cone` that a set may answer itself: a new set is one class.
 """
 
 from __future__ import annotations
@@ -10,14 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, block_diagonal, cross_matrix, is_finite, lazy
+from rbd.arrays import Array, as_array, as_float, block_diagonal
 from rbd.displayed import Displayed
-from rbd.errors import InputError, NoSolution
-from rbd.problem.programs import nonnegative
+from rbd.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,12 @@ class Line:
     """The whole real line: a component that pulls and pushes."""
 
     dim: int = 1
+    mu: ClassVar[float] = 0.0
+    facets: ClassVar[int] = 0
+
+    def alone(self) -> Cone:
+        """As a set."""
+        return Free(1)
 
 
 @dataclass(frozen=True)
@@ -32,6 +38,12 @@ class HalfLine:
     """The numbers >= 0: a component that only pushes."""
 
     dim: int = 1
+    mu: ClassVar[float] = 0.0
+    facets: ClassVar[int] = 0
+
+    def alone(self) -> Cone:
+        """As a set."""
+        return NonNegative(1)
 
 
 @dataclass(frozen=True)
@@ -41,6 +53,12 @@ class Interval:
     lo: float
     hi: float
     dim: int = 1
+    mu: ClassVar[float] = 0.0
+    facets: ClassVar[int] = 0
+
+    def alone(self) -> Cone:
+        """As a set."""
+        return Box(np.array([self.lo]), np.array([self.hi]))
 
 
 @dataclass(frozen=True)
@@ -51,28 +69,112 @@ class SecondOrderCone:
     facets: int = 4
     dim: int = 3
 
+    def alone(self) -> Cone:
+        """As a set."""
+        return FrictionCone(self.mu, self.facets)
+
 
 Part: TypeAlias = Line | HalfLine | Interval | SecondOrderCone
 
 
-class Cone(Protocol):
-    """A closed convex set of forces; hashable, so that its rays are computed once."""
+class Cone(Displayed):
+    """A closed convex set of forces: what a new one inherits from, with `dim` and `generators` of its own.
 
-    @property
-    def dim(self) -> int:
-        """Number of force components."""
+    Sets are hashable and never change, so that what follows from them is computed once.
 
-    def project(self, force: Array) -> Array:
-        """The nearest force in the set, shape (dim,), in the Euclidean norm of the components as given."""
+    Attributes:
+        dim: Number of force components.
+
+    Example:
+        >>> class SuctionCup(rbd.problem.Cone):
+        ...     dim = 3  # 20 N of vacuum on (tangent, tangent, normal): |f_t| <= 0.5 (f_n + 20)
+        ...
+        ...     def generators(self):
+        ...         cone, parts = rbd.problem.FrictionCone(0.5).generators()
+        ...         return np.column_stack([cone, [0.0, 0.0, -1.0]]), (*parts, rbd.problem.cones.Interval(20.0, 20.0))
+        >>> box = rbd.testing.box(mass=1.0)
+        >>> ceiling = rbd.Ground(normal=(0.0, 0.0, -1.0))
+        >>> cup = rbd.PointContact("cup", "box", offset=(0.0, 0.0, 0.5), friction=SuctionCup(), on=ceiling)
+        >>> held = rbd.solve(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [], [cup])  # it hangs from the ceiling
+        >>> held.forces["cup"].round(6)
+        array([0.  , 0.  , 9.81])
+    """
+
+    if TYPE_CHECKING:
+
+        @property
+        def dim(self) -> int:
+            """Number of force components."""
+
+    bilateral: ClassVar[bool] = False
+    """Whether it is all of R^dim: a constraint that holds whatever force that takes."""
+    bounded: ClassVar[bool] = False
+    """Whether it resists motion in either direction, and has no position to return to, as dry friction."""
+    one_sided: ClassVar[bool] = False
+    """Whether each component pushes in one direction alone."""
+    separate: ClassVar[bool] = False
+    """Whether its components are those of separate points, one behind the other."""
+    keeps_position: ClassVar[bool] = False
+    """Whether feedback of a position error means something (`feedback`)."""
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """(G, parts): the set is G times the product of the parts; G has shape (dim, sum of the parts' dims)."""
+        raise NotImplementedError
 
-    def __hash__(self) -> int: ...
+    def project(self, force: Array) -> Array:
+        """The nearest force in the set, shape (dim,), in the Euclidean norm of the components as given.
+
+        Here by projected gradients on the weights of the parts, to about nine digits; sets with a closed form have their own.
+        """
+        G, parts = self.generators()
+        step = 1.0 / max(float(np.linalg.norm(G, 2)) ** 2, 1e-300)
+        w = ahead = _of_parts(parts, np.linalg.lstsq(G, force, rcond=None)[0])
+        for i in range(5000):
+            new = _of_parts(parts, ahead - step * (G.T @ (G @ ahead - force)))
+            if np.abs(new - w).max(initial=0.0) <= 1e-15 * np.abs(new).max(initial=1.0):
+                break
+            w, ahead = new, new + i / (i + 3.0) * (new - w)
+        return np.asarray(G @ w)
+
+    @property
+    def at_points(self) -> Array | None:
+        """Forces (tangent, tangent, normal) at points that weights of the parts make, shape (3k, p); None: not at points.
+
+        Of three components it is G itself: the set of one point.
+        """
+        return self.generators()[0] if self.dim == 3 and not self.bilateral else None
+
+    def inward(self, velocity: Array) -> Array:
+        """What G^T J_dot v lacks of its points' accelerations, shape (p,): centripetal ones of a patch that turns."""
+        return np.zeros(self.generators()[0].shape[1])
+
+    def feedback(self, u: Array, e: Array | None) -> Array:
+        """What feedback of velocity u and position error e (None: there is none) may ask for, shape (dim,); here nothing."""
+        return np.zeros(self.dim)
+
+    def friction_used(self, force: Array) -> float | None:
+        """Share of friction that a force (3,) with a load uses; None if the set does not say."""
+        return None
+
+    def rim(self) -> Array:
+        """Forces on the boundary at a unit normal force, in order around it, shape (n, 3), for pictures; none if unknown."""
+        turn = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
+        points, (_, parts) = self.at_points, self.generators()
+        mu, first = (parts[0].mu, parts[0].dim) if parts else (0.0, 0)
+        if points is None or len(points) != 3 or not mu:
+            return np.zeros((0, 3))
+        found = np.column_stack([mu * np.cos(turn), mu * np.sin(turn), np.ones(48)]) @ points[:, :first].T
+        return found[found[:, 2] > 0.0]
+
+
+def _of_parts(parts: Sequence[Part], w: Array) -> Array:
+    """The nearest weights in the product of parts."""
+    ends = np.cumsum([part.dim for part in parts])[:-1]
+    return np.concatenate([part.alone().project(x) for part, x in zip(parts, np.split(w, ends), strict=True)])
 
 
 @dataclass(frozen=True)
-class Free(Displayed):
+class Free(Cone):
     """Force set of a bilateral constraint of `dim` rows: all of R^dim.
 
     Example:
@@ -81,6 +183,8 @@ class Free(Displayed):
         array([ 3.5, -1. ])
     """
 
+    bilateral = True
+    keeps_position = True
     dim: int
 
     def __post_init__(self) -> None:
@@ -94,9 +198,13 @@ class Free(Displayed):
         """Identity and lines."""
         return np.eye(self.dim), (Line(),) * self.dim
 
+    def feedback(self, u: Array, e: Array | None) -> Array:
+        """All of it."""
+        return u.copy() if e is None else u + e
+
 
 @dataclass(frozen=True)
-class NonNegative(Displayed):
+class NonNegative(Cone):
     """Force set of `dim` rows that only push, e.g. of a joint limit: every component >= 0.
 
     Example:
@@ -104,6 +212,9 @@ class NonNegative(Displayed):
         array([3., 0.])
     """
 
+    one_sided = True
+    separate = True
+    keeps_position = True
     dim: int = 1
 
     def __post_init__(self) -> None:
@@ -117,9 +228,18 @@ class NonNegative(Displayed):
         """Identity and half-lines."""
         return np.eye(self.dim), (HalfLine(),) * self.dim
 
+    @property
+    def at_points(self) -> Array:
+        """Its components are the normal forces of points."""
+        return np.kron(np.eye(self.dim), [[0.0], [0.0], [1.0]])
+
+    def feedback(self, u: Array, e: Array | None) -> Array:
+        """What pushes out; nothing where there still is a gap."""
+        return pushed_out(u, e)
+
 
 @dataclass(frozen=True)
-class FrictionCone(Displayed):
+class FrictionCone(Cone):
     """Force set of a contact with Coulomb friction: `|f_t| <= mu f_n` on (tangent, tangent, normal).
 
     Solvers with true cones use it as it is; the QP uses its circumscribed pyramid of `facets` facets.
@@ -130,6 +250,7 @@ class FrictionCone(Displayed):
         (array([0.6, 0. , 1.2]), array([0., 0., 0.]))
     """
 
+    keeps_position = True
     mu: float
     facets: int = 4
 
@@ -143,15 +264,71 @@ class FrictionCone(Displayed):
 
     def project(self, force: Array) -> Array:
         """The nearest force in the true (circular) cone; closed form."""
-        return np.asarray(project_cones(np.asarray(force, float)[None], np.array([self.mu]))[0])
+        return project_cones(np.asarray(force, float), self.mu)
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """Identity and one second-order cone."""
         return np.eye(3), (SecondOrderCone(self.mu, self.facets),)
 
+    def feedback(self, u: Array, e: Array | None) -> Array:
+        """Along the normal alone."""
+        return np.append(np.zeros(2), pushed_out(u[2:], None if e is None else e[2:]))
+
+    def friction_used(self, force: Array) -> float | None:
+        """|f_t| / (mu f_n)."""
+        return friction_used(self.mu, force)
+
+
+@dataclass(frozen=True)
+class EllipticCone(Cone):
+    """Force set of a contact whose friction differs along the tangents: `|(f_x / mu_x, f_y / mu_y)| <= f_n`.
+
+    It is FrictionCone(mu_x) if both are alike. Under Coulomb's law friction takes the most power from a point that slides: the
+    force is along -(mu_x^2 v_x, mu_y^2 v_y), in general not against the velocity.
+
+    Args:
+        mu_x: Friction coefficient along the contact's first axis.
+        mu_y: Along the second one.
+        facets: Facets of the pyramid that replaces it in the QP.
+
+    Example:
+        >>> ice_skate = rbd.problem.EllipticCone(0.02, 0.8)
+        >>> ice_skate.friction_used(np.array([1.0, 0.0, 100.0])), ice_skate.friction_used(np.array([0.0, 40.0, 100.0]))
+        (0.5, 0.5)
+    """
+
+    keeps_position = True
+    mu_x: float
+    mu_y: float
+    facets: int = 4
+
+    def __post_init__(self) -> None:
+        for mu in (self.mu_x, self.mu_y):
+            check_friction(mu, self.facets)
+            if not mu:
+                raise InputError(f"EllipticCone has the coefficients {self.mu_x!r}, {self.mu_y!r}; both are to be above zero.")
+
+    @property
+    def dim(self) -> int:
+        """Three."""
+        return 3
+
+    def generators(self) -> tuple[Array, tuple[Part, ...]]:
+        """The larger coefficient's cone, one of its axes shortened."""
+        mu = max(self.mu_x, self.mu_y)
+        return np.diag([self.mu_x / mu, self.mu_y / mu, 1.0]), (SecondOrderCone(mu, self.facets),)
+
+    def feedback(self, u: Array, e: Array | None) -> Array:
+        """Along the normal alone."""
+        return np.append(np.zeros(2), pushed_out(u[2:], None if e is None else e[2:]))
+
+    def friction_used(self, force: Array) -> float | None:
+        """|(f_x / mu_x, f_y / mu_y)| / f_n."""
+        return math.hypot(force[0] / self.mu_x, force[1] / self.mu_y) / float(force[2])
+
 
 @dataclass(frozen=True, eq=False)
-class Box(Displayed):
+class Box(Cone):
     """Force set between bounds `lo` and `hi`, shape (dim,) [N, N m], e.g. of dry friction in a joint.
 
     Example:
@@ -160,6 +337,7 @@ class Box(Displayed):
         array([2.])
     """
 
+    bounded = True
     lo: Array
     hi: Array
 
@@ -185,127 +363,8 @@ class Box(Displayed):
         return np.eye(self.dim), tuple(Interval(float(a), float(b)) for a, b in zip(self.lo, self.hi, strict=True))
 
 
-@dataclass(frozen=True, eq=False)
-class WrenchCone(Displayed):
-    """Force set of a patch: wrenches about its centre that forces in friction cones at its corners can make.
-
-    Corner force p_i at corner c_i gives force p_i and moment c_i x p_i; all in contact axes.
-
-    Args:
-        corners: Corner points from the patch's centre, shape (k, 3) [m].
-        mu: Friction coefficient; 0 leaves the normal components only.
-        facets: Facets of each corner's pyramid in the QP.
-
-    Example:
-        >>> sole = rbd.problem.WrenchCone([(0.1, 0.05, 0.0), (0.1, -0.05, 0.0), (-0.1, -0.05, 0.0), (-0.1, 0.05, 0.0)], 0.5)
-        >>> balanced, tipping = np.array([0, 0, 10.0, 0, 0.5, 0]), np.array([0, 0, 10.0, 0, 2.0, 0])
-        >>> [np.allclose(sole.project(wrench), wrench) for wrench in (balanced, tipping)]  # 10 N at 5 cm, or at 20 cm
-        [True, False]
-    """
-
-    corners: Array
-    mu: float
-    facets: int = 4
-
-    def __post_init__(self) -> None:
-        check_friction(self.mu, self.facets)
-        corners = as_array("corners of a WrenchCone", self.corners)
-        if corners.ndim != 2 or corners.shape[1] != 3 or not len(corners) or not is_finite(corners):
-            raise InputError(f"corners of a WrenchCone have shape {corners.shape}; expected (k, 3) finite numbers.")
-        corners.flags.writeable = False  # rays and parts are cached for the life of the set
-        object.__setattr__(self, "corners", corners)
-
-    @property
-    def dim(self) -> int:
-        """Six."""
-        return 6
-
-    @lazy
-    def corner_map(self) -> Array:
-        """The wrench of stacked corner forces, shape (6, 3k); its transpose maps a twist rate to corner accelerations."""
-        return np.hstack([np.vstack([np.eye(3), cross_matrix(c)]) for c in self.corners])
-
-    def project(self, force: Array) -> Array:
-        """The nearest wrench of the corner pyramids (not of the true cones), by nonnegative least squares.
-
-        Newtons and newton metres have the same weight.
-        """
-        return _nearest_of_corners(self, force)
-
-    def generators(self) -> tuple[Array, tuple[Part, ...]]:
-        """The corner map and one second-order cone a corner; without friction, its normal columns and half-lines."""
-        return _of_corners(self)
-
-
 @dataclass(frozen=True)
-class LineCone(Displayed):
-    """Force set of an edge: the wrenches that forces in friction cones at the two ends of a line can make.
-
-    The line is along the contact's x axis. Components (fx, fy, fz, moment about y, moment about z), about its middle:
-    a line transmits no moment about its own axis.
-
-    Args:
-        half_length: Half of the line's length [m].
-        mu: Friction coefficient; 0 leaves the normal components only.
-        facets: Facets of each end's pyramid in the QP.
-
-    Example:
-        >>> edge = rbd.problem.LineCone(0.1, 0.5)
-        >>> balanced, tipping = np.array([0, 0, 10.0, 0.5, 0]), np.array([0, 0, 10.0, 2.0, 0])
-        >>> [np.allclose(edge.project(wrench), wrench) for wrench in (balanced, tipping)]  # 10 N at 5 cm, or at 20 cm
-        [True, False]
-    """
-
-    half_length: float
-    mu: float
-    facets: int = 4
-
-    def __post_init__(self) -> None:
-        check_friction(self.mu, self.facets)
-        if not 0.0 < as_float(self.half_length) < 1e100:
-            raise InputError(f"half_length of a LineCone is {self.half_length!r:.80}; expected a length > 0 [m].")
-
-    @property
-    def dim(self) -> int:
-        """Five."""
-        return 5
-
-    @property
-    def corners(self) -> Array:
-        """The two ends from the middle, in contact axes, shape (2, 3) [m]."""
-        return np.array([[self.half_length, 0.0, 0.0], [-self.half_length, 0.0, 0.0]])
-
-    @property
-    def corner_map(self) -> Array:
-        """The row forces of stacked end forces, shape (5, 6)."""
-        return np.delete(WrenchCone(self.corners, self.mu).corner_map, 3, axis=0)
-
-    def project(self, force: Array) -> Array:
-        """The nearest row forces of the end pyramids (not of the true cones), by nonnegative least squares."""
-        return _nearest_of_corners(self, force)
-
-    def generators(self) -> tuple[Array, tuple[Part, ...]]:
-        """The map of the ends and a second-order cone an end; without friction, its normal columns and half-lines."""
-        return _of_corners(self)
-
-
-def _of_corners(cone: WrenchCone | LineCone) -> tuple[Array, tuple[Part, ...]]:
-    k = len(cone.corners)
-    if cone.mu == 0.0:
-        return cone.corner_map[:, 2::3], (HalfLine(),) * k
-    return cone.corner_map, (SecondOrderCone(cone.mu, cone.facets),) * k
-
-
-def _nearest_of_corners(cone: WrenchCone | LineCone, force: Array) -> Array:
-    G = cone.corner_map @ block_diagonal([pyramid(cone.mu, cone.facets)] * len(cone.corners))
-    weights = nonnegative(G, force)
-    if weights is None:
-        raise NoSolution(f"the wrench nearest to {np.array2string(force, precision=4):.200} in the cone was not found.")
-    return G @ weights
-
-
-@dataclass(frozen=True)
-class Product(Displayed):
+class Product(Cone):
     """Cartesian product of several force sets `cones`, their components stacked.
 
     Example:
@@ -314,6 +373,7 @@ class Product(Displayed):
         (4, array([0.6, 0. , 1.2, 0. ]))
     """
 
+    separate = True
     cones: tuple[Cone, ...]
 
     def __init__(self, cones: Sequence[Cone]) -> None:
@@ -322,7 +382,7 @@ class Product(Displayed):
         except TypeError:
             raise InputError(f"Product wants several sets, got {cones!r:.80}.") from None
         for cone in members:
-            if isinstance(cone, type) or not (hasattr(cone, "dim") and hasattr(cone, "generators")):
+            if not isinstance(cone, Cone):
                 raise InputError(
                     f"{cone!r:.80} is no set of forces; expected e.g. rbd.problem.Free(3) or rbd.problem.FrictionCone(0.7)."
                 )
@@ -335,13 +395,53 @@ class Product(Displayed):
 
     def project(self, force: Array) -> Array:
         """The projections onto the members, stacked."""
-        ends = np.cumsum([c.dim for c in self.cones])[:-1]
-        return np.concatenate([c.project(f) for c, f in zip(self.cones, np.split(force, ends), strict=True)])
+        return np.concatenate([c.project(f) for c, f in self._split(force)])
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """Block-diagonal G; the members' parts in order."""
         blocks = [c.generators() for c in self.cones]
         return block_diagonal([g for g, _ in blocks]), tuple(part for _, parts in blocks for part in parts)
+
+    @property
+    def at_points(self) -> Array | None:
+        """Those of the members, if each has some."""
+        maps = [c.at_points for c in self.cones]
+        return block_diagonal([x for x in maps if x is not None]) if maps and all(x is not None for x in maps) else None
+
+    @property
+    def keeps_position(self) -> bool:  # type: ignore[override]
+        """Whether feedback of some member's position error means something."""
+        return any(c.keeps_position for c in self.cones)
+
+    def inward(self, velocity: Array) -> Array:
+        """Those of the members."""
+        return np.concatenate([c.inward(u) for c, u in self._split(velocity)])
+
+    def feedback(self, u: Array, e: Array | None) -> Array:
+        """Those of the members."""
+        errors = [None] * len(self.cones) if e is None else [x for _, x in self._split(e)]
+        return np.concatenate([c.feedback(x, y) for (c, x), y in zip(self._split(u), errors, strict=True)])
+
+    def _split(self, rows: Array) -> list[tuple[Cone, Array]]:
+        ends = np.cumsum([c.dim for c in self.cones])[:-1]
+        return list(zip(self.cones, np.split(rows, ends), strict=True))
+
+
+def friction_used(friction: float | Cone | None, force: Array) -> float | None:
+    """Share of friction that a force (tangent, tangent, normal) with a load uses; None without friction.
+
+    Args:
+        friction: A coefficient, a set of forces, or None.
+        force: Its normal part above zero, shape (3,) [N].
+    """
+    if isinstance(friction, Cone):
+        return friction.friction_used(force)
+    return math.hypot(force[0], force[1]) / (friction * float(force[2])) if friction else None
+
+
+def pushed_out(u: Array, e: Array | None) -> Array:
+    """Feedback that only pushes, of velocities u and errors e: never above zero, and zero where there is still a gap."""
+    return np.minimum(0.0, u) if e is None else np.where(e <= 0.0, np.minimum(0.0, u + e), 0.0)
 
 
 def pyramid(mu: float, facets: int, *, inscribed: bool = False) -> Array:
@@ -368,25 +468,70 @@ def check_friction(mu: float, facets: int) -> None:
         raise InputError(f"facets is {facets!r:.80}; expected a whole number from 3 to 1000 (4 is usual).")
 
 
-def project_cones(W: Array, mu: Array) -> Array:
-    """The nearest points of the cones |w_t| <= mu w_n to the rows of W, shape (k, 3)."""
-    return _project(W, mu, np.ones(1))
+class Projection(NamedTuple):
+    """Nearest points of the cones |p_t| <= mu p_n to points (x, y, n), or Coulomb's projections of them; shapes (...).
+
+    Attributes:
+        x: First component of the unit tangential direction.
+        y: Second one.
+        normal: Normal part of the projection.
+        factor: Of the tangential parts: they keep their direction.
+        pushes: Whether the projection is not the apex.
+        slips: Whether it is on the cone's boundary.
+    """
+
+    x: Array
+    y: Array
+    normal: Array
+    factor: Array
+    pushes: Array
+    slips: Array
+
+    def slopes(self, mu: Array | float, *, coulomb: bool = False) -> Array:
+        """Derivatives of the projections, an element of the generalised Jacobian, shape (..., 3, 3)."""
+        x, y, factor, slips = self.x, self.y, self.factor, self.slips
+        V = np.zeros((*x.shape, 3, 3))
+        if coulomb:
+            along, spread = mu * slips, -(factor * slips)
+            V[..., 2, 2] = self.pushes
+        else:
+            share = 1.0 / (1.0 + np.square(mu))
+            along, spread = mu * share * slips, (1.0 - share - factor) * slips
+            V[..., 2, 2] = factor + (share - factor) * slips
+            V[..., 2, 0], V[..., 2, 1] = along * x, along * y
+        turned = spread * x
+        V[..., 0, 0] = factor + turned * x
+        V[..., 1, 1] = factor + spread * y * y
+        V[..., 0, 1] = V[..., 1, 0] = turned * y
+        V[..., 0, 2], V[..., 1, 2] = along * x, along * y
+        return V
 
 
-def project_dual_cones(W: Array, mu: Array) -> Array:
-    """The nearest points of their dual cones, mu |w_t| <= w_n, to the rows of W, shape (k, 3)."""
-    return _project(W, np.ones(1), mu)
+def projection(points: Sequence[Array] | Array, mu: Array | float, *, coulomb: bool = False) -> Projection:
+    """Projections of points on the cones |p_t| <= mu p_n.
+
+    Args:
+        points: Their tangential parts, both, and the normal ones, each of shape (...).
+        mu: Friction coefficients.
+        coulomb: Alart and Curnier's projection: max(n, 0) along the normal, and the tangential part cut to the disc of radius
+            mu times that. Else the nearest points.
+    """
+    x, y, n = points
+    t = np.hypot(x, y)
+    if coulomb:
+        normal = np.maximum(n, 0.0)
+    else:
+        normal = np.where(t <= mu * n, n, np.maximum((mu * t + n) / (1.0 + np.square(mu)), 0.0))
+    t = np.maximum(t, _TINY)
+    factor = np.minimum(mu * normal / t, 1.0)
+    pushes = normal > 0.0
+    return Projection(x / t, y / t, normal, factor, pushes, (factor < 1.0) & pushes)
 
 
-def _project(W: Array, s: Array, r: Array) -> Array:
-    """Nearest points of the cones r |w_t| <= s w_n."""
-    t, n = np.hypot(W[:, 0], W[:, 1]), W[:, 2]
-    inside = r * t <= s * n
-    if inside.all():
-        return W
-    polar = s * t <= -r * n
-    size: Array = s * s + r * r
-    along = (s * t + r * n) / size  # length along the edge (s, r)
-    scale = np.where(t > 0.0, s * along / np.where(t > 0.0, t, 1.0), 0.0)
-    edge = np.column_stack([scale * W[:, 0], scale * W[:, 1], r * along])
-    return np.where(inside[:, None], W, np.where(polar[:, None], 0.0, edge))
+_TINY = 1e-200
+
+
+def project_cones(W: Array, mu: Array | float, *, coulomb: bool = False) -> Array:
+    """The points of `projection`, shape (..., 3), of points W; the nearest of the dual cone is W plus that of -W (Moreau)."""
+    found = projection((W[..., 0], W[..., 1], W[..., 2]), mu, coulomb=coulomb)
+    return np.stack([found.factor * W[..., 0], found.factor * W[..., 1], found.normal], axis=-1)

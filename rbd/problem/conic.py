@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array, is_finite, lazy
-from rbd.problem.cones import project_cones, project_dual_cones
+from rbd.problem.cones import project_cones
 from rbd.problem.programs import Outcome
 
 
@@ -153,7 +153,7 @@ class Certificate:
         out = np.where(free, np.abs(r), 0.0)
         if len(program.mu):
             R = r[program.cones]
-            out[program.cones] = np.abs(R - project_dual_cones(R, program.mu))
+            out[program.cones] = np.abs(project_cones(-R, program.mu))
             bound[program.cones] = 0.0
         side = np.where(z > 0.0, program.low, program.high)
         gap = float(y @ program.b + z @ np.where(z == 0.0, 0.0, side) + r @ bound)

@@ -17,7 +17,7 @@ from math import hypot, inf, isfinite
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.problem.cones import Cone, Interval, Line, LineCone, Part, Product, SecondOrderCone, WrenchCone
+from rbd.problem.cones import Interval, Line, Part
 
 REST_SPEED = 1e-6
 """A contact that can break or slip counts as at rest up to this speed [m/s, rad/s], unless its problem gives another."""
@@ -114,7 +114,7 @@ class MotionJudge:
             against = shape.lo if normal > 0.0 else shape.hi
             rubs = abs(normal) > rest and isfinite(against)
             return _NORMAL, _NORMAL, *((against, against) if rubs else (shape.lo, shape.hi))
-        mu = shape.mu if isinstance(shape, SecondOrderCone) else 0.0
+        mu = shape.mu
         speed = hypot(u[0], u[1]) if mu else 0.0
         if normal < -rest and not self.impact:
             self.impact = f"{name!r} approaches at {-normal:.3g} m/s: an impact, which no acceleration answers"
@@ -129,17 +129,3 @@ class MotionJudge:
             self.sliding.append(Sliding(name, number, column, mu, t, speed))
             return np.array([[-mu * t[0], -mu * t[1], 1.0]]), _NORMAL, 0.0, inf
         return _AXES, _AXES, -inf, inf
-
-
-def centripetal(cone: Cone, velocity: Array) -> Array:
-    """G^T's missing part of the corners' accelerations, w x (w x p) for a patch that turns with w, shape (p,)."""
-    if isinstance(cone, Product):
-        ends = np.cumsum([c.dim for c in cone.cones])[:-1]
-        return np.concatenate([centripetal(c, v) for c, v in zip(cone.cones, np.split(velocity, ends), strict=True)])
-    local, parts = cone.generators()
-    if not isinstance(cone, WrenchCone | LineCone):
-        return np.zeros(local.shape[1])
-    # Turns of a line about its own axis leave its points in place, and its rows are accelerations of its direction.
-    w = velocity[3:] if isinstance(cone, WrenchCone) else np.array([0.0, velocity[3], velocity[4]])
-    inward = np.cross(w, np.cross(w, cone.corners))
-    return (inward if parts[0].dim == 3 else inward[:, 2:]).ravel()

@@ -20,8 +20,8 @@ from itertools import accumulate, pairwise
 import numpy as np
 
 from rbd.arrays import Array, block_diagonal, lazy
-from rbd.problem.cones import Cone, Part, SecondOrderCone, project_cones, project_dual_cones, pyramid
-from rbd.problem.contact_motion import REST_SPEED, MotionJudge, Opening, Sliding, centripetal
+from rbd.problem.cones import Cone, Part, project_cones, pyramid
+from rbd.problem.contact_motion import REST_SPEED, MotionJudge, Opening, Sliding
 from rbd.problem.programs import between
 from rbd.problem.rows import Rows
 
@@ -40,6 +40,8 @@ class Element:
         columns: Its columns in the force set.
         source: Its columns among the generators of all constraints.
         facets: Rays of the pyramid that replaces its cone; 0 where none does.
+        at_points: Forces (tangent, tangent, normal) at the points of its constraint that its generators make, shape (3k, dim);
+            None where that is not known.
     """
 
     rows: int
@@ -48,11 +50,12 @@ class Element:
     columns: slice
     source: slice
     facets: int = 0
+    at_points: Array | None = None
 
     @property
     def mu(self) -> float:
         """Friction coefficient; zero without friction."""
-        return self.shape.mu if isinstance(self.shape, SecondOrderCone) else 0.0
+        return self.shape.mu
 
     @property
     def size(self) -> int:
@@ -126,7 +129,7 @@ class ForceSet:
     @lazy
     def facets(self) -> tuple[int, ...]:
         """Facets of the pyramids that replace the cones, ascending."""
-        return tuple(sorted({e.shape.facets for e in self.elements if isinstance(e.shape, SecondOrderCone)}))
+        return tuple(sorted({e.shape.facets for e in self.elements if e.shape.facets}))
 
     @lazy
     def pyramids(self) -> ForceSet:
@@ -142,11 +145,11 @@ class ForceSet:
         rays, elements, new = [], [], {}
         firsts: list[int] = []
         for e in self.elements:
-            first, facets = e.columns.start, e.shape.facets if isinstance(e.shape, SecondOrderCone) and e.is_cone else 0
+            first, facets = e.columns.start, e.shape.facets if e.is_cone else 0
             rays.append(_rays(e.mu, facets, inscribed=inscribed) if facets else _ONE)
             new[first] = at = len(firsts)
             firsts += [first] * (facets or 1)
-            elements.append(Element(e.rows, e.number, e.shape, slice(at, len(firsts)), e.source, facets))
+            elements.append(replace(e, columns=slice(at, len(firsts)), facets=facets))
         E = block_diagonal(rays)
         G = locked(self.G @ E)
         return ForceSet(
@@ -277,15 +280,22 @@ class ForceSet:
             out[self.cone_columns] = project_cones(w[self.cone_columns], self.mu)
         return out
 
-    def at_points(self, w: Array, constraint: int) -> Array:
-        """Forces (from weights) or accelerations (from y) at the points of a unilateral contact, shape (k, 3), in its axes.
+    def point_map(self, constraint: int) -> Array | None:
+        """Forces at a contact's points that weights make, in its axes, shape (3k, p); None where they are not at points."""
+        own = [e for e in self.elements if e.rows == constraint]
+        if not own or any(e.at_points is None for e in own):
+            return None
+        out = np.zeros((len(own[0].at_points), self.size))  # type: ignore[arg-type]
+        for e in own:
+            out[:, e.columns] = e.at_points @ self.push[e.columns, 3 - e.shape.dim :].T
+        return out
 
-        Args:
-            w: Weights or accelerations, shape (p,).
-            constraint: Its number.
-        """
-        out = [w[e.columns] @ self.push[e.columns] for e in self.elements if e.rows == constraint]
-        return np.array(out).reshape(-1, 3)
+    def point_accelerations(self, y: Array, constraint: int) -> Array:
+        """Accelerations of the points of a unilateral contact, shape (k, 3), in its axes, of `accelerations` (p,)."""
+        own = [e for e in self.elements if e.rows == constraint]
+        given = np.concatenate([y[e.columns] @ self.push[e.columns, 3 - e.shape.dim :] for e in own])
+        at = np.hstack([e.at_points for e in own])  # type: ignore[misc]
+        return np.asarray(given @ np.linalg.pinv(at)).reshape(-1, 3)
 
     def weights_of(self, f: Array) -> Array:
         """Weights within the sets whose row forces are nearest to f, shape (p,).
@@ -315,10 +325,8 @@ class ForceSet:
         out = np.where(self.below, 0.0, np.maximum(y, 0.0)) + np.where(self.above, 0.0, np.maximum(-y, 0.0))
         if len(self.mu):
             Y = y[self.cone_columns]
-            # K* is the cone about the normal with slope 1/mu: |y_t| <= y_n / mu.
-            dual = project_dual_cones(Y, self.mu)
             out[self.cone_columns] = 0.0
-            out[self.cone_at + 2] = np.linalg.norm(Y - dual, axis=1)
+            out[self.cone_at + 2] = np.linalg.norm(project_cones(-Y, self.mu), axis=1)  # the distance to K*, by Moreau
         return out
 
     def slack(self, w: Array, y: Array) -> Array:
@@ -352,11 +360,13 @@ def _stacked(cones: Sequence[Cone], names: Sequence[str], velocities: Sequence[A
     for i, (cone, (local, shapes), velocity) in enumerate(zip(cones, sources, velocities, strict=True)):
         if velocity is not None:
             own = slice(at, at + local.shape[1])
-            u[own], inward[own] = local.T @ velocity, centripetal(cone, velocity)
+            u[own], inward[own] = local.T @ velocity, cone.inward(velocity)
+        points, start = cone.at_points, at
         for number, shape in enumerate(shapes):
             source, first = slice(at, at + shape.dim), len(bounds)
             given, felt, lower, upper = judge.judge((names[i], number, len(shapes)), shape, u[source], first)
-            elements.append(Element(i, number, shape, slice(first, first + len(given)), source))
+            told = None if points is None else points[:, at - start : source.stop - start]
+            elements.append(Element(i, number, shape, slice(first, first + len(given)), source, 0, told))
             bounds += [(lower, upper)] * len(given)
             push.append(given)
             blocks.append(given[:, 3 - shape.dim :].T)

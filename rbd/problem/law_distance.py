@@ -83,7 +83,7 @@ class Points:
         """
         push = np.maximum(push, np.sqrt(np.einsum("ij,ij->i", p, p)))
         if coulomb:
-            nearest = _rubbed(p - (push[:, None] / along) * y, self.mu)
+            nearest = project_cones(p - (push[:, None] / along) * y, self.mu, coulomb=True)
         else:
             nearest = self._nearest(p - (push / along.max(axis=1))[:, None] * y)
         return np.asarray(np.abs(p - nearest).max(axis=1) / push)
@@ -151,20 +151,10 @@ def largest_distance(T: ForceSet, w: Array, y: Array, slack: Array, *, coulomb: 
     if still > _STILL * T.reach:
         # The change of the natural map grows with r, and r is at most this.
         moved = p - (np.maximum(size, 1.0) / T.reach)[:, None] * moves
-        missed = np.abs(p - (_rubbed(moved, points.mu) if coulomb else project_cones(moved, points.mu)))
+        missed = np.abs(p - project_cones(moved, points.mu, coulomb=coulomb))
         all_of = missed.sum(axis=1) + 2.0 * points.mu * missed[:, 2] * coulomb
         still = np.minimum(still, T.reach * (all_of[loaded] / size[loaded]).max(initial=0.0))
     return float(np.maximum(out, still) / T.reach)  # NaN is the larger
-
-
-def _rubbed(moved: Array, mu: Array) -> Array:
-    """Alart and Curnier's projection: a normal force N >= 0, and a tangential one cut to the disc of radius mu N."""
-    N = np.maximum(moved[:, 2], 0.0)
-    radius = mu * N
-    factor = radius / np.maximum(np.maximum(np.hypot(moved[:, 0], moved[:, 1]), radius), _TINY)
-    out = np.empty_like(moved)
-    out[:, 0], out[:, 1], out[:, 2] = factor * moved[:, 0], factor * moved[:, 1], N
-    return out
 
 
 @lru_cache(maxsize=256)

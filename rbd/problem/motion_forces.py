@@ -96,7 +96,7 @@ def narrowed(sets: ForceSet, margin: float) -> ForceSet:
 def _narrower(element: Element, margin: float) -> Part:
     """Its shape; of a circular cone one with less friction."""
     shape = element.shape
-    if not (element.is_cone and isinstance(shape, SecondOrderCone)):
+    if not element.is_cone:
         return shape
     return SecondOrderCone(shape.mu * (1.0 - margin), shape.facets)
 
@@ -125,7 +125,7 @@ def _chosen(sets: ForceSet, changed: dict[int, _Choice], margin: float) -> Force
             blocks.append(np.eye(e.size))
             lower += sets.lower[e.columns].tolist()
             upper += sets.upper[e.columns].tolist()
-            if e.is_cone and isinstance(shape, SecondOrderCone):
+            if e.is_cone:
                 cone_at.append(first)
                 mu.append(shape.mu * (1.0 - margin))
                 shape = _narrower(e, margin)

@@ -28,7 +28,7 @@ class Patch:
         point: Contact point or patch centre, in W, shape (3,) [m].
         axes: R_WP, columns tangent, tangent, normal in W, shape (3, 3).
         corners: Corner points from `point`, in contact axes, shape (k, 3) [m]; one zero row for a point contact.
-        friction: Coefficient, or None for a bilateral contact.
+        friction: Coefficient, or the set of a point's forces; None for a bilateral contact.
         against: Frame of the robot that it touches, of a contact between two bodies; None for the ground. Its force is the
             one on the first body, and the second feels the opposite.
         on: The plane that it touches, or None where that is not known.
@@ -39,7 +39,7 @@ class Patch:
     point: Array
     axes: Array
     corners: Array
-    friction: float | None
+    friction: float | Cone | None
     against: str | None = None
     on: Ground | None = None
     reach: float = inf

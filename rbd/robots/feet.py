@@ -13,13 +13,14 @@ from rbd.errors import DuplicateName, InputError, ModelError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.meshes import Geometry
 from rbd.model.state import State
+from rbd.problem.cones import Cone
 from rbd.problem.ground import On, surfaces_of
 from rbd.robots.catalogue import Foot
 from rbd.robots.underside import Underside, sole_of, underside_of
 
 
 def contacts_of(
-    feet: Sequence[Foot], friction: float | None, facets: int, on: On | Mapping[str, On]
+    feet: Sequence[Foot], friction: float | Cone | None, facets: int, on: On | Mapping[str, On]
 ) -> list[SurfaceContact | PointContact]:
     """Feet as contacts; see `rbd.Robot.feet`."""
     planes = surfaces_of([foot.name for foot in feet], on)

@@ -23,6 +23,7 @@ from rbd.model.motors import Motor
 from rbd.model.state import State
 from rbd.model.travelling import Recipe, packed, unpacked
 from rbd.model.urdf import BASE_JOINT
+from rbd.problem.cones import Cone
 from rbd.problem.ground import On
 from rbd.robots import catalogue, travelling
 from rbd.robots.diagnosis import ModelReport
@@ -203,11 +204,13 @@ class Robot(ShapedRobot):
         warn_of_gaps(state, self.feet(friction=None), stacklevel=4)
         return state
 
-    def soles(self, friction: float | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0) -> list[SurfaceContact]:
+    def soles(
+        self, friction: float | Cone | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0
+    ) -> list[SurfaceContact]:
         """The soles of its feet as surface contacts, from the catalogue or from `load_robot(feet=...)`.
 
         Args:
-            friction: Coulomb's coefficient; None for bilateral contacts.
+            friction: Coulomb's coefficient, or a set of forces, as of `rbd.constraints.Contact`; None for bilateral contacts.
             facets: Facets of the corner pyramids in a QP.
             on: The ground under them: a plane, `rbd.Ground(point=..., normal=...)`, or the height of a level one [m]; or
                 {foot: ground}, as on stairs, with z = 0 for feet that are not named. None: not known. A foot more than a
@@ -226,7 +229,7 @@ class Robot(ShapedRobot):
         return soles
 
     def feet(
-        self, friction: float | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0
+        self, friction: float | Cone | None = 0.7, *, facets: int = 4, on: On | Mapping[str, On] = 0.0
     ) -> list[SurfaceContact | PointContact]:
         """Its feet as contacts: soles or points, from the catalogue or from `load_robot(feet=...)`. Arguments as `soles`.
 

@@ -13,7 +13,7 @@ import numpy as np
 from rbd.arrays import Array, lazy
 from rbd.constraints.contact_points import Measured, Source, Structure
 from rbd.model.state import State
-from rbd.problem.cones import Box, Cone, Free, FrictionCone
+from rbd.problem.cones import Cone
 
 SLIDES = 1e-6
 """A point that slides more slowly than this [m/s] sticks."""
@@ -88,10 +88,10 @@ class Layout:
             spans.append((slice(point, point + k), slice(row, row + m)))
             point, row = point + k, row + m
         normals = np.cumsum(widths) - 1
-        rubs = _each(structures, lambda c: isinstance(c, FrictionCone), bool)
-        boxes = _each(structures, lambda c: isinstance(c, Box), bool)
-        free = _each(structures, lambda c: isinstance(c, Free), bool)
-        mu = _each(structures, lambda c: c.mu if isinstance(c, FrictionCone) else 0.0, float)
+        rubs = _each(structures, lambda c: c.dim == 3 and not c.bilateral, bool)
+        boxes = _each(structures, lambda c: c.bounded, bool)
+        free = _each(structures, lambda c: c.bilateral, bool)
+        mu = _each(structures, lambda c: getattr(c, "mu", 0.0), float)
         slides = rubs | boxes
         rows = normals[slides][:, None] - np.where(rubs[slides][:, None], [2, 1], 0)
         kept = np.where(rubs[slides][:, None], 1.0, [1.0, 0.0]).reshape(-1, 2)
@@ -130,6 +130,7 @@ class Places:
     axes: Array | None
     arms: Array | None
     to_world: Array | None
+    pushes: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,7 +171,7 @@ class Snapshot:
         """Where the points of each source are."""
         if self.locate is not None:
             return self.locate()
-        return [Places(m.structure, m.points, m.axes, m.arms, m.to_world) for m in self.sources]
+        return [Places(m.structure, m.points, m.axes, m.arms, m.to_world, m.pushes) for m in self.sources]
 
     @lazy
     def J(self) -> Array:

@@ -330,6 +330,9 @@ def point_forces(measured: Places, force: Array, at: slice) -> Array | None:
     if isinstance(cones[0], Free):  # one point, of a bilateral constraint
         return (axes @ force[:3])[None] if len(cones) == 1 and len(force) >= 3 else None
     k, width = len(cones), cones[0].dim
-    pushed = np.zeros((k, 3))
-    pushed[:, 3 - width :] = force.reshape(k, width)
+    if measured.pushes is not None:  # of one contact
+        pushed = np.add.reduceat(force[:, None] * measured.pushes, measured.structure.normals + 1 - measured.structure.widths)
+    else:
+        pushed = np.zeros((k, 3))
+        pushed[:, 3 - width :] = force.reshape(k, width)
     return np.einsum("kij,kj->ki", axes[at], pushed) if axes.ndim == 3 else pushed @ axes.T

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.problem.cones import project_cones, projection
 
 STEPS = 80
 EXACT = 1e-13
@@ -49,35 +50,6 @@ class ConeFits:
     steps: Array
 
 
-def projected(x: Array, mu: Array | float) -> Array:
-    """The nearest points of the friction cones |x_t| <= mu x_n, shape (..., 3)."""
-    s = np.hypot(x[..., 0], x[..., 1])
-    n = np.maximum((x[..., 2] + mu * s) / (1.0 + np.square(mu)), 0.0)
-    inside = s <= mu * x[..., 2]
-    shrink = np.where(inside, 1.0, np.minimum(mu * n / np.maximum(s, _TINY), 1.0))
-    return np.stack([shrink * x[..., 0], shrink * x[..., 1], np.where(inside, x[..., 2], n)], axis=-1)
-
-
-def _slope(x: Array, mu: Array | float) -> Array:
-    """An element of the generalised Jacobian of `projected`, shape (..., 3, 3)."""
-    s = np.hypot(x[..., 0], x[..., 1])
-    safe = np.maximum(s, _TINY)
-    e0, e1 = x[..., 0] / safe, x[..., 1] / safe
-    share = 1.0 / (1.0 + np.square(mu))
-    n = (x[..., 2] + mu * s) * share
-    round_, ray = mu * n / safe, mu * mu * share
-    out = np.empty((*x.shape, 3))
-    out[..., 0, 0] = ray * e0 * e0 + round_ * e1 * e1
-    out[..., 1, 1] = ray * e1 * e1 + round_ * e0 * e0
-    out[..., 0, 1] = out[..., 1, 0] = (ray - round_) * e0 * e1
-    out[..., 0, 2] = out[..., 2, 0] = mu * share * e0
-    out[..., 1, 2] = out[..., 2, 1] = mu * share * e1
-    out[..., 2, 2] = share
-    out[n <= 0.0] = 0.0
-    out[s <= mu * x[..., 2]] = np.eye(3)
-    return out
-
-
 def nearest_in_cones(A: Array, d: Array, mu: float) -> ConeFits:
     """Forces in friction cones that make |d - A w| least, of n problems, by the proximal point algorithm.
 
@@ -103,7 +75,7 @@ def nearest_in_cones(A: Array, d: Array, mu: float) -> ConeFits:
         steps[at] += more
         moved = np.abs(found - r[at]).max(axis=1, initial=0.0)
         r[at] = found
-        w[at] = projected(w[at] + sigma * _pull(flat[at], found).reshape(-1, k, 3), mu)
+        w[at] = project_cones(w[at] + sigma * _pull(flat[at], found).reshape(-1, k, 3), mu)
         at = at[moved > EXACT + _SETTLED * np.abs(found).max(axis=1, initial=0.0)]
     return ConeFits(w, _left(flat, d, w), gradient, steps)
 
@@ -139,13 +111,13 @@ def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage], *, exact
     for stage in stages:
         r, gradient, more = _newton(flat, d, w0, r, mu, _Rows(stage.weight, stage.steep), stage.sigma)
         steps += more
-        w = projected(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
+        w = project_cones(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
     aim = d.copy()
     for _ in range(_REPEATED if exact else 0):
         aim[:, :exact] += _left(flat, d, w)[:, :exact]
         r, gradient, more = _newton(flat, aim, w0, r, mu, _Rows(stage.weight, stage.steep), stage.sigma)
         steps += more
-        w = projected(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
+        w = project_cones(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
     return ConeFits(w, _left(flat, d, w), gradient, steps)
 
 
@@ -191,7 +163,7 @@ def _newton(A: Array, d: Array, w0: Array, r: Array, mu: float, rows: _Rows, sig
     for _ in range(STEPS):
         here, Ai, ri = x[at], A[at], r[at]
         u, curve = rows.slope(ri)
-        g = u - d[at] + np.matmul(Ai, projected(here, mu).reshape(len(at), -1, 1))[..., 0]
+        g = u - d[at] + np.matmul(Ai, project_cones(here, mu).reshape(len(at), -1, 1))[..., 0]
         gradient[at] = np.abs(g).max(axis=1, initial=0.0)
         open_ = gradient[at] > EXACT * size[at] + _ROUNDING * sigma * np.abs(ri).max(axis=1, initial=0.0)
         if not open_.any():
@@ -199,7 +171,8 @@ def _newton(A: Array, d: Array, w0: Array, r: Array, mu: float, rows: _Rows, sig
         if not open_.all():
             at, here, Ai, ri, g, curve = at[open_], here[open_], Ai[open_], ri[open_], g[open_], curve[open_]
         blocks = Ai.reshape(len(at), m, k, 3).transpose(0, 2, 1, 3)
-        bent = np.matmul(blocks, _slope(here, mu)).transpose(0, 2, 1, 3).reshape(len(at), m, -1)
+        V = projection(np.moveaxis(here, -1, 0), mu).slopes(mu)
+        bent = np.matmul(blocks, V).transpose(0, 2, 1, 3).reshape(len(at), m, -1)
         H = sigma * np.matmul(bent, Ai.transpose(0, 2, 1))
         H[:, np.arange(m), np.arange(m)] += curve
         step = -np.linalg.solve(H, g[..., None])[..., 0]
@@ -235,5 +208,5 @@ def _line_search(
 
 
 def _dual(x: Array, r: Array, d: Array, mu: float, rows: _Rows, sigma: float) -> Array:
-    pushed = projected(x, mu).reshape(len(x), -1)
+    pushed = project_cones(x, mu).reshape(len(x), -1)
     return rows.value(r) - (d * r).sum(axis=1) + (pushed**2).sum(axis=1) / (2.0 * sigma)

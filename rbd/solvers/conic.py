@@ -13,6 +13,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from rbd.arrays import Array, is_finite, max_abs
+from rbd.problem.cones import projection
 from rbd.problem.conic import Certificate, Conic, ConicAnswer
 from rbd.problem.programs import CONIC_SECONDS, CONIC_STEPS, Outcome
 
@@ -123,27 +124,14 @@ def newton_steps(program: Conic, x: Array, y: Array, z: Array) -> ConicAnswer | 
 
 
 def _projected(program: Conic, p: Array) -> tuple[Array, Array]:
-    """(projection of p on X, its derivative at p), shapes (n,) and (n, n); cone by cone, in plain floats."""
+    """(projection of p on X, its derivative at p), shapes (n,) and (n, n)."""
     out = np.minimum(np.maximum(p, program.lower), program.upper)
     V = np.zeros((len(p), len(p)))
     V.flat[:: len(p) + 1] = out == p
-    for at, (a, b, n), mu in zip(program.cones.tolist(), p[program.cones].tolist(), program.mu.tolist(), strict=True):
-        t = math.hypot(a, b)
-        if t <= mu * n:
-            continue
-        share = 1.0 / (1.0 + mu * mu)
-        normal = (mu * t + n) * share
-        if normal <= 0.0:
-            out[at] = 0.0
-            V[at, at] = 0.0
-            continue
-        u, v = a / t, b / t
-        out[at] = mu * normal * u, mu * normal * v, normal
-        turned, along, tilt = mu * normal / t, mu * mu * share, mu * share  # tangents keep their direction
-        across = (along - turned) * u * v
-        V[at[0], at] = turned + (along - turned) * u * u, across, tilt * u
-        V[at[1], at] = across, turned + (along - turned) * v * v, tilt * v
-        V[at[2], at] = tilt * u, tilt * v, share
+    at, x = program.cones, p[program.cones]
+    found = projection(x.T, program.mu)
+    out[at] = np.column_stack([found.factor * x[:, 0], found.factor * x[:, 1], found.normal])
+    V[at[:, :, None], at[:, None, :]] = found.slopes(program.mu)
     return out, V
 
 

@@ -15,12 +15,12 @@ import math
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache
 from types import ModuleType
-from typing import TypeAlias
 
 import numpy as np
 from scipy.linalg import lapack, lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, max_abs, null_space
+from rbd.problem.cones import Projection, projection
 from rbd.problem.conic import Conic
 from rbd.problem.force_set import ForceSet
 
@@ -244,8 +244,8 @@ def leaves_motion_open(problem: Scaled, w: Array) -> bool:
         return False  # independent normals determine their shares
     pressed = w.copy()
     pressed[at] = np.maximum(pressed[at], _TOUCHES)  # a touching unloaded point may become loaded
-    _, edges = _gap(problem, pressed, y, coulomb=True)
-    N = null_space(_matrix(problem, problem.D - identity(len(w)), edges, coulomb=True), _OPEN)
+    _, p, edges = _gap(problem, pressed, y, coulomb=True)
+    N = null_space(_matrix(problem, problem.D - identity(len(w)), p, edges, coulomb=True), _OPEN)
     return bool(np.abs(N.T @ problem.D).max(initial=0.0) > 1e-8)
 
 
@@ -275,11 +275,11 @@ def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
     Newton's steps add to the weights and so stop at their last digit, and the last digit of a force of 10 N moves a
     milligram at 1e-9 m/s2. This is the change alone, of minimum norm where rows are redundant.
     """
-    gap, edges = _gap(problem, w, y, coulomb)
-    n, p = problem.order.singles, edges[0]
+    gap, p, edges = _gap(problem, w, y, coulomb)
+    n = problem.order.singles
     gap[:n] = np.where((p[:n] > problem.lower) & (p[:n] < problem.upper), -y[:n], gap[:n])
     if len(problem.order.mu):
-        _, x, z, pushes, _, slips = edges
+        x, z, _, _, pushes, slips = edges
         Y, O, mu = y[n:].reshape(-1, 3), gap[n:].reshape(-1, 3), problem.order.mu
         stuck, slip = pushes & ~slips, pushes & slips
         O[stuck] = -Y[stuck]
@@ -288,7 +288,7 @@ def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
         else:  # along the edge of the cone exactly; across it unchanged
             edge = np.column_stack([mu * x, mu * z, np.ones(len(mu))])[slip] * np.sqrt(problem.order.share[slip, None])
             O[slip] -= edge * (edge * (O[slip] + Y[slip])).sum(axis=1)[:, None]
-    A = _matrix(problem, problem.D - identity(len(w)), edges, coulomb)
+    A = _matrix(problem, problem.D - identity(len(w)), p, edges, coulomb)
     # Complete orthogonal factors rather than singular values: they always terminate.
     found, _, _, _ = scipy_lstsq(A, gap, cond=_RANK, lapack_driver="gelsy", check_finite=False)
     return np.asarray(found)
@@ -303,63 +303,29 @@ _STALLS = 1e-11
 _TOUCHES = 1e-9
 """Scaled accelerations and weights below this are zero in an answer."""
 
-_Edges: TypeAlias = tuple[Array, ...]
-"""P, and for each cone: p_t / |p_t| (x, y), whether it is loaded, the factor of p_t, whether it slips."""
-_SMALL = 1e-200
 
-
-def _gap(problem: Scaled, w: Array, y: Array, coulomb: bool) -> tuple[Array, _Edges]:
-    """(P(p) - w, position of p relative to the edges of the sets) at p = w - y."""
+def _gap(problem: Scaled, w: Array, y: Array, coulomb: bool) -> tuple[Array, Array, Projection]:
+    """(P(p) - w, p, the projections on the cones) at p = w - y."""
     p = w - y
     n, mu = problem.order.singles, problem.order.mu
     out = np.empty(len(p))
-    if n:
-        out[:n] = np.minimum(np.maximum(p[:n], problem.lower), problem.upper)
-    if not len(mu):
-        return out - w, (p,)
-    x, y, pushed = p[n:].reshape(-1, 3).T
-    t = np.maximum(np.hypot(x, y), _SMALL)
-    if coulomb:
-        normal = np.maximum(pushed, 0.0)
-    else:
-        edge = np.maximum((mu * t + pushed) * problem.order.share, 0.0)
-        normal = np.where(t <= mu * pushed, pushed, edge)
-    factor = np.minimum(mu * normal / t, 1.0)
-    pushes = normal > 0.0
+    out[:n] = np.minimum(np.maximum(p[:n], problem.lower), problem.upper)
+    x, z, pushed = p[n:].reshape(-1, 3).T
+    edges = projection((x, z, pushed), mu, coulomb=coulomb)
     O = out[n:].reshape(-1, 3).T
-    O[0], O[1], O[2] = factor * x, factor * y, normal
-    return out - w, (p, x / t, y / t, pushes, factor, (factor < 1.0) & pushes)
+    O[0], O[1], O[2] = edges.factor * x, edges.factor * z, edges.normal
+    return out - w, p, edges
 
 
-def _matrix(problem: Scaled, shifted: Array, edges: _Edges, coulomb: bool) -> Array:
+def _matrix(problem: Scaled, shifted: Array, p: Array, edges: Projection, coulomb: bool) -> Array:
     """I + V (D - I), with V an element of P's generalised Jacobian."""
-    n, mu, p = problem.order.singles, problem.order.mu, edges[0]
-    size = len(p)
+    n, mu, size = problem.order.singles, problem.order.mu, len(p)
     A = np.empty((size, size))
     if n:
         inside = (p[:n] > problem.lower) & (p[:n] < problem.upper)
         A[:n] = inside[:, None] * shifted[:n]
     if len(mu):
-        V = _slopes(problem.order, edges, coulomb)
+        V = edges.slopes(mu, coulomb=coulomb)
         np.matmul(V, shifted[n:].reshape(-1, 3, size), out=A[n:].reshape(-1, 3, size))
     A.flat[:: size + 1] += 1.0
     return A
-
-
-def _slopes(order: Order, edges: _Edges, coulomb: bool) -> Array:
-    """Derivatives of the projected cones, shape (k, 3, 3)."""
-    _, x, y, pushes, factor, slips = edges
-    V = np.zeros((len(x), 3, 3))
-    if coulomb:
-        along, spread = order.mu * slips, -(factor * slips)
-        V[:, 2, 2] = pushes
-    else:
-        along, spread = order.mu * order.share * slips, (1.0 - order.share - factor) * slips
-        V[:, 2, 2] = factor + (order.share - factor) * slips
-        V[:, 2, 0], V[:, 2, 1] = along * x, along * y
-    turned = spread * x
-    V[:, 0, 0] = factor + turned * x
-    V[:, 1, 1] = factor + spread * y * y
-    V[:, 0, 1] = V[:, 1, 0] = turned * y
-    V[:, 0, 2], V[:, 1, 2] = along * x, along * y
-    return V

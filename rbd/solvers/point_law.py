@@ -14,6 +14,7 @@ from types import ModuleType
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.problem.cones import projection
 
 LEAST_PUSH = 1e-3
 """Lower bound of the scale of a point's force [N]: what accelerates a gram at 1 m/s2."""
@@ -59,11 +60,7 @@ def of_points(
         sinks = np.maximum(sinks, (mu * np.hypot(y_1, y_2) - np.maximum(y_n, 0.0)) / (1.0 + mu))
     push = np.maximum(np.sqrt(p_1 * p_1 + p_2 * p_2 + p_n * p_n), LEAST_PUSH)
     x_1, x_2, x_n = p_1 - push * y_1, p_2 - push * y_2, p_n - push * y_n
-    t = np.hypot(x_1, x_2)
-    if coulomb:
-        normal = np.maximum(x_n, 0.0)
-    else:
-        normal = np.where(t <= mu * x_n, x_n, np.maximum((mu * t + x_n) / (1.0 + mu * mu), 0.0))
-    cut = np.minimum(mu * normal / np.maximum(t, _TINY), 1.0)
+    found = projection((x_1, x_2, x_n), mu, coulomb=coulomb)
+    cut, normal = found.factor, found.normal
     far = np.sqrt((cut * x_1 - p_1) ** 2 + (cut * x_2 - p_2) ** 2 + (normal - p_n) ** 2)
     return sinks, far / push, push

@@ -17,9 +17,9 @@ from rbd.displayed import Displayed
 from rbd.model.dynamics import free_force
 from rbd.model.external import External
 from rbd.model.state import State
-from rbd.problem.answer import Answer, ContactForce, Status, corner_split
+from rbd.problem.answer import Answer, ContactForce, Status, corners_of
 from rbd.problem.conic import Conic
-from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.force_set import ForceSet
 from rbd.problem.motion_forces import given_weights
 from rbd.problem.problem import COULOMB, GaussProblem
 from rbd.problem.residuals import Residuals
@@ -169,8 +169,7 @@ class Actuation(Displayed):
             part = f[at : at + len(r)]
             at += len(r)
             if r.patch is not None:
-                held = not len(r) or at_rest(r.cone).bilateral
-                corners[r.name] = corner_split(r, part) if held else sets.at_points(self.weights, i) @ r.patch.axes.T
+                corners[r.name] = corners_of(r, part, sets, self.weights, i)
         return replace(Solution.of(self.answer), chosen_corners=corners, choice=CHOICE)
 
     @property

@@ -13,7 +13,8 @@ from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError, Reason
 from rbd.problem.answer import Answer, Status
-from rbd.problem.cones import Box, Cone, Free, FrictionCone, LineCone, NonNegative, Product, WrenchCone
+from rbd.problem.cones import Box, Cone, Free, FrictionCone, NonNegative, Product
+from rbd.problem.corner_cones import LineCone, WrenchCone
 from rbd.problem.problem import GaussProblem, Law
 from rbd.solvers import Solver
 from rbd.testing.reference import ReferenceProblem, reference_problems
@@ -268,7 +269,7 @@ def _gaps(
         reach = push + np.where(low, np.abs(cone.lo), 0.0) + np.where(high, np.abs(cone.hi), 0.0)
         found = gap / terms, beyond / reach, slack / (reach * terms)
         return float(found[0].max(initial=0.0)), float(found[1].max(initial=0.0)), float(found[2].max(initial=0.0))
-    if not isinstance(cone, FrictionCone | WrenchCone | LineCone):
+    if not isinstance(cone, FrictionCone | WrenchCone | LineCone) or isinstance(cone.mu, Cone):
         raise InputError(f"check_solver knows no {type(cone).__name__}; give it problems with the sets of rbd.problem.cones.")
     E, mu = _corner_map(cone), cone.mu
     C, own = (E.T @ c).reshape(-1, 3), (np.abs(E).T @ terms).reshape(-1, 3)

@@ -246,23 +246,12 @@ def ribbon(start: Array, end: Array, normal: Array, width: float) -> Mesh:
     return Mesh(np.array([start - half, end - half, end + half, start + half]), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
-def friction_cone(apex: Array, axes: Array, friction: float, *, slant: float) -> Mesh:
-    """The cone |f_t| <= friction f_n, from `apex` outwards along the contact normal, without its lid.
-
-    Args:
-        apex: Contact point in W, shape (3,) [m].
-        axes: R_WP, the normal is the third column.
-        friction: Coefficient mu; the half angle is atan(mu).
-        slant: Length of the cone's side [m], the same for every mu.
-    """
-    rim, height = rim_of(friction, slant)
-    return revolved([(0.0, 0.0), (rim, height)], segments=48).placed(axes, apex)
-
-
-def rim_of(friction: float, slant: float) -> tuple[float, float]:
-    """Radius and height [m] of the rim of a friction cone whose side has length `slant` [m]."""
-    height = slant / float(np.hypot(1.0, friction))
-    return friction * height, height
+def fan(apex: Array, rim: Array) -> Mesh:
+    """Triangles from a point, shape (3,) [m], to each side of a closed line, shape (n, 3) [m]: a cone without its lid."""
+    n = len(rim)
+    after = np.roll(rim, -1, axis=0)
+    corners = np.stack([np.broadcast_to(apex, rim.shape), after, rim], axis=1)
+    return Mesh(corners.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3))
 
 
 def ring(centre: Array, axes: Array, radius: float, *, thickness: float, facets: int = 10) -> Mesh:

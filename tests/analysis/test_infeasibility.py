@@ -15,7 +15,7 @@ import pytest
 import rbd
 from rbd.answers.analysis.conditions import conditions_of, smallest_violation
 from rbd.answers.analysis.infeasibility import Contradiction, _polished, contradiction, split
-from rbd.arrays import Array
+from rbd.arrays import Array, cross_matrix
 from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.problem.problem import CONVEX
 from rbd.problem.rows import Patch, Rows
@@ -555,7 +555,7 @@ def test_talos_turning_on_four_held_points_moves_as_on_a_sole(talos: rbd.Robot, 
     # Accelerations of the corners are B times that of the patch, so six rows with B^+ of the corners' offsets say the same.
     r = sole.rows(state)
     world = r.patch.axes if r.patch is not None else np.eye(3)
-    B = np.vstack([np.hstack([world, -world @ rbd.problem.cones.cross_matrix(p)]) for p in sole.corners])
+    B = np.vstack([np.hstack([world, -world @ cross_matrix(p)]) for p in sole.corners])
     assert np.abs(B @ r.J - P.J).max() < 1e-12
     six = Rows("sole", r.J, np.linalg.lstsq(B, P.offset)[0], rbd.problem.Free(6))
     expected = rbd.KKT().solve(rbd.GaussProblem(P.M, P.rhs, [six]))

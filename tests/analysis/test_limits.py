@@ -300,7 +300,7 @@ class TestWork:
         """Our own error."""
         cone = rbd.problem.WrenchCone(np.array([[x, y, 0.0] for x in (0.1, -0.1) for y in (0.1, -0.1)]), 0.6)
         assert cone.project(np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0])) == pytest.approx([0, 0, 1, 0, 0, 0])
-        monkeypatch.setattr("rbd.problem.cones.nonnegative", lambda *_: None)
+        monkeypatch.setattr("rbd.problem.corner_cones.nonnegative", lambda *_: None)
         with pytest.raises(NoSolution):
             cone.project(np.array([1.0, 0.0, 1.0, 0.0, 0.0, 0.0]))
 

@@ -7,7 +7,8 @@ import pytest
 from scipy.optimize import nnls
 
 from rbd.arrays import Array, cross_matrix
-from rbd.solvers.cone_least_squares import Stage, nearest_in_cones, projected, staged_fits
+from rbd.problem.cones import project_cones
+from rbd.solvers.cone_least_squares import Stage, nearest_in_cones, staged_fits
 
 FACETS = 64
 
@@ -44,7 +45,7 @@ def test_the_nearest_lies_between_inscribed_and_circumscribed_pyramids(mu, rng):
 def test_what_forces_make_leaves_nothing(rng):
     """A wrench of forces inside the cones is met to rounding."""
     A, _ = two_soles(rng, 200)
-    w = projected(rng.normal(size=(200, 8, 3)) + [0.0, 0.0, 1.0], 0.7)
+    w = project_cones(rng.normal(size=(200, 8, 3)) + [0.0, 0.0, 1.0], 0.7)
     d = np.einsum("nmkc,nkc->nm", A, w)
     assert np.abs(nearest_in_cones(A, d, 0.7).left).max() < 1e-11
 

@@ -69,14 +69,14 @@ def law_missed(D, c, P, mu, found: ContactForces, *, coulomb: bool) -> float:
 
 def plain_steps(S: Scaled, w: np.ndarray, *, coulomb: bool, iterations: int, proximal: float) -> tuple[np.ndarray, float]:
     """(weights, merit) after `iterations` damped Newton steps in NumPy: what the compiled steps must give."""
-    gap, edges = _gap(S, w, S.D @ w + S.q, coulomb)
+    gap, p, edges = _gap(S, w, S.D @ w + S.q, coulomb)
     best, least = w, np.abs(gap).max()
     for _ in range(iterations):
-        move = np.linalg.solve(_matrix(S, S.D + (proximal - 1.0) * np.eye(len(w)), edges, coulomb), gap)
+        move = np.linalg.solve(_matrix(S, S.D + (proximal - 1.0) * np.eye(len(w)), p, edges, coulomb), gap)
         before, t = gap @ gap, 1.0
         for _ in range(7):
             new = w + t * move
-            gap, edges = _gap(S, new, S.D @ new + S.q, coulomb)
+            gap, p, edges = _gap(S, new, S.D @ new + S.q, coulomb)
             if gap @ gap <= before * (1.0 - 1e-4 * t):
                 break
             t *= 0.5

@@ -7,7 +7,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product, WrenchCone
+from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product
+from rbd.problem.corner_cones import WrenchCone
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.solvers.admm import de_saxce
 from rbd.solvers.conic import interior_point
@@ -217,9 +218,9 @@ def test_newtons_matrix_is_the_slope_of_the_gap(coulomb, rng):
         S = scaled(spd(rng, T.size), rng.normal(size=T.size), T)
         w, h = rng.normal(size=T.size), 1e-6
         y = S.D @ w + S.q
-        _, edges = _gap(S, w, y, coulomb)
-        slipping += int(edges[-1].sum())
-        found = _matrix(S, S.D - np.eye(T.size), edges, coulomb)
+        _, p, edges = _gap(S, w, y, coulomb)
+        slipping += int(edges.slips.sum())
+        found = _matrix(S, S.D - np.eye(T.size), p, edges, coulomb)
         for j, e in enumerate(np.eye(T.size)):
             ahead, behind = (_gap(S, w + s * e, S.D @ (w + s * e) + S.q, coulomb)[0] for s in (h, -h))
             assert -found[:, j] == pytest.approx((ahead - behind) / (2.0 * h), abs=1e-5 * max(1.0, np.abs(found).max()))

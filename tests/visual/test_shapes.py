@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import rbd
 from rbd.visual import shapes
 from rbd.visual.robot_meshes import read_collada
 
@@ -49,7 +50,8 @@ def test_an_arrow_of_no_force_is_not_drawn():
 def test_the_friction_cone_opens_along_the_normal_with_the_right_angle():
     """The rim is at tan(angle) = mu, whatever the normal."""
     axes = shapes.axes_along(np.array([1.0, 2.0, -0.5]))
-    cone = shapes.friction_cone(np.ones(3), axes, 0.6, slant=0.2).vertices - 1.0
+    around = rbd.problem.FrictionCone(0.6).rim()
+    cone = shapes.fan(np.ones(3), 1.0 + 0.2 / np.hypot(1.0, 0.6) * around @ axes.T).vertices - 1.0
     rim = cone[np.linalg.norm(cone, axis=1) > 1e-9]
     normal = rim @ axes[:, 2]
     assert np.allclose(np.linalg.norm(rim, axis=1), 0.2)

@@ -21,7 +21,6 @@ from rbd.answers.analysis.modes import RESOLUTION, Modes, Need, modes_of
 from rbd.arrays import RANK, Array, block_diagonal
 from rbd.errors import NotDifferentiable
 from rbd.problem.answer import Answer
-from rbd.problem.contact_motion import centripetal
 from rbd.problem.programs import linear_program
 from rbd.problem.rows import Rows
 
@@ -248,7 +247,7 @@ def _bases(X: Array) -> tuple[Array, Array, Array]:
 def _centripetal_change(rows: Rows, u: Array) -> Array:
     """Derivative of the centripetal accelerations of a set's points, quadratic in the velocity, along a change of it."""
     cone, v = rows.cone, rows.velocity
-    return np.column_stack([0.5 * (centripetal(cone, v + du) - centripetal(cone, v - du)) for du in u.T])
+    return np.column_stack([0.5 * (cone.inward(v + du) - cone.inward(v - du)) for du in u.T])
 
 
 def _check_room(answer: Answer, modes: Modes, kernel: Array) -> None:

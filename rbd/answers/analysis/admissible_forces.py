@@ -24,7 +24,7 @@ import numpy as np
 from rbd.arrays import Array, block_diagonal, lazy, null_space, rank_of
 from rbd.problem.answer import corner_map
 from rbd.problem.cone_programs import Separable
-from rbd.problem.cones import LineCone, NonNegative, Product, WrenchCone, project_cones
+from rbd.problem.cones import project_cones
 from rbd.problem.force_set import Element, at_rest
 from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED
@@ -254,9 +254,9 @@ class _Collector:
             return np.asarray(rows.resultant[:3] @ G)
         out = np.zeros((3 * len(rows.patch.corners), T.size))
         if kind == "pieces":
-            for e in T.elements:
-                if e.rows == i:
-                    out[3 * e.number : 3 * e.number + 3, e.columns] = rows.patch.axes @ T.push[e.columns].T
+            local = T.point_map(i)
+            assert local is not None
+            out = np.einsum("ij,kjp->kip", rows.patch.axes, local.reshape(-1, 3, T.size)).reshape(-1, T.size)
         return out
 
     def _inequalities(self, n: int) -> tuple[Array, Array]:
@@ -343,6 +343,6 @@ def corner_kind(rows: Rows, held: bool) -> str:
         return "none"
     if len(patch.corners) == 1:
         return "one"
-    if isinstance(rows.cone, WrenchCone | LineCone | Product | NonNegative):
+    if rows.cone.at_points is not None:
         return "pieces"
     return "expanded" if held and len(rows) in (5, 6) else "none"

@@ -26,7 +26,7 @@ import numpy as np
 
 from rbd.arrays import RANK, Array, as_array, block_diagonal, max_abs, null_space
 from rbd.errors import InputError, nearest
-from rbd.problem.cones import Free, LineCone, NonNegative, SecondOrderCone, WrenchCone, project_cones
+from rbd.problem.cones import project_cones
 from rbd.problem.force_set import Element, ForceSet
 from rbd.problem.problem import GaussProblem, Law
 from rbd.problem.programs import QP_WORK, VIOLATION_CUTS, Work, least_distance
@@ -190,7 +190,7 @@ def _asked(T: ForceSet, e: Element) -> tuple[Array, Array, Array, bool, bool]:
         length = np.linalg.norm(push, axis=1)
         return H / length, offset / length, push / length[:, None], True, False
     at = e.columns.start
-    rubs = isinstance(e.shape, SecondOrderCone)
+    rubs = bool(e.mu)
     return H, offset, _ALONG_NORMAL if rubs else np.zeros((1, 3)), bool(T.below[at]), bool(T.above[at])
 
 
@@ -200,11 +200,12 @@ _AXES = ("tangent x", "tangent y", "normal", "turn about x", "turn about y", "tu
 
 def _words(r: Rows, e: Element, local: Array) -> str:
     """Which of a constraint's rows or points an element is; `local` are its columns among the rows."""
-    if isinstance(r.cone, WrenchCone | LineCone):
-        return f"corner {e.number + 1}" if len(r.cone.corners) > 1 else "the corner"
+    if e.at_points is not None and not r.cone.separate and len(r) > 3:
+        k, at = len(e.at_points) // 3, int(np.flatnonzero(np.abs(e.at_points).max(axis=1))[0]) // 3
+        return f"corner {at + 1}" if k > 1 else "the corner"
     touched = np.flatnonzero(np.abs(local).max(axis=1))
     first = int(touched[0]) if len(touched) else 0
-    if r.patch is not None and isinstance(r.cone, Free | NonNegative):
+    if r.patch is not None and (r.cone.bilateral or r.cone.one_sided):
         axes = {1: _AXES[2:3], 3: _AXES[:3], 5: (*_AXES[:3], *_AXES[4:]), 6: _AXES}.get(len(r))
         if axes is not None:
             return axes[first]

@@ -21,7 +21,7 @@ from scipy.linalg import blas, lapack
 from rbd.answers.analysis.modes import RESOLUTION
 from rbd.arrays import Array, identity, max_abs
 from rbd.problem.answer import Answer
-from rbd.problem.cones import Free, FrictionCone, WrenchCone
+from rbd.problem.cones import Cone
 from rbd.problem.problem import GaussProblem
 
 INDEPENDENT = 1e-6
@@ -58,18 +58,18 @@ class HeldRows:
         c = None
         load = max(1.0, max_abs(answer.multipliers))
         for r in P.rows:
-            if answer.weights is None or isinstance(r.cone, Free) or not len(r):
+            if answer.weights is None or r.cone.bilateral or not len(r):
                 words[r.name] = ("holds",) * len(r)
                 continue
-            span, corners = P.slices[r.name], _corner_forces(r.cone, answer.multipliers[P.slices[r.name]])
+            span, points = P.slices[r.name], _sticking_weights(r.cone, answer.multipliers[P.slices[r.name]])
             c = P.J @ answer.a + P.offset if c is None else c
-            if corners is None or r.speed > 0.1 * P.rest_speed or max_abs(c[span]) > 0.1 * RESOLUTION:
+            if points is None or r.speed > 0.1 * P.rest_speed or max_abs(c[span]) > 0.1 * RESOLUTION:
                 return None
-            normal, mu = corners[:, 2], r.cone.mu  # type: ignore[attr-defined]
-            room = (mu * normal - np.hypot(corners[:, 0], corners[:, 1])).min()
+            w, mu = points
+            room = (mu * w[:, 2] - np.hypot(w[:, 0], w[:, 1])).min()
             if not room > ROOM * mu * load:
                 return None
-            words[r.name] = ("sticks",) * len(corners)
+            words[r.name] = ("sticks",) * len(w)
         factor, info = lapack.dpotrf(P.delassus, lower=0, clean=1) if P.m else (np.zeros((0, 0)), 0)
         if info or (factor.diagonal() ** 2 < INDEPENDENT * P.delassus.diagonal()).any():
             return None
@@ -100,15 +100,13 @@ class HeldRows:
         return self._free @ r
 
 
-def _corner_forces(cone: object, f: Array) -> Array | None:
-    """Minimum-norm corner forces in contact axes, shape (k, 3), of row forces f; None of sets without friction at corners."""
-    if isinstance(cone, FrictionCone):
-        return f[None] if cone.mu else None
-    if not isinstance(cone, WrenchCone) or not cone.mu:
-        return None
-    return (_split(cone) @ f).reshape(-1, 3)
+def _sticking_weights(cone: Cone, f: Array) -> tuple[Array, float] | None:
+    """(weights of minimum norm of row forces f, shape (k, 3), their coefficient); None of sets that are not all friction."""
+    inverse, mu = _split(cone)
+    return ((inverse @ f).reshape(-1, 3), mu) if mu else None
 
 
 @lru_cache(maxsize=256)
-def _split(cone: WrenchCone) -> Array:
-    return np.linalg.pinv(cone.corner_map)
+def _split(cone: Cone) -> tuple[Array, float]:
+    G, parts = cone.generators()
+    return np.linalg.pinv(G), parts[0].mu if len({part.mu for part in parts}) == 1 else 0.0

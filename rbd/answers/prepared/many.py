@@ -18,7 +18,7 @@ from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.answer import CARRIES_NOTHING_N
-from rbd.problem.cones import WrenchCone
+from rbd.problem.corner_cones import WrenchCone
 from rbd.problem.ground import TOUCHES
 from rbd.problem.residuals import SOLVED
 from rbd.solvers.contact_newton import ContactNewton

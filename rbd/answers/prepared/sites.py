@@ -10,6 +10,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
+from rbd.problem.cones import Cone
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,12 @@ def covered(robot: CheckedModel, contacts: tuple[object, ...]) -> bool:
         return False
     joints, names = set(), set()
     for contact in contacts:
-        if not isinstance(contact, Contact) or len(contact.corners) == 2 or contact.friction == 0.0:
+        if (
+            not isinstance(contact, Contact)
+            or len(contact.corners) == 2
+            or contact.friction == 0.0
+            or isinstance(contact.friction, Cone)
+        ):
             return False
         if not contact.on_still_ground:
             return False

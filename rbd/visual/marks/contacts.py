@@ -11,6 +11,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.problem.answer import ContactForce
+from rbd.problem.cones import Cone, FrictionCone
 from rbd.visual import shapes
 from rbd.visual.marks.arrows import force_arrow, moment_marks, tip_of
 from rbd.visual.marks.mark import Label, Mark, Sizes, node, number, numbers
@@ -68,7 +69,7 @@ class ShownForce:
         if self.patch.friction is None:
             return "held"
         used = self.friction_used
-        return "" if used is None else f"friction {100.0 * used:.0f} % of mu = {self.patch.friction:g}"
+        return "" if used is None else f"friction {100.0 * used:.0f} %{_of(self.patch.friction, ' of mu = ')}"
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -77,7 +78,7 @@ class ShownForce:
         lines = [f"|f| {number(float(np.linalg.norm(self.force)))} N", f"force on the robot {numbers(self.force)} N"]
         lines.append(f"normal {number(self.pressure)} N, tangential {number(self.tangential)} N")
         if self.friction_used is not None:
-            lines.append(f"friction used {100.0 * self.friction_used:.1f} % of mu {patch.friction:g}")
+            lines.append(f"friction used {100.0 * self.friction_used:.1f} %{_of(patch.friction, ' of mu ')}")
         elif patch.friction is None:
             lines.append("bilateral: held without a limit")
         if float(np.linalg.norm(self.moment)) > 1e-6:
@@ -162,19 +163,32 @@ def contact_marks(contact: ShownForce, color: str, sizes: Sizes) -> list[Mark]:
     return [*marks, *moment_marks(f"{at}/moment", name, contact.start, contact.moment, color, sizes)]
 
 
-def _cone_marks(at: str, contact: ShownForce, mu: float, color: str, sizes: Sizes) -> list[Mark]:
-    """The friction cone at the point where the resultant acts."""
-    patch = contact.patch
-    rim, height = shapes.rim_of(mu, sizes.cone)
-    cone = shapes.friction_cone(contact.start, patch.axes, mu, slant=sizes.cone)
-    lid = contact.start + height * patch.axes[:, 2]
-    ring = shapes.ring(lid, patch.axes, rim, thickness=0.7 * sizes.line)
-    words = (f"mu {mu:g}, half angle {np.degrees(np.arctan(mu)):.0f} degrees", *(w for w in (contact.friction,) if w))
-    label = Label(f"{contact.name}: friction cone", words, lid, tag=False)
+def _cone_marks(at: str, contact: ShownForce, friction: float | Cone, color: str, sizes: Sizes) -> list[Mark]:
+    """The set of forces of a point with a load, as far as it has a shape to draw, at the point where the resultant acts."""
+    given = friction if isinstance(friction, Cone) else FrictionCone(friction)
+    rim = given.rim()
+    if not len(rim):
+        return []
+    longest = float(np.linalg.norm(rim, axis=1).max())
+    rim = contact.start + sizes.cone / longest * rim @ contact.patch.axes.T
+    words = (_told(friction), *(w for w in (contact.friction,) if w))
+    label = Label(f"{contact.name}: friction cone", words, rim.mean(axis=0), tag=False)
+    edge = shapes.tube(rim, radius=0.7 * sizes.line, closed=True)
     return [
-        Mark(f"{at}/cone", cone, color, 0.28, seen_through=True, layer="cones", label=label),
-        Mark(f"{at}/rim", ring, color, seen_through=True, layer="cones", label=label),
+        Mark(f"{at}/cone", shapes.fan(contact.start, rim), color, 0.28, seen_through=True, layer="cones", label=label),
+        Mark(f"{at}/rim", edge, color, seen_through=True, layer="cones", label=label),
     ]
+
+
+def _of(friction: float | Cone | None, words: str) -> str:
+    """The coefficient in words; empty of sets that have more than one number."""
+    return "" if friction is None or isinstance(friction, Cone) else f"{words}{friction:g}"
+
+
+def _told(friction: float | Cone) -> str:
+    if isinstance(friction, Cone):
+        return f"forces in a {type(friction).__name__}"
+    return f"mu {friction:g}, half angle {np.degrees(np.arctan(friction)):.0f} degrees"
 
 
 def _corner_mark(at: str, contact: ShownForce, color: str, sizes: Sizes) -> Mark:

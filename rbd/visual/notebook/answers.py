@@ -90,7 +90,7 @@ def _does(answer: Answer) -> dict[str, str]:
         elif rows.name in sliding:
             out[rows.name] = "slides"
         else:
-            motion = T.at_points(y, i)
+            motion = T.point_accelerations(y, i)
             slip, lift = np.hypot(motion[:, 0], motion[:, 1]), motion[:, 2]
             slip = slip[lift <= STILL]
             if (lift > STILL).all():
