@@ -85,15 +85,11 @@ if _TYPE_CHECKING:
     from rbd.motion.measured import (
         estimate_forces as estimate_forces,
     )
-    from rbd.motion.motion import (
-        Motion as Motion,
-    )
+    from rbd.motion.reference_motion import Motion as Motion
+    from rbd.problem.gauss_problem import GaussProblem as GaussProblem
     from rbd.problem.ground import (
         Body as Body,
         Ground as Ground,
-    )
-    from rbd.problem.problem import (
-        GaussProblem as GaussProblem,
     )
     from rbd.problem.rows import (
         Rows as Rows,
@@ -138,10 +134,8 @@ if _TYPE_CHECKING:
         study as study,
     )
     from rbd.studies.sampling.draws import (
-        sample as sample,
-    )
-    from rbd.studies.sampling.grids import (
         grid as grid,
+        sample as sample,
     )
 
 __version__ = _VERSION
@@ -164,9 +158,9 @@ _NAMES = {
     "rbd.model.state": "State",
     "rbd.motion.checking": "check_motion",
     "rbd.motion.measured": "estimate_forces",
-    "rbd.motion.motion": "Motion",
+    "rbd.motion.reference_motion": "Motion",
     "rbd.problem.ground": "Body Ground",
-    "rbd.problem.problem": "GaussProblem",
+    "rbd.problem.gauss_problem": "GaussProblem",
     "rbd.problem.rows": "Rows",
     "rbd.robots.building.builder": "RobotBuilder",
     "rbd.robots.loop_file": "register_constraint",
@@ -181,8 +175,7 @@ _NAMES = {
     "rbd.solvers.proxqp": "ProxQP",
     "rbd.statics.actuation": "Actuation",
     "rbd.statics.equilibrium": "hold",
-    "rbd.studies.sampling.draws": "sample",
-    "rbd.studies.sampling.grids": "grid",
+    "rbd.studies.sampling.draws": "grid sample",
     "rbd.studies.running": "study",
 }
 """Top-level names by module; the imports above are the same for type checkers."""

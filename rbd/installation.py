@@ -1,11 +1,14 @@
-"""Check that Python imports the Pinocchio that pip installed; imported first, so that a wrong one is reported early.
+"""Check that Python imports the Pinocchio that pip installed; and whether loops are compiled, by Numba.
 
 ROS puts its own on PYTHONPATH, where it hides pip's, and PyPI's `pinocchio` is an unrelated plugin of nose.
+
+Numba is imported with the first contact problem, or when shapes are first looked for on a plane, not with `rbd`.
 """
 
 from __future__ import annotations
 
 import os
+from functools import lru_cache
 
 from rbd.errors import WrongPinocchio
 
@@ -79,3 +82,9 @@ def check_place() -> None:
 def check_whole() -> None:
     """Import Pinocchio, and refuse a wrong one; errors as `check`."""
     check(_found())
+
+
+@lru_cache(maxsize=1)
+def in_use() -> bool:
+    """Whether functions in loops are compiled; else they take some hundred times as long."""
+    return os.environ.get("RBD_COMPILED", "1") != "0"

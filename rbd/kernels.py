@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from rbd.compiled import in_use
+from rbd.installation import in_use
 
 if in_use():
     import numba

@@ -12,7 +12,7 @@ import pinocchio as pin
 from bench_timing import DRAWS
 
 import rbd
-from rbd.constraints.contact_kinds import SurfaceContact
+from rbd.constraints.contact import SurfaceContact
 from rbd.errors import RbdWarning
 
 Array = np.ndarray

@@ -23,7 +23,7 @@ from mujoco_bridge import MujocoTwin
 from rich.table import Table
 
 import rbd
-from rbd.constraints.contact_kinds import PointContact, SurfaceContact
+from rbd.constraints.contact import PointContact, SurfaceContact
 
 Array = np.ndarray
 Foot = PointContact | SurfaceContact

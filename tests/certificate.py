@@ -256,7 +256,7 @@ def _judge(A: _Arrays, name: str, cone: object, J: Array, f: Array, bias: Array,
     elif kind == "NonNegative":
         for k in range(len(f)):
             A.entry(f"{name}[{k}]", J[k], float(f[k]), float(c[k]), float(u[k]), float(bias[k]), 0.0, math.inf)
-    elif kind == "Box":
+    elif kind == "Bounds":
         for k in range(len(f)):
             lo, hi = float(cone.lo[k]), float(cone.hi[k])  # type: ignore[attr-defined]
             A.entry(f"{name}[{k}]", J[k], float(f[k]), float(c[k]), float(u[k]), float(bias[k]), lo, hi)
@@ -348,7 +348,7 @@ def _conditions(cone: object, J: Array, bias: Array, u: Array, facets: int, equa
             part = slice(at, at + one.dim)
             at += one.dim
             _conditions(one, J[part], bias[part], u[part], facets, equal, above)
-    elif kind == "Box":
+    elif kind == "Bounds":
         for k, (lo, hi) in enumerate(zip(cone.lo, cone.hi, strict=True)):  # type: ignore[attr-defined]
             if math.isinf(hi) and math.isinf(lo):
                 equal.append((J[k], bias[k]))

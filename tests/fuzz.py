@@ -337,7 +337,7 @@ def run(
     ending = "xml" if how else "urdf"
     how = sys.modules[__name__] if how is None else how
     files = how.sources()
-    for name in ("rbd.robots.loading", "rbd.model.mjcf.building", "rbd.model.dynamics"):
+    for name in ("rbd.robots.loading", "rbd.model.mjcf.pinocchio_model", "rbd.model.dynamics"):
         importlib.import_module(name)  # once: each fork would do it anew, which takes longer than its file
     limits = {resource.RLIMIT_AS: MEMORY_LIMIT, resource.RLIMIT_CORE: 0, resource.RLIMIT_CPU: 30}
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:

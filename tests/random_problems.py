@@ -60,7 +60,7 @@ def _cone(rng: Rng) -> rbd.problem.cones.Cone:
         return rbd.problem.FrictionCone(mu, facets)
     if kind == 4:
         lo = -float(10.0 ** rng.uniform(-4, 2))
-        return rbd.problem.Box([lo, -np.inf][:1], [float(rng.choice([-lo, 2.0 * abs(lo), np.inf]))])
+        return rbd.problem.Bounds([lo, -np.inf][:1], [float(rng.choice([-lo, 2.0 * abs(lo), np.inf]))])
     if kind == 5:
         k = int(rng.integers(3, 6))
         above = np.zeros(k) if rng.random() < 0.7 else rng.uniform(-0.1, 0.1, k)
@@ -104,7 +104,7 @@ def arrays(rng: Rng) -> tuple[str, rbd.GaussProblem]:
         bias = -J @ a0 if isinstance(cone, rbd.problem.Free) else J @ a0 * rng.normal() * 0.3
         feedback = rng.normal(size=m) * 0.1 if rng.random() < 0.2 and not isinstance(cone, rbd.problem.Free) else np.zeros(m)
         velocity = np.zeros(m)
-        if isinstance(cone, rbd.problem.Box | rbd.problem.NonNegative) and rng.random() < 0.2:
+        if isinstance(cone, rbd.problem.Bounds | rbd.problem.NonNegative) and rng.random() < 0.2:
             velocity[:] = np.abs(rng.normal(size=m)) + 0.01
         rows.append(rbd.Rows(f"r{k}", J, bias, cone, velocity, feedback=feedback))
     return f"arrays: nv {n}, {spread:g} decades, {family}, {sum(len(r) for r in rows)} rows", rbd.GaussProblem(M, rhs, rows)

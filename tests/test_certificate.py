@@ -69,7 +69,7 @@ def test_points_that_obey_their_law_are_clean_and_others_are_not(p, c, u, law: s
     assert max(seen) >= 0.5e-6
 
 
-@pytest.mark.parametrize("cone", [rbd.problem.Free(1), rbd.problem.Box([-1.0], [1.0])], ids=["locked", "rubs"])
+@pytest.mark.parametrize("cone", [rbd.problem.Free(1), rbd.problem.Bounds([-1.0], [1.0])], ids=["locked", "rubs"])
 @pytest.mark.parametrize(("turns", "clean"), [(0.0, True), (2e-14, True), (2e-12, False), (1e-6, False)])
 def test_the_last_digits_of_a_fall_are_no_turn_of_a_joint(cone, turns: float, clean: bool) -> None:
     """100 g at an arm of 0.1 m on a kilogram that falls: its joint keeps still, to the rounding of 9.81 m/s2 over the arm."""

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import app
-from rbd.cli.checking import motion_files, pages_of
+from rbd.cli.check_command import motion_files, pages_of
 
 runner = CliRunner()
 N, UP = 30, 20

@@ -11,8 +11,7 @@ from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import app
-from rbd.cli.simulate_report import SimulateReport
-from rbd.cli.simulate_setup import loaded, pushes, setup
+from rbd.cli.simulate_report import SimulateReport, loaded, pushes, setup
 from rbd.errors import SimulationStopped
 
 runner = CliRunner()
@@ -135,7 +134,7 @@ def test_a_posture_that_cannot_be_held_ends_with_code_1(monkeypatch):
         robot.effort_limit = 0.1 * robot.effort_limit
         return robot
 
-    monkeypatch.setattr("rbd.cli.simulate_setup.load_robot", weak)
+    monkeypatch.setattr("rbd.cli.simulate_report.load_robot", weak)
     code, out, complaint = run("talos")
     assert code == 1 and "torque limit prevents it" in complaint and "steps/s" not in out
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rbd.problem.cone_programs import ConeSet, Separable, interior, least, least_squares
 from rbd.problem.cones import project_cones
+from rbd.problem.conic import ConeSet, Separable, interior, least, least_squares
 from rbd.problem.programs import Work
 
 MU = 0.6

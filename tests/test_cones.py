@@ -8,7 +8,7 @@ from scipy.optimize import linprog, nnls
 
 import rbd
 from rbd.arrays import block_diagonal, cross_matrix
-from rbd.problem.cones import HalfLine, Interval, Line, Product, SecondOrderCone, check_friction, pyramid
+from rbd.problem.cones import FreeLine, HalfLine, Interval, Product, SecondOrderCone, check_friction, pyramid
 from rbd.problem.force_set import at_rest
 
 SOLE = np.array([[0.11, 0.05, 0.0], [0.11, -0.05, 0.0], [-0.11, -0.05, 0.0], [-0.11, 0.05, 0.0]])
@@ -18,7 +18,7 @@ CONES = {
     "nonnegative": rbd.problem.NonNegative(3),
     "friction": rbd.problem.FrictionCone(0.6),
     "smooth": rbd.problem.FrictionCone(0.0),
-    "box": rbd.problem.Box([-1.0, 0.0, -np.inf], [1.0, 0.5, 2.0]),
+    "box": rbd.problem.Bounds([-1.0, 0.0, -np.inf], [1.0, 0.5, 2.0]),
     "wrench": rbd.problem.WrenchCone(SOLE, 0.6),
     "product": rbd.problem.Product([rbd.problem.FrictionCone(0.3), rbd.problem.NonNegative(2), rbd.problem.Free(1)]),
 }
@@ -87,12 +87,12 @@ def test_projection_onto_the_friction_cone_agrees_with_a_general_minimiser(rng):
 def test_generators_are_made_of_simple_parts():
     """K = G x product of parts: lines, half-lines, intervals, second-order cones; a smooth patch keeps its normals only."""
     kinds = {
-        "free": [Line] * 3,
+        "free": [FreeLine] * 3,
         "nonnegative": [HalfLine] * 3,
         "friction": [SecondOrderCone],
         "box": [Interval] * 3,
         "wrench": [SecondOrderCone] * 4,
-        "product": [SecondOrderCone, HalfLine, HalfLine, Line],
+        "product": [SecondOrderCone, HalfLine, HalfLine, FreeLine],
     }
     for name, expected in kinds.items():
         G, parts = CONES[name].generators()
@@ -246,11 +246,11 @@ def test_a_pyramid_of_no_facets_is_refused(facets):
 def test_a_box_whose_bounds_cross_is_refused():
     """Bounds lo <= hi, of one length."""
     with pytest.raises(rbd.InputError, match="lo <= hi"):
-        rbd.problem.Box([1.0], [0.0])
+        rbd.problem.Bounds([1.0], [0.0])
     with pytest.raises(rbd.InputError, match="lo <= hi"):
-        rbd.problem.Box([0.0, 0.0], [1.0])
+        rbd.problem.Bounds([0.0, 0.0], [1.0])
     with pytest.raises(rbd.InputError, match="lo <= hi"):
-        rbd.problem.Box([np.nan], [1.0])
+        rbd.problem.Bounds([np.nan], [1.0])
 
 
 def test_a_set_of_no_forces_has_no_rays() -> None:

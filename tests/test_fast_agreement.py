@@ -18,7 +18,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.answers.analysis.modes import modes_of
+from rbd.answers.analysis.contact_modes import modes_of
 from rbd.answers.analysis.uniqueness import motion_freedom
 from rbd.constraints.constraint import Constraint
 from rbd.errors import NonUniqueMotionWarning, RbdWarning

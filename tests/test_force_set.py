@@ -37,7 +37,7 @@ class TestAtRest:
     def test_columns_and_bounds_are_those_of_the_sets(self):
         """A line, a half-line, an interval and a cone, in order; cones alone are free in each column."""
         cone = rbd.problem.Product(
-            [rbd.problem.Free(1), rbd.problem.NonNegative(1), rbd.problem.Box([-1.0], [2.0]), rbd.problem.FrictionCone(0.5)]
+            [rbd.problem.Free(1), rbd.problem.NonNegative(1), rbd.problem.Bounds([-1.0], [2.0]), rbd.problem.FrictionCone(0.5)]
         )
         T = ForceSet.of([rows_with(cone)])
         assert T.G == pytest.approx(np.eye(6)) and T.H is T.G
@@ -133,12 +133,12 @@ class TestMoving:
     @pytest.mark.parametrize(("velocity", "bound"), [(2.0, -3.0), (-2.0, 5.0)])
     def test_dry_friction_stands_at_the_bound_against_the_motion(self, velocity, bound):
         """Box(-3, 5): all of -3 against a positive rate, all of 5 against a negative one."""
-        T = ForceSet.of([rows_with(rbd.problem.Box([-3.0], [5.0]), [velocity])])
+        T = ForceSet.of([rows_with(rbd.problem.Bounds([-3.0], [5.0]), [velocity])])
         assert T.lower.tolist() == T.upper.tolist() == [bound]
 
     def test_an_interval_without_that_bound_keeps_its_choice(self):
         """Nothing finite stands against the motion."""
-        T = ForceSet.of([rows_with(rbd.problem.Box([-np.inf], [5.0]), [2.0])])
+        T = ForceSet.of([rows_with(rbd.problem.Bounds([-np.inf], [5.0]), [2.0])])
         assert T.lower[0] == -np.inf and T.upper[0] == 5.0
 
     def test_rows_that_hold_do_not_mind_moving(self):
@@ -235,7 +235,7 @@ class TestWeights:
     parts = ForceSet.of(
         [
             rows_with(
-                rbd.problem.Product([rbd.problem.Free(1), rbd.problem.NonNegative(1), rbd.problem.Box([-1.0], [2.0])]),
+                rbd.problem.Product([rbd.problem.Free(1), rbd.problem.NonNegative(1), rbd.problem.Bounds([-1.0], [2.0])]),
                 name="singles",
             ),
             rows_with(rbd.problem.FrictionCone(0.5), name="point"),
@@ -287,7 +287,10 @@ class TestWeights:
     def test_fixed_weights_answer_to_nothing(self):
         """What opens, and dry friction that rubs: no gap and no slack, whatever the acceleration."""
         T = ForceSet.of(
-            [rows_with(rbd.problem.FrictionCone(0.5), [0, 0, 1.0]), rows_with(rbd.problem.Box([-3.0], [5.0]), [1.0], "joint")]
+            [
+                rows_with(rbd.problem.FrictionCone(0.5), [0, 0, 1.0]),
+                rows_with(rbd.problem.Bounds([-3.0], [5.0]), [1.0], "joint"),
+            ]
         )
         for y in (np.array([-4.0, 2.0]), np.array([4.0, -2.0])):
             assert not T.gap(y).any() and not T.slack(T.project(np.array([9.0, 9.0])), y).any()
@@ -320,7 +323,7 @@ class TestWeights:
 
         def weights(lower, upper, force):
             """Of boxes that push on one row together."""
-            T = replace(ForceSet.of([rows_with(rbd.problem.Box(lower, upper))]), G=np.ones((1, len(lower))))
+            T = replace(ForceSet.of([rows_with(rbd.problem.Bounds(lower, upper))]), G=np.ones((1, len(lower))))
             return T.weights_of(np.array([force]))
 
         assert weights([3.0, 0.0], [3.0, 1.5], 5.0) == pytest.approx([3.0, 1.5]) and weights([1.0], [1.0], 1.0) == [1.0]

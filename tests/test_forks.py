@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import rbd
-import rbd.model.forks
+import rbd.model.data_pool
 from rbd.model.output_files import new_folder
 from rbd.visual import Scene
 
@@ -178,7 +178,7 @@ def test_where_nothing_forks_nothing_is_registered(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(os, "register_at_fork", lambda **given: registered.append(given["after_in_child"]))
     if not can_fork:
         monkeypatch.delattr(os, "register_at_fork")
-    module = runpy.run_path(rbd.model.forks.__file__)
+    module = runpy.run_path(rbd.model.data_pool.__file__)
     renewed = []
 
     class Owner:

@@ -15,7 +15,7 @@ import pytest
 
 import rbd
 from rbd.arrays import Array
-from rbd.mechanism.stage_solver import StageSolver
+from rbd.mechanism.redundant_accelerations import StageSolver
 from rbd.problem.force_set import ForceSet
 from rbd.simulation.smooth import SmoothMotion
 from rbd.solvers import admm

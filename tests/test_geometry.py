@@ -20,7 +20,7 @@ import rbd
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import FrameNotFound, InputError, ModelError, ModelWarning
 from rbd.model.meshes import Geometry, _equivalent_box, load_geometry
-from rbd.robots.underside import flat_underside
+from rbd.robots.feet import flat_underside
 from rbd.visual.robot_meshes import robot_parts
 
 MM = 1e-3

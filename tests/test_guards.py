@@ -465,7 +465,9 @@ def use_samples(made: rbd.studies.Samples) -> Any:
 
 
 CASES: dict[str, Case] = {
-    "Box": Case(lambda **given: use_cone(rbd.problem.Box(**given)), {"lo": np.array([-1.0, 0.0]), "hi": np.array([1.0, 2.0])}),
+    "Bounds": Case(
+        lambda **given: use_cone(rbd.problem.Bounds(**given)), {"lo": np.array([-1.0, 0.0]), "hi": np.array([1.0, 2.0])}
+    ),
     "Free": Case(lambda **given: use_cone(rbd.problem.Free(**given)), {"dim": 3}),
     "NonNegative": Case(lambda **given: use_cone(rbd.problem.NonNegative(**given)), {"dim": 3}),
     "EllipticCone": Case(lambda **given: use_cone(rbd.problem.EllipticCone(**given)), {"mu_x": 0.5, "mu_y": 0.4, "facets": 4}),
@@ -768,7 +770,7 @@ CASES: dict[str, Case] = {
     "load_robot, its text": Case(
         rbd.load_robot, {"text": URDF.read_text(), "root": "free_flyer", "loops": True, "package_dirs": ["."], "limits": None}
     ),
-    "robots.Box": weighed(rbd.robots.Box, {"size": (0.1, 0.2, 0.3)}),
+    "Box": weighed(rbd.robots.Box, {"size": (0.1, 0.2, 0.3)}),
     "Sphere": weighed(rbd.robots.Sphere, {"radius": 0.1}),
     "Cylinder": weighed(rbd.robots.Cylinder, {"radius": 0.1, "length": 0.3}),
     "Capsule": weighed(rbd.robots.Capsule, {"radius": 0.1, "length": 0.3}),
@@ -1348,7 +1350,7 @@ MADE_BY_RBD = {
     "Motion",
     "MotionDifference",
     "Derivation",
-    "Lanes",
+    "ContactTimeline",
     "MotionReport",
     "Answer",
     "Trajectory",

@@ -7,7 +7,7 @@ import pytest
 
 import rbd
 from rbd.errors import InputError
-from rbd.problem.problem import BILATERAL, CONVEX, COULOMB, Law
+from rbd.problem.gauss_problem import BILATERAL, CONVEX, COULOMB, Law
 
 
 @pytest.mark.parametrize("text", ["bilateral", "convex", "coulomb", "convex, 4 facets", "convex, 4 and 8 facets"])

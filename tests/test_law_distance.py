@@ -20,7 +20,7 @@ def _point(f, c, cone, law: str) -> rbd.problem.Answer:
     f, c = np.array(f, float), np.array(c, float)
     n = len(f)
     P = rbd.GaussProblem(np.eye(n), c - f, [Rows("tip", np.eye(n), np.zeros(n), cone)])
-    T = P.force_set_of(rbd.problem.problem.Law.of(law))
+    T = P.force_set_of(rbd.problem.gauss_problem.Law.of(law))
     weights = T.weights_of(f) if law != "convex, 4 facets" else nnls(T.G, f)[0]
     return rbd.problem.Answer(P, c, f, weights, law, "by hand", 1, 0.0)
 
@@ -32,7 +32,7 @@ CONE, STEEP = rbd.problem.FrictionCone(0.5), rbd.problem.FrictionCone(1e6)
     ("f", "c", "cone", "law", "far"),
     [
         ([1e-5], [1e-5], rbd.problem.NonNegative(1), "convex", 1e-5),  # a stop that pushes a little, and opens a little
-        ([3.0 - 1e-5], [-1e-5], rbd.problem.Box([-3.0], [3.0]), "convex", 1e-5 / 3.0),  # friction not quite at its limit
+        ([3.0 - 1e-5], [-1e-5], rbd.problem.Bounds([-3.0], [3.0]), "convex", 1e-5 / 3.0),  # friction not quite at its limit
         ([0.0, 0.0, 1e-5], [0.0, 0.0, 1e-5], CONE, "coulomb", 1e-5),
         ([-0.5, 0.0, 1.0], [2.0, 0.0, 1e-6], CONE, "coulomb", 1e-6),  # slips, and lifts off with 1e-6 m/s2 while it pushes
         ([0.0, 0.1, 1.0], [1e-6, 0.0, 0.0], CONE, "coulomb", 1e-6),  # creeps with a tenth of its friction used
@@ -54,7 +54,7 @@ def test_a_force_across_a_gap_is_no_answer_however_small_their_product(f, c, con
     ("f", "c", "cone", "law"),
     [
         ([2.0], [0.0], rbd.problem.NonNegative(1), "convex"),
-        ([3.0], [-7.0], rbd.problem.Box([-3.0], [3.0]), "convex"),
+        ([3.0], [-7.0], rbd.problem.Bounds([-3.0], [3.0]), "convex"),
         ([0.0, 0.0, 0.0], [5.0, 3.0, 1.0], CONE, "coulomb"),
         ([-0.3, -0.4, 1.0], [3.0, 4.0, 0.0], CONE, "coulomb"),
         ([-0.3, -0.4, 1.0], [3.0, 4.0, 2.5], CONE, "convex"),
@@ -103,7 +103,7 @@ def test_the_nearest_force_of_a_pyramid(mu, facets, rng) -> None:
 
 def test_what_passes_without_scales_passes_with_them(rng) -> None:
     """The cheap bound is not below the distances: of near answers of every law, each off by a little of its own."""
-    cones = [CONE, rbd.problem.FrictionCone(2.0, facets=8), rbd.problem.NonNegative(1), rbd.problem.Box([-1.0], [2.0])]
+    cones = [CONE, rbd.problem.FrictionCone(2.0, facets=8), rbd.problem.NonNegative(1), rbd.problem.Bounds([-1.0], [2.0])]
     told = 0
     for law in ("coulomb", "convex", "convex, 4 and 8 facets"):
         for _ in range(60):

@@ -20,7 +20,7 @@ PACKAGE = Path(__file__).parent.parent / "rbd"
 ORDER = """
 displayed
 errors
-arrays compiled installation modules
+arrays installation modules
 kernels
 model problem
 constraints solvers

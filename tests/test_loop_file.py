@@ -19,8 +19,7 @@ from work import calls
 import rbd
 from rbd.answers.least_constraint import momentum_balance
 from rbd.errors import InputError, JointNotFound, ModelError, ModelWarning
-from rbd.robots.loop_file import LoopFile, NamedFrame, read_loop_file
-from rbd.robots.loop_text import LARGEST_FILE
+from rbd.robots.loop_file import LARGEST_FILE, LoopFile, NamedFrame, read_loop_file
 
 TOP = Path(__file__).parents[1]
 FOUR_BAR = TOP / "urdf" / "four_bar.urdf"

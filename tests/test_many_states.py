@@ -16,9 +16,9 @@ import pytest
 
 import rbd
 from rbd.answers.many import Solutions, StateStatus
-from rbd.answers.many.warned import WARNINGS
-from rbd.answers.prepared.kept import MOST, MOST_BODIES
-from rbd.answers.prepared.many import prepared_blocks
+from rbd.answers.many.many_answers import WARNINGS
+from rbd.answers.prepared.many_states import prepared_blocks
+from rbd.answers.prepared.sites import MOST, MOST_BODIES
 from rbd.errors import DistantContactWarning, EffortLimitWarning, OpeningContactWarning
 
 URDF = Path(__file__).parents[1] / "urdf"

@@ -7,7 +7,7 @@ import pytest
 
 import rbd
 from rbd.arrays import Array
-from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product
+from rbd.problem.cones import Bounds, Free, FrictionCone, NonNegative, Product
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.corner_cones import WrenchCone
 from rbd.problem.force_set import ForceSet
@@ -127,7 +127,7 @@ class TestRows:
 
     def test_an_interval_yields_at_its_bound(self):
         """Dry friction of a joint within -1 and 2 N m: c > 0 gives the lower bound, c < 0 the upper, c = 0 any between."""
-        sets = sets_of(Box([-1.0], [2.0]))
+        sets = sets_of(Bounds([-1.0], [2.0]))
         for c, low, high in ((0.3, -1.0, -1.0), (-0.3, 2.0, 2.0), (0.0, -1.0, 2.0)):
             found, refused = allowed(sets, [c])
             assert refused == () and (found.lower, found.upper) == ([low], [high])
@@ -148,7 +148,7 @@ class TestSeveral:
 
     def test_what_is_left_keeps_its_places(self, rng):
         """Columns of each constraint, bounds, and coefficients, of five kinds at once."""
-        sets = sets_of(Free(1), FrictionCone(0.3), Product([FrictionCone(0.4), NonNegative(1)]), Box([-1.0], [1.0]))
+        sets = sets_of(Free(1), FrictionCone(0.3), Product([FrictionCone(0.4), NonNegative(1)]), Bounds([-1.0], [1.0]))
         found, refused = allowed(sets, [0.0, *(1.0, 0.0, 0.0), *(0.0, 0.0, 0.0), 0.5, 0.2])
         assert refused == ()
         assert [s.stop - s.start for s in found.slices] == [1, 1, 4, 1]

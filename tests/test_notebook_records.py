@@ -19,11 +19,9 @@ from copied import instances
 
 import rbd
 from rbd.displayed import Displayed
-from rbd.visual.notebook.card import MOST_LETTERS, Card, Fold, Table, card_html
-from rbd.visual.notebook.registry import card_of
+from rbd.visual.notebook.card import MOST_LETTERS, Card, CardTable, Fold, card_html, card_of, documented, field_rows, words
+from rbd.visual.notebook.motion_cards import curves, lanes, polygon
 from rbd.visual.notebook.shown import html_of
-from rbd.visual.notebook.small_curves import curves, lanes, polygon
-from rbd.visual.notebook.values import documented, field_rows, words
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs" / "site"))
 from rbd_site.public import PACKAGES, names_of  # noqa: E402
@@ -193,7 +191,7 @@ def test_names_are_escaped_everywhere() -> None:
     t, x = np.linspace(0.0, 1.0, 5), np.ones(5)
     drawing = curves(evil, t, {evil: x}) + lanes(evil, t, {evil: x > 0.0})
     drawing += polygon(evil, np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), {evil: np.zeros(2)})
-    table = Table([(evil,)], (evil,), evil, rest=evil, whole=3)
+    table = CardTable([(evil,)], (evil,), evil, rest=evil, whole=3)
     html = card_html(Card(evil, tables=[table], notes=[evil], folds=[Fold(evil, [table, evil])], drawing=drawing))
     assert "<img" not in html and read(html).wrong == [] and read(html).open == []
     lock = rbd.JointLock(evil, evil, position=0.0)
@@ -202,7 +200,7 @@ def test_names_are_escaped_everywhere() -> None:
 
 def test_long_things_are_cut_and_counted() -> None:
     """A long cell ends in an ellipsis, a long table in a count, a long array is shape and range."""
-    html = card_html(Card("long", tables=[Table([("x" * 1000,)] * 100, rest="the file")]))
+    html = card_html(Card("long", tables=[CardTable([("x" * 1000,)] * 100, rest="the file")]))
     assert "x" * MOST_LETTERS not in html and "and 60 more, in the file" in html
     assert words(np.linspace(-1.0, 2.0, 700).reshape(100, 7)) == "shape (100, 7), -1 to 2"
     assert words(np.array([1.0, np.nan])) == "(1, -)" and words(np.zeros((0, 3))) == "empty, shape (0, 3)"

@@ -248,7 +248,7 @@ def test_the_command_line_refuses_a_place_before_it_works(command: str, option: 
 
     for module in pkgutil.iter_modules(rbd.cli.__path__):  # one that is first imported below would keep what is put there
         importlib.import_module(f"rbd.cli.{module.name}")
-    for door in ("rbd.robots.loading.load_robot", "rbd.cli.simulate_setup.load_robot", "rbd.cli.plane_report.plane_task"):
+    for door in ("rbd.robots.loading.load_robot", "rbd.cli.simulate_report.load_robot", "rbd.cli.plane_report.plane_task"):
         monkeypatch.setattr(door, never)
     (tmp_path / f"taken.{ending}").mkdir()
     places = {"there is no folder": [tmp_path / "nowhere" / f"x.{ending}"], "it is a folder": [tmp_path / f"taken.{ending}"]}
@@ -282,7 +282,7 @@ def test_numbers_may_go_to_standard_output(tmp_path: Path):
 
 def test_no_module_writes_files_on_its_own():
     """Files for a user are written by `rbd.model.output_files` alone; the others write into folders of their own."""
-    own = {"output_files.py", "meshes.py", "robot_sheet.py", "planar_figures.py"}
+    own = {"output_files.py", "meshes.py", "side_by_side.py", "planar_figures.py"}
     for path in sorted(Path(rbd.__file__).parent.rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         writes = [word for word in (".write_text(", ".write_bytes(", "savefig(path", '"wb")', '"w")') if word in text]

@@ -144,7 +144,7 @@ class TestWhatAVelocityDecides:
 
     def test_a_moving_interval_stands_against_its_motion(self):
         """Each component by itself, and an infinite bound is none to stand at; below 1e-6 nothing is decided."""
-        box = rbd.problem.Box([-1.0, -2.0, -3.0, -np.inf], [1.0, 2.0, 3.0, 4.0])
+        box = rbd.problem.Bounds([-1.0, -2.0, -3.0, -np.inf], [1.0, 2.0, 3.0, 4.0])
         rows = Rows("rub", np.eye(4), np.zeros(4), box, velocity=np.array([0.1, -0.1, 0.9e-6, 0.1]))
         R = rbd.GaussProblem(np.eye(4), np.zeros(4), [rows]).force_set.pyramids
         assert R.lower.tolist() == [-1.0, 2.0, -3.0, -np.inf] and R.upper.tolist() == [-1.0, 2.0, 3.0, 4.0]

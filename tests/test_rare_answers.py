@@ -18,8 +18,8 @@ from rbd.problem.cones import Cone
 from rbd.problem.programs import Outcome
 from rbd.problem.residuals import blame
 from rbd.problem.rows import Rows
-from rbd.solvers import conic
-from rbd.statics import effort_program
+from rbd.solvers import conic_newton
+from rbd.statics import wanted_motion
 from rbd.testing import ConstraintWrong, SolverWrong, box, check_constraint, check_solver, law_residuals, reference_problems
 
 
@@ -196,7 +196,7 @@ def test_planar_is_there_when_it_is_first_asked_for(monkeypatch: pytest.MonkeyPa
 
 def off_by(relative: float):
     """`solve_conic` with answers that are off by this much."""
-    right = conic.solve_conic
+    right = conic_newton.solve_conic
 
     def solve(*given, **more):
         found = right(*given, **more)
@@ -210,8 +210,8 @@ def off_by(relative: float):
 )
 def test_torques_that_are_not_found_to_nine_digits_are_told(talos, monkeypatch, relative, told):
     """A program that is solved badly: a warning up to 1e-7, no torques above; never a wrong answer in silence."""
-    monkeypatch.setattr(effort_program, "solve_conic", off_by(relative))
-    monkeypatch.setattr(effort_program, "_balanced", lambda program, x: x)
+    monkeypatch.setattr(wanted_motion, "solve_conic", off_by(relative))
+    monkeypatch.setattr(wanted_motion, "_balanced", lambda program, x: x)
     if told is None:
         with pytest.raises(CannotHold, match="whether it can be held was not found") as caught:
             rbd.hold(talos.standing(), talos.soles(0.7))
@@ -224,9 +224,9 @@ def test_torques_that_are_not_found_to_nine_digits_are_told(talos, monkeypatch, 
 
 def test_possible_torques_do_where_the_least_are_not_found(talos, monkeypatch):
     """The least effort is not found, and any torques that hold are: they do hold, and say what they are not."""
-    settled = conic._settled
-    monkeypatch.setattr(conic, "_by_newton", lambda program: None)
-    monkeypatch.setattr(conic, "_settled", lambda p, *more: None if p.H.any() else settled(p, *more))
+    settled = conic_newton._settled
+    monkeypatch.setattr(conic_newton, "_by_newton", lambda program: None)
+    monkeypatch.setattr(conic_newton, "_settled", lambda p, *more: None if p.H.any() else settled(p, *more))
     push = rbd.ExternalForce("torso_2_link", (0.0, 60.0, 0.0))
     for margin in (0.0, 0.05):
         held = rbd.hold(talos.standing(), talos.soles(0.4), external=push, margin=margin)
@@ -241,11 +241,11 @@ def test_torques_that_are_no_numbers_are_none(monkeypatch):
     """A program whose numbers are lost: no torques, of an arm too, whose motors balance whatever its contacts do."""
     arm = rbd.load_robot("ur5", root="fixed")
     nan = np.array([np.nan])
-    monkeypatch.setattr(conic, "_by_newton", lambda program: None)
+    monkeypatch.setattr(conic_newton, "_by_newton", lambda program: None)
     monkeypatch.setattr(
-        conic,
+        conic_newton,
         "interior_point",
-        lambda p: conic.ConicAnswer(p, Outcome.NOT_FOUND, nan * np.ones(len(p.g)), 0 * p.b, nan * p.low, "Clarabel", 1),
+        lambda p: conic_newton.ConicAnswer(p, Outcome.NOT_FOUND, nan * np.ones(len(p.g)), 0 * p.b, nan * p.low, "Clarabel", 1),
     )
     with pytest.raises(CannotHold, match="whether it can be held was not found"):
         rbd.hold(rbd.State(arm, arm.neutral()), [rbd.PointContact("hand", "tool0", friction=0.5)])

@@ -161,7 +161,7 @@ def test_residuals_can_be_asked_of_any_answer():
 
 def test_forces_of_moving_rows_are_judged_by_the_bound_against_the_motion():
     """Without weights too, and beside a pyramid: right at the bound, 0.5 N off it, and 3 N on a stop that leaves."""
-    rub = Rows("rub", np.eye(3)[:1], np.zeros(1), rbd.problem.Box([-2.0], [2.0]), velocity=np.array([0.3]))
+    rub = Rows("rub", np.eye(3)[:1], np.zeros(1), rbd.problem.Bounds([-2.0], [2.0]), velocity=np.array([0.3]))
     stop = Rows("stop", np.eye(3)[1:2], np.zeros(1), rbd.problem.NonNegative(1), velocity=np.array([0.3]))
     end = Rows("end", np.eye(3)[2:], np.zeros(1), rbd.problem.NonNegative(1))
     P = rbd.GaussProblem(np.eye(3), np.array([1.0, -1.0, -1.0]), [rub, stop, end])
@@ -237,6 +237,6 @@ def test_forces_that_are_no_numbers_are_blamed_on_their_constraint(bad):
 
 def test_a_bound_beyond_all_forces_leaves_the_verdict_without_a_warning():
     """Forces from 0 to 1e100 N: one row holds with 1 N, at the other a push of 1 N leads away from its bound of zero."""
-    rows = [Rows("row", np.eye(2), np.zeros(2), rbd.problem.Box([0.0, 0.0], [1e100, 2.0]))]
+    rows = [Rows("row", np.eye(2), np.zeros(2), rbd.problem.Bounds([0.0, 0.0], [1e100, 2.0]))]
     s = rbd.solve_problem(rbd.GaussProblem(np.eye(2), np.array([-1.0, 1.0]), rows))
     assert s.a == pytest.approx([0.0, 1.0], abs=1e-12) and s.multipliers == pytest.approx([1.0, 0.0], abs=1e-12)

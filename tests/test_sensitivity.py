@@ -17,8 +17,8 @@ import pytest
 from scipy.optimize import nnls
 
 import rbd
-from rbd.answers.analysis.external_derivatives import SMOOTH, slope as slope_of
 from rbd.answers.analysis.sensitivity import Derivatives
+from rbd.answers.analysis.state_changes import SMOOTH, slope as slope_of
 from rbd.model.external import generalised
 from rbd.testing import box
 
@@ -423,7 +423,7 @@ class TestRefused:
             name = "sticky"
 
             def rows(self, state: rbd.State) -> rbd.Rows:
-                return rbd.Rows("sticky", np.eye(6)[:1], np.zeros(1), rbd.problem.Box([-1.0 - state.q[0]], [1.0]))
+                return rbd.Rows("sticky", np.eye(6)[:1], np.zeros(1), rbd.problem.Bounds([-1.0 - state.q[0]], [1.0]))
 
         with pytest.raises(rbd.errors.NotDifferentiable, match="the set of forces of 'sticky' changes"):
             resting_box((0.5, 0, 0), [Sticky()], rbd.ConeSolver()).derivatives()

@@ -20,7 +20,7 @@ from typer.testing import CliRunner
 
 import rbd
 from rbd.cli.app import app
-from rbd.cli.terminal import Table, answering, open_console, write_json
+from rbd.cli.terminal import TerminalTable, answering, open_console, write_json
 
 URDF = Path(__file__).parents[1] / "urdf"
 ODD = ("[/foo]", "[red]", "[bold", "o[x]", ":smiley:", "[link=http://x.example]y[/link]", "a[/]b", "\\[x]")
@@ -117,7 +117,7 @@ def test_reports_are_right_on_any_console(odd: Path):
 
 def test_a_table_tells_its_cells_as_they_are():
     """Title, headings and cells."""
-    table = Table("[/title]")
+    table = TerminalTable("[/title]")
     table.add_column("[/heading]")
     table.add_row(":smiley: [/cell]")
     console = Console(file=io.StringIO(), width=60)

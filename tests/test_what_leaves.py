@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.contact_kinds import PointContact
+from rbd.constraints.contact import PointContact
 from rbd.errors import OpeningContactWarning
 from rbd.mechanism import project_velocity
 from rbd.testing import box
@@ -180,7 +180,8 @@ class TestOtherDoors:
             assert kept.multipliers == pytest.approx([6.0]) and kept.opening == ()
             assert left.multipliers == pytest.approx([0.0]) and left.opening == ("it",) and "'it' at 0.001" in str(left)
             sticks, rubs = (
-                rbd.solve_problem(problem(rbd.problem.Box([-8.0], [8.0]), 1e-3, rest), solver=solver) for rest in (1e-2, 1e-4)
+                rbd.solve_problem(problem(rbd.problem.Bounds([-8.0], [8.0]), 1e-3, rest), solver=solver)
+                for rest in (1e-2, 1e-4)
             )
             assert sticks.a == pytest.approx([0.0]) and rubs.a == pytest.approx([-7.0])
         assert rbd.answers.analysis.contradiction(problem(rbd.problem.NonNegative(1), 1e-3, 1e-4)) is None

@@ -13,8 +13,7 @@ from rbd.cli.app import app
 from rbd.errors import DistantContactWarning
 from rbd.problem.ground import FLOOR, TOUCHES
 from rbd.testing import box
-from rbd.visual.marks.contacts import shown_forces
-from rbd.visual.marks.support import ground_under, support_outline, support_polygon
+from rbd.visual.marks.contacts import ground_under, shown_forces, support_outline, support_polygon
 
 G = 9.81
 

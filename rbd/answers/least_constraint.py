@@ -26,14 +26,14 @@ from rbd.errors import (
     Reason,
     Unsupported,
 )
-from rbd.model.actuated_model import beyond_limit
+from rbd.model.checked_model import beyond_limit
 from rbd.model.dynamics import free_force
 from rbd.model.external import External, generalised as generalised_force
 from rbd.model.state import State
 from rbd.problem.answer import Status
 from rbd.problem.contact_motion import REST_SPEED
+from rbd.problem.gauss_problem import BILATERAL, COULOMB, GaussProblem, Law, MomentumBalance, checked
 from rbd.problem.ground import TOUCHES
-from rbd.problem.problem import BILATERAL, COULOMB, GaussProblem, Law, MomentumBalance, checked
 from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.solvers import Solver

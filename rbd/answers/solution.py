@@ -14,14 +14,14 @@ from rbd.answers.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE
 from rbd.answers.analysis.infeasibility import Contradiction, contradiction
 from rbd.answers.analysis.sensitivity import Derivatives
 from rbd.answers.analysis.uniqueness import Uniqueness, motion_freedom, uniqueness_of
-from rbd.answers.prepared.contact_dynamics import Found
+from rbd.answers.prepared.contact_dynamics import FoundForces
 from rbd.arrays import Array, lazy, max_abs, without_lazies
 from rbd.constraints.stabilisation import feedback_acceleration
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution, Unsupported
 from rbd.problem.answer import Answer, Status, corner_split, corners_of
 from rbd.problem.contact_motion import opening_words
-from rbd.problem.problem import GaussProblem, Law, checked
+from rbd.problem.gauss_problem import GaussProblem, Law, checked
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.problem.rows import Patch, Rows
 from rbd.solvers import Solver
@@ -73,7 +73,7 @@ class Solution(Answer):
         return out.settled() if answer.redundant else out
 
     @classmethod
-    def prepared(cls, problem: Callable[[], GaussProblem], found: Found, law: Law, seconds: float) -> Solution:
+    def prepared(cls, problem: Callable[[], GaussProblem], found: FoundForces, law: Law, seconds: float) -> Solution:
         """An answer that was found and certified without a problem in arrays; that is assembled when it is first asked for.
 
         Args:

@@ -17,15 +17,25 @@ from typing import Annotated, Literal
 import typer
 from rich.progress import track
 
-from rbd.cli.checking import check
-from rbd.cli.options import Feet, Friction, Gravity, Json, Law, Motion, PackageDirs, RobotName, Show, Verbose, Video
-from rbd.cli.standing import region, stand
+from rbd.cli.check_command import check
+from rbd.cli.stand_command import region, stand
 from rbd.cli.terminal import (
     FIGURES,
     INTERRUPTED,
     PAGES,
     TRAJECTORIES,
     VIDEOS,
+    Feet,
+    Friction,
+    Gravity,
+    Json,
+    Law,
+    Motion,
+    PackageDirs,
+    RobotName,
+    Show,
+    Verbose,
+    Video,
     answering,
     check_outputs,
     in_gravity,
@@ -180,8 +190,7 @@ def simulate(
 
     rbd simulate talos --push 0,20,0 --at torso_2_link --from 0.2 --for 0.1 --html push.html
     """
-    from rbd.cli.simulate_report import SimulateReport, draw
-    from rbd.cli.simulate_setup import loaded, pushes, setup
+    from rbd.cli.simulate_report import SimulateReport, draw, loaded, pushes, setup
     from rbd.control.schedules import Pushes
     from rbd.problem.cones import check_friction
     from rbd.simulation.run import simulate as run

@@ -20,9 +20,8 @@ from rbd.model.state import State
 from rbd.robots.robot import Robot
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold_many
-from rbd.studies.standing import heaviest_link
-from rbd.visual.live.controls import Choice, Control, Slider
-from rbd.visual.live.explorer import Verdict
+from rbd.studies.push_functions import heaviest_link
+from rbd.visual.live import Choice, Control, Slider, Verdict
 from rbd.visual.scene import Scene
 from rbd.visual.shapes import round_number
 

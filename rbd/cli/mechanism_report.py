@@ -32,7 +32,7 @@ from rbd.mechanism import (
     singularities_along,
     trace,
 )
-from rbd.mechanism.assembly_modes import MOST_TRIES, SAME
+from rbd.mechanism.assembly import MOST_TRIES, SAME
 from rbd.mechanism.poses import measured
 from rbd.mechanism.singular_configurations import KINDS
 from rbd.model.state import State

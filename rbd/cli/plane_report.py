@@ -11,13 +11,13 @@ from rich.console import Console, ConsoleOptions, RenderResult
 from rich.text import Text
 
 from rbd.arrays import Array, as_float
-from rbd.cli.terminal import Table, counted, facts, numbers_of, save_figure
+from rbd.cli.terminal import TerminalTable, counted, facts, numbers_of, save_figure
 from rbd.errors import InputError, NoSolution
 from rbd.planar.angles import nearest_turn
 from rbd.planar.chain import MOST_LINKS, Chain
 from rbd.planar.inverse_kinematics import Inverse, inverse
-from rbd.planar.motion import PlanarMotion, endpoint_motion, joint_motion
-from rbd.planar.quintic import minimum_jerk
+from rbd.planar.path_following import minimum_jerk
+from rbd.planar.planned_motion import PlanarMotion, endpoint_motion, joint_motion
 
 SAMPLES = 1001
 SPACES = ("endpoint", "joint")
@@ -53,7 +53,7 @@ class PlaneTask:
         yield Text(f"Not reached: {' and '.join(missed)}." if missed else "Both points are reached.")
         yield Text(f"planar chain, {counted(self.chain.n, 'link')} of {lengths} m, angles: {angles}")
         yield ""
-        table = Table(None, ("", "target in m", "reachable", "singular", "branches in deg"))
+        table = TerminalTable(None, ("", "target in m", "reachable", "singular", "branches in deg"))
         for name, end in (("from", self.start), ("to", self.stop)):
             reached = "yes" if end.reachable else f"no, out of reach by {end.distance:.6g} m"
             branches = " or ".join(_tuple(np.degrees(row)) for row in end.branches) or "none"

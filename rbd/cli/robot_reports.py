@@ -1,4 +1,4 @@
-"""Tables of `rbd robots`, `rbd info` and `rbd stand`, and the numbers of the last as plain data for a file."""
+"""Tables of `rbd robots`, `rbd info`, `rbd stand` and `rbd region`, and the numbers of the last two for a file."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import math
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,13 +15,14 @@ from rich.text import Text
 
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, largest_first
-from rbd.cli.terminal import Table, facts, in_commands, in_options, rounded
-from rbd.compiled import in_use
+from rbd.cli.terminal import TerminalTable, counted, facts, in_commands, in_gravity, in_options, rounded, save_figure, timed
 from rbd.constraints.constraint import Constraint
-from rbd.errors import CannotHold, ModelWarning, RbdError
+from rbd.errors import CannotHold, InputError, ModelWarning, RbdError
+from rbd.installation import in_use
 from rbd.model.external import ExternalForce
 from rbd.model.state import State
 from rbd.problem.answer import ContactForce
+from rbd.problem.cones import check_friction
 from rbd.robots.building.parts import FARTHEST_SLIDE, FARTHEST_TURN
 from rbd.robots.catalogue import licence
 from rbd.robots.diagnosis import REMEDY
@@ -28,6 +30,7 @@ from rbd.robots.loading import doctor, load_robot
 from rbd.robots.robot import Robot
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold
+from rbd.statics.regions import SupportRegion, support_region
 
 _BASES = {"free_flyer": "floating", "planar": "planar", "fixed": "fixed"}
 UNLIMITED = 1e100
@@ -86,9 +89,9 @@ def _stands(robot: Robot) -> str:
     return "yes"
 
 
-def robots_table(lines: Iterable[RobotLine]) -> Table:
+def robots_table(lines: Iterable[RobotLine]) -> TerminalTable:
     """The table of `rbd robots`."""
-    table = Table()
+    table = TerminalTable()
     table.add_column("name", no_wrap=True)
     table.add_column("nv", justify="right")
     table.add_column("mass [kg]", justify="right")
@@ -118,8 +121,8 @@ def robot_info(robot: Robot) -> Group:
     return Group(head, _joints_table(robot), lines, Text(in_commands(str(found))), *([] if in_use() else [_SLOW]))
 
 
-def _joints_table(robot: Robot) -> Table:
-    table = Table("joints")
+def _joints_table(robot: Robot) -> TerminalTable:
+    table = TerminalTable("joints")
     table.add_column("name", no_wrap=True)
     table.add_column("kind")
     for heading in ("at v", "lower", "upper", "speed limit", "effort limit"):
@@ -272,9 +275,9 @@ class StandReport:
         which = "those torques" if self.braced else "the torques of the unpushed pose"
         return [f"Below, under {which} and the push: {acceleration}"]
 
-    def _contacts_table(self) -> Table:
+    def _contacts_table(self) -> TerminalTable:
         numbers = ("force x, y, z [N]", "normal [N]", "tangential [N]", "friction used", "centre of pressure [m]")
-        table = Table(None, ("contact",), numbers)
+        table = TerminalTable(None, ("contact",), numbers)
         for name, c in self.solution.contacts.items():
             used = "-" if c.friction_used is None else f"{100 * c.friction_used:.1f} %"
             cop = "-" if c.centre_of_pressure is None else rounded(c.centre_of_pressure, 3)
@@ -290,9 +293,9 @@ class StandReport:
         pushed = "" if self.push is None else f", pushed with ({rounded(self.push, 1)}) N at {self.at}"
         return f"{robot.name}: {robot.mass:.3f} kg, weight {weight:.2f} N{pushed}"
 
-    def _torques_table(self) -> Table:
+    def _torques_table(self) -> TerminalTable:
         robot, tau = self.held.state.robot, self.held.tau
-        table = Table(
+        table = TerminalTable(
             f"largest {'bracing' if self.braced else 'holding'} torques",
             ("joint",),
             ("torque [N m]", "limit [N m]", "of limit"),
@@ -306,7 +309,7 @@ class StandReport:
             table.add_row(robot.actuated_names[i], f"{tau[i]:.3f}", limit, share)
         return table
 
-    def _motion_table(self) -> Table:
+    def _motion_table(self) -> TerminalTable:
         with_contacts, without = self.com_acceleration
         rows = [
             ("centre of mass", f"({rounded(self.held.state.com, 3)}) m"),
@@ -315,7 +318,7 @@ class StandReport:
         ]
         return facts("motion", rows)
 
-    def _proof_table(self) -> Table:
+    def _proof_table(self) -> TerminalTable:
         s = self.solution
         rows = [("status", f"{s.status} by {s.method}, law: {s.law}; {s.problem.m} rows of rank {s.rank}")]
         for name, scaled in s.residuals.scaled.items():
@@ -366,3 +369,157 @@ def _refusal(error: CannotHold) -> str:
     if "push" in named:
         told.append(f"{' and '.join(named['push'])} would have to pull")
     return f"No motor torques withstand the push{': ' + ', or '.join(told) if told else ''}."
+
+
+MOTORS_LISTED = 3
+
+
+@dataclass(frozen=True)
+class RegionReport:
+    """Support regions of one pose.
+
+    Attributes:
+        regions: {what it is: the region}; the first is the one asked for.
+        seconds: What took how long.
+        verbose: Whether that is printed.
+    """
+
+    regions: Mapping[str, SupportRegion]
+    seconds: Mapping[str, float]
+    verbose: bool = False
+
+    @property
+    def asked(self) -> SupportRegion:
+        """The region that was asked for."""
+        return next(iter(self.regions.values()))
+
+    def data(self) -> dict[str, object]:
+        """All numbers, as plain data."""
+        return {
+            "robot": self.asked.state.robot.name,
+            "centre_of_mass": self.asked.state.com.tolist(),
+            "contacts": [r.name for r in self.asked.loads.rows],
+            "regions": {
+                name: {
+                    "vertices": region.vertices.tolist(),
+                    "outer": region.outer.tolist(),
+                    "directions": region.directions.tolist(),
+                    "area": region.area,
+                    "distance": region.com_to_edge[0],
+                    "cut": region.cut,
+                    "residual": region.residual,
+                    "torque_limits": region.torque_limits,
+                    "friction": region.friction,
+                }
+                for name, region in self.regions.items()
+            },
+            "seconds": dict(self.seconds),
+        }
+
+    def __rich__(self) -> Group:
+        """How far the centre of mass is from the edge, then the tables, then the proof."""
+        corners = [self._corners()] if len(self.asked.vertices) else []
+        return Group(Text(self.verdict), self._summary(), *corners, self._proof())
+
+    @property
+    def verdict(self) -> str:
+        """How far the centre of mass is from the edge of the region that was asked for."""
+        region, name = self.asked, self.asked.state.robot.name
+        limits = " with torques within their limits" if region.torque_limits else ""
+        if region.empty:
+            return f"{name} can stand nowhere{limits}: no forces within friction balance it."
+        distance = region.com_to_edge[0]
+        if abs(distance) < 1e-6:
+            return f"The centre of mass of {name} is on the edge of its support region{limits}."
+        can = "can" if distance > 0.0 else "cannot"
+        return f"The centre of mass of {name} is {region.com_in_words} its support region{limits}: it {can} stand."
+
+    def _summary(self) -> TerminalTable:
+        state = self.asked.state
+        rows = [
+            ("contacts", ", ".join(r.name for r in self.asked.loads.rows)),
+            ("centre of mass", f"({rounded(state.com, 3)}) m"),
+        ]
+        rows += [(name, _words(region)) for name, region in self.regions.items()]
+        if motors := self.asked.motors_in_the_way:
+            rows.append(("in the way", f"torque limits of {', '.join(motors)}"))
+        if self.asked.torque_limits:
+            rows.append(("left out", "how a moving centre of mass would change gravity torques and Jacobians of this pose"))
+        weight = state.robot.mass * float(np.linalg.norm(state.robot.gravity))
+        return facts(f"{state.robot.name}: {state.robot.mass:.3f} kg, weight {weight:.2f} N", rows)
+
+    def _proof(self) -> TerminalTable:
+        rows = [(f"residual: {name}", f"{region.residual:.1e} N") for name, region in self.regions.items() if not region.empty]
+        if self.verbose:
+            rows.append(("times", ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in self.seconds.items())))
+        return facts("proof: balance at the corners", rows)
+
+    def _corners(self) -> TerminalTable:
+        """At each corner, what its contacts carry, and the hardest working motors."""
+        region, robot = self.asked, self.asked.state.robot
+        limit = robot.effort_limit
+        limited = bool(np.isfinite(limit).any())
+        motors = ("hardest working motors there",) if limited else ()
+        table = TerminalTable("corners of the region", (), ("x, y [m]", *(f"{r.name} [N]" for r in region.loads.rows), *motors))
+        for i, corner in enumerate(region.vertices):
+            forces = region.forces(i)
+            carried = [f"{np.linalg.norm(forces[r.name][:3]):.1f}" for r in region.loads.rows]
+            used = np.abs(region.tau(i)) / limit
+            worst = largest_first(used)[:MOTORS_LISTED].tolist()
+            told = [", ".join(f"{robot.actuated_names[j]} {100 * used[j]:.0f} %" for j in worst)] if limited else []
+            table.add_row(rounded(corner, 3), *carried, *told)
+        return table
+
+
+def report_region(
+    name: str,
+    package_dirs: Sequence[Path],
+    posture: str | None,
+    *,
+    friction: float,
+    margin: float,
+    torque_limits: bool,
+    gravity: str | None = None,
+    verbose: bool = False,
+) -> RegionReport:
+    """The report of a robot on its feet; with torque limits asked for, that region first.
+
+    Raises:
+        InputError: no feet are known, or the numbers are none.
+    """
+    check_friction(friction, 4)
+    seconds: dict[str, float] = {}
+    with timed(seconds, "load"):
+        robot = in_gravity(load_robot(name, package_dirs=package_dirs), gravity)
+    if not robot.source.feet:
+        raise InputError(f"no feet are known for {robot.name}, so that it cannot stand; `rbd robots` lists those that do.")
+    with timed(seconds, "regions"):
+        state, feet = robot.standing(posture), robot.feet(friction)
+        out = {"torques within limits": support_region(state, feet, torque_limits=True, margin=margin)} if torque_limits else {}
+        out["torques of any size"] = support_region(state, feet, margin=margin)
+    return RegionReport(out, seconds, verbose)
+
+
+def draw(regions: Mapping[str, SupportRegion], path: Path) -> Path:
+    """The regions from above; returns where the picture is.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    from matplotlib.figure import Figure
+
+    from rbd.visual.figures.statics_plots import plot_region
+
+    figure = Figure(figsize=(8.0, 5.0), layout="constrained")
+    names: Sequence[str] = list(regions)
+    plot_region(figure.subplots(), *regions.values(), labels=names)
+    return save_figure(figure, path, dpi=120)
+
+
+def _words(region: SupportRegion) -> str:
+    if region.empty:
+        return "empty: nowhere do forces within friction balance the robot"
+    where = "centre of mass on its edge" if abs(region.com_to_edge[0]) < 1e-6 else f"centre of mass {region.com_in_words}"
+    if not region.bounded:
+        return f"without end; {where}"
+    return f"{1e4 * region.area:.2f} cm2{region.cut_words}, {counted(len(region.vertices), 'corner')}; {where}"

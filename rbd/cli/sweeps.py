@@ -21,7 +21,7 @@ from rbd.cli.terminal import (
     FIGURES,
     INTERRUPTED,
     NO_SOLUTION,
-    Table,
+    TerminalTable,
     check_outputs,
     counted,
     facts,
@@ -210,7 +210,7 @@ def run_sweep(
         InputError: as `rbd.study`.
     """
     from rbd.studies import grid, running
-    from rbd.studies.standing import withstand_push
+    from rbd.studies.push_functions import withstand_push
 
     samples = grid(**{name.replace(".", "_"): values.tolist() for name, values in swept.items()}).with_units(
         **{name.replace(".", "_"): QUANTITIES[name][0] for name in swept if QUANTITIES[name][0]}
@@ -337,7 +337,7 @@ class SweepReport:
         if any(ends for _, _, ends in self.lines):
             parts += [Text(self._along(*self.lines[i])) for i in chosen]
         if self.reasons:
-            parts.append(Table("reasons", ("reason",), ("samples", "of all")))
+            parts.append(TerminalTable("reasons", ("reason",), ("samples", "of all")))
             parts[-1].add_column("for example")
             for reason, count, message in self.reasons:
                 first = in_options(message.split(". ")[0].split("\n")[0])

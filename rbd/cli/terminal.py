@@ -17,7 +17,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NoReturn, Protocol, TypeAlias, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Protocol, TypeAlias, get_args, get_type_hints
 
 import numpy as np
 import rich.table
@@ -63,7 +63,7 @@ class Reported(Protocol):
         """The numbers."""
 
 
-class Table(rich.table.Table):
+class TerminalTable(rich.table.Table):
     """A table whose text is printed literally: "[/foo]" and ":smile:" are names of joints, also where a console reads markup.
 
     Args:
@@ -92,9 +92,9 @@ class Table(rich.table.Table):
         super().add_row(*map(_literal, cells), **options)
 
 
-def facts(title: str | None, rows: Iterable[tuple[str, str]]) -> Table:
+def facts(title: str | None, rows: Iterable[tuple[str, str]]) -> TerminalTable:
     """A table of names and values, without headings."""
-    table = Table(title, ("", ""), headings=False)
+    table = TerminalTable(title, ("", ""), headings=False)
     for row in rows:
         table.add_row(*row)
     return table
@@ -314,3 +314,21 @@ def _complain(what: str, color: str, message: str) -> None:
 
 def _literal(cell: Any) -> Any:
     return Text(cell) if isinstance(cell, str) else cell
+
+
+PackageDirs = Annotated[list[Path] | None, typer.Option(help="Folder of package:// meshes; may be repeated.")]
+Json = Annotated[Path | None, typer.Option("--json", help="Write all numbers.")]
+Show = Annotated[bool, typer.Option("--show", help="Serve the picture at 127.0.0.1 until Ctrl-C.")]
+Feet = Annotated[
+    str | None, typer.Option("--feet", metavar="A,B", help="Frames of its feet; those of the catalogue by default.")
+]
+Gravity = Annotated[str | None, typer.Option(metavar="X,Y,Z", help="Gravity in the world, in m/s2; 0,0,-9.81 by default.")]
+Friction = Annotated[float, typer.Option(help="Coulomb's coefficient at the feet.")]
+Motion = Annotated[Path | None, typer.Option(help="Write the motion: one page that plays anywhere.")]
+Law = Annotated[str, typer.Option(help="Law of contacts that slip: coulomb or convex.")]
+RobotName = Annotated[str, typer.Argument(help="Name of a robot (talos, g1, ...) or path of a URDF.")]
+Video = Annotated[Path | None, typer.Option(help="Write a video, .mp4 (wants ffmpeg) or .gif.")]
+Verbose = Annotated[bool, typer.Option("--verbose", help="Also print how long each part took.")]
+Out = Annotated[Path | None, typer.Option(help="Store every result, .zarr (or .nc, of small studies).")]
+Resume = Annotated[bool, typer.Option("--resume", help="Go on with a store that is there.")]
+Workers = Annotated[int | None, typer.Option(metavar="N", help="Processes; one a core by default, 0: none but this one.")]

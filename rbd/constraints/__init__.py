@@ -1,16 +1,12 @@
 """Constraints: each returns named rows with a force set, and does not depend on a solver."""
 
 from rbd.constraints.collision import CollisionContacts
-from rbd.constraints.contact import Contact
-from rbd.constraints.contact_kinds import LineContact, PointContact, SurfaceContact
+from rbd.constraints.contact import Contact, LineContact, PointContact, SurfaceContact
 from rbd.constraints.contact_points import ContactPoints
 from rbd.constraints.function import FunctionConstraint
-from rbd.constraints.joint import JointCoupling, JointFriction, JointLock
-from rbd.constraints.joint_limit import JointLimit
-from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
+from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock, joint_frictions, joint_limits, mimics
 from rbd.constraints.loop import LoopClosure
-from rbd.constraints.nonholonomic import KnifeEdge, VelocityConstraint
-from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
+from rbd.constraints.nonholonomic import KnifeEdge, RollingBall, RollingDisk, RollingWheel, VelocityConstraint
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.modules import submodule as _submodule
 

@@ -23,7 +23,7 @@ from rbd.constraints.constraint import Constraint, anchored, member, rows_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State
-from rbd.problem.cones import Cone, Free, Line
+from rbd.problem.cones import Cone, Free, FreeLine
 from rbd.problem.rows import Rows
 
 ALWAYS = -np.inf
@@ -147,10 +147,10 @@ class Measured:
     pushes: Array | None = None
 
 
-Group: TypeAlias = tuple[Callable[[Sequence[Any], State], "Source"], Hashable]
+Group: TypeAlias = tuple[Callable[[Sequence[Any], State], "PointSource"], Hashable]
 
 
-class Source(Protocol):
+class PointSource(Protocol):
     """Protocol: gives points at a state."""
 
     @property
@@ -164,7 +164,7 @@ class Source(Protocol):
         """Gaps, shape (k,) [m, rad]: `at(state, t).gap` to rounding, computed faster where possible."""
 
 
-def sources_of(constraints: Sequence[Constraint], start: State) -> list[Source]:
+def sources_of(constraints: Sequence[Constraint], start: State) -> list[PointSource]:
     """The sources of a motion's constraints, in their order; a group is at the position of its first member."""
     out = [_source(constraint, start) for constraint in constraints]
     for group in dict.fromkeys(source.group for source in out if source.group is not None):
@@ -175,7 +175,7 @@ def sources_of(constraints: Sequence[Constraint], start: State) -> list[Source]:
     return out
 
 
-def _source(constraint: Constraint, start: State) -> Source:
+def _source(constraint: Constraint, start: State) -> PointSource:
     """The source of one constraint: given by itself, by its points, or by its rows."""
     prepared = member(constraint, "source")
     source = prepared(start) if callable(prepared) else None
@@ -199,7 +199,7 @@ class ByParts:
 
     group = None
 
-    def __init__(self, source: Source) -> None:
+    def __init__(self, source: PointSource) -> None:
         self.source = source
 
     def at(self, state: State, t: float) -> Measured:
@@ -363,7 +363,7 @@ def _places(rows: Rows, k: int) -> tuple[Array | None, Array | None]:
 def _structure(name: str, cone: Cone) -> tuple[Array | None, Structure]:
     """(G if rows are not the points' rows, the points) of a set."""
     G, parts = cone.generators()
-    if all(isinstance(part, Line) for part in parts):
+    if all(isinstance(part, FreeLine) for part in parts):
         return None, Structure((name,), (0,), (Free(cone.dim),)) if cone.dim else Structure((), (), ())
     cones = tuple(part.alone() for part in parts)
     same = G.shape[0] == G.shape[1] and np.array_equal(G, np.eye(len(G)))

@@ -10,7 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.joint_limit import JointLimit
+from rbd.constraints.joint import JointLimit
 from rbd.errors import (
     DistantContactWarning,
     InputError,

@@ -8,12 +8,10 @@ from functools import lru_cache
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.contact import Contact
-from rbd.constraints.contact_kinds import PointContact, SurfaceContact
-from rbd.constraints.joint import JointCoupling, JointFriction, JointLock
-from rbd.constraints.joint_limit import JointLimit
+from rbd.constraints.contact import Contact, PointContact, SurfaceContact
+from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
 from rbd.constraints.surface import UP, contact_axes
-from rbd.model.pose_derivatives import FixedPose
+from rbd.model.derivatives import FixedPose
 from rbd.problem.ground import Ground
 from rbd.problem.rows import Rows
 

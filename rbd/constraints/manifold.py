@@ -16,11 +16,11 @@ from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, inertia_factor, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, anchored, rows_of, with_loops
-from rbd.constraints.loop_stack import LoopRows, rows_function
+from rbd.constraints.loop import LoopRows, rows_function
 from rbd.errors import DuplicateName, InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.problem.cones import Free, Line
+from rbd.problem.cones import Free, FreeLine
 from rbd.problem.rows import Rows
 
 RANK = 1e-8
@@ -137,7 +137,7 @@ class StackedRows:
 
 
 @dataclass(frozen=True, eq=False)
-class Linearised:
+class LinearisedRows:
     """The constraints at one configuration, dimensionless.
 
     Attributes:
@@ -259,7 +259,7 @@ class ConstraintManifold:
         # A row of rounding errors gets scale one: normalised it would count.
         return 1.0 / np.maximum(norms, 1e-6 * most) if most > 0.0 else np.ones(self.m)
 
-    def at(self, q: Array) -> Linearised:
+    def at(self, q: Array) -> LinearisedRows:
         """J and errors at a configuration, dimensionless.
 
         Raises:
@@ -267,11 +267,11 @@ class ConstraintManifold:
         """
         return self._scaled(q, self.weights)
 
-    def _scaled(self, q: Array, weights: Array) -> Linearised:
+    def _scaled(self, q: Array, weights: Array) -> LinearisedRows:
         found = self.rows(State(self.robot, q))
         if [len(r) for r in found.rows] != self._sizes:
             raise InputError(f"constraints of {self.robot.name} change their rows near the state (there {self._sizes}).")
-        return Linearised(found.state.q, (found.J * self.scale) * weights[:, None], found.error * weights)
+        return LinearisedRows(found.state.q, (found.J * self.scale) * weights[:, None], found.error * weights)
 
     def move(self, q: Array, z: Array) -> Array:
         """The configuration reached from q by the displacement z, shape (nv,), dimensionless."""
@@ -285,7 +285,7 @@ class ConstraintManifold:
         """Rank of a dimensionless Jacobian; singular values count as zero at a fraction of the largest."""
         return self.n - null_space(J, self.zero if zero is None else zero)[0].shape[1]
 
-    def project(self, q: Array, *, iterations: int = ITERATIONS, within: float = 1e-14) -> Linearised:
+    def project(self, q: Array, *, iterations: int = ITERATIONS, within: float = 1e-14) -> LinearisedRows:
         """The point nearest to the constraints that Levenberg-Marquardt steps reach; check its `error`.
 
         The damping is |error|^2: quadratic convergence where the errors grow with the distance, also for redundant
@@ -311,7 +311,7 @@ class ConstraintManifold:
             at = nearer
         return at
 
-    def check_assembled(self) -> Linearised:
+    def check_assembled(self) -> LinearisedRows:
         """The constraints at the state.
 
         Raises:
@@ -368,7 +368,7 @@ def poses_nearby(robot: CheckedModel, q: Array, scale: Array | float = 1.0) -> I
 def is_bilateral(rows: Rows) -> bool:
     """Whether the rows are bilateral: no force is bounded, and no row disappears (as a joint limit's does)."""
     parts = rows.cone.generators()[1]
-    return all(isinstance(part, Line) for part in parts) and (len(parts) > 0 or isinstance(rows.cone, Free))
+    return all(isinstance(part, FreeLine) for part in parts) and (len(parts) > 0 or isinstance(rows.cone, Free))
 
 
 def velocity_of(rows: Rows, state: State) -> Array:

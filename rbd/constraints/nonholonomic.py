@@ -1,23 +1,37 @@
-"""Velocity constraints: A(q) v = 0, and the edge of a skate or of a sleigh."""
+"""Velocity constraints: A(q) v = 0, edges of skates, and balls, disks and wheels that roll on a plane.
+
+Let c be the centre, r d the vector from it to the lowest point, n the plane's normal. The rows are the velocity of the material
+point that touches now, relative to the plane, in axes R of the contact:
+
+    y = R^T g        g = v_c + w x (r d) - u        u = the plane's velocity at that point
+
+and their J_dot v is its derivative, in which r d' is the motion of the contact over the body:
+
+    y' = R^T g' + R'^T g        g' = a_c + w' x (r d) + w x (r d') - du/dt
+
+This is not the material point's acceleration, which has w x (w x r d) in place of w x (r d'). It points into the body, so
+that a rolling ball would seem to lift off, or be pulled down with w^2 r. The normal row is the derivative of the height of
+the lowest point, its `error`; the others have none.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass, field, replace
+from typing import Any, Self
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_vector3, check_finite, cross_matrix
+from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite, cross_matrix
 from rbd.constraints.function import check_function, hessian_by_rates, matrix_of, rate, vector_of
-from rbd.constraints.surface import check_state, check_words
+from rbd.constraints.surface import HERE, UP, check_state, check_two_bodies, check_words, contact_axes, motion_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.dynamics import polarised
 from rbd.model.state import State
-from rbd.problem.cones import Free
-from rbd.problem.ground import unit_normal
+from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative, check_friction
+from rbd.problem.ground import Body, Ground, On, plane_of, surface_of, unit_normal
 from rbd.problem.rows import Patch, Rows
 
 _ONE_CORNER = np.zeros((1, 3))
@@ -217,3 +231,310 @@ def unit_direction(what: str, given: Sequence[float] | Array) -> Array:
     if not 1e-9 < length < 1e9:
         raise InputError(f"{what} has length {length:.3g}; expected a direction, e.g. (1, 0, 0).")
     return out / length
+
+
+_FLAT = 1e-4
+"""Sine of the angle between a disk and its plane below which it is flat: its lowest point is not unique."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rolling:
+    """A body that rolls on a plane of the ground or of another body; base of the kinds below.
+
+    Attributes:
+        name: The contact's role, e.g. "ball".
+        frame: Frame of the robot at the centre of the rolling body.
+        radius: [m].
+        friction: Coulomb's coefficient, or None: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP; see `Contact`.
+        on: The plane: `rbd.Ground(point=..., normal=...)`, whose material may move, as of a turntable or a belt; the height of
+            a level one [m]; or `rbd.Body(frame)`, through that frame's origin.
+
+    Raises:
+        InputError: a radius that is not positive, negative friction, a ground without a point.
+    """
+
+    name: str
+    frame: str
+    radius: float = field(kw_only=True)
+    friction: float | None = field(default=None, kw_only=True)
+    facets: int = field(default=4, kw_only=True)
+    on: On = field(default=0.0, kw_only=True)
+    _axes: Array = field(init=False, repr=False)
+
+    def __post_init__(self) -> None:
+        check_words("what rolls or glides", name=self.name, frame=self.frame)
+        check_friction(0.0 if self.friction is None else self.friction, self.facets)
+        if not 0.0 < as_float(self.radius) < 1e50:
+            raise InputError(f"radius of {self.name!r:.80} is {self.radius!r:.80}; expected a length > 0 [m].")
+        on = surface_of(self.name, self.on)
+        if not isinstance(on, Body):
+            on = plane_of(self.name, on)
+        elif on.frame == self.frame:
+            raise InputError(f"contact {self.name!r} is between {self.frame!r} and itself; expected a frame of another body.")
+        object.__setattr__(self, "on", on)
+        object.__setattr__(self, "_axes", contact_axes(UP if on.normal is None else np.asarray(on.normal)))
+
+    @property
+    def frames(self) -> tuple[str, ...]:
+        """Its frame, and that of the body on which it rolls."""
+        return (self.frame, self.on.frame) if isinstance(self.on, Body) else (self.frame,)
+
+    def with_friction(self, mu: float) -> Self:
+        """The same with another coefficient."""
+        return replace(self, friction=mu)
+
+
+@dataclass(frozen=True, eq=False)
+class RollingBall(Rolling, Displayed):
+    """A ball that rolls on a plane, or slips on it with friction.
+
+    Three rows (tangent, tangent, normal) of the plane's axes. `friction=None` rolls: it neither slips nor separates, and may
+    spin about the normal. `friction=mu` is unilateral with Coulomb friction: it can slip, and `rbd.ConeSolver` takes
+    one that slips already. `friction=0.0` is unilateral without friction: the normal row alone. Rolling and spinning
+    resistance are neglected.
+
+    `solution.forces[name]` is the force on the ball at its lowest point, shape (3,), in world axes.
+
+    Attributes:
+        name: The contact's role, e.g. "ball".
+        frame: Frame of the robot at the centre of the rolling body.
+        radius: Of the rolling body [m].
+        friction: Coulomb's coefficient, or None: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP.
+        on: The plane: `rbd.Ground(point=..., normal=...)`, the height of a level one [m], or `rbd.Body(frame)`.
+
+    Raises:
+        InputError: a radius that is not positive, negative friction, a ground without a point.
+
+    Example:
+        >>> ball = rbd.testing.box(mass=1.0, size=(0.1, 0.1, 0.1))
+        >>> slope = rbd.Ground(point=(0, 0, 0), normal=(0.6, 0, 0.8))
+        >>> rolling = rbd.RollingBall("rolling", "box", radius=0.05, on=slope)
+        >>> solution = rbd.solve(rbd.State(ball, [0.03, 0, 0.04, 0, 0, 0, 1]), [], [rolling])
+        >>> solution.a[[0, 2, 4]].round(3)  # down the slope, turning about y
+        array([ 2.825, -2.119, 70.632])
+    """
+
+    def rows(self, state: State) -> Rows:
+        """Three rows (tangent, tangent, normal), or the normal one alone without friction.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+            InputError: both frames are on one body.
+        """
+        P, body = _met(self, state)
+        return _rows(self, P, body, -P.n, -P.n_rate, P.axes, P.turning @ P.axes)
+
+
+@dataclass(frozen=True, eq=False)
+class RollingDisk(Rolling, Displayed):
+    """A thin disk that rolls on a plane, upright or leaning: a coin, a hoop, a wheel of a bicycle.
+
+    Three rows (heading, side, normal): the heading is that of rolling by positive spin about `axis`, axis x normal, the side
+    is towards the axis. The contact is the lowest point of the rim, which moves on the rim. Friction as of `RollingBall`. A
+    flat disk touches along its rim and is refused.
+
+    Attributes:
+        name: The contact's role, e.g. "coin".
+        frame: Frame of the robot at the centre of the rolling body.
+        radius: Of the rolling body [m].
+        axis: Spin axis, in the frame's axes, of any length, shape (3,).
+        friction: Coulomb's coefficient, or None: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP.
+        on: The plane: `rbd.Ground(point=..., normal=...)`, the height of a level one [m], or `rbd.Body(frame)`.
+
+    Raises:
+        InputError: a radius that is not positive, negative friction, a ground without a point, an axis of zero length.
+
+    Example:
+        >>> disk = rbd.testing.box(mass=1.0, size=(0.5, 0.01, 0.5))
+        >>> coin = rbd.RollingDisk("coin", "box", radius=0.25)
+        >>> rolls = rbd.State(disk, [0, 0, 0.25, 0, 0, 0, 1], [0.5, 0, 0, 0, 2.0, 0])  # 0.5 m/s, 2 rad/s
+        >>> coin.rows(rolls).velocity, rbd.solve(rolls, [], [coin]).forces["coin"].round(3)
+        (array([0., 0., 0.]), array([0.  , 0.  , 9.81]))
+    """
+
+    axis: Sequence[float] | Array = field(default=(0.0, 1.0, 0.0), kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        object.__setattr__(self, "axis", unit_direction(f"axis of {self.name!r:.80}", self.axis))
+
+    def rows(self, state: State) -> Rows:
+        """Three rows (heading, side, normal), or the normal one alone without friction.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+            InputError: the disk is flat, or both frames are on one body.
+        """
+        return self._disk_rows(state)
+
+    def _disk_rows(self, state: State, *, normal: bool = True) -> Rows:
+        """Rows of a disk: d points in its plane to the lowest point, and the heading is along its rim."""
+        P, body = _met(self, state)
+        n, dn, e = P.n, P.n_rate, body.X.rotation @ self.axis
+        de = cross_matrix(body.v[3:]) @ e
+        along = float(e @ n)
+        up = n - along * e  # in the disk; its length is the sine of the angle between disk and plane
+        steep = float(np.linalg.norm(up))
+        if steep < _FLAT:
+            raise InputError(
+                f"{self.name!r:.80} lies flat on its plane, so that its whole rim touches; expected a disk that stands or "
+                "leans. Is its axis the right one?"
+            )
+        up /= steep
+        dup = _turned(up, dn - (float(dn @ e) + float(n @ de)) * e - along * de, steep)
+        heading = cross_matrix(e) @ n / steep
+        dheading = _turned(heading, cross_matrix(de) @ n + cross_matrix(e) @ dn, steep)
+        N = cross_matrix(n)
+        R = np.column_stack([heading, N @ heading, n])
+        dR = np.column_stack([dheading, cross_matrix(dn) @ heading + N @ dheading, dn])
+        return _rows(self, P, body, -up, -dup, R, dR, normal=normal)
+
+
+@dataclass(frozen=True, eq=False)
+class RollingWheel(RollingDisk):
+    """A wheel of a vehicle that cannot leave its plane: it rolls without slip and does not slide sideways.
+
+    Two rows (heading, side), those of `RollingDisk` without the normal one, which is zero for a vehicle on a planar joint:
+    its joints carry the weight. A vehicle free in space needs `RollingDisk`, or `friction=mu`: then the rows are those of
+    the disk, with the normal, and the wheel may slip; that is refused if the vehicle has no motion along the normal. Its frame
+    is on the wheel, which spins.
+
+    Attributes:
+        name: The contact's role, e.g. "left_wheel".
+        frame: Frame of the robot at the centre of the rolling body.
+        radius: Of the rolling body [m].
+        axis: Spin axis, in the frame's axes, of any length, shape (3,).
+        friction: Coulomb's coefficient, or None: it neither slips nor separates.
+        facets: Facets of the pyramid that replaces the cone in a QP.
+        on: The plane: `rbd.Ground(point=..., normal=...)`, the height of a level one [m], or `rbd.Body(frame)`.
+
+    Raises:
+        InputError: a radius that is not positive, negative friction, a ground without a point, an axis of zero length.
+
+    Example:
+        >>> wheel = rbd.testing.box(mass=1.0, size=(0.2, 0.02, 0.2))
+        >>> rolling = rbd.RollingWheel("rolling", "box", radius=0.1)
+        >>> moves = rbd.State(wheel, [0, 0, 0.1, 0, 0, 0, 1], [0.3, 0.05, 0, 0, 3.0, 0])
+        >>> rolling.rows(moves).velocity.round(6)  # it rolls along x, and slides sideways at 0.05 m/s
+        array([0.  ,  0.05])
+    """
+
+    def rows(self, state: State) -> Rows:
+        """Two rows (heading, side); with friction as `RollingDisk`.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+            InputError: the wheel is flat; or it has friction, and the vehicle has no motion along the normal.
+        """
+        rows = self._disk_rows(state, normal=self.friction is not None)
+        if self.friction is not None and np.abs(rows.J[-1]).max() < 1e-9:
+            raise InputError(
+                f"wheel {self.name!r:.80} has friction, and no normal force, as {state.robot.name} cannot leave its "
+                "plane. Use friction=None."
+            )
+        return rows
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """A plane whose material may move, at a state.
+
+    Attributes:
+        point: A point of the plane, in W, shape (3,) [m].
+        axes: R_WP, the normal third, shape (3, 3).
+        about: Material point in W at which velocity and acceleration are given, shape (3,) [m].
+        u: Velocity there, linear then angular, shape (6,) [m/s, rad/s].
+        s: Acceleration of that material point, and angular, shape (6,) [m/s2, rad/s2]; for a body, its J_dot v.
+        J: Jacobian of u, shape (6, nv); None for the ground.
+    """
+
+    point: Array
+    axes: Array
+    about: Array
+    u: Array
+    s: Array
+    J: Array | None
+
+    @property
+    def n(self) -> Array:
+        """The normal."""
+        return self.axes[:, 2]
+
+    @property
+    def turning(self) -> Array:
+        """Matrix of the angular velocity: turning @ x = W x x."""
+        return cross_matrix(self.u[3:])
+
+    @property
+    def n_rate(self) -> Array:
+        """Derivative of the normal, for a plane that tilts."""
+        return self.turning @ self.n
+
+
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """Centre of the body that rolls: pose, Jacobian, velocity and J_dot v, world axes."""
+
+    X: pin.SE3
+    J: Array
+    v: Array
+    bias: Array
+
+
+def _met(given: Rolling, state: State) -> tuple[_Plane, _Body]:
+    """The plane, and the rolling body, at a state."""
+    check_state(state, given.name)
+    body = _Body(*state.moving(given.frame, HERE, pin.LOCAL_WORLD_ALIGNED))
+    on = given.on
+    if isinstance(on, Body):
+        check_two_bodies(state, given.name, given.frame, on)
+        X_WS, J, u, s = state.moving(on.frame, HERE, pin.LOCAL_WORLD_ALIGNED)
+        return _Plane(X_WS.translation, X_WS.rotation @ given._axes, X_WS.translation, u, s, J), body
+    assert isinstance(on, Ground)
+    point = np.asarray(on.point)
+    return _Plane(point, given._axes, point if on.about is None else np.asarray(on.about), *motion_of(on), None), body
+
+
+def _turned(unit: Array, rate: Array, length: float) -> Array:
+    """Derivative of a vector's direction, from the vector's derivative and length."""
+    return (rate - unit * float(unit @ rate)) / length
+
+
+def _rows(given: Rolling, P: _Plane, body: _Body, d: Array, dd: Array, R: Array, dR: Array, *, normal: bool = True) -> Rows:
+    """Rows of a contact r d from the centre, where d and the axes R change at dd and dR."""
+    r, (v, w), u = float(given.radius) * d, np.split(body.v, 2), P.u[:3]
+    p = body.X.translation + r
+    dr = float(given.radius) * dd
+    arm = cross_matrix(r)
+    from_about = p - P.about
+    g = v - arm @ w - u - P.turning @ from_about
+    surface = P.s[:3] + cross_matrix(P.s[3:]) @ from_about + P.turning @ (v + dr - u)  # of field u, along the contact path
+    dg = body.bias[:3] - arm @ body.bias[3:] + cross_matrix(w) @ dr - surface
+    J = body.J[:3] - arm @ body.J[3:]
+    if P.J is not None:
+        J = J - P.J[:3] + cross_matrix(from_about) @ P.J[3:]
+    J = R.T @ J
+    kept = slice(2, 3) if given.friction == 0.0 else slice(0, 3 if normal else 2)
+    error = np.array([0.0, 0.0, float(P.n @ (p - P.point))])
+    m = len(error[kept])
+    ground, against = (given.on, None) if isinstance(given.on, Ground) else (None, given.frames[1])
+    return Rows(
+        given.name,
+        J[kept],
+        (R.T @ dg + dR.T @ g)[kept],
+        _cone(given, m),
+        (R.T @ g)[kept],
+        error[kept],
+        resultant=R[:, kept],
+        patch=Patch(p, R, np.zeros((1, 3)), given.friction, against, ground if normal else None, 0.0),
+        holonomic=np.array([False, False, True])[kept],
+    )
+
+
+def _cone(given: Rolling, m: int) -> Cone:
+    if given.friction is None:
+        return Free(m)
+    return NonNegative(1) if given.friction == 0.0 else FrictionCone(float(given.friction), int(given.facets))

@@ -13,7 +13,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.dynamics import constraint_hessian
 from rbd.model.state import State
-from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.rows import Rows
 
 CARRIES = 1e-9

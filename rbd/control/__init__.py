@@ -1,20 +1,17 @@
 """Motor torques and pushes over time: controllers, schedules and pushes; tasks, and the torques that meet them best."""
 
-from rbd.control.accepted_steps import AcceptedStep, ContactTouch, SteppedController
 from rbd.control.contact_schedule import ContactSchedule
-from rbd.control.control_log import ControlLog
 from rbd.control.force_tasks import ForceTask, MomentumTask
-from rbd.control.limits import Limits
-from rbd.control.posture import HoldPosture
-from rbd.control.posture_task import PostureTask
-from rbd.control.schedules import Push, Pushes, TorqueSchedule, ZeroOrderHold
-from rbd.control.stepping import step
-from rbd.control.task_actuation import StepCertificate, TaskActuation, Violation
+from rbd.control.motion_limits import Limits
+from rbd.control.posture_control import HoldPosture
+from rbd.control.schedules import AcceptedStep, ContactTouch, Push, Pushes, SteppedController, TorqueSchedule, ZeroOrderHold
+from rbd.control.step_problem import StepCertificate, TaskActuation, Violation
 from rbd.control.task_terms import Reference, Task, TaskTerms
-from rbd.control.tasks import ComTask, FrameTask
+from rbd.control.tasks import ComTask, FrameTask, PostureTask
 from rbd.control.torques import inverse_dynamics_many
 from rbd.control.tracking import TrackingController
-from rbd.control.whole_body import WholeBodyController
+from rbd.control.whole_body import ControlLog, WholeBodyController
+from rbd.control.whole_body_step import step
 from rbd.modules import submodule as _submodule
 
 __all__ = [

@@ -1,16 +1,22 @@
-"""`ContactSchedule`: when each contact is wanted, and how much force it may carry while it fades in and out."""
+"""`ContactSchedule`: when each contact is wanted; and which of these touch, on which a step of control counts."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import KW_ONLY, dataclass
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
+
+import numpy as np
 
 from rbd.arrays import as_float, check_flag
-from rbd.control.accepted_steps import INSTANT
+from rbd.constraints.constraint import Constraint, member
+from rbd.constraints.contact_points import ALWAYS, PointSource, sources_of
+from rbd.control.schedules import INSTANT, AcceptedStep, ContactTouch, TouchesWhenRead
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
 
 Interval: TypeAlias = tuple[float, float]
 
@@ -192,3 +198,234 @@ def _pair(name: str, given: object) -> Interval:
             "math.inf for a contact that stays."
         )
     return start, end
+
+
+TOUCHES = 1e-4
+"""A point touches up to this distance [m], where it was not told."""
+LEAVES = 0.02
+"""A foot that is lifted may touch for so long [s], or for a fade, before it counts as unplanned."""
+NEAR = 5e-4
+"""A contact that was counted on is, until all its points are farther than this [m]: one that carries little leaves by far less,
+for a step or two, and comes back when it is pushed down."""
+
+
+class SeenContacts(NamedTuple):
+    """What is planned, what touches (all of it, or some), what is counted on, and how they differ, as (contact, kind).
+
+    Attributes:
+        since: {contact that is counted on: when it touched [s]}; -inf from the start of the motion.
+    """
+
+    planned: tuple[str, ...]
+    touching: tuple[str, ...]
+    since: dict[str, float]
+    different: list[tuple[str, str]]
+
+
+class ContactWatch:
+    """Follows the contacts of a motion, from one step of control to the next.
+
+    A contact counts from when it is wanted and all its points touch, until it is not wanted, or none of its points is near. One
+    that touches with some of them for longer than a fade counts too. Late in its swing, one that touches with all its points
+    counts before it is wanted. Its force rises from then, or as before if it was lost for less than a fade.
+
+    What carries a robot alone counts until another contact does, late as that may be, unless the schedule has a flight.
+
+    Args:
+        contacts: Those of the controller.
+        schedule: When they are wanted.
+        early: After this share of a swing, what touches has landed.
+    """
+
+    def __init__(self, contacts: Sequence[Constraint], schedule: ContactSchedule, early: float) -> None:
+        self.contacts, self.schedule, self.early = contacts, schedule, early
+        self.names = frozenset(c.name for c in contacts)
+        self._carrying = frozenset(c.name for c in contacts if hasattr(c, "friction"))  # not loops
+        self._always = frozenset(c.name for c in contacts if not lifts(c))
+        self.since: dict[str, float] = {}
+        self._partly: dict[str, float] = {}
+        self._lost: dict[str, tuple[float, float]] = {}
+        self._until: dict[str, float] = {}
+        self._sources: dict[str, PointSource] = {}
+        self._joints: dict[str, int | None] = {}
+        self._start: float | None = None
+
+    def see(self, step: AcceptedStep) -> SeenContacts:
+        """The contacts at the beginning of a step."""
+        t, begins = step.t, self._start is None
+        if self._start is None:
+            self._check_given(step)
+            self._start = t
+        planned, touching, different = list[str](), list[str](), list[tuple[str, str]]()
+        since, over = dict[str, float](), list[str]()
+        for contact in self.contacts:
+            name = contact.name
+            some, whole, near = self._touches(contact, step)
+            wanted = self.schedule.wants(name, t)
+            if wanted:
+                planned.append(name)
+            if some:
+                touching.append(name)
+            if some and not whole:
+                self._partly.setdefault(name, t)
+            else:
+                self._partly.pop(name, None)
+            held = whole or (near and name in self.since) or (wanted and self._lasts(name, t))
+            if held and (wanted or self._late_in_swing(name, t)):
+                since[name] = -math.inf if begins else self._since(name, t)
+                if not wanted:
+                    different.append((name, "early"))
+                if not whole:
+                    different.append((name, "partial"))
+            elif wanted:
+                if name in self._carrying:  # not limits of joints, which act where they must
+                    different.append((name, "late"))
+                if name in self.since:
+                    self._lost[name] = self.since[name], t
+            elif some and name in self.since:
+                over.append(name)
+            elif some and not self._just_lifted(name, t):
+                different.append((name, "unplanned"))
+        if over and not self.schedule.flight and not self._carried(since, step):
+            since |= {name: self.since[name] for name in over}
+            different += [(name, "overdue") for name in over]
+        different += [(each, "unplanned") for each in self._others(step, planned)]
+        self.since = since
+        self._until |= dict.fromkeys(since, t)
+        return SeenContacts(tuple(planned), tuple(touching), since, different)
+
+    def _check_given(self, step: AcceptedStep) -> None:
+        """Refuse a simulation without any contact, where one is wanted: nothing would carry what the controller counts on.
+
+        Raises:
+            InputError: naming those that are wanted.
+        """
+        if not isinstance(step.contacts, TouchesWhenRead) or step.contacts:
+            return
+        wanted = [c.name for c in self.contacts if c.name in self._carrying and self.schedule.wants(c.name, step.t)]
+        if wanted:
+            raise InputError(
+                f"WholeBodyController counts on {', '.join(wanted):.80}, and the simulation has no contacts. Give them to "
+                "both: rbd.simulate(state, contacts, controller=...)."
+            )
+
+    def _since(self, name: str, t: float) -> float:
+        """Since when a contact counts, which its force rises from [s]: as before, where it was lost for less than a fade."""
+        if name in self.since:
+            return self.since[name]
+        before, lost = self._lost.get(name, (t, -math.inf))
+        return before if t - lost <= self.schedule.fade + INSTANT else t
+
+    def _carried(self, contacts: Collection[str], step: AcceptedStep) -> bool:
+        """Whether a robot is carried without further contacts: by these, of which loops do not count, or by a fixed base."""
+        return not self._carrying.isdisjoint(contacts) or not len(step.state.robot.unactuated)
+
+    def bounds(self, step: AcceptedStep, full: float, carried: Mapping[str, float]) -> dict[str, Interval]:
+        """Bounds of normal forces that fade [N], as of `ContactSchedule.normal_force`.
+
+        Together they allow at least the full force, or the robot would fall: less is scaled up to it, unless there is a flight.
+        """
+        bounds = self.schedule.normal_force(step.t, full, self.since, carried)
+        carrying = self._carrying.intersection(self.since)
+        if self.schedule.flight or not carrying.issubset(bounds) or not len(step.state.robot.unactuated):
+            return bounds
+        total = sum(bounds[name][1] for name in self.since if name in carrying)
+        if total >= full:
+            return bounds
+        scale = math.inf if total < 1e-6 * full else full / total
+        free = {name: (0.0, bounds[name][1] * scale) for name in carrying if math.isfinite(scale)}
+        return {name: free.get(name, each) for name, each in bounds.items() if name in free or name not in carrying}
+
+    def _lasts(self, name: str, t: float) -> bool:
+        """Whether a contact has touched with some of its points for longer than a fade."""
+        return t - self._partly.get(name, t) > self.schedule.fade
+
+    def _late_in_swing(self, name: str, t: float) -> bool:
+        """Whether a contact that is not wanted will be soon, so that what touches has landed early."""
+        swing = self.schedule.swing(name, t)
+        assert swing is not None and self._start is not None
+        start, end = max(swing[0], self._start), swing[1]
+        return t - start >= self.early * (end - start) - INSTANT
+
+    def _others(self, step: AcceptedStep, planned: Sequence[str]) -> list[str]:
+        """What touches of constraints that the controller does not have: "name", or "name: shape" where shapes have names.
+
+        Not the shapes of bodies whose own contacts are planned; not what always acts, as loops and joint friction.
+        """
+        if self.names.issuperset(step.contacts):
+            return []
+        robot, out = step.state.robot, list[str]()
+        feet = {self._joint(robot, frame) for frame in frames_of(self.contacts, planned)}
+        for name, touch in step.contacts.items():
+            if name in self.names:
+                continue
+            if touch.names:
+                shapes = dict.fromkeys(_shape(touch.names[i]) for i in _met(touch))
+                out += [f"{name}: {shape}" for shape in shapes if self._joint(robot, shape) not in feet]
+            elif _met(touch):
+                out.append(name)
+        return out
+
+    def _bodies(self, step: AcceptedStep) -> Counter[int | None]:
+        """{joint: how many points of the collision shapes that it carries touch}."""
+        told = [touch for name, touch in step.contacts.items() if name not in self.names and touch.names]
+        return Counter(self._joint(step.state.robot, _shape(touch.names[i])) for touch in told for i in _met(touch))
+
+    def _joint(self, robot: CheckedModel, name: str) -> int | None:
+        """The joint that carries a frame, or the link of a collision shape, "link_0"; None if there is none of this name."""
+        if name not in self._joints:
+            frames = [frame for frame in (name, name.rpartition("_")[0]) if robot.model.existFrame(frame)]
+            found = [int(robot.model.frames[robot.model.getFrameId(frame)].parentJoint) for frame in frames]
+            self._joints[name] = found[0] if found else None
+        return self._joints[name]
+
+    def _just_lifted(self, name: str, t: float) -> bool:
+        """Whether the contact was counted on a moment ago: a foot needs some time to leave the ground."""
+        return t - self._until.get(name, -math.inf) <= max(self.schedule.fade, LEAVES) + INSTANT
+
+    def _touches(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool, bool]:
+        """Whether some of a contact's points touch, whether all do, and whether any is near; measured where it was not told.
+
+        A contact of a body whose collision shapes are told touches with these.
+        """
+        if contact.name in step.inactive:
+            return False, False, False
+        if contact.name in self._always:
+            return True, True, True
+        told = step.contacts.get(contact.name)
+        if told is not None:
+            gaps, touches = np.asarray(told.gaps), np.asarray(told.touches)
+            n = int(np.count_nonzero(touches))
+            return n > 0, 0 < n == len(touches), n > 0 or bool((gaps <= NEAR).any())
+        source = self._sources.get(contact.name)
+        if source is None:
+            source = self._sources[contact.name] = sources_of((contact,), step.state)[0]
+        gaps = source.gaps(step.state, step.t)
+        n, enough = int(np.count_nonzero(gaps <= TOUCHES)), min(len(gaps), 3)
+        if 0 < n == len(gaps) or not step.contacts:
+            return n > 0, 0 < n == len(gaps), bool((gaps <= NEAR).any())
+        shapes = self._bodies(step)[self._joint(step.state.robot, str(member(contact, "frame")))]
+        return n + shapes > 0, shapes >= enough, shapes > 0 or bool((gaps <= NEAR).any())
+
+
+def _met(touch: ContactTouch) -> list[int]:
+    """Which points touch that need not: loops and friction of joints, which always act, have gaps of -inf."""
+    found: list[int] = np.flatnonzero(np.asarray(touch.touches) & (np.asarray(touch.gaps) > ALWAYS)).tolist()
+    return found
+
+
+def _shape(label: str) -> str:
+    """The collision shape of a point's label."""
+    return label.partition(":")[0]
+
+
+def frames_of(contacts: Sequence[Constraint], names: Collection[str]) -> set[str]:
+    """Frames of the robot to which some of the contacts are fixed."""
+    frames = (member(contact, "frame") for contact in contacts if contact.name in names)
+    return {frame for frame in frames if isinstance(frame, str)}
+
+
+def lifts(contact: Constraint) -> bool:
+    """Whether a contact can be lifted: it only pushes. Bilateral contacts and loops cannot."""
+    bilateral = hasattr(contact, "friction") and member(contact, "friction") is None
+    return not bilateral and member(contact, "loop_dof") is None

@@ -74,9 +74,9 @@ from rbd.errors.no_solution import (
     NoSteadyState,
     SimulationStopped,
     SingularPose,
+    StudyStopped,
 )
 from rbd.errors.reasons import InputError, RbdError, Reason
-from rbd.errors.stopped import StudyStopped
 from rbd.errors.warned import (
     DistantContactWarning,
     EffortLimitWarning,

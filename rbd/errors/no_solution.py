@@ -1,4 +1,4 @@
-"""Errors where no motion, force, pose or assembly was found; most carry the nearest one, and the proof."""
+"""Errors where no motion, force, pose or assembly was found, and of a study that ended early; most carry what was found."""
 
 from __future__ import annotations
 
@@ -298,3 +298,27 @@ class NoSteadyState(NoSolution):
     def __init__(self, message: str, *, state: Any = None, acceleration: float = 0.0) -> None:
         super().__init__(message)
         self.state, self.acceleration = state, acceleration
+
+
+class StudyStopped(RbdError):
+    """A study ended before all samples were computed: a full disk, a store that went away, a chunk that kills its workers.
+
+    What was finished is kept: with `out=`, the same call goes on from there.
+
+    Attributes:
+        dataset: What is kept, as `rbd.study` returns it, `ok` False and `reason` "not_run" where nothing was computed; None
+            where it could not be read.
+
+    Example:
+        >>> try:
+        ...     raise rbd.errors.StudyStopped("push.zarr cannot be written: No space left on device.", dataset=None)
+        ... except rbd.RbdError as error:
+        ...     print(error, error.dataset)
+        push.zarr cannot be written: No space left on device. None
+    """
+
+    reason = Reason.STUDY_STOPPED
+
+    def __init__(self, message: str, *, dataset: Any = None) -> None:
+        super().__init__(message)
+        self.dataset = dataset

@@ -1,9 +1,7 @@
 """Mechanisms: assembly, mobility, branches and singularities of closed loops and rolling."""
 
-from rbd.mechanism.absolute_angles import link_jacobians, link_rates
-from rbd.mechanism.assembly import Assembly, assemble
-from rbd.mechanism.assembly_modes import Branch, Branches, branches
-from rbd.mechanism.branch_tracing import trace
+from rbd.mechanism.assembly import Assembly, Branch, Branches, assemble, branches
+from rbd.mechanism.branch_tracing import Trace, trace
 from rbd.mechanism.degrees_of_freedom import Mobility, mobility
 from rbd.mechanism.frobenius import Integrability, integrability
 from rbd.mechanism.partition import (
@@ -11,13 +9,14 @@ from rbd.mechanism.partition import (
     VelocityPartition,
     acceleration_partition,
     independent_velocities,
+    link_jacobians,
+    link_rates,
     velocity_partition,
 )
 from rbd.mechanism.pose_search import FoundPose, find_pose
 from rbd.mechanism.projection import ProjectedAcceleration, project_acceleration, project_velocity
 from rbd.mechanism.singular_configurations import Singularities, SingularitiesAlong, singularities, singularities_along
 from rbd.mechanism.topology import MechanismClass, classify
-from rbd.mechanism.traced_poses import Trace
 from rbd.modules import submodule as _submodule
 from rbd.robots.linkage import Link, Linkage, link_angles
 from rbd.robots.standard_linkages import four_bar, n_four_bar, slider_crank

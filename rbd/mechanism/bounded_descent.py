@@ -70,7 +70,7 @@ class Reached:
 
 
 @dataclass(frozen=True, eq=False)
-class Minimum:
+class BoundedMinimum:
     """A minimum of 1/2 |e|^2 within the limits, with its certificate.
 
     Attributes:
@@ -186,7 +186,7 @@ class Bounded:
         found = within(A, b, np.maximum(lower / far, -longest) / size, np.minimum(upper / far, longest) / size)
         return far * size * found
 
-    def minimise(self, start: Reached, *, most: int = 60) -> Minimum:
+    def minimise(self, start: Reached, *, most: int = 60) -> BoundedMinimum:
         """Newton's steps to a minimum of 1/2 |e|^2 within the limits; saddles are left along the steepest descent."""
         at = start
         for _ in range(most):
@@ -206,12 +206,12 @@ class Bounded:
             at = there
         return self._certificate(at, self._hessian(at))[0]
 
-    def _certificate(self, at: Reached, H: Array) -> tuple[Minimum, Array]:
+    def _certificate(self, at: Reached, H: Array) -> tuple[BoundedMinimum, Array]:
         """(what slope and Hessian say of a point, free coordinates)."""
         free, slope, held = self._slope(at)
         values = np.linalg.eigvalsh(H[np.ix_(free, free)])
         curvature = float(values.min(initial=0.0)) / (float(np.abs(values).max(initial=0.0)) or 1.0)
-        return Minimum(at, slope, curvature, held), free
+        return BoundedMinimum(at, slope, curvature, held), free
 
     def _newton(self, at: Reached, H: Array) -> Array:
         """The minimiser of the quadratic model within the limits, with the absolute values of its curvatures."""

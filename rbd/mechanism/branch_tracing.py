@@ -1,21 +1,22 @@
-"""Driving a mechanism by one joint: poses, limits of motion, singular poses along the path."""
+"""Driving a mechanism by one joint: `Trace`, its poses, limits of motion and singular poses along a branch."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_finite, check_flag, check_whole, max_abs
 from rbd.constraints.constraint import Constraint
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.assembly import TOLERANCE, assemble, check_descent
-from rbd.mechanism.closure import Closure, descend
-from rbd.mechanism.continuation import Curve, Drive, Point, Step
-from rbd.mechanism.poses import LimitViolation, beyond_limits, distance
-from rbd.mechanism.traced_poses import Bifurcation, Limit, Trace
+from rbd.mechanism.constraint_error import Closure, descend
+from rbd.mechanism.continuation import ArcStep, Drive, Point, PoseCurve
+from rbd.mechanism.poses import LimitViolation, beyond_limits, distance, measured
 from rbd.model.checked_model import FARTHEST
+from rbd.model.joints import ANGLE
 from rbd.model.state import State, check_state
 
 ARRIVED = 1e-9
@@ -84,7 +85,7 @@ def trace(
     closure = Closure(check_state(state).robot, constraints, fixed, one_sided=False, loops=loops)
     driven = Drive(closure, joint)
     first = assemble(state, constraints, fixed={**fixed, joint: float(wanted[0])}, tolerance=tolerance, loops=loops)
-    curve = Curve(closure, tolerance, longest_step)
+    curve = PoseCurve(closure, tolerance, longest_step)
     motion = DrivenMotion(curve, driven, driven.start(curve, closure.start(first.q)), float(wanted[0]), max_steps, progress)
     if past_limits:
         motion.go_round(float(wanted[-1]))
@@ -138,16 +139,16 @@ class DrivenMotion:
     """State of the tracing: poses and events found so far."""
 
     def __init__(
-        self, curve: Curve, drive: Drive, start: Point, value: float, most: int, progress: Callable[[float], None] | None
+        self, curve: PoseCurve, drive: Drive, start: Point, value: float, most: int, progress: Callable[[float], None] | None
     ) -> None:
         self.curve, self.drive, self.at, self.value = curve, drive, start, value
         self.start, self.most, self.progress = start, most, progress
         self.samples: list[tuple[float, Point]] = [(value, start)]
-        self.limits: list[Limit] = []
+        self.limits: list[MotionLimit] = []
         self.crossings: list[Bifurcation] = []
         self.unreached = np.zeros(0)
         self.stopped_by, self.closed = "", False
-        self.step: Step | None = None
+        self.step: ArcStep | None = None
         self.step_value, self.step_turns = value, False
 
     def visit(self, wanted: Array) -> None:
@@ -235,7 +236,7 @@ class DrivenMotion:
             self.at = replace(self.at, tangent=-self.at.tangent)
         self.curve.turn_back()
 
-    def _next(self) -> tuple[Step, float]:
+    def _next(self) -> tuple[ArcStep, float]:
         """The next step, and the joint's value at its end."""
         step = self.curve.advance(self.at)
         self.at = step.start
@@ -245,21 +246,21 @@ class DrivenMotion:
         """The joint's value at a pose near `at`."""
         return self.value + self.drive.change(self.at.q, p.q)
 
-    def _turns(self, step: Step) -> bool:
+    def _turns(self, step: ArcStep) -> bool:
         return self.drive.rate(step.start) * self.drive.rate(step.end) <= 0.0 and abs(self.drive.rate(step.start)) > 1e-9
 
-    def _note(self, step: Step) -> None:
+    def _note(self, step: ArcStep) -> None:
         if step.crossing is None:
             return
         robot = self.curve.closure.robot
         if not self.crossings or distance(robot, self.crossings[-1].q, step.crossing.q) > 1e-3:
             self.crossings.append(Bifurcation(self._value(step.crossing), step.crossing.q, float(step.crossing.sigma[-1])))
 
-    def _limit(self, step: Step) -> None:
+    def _limit(self, step: ArcStep) -> None:
         value = self._value(step.end) if self.at is step.start else self.value
-        self.limits.append(Limit(value, self.drive.rate(step.start) > 0.0, step.end.q))
+        self.limits.append(MotionLimit(value, self.drive.rate(step.start) > 0.0, step.end.q))
 
-    def _stopped(self, step: Step, target: float | None = None) -> bool:
+    def _stopped(self, step: ArcStep, target: float | None = None) -> bool:
         """Whether a joint limit ends the motion within a step, before a target within it."""
         least, whose = self.curve.stop(step.end)
         if least >= -ARRIVED:
@@ -272,14 +273,14 @@ class DrivenMotion:
         self.stopped_by = whose
         return True
 
-    def _sample(self, step: Step, after: float, target: float) -> None:
+    def _sample(self, step: ArcStep, after: float, target: float) -> None:
         """The pose within a step where the joint has the target's value."""
         found = self._at_value(step, after, target)
         if found is None:
             found = self.curve.locate(step, lambda p: self._value(p) - target).end
         self.samples.append((target, found))
 
-    def _at_value(self, step: Step, after: float, target: float) -> Point | None:
+    def _at_value(self, step: ArcStep, after: float, target: float) -> Point | None:
         """The same by Newton's steps with the joint fixed; None if they could end on the other side of a limit of motion."""
         if min(abs(self.drive.rate(step.start)), abs(self.drive.rate(step.end))) < 0.05 or step.crossing is not None:
             return None
@@ -298,7 +299,7 @@ class DrivenMotion:
             return None
         return curve.point(closure.at(found.at.q), step.start.tangent)
 
-    def _back(self, step: Step) -> bool:
+    def _back(self, step: ArcStep) -> bool:
         """Whether the curve passes its first pose within a step."""
         closure = self.curve.closure
         d, w = closure.way(step.start.q, step.end.q), closure.way(step.start.q, self.start.q)
@@ -306,3 +307,114 @@ class DrivenMotion:
         along = float(w @ d) / length
         aside = float(np.linalg.norm(w - along * d / length))
         return 0.0 <= along <= length and aside < 0.1 * length and float(self.start.tangent @ step.start.tangent) > 0.9
+
+
+_SHOWN = 6
+
+
+@dataclass(frozen=True, eq=False)
+class MotionLimit:
+    """A limit of the driven joint's motion: J2 is singular, and the mechanism turns back there.
+
+    Attributes:
+        value: Value of the driven joint [rad, m].
+        greatest: Whether it is a maximum of the joint's value; else a minimum.
+        q: The pose, shape (nq,).
+    """
+
+    value: float
+    greatest: bool
+    q: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Bifurcation:
+    """A singular pose that the motion passes, where another branch crosses, to 1e-5.
+
+    Attributes:
+        value: Value of the driven joint [rad, m].
+        q: The pose, shape (nq,).
+        sigma: Least singular value of J there, of those that are not zero along the motion.
+    """
+
+    value: float
+    q: Array
+    sigma: float
+
+
+@dataclass(frozen=True, eq=False)
+class Trace(Displayed):
+    """Poses of a mechanism while one joint is driven, in order, with the limits and singular poses that it passes.
+
+    Attributes:
+        joint: The driven joint.
+        input: Its values, shape (n,) [rad, m]; a continuous joint's are not wrapped.
+        q: Poses, shape (n, nq).
+        residual: Largest entry of the errors, shape (n,) [m, rad].
+        sigma_min: Least singular value of J2, the columns of all other free joints, shape (n,).
+        condition: Condition number of J2, shape (n,); inf where it is singular.
+        limits: Limits at which the driven joint turned back, or would have.
+        crossings: Singular poses that were passed.
+        unreached: Requested values that were not reached, shape (k,).
+        stopped_by: Name of the joint limit that ended the motion, or "".
+        closed: Whether the motion returned to its first pose.
+        beyond_limits: Joints outside the limits of the robot's file somewhere along the motion, at the first such pose.
+        moved: Distance of the first pose from the start, as in `Assembly`.
+        steps: Steps tried.
+        unit: Of the driven joint's values: "rad" or "m".
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(2.0, 2.0, 2.0, 3.0)  # its crank does not turn round
+        >>> path = rbd.mechanism.trace(robot.at("assembled"), joint="crank_joint", values=(1.0, 3.0), steps=20)
+        >>> path.complete, path.q.shape, [round(limit.value, 4) for limit in path.limits]
+        (False, (10, 6), [1.8235])
+    """
+
+    joint: str
+    input: Array
+    q: Array
+    residual: Array
+    sigma_min: Array
+    condition: Array
+    limits: tuple[MotionLimit, ...]
+    crossings: tuple[Bifurcation, ...]
+    unreached: Array
+    stopped_by: str
+    closed: bool
+    beyond_limits: tuple[LimitViolation, ...]
+    moved: float
+    steps: int
+    unit: str = ANGLE
+
+    def __len__(self) -> int:
+        return len(self.input)
+
+    @property
+    def complete(self) -> bool:
+        """Whether every requested value was reached."""
+        return not len(self.unreached)
+
+    def __str__(self) -> str:
+        def told(value: float) -> str:
+            return measured(value, self.unit)
+
+        worst = int(np.argmin(self.sigma_min))
+        start = f"; its first pose is {self.moved:.3g} [rad, m] from the start" if self.moved > 0.1 else ""
+        lines = [
+            f"{self.joint} from {told(self.input[0])} to {told(self.input[-1])}: {len(self)} poses, each closed to "
+            f"{self.residual.max():.0e} m or rad{start}",
+            f"  nearest to singular at {told(self.input[worst])}: least singular value of J2 {self.sigma_min[worst]:.3g}",
+        ]
+        for limit in self.limits[:_SHOWN]:
+            lines.append(f"  limit: {'at most' if limit.greatest else 'at least'} {told(limit.value)}")
+        lines += [f"  passes a singular pose at {told(crossing.value)}: branches meet" for crossing in self.crossings[:_SHOWN]]
+        more = max(0, len(self.limits) - _SHOWN) + max(0, len(self.crossings) - _SHOWN)
+        lines += [f"  and {more} more of these"] * bool(more)
+        if self.stopped_by:
+            lines.append(f"  stopped by {self.stopped_by!r} at {told(self.input[-1])}")
+        if len(self.unreached):
+            first, last = self.unreached[0], self.unreached[-1]
+            lines.append(f"  not reached: {told(first)}" + f" to {told(last)}" * (len(self.unreached) > 1))
+        lines += ["  back where it began"] * self.closed
+        lines += [f"  beyond its limits: {joint}" for joint in self.beyond_limits]
+        return "\n".join(lines)

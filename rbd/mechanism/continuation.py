@@ -19,8 +19,7 @@ from scipy.optimize import brentq
 
 from rbd.arrays import Array
 from rbd.errors import InputError, NoSolution
-from rbd.mechanism.bilateral_velocities import independent_columns
-from rbd.mechanism.closure import Closure, ConstraintResidual, branches_meet, descend
+from rbd.mechanism.constraint_error import Closure, ConstraintResidual, branches_meet, descend, independent_columns
 
 _LEAST_STEP = 1e-6
 _MOST_TURN = 0.2
@@ -54,7 +53,7 @@ class Point:
 
 
 @dataclass(frozen=True, eq=False)
-class Step:
+class ArcStep:
     """A step from one pose to the next.
 
     Attributes:
@@ -70,7 +69,7 @@ class Step:
     crossing: Point | None
 
 
-class Curve:
+class PoseCurve:
     """The poses of a mechanism with one degree of freedom.
 
     Args:
@@ -82,7 +81,7 @@ class Curve:
     def __init__(self, closure: Closure, tolerance: float, longest: float) -> None:
         self.closure, self.tolerance, self.longest = closure, tolerance, longest
         self.size = 0.3 * longest
-        self._jump: tuple[Step, float] | None = None
+        self._jump: tuple[ArcStep, float] | None = None
         self.steps = 0
 
     def point(self, at: ConstraintResidual, along: Array | None) -> Point | None:
@@ -114,7 +113,7 @@ class Curve:
             return None
         return self.point(found.at, p.tangent) if found.closed else None
 
-    def advance(self, p: Point) -> Step:
+    def advance(self, p: Point) -> ArcStep:
         """The next pose.
 
         Raises:
@@ -130,7 +129,7 @@ class Curve:
             if end is None or not self._follows(p, end):
                 self.size *= 0.5
                 continue
-            step = Step(p, end, self.size, p if p.singular else None)
+            step = ArcStep(p, end, self.size, p if p.singular else None)
             if self._flips(p, end):
                 if self._jump is None:
                     self._jump = step, 0.0
@@ -144,7 +143,7 @@ class Curve:
         """Start again in the opposite direction."""
         self._jump, self.size = None, min(self.size, 0.3 * self.longest)
 
-    def locate(self, step: Step, measure: Callable[[Point], float]) -> Step:
+    def locate(self, step: ArcStep, measure: Callable[[Point], float]) -> ArcStep:
         """The fraction of a step at which a measure, of opposite signs at its ends, is zero."""
         found: dict[float, Point] = {0.0: step.start, step.length: step.end}
 
@@ -158,7 +157,7 @@ class Curve:
 
         s = float(brentq(value, 0.0, step.length, xtol=1e-13, rtol=1e-14))
         value(s)
-        return Step(step.start, found[s], s, step.crossing)
+        return ArcStep(step.start, found[s], s, step.crossing)
 
     def stop(self, p: Point) -> tuple[float, str]:
         """(least distance to a limit, negative beyond it; its constraint), over the unilateral constraints."""
@@ -191,7 +190,7 @@ class Curve:
             gone += float(np.linalg.norm(self.closure.way(p.q, end.q)))
             self._jump = (step, gone) if gone < 2.0 * step.length else None
 
-    def _cross(self, p: Point) -> Step:
+    def _cross(self, p: Point) -> ArcStep:
         """Straight on, across a bifurcation that steps of 1e-6 still detect."""
         if self._jump is None:
             raise NoSolution(
@@ -211,7 +210,7 @@ class Curve:
         ahead = np.linalg.eigvals(_followed(step.start, p)).real.min() > 0.0
         small, large = float(p.sigma[-1]) * (1.0 if ahead else -1.0), float(end.sigma[-1])
         rest = small / (small + large) if large > abs(small) else 0.0
-        return Step(here, end, length, self.ahead(here, rest * length) or here)
+        return ArcStep(here, end, length, self.ahead(here, rest * length) or here)
 
 
 def _followed(p: Point, end: Point) -> Array:
@@ -240,7 +239,7 @@ class Drive:
         """Rate of the joint along the curve."""
         return float(p.tangent[self.column])
 
-    def start(self, curve: Curve, at: ConstraintResidual) -> Point:
+    def start(self, curve: PoseCurve, at: ConstraintResidual) -> Point:
         """The first pose.
 
         Raises:

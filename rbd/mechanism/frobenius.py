@@ -22,7 +22,7 @@ from scipy.linalg import qr
 
 from rbd.arrays import Array, as_array, check_positive, check_seed, max_abs
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space, own_or
+from rbd.constraints.manifold import ConstraintManifold, LinearisedRows, null_space, own_or
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -209,7 +209,7 @@ def integrability(
 
 def _given(
     robot: CheckedModel, constraints: Sequence[Constraint], points: Array | Sequence[Array]
-) -> list[tuple[ConstraintManifold, Linearised]]:
+) -> list[tuple[ConstraintManifold, LinearisedRows]]:
     listed = np.atleast_2d(as_array("points", points))
     if listed.ndim != 2 or not len(listed) or listed.shape[1] != robot.nq:
         raise InputError(f"points have shape {listed.shape}; expected (k, {robot.nq}): configurations.")
@@ -220,7 +220,7 @@ def _given(
     return out
 
 
-def _drawn(state: State, constraints: Sequence[Constraint], seed: int) -> list[tuple[ConstraintManifold, Linearised]]:
+def _drawn(state: State, constraints: Sequence[Constraint], seed: int) -> list[tuple[ConstraintManifold, LinearisedRows]]:
     """Three configurations on the rows that have positions."""
     robot, rng, out = state.robot, np.random.default_rng(seed), []
     for _ in range(30):
@@ -242,7 +242,7 @@ def _drawn(state: State, constraints: Sequence[Constraint], seed: int) -> list[t
     )
 
 
-def _look(held: ConstraintManifold, at: Linearised, tolerance: float) -> PointReport:
+def _look(held: ConstraintManifold, at: LinearisedRows, tolerance: float) -> PointReport:
     """The growth vector at one configuration."""
     B, _ = null_space(at.J)
     rank, n = held.n - B.shape[1], held.n
@@ -280,7 +280,7 @@ def _look(held: ConstraintManifold, at: Linearised, tolerance: float) -> PointRe
     return PointReport(at.q, rank, tuple(growth), ends, complete or growth[-1] == n, _regular(held, at))
 
 
-def _regular(held: ConstraintManifold, at: Linearised) -> bool:
+def _regular(held: ConstraintManifold, at: LinearisedRows) -> bool:
     """Whether the rank is the same at two configurations nearby that satisfy the rows that have positions."""
     B, _ = null_space(at.J)
     if not B.shape[1]:

@@ -20,8 +20,8 @@ from rbd.arrays import Array, largest_first, max_abs
 from rbd.constraints.constraint import Constraint, with_loops
 from rbd.displayed import Displayed
 from rbd.errors import CannotReach, InputError, ModelError
-from rbd.mechanism.bounded_descent import Bounded, Minimum, Reached
-from rbd.mechanism.closure import position_residual
+from rbd.mechanism.bounded_descent import Bounded, BoundedMinimum, Reached
+from rbd.mechanism.constraint_error import position_residual
 from rbd.mechanism.pose_targets import (
     CentreOfMass,
     Miss,
@@ -163,7 +163,7 @@ def find_pose(
     if not isinstance(robot, CheckedModel):
         raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
     asked, place = read_targets(robot, targets), read_com(com)
-    search = _Search(robot, asked, place, with_loops(robot, (), loops))
+    search = _PoseSearch(robot, asked, place, with_loops(robot, (), loops))
     q0 = search.bounded.inside(_posture(robot, posture))
     proof = out_of_reach(robot, asked)
     tried = [search.descend(q0)]
@@ -197,7 +197,7 @@ def _posture(robot: CheckedModel, posture: object) -> Array:
         return neutral
 
 
-class _Search:
+class _PoseSearch:
     """A search for a pose: targets of a robot, and its loops.
 
     Args:
@@ -330,20 +330,20 @@ class _Search:
                 weight[turn, turn] = np.diag([1.0, 1.0, _BASE]) @ State(self.robot, q0).base_pose(base.id).rotation
         return weight
 
-    def minimum(self, nearest: Reached) -> Minimum:
+    def minimum(self, nearest: Reached) -> BoundedMinimum:
         """The minimum of the targets' distance; with loops, by the method of multipliers."""
         if not self.loops:
             return self.bounded.minimise(nearest)
         q, shift = nearest.state.q, 0.0 * self._open(nearest.state)[0]
         for _ in range(_ROUNDS):
-            stiff = _Search(self.robot, self.targets, self.com, self.loops, stiff=_STIFF, shift=shift)
+            stiff = _PoseSearch(self.robot, self.targets, self.com, self.loops, stiff=_STIFF, shift=shift)
             end = stiff.bounded.minimise(stiff.descend(q))
             q, shift = end.at.state.q, shift + stiff._open(end.at.state)[0]
         # The slope over |J| |e| of the targets alone: the weight of the loops increases that of all.
-        alone = _Search(self.robot, self.targets, self.com, ()).bounded.at(q)
+        alone = _PoseSearch(self.robot, self.targets, self.com, ()).bounded.at(q)
         return replace(end, slope=end.slope * end.at.scale / max(1e-300, alone.scale))
 
-    def failure(self, end: Minimum, others: int, proof: OutOfReach | None) -> CannotReach:
+    def failure(self, end: BoundedMinimum, others: int, proof: OutOfReach | None) -> CannotReach:
         """The error for targets that are not satisfied."""
         q, name = end.at.state.q, self.robot.name
         left = {k: m for k, m in self.misses(q).items() if not m.within(self.tolerance)}
@@ -376,7 +376,7 @@ class _Search:
             targets = [t for t in self.targets if t.name != name]
             com = None if self.com is None or self.com.name == name else self.com
             if targets or com:
-                less = _Search(self.robot, targets, com, self.loops)
+                less = _PoseSearch(self.robot, targets, com, self.loops)
                 if less.met(less.descend(q)):
                     out.append(name)
         return tuple(out)

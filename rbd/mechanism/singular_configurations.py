@@ -18,10 +18,10 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_positive, check_seed, max_abs
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.manifold import RANK, ConstraintManifold, Linearised, rank_of
+from rbd.constraints.manifold import RANK, ConstraintManifold, LinearisedRows, rank_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
+from rbd.mechanism.degrees_of_freedom import FAR, ROUGH, neighbours
 from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, check_state
@@ -232,7 +232,7 @@ class _Matrices:
 
     def __init__(self, held: ConstraintManifold, inputs: Sequence[str], outputs: str | Sequence[str]) -> None:
         self.held = held
-        self.of: dict[str, Callable[[Linearised], Array]] = {"configuration": lambda p: p.J}
+        self.of: dict[str, Callable[[LinearisedRows], Array]] = {"configuration": lambda p: p.J}
         self.columns = {"configuration": np.arange(held.n)}
         driven = _columns(held, "inputs", inputs)
         if len(driven):
@@ -256,7 +256,7 @@ class _Matrices:
         self.columns[kind] = rest
         self.of[kind] = lambda p: p.J[:, rest]
 
-    def judge(self, kind: str, point: Linearised, rank: int, tolerance: float, at: float = 0.0) -> Singularity:
+    def judge(self, kind: str, point: LinearisedRows, rank: int, tolerance: float, at: float = 0.0) -> Singularity:
         """The singularity of one kind at a configuration, given the usual rank."""
         A, held = self.of[kind](point), self.held
         _, s, Vt = np.linalg.svd(A)
@@ -312,16 +312,16 @@ def _minima(d: Array) -> list[int]:
 
 
 def _refined(
-    held: ConstraintManifold, along: Sequence[Linearised], k: int, of: Callable[[Linearised], Array], rank: int
-) -> tuple[float, Linearised]:
+    held: ConstraintManifold, along: Sequence[LinearisedRows], k: int, of: Callable[[LinearisedRows], Array], rank: int
+) -> tuple[float, LinearisedRows]:
     """(position, singularity) nearest to singular between the neighbours of configuration k."""
 
-    def distance(p: Linearised) -> float:
+    def distance(p: LinearisedRows) -> float:
         return _distance(_values(of(p)), rank)
 
     low, high = max(0, k - 1), min(len(along) - 1, k + 1)
 
-    def point(t: float) -> Linearised:
+    def point(t: float) -> LinearisedRows:
         i = min(int(t), len(along) - 2)
         if i < 0 or t == int(t):
             return along[int(t)]

@@ -10,10 +10,10 @@ import pinocchio as pin
 
 from rbd.arrays import Array, check_seed, max_abs
 from rbd.constraints.constraint import Constraint, frames_of
-from rbd.constraints.manifold import ConstraintManifold, Linearised, null_space, rank_of
+from rbd.constraints.manifold import ConstraintManifold, LinearisedRows, null_space, rank_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.mechanism.local_dimension import FAR, ROUGH, neighbours
+from rbd.mechanism.degrees_of_freedom import FAR, ROUGH, neighbours
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, check_state
 
@@ -285,7 +285,7 @@ def _bodies_of(robot: CheckedModel, constraint: Constraint) -> tuple[int, int] |
     return (bodies[0], bodies[1] if len(bodies) > 1 else 0) if bodies else None
 
 
-def _configurations(held: ConstraintManifold, seed: int) -> list[Linearised]:
+def _configurations(held: ConstraintManifold, seed: int) -> list[LinearisedRows]:
     """A configuration on the constraints, and some nearby."""
     rng, here = np.random.default_rng(seed), held.at(held.q)
     if max_abs(here.error) > held.tolerance:
@@ -301,7 +301,7 @@ def _configurations(held: ConstraintManifold, seed: int) -> list[Linearised]:
     return [here, *(p for p in neighbours(held, here, FAR, rng, 6) if p is not None)]
 
 
-def _end_point(held: ConstraintManifold, looked: list[Linearised], frame: str, graph: Graph) -> EndPoint:
+def _end_point(held: ConstraintManifold, looked: list[LinearisedRows], frame: str, graph: Graph) -> EndPoint:
     model, body, ranks = held.robot.model, held.robot.site(frame)[0], []
     chain = [i for j in model.supports[body].tolist() if j for i in range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])]
     for point in looked:

@@ -51,7 +51,7 @@ class ForceElement(Protocol):
     Those of `rbd.constraints.forces` are force elements; so is any object with `name`, `generalised`, `energy` and
     `dissipation`. If it has
     `derivatives(state)` too, (dtau/dq on the tangent space, dtau/dv), shapes (nv, nv), it is used; else they are taken by
-    differences (`rbd.answers.analysis.external_derivatives`). What it returns is checked: sizes, and that it is finite.
+    differences (`rbd.answers.analysis.state_changes`). What it returns is checked: sizes, and that it is finite.
     """
 
     @property

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     """Names of joints or of single entries, or patterns of such names with *, ? and [...]."""
 
 
-class Placed(Protocol):
+class PlacedCoordinates(Protocol):
     """What is known of a joint here."""
 
     name: str

@@ -14,7 +14,7 @@ from rbd.arrays import Array, block_diagonal, cross_matrix, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, JointNotFound, nearest
 from rbd.model.joint_lookup import JointLookup
-from rbd.model.planar_base import TURN_RATES, Plane, plane_of_base
+from rbd.model.world import TURN_RATES, Plane, plane_of_base
 
 UNIT_TOLERANCE = 1e-6
 """How far a quaternion's norm may be from one before it is refused."""

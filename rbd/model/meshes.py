@@ -85,7 +85,7 @@ def _built(
     tag = "visual" if kind == pin.GeometryType.VISUAL else "collision"
     stand_ins = frozenset(_replaced(element, tag, meshes))
     capsules = {kind: dict(_capsules(element, kind)) for kind in ("visual", "collision")}[tag]
-    for joint in element.iterfind("joint[@type='spherical']"):  # see rbd.model.remaking
+    for joint in element.iterfind("joint[@type='spherical']"):  # see rbd.model.files
         joint.set("type", "floating")
     text = ElementTree.tostring(element, encoding="unicode")
     found = pin.buildGeomFromUrdfString(model, text, kind, package_dirs=[], mesh_loader=meshes.loader)

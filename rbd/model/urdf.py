@@ -38,7 +38,7 @@ _EFFECTLESS = ("lower", "upper")  # of continuous joints
 
 
 @dataclass(frozen=True)
-class Link:
+class UrdfLink:
     """A link: mass [kg], inertia about its centre of mass (xx, xy, xz, yy, yz, zz) [kg m2]; zero where the file has none."""
 
     name: str
@@ -48,7 +48,7 @@ class Link:
 
 
 @dataclass(frozen=True)
-class Joint:
+class UrdfJoint:
     """A joint between two links; `axis` and `mimics` are None where the file has none; rotor inertia [kg m2, kg]."""
 
     name: str
@@ -74,8 +74,8 @@ class UrdfFile:
     """
 
     name: str
-    links: dict[str, Link]
-    joints: dict[str, Joint]
+    links: dict[str, UrdfLink]
+    joints: dict[str, UrdfJoint]
     base: frozenset[str]
     text: str
 
@@ -137,7 +137,7 @@ class Complaints:
         self.refuse()
         raise AssertionError("unreachable")
 
-    def by_name(self, what: str, things: Iterable[Link] | Iterable[Joint]) -> dict:
+    def by_name(self, what: str, things: Iterable[UrdfLink] | Iterable[UrdfJoint]) -> dict:
         """{name: element}; missing and repeated names are reported."""
         found: dict = {}
         for thing in things:
@@ -184,11 +184,11 @@ def _words(text: str) -> list[str]:
     return [word for word in _SPACE.split(text) if word]
 
 
-def _link(wrong: Complaints, element: ElementTree.Element) -> Link:
+def _link(wrong: Complaints, element: ElementTree.Element) -> UrdfLink:
     name = element.get("name", "")
     inertial = element.find("inertial")
     if inertial is None:
-        return Link(name, text=f"<link name={quoteattr(name)}/>")
+        return UrdfLink(name, text=f"<link name={quoteattr(name)}/>")
     what = f"the inertial of link {name!r}"
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     kg = wrong.numbers(f"the mass of link {name!r}", mass, "value")[0]
@@ -202,10 +202,10 @@ def _link(wrong: Complaints, element: ElementTree.Element) -> Link:
         + " ".join(f"{pair}='{x!r}'" for pair, x in zip(PAIRS, moments, strict=True))
         + "/></inertial></link>"
     )
-    return Link(name, kg, moments, text)
+    return UrdfLink(name, kg, moments, text)
 
 
-def _joint(wrong: Complaints, element: ElementTree.Element) -> Joint:
+def _joint(wrong: Complaints, element: ElementTree.Element) -> UrdfJoint:
     name, kind = element.get("name", ""), element.get("type", "")
     what = f"joint {name!r}"
     if kind not in FREEDOMS:
@@ -233,12 +233,12 @@ def _joint(wrong: Complaints, element: ElementTree.Element) -> Joint:
     if mimic is not None:
         for key in ("multiplier", "offset"):
             wrong.numbers(f"the mimic of {what}", mimic, key, default=0.0)
-    told = "floating" if kind == "spherical" else kind  # see rbd.model.remaking
+    told = "floating" if kind == "spherical" else kind  # see rbd.model.files
     text = (
         f"<joint name={quoteattr(name)} type={quoteattr(told)}><parent link={quoteattr(parent)}/>"
         f"<child link={quoteattr(child)}/>{''.join(parts)}</joint>"
     )
-    return Joint(name, kind, parent, child, direction, None if mimic is None else mimic.get("joint", ""), text, armature)
+    return UrdfJoint(name, kind, parent, child, direction, None if mimic is None else mimic.get("joint", ""), text, armature)
 
 
 def _limit(wrong: Complaints, what: str, kind: str, limit: ElementTree.Element | None) -> str:
@@ -273,7 +273,7 @@ def _joined(values: Sequence[float]) -> str:
     return " ".join(map(repr, values))
 
 
-def _check_tree(wrong: Complaints, links: dict[str, Link], joints: dict[str, Joint]) -> None:
+def _check_tree(wrong: Complaints, links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> None:
     """One root, one parent a link, no circle, no link without a parent but the root."""
     above: dict[str, str] = {}
     below: dict[str, list[str]] = {}
@@ -311,7 +311,7 @@ def _on_circle(link: str, above: dict[str, str]) -> str:
     return link
 
 
-def _check_mimics(wrong: Complaints, joints: dict[str, Joint], *, known: bool) -> None:
+def _check_mimics(wrong: Complaints, joints: dict[str, UrdfJoint], *, known: bool) -> None:
     for joint in joints.values():
         if joint.mimics is None:
             continue
@@ -331,7 +331,7 @@ def _check_mimics(wrong: Complaints, joints: dict[str, Joint], *, known: bool) -
             seen.add(other.name)
 
 
-def _base(links: dict[str, Link], joints: dict[str, Joint]) -> frozenset[str]:
+def _base(links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> frozenset[str]:
     moved = {joint.child for joint in joints.values()}
     welded: dict[str, list[str]] = {}
     for joint in joints.values():

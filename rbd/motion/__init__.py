@@ -4,14 +4,13 @@ from rbd.modules import submodule as _submodule
 from rbd.motion.causes import CAUSES
 from rbd.motion.checking import check_motion
 from rbd.motion.contact_detection import find_contacts
+from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.derivation import Derivation, derivatives
 from rbd.motion.difference import MotionDifference
 from rbd.motion.force_estimate import ForceEstimate, OpenComponents
-from rbd.motion.lanes import Lanes
-from rbd.motion.making import minimum_jerk
 from rbd.motion.measured import ForceHistory, estimate_forces, estimate_forces_along
-from rbd.motion.motion import Motion
 from rbd.motion.observer import MomentumObserver
+from rbd.motion.reference_motion import Motion, minimum_jerk
 from rbd.motion.report import MotionReport
 from rbd.motion.sensor_noise import SensorNoise
 
@@ -20,7 +19,7 @@ __all__ = [
     "Derivation",
     "ForceEstimate",
     "ForceHistory",
-    "Lanes",
+    "ContactTimeline",
     "MomentumObserver",
     "Motion",
     "MotionDifference",

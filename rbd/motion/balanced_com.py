@@ -18,7 +18,7 @@ from scipy.linalg import solve_banded
 
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import convex_hull, half_planes, inside_distance
-from rbd.model.gravity import along_gravity
+from rbd.model.world import along_gravity
 from rbd.motion.frame_terms import FrameTerms
 
 FLIES = 0.1

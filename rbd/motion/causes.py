@@ -13,8 +13,8 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.motors import Motor, TorqueLines
 from rbd.motion.contact_detection import NOISE
 from rbd.motion.frame_terms import FrameTerms, wrench_scale
-from rbd.motion.missing import least_wrench
-from rbd.motion.motion import Motion
+from rbd.motion.missing_wrench import least_wrench
+from rbd.motion.reference_motion import Motion
 
 CAUSES = (
     "floats", "sinks", "slides", "friction", "tips", "motor", "joint limit", "speed limit", "torque-speed", "jump",

@@ -13,10 +13,10 @@ from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.errors import InputError
 from rbd.motion import causes as why
 from rbd.motion.contact_detection import NOISE, REST_SPEED, find_contacts
+from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.frame_terms import FrameTerms, check_robot, placements, wrench_scale
-from rbd.motion.lanes import Lanes
-from rbd.motion.missing import least_effort, least_wrench, nearest_acceleration
-from rbd.motion.motion import Motion
+from rbd.motion.missing_wrench import least_effort, least_wrench, nearest_acceleration
+from rbd.motion.reference_motion import Motion
 from rbd.motion.report import CheckSettings, MotionReport
 from rbd.motion.self_collision import self_collisions
 from rbd.simulation.progress_bar import progress_of
@@ -36,7 +36,7 @@ def check_motion(
     *,
     friction: float = 0.7,
     torque_limits: bool | float = True,
-    contacts: Lanes | None = None,
+    contacts: ContactTimeline | None = None,
     ground: float | str | None = None,
     threshold: float = 0.02,
     bodies: bool = False,
@@ -115,7 +115,7 @@ def check_motion(
     )  # fmt: skip
 
 
-class Balance:
+class FrameBalance:
     """Arrays over frames, filled block by block; fields as of `MotionReport`."""
 
     def __init__(self, n: int, k: int, nu: int, a: Array) -> None:
@@ -127,12 +127,12 @@ class Balance:
 
 def balance(
     motion: Motion,
-    lanes: Lanes,
+    lanes: ContactTimeline,
     settings: CheckSettings,
     limit: Array,
     done: Callable[[float], None],
     bounds: tuple[Array, Array] | None = None,
-) -> Balance:
+) -> FrameBalance:
     """What is missing in each frame, with forces, torques and the causes that dynamics knows.
 
     Args:
@@ -144,7 +144,7 @@ def balance(
         bounds: Least and largest torques of each frame, shapes (n, nu), where torque-speed lines limit them.
     """
     robot, mu = motion.robot, settings.friction
-    out = Balance(motion.n, len(lanes.points), robot.nu, motion.a)
+    out = FrameBalance(motion.n, len(lanes.points), robot.nu, motion.a)
     scale = wrench_scale(robot)
     sigma = None if motion.derivation is None else motion.derivation.noise_a
     names = {name: i for i, name in enumerate(why.CAUSES)}
@@ -196,18 +196,18 @@ def _limits(limit: Array, given: bool | float) -> Array:
     return np.asarray(limit * share)
 
 
-def _lanes(motion: Motion, contacts: Lanes | None, settings: CheckSettings) -> Lanes:
+def _lanes(motion: Motion, contacts: ContactTimeline | None, settings: CheckSettings) -> ContactTimeline:
     given = motion.contacts if contacts is None else contacts
     if given is None:
         return find_contacts(motion, bodies=settings.bodies, ground=settings.ground, rest_speed=settings.rest_speed)
-    if not isinstance(given, Lanes):
-        raise InputError(f"contacts is {given!r:.80}; expected Lanes: rbd.motion.find_contacts(motion).")
+    if not isinstance(given, ContactTimeline):
+        raise InputError(f"contacts is {given!r:.80}; expected ContactTimeline: rbd.motion.find_contacts(motion).")
     if not motion.robot.is_like(given.points.robot) or len(given.t) != motion.n or not np.array_equal(given.t, motion.t):
         raise InputError("contacts are of another motion: their robot or their times differ. Find those of this one.")
     return given
 
 
-def _used_friction(lanes: Lanes, forces: Array, weight: float, mu: float) -> Array:
+def _used_friction(lanes: ContactTimeline, forces: Array, weight: float, mu: float) -> Array:
     """|f_t| / (mu f_n) of each contact, shape (n, contacts); NaN where it carries nothing."""
     out = np.full((len(lanes.t), len(lanes.contacts)), np.nan)
     for g in range(len(lanes.contacts)):
@@ -217,7 +217,7 @@ def _used_friction(lanes: Lanes, forces: Array, weight: float, mu: float) -> Arr
     return out
 
 
-def _edge_margins(lanes: Lanes, forces: Array, weight: float) -> Array:
+def _edge_margins(lanes: ContactTimeline, forces: Array, weight: float) -> Array:
     """Distance of each sole's centre of pressure from its edge [m], shape (n, contacts); NaN where there is none."""
     out = np.full((len(lanes.t), len(lanes.contacts)), np.nan)
     for g, contact in enumerate(lanes.contacts):

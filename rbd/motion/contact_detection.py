@@ -9,10 +9,9 @@ from rbd.arrays import Array, as_float, check_flag
 from rbd.constraints.contact import Contact
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.motion.floor_points import FloorPoints
+from rbd.motion.contact_timeline import ContactTimeline, FloorPoints
 from rbd.motion.frame_terms import carriers, placements
-from rbd.motion.lanes import Lanes
-from rbd.motion.motion import Motion
+from rbd.motion.reference_motion import Motion
 
 TOUCHES_M = 0.006
 """A point begins to touch at this height over the floor [m] ..."""
@@ -30,7 +29,7 @@ _LEAST = 3
 
 def find_contacts(
     motion: Motion, *, bodies: bool = False, ground: float | str | None = None, rest_speed: float = REST_SPEED
-) -> Lanes:
+) -> ContactTimeline:
     """Which points touch the floor, and which of these slide, in each frame.
 
     Heights decide whether a point touches: from 6 mm, with hysteresis up to 10 mm. Its speed only decides whether it holds or
@@ -81,7 +80,7 @@ def find_contacts(
     sigma = None if motion.derivation is None else motion.derivation.noise_q
     speeds, noise = slopes(motion.t, places[..., :2], touches, place_noise(motion.robot, points, motion.q, sigma))
     slides = touches & (speeds > slow + NOISE * noise)
-    return Lanes(motion.t, points, touches, slides, heights, speeds, places, level, noise, notes)
+    return ContactTimeline(motion.t, points, touches, slides, heights, speeds, places, level, noise, notes)
 
 
 def fitted_ground(places: Array) -> float:

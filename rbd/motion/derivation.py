@@ -18,7 +18,7 @@ from rbd.arrays import Array, as_array, as_float, check_finite, check_positive
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.rotations import conjugate, logarithm, product, rotated
+from rbd.model.sampled_motion import conjugate, logarithm, product, rotated
 
 Method: TypeAlias = Literal["local polynomial", "low-pass"]
 NEARLY_UNIT = 0.05

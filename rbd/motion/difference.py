@@ -12,7 +12,7 @@ from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.motion.frame_terms import placements
-from rbd.motion.motion import Motion
+from rbd.motion.reference_motion import Motion
 
 _TOLD = 6  # joints that the table names
 _SMALL = 1e-6  # rad or m: no difference to tell

@@ -10,8 +10,8 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.gravity import LEAST_FALL
-from rbd.motion.floor_points import FloorPoints
+from rbd.model.world import LEAST_FALL
+from rbd.motion.contact_timeline import FloorPoints
 
 LENGTH = 0.3
 """Moments on the base are measured in weights over this length [m]."""

@@ -18,12 +18,11 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, generalised
 from rbd.model.sampled_motion import SampledMotion
 from rbd.model.state import State, checked
-from rbd.motion.force_estimate import ForceEstimate
-from rbd.motion.force_fit import fit_forces
+from rbd.motion.force_estimate import ForceEstimate, fit_forces
 from rbd.motion.sensor_noise import SensorNoise, checked_noise, force_scale, whitening
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.rows import Rows
-from rbd.statics.loads import contact_rows
+from rbd.statics.force_balance import contact_rows
 
 
 def estimate_forces(

@@ -18,21 +18,20 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import Contact
 from rbd.control import ComTask, FrameTask, PostureTask, Reference, Task
-from rbd.control.feed_forward import sampled
-from rbd.control.limits import Limits
-from rbd.control.stepping import silent_step
-from rbd.control.task_actuation import TaskActuation
+from rbd.control.motion_limits import Limits
+from rbd.control.step_problem import TaskActuation
+from rbd.control.tracking import sampled
+from rbd.control.whole_body_step import silent_step
 from rbd.errors import NoSolution
 from rbd.mechanism.projection import project_velocity
 from rbd.model.checked_model import CheckedModel
-from rbd.model.interpolation import cubic
+from rbd.model.sampled_motion import cubic
 from rbd.model.state import State
 from rbd.motion.balanced_com import com_shift, held_places
 from rbd.motion.contact_detection import slopes
-from rbd.motion.floor_contacts import LANDED, FloorContacts
+from rbd.motion.contact_timeline import LANDED, ContactTimeline, FloorContacts
 from rbd.motion.frame_terms import FrameTerms, placements
-from rbd.motion.lanes import Lanes
-from rbd.motion.motion import Motion
+from rbd.motion.reference_motion import Motion
 
 COM, BASE, POSTURE, FOOT = 100.0, 10.0, 1.0, 100.0
 """Costs of missing what the reference wants: of the centre of mass and feet (m/s2)^2, of the base and joints (rad/s2)^2."""
@@ -75,7 +74,7 @@ class Course:
     lifted: float
 
     @classmethod
-    def of(cls, motion: Motion, lanes: Lanes, longest: float) -> Course:
+    def of(cls, motion: Motion, lanes: ContactTimeline, longest: float) -> Course:
         """That of a motion with its contacts, at times `longest` apart at most [s]."""
         t, q, v, a = sampled(motion, longest)
         lifted = -_floor_error(lanes)
@@ -95,7 +94,7 @@ class Course:
         return cls(t, frame, q, v, a, shift, raised, lifted)
 
 
-def standing(lanes: Lanes) -> Lanes:
+def standing(lanes: ContactTimeline) -> ContactTimeline:
     """The same contacts without the frames in which a foot already rises, or is not yet down.
 
     `find_contacts` lets a point touch from 6 to 10 mm above the floor, as recorded feet hover. Here a contact begins and ends
@@ -121,14 +120,14 @@ def stretches(on: Array) -> list[tuple[int, int]]:
     return list(zip(begins.tolist(), ends.tolist(), strict=True))
 
 
-def _floor_error(lanes: Lanes) -> float:
+def _floor_error(lanes: ContactTimeline) -> float:
     """The median over the frames with contact of the height of the lowest point that touches [m]."""
     on = lanes.touches.any(axis=1)
     heights = np.where(lanes.touches, lanes.heights, np.inf)[on]
     return float(np.median(heights.min(axis=1))) if on.any() else 0.0
 
 
-def _raised(lanes: Lanes, g: int, lifted: float, t: Array) -> Array:
+def _raised(lanes: ContactTimeline, g: int, lifted: float, t: Array) -> Array:
     """By how much a contact must be raised so that its lowest point is on the floor while it touches, shape (len(t),)."""
     own = lanes.points.group == g
     if not own.any():
@@ -199,7 +198,7 @@ class _Follower:
 
 def nearest_motion(
     motion: Motion,
-    lanes: Lanes,
+    lanes: ContactTimeline,
     friction: float,
     torque: float | None,
     margin: float,
@@ -268,7 +267,7 @@ def _fallen(state: State, wanted: State, ground: float) -> str:
     return f"its base leans by {math.degrees(lean):.0f} degrees from that of the reference" if lean > TIPPED else ""
 
 
-def _start(follower: _Follower, contacts: FloorContacts, lanes: Lanes) -> tuple[Array, Array]:
+def _start(follower: _Follower, contacts: FloorContacts, lanes: ContactTimeline) -> tuple[Array, Array]:
     """(q, v) of the first frame: feet where they are and at rest, joints within limits, the centre of mass where it begins."""
     robot, now = follower.robot, follower.now
     q, v = now.q.copy(), now.v.copy()
@@ -327,7 +326,7 @@ def within_limits(robot: CheckedModel, q: Array) -> tuple[Array, Array]:
 
 def _made(
     motion: Motion,
-    lanes: Lanes,
+    lanes: ContactTimeline,
     course: Course,
     kept: Sequence[tuple[Array, Array, Array, Array]],
     fell: str,
@@ -352,7 +351,7 @@ def _made(
     if off > OFF_FLOOR:
         notes.insert(1, f"it is possible on contacts up to {1e3 * off:.0f} mm off the floor, as those of the reference are.")
     speeds, noise = slopes(motion.t[:n], places[..., :2], on, np.zeros(len(lanes.points)))
-    own = Lanes(
+    own = ContactTimeline(
         motion.t[:n], lanes.points, on, np.zeros_like(on), places[..., 2] - lanes.ground, speeds, places, lanes.ground, noise
     )
     return Motion.of_arrays(

@@ -11,12 +11,10 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.model.actuated_model import with_plain_motors
-from rbd.model.checked_model import CheckedModel
+from rbd.model.checked_model import CheckedModel, with_plain_motors
 from rbd.motion.derivation import NEARLY_UNIT, Derivation, Method
-from rbd.motion.frames import Frames, check_rate, check_same_rate, counts_frames, joint_positions, unit_of
-from rbd.motion.joint_orders import breadth_first, checked_joints, file_order, formats, left_still, standing_q
-from rbd.motion.quaternion_order import chosen_order
+from rbd.motion.file_conventions import breadth_first, checked_joints, chosen_order, file_order, formats, left_still, standing_q
+from rbd.motion.file_frames import Frames, check_rate, check_same_rate, counts_frames, joint_positions, unit_of
 from rbd.robots.loading import load_robot
 from rbd.robots.travelling import given_texts
 from rbd.simulation.trajectory_file import npz_arrays

@@ -33,7 +33,7 @@ from rbd.motion.force_estimate import ForceEstimate
 from rbd.motion.measured import Fitting, ForceHistory, check_measured, checked_touches, frame_rows
 from rbd.motion.sensor_noise import SensorNoise, checked_noise
 from rbd.problem.rows import Rows
-from rbd.statics.loads import contact_rows
+from rbd.statics.force_balance import contact_rows
 
 MOST_BANDWIDTH = 1e6
 

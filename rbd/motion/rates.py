@@ -18,7 +18,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import Piece
-from rbd.model.rotations import conjugate, exponential, logarithm, product, rotated
+from rbd.model.sampled_motion import conjugate, exponential, logarithm, product, rotated
 
 SHARE = 0.1
 """Share of a velocity by which it may be off: 50 Hz taken for 60 are off by 0.17, a lag of 8 ms at 2 Hz by 0.1."""

@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.convex.solids import convex_shape
+from rbd.constraints.convex.convex_shapes import convex_shape
 from rbd.displayed import Displayed
 from rbd.errors import ModelError
 from rbd.model.checked_model import CheckedModel

@@ -14,24 +14,22 @@ except ImportError:
 
 # isort: split
 from rbd.planar.angles import AngleMap
-from rbd.planar.bodies import Bodies
+from rbd.planar.bodies import LinkBodies
 from rbd.planar.chain import Chain
+from rbd.planar.classification import ChainClass, classify
 from rbd.planar.constrained_chain import ConstrainedChain, constrained
-from rbd.planar.equations_of_motion import Dynamics, dynamics
+from rbd.planar.equations_of_motion import Dynamics, LinearisedChain, PlanarModes, dynamics
 from rbd.planar.inverse_kinematics import Inverse, inverse, inverse_formulas
 from rbd.planar.joint_derivatives import joint_rates
 from rbd.planar.kinematics import Split, jacobian
-from rbd.planar.motion import PlanarMotion, endpoint_motion, joint_motion
 from rbd.planar.numeric import Ellipse
-from rbd.planar.path_following import InversePath, inverse_path
-from rbd.planar.quintic import MinimumJerk, Peaks, minimum_jerk
-from rbd.planar.small_motion import LinearisedChain, Modes
-from rbd.planar.topology import ChainClass, classify
-from rbd.planar.urdf import RobotCoordinates, robot_coordinates, to_robot, to_urdf
+from rbd.planar.path_following import InversePath, MinimumJerk, Peaks, inverse_path, minimum_jerk
+from rbd.planar.planned_motion import PlanarMotion, endpoint_motion, joint_motion
+from rbd.planar.robot_file import RobotCoordinates, robot_coordinates, to_robot, to_urdf
 
 __all__ = [
     "AngleMap",
-    "Bodies",
+    "LinkBodies",
     "Chain",
     "ChainClass",
     "ConstrainedChain",
@@ -41,7 +39,7 @@ __all__ = [
     "InversePath",
     "LinearisedChain",
     "MinimumJerk",
-    "Modes",
+    "PlanarModes",
     "Peaks",
     "PlanarMotion",
     "RobotCoordinates",

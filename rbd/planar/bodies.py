@@ -22,7 +22,7 @@ MOST = 1e12
 
 
 @dataclass(frozen=True)
-class Bodies(Displayed):
+class LinkBodies(Displayed):
     """Masses, centres of mass and inertias of a chain's links; one entry a link, from the base outward.
 
     Attributes:
@@ -71,7 +71,7 @@ class Bodies(Displayed):
         """Symbols that are no numbers yet, in the order of lengths, masses, centres, inertias."""
         return symbols_of((*self.lengths, *self.masses, *self.centres, *self.inertias))
 
-    def subs(self, values: Mapping[Any, Any] | None) -> Bodies:
+    def subs(self, values: Mapping[Any, Any] | None) -> LinkBodies:
         """With numbers for symbols.
 
         Args:
@@ -85,7 +85,7 @@ class Bodies(Displayed):
         known = replacements(values, self.unknowns, "these bodies")
         fields = ("lengths", "masses", "centres", "inertias")
         new = (tuple(x.subs(known) for x in getattr(self, field)) for field in fields)
-        return Bodies(*(_checked(field, entries, len(entries)) for field, entries in zip(fields, new, strict=True)))
+        return LinkBodies(*(_checked(field, entries, len(entries)) for field, entries in zip(fields, new, strict=True)))
 
     def numbers(self) -> tuple[Array, ...]:
         """(lengths, masses, centres, inertias) as arrays of floats, each (n,).
@@ -106,7 +106,7 @@ def bodies_of(
     masses: Iterable[Any] | None = None,
     centres: Iterable[Any] | None = None,
     inertias: Iterable[Any] | None = None,
-) -> Bodies:
+) -> LinkBodies:
     """The bodies of a chain's links.
 
     Values not given are symbols: m_i, d_i and I_i, positive.
@@ -132,11 +132,11 @@ def bodies_of(
     ell = _given("lengths", chain.lengths if lengths is None else lengths, n, None, chain.t)
     m = _given("masses", masses, n, "m", chain.t)
     if bodies == "points":
-        return Bodies(ell, m, ell, (sp.Integer(0),) * n)
+        return LinkBodies(ell, m, ell, (sp.Integer(0),) * n)
     if bodies == "rods":
         half = tuple(x / 2 for x in ell)
-        return Bodies(ell, m, half, tuple(k * x**2 / 12 for k, x in zip(m, ell, strict=True)))
-    return Bodies(ell, m, _given("centres", centres, n, "d", chain.t), _given("inertias", inertias, n, "I", chain.t))
+        return LinkBodies(ell, m, half, tuple(k * x**2 / 12 for k, x in zip(m, ell, strict=True)))
+    return LinkBodies(ell, m, _given("centres", centres, n, "d", chain.t), _given("inertias", inertias, n, "I", chain.t))
 
 
 def constant(what: str, value: Any, t: sp.Symbol | None = None) -> sp.Expr:

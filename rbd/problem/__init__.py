@@ -2,15 +2,15 @@
 
 from rbd.modules import submodule as _submodule
 from rbd.problem.answer import Answer, Status
-from rbd.problem.cones import Box, Cone, EllipticCone, Free, FrictionCone, NonNegative, Product
+from rbd.problem.cones import Bounds, Cone, EllipticCone, Free, FrictionCone, NonNegative, Product
 from rbd.problem.corner_cones import LineCone, WrenchCone
+from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.ground import Ground
-from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
 
 __all__ = [
     "Answer",
-    "Box",
+    "Bounds",
     "Cone",
     "EllipticCone",
     "Free",

@@ -18,7 +18,7 @@ from rbd.errors import Reason
 from rbd.problem.cones import friction_used
 from rbd.problem.corner_cones import WrenchCone
 from rbd.problem.force_set import ForceSet
-from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
 from rbd.problem.rows import Patch, Rows
 

@@ -21,7 +21,7 @@ from rbd.errors import InputError
 
 
 @dataclass(frozen=True)
-class Line:
+class FreeLine:
     """The whole real line: a component that pulls and pushes."""
 
     dim: int = 1
@@ -58,7 +58,7 @@ class Interval:
 
     def alone(self) -> Cone:
         """As a set."""
-        return Box(np.array([self.lo]), np.array([self.hi]))
+        return Bounds(np.array([self.lo]), np.array([self.hi]))
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class SecondOrderCone:
         return FrictionCone(self.mu, self.facets)
 
 
-Part: TypeAlias = Line | HalfLine | Interval | SecondOrderCone
+Part: TypeAlias = FreeLine | HalfLine | Interval | SecondOrderCone
 
 
 class Cone(Displayed):
@@ -196,7 +196,7 @@ class Free(Cone):
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """Identity and lines."""
-        return np.eye(self.dim), (Line(),) * self.dim
+        return np.eye(self.dim), (FreeLine(),) * self.dim
 
     def feedback(self, u: Array, e: Array | None) -> Array:
         """All of it."""
@@ -328,11 +328,11 @@ class EllipticCone(Cone):
 
 
 @dataclass(frozen=True, eq=False)
-class Box(Cone):
+class Bounds(Cone):
     """Force set between bounds `lo` and `hi`, shape (dim,) [N, N m], e.g. of dry friction in a joint.
 
     Example:
-        >>> dry = rbd.problem.Box([-2.0], [2.0])
+        >>> dry = rbd.problem.Bounds([-2.0], [2.0])
         >>> dry.project(np.array([3.5]))
         array([2.])
     """
@@ -468,7 +468,7 @@ def check_friction(mu: float, facets: int) -> None:
         raise InputError(f"facets is {facets!r:.80}; expected a whole number from 3 to 1000 (4 is usual).")
 
 
-class Projection(NamedTuple):
+class ConeProjection(NamedTuple):
     """Nearest points of the cones |p_t| <= mu p_n to points (x, y, n), or Coulomb's projections of them; shapes (...).
 
     Attributes:
@@ -507,7 +507,7 @@ class Projection(NamedTuple):
         return V
 
 
-def projection(points: Sequence[Array] | Array, mu: Array | float, *, coulomb: bool = False) -> Projection:
+def projection(points: Sequence[Array] | Array, mu: Array | float, *, coulomb: bool = False) -> ConeProjection:
     """Projections of points on the cones |p_t| <= mu p_n.
 
     Args:
@@ -525,7 +525,7 @@ def projection(points: Sequence[Array] | Array, mu: Array | float, *, coulomb: b
     t = np.maximum(t, _TINY)
     factor = np.minimum(mu * normal / t, 1.0)
     pushes = normal > 0.0
-    return Projection(x / t, y / t, normal, factor, pushes, (factor < 1.0) & pushes)
+    return ConeProjection(x / t, y / t, normal, factor, pushes, (factor < 1.0) & pushes)
 
 
 _TINY = 1e-200

@@ -1,4 +1,4 @@
-"""Quadratic programs with circular cones, in arrays: the program, its answer, and the proof that it has none.
+"""Quadratic programs over bounds and circular cones, in arrays: the program, its answer, and its certificates.
 
     minimise 1/2 x . H x + g . x     subject to     A x = b,   low <= C x <= high,   x in X
 
@@ -12,20 +12,35 @@ with r = -A^T y - C^T z, H and g left out, is a certificate if
 
     y . b + least of z . s over s in [low, high] + least of r . x over x in X  >  0 :
 
-for every x the three terms with A x, C x and x themselves add up to zero, so that no x meets all three. `rbd.solvers.conic`
-solves it.
+for every x the three terms with A x, C x and x themselves add up to zero, so that no x meets all three.
+`rbd.solvers.conic_newton` solves it.
+
+Newton's method on the dual, where weights are diagonal (`least_squares`):
+
+    minimise sum_i (1/2 d_i y_i^2 + c_i y_i)     subject to     R y = b ,  lower <= y <= upper ,  cones
+
+With few equations and many unknowns (a hundred contacts on one robot) the dual is small: y follows from one multiplier an
+equation, y = P(D^-1 (R^T lam - c)), P the projection on bounds and cones, and lam solves R y = b. The left side has
+symmetric, positive semidefinite derivatives, so Newton's method with a line search on the dual value terminates wherever
+the set has an interior. The result is exact: y is in the set to rounding, and no other point with R y = b is smaller. Source:
+[Qi1993] for Newton's method on semismooth maps.
+
+A barrier method, from the interior (`least`): every iterate is strictly inside. The barrier -sum log(slack) -
+sum log(mu^2 n^2 - |t|^2) has the parameter nu = rows + 2 cones, and a point whose Newton decrement is below 1/2 is within
+(nu + 2 sqrt(nu)) / t of the least value [Nesterov2018], section 5.3. Steps end far below that.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import lapack
 
-from rbd.arrays import Array, is_finite, lazy
-from rbd.problem.cones import project_cones
-from rbd.problem.programs import Outcome
+from rbd.arrays import Array, is_finite, lazy, max_abs
+from rbd.problem.cones import project_cones, projection
+from rbd.problem.programs import Outcome, Work
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,3 +209,271 @@ class ConicAnswer:
     def miss(self) -> float:
         """`Conic.miss` of it."""
         return self.program.miss(self.x, self.y, self.z)
+
+
+_STEPS = 60
+_DONE = 1e-13
+"""Largest |R y - b|, over its terms, at a solution."""
+_LARGEST = 1e4
+"""Largest terms of R^T lam, over those of the objective's gradient, at a solution: rounding then stays below 1e-12."""
+_DAMPED = 1e-14
+"""Added to the derivative's diagonal, over its largest entry."""
+_FACTOR = 30.0
+"""t grows by this factor."""
+_NEWTON_STEPS = 60
+_THIN = 1e-8
+"""Sets thinner than this count as having no interior."""
+
+
+@dataclass(frozen=True, eq=False)
+class Separable:
+    """A quadratic program with diagonal weights, bounds and circular cones.
+
+    Attributes:
+        d: Weights > 0, shape (n,); equal within a cone.
+        c: Shape (n,).
+        R: Shape (r, n).
+        b: Shape (r,).
+        lower: Bounds, shape (n,); -inf where there is none, and for the columns of cones.
+        upper: Upper bounds, shape (n,); inf where there is none, and for the columns of cones.
+        cones: Columns (tangent, tangent, normal) of the cones, shape (k, 3).
+        mu: Their friction coefficients > 0, shape (k,).
+    """
+
+    d: Array
+    c: Array
+    R: Array
+    b: Array
+    lower: Array
+    upper: Array
+    cones: Array
+    mu: Array
+
+    def at(self, lam: Array) -> tuple[Array, Array]:
+        """(y, the point that is projected to it)."""
+        p = (lam @ self.R - self.c) / self.d
+        y = np.minimum(np.maximum(p, self.lower), self.upper)
+        if len(self.mu):
+            y[self.cones] = project_cones(p[self.cones], self.mu)
+        return y, p
+
+    def value(self, lam: Array, y: Array) -> float:
+        """The dual value, which is maximised."""
+        return float(lam @ self.b + 0.5 * (self.d * y) @ y + self.c @ y - lam @ (self.R @ y))
+
+    def derivative(self, p: Array) -> Array:
+        """Derivative of R y with respect to lam, shape (r, r)."""
+        inside = (p > self.lower) & (p < self.upper)
+        inside[self.cones.ravel()] = False
+        J = (self.R[:, inside] / self.d[inside]) @ self.R[:, inside].T
+        if not len(self.mu):
+            return np.asarray(J)
+        V = projection(p[self.cones].T, self.mu).slopes(self.mu) / self.d[self.cones[:, :1], None]
+        columns = self.R[:, self.cones]  # (r, k, 3)
+        turned = np.einsum("rki,kij->rkj", columns, V).reshape(len(self.b), -1)
+        return np.asarray(J + turned @ columns.reshape(len(self.b), -1).T)
+
+
+def least_squares(problem: Separable, lam: Array | None = None, work: Work | None = None) -> tuple[Array, Array] | None:
+    """(y, lam): the minimiser, shape (n,), and its multipliers, shape (r,).
+
+    None where Newton's method does not converge, or multipliers grow so large that rounding dominates: in a set without an
+    interior, or an empty one; and where no work is left.
+
+    Args:
+        problem: The problem.
+        lam: Multipliers to start from, shape (r,); zeros if not given.
+        work: Limit of the cost; unlimited if not given.
+    """
+    P = problem
+    lam = np.zeros(len(P.b)) if lam is None else lam
+    y, p = P.at(lam)
+    magnitude, top = np.abs(P.R), float((P.R**2 / P.d).sum(axis=1).max(initial=0.0))
+    if not top < 1e150:
+        return None
+    value, cost = P.value(lam, y), float(len(P.b) + 3) * P.R.size + 1e5
+    for _ in range(_STEPS):
+        missed = P.b - P.R @ y
+        if max_abs(missed) <= _DONE * max(max_abs(magnitude @ np.abs(y)), max_abs(P.b)):
+            # In a set without an interior lam diverges, and rounding of lam R dominates what is projected.
+            size = max(max_abs(P.c), max_abs(P.d * y))
+            return (y, lam) if max_abs(np.abs(lam) @ magnitude) <= _LARGEST * size else None
+        if work is not None and not work.spend(cost):
+            return None
+        J = P.derivative(p)
+        # Where many bounds are active the derivative is singular, or zero: the damping then gives an ascent step.
+        J.flat[:: len(J) + 1] += max(_DAMPED, min(1e-3, 1e-3 * max_abs(missed) / (1.0 + max_abs(P.b)))) * top
+        _, step, info = lapack.dposv(J, missed)
+        if info != 0:
+            return None
+        slope, t = float(missed @ step), 1.0
+        for _ in range(30):
+            ahead = lam + t * step
+            new, q = P.at(ahead)
+            found = P.value(ahead, new)
+            # Near convergence the value's change is rounding; then the residual of the equations decides.
+            if found >= value + 1e-4 * t * slope or max_abs(P.b - P.R @ new) <= 0.5 * max_abs(missed):
+                break
+            t *= 0.5
+        else:
+            return None
+        lam, y, p, value = ahead, new, q, found
+    return None
+
+
+@dataclass(frozen=True, eq=False)
+class ConeSet:
+    """z with A z >= b, and u = C z + at of each cone with |(u_0, u_1)| <= mu (u_2 + widened).
+
+    Attributes:
+        A: Shape (q, z).
+        b: Shape (q,).
+        C: Shape (k, 3, z): tangent, tangent, normal.
+        at: Shape (k, 3).
+        mu: Shape (k,).
+    """
+
+    A: Array
+    b: Array
+    C: Array
+    at: Array
+    mu: Array
+
+    @property
+    def parameter(self) -> float:
+        """Nu of the barrier."""
+        return len(self.b) + 2.0 * len(self.mu)
+
+    def slack(self, z: Array) -> tuple[Array, Array, Array]:
+        """(A z - b, u, mu u_2 - |u_t|)."""
+        u = self.C @ z + self.at
+        return self.A @ z - self.b, u, self.mu * u[:, 2] - np.hypot(u[:, 0], u[:, 1])
+
+    def margin(self, z: Array) -> float:
+        """The smallest slack of z; not positive outside."""
+        s, _, cone = self.slack(z)
+        return float(min(s.min(initial=math.inf), cone.min(initial=math.inf)))
+
+    def widened(self, by: float) -> ConeSet:
+        """The set with every bound and cone moved out."""
+        at = self.at.copy()
+        at[:, 2] += by / self.mu if len(self.mu) else 0.0
+        return replace(self, b=self.b - by, at=at)
+
+    def boxed(self, side: float) -> ConeSet:
+        """The set within |z_i| <= side."""
+        I = np.eye(self.A.shape[1])
+        return replace(self, A=np.vstack([self.A, I, -I]), b=np.concatenate([self.b, np.full(2 * len(I), -side)]))
+
+
+def least(P: Array, q: Array, inside: ConeSet, z: Array, gap: float, work: Work | None = None) -> Array:
+    """A point within `gap` of the minimum of 1/2 z . P z + q . z over a set, strictly inside.
+
+    Args:
+        P: Positive semidefinite, shape (z, z).
+        q: Shape (z,).
+        inside: The set.
+        z: A point strictly inside.
+        gap: Largest excess of the value.
+        work: Limit of the cost. Once none is left (`work.left < 0`) the point is inside, and not within the gap.
+    """
+    work = Work(math.inf) if work is None else work
+    nu = inside.parameter
+    end = (nu + 2.0 * math.sqrt(nu)) / gap
+    t = min(end, nu / max(1.0, float(np.abs(q).sum())))
+    while True:
+        z = _centred(P, q, inside, z, t, work)
+        if t >= end or work.left < 0.0:
+            return z
+        t = min(_FACTOR * t, end)
+
+
+def interior(inside: ConeSet, z: Array, enough: float, work: Work | None = None) -> Array | None:
+    """A point inside by about `enough`, or as far inside as the set allows; None where that is not at all.
+
+    Args:
+        inside: The set.
+        z: A point of it, on its boundary perhaps.
+        enough: A sufficient margin.
+        work: As of `least`.
+    """
+    if inside.margin(z) >= enough:
+        return z
+    # Largest margin tau: A z - tau >= b, |u_t| <= mu u_2 - tau, tau <= 2 enough.
+    n = len(z)
+    rows = np.hstack([inside.A, -np.ones((len(inside.b), 1))])
+    cap = np.zeros((1, n + 1))
+    cap[0, n] = -1.0
+    C = np.concatenate([inside.C, np.zeros((len(inside.mu), 3, 1))], axis=2)
+    C[:, 2, n] = -1.0 / inside.mu
+    wider = ConeSet(np.vstack([rows, cap]), np.concatenate([inside.b, [-2.0 * enough]]), C, inside.at, inside.mu)
+    start = np.append(z, inside.margin(z) - enough)
+    q = np.zeros(n + 1)
+    q[n] = -1.0
+    box = 1.0 + 1e4 * max(1.0, float(np.abs(z).max(initial=0.0)))
+    found = least(np.zeros((n + 1, n + 1)), q, wider.boxed(box), start, 1e-3 * _THIN, work)[:n]
+    return found if inside.margin(found) > _THIN else None
+
+
+def _centred(P: Array, q: Array, inside: ConeSet, z: Array, t: float, work: Work) -> Array:
+    """Newton's method on t objective + barrier, until the decrement is small."""
+    cost = len(z) ** 2 * (len(z) / 3.0 + len(inside.b) + 3.0 * len(inside.mu)) + 1e5
+    for _ in range(_NEWTON_STEPS):
+        if not work.spend(cost):
+            return z
+        gradient, hessian = _derivatives(inside, z)
+        gradient += t * (P @ z + q)
+        hessian += t * P
+        # Diagonal scaling: entries differ by t^2.
+        d = 1.0 / np.sqrt(np.maximum(hessian.diagonal(), 1e-300))
+        step = -d * _solved(hessian * np.outer(d, d), d * gradient)
+        decrement = math.sqrt(max(0.0, -float(gradient @ step)))
+        if decrement < 1e-3:
+            return z
+        size = 1.0 if decrement < 0.25 else _longest(P, q, inside, z, step, t)
+        while size > 1e-12 and not inside.margin(z + size * step) > 0.0:
+            size *= 0.5
+        if size <= 1e-12:
+            return z
+        z = z + size * step
+    return z
+
+
+def _solved(H: Array, g: Array) -> Array:
+    """H^-1 g of a positive definite H; by least squares where rounding leaves it singular, at fifty times the cost."""
+    _, x, info = lapack.dposv(H, g)
+    return x if info == 0 else np.linalg.lstsq(H, g, rcond=1e-15)[0]
+
+
+def _longest(P: Array, q: Array, inside: ConeSet, z: Array, step: Array, t: float) -> float:
+    """A step length that satisfies Armijo's condition, largest first."""
+    value = _value(P, q, inside, z, t)
+    gradient, _ = _derivatives(inside, z)
+    slope = float((gradient + t * (P @ z + q)) @ step)
+    size = 1.0
+    while size > 1e-12:
+        if inside.margin(z + size * step) > 0.0 and _value(P, q, inside, z + size * step, t) <= value + 0.1 * size * slope:
+            return size
+        size *= 0.5
+    return size
+
+
+def _value(P: Array, q: Array, inside: ConeSet, z: Array, t: float) -> float:
+    s, u, edge = inside.slack(z)
+    barrier = np.log(s).sum() + np.log(edge * (inside.mu * u[:, 2] + np.hypot(u[:, 0], u[:, 1]))).sum()
+    return t * float(0.5 * z @ P @ z + q @ z) - float(barrier)
+
+
+def _derivatives(inside: ConeSet, z: Array) -> tuple[Array, Array]:
+    """Gradient and Hessian of the barrier."""
+    s, u, edge = inside.slack(z)
+    scaled = inside.A / s[:, None]
+    gradient, hessian = -scaled.sum(axis=0), scaled.T @ scaled
+    if len(inside.mu):
+        phi = edge * (inside.mu * u[:, 2] + np.hypot(u[:, 0], u[:, 1]))
+        Q = np.stack([-np.ones_like(phi), -np.ones_like(phi), inside.mu**2], axis=1)
+        slope = np.einsum("ki,kiz->kz", 2.0 * Q * u, inside.C) / phi[:, None]
+        gradient = gradient - slope.sum(axis=0)
+        flat = inside.C.reshape(3 * len(phi), -1)
+        hessian = hessian + slope.T @ slope - flat.T @ ((2.0 * Q / phi[:, None]).reshape(-1, 1) * flat)
+    return gradient, hessian

@@ -17,7 +17,7 @@ from math import hypot, inf, isfinite
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.problem.cones import Interval, Line, Part
+from rbd.problem.cones import FreeLine, Interval, Part
 
 REST_SPEED = 1e-6
 """A contact that can break or slip counts as at rest up to this speed [m/s, rad/s], unless its problem gives another."""
@@ -108,7 +108,7 @@ class MotionJudge:
         """
         name, number, of = point
         rest, normal = self.rest_speed, float(u[-1])
-        if isinstance(shape, Line):
+        if isinstance(shape, FreeLine):
             return _NORMAL, _NORMAL, -inf, inf
         if isinstance(shape, Interval):
             against = shape.lo if normal > 0.0 else shape.hi

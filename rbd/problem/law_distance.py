@@ -1,7 +1,8 @@
 """How far the forces and accelerations of points are from complementary: each point by its own distance to the law.
 
 A product of force and acceleration is small where both are middling: 1e-5 of a force at 1e-4 of an acceleration. The distance
-here is what one of them must change by, over its own scale (`rbd.problem.scales`): the change that the law's natural map makes,
+here is what one of them must change by, over its own scale (`rbd.problem.residuals`): the change that the law's natural map
+makes,
 
     |w - P(w - r y)| / push,    r = push / along,
 
@@ -36,7 +37,7 @@ _FEW = 10.0
 
 
 @dataclass(frozen=True, eq=False)
-class Points:
+class LawPoints:
     """The points with friction of a force set, k in all.
 
     Attributes:
@@ -99,7 +100,7 @@ class Points:
 
 
 @lru_cache(maxsize=256)  # sets at rest are kept by their rows; those of moving rows come and go
-def points_of(T: ForceSet) -> Points:
+def points_of(T: ForceSet) -> LawPoints:
     """The points with friction of a set."""
     some = [i for i, e in enumerate(T.elements) if e.facets or e.is_cone]
     of = [T.elements[i] for i in some]
@@ -108,7 +109,7 @@ def points_of(T: ForceSet) -> Points:
         alone[e.columns] = False
     at = [e.columns.start + (0 if e.facets else 2) for e in of]
     mu, facets = np.array([e.mu for e in of], float), np.array([e.facets for e in of], int)
-    return Points(np.array(some, int), np.array(at, int), mu, facets, alone)
+    return LawPoints(np.array(some, int), np.array(at, int), mu, facets, alone)
 
 
 def bound_distances(T: ForceSet, w: Array, y: Array, along: Array, push: Array) -> Array:

@@ -70,7 +70,7 @@ class Foot:
 
 
 @dataclass(frozen=True, eq=False)
-class Source:
+class RobotSource:
     """The catalogue's data of a robot, before its model is built.
 
     Attributes:
@@ -105,7 +105,7 @@ class Source:
         return self.package_dirs[0] / self.urdf.name if self.in_memory and self.package_dirs else self.urdf
 
     @staticmethod
-    def of_text(name: str, ending: str, package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:
+    def of_text(name: str, ending: str, package_dirs: Iterable[str | os.PathLike[str]] = ()) -> RobotSource:
         """The source of a robot whose text is in memory: no feet and no postures are known.
 
         Args:
@@ -118,10 +118,10 @@ class Source:
         """
         folders = tuple(dict.fromkeys((*_package_dirs(package_dirs), *_shares())))
         file = re.sub(r"[/\\\0]", "_", name).strip()[:80] or "text"
-        return Source(name or file, IN_MEMORY / f"{file}{ending}", None, folders, (), {}, None)
+        return RobotSource(name or file, IN_MEMORY / f"{file}{ending}", None, folders, (), {}, None)
 
 
-def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.PathLike[str]] = ()) -> Source:
+def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.PathLike[str]] = ()) -> RobotSource:
     """The files, feet and postures of a robot.
 
     A plain name is a short name, then one of the mechanisms that come with `rbd`, then the name of a file of the robot data,
@@ -254,7 +254,7 @@ def robots_folder() -> Path:
     return folder
 
 
-def licence(source: Source) -> str:
+def licence(source: RobotSource) -> str:
     """Licence of a robot's files, from their README; empty if not stated."""
     if MODELS is not None and source.urdf.is_relative_to(MODELS):
         return "BSD-2-Clause"
@@ -284,7 +284,7 @@ def _by_name(name: str) -> Path | None:
     return robots_folder() / matches[0] if matches else None
 
 
-def _source(urdf: Path, extra: tuple[Path, ...]) -> Source:
+def _source(urdf: Path, extra: tuple[Path, ...]) -> RobotSource:
     """The catalogue's data of a model file, if it is in the robot data; else only its folder."""
     try:
         folder = robots_folder()
@@ -304,7 +304,7 @@ def _source(urdf: Path, extra: tuple[Path, ...]) -> Source:
     soles = tuple(_sole(name, data) for name, data in entry.get("soles", {}).items())
     points = tuple(_point(name, data, entry["sphere"]) for name, data in entry.get("points", {}).items())
     package_dirs = tuple(dict.fromkeys((*extra, urdf.parent, *shares)))
-    return Source(key, urdf, srdf, package_dirs, soles + points, postures, entry.get("posture"), known=bool(inside))
+    return RobotSource(key, urdf, srdf, package_dirs, soles + points, postures, entry.get("posture"), known=bool(inside))
 
 
 def _srdf_beside(urdf: Path) -> Path | None:

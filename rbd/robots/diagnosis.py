@@ -136,7 +136,7 @@ class ModelReport(Displayed):
 def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array], package_dirs: Sequence[Path]) -> ModelReport:
     """The report on a model and its file, already read."""
     errors = [*_bad_numbers(robot.model), *_lost(robot, file)]
-    bodies = Bodies.of(file)
+    bodies = BodyFaults.of(file)
     weightless = [] if errors else list(_weightless(robot, tries=TRIES if bodies.physical else TRIES_STRANGE))
     errors += [issue for issue, everywhere in weightless if everywhere]
     warnings = [
@@ -279,7 +279,7 @@ def _joint_of(model: pin.Model, index: int, begin: str, size: str) -> str:
 
 
 @dataclass(frozen=True, eq=False)
-class Bodies:
+class BodyFaults:
     """Links of a URDF, or bodies of an MJCF, and their principal moments of inertia, ascending [kg m2]."""
 
     what: str
@@ -288,7 +288,7 @@ class Bodies:
     moments: Array
 
     @classmethod
-    def of(cls, file: RobotFile) -> Bodies:
+    def of(cls, file: RobotFile) -> BodyFaults:
         """The bodies of a file."""
         if file.urdf is None:
             assert file.mjcf is not None

@@ -1,14 +1,18 @@
-"""Feet of a robot as contacts, and feet that a user registers, as frames or contacts."""
+"""Feet of a robot as contacts: by frames, as a user registers them, or from the flat undersides of collision shapes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
+import coal
 import numpy as np
 import pinocchio as pin
 
-from rbd.constraints.contact import Contact
-from rbd.constraints.contact_kinds import PointContact, SurfaceContact
+from rbd.arrays import Array, largest_first
+from rbd.constraints.contact import Contact, PointContact, SurfaceContact
+from rbd.constraints.convex.polygons import convex_hull
 from rbd.errors import DuplicateName, InputError, ModelError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.meshes import Geometry
@@ -16,7 +20,10 @@ from rbd.model.state import State
 from rbd.problem.cones import Cone
 from rbd.problem.ground import On, surfaces_of
 from rbd.robots.catalogue import Foot
-from rbd.robots.underside import Underside, sole_of, underside_of
+
+if TYPE_CHECKING:
+    from rbd.model.checked_model import CheckedModel
+    from rbd.model.state import State
 
 
 def contacts_of(
@@ -115,3 +122,217 @@ def _sole(name: str, frame: str, X_FP: pin.SE3, corners: np.ndarray) -> Foot:
     x, y, z = X_FP.translation.tolist()
     roll, pitch, yaw = pin.rpy.matrixToRpy(X_FP.rotation).tolist()
     return Foot(name, frame, "sole", (x, y, z), (roll, pitch, yaw), tuple(tuple(corner) for corner in corners.tolist()))
+
+
+MOST_LEAN = float(np.cos(np.radians(20.0)))
+"""An underside inclined more than this to the horizontal is not one."""
+MOST_CORNERS = 8
+AREA_LOST = 0.02
+"""Corners are left out until this share of the area would go, and further while there are more than `MOST_CORNERS`."""
+LEAST_WIDTH_M = 1e-3
+ROUND_WIDTH_M = 0.03
+ROUND_SHARE = 0.5
+"""A narrow patch that has less than this share of its area in its lowest quarter of height is the bottom of a ball."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Underside:
+    """The flat underside of a foot.
+
+    Attributes:
+        X_FP: From the foot's frame to the patch: z out of the ground, x along the frame's axis that points most along
+            world x, origin at the middle of the rectangle around the corners.
+        corners: (x, y) in the patch, counterclockwise, shape (k, 2) [m]; fewer than three where it is a point or an edge.
+    """
+
+    X_FP: pin.SE3
+    corners: Array
+
+
+def sole_of(robot: CheckedModel, collision: Geometry, frame: str, state: State) -> Underside:
+    """The underside of the body that carries a frame, with at least three corners. Arguments as for `underside_of`.
+
+    Raises:
+        FrameNotFound: with the nearest names.
+        ModelError: no collision shapes there, or none that are flat below.
+    """
+    found = underside_of(robot, collision, frame, state)
+    if len(found.corners) < 3:
+        points = [found.X_FP.act(np.array([x, y, 0.0])) for x, y in found.corners]
+        offsets = " and ".join("(" + ", ".join(f"{x:.4g}" for x in np.round(point, 6) + 0.0) + ")" for point in points)
+        what = "an edge" if len(points) > 1 else "a point"
+        raise ModelError(
+            f"the body of frame {frame!r} of {robot.name} touches level ground with {what}, no area. Use "
+            f"rbd.PointContact(name, {frame!r}, offset=...) at {offsets}, or give a State in which its sole is down: "
+            "soles_from_collision(frames, at=state)."
+        )
+    return found
+
+
+def underside_of(robot: CheckedModel, collision: Geometry, frame: str, state: State) -> Underside:
+    """The underside of the body that carries a frame: an area, or an edge or a point, with fewer than three corners.
+
+    Args:
+        robot: The robot.
+        collision: Its collision geometry; boxes that replace meshes do not count.
+        frame: Name of the frame.
+        state: The standing robot, which gives the vertical.
+
+    Raises:
+        FrameNotFound: with the nearest names.
+        ModelError: no collision shapes there.
+    """
+    joint, X_JF = robot.site(frame)
+    body = [obj for obj in collision.model.geometryObjects if obj.parentJoint == joint]
+    shapes = [(obj.geometry, X_JF.actInv(obj.placement)) for obj in body if obj.name not in collision.stand_ins]
+    by_hand = f"rbd.SurfaceContact(name, {frame!r}, corners=..., placement=...)"
+    if not shapes:
+        why = "its collision meshes cannot be had" if body else "its file gives no collision shape to that body"
+        raise ModelError(f"no sole for frame {frame!r} of {robot.name}: {why}. Give the corners: {by_hand}.")
+    try:
+        return flat_underside(shapes, state.frame(frame).X_WF.rotation)
+    except ModelError as error:
+        raise ModelError(f"no sole for frame {frame!r} of {robot.name}: {error}. Give the corners: {by_hand}.") from None
+
+
+def flat_underside(
+    shapes: Iterable[tuple[coal.CollisionGeometry, pin.SE3]], R_WF: Array, *, tolerance: float = 2e-3
+) -> Underside:
+    """The flat part of some shapes that faces the ground.
+
+    It is the convex hull of all points within `tolerance` of the lowest plane. That plane is level; but if the shapes are
+    flat along another within 20 degrees of it, with a tenth more area, the foot is taken to lean and that one is meant. The
+    polygon is inscribed: corners that add little are left out, round edges become chords.
+
+    Args:
+        shapes: Geometries with their poses in the foot's frame F.
+        R_WF: Orientation of F, shape (3, 3): gives the vertical.
+        tolerance: Height above the lowest point that still counts as flat [m].
+
+    Raises:
+        ModelError: none of the shapes has points (planes, height fields).
+    """
+    shapes = list(shapes)
+    level = -R_WF[2]
+    points = _points(shapes, level)
+    if len(points) == 0:
+        raise ModelError("no collision shape that has points")
+    best, most = level, 0.0
+    for i, down in enumerate([level, *_facets(points, level)]):
+        area = _area(_lowest(_points(shapes, down), _axes(down, R_WF), tolerance)[0])
+        if area > most * (1.0 if i == 0 else 1.1):
+            best, most = down, area
+    axes = _axes(best, R_WF)
+    points = _points(shapes, best)
+    hull, height = _lowest(points, axes, tolerance)
+    if len(hull) > 2 and _width(hull) < ROUND_WIDTH_M:
+        bottom, _ = _lowest(points, axes, tolerance / 4.0)
+        if _area(bottom) < ROUND_SHARE * _area(hull):
+            hull = bottom[:1] if len(bottom) < 3 else bottom.mean(axis=0)[None]
+    hull = _simplified(hull)
+    if len(hull) > 2 and _width(hull) < LEAST_WIDTH_M:
+        along = np.linalg.svd(hull - hull.mean(axis=0))[2][0]
+        hull = hull[[(hull @ along).argmin(), (hull @ along).argmax()]]
+    middle = (hull.min(axis=0) + hull.max(axis=0)) / 2.0
+    return Underside(pin.SE3(axes, axes @ [*middle, height]), hull - middle)
+
+
+def _axes(down: Array, R_WF: Array) -> Array:
+    """R_FP: z against `down`, x along the axis of F that points most along world x."""
+    z = -down / np.linalg.norm(down)
+    forward = R_WF[0]  # world x in F
+    forward = forward - (forward @ z) * z
+    flat = np.eye(3) - np.outer(z, z)
+    candidates = [sign * flat[i] for i in range(3) for sign in (1.0, -1.0) if np.linalg.norm(flat[i]) > 0.5]
+    x = max(candidates, key=lambda axis: float(axis @ forward) / float(np.linalg.norm(axis)))
+    x = x / np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z])
+
+
+def _lowest(points: Array, axes: Array, tolerance: float) -> tuple[Array, float]:
+    """Hull (k, 2) of the points near the lowest plane, in patch axes, and that plane's height along z."""
+    local = points @ axes
+    height = float(local[:, 2].min())
+    return convex_hull(local[local[:, 2] <= height + tolerance, :2]), height
+
+
+def _facets(points: Array, level: Array) -> list[Array]:
+    """Outward normals of the larger facets of the points' hull that face down."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(points)
+    except (QhullError, ValueError):  # too few points, or all in one plane, as the lowest points of four balls are
+        normal = np.linalg.svd(points - points.mean(axis=0))[2][-1] if len(points) > 2 else level
+        normal = normal if normal @ level > 0.0 else -normal
+        return [normal] if normal @ level > MOST_LEAN else []
+    normals = hull.equations[:, :3]
+    a, b, c = (points[hull.simplices[:, i]] for i in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    facing = np.flatnonzero(normals @ level > MOST_LEAN)
+    return [normals[i] for i in facing[largest_first(area[facing])][:30]]
+
+
+def _area(hull: Array) -> float:
+    if len(hull) < 3:
+        return 0.0
+    x, y = hull.T
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+def _width(hull: Array) -> float:
+    """The smallest width of a convex polygon."""
+    edges = np.roll(hull, -1, axis=0) - hull
+    across = np.column_stack([-edges[:, 1], edges[:, 0]]) / np.linalg.norm(edges, axis=1, keepdims=True)
+    return float(np.ptp(hull @ across.T, axis=0).min())
+
+
+def _simplified(hull: Array) -> Array:
+    """The hull without the corners that contribute least area."""
+    whole = _area(hull)
+    while len(hull) > 3:
+        without = [np.delete(hull, i, axis=0) for i in range(len(hull))]
+        best = max(without, key=_area)
+        if len(hull) <= MOST_CORNERS and _area(best) < (1.0 - AREA_LOST) * whole:
+            break
+        hull = best
+    return hull
+
+
+def _points(shapes: Sequence[tuple[coal.CollisionGeometry, pin.SE3]], down: Array) -> Array:
+    """Points in F that can be lowest, shape (n, 3) [m]: corners and vertices, and the lowest points of round shapes."""
+    found = [np.zeros((0, 3))]
+    for geometry, X_FG in shapes:
+        found.append(_of_shape(geometry, X_FG.rotation.T @ down) @ X_FG.rotation.T + X_FG.translation)
+    return np.concatenate(found)
+
+
+def _of_shape(geometry: coal.CollisionGeometry, down: Array) -> Array:
+    match geometry:
+        case coal.BVHModelBase():
+            return np.array(geometry.vertices(), float).reshape(-1, 3)
+        case coal.Box():
+            signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+            return signs * np.asarray(geometry.halfSide)
+        case coal.Sphere():
+            return geometry.radius * down[None]
+        case coal.Ellipsoid():
+            radii = np.asarray(geometry.radii)
+            return (radii**2 * down / np.linalg.norm(radii * down))[None]
+        case coal.Capsule():
+            ends = np.array([[0.0, 0.0, -geometry.halfLength], [0.0, 0.0, geometry.halfLength]])
+            return ends + geometry.radius * down
+        case coal.Cylinder():
+            return np.vstack([_rim(geometry.radius, z, down) for z in (-geometry.halfLength, geometry.halfLength)])
+        case coal.Cone():
+            return np.vstack([_rim(geometry.radius, -geometry.halfLength, down), [[0.0, 0.0, geometry.halfLength]]])
+        case coal.ConvexBase():
+            return np.array([geometry.point(i) for i in range(geometry.num_points)], float).reshape(-1, 3)
+    return np.zeros((0, 3))
+
+
+def _rim(radius: float, z: float, down: Array) -> Array:
+    """Points of a circle about the z axis, among them its lowest one."""
+    lowest = np.arctan2(down[1], down[0])
+    angles = lowest + 2.0 * np.pi * np.arange(32) / 32
+    return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(32, z)])

@@ -23,8 +23,8 @@ from rbd.model.state import State
 from rbd.model.urdf import FARTHEST, LIGHTEST
 from rbd.robots import catalogue
 from rbd.robots.building.builder import GROUND, RobotBuilder
-from rbd.robots.building.numbers import COLORS, checked_choice, checked_name, checked_number, checked_numbers
-from rbd.robots.building.thin_solids import Rod
+from rbd.robots.building.number_checks import COLORS, checked_choice, checked_name, checked_number, checked_numbers
+from rbd.robots.building.solids import Rod
 from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import ENDING
 from rbd.robots.robot import Robot

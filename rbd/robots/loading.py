@@ -9,15 +9,14 @@ from dataclasses import replace
 from typing import Any
 
 from rbd.arrays import Array, check_flag
-from rbd.constraints.contact_kinds import PointContact, SurfaceContact
+from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model import mjcf
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import build_model, check_freedoms, read
-from rbd.model.gravity import STANDARD, checked_gravity, is_standard
 from rbd.model.input_files import FileLimits, parse_xml
-from rbd.model.planar_base import Plane, checked_plane
-from rbd.model.travelling import Recipe
+from rbd.model.pickling import Recipe
+from rbd.model.world import STANDARD, Plane, checked_gravity, checked_plane, is_standard
 from rbd.robots import catalogue, travelling
 from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse, with_rotors
 from rbd.robots.feet import registered
@@ -132,7 +131,7 @@ def _source(
     text: str | bytes | None,
     package_dirs: Iterable[str | os.PathLike[str]],
     limits: FileLimits,
-) -> tuple[catalogue.Source, bytes | None]:
+) -> tuple[catalogue.RobotSource, bytes | None]:
     """(the source, the bytes of a text in memory)."""
     if text is None:
         if name_or_path is None:
@@ -153,11 +152,11 @@ def _source(
         raise InputError(f"text is {shown}, which is no XML; expected a URDF or MJCF. A file is loaded by load_robot(path).")
     element = parse_xml("the text", data, limits)
     name, ending = ("model", ".xml") if element.tag == "mujoco" else ("name", ".urdf")
-    return catalogue.Source.of_text(element.get(name, ""), ending, package_dirs), data
+    return catalogue.RobotSource.of_text(element.get(name, ""), ending, package_dirs), data
 
 
 def _loaded(
-    source: catalogue.Source,
+    source: catalogue.RobotSource,
     root: Root | None,
     passive: Sequence[str],
     limits: FileLimits,

@@ -1,4 +1,4 @@
-"""Loop files: the loops, couplings, wheels and postures of a mechanism, in a YAML file next to its URDF.
+"""Files in YAML beside a robot's: loops, couplings, wheels and postures of a mechanism; motors.
 
 A URDF is a tree. `four_bar.loops.yaml` next to `four_bar.urdf` closes it; `load_robot` finds it by that name. Every part may be
 left out:
@@ -26,28 +26,33 @@ are its parameters, their values numbers, strings, truth values or lists of numb
 
 Values follow YAML 1.2: 1e-3 is a number, 010 is ten, `no` and `on` are names. Links and joints are looked up later, on the
 robot. Aliases, a key that comes twice, an unknown key, and files above 200 kB are refused by name.
+
+For example `FL_KFE: {torque_speed: [[0, 2.7], [20, 2.7], [50, 0]], gear: 9, rotor_inertia: 2.0e-6}`, a line a joint.
 """
 
 from __future__ import annotations
 
 import inspect
+import re
+import stat
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
 from typing import Any, Literal, NoReturn
+
+import yaml
 
 from rbd.arrays import as_float
 from rbd.constraints.constraint import Constraint, made
 from rbd.constraints.joint import JointCoupling
 from rbd.constraints.loop import KINDS as CLOSURES, LoopClosure
-from rbd.constraints.nonholonomic import KnifeEdge
-from rbd.constraints.rolling import RollingBall, RollingDisk, RollingWheel
+from rbd.constraints.nonholonomic import KnifeEdge, RollingBall, RollingDisk, RollingWheel
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, nearest
-from rbd.model.planar_base import PLANES, Plane
+from rbd.model.motors import Motor
 from rbd.model.urdf import FARTHEST, LARGEST, LONGEST_NAME
-from rbd.robots.loop_text import bytes_of, parsed
+from rbd.model.world import PLANES, Plane
 
 Root = Literal["free_flyer", "fixed", "planar"]
 Triple = tuple[float, float, float]
@@ -123,7 +128,7 @@ class LoopFile(Displayed):
 
 
 @dataclass(frozen=True)
-class Kind:
+class FileForm:
     """Meaning of a name of a kind of constraint.
 
     Attributes:
@@ -142,13 +147,13 @@ class Kind:
 _ENDS = {"frame_a": "word", "frame_b": "word", "axis": "three"}
 _JOINTS = {"joint": "word", "to": "word", "ratio": "number", "offset": "number"}
 _ROLLS = {"frame": "word", "radius": "number"}
-KINDS: dict[str, Kind] = {
-    **{word: Kind("loops", partial(LoopClosure, kind=word), _ENDS, ("frame_a", "frame_b")) for word in CLOSURES},
-    "coupling": Kind("couplings", JointCoupling, _JOINTS, ("joint", "to", "ratio")),
-    "knife_edge": Kind("wheels", KnifeEdge, {"frame": "word", "direction": "three"}, ("frame",)),
-    "rolling_wheel": Kind("wheels", RollingWheel, _ROLLS | {"axis": "three"}, ("frame", "radius")),
-    "rolling_disk": Kind("wheels", RollingDisk, _ROLLS | {"axis": "three"}, ("frame", "radius")),
-    "rolling_ball": Kind("wheels", RollingBall, _ROLLS, ("frame", "radius")),
+KINDS: dict[str, FileForm] = {
+    **{word: FileForm("loops", partial(LoopClosure, kind=word), _ENDS, ("frame_a", "frame_b")) for word in CLOSURES},
+    "coupling": FileForm("couplings", JointCoupling, _JOINTS, ("joint", "to", "ratio")),
+    "knife_edge": FileForm("wheels", KnifeEdge, {"frame": "word", "direction": "three"}, ("frame",)),
+    "rolling_wheel": FileForm("wheels", RollingWheel, _ROLLS | {"axis": "three"}, ("frame", "radius")),
+    "rolling_disk": FileForm("wheels", RollingDisk, _ROLLS | {"axis": "three"}, ("frame", "radius")),
+    "rolling_ball": FileForm("wheels", RollingBall, _ROLLS, ("frame", "radius")),
 }
 """The kinds of constraints of loop files, by name."""
 
@@ -187,7 +192,7 @@ def register_constraint(word: str, kind: Callable[..., Constraint]) -> None:
     known = KINDS.get(word)
     if known is not None and (known.part or known.make is not kind):
         raise InputError(f"{word!r:.80} stands for {known.make!r:.120} already; expected another word.")
-    KINDS[word] = Kind("", kind, dict.fromkeys(own, "plain"), needed)
+    KINDS[word] = FileForm("", kind, dict.fromkeys(own, "plain"), needed)
 
 
 def beside(path: Path) -> Path | None:
@@ -209,7 +214,7 @@ def read_loop_file(path: Path) -> LoopFile:
 
 
 def _contents(file: str, data: bytes) -> LoopFile:
-    what = _Reader(file)
+    what = _LoopReader(file)
     top = what.mapping("the file", parsed(f"{file:.120}", data))
     what.keys("the file", top, PARTS)
     root = top.get("root")
@@ -231,7 +236,7 @@ def _contents(file: str, data: bytes) -> LoopFile:
 
 
 @dataclass(frozen=True)
-class _Reader:
+class _LoopReader:
     """Entries of a file, checked one by one; faults are reported with the file's name."""
 
     file: str
@@ -335,3 +340,109 @@ class _Reader:
 
 def _shown(value: object) -> str:
     return "a number of many digits" if isinstance(value, int) and abs(value) > 2**200 else f"{value!r:.80}"
+
+
+class Loader(yaml.SafeLoader):
+    """YAML 1.2's numbers and truth values; no aliases, repeated keys or deep nesting."""
+
+    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}
+    depth = 0
+
+    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+        """One node; an alias may expand to a thousand nodes, each an alias of a thousand others."""
+        event = self.peek_event()
+        tag = getattr(event, "tag", None)
+        if isinstance(event, yaml.AliasEvent) or tag is not None:
+            what = "an alias" if tag is None else f"a tag, {tag!r:.80},"
+            raise yaml.YAMLError(f"it has {what} in line {event.start_mark.line + 1}; write it out in plain words")
+        if self.depth >= DEEPEST:
+            raise yaml.YAMLError(f"more than {DEEPEST} lists or pairs inside each other")
+        self.depth += 1
+        node = super().compose_node(parent, index)
+        self.depth -= 1
+        return node
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        """A dictionary; YAML's readers silently drop repeated keys."""
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if isinstance(key, yaml.ScalarNode):
+                if key.value in seen:
+                    raise yaml.YAMLError(f"key {key.value!r:.80} comes twice, again in line {key.start_mark.line + 1}")
+                seen.add(key.value)
+        return super().construct_mapping(node, deep)
+
+
+for _tag, _pattern, _first in (
+    ("null", r"~|null|", ["~", "n", ""]),
+    ("bool", r"true|false", ["t", "f"]),
+    ("int", r"[-+]?(?:0|[1-9][0-9]*)", list("-+0123456789")),
+    ("float", r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?", list("-+.0123456789")),
+):
+    Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"(?:{_pattern})$", re.ASCII), _first)
+
+
+def bytes_of(path: Path) -> bytes:
+    """The bytes of a loop file, no more than one beyond the largest size.
+
+    Raises:
+        ModelError: no regular file, or one that cannot be read.
+    """
+    name = f"{path.name:.120}"
+    try:
+        found = path.stat()
+        if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for, a device has no end
+            raise ModelError(f"{name} is no regular file; expected a loop file in YAML.")
+        with path.open("rb") as file:
+            return file.read(LARGEST_FILE + 1)
+    except (OSError, ValueError) as error:
+        raise ModelError(f"{name} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
+
+
+def parsed(name: str, data: bytes) -> object:
+    """What the text of a loop file says, in plain dictionaries, lists, words and numbers.
+
+    Raises:
+        ModelError: too large, or no YAML of plain data.
+    """
+    if len(data) > LARGEST_FILE:
+        raise ModelError(f"{name} is larger than {LARGEST_FILE / 1000:g} kB; no mechanism needs so much.")
+    try:
+        return yaml.load(data.decode("utf-8"), Loader=Loader)  # a SafeLoader: plain data only
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{name} cannot be read as YAML: byte {error.start} is not UTF-8.") from None
+    except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:
+        message = " ".join(str(error).split())
+        raise ModelError(f"{name} cannot be read as YAML: {message:.400}.") from None
+
+
+_FIELDS = tuple(field.name for field in fields(Motor))
+
+
+def read_motor_file(path: Path) -> dict[str, Motor | None]:
+    """{joint: its motor, or None}, for `robot.with_motors`.
+
+    Raises:
+        ModelError: no file, no YAML, or another content; the message has the joint.
+    """
+    if not path.is_file():
+        raise ModelError(f"no file {str(path)!r:.200}; expected a YAML file of motors, {{joint: {{limit: 40}}}}.")
+    given = parsed(path.name, bytes_of(path))
+    if not isinstance(given, dict) or not all(isinstance(joint, str) for joint in given):
+        raise ModelError(f"{path.name} holds {given!r:.80}; expected motors by their joints, {{joint: {{limit: 40}}}}.")
+    out: dict[str, Motor | None] = {}
+    for joint, data in given.items():
+        if data is None:
+            out[joint] = None
+            continue
+        if not isinstance(data, dict):
+            raise ModelError(f"{path.name}: {joint!r:.80} is {data!r:.80}; expected {{limit: 40, gear: 9}}, or null.")
+        for key in data:
+            if key not in _FIELDS:
+                known = nearest(str(key), _FIELDS)
+                raise ModelError(f"{path.name}: {joint!r:.80} has {key!r:.80}, which motors have not; {known}.")
+        try:
+            out[joint] = Motor(**data)
+        except InputError as error:
+            raise ModelError(f"{path.name}: {joint!r:.80}: {error}") from None
+    return out

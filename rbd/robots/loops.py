@@ -17,7 +17,7 @@ from rbd.constraints.joint import JointCoupling, JointLock
 from rbd.constraints.loop import LoopClosure
 from rbd.errors import InputError, ModelError, nearest
 from rbd.model.checked_model import CheckedModel
-from rbd.model.mjcf.equality import WORLD, Equality
+from rbd.model.mjcf.loops_and_motors import WORLD, Equality
 from rbd.robots import catalogue
 from rbd.robots.loop_file import LoopFile, NamedFrame, beside, read_loop_file
 from rbd.robots.posture import configuration, semantic_postures
@@ -110,7 +110,7 @@ def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: It
     return Mechanism(file, read, file_name)
 
 
-def loop_file_of(source: catalogue.Source, loops: str | os.PathLike[str] | LoopFile | bool | None) -> LoopFile | None:
+def loop_file_of(source: catalogue.RobotSource, loops: str | os.PathLike[str] | LoopFile | bool | None) -> LoopFile | None:
     """The loop file that is named or given; if `loops` is true, that beside the robot's file; None if there is none."""
     if isinstance(loops, LoopFile):
         return loops
@@ -124,7 +124,7 @@ def loop_file_of(source: catalogue.Source, loops: str | os.PathLike[str] | LoopF
     return None if found is None else read_loop_file(found)
 
 
-def read_postures(robot: CheckedModel, source: catalogue.Source, mechanism: Mechanism) -> dict[str, Array]:
+def read_postures(robot: CheckedModel, source: catalogue.RobotSource, mechanism: Mechanism) -> dict[str, Array]:
     """{name: q} of the SRDF, of an MJCF's keyframes, of the catalogue and of the loop file; of one name the last counts."""
     found = {} if source.srdf is None else semantic_postures(robot, source.srdf)
     for keyframe in robot.model.referenceConfigurations:  # of an MJCF file

@@ -1,7 +1,8 @@
-"""Postures: joint angles by name, and a base placed so that feet, or other contacts, lie on the ground."""
+"""Postures: joint angles by name, and a base placed so that feet, or other contacts, touch the ground."""
 
 from __future__ import annotations
 
+import math
 import warnings
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Mapping, Sequence
@@ -16,10 +17,10 @@ from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import DistantContactWarning, InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.gravity import LEAST_FALL, along_gravity
 from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.state import State, check_state
 from rbd.model.urdf import BASE_JOINT, Complaints
+from rbd.model.world import LEAST_FALL, along_gravity
 from rbd.problem.ground import FLOOR, TOUCHES, Ground, standing_plane
 
 UP = np.array([0.0, 0.0, 1.0])
@@ -279,3 +280,62 @@ def _rotation_between(a: Array, b: Array) -> Array:
     if cos < -1.0 + 1e-12:
         return pin.exp3(np.pi * np.array([1.0, 0.0, 0.0]))
     return pin.exp3(cross / np.linalg.norm(cross) * np.arctan2(np.linalg.norm(cross), cos))
+
+
+TOGETHER = 1e-6
+"""Feet that are nearer to each other along the plane are one support [m]."""
+AXES = {"xz": np.eye(3)[[0, 2]], "yz": np.eye(3)[[1, 2]]}
+"""The axes of W along an upright plane, the second of them up."""
+
+
+def stand_upright(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
+    """Q with its base turned in its plane so that its feet are level, and moved so that the lowest is on z = 0.
+
+    Feet that are one point of the plane, as two point feet side by side, have no level: about them the robot is turned until
+    its centre of mass is over them along gravity, where gravity presses it on level ground.
+
+    Args:
+        robot: Its base slides in "xz" or "yz".
+        q: Configuration, shape (nq,).
+        feet: Soles or points.
+    """
+    q, axes = q.copy(), AXES[robot.plane or "xz"]
+    lean = _lean(State(robot, q), feet, axes)
+    if lean is not None:
+        _turn_in_plane(q, -lean, q[:2].copy())
+    else:
+        for _ in range(20):  # one turn is exact for a rigid robot; the second is rounding
+            state = State(robot, q)
+            at = axes @ corner_points(state, feet).mean(axis=0)
+            arm, up = axes @ state.com - at, -axes @ robot.gravity
+            if not up[1] > LEAST_FALL * np.linalg.norm(robot.gravity) or not np.linalg.norm(arm) > TOGETHER:
+                break
+            angle = math.atan2(arm[0] * up[1] - arm[1] * up[0], arm @ up)  # from the arm to up, counter-clockwise
+            if abs(angle) < 1e-15:
+                break
+            _turn_in_plane(q, angle, at)
+    q[1] -= float(corner_points(State(robot, q), feet)[:, 2].min())
+    return q
+
+
+def _lean(state: State, feet: Sequence[Contact], axes: Array) -> float | None:
+    """By which angle in the plane the feet are not level; None where they are one point of it."""
+    patches = [patch for foot in feet if len(foot.corners) > 1 and (patch := foot.rows(state).patch) is not None]
+    if patches:
+        up = axes @ np.mean([patch.axes[:, 2] for patch in patches], axis=0)
+        return math.atan2(-up[0], up[1]) if np.linalg.norm(up) > TOGETHER else 0.0
+    points = corner_points(state, feet) @ axes.T
+    spread = points - points.mean(axis=0)
+    along = np.linalg.svd(spread)[2][0]
+    if float(np.abs(spread @ along).max()) < TOGETHER:
+        return None
+    along = along if along[0] >= 0.0 else -along
+    return math.atan2(along[1], along[0])
+
+
+def _turn_in_plane(q: Array, angle: float, about: Array) -> None:
+    """Turn the base by an angle about a point of the plane; in place."""
+    c, s = math.cos(angle), math.sin(angle)
+    R = np.array([[c, -s], [s, c]])
+    q[:2] = about + R @ (q[:2] - about)
+    q[2:4] = R @ q[2:4]

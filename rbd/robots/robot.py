@@ -12,29 +12,25 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.contact_kinds import PointContact, SurfaceContact
-from rbd.constraints.forces.joint import JointDamping, JointSpring
-from rbd.constraints.joint import JointCoupling, JointFriction
-from rbd.constraints.joint_limit import JointLimit
-from rbd.constraints.joint_lists import joint_frictions, joint_limits, mimics
+from rbd.constraints.contact import PointContact, SurfaceContact
+from rbd.constraints.forces.joint_springs import JointDamping, JointSpring
+from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, joint_frictions, joint_limits, mimics
 from rbd.errors import InputError, ModelError, nearest
 from rbd.model.input_files import FileLimits
 from rbd.model.motors import Motor
+from rbd.model.pickling import Recipe, packed, unpacked
 from rbd.model.state import State
-from rbd.model.travelling import Recipe, packed, unpacked
 from rbd.model.urdf import BASE_JOINT
 from rbd.problem.cones import Cone
 from rbd.problem.ground import On
 from rbd.robots import catalogue, travelling
+from rbd.robots.body_shapes import ShapedRobot
 from rbd.robots.diagnosis import ModelReport
 from rbd.robots.feet import contacts_of
-from rbd.robots.joint_elements import file_damping, file_springs
 from rbd.robots.loop_file import Root
 from rbd.robots.loops import Mechanism, read_postures
-from rbd.robots.posture import settled, stand, warn_of_gaps
-from rbd.robots.rotors import rotors_of
-from rbd.robots.shapes import ShapedRobot
-from rbd.robots.upright import stand_upright
+from rbd.robots.posture import settled, stand, stand_upright, warn_of_gaps
+from rbd.robots.rotors import file_damping, file_springs, rotors_of
 
 
 class Robot(ShapedRobot):
@@ -62,7 +58,7 @@ class Robot(ShapedRobot):
     def __init__(
         self,
         model: pin.Model,
-        source: catalogue.Source,
+        source: catalogue.RobotSource,
         root: Root,
         passive: Iterable[str] = (),
         limits: FileLimits = FileLimits(),  # noqa: B008  frozen

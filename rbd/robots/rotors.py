@@ -1,4 +1,4 @@
-"""Rotor inertias that a robot's files state: the transmissions of a URDF, and the <rotor_params> of its SRDF.
+"""Rotor inertias, damping and springs of joints that a robot's files state.
 
 Seen at the joint, a rotor of inertia I behind a gear of n turns a turn of the joint has the inertia n^2 I. Pinocchio reads
 neither; `rbd.load_robot(..., rotors=True)` adds them to M.
@@ -7,10 +7,14 @@ neither; `rbd.load_robot(..., rotors=True)` adds them to M.
 from __future__ import annotations
 
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from rbd.constraints.forces.joint_springs import JointDamping, JointSpring
+from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.motors import Motor
 from rbd.model.urdf import Complaints
@@ -106,3 +110,31 @@ def _check(wrong: Complaints, what: str, inertia: float, gear: float) -> None:
     if inertia and gear == 0.0:
         wrong.add(f"{what} has a gear of 0; expected turns of the rotor for a turn of the joint.")
     wrong.refuse()
+
+
+def file_damping(robot: CheckedModel) -> JointDamping:
+    """The viscous damping of a robot's file, of a URDF's <dynamics damping> or of an MJCF's joints; empty if it states none.
+
+    Raises:
+        InputError: a damping of the file is negative or not finite; with the joint's name.
+    """
+    found: dict[str, float] = {}
+    given = np.array(robot.model.damping)
+    for joint in robot.joints.values():
+        own = given[joint.v]
+        if own.any():
+            if (own == own[0]).all():
+                found[joint.name] = float(own[0])
+            else:
+                found.update({c.name: float(d) for c, d in zip(joint.velocities, own, strict=True)})
+    return JointDamping(found)
+
+
+def file_springs(springs: Mapping[str, tuple[float, float]], prefix: str = "") -> list[JointSpring]:
+    """Springs of joints as force elements.
+
+    Args:
+        springs: {joint: (stiffness [N m/rad, N/m], rest [rad, m])}; of a ball joint the rest is 0: its drawn orientation.
+        prefix: Before the names of joints.
+    """
+    return [JointSpring(prefix + joint, stiffness=k, rest=rest) for joint, (k, rest) in springs.items()]

@@ -13,9 +13,9 @@ import pinocchio as pin
 from rbd.errors import ModelError
 from rbd.installation import VERSION
 from rbd.model.checked_model import CheckedModel
-from rbd.model.travelling import numbers_digest
+from rbd.model.pickling import numbers_digest
 from rbd.robots import catalogue
-from rbd.robots.catalogue import DATA, Foot, Source
+from rbd.robots.catalogue import DATA, Foot, RobotSource
 from rbd.robots.loop_file import ENDING, LoopFile
 from rbd.robots.loops import Mechanism
 
@@ -24,7 +24,7 @@ SentSource = tuple[str, str, tuple[str, ...], tuple[Foot, ...], dict[str, dict[s
 OWN = "rbd"
 
 
-def known_place(source: Source) -> tuple[str, str] | None:
+def known_place(source: RobotSource) -> tuple[str, str] | None:
     """(package, file in it) of a robot that is installed with a package; None of any other."""
     if source.known:
         folder = catalogue.robots_folder().resolve()
@@ -34,7 +34,7 @@ def known_place(source: Source) -> tuple[str, str] | None:
     return None
 
 
-def again_known(place: tuple[str, str]) -> Source:
+def again_known(place: tuple[str, str]) -> RobotSource:
     """The source of `known_place` in this process.
 
     Raises:
@@ -74,17 +74,17 @@ def check_same(robot: CheckedModel, digest: str, versions: str) -> None:
         )
 
 
-def sent_source(source: Source) -> SentSource:
+def sent_source(source: RobotSource) -> SentSource:
     """A source with its paths as text; the semantic file is left out, as its postures are sent."""
     folders = tuple(str(folder) for folder in source.package_dirs)
     postures = {name: dict(angles) for name, angles in source.postures.items()}
     return source.name, os.fspath(source.urdf), folders, source.feet, postures, source.posture
 
 
-def source_again(sent: SentSource) -> Source:
+def source_again(sent: SentSource) -> RobotSource:
     """The source of `sent_source`. Its files need not be there."""
     name, urdf, folders, feet, postures, posture = sent
-    return Source(name, Path(urdf), None, tuple(Path(folder) for folder in folders), feet, postures, posture)
+    return RobotSource(name, Path(urdf), None, tuple(Path(folder) for folder in folders), feet, postures, posture)
 
 
 def texts_of(text: str, mechanism: Mechanism) -> dict[str, Any]:

@@ -2,11 +2,11 @@
 
 from rbd.mechanism.projection import Projection
 from rbd.modules import submodule as _submodule
+from rbd.simulation.events import StateEvent, Switch
 from rbd.simulation.impacts import Impact, impact
 from rbd.simulation.integrators import DormandPrince8, RungeKutta4, TimeStepping
-from rbd.simulation.motion import Event
 from rbd.simulation.run import simulate
-from rbd.simulation.state_events import StateEvent, Switch
+from rbd.simulation.simulated_motion import Event
 from rbd.simulation.trajectory import Trajectory
 
 __all__ = [

@@ -16,11 +16,11 @@ import numpy as np
 from rbd.arrays import Array, each_times, inertia_factor, lazy, max_abs
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.mechanism.projection import ZERO, Projection, correction, project_position
-from rbd.mechanism.stage_solver import OWED
+from rbd.mechanism.redundant_accelerations import OWED
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.simulation.contact_points import Layout, PointMatching, Points, Snapshot
-from rbd.simulation.motion import Stabilisation
+from rbd.simulation.simulated_motion import Stabilisation
+from rbd.simulation.stacked_points import PointLayout, PointMatching, Points, Snapshot
 
 LOOSE = 1e-7
 """Over the size: the largest gap of a point that stays closed."""
@@ -42,7 +42,7 @@ class GapTolerances:
         size: Size of the bodies that move with the point, at most 1.
     """
 
-    layout: Layout
+    layout: PointLayout
     loose: Array
     tight: Array
     size: Array
@@ -248,7 +248,7 @@ class Correction:
         less = correction(inertia_factor(state.M), at.J[held], rate, zero=zero)
         return self.points.at(state.with_velocity(state.v - less), t)
 
-    def wanted(self, layout: Layout, u: Array, error: Array, h: float) -> Array | float:
+    def wanted(self, layout: PointLayout, u: Array, error: Array, h: float) -> Array | float:
         """Velocities of bilateral rows after a time h, shape (p,), required by Baumgarte's feedback; 0.0 without it.
 
         It is one implicit Euler step of error'' + 2 zeta w error' + w^2 error = 0 from (error, u), stable at any h. u is the

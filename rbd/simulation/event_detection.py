@@ -9,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.simulation.contact_points import SLIDES, Layout, slide
-from rbd.simulation.motion import Event
+from rbd.simulation.simulated_motion import Event
+from rbd.simulation.stacked_points import SLIDES, PointLayout, slide
 
 
 class StepRecord(NamedTuple):
@@ -28,7 +28,7 @@ class StepRecord(NamedTuple):
 
     t: float
     h: float
-    layout: Layout
+    layout: PointLayout
     force: Array
     velocity: Array
     velocity_end: Array
@@ -49,7 +49,7 @@ class ImpactRecord:
     """
 
     t: float
-    layout: Layout
+    layout: PointLayout
     arrives: Array
     speed: Array
     impulse: Array
@@ -64,7 +64,7 @@ class EventDetection:
 
     def __init__(self) -> None:
         self._events: list[Event] = []
-        self._layout: Layout | None = None
+        self._layout: PointLayout | None = None
         self._closed, self._slides = np.zeros(0, bool), np.zeros(0, bool)
         self._past: list[StepRecord] = []
 
@@ -96,7 +96,7 @@ class EventDetection:
         self._closed, self._slides = closed, slides
         self._past = self._past[-1:] + [now]
 
-    def _compare(self, layout: Layout, now: StepRecord, closed: Array, slides: Array) -> None:
+    def _compare(self, layout: PointLayout, now: StepRecord, closed: Array, slides: Array) -> None:
         ended, begun, both = self._closed & ~closed, ~self._closed & closed, self._closed & closed & layout.rubs
         for i in np.flatnonzero(ended).tolist():
             row = int(layout.normals[i])
@@ -115,7 +115,7 @@ class EventDetection:
         self._closed = np.where(impact.arrives, ~impact.bounces, self._closed)
         self._past = []
 
-    def _is_new(self, layout: Layout) -> bool:
+    def _is_new(self, layout: PointLayout) -> bool:
         """Whether points have entered or left the contact set; then no comparison is possible."""
         if layout is self._layout:
             return False
@@ -125,7 +125,7 @@ class EventDetection:
         self._past = []
         return True
 
-    def _record(self, t: float, layout: Layout, i: int, kind: str, speed: float = 0.0, impulse: float = 0.0) -> None:
+    def _record(self, t: float, layout: PointLayout, i: int, kind: str, speed: float = 0.0, impulse: float = 0.0) -> None:
         self._events.append(Event(float(t), layout.owners[i], kind, layout.numbers[i], speed, impulse))
 
     def _zero(self, now: StepRecord, values: list[float]) -> float:
@@ -143,7 +143,7 @@ class EventDetection:
         after = t2 + f2 * (t2 - t1) / (f1 - f2) if f1 > f2 > 0.0 else now.t
         return min(max(after, t2), now.t + now.h)
 
-    def _stops(self, now: StepRecord, layout: Layout, i: int) -> float:
+    def _stops(self, now: StepRecord, layout: PointLayout, i: int) -> float:
         """End of sliding in this step, by a straight line through the speeds at its beginning and at the last one's."""
         speed = float(slide(layout, now.velocity)[i])
         before = float(slide(layout, self._past[-1].velocity)[i]) if self._past else speed
@@ -151,7 +151,7 @@ class EventDetection:
         return now.t + min(after, now.h)
 
 
-def _used(layout: Layout, i: int, force: Array) -> float:
+def _used(layout: PointLayout, i: int, force: Array) -> float:
     """|f_t| / (mu f_n) of a point with friction; zero where it is unloaded."""
     n = int(layout.normals[i])
     limit = float(layout.mu[i] * force[n])

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Generator
 
-from rbd.control.accepted_steps import INSTANT
+from rbd.control.schedules import INSTANT
 from rbd.model.state import State
 from rbd.simulation.event_detection import EventDetection
-from rbd.simulation.event_search import FOUND, EventSearch, Impact, Zero
+from rbd.simulation.events import FOUND, EventSearch, ImpactState, Zero
 from rbd.simulation.instant import HalfStep, Step
-from rbd.simulation.motion import AtEvents, Event, Sample
-from rbd.simulation.smooth import SmoothMotion, Stage
+from rbd.simulation.simulated_motion import AtEvents, Event, Sample
+from rbd.simulation.smooth import SmoothMotion, SmoothStage
 from rbd.simulation.time_step import StepSystem
 
 RISES, FALLS = "rises through zero", "falls through zero"
@@ -46,8 +46,8 @@ def _crossed(
 def crossed_smoothly(
     smooth: SmoothMotion,
     since: float,
-    end: Stage,
-    at: Callable[[float], Stage],
+    end: SmoothStage,
+    at: Callable[[float], SmoothStage],
     state_at: Callable[[float], State] | None = None,
 ) -> Generator[Sample, None, bool]:
     """The samples at events of smooth motion until a stage; returns whether the last interrupts the motion.
@@ -107,7 +107,7 @@ def crossed_in_step(
         else:
             late, before, after = min(touch.late, INSTANT), touch.before, touch.after
             q, v = system.bases.moved(before.q, before.v, late)
-            impact = Impact(after.at.state, State(before.robot, q, v), late)
+            impact = ImpactState(after.at.state, State(before.robot, q, v), late)
             zeros = search.between(after.t, before, state_at, impact)
         for each in _crossed(search, zeros, since, t, sample):
             assert each.found is not None

@@ -25,12 +25,12 @@ from rbd.errors import InputError, NoSolution, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.model.dynamics import kinetic_energy
 from rbd.model.state import State, check_state
-from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
-from rbd.simulation.contact_points import SLIDES, Points, Snapshot, slide
-from rbd.simulation.motion import ConstraintForce
 from rbd.simulation.recording import constraint_forces, least_forces
+from rbd.simulation.simulated_motion import ConstraintForce
+from rbd.simulation.stacked_points import SLIDES, Points, Snapshot, slide
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows, solve_velocity
 from rbd.solvers.default import slip_law
 

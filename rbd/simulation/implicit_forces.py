@@ -32,11 +32,11 @@ from typing import NamedTuple
 import numpy as np
 from scipy.linalg import blas
 
-from rbd.answers.analysis.external_derivatives import derivatives_of
+from rbd.answers.analysis.state_changes import derivatives_of
 from rbd.arrays import Array, inertia_factor, lazy
 from rbd.model.external import ForceElement
 from rbd.model.state import State
-from rbd.simulation.motion import dissipation
+from rbd.simulation.simulated_motion import dissipation
 from rbd.simulation.velocity_problem import VelocityAnswer
 
 _ROUNDING = 1e-12

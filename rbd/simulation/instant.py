@@ -1,19 +1,26 @@
-"""Records of a time step, which are handed from step to step: its start, the results of its halves, and its end."""
+"""Records of a time step, which are handed from step to step: its start, the result; and what controllers see of contact."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from rbd.arrays import Array, lazy
+from rbd.arrays import Array, lazy, zeros
+from rbd.constraints.constraint import Constraint, member
+from rbd.constraints.contact_points import ALWAYS, PointSource, Structure
+from rbd.control.schedules import ContactTouch
 from rbd.model.external import ForceElement
 from rbd.model.state import State
+from rbd.problem.rows import Rows
 from rbd.simulation.contact_gaps import GapTolerances
-from rbd.simulation.contact_points import Layout, PointMatching, Snapshot
 from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.implicit_forces import ElementTerms
+from rbd.simulation.recording import point_forces, points_and_rows
+from rbd.simulation.simulated_motion import ConstraintForce
+from rbd.simulation.stacked_points import PointLayout, PointMatching, Snapshot
 from rbd.simulation.velocity_problem import VelocityAnswer
 
 
@@ -141,12 +148,12 @@ class HalfStep(NamedTuple):
         """Acceleration in it, of a floating base in the base's axes, shape (nv,)."""
         return (self.answer.v - self.turned) * (2.0 / self.h)
 
-    def active_in(self, layout: Layout) -> Array:
+    def active_in(self, layout: PointLayout) -> Array:
         """Which points of another layout are active, shape (k,)."""
         at = self.start.at
         return self.active if layout is at.layout else PointMatching(at.layout, layout).points(self.active, False)
 
-    def points_in(self, layout: Layout) -> PointsAtStart:
+    def points_in(self, layout: PointLayout) -> PointsAtStart:
         """The same data for the points of another layout."""
         at = self.start.at
         if layout is at.layout:
@@ -174,7 +181,7 @@ class WholeStep(NamedTuple):
     h: float
     end: Snapshot
     answer: VelocityAnswer
-    layout: Layout
+    layout: PointLayout
     tau: Array
     dissipated: float = 0.0
     other_work: float = 0.0
@@ -201,3 +208,51 @@ class Step(NamedTuple):
 
     end: Instant
     passed: Passed
+
+
+_NONE = ContactTouch(zeros(0), np.zeros(0, bool), np.zeros((0, 3)))
+
+
+def touches_of(now: Instant, constraints: Sequence[Constraint], sources: Sequence[PointSource]) -> dict[str, ContactTouch]:
+    """{contact: its points} at the beginning of a time step.
+
+    Args:
+        now: The beginning of the step.
+        constraints: All of the motion; those that never have points are left out.
+        sources: The sources of their points, in the order of the layout.
+    """
+    at, touching = now.at, now.touching
+    out = {c.name: _NONE for c in constraints if callable(member(c, "points"))}  # also where no point is near now
+    for source, measured, (points, rows) in zip(sources, at.places, at.layout.spans, strict=True):
+        if measured.points is None or measured.axes is None:
+            continue
+        gaps, touches, force = at.gap[points].copy(), touching[points].copy(), now.force[rows]
+        for owner, mine, row in points_and_rows(measured.structure):
+            pushed = point_forces(measured, force[row], mine)
+            if pushed is None:
+                pushed = np.zeros((mine.stop - mine.start, 3))
+            out[owner] = ContactTouch(gaps[mine], touches[mine], pushed, _labels(source, measured.structure, mine))
+    return {c.name: out[c.name] for c in constraints if c.name in out}
+
+
+def held_touches(rows: Sequence[Rows], acting: Mapping[str, ConstraintForce]) -> dict[str, ContactTouch]:
+    """{contact: its points} of bilateral constraints in smooth motion: all touch.
+
+    Args:
+        rows: Their rows.
+        acting: Their forces under the torques of the step before; none in the first.
+    """
+    out = {}
+    for r in rows:
+        if r.patch is None or r.resultant is None:
+            continue
+        k = len(r.patch.corners)
+        pushed = acting[r.name].point_forces if r.name in acting else None
+        out[r.name] = ContactTouch(np.full(k, ALWAYS), np.ones(k, bool), np.zeros((k, 3)) if pushed is None else pushed)
+    return out
+
+
+def _labels(source: PointSource, structure: Structure, points: slice) -> tuple[str, ...]:
+    """What a source calls these of its points; empty if they are only numbered."""
+    label = getattr(source, "label", None)
+    return () if label is None else tuple(label(number) for number in structure.numbers[points])

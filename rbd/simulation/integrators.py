@@ -18,19 +18,18 @@ from scipy.integrate import DOP853
 
 from rbd.arrays import Array, as_float, max_abs, zeros
 from rbd.constraints.constraint import Constraint, ground_of, member, rows_of
-from rbd.control.accepted_steps import INSTANT, sample_at
+from rbd.control.schedules import INSTANT, sample_at
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
-from rbd.simulation.contact_points import slide, stopping
 from rbd.simulation.event_detection import EventDetection
 from rbd.simulation.event_samples import crossed_in_step, crossed_smoothly
-from rbd.simulation.instant import HalfStep
-from rbd.simulation.motion import Event, Motion, Sample, stored
+from rbd.simulation.instant import HalfStep, touches_of
 from rbd.simulation.recording import constraint_forces, least_forces
-from rbd.simulation.smooth import SmoothMotion, Stage, reason_not_smooth, reason_unknown_ground
+from rbd.simulation.simulated_motion import Event, Sample, SimulatedMotion, stored
+from rbd.simulation.smooth import SmoothMotion, SmoothStage, reason_not_smooth, reason_unknown_ground
+from rbd.simulation.stacked_points import slide, stopping
 from rbd.simulation.time_step import StepSystem
-from rbd.simulation.touches import touches_of
 
 TILTS = 1e-9
 """A ground that rotates more slowly than this about an axis in its plane [rad/s] has a constant normal: rounding."""
@@ -58,11 +57,11 @@ class RungeKutta4(Displayed):
     finds_events: ClassVar[bool] = True
     order: ClassVar[int] = 4
 
-    def reason_unsupported(self, motion: Motion, state: State) -> str | None:
+    def reason_unsupported(self, motion: SimulatedMotion, state: State) -> str | None:
         """Names the first constraint that can break or slip, or that the start violates; None if it can run."""
         return reason_not_smooth(motion, state)
 
-    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
+    def run(self, motion: SimulatedMotion, state: State, times: Sequence[float]) -> Iterator[Sample]:
         """One sample at each of the times, the first at `state`.
 
         Raises:
@@ -87,7 +86,7 @@ def _lengths(times: Sequence[float]) -> list[float]:
     return lengths + (lengths[-1:] or [0.0])
 
 
-def _kutta_step(smooth: SmoothMotion, first: Stage, t: float, end: float) -> Stage:
+def _kutta_step(smooth: SmoothMotion, first: SmoothStage, t: float, end: float) -> SmoothStage:
     h, v, a = end - t, first.state.v, first.a
     chart = smooth.charts.at(first.state.q)
     rates, accelerations, powers, rate = [v], [a], [smooth.powers(first, first)], v
@@ -143,11 +142,11 @@ class DormandPrince8(Displayed):
         if isinstance(most, bool) or not isinstance(most, int | np.integer) or most < 1:
             raise InputError(f"most_steps of DormandPrince8 is {most!r:.80}; expected a whole number from 1.")
 
-    def reason_unsupported(self, motion: Motion, state: State) -> str | None:
+    def reason_unsupported(self, motion: SimulatedMotion, state: State) -> str | None:
         """Names the first constraint that can break or slip, or that the start violates; None if it can run."""
         return reason_not_smooth(motion, state)
 
-    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
+    def run(self, motion: SimulatedMotion, state: State, times: Sequence[float]) -> Iterator[Sample]:
         """One sample at each of the times, the first at `state`.
 
         Raises:
@@ -207,7 +206,7 @@ class _AdaptiveStep:
         next: Guess of the next step [s].
     """
 
-    def __init__(self, smooth: SmoothMotion, start: Stage, by: DormandPrince8, last: float, h: float | None) -> None:
+    def __init__(self, smooth: SmoothMotion, start: SmoothStage, by: DormandPrince8, last: float, h: float | None) -> None:
         self._smooth, self._start = smooth, start
         self._chart, self._n = smooth.charts.at(start.state.q), len(start.state.v)
         # The last entries are work, of motors and of force elements, in which no error is controlled.
@@ -234,7 +233,7 @@ class _AdaptiveStep:
         self._between: Callable[[float], Array] | None = None
         self.end = self._landed(float(self._code.t), self._code.y)
 
-    def at(self, t: float) -> Stage:
+    def at(self, t: float) -> SmoothStage:
         """A stage within the step, by dense output, on the constraints."""
         return self._landed(t, self._dense(t))
 
@@ -248,7 +247,7 @@ class _AdaptiveStep:
             self._between = self._code.dense_output()
         return self._between(t)
 
-    def _landed(self, t: float, y: Array) -> Stage:
+    def _landed(self, t: float, y: Array) -> SmoothStage:
         xi, v, work = y[: self._n], y[self._n : 2 * self._n], y[2 * self._n :]
         return self._smooth.worked(self._start, self._smooth.landed(self._chart.q(xi), v, t), work)
 
@@ -311,12 +310,12 @@ class TimeStepping(Displayed):
                 "the size of the bodies."
             )
 
-    def reason_unsupported(self, motion: Motion, state: State) -> str | None:
+    def reason_unsupported(self, motion: SimulatedMotion, state: State) -> str | None:
         """Names the first ground that accelerates, or tilts under a contact that can break; all others are accepted."""
         reasons = (reason_unknown_ground(c) or _tilts(c, state) for c in motion.constraints)
         return next(filter(None, reasons), None)
 
-    def run(self, motion: Motion, state: State, times: Sequence[float]) -> Iterator[Sample]:
+    def run(self, motion: SimulatedMotion, state: State, times: Sequence[float]) -> Iterator[Sample]:
         """One sample at each of the times."""
         system = StepSystem(
             motion,

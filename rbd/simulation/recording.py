@@ -24,13 +24,13 @@ from rbd.arrays import Array, cross_rows, is_finite, max_abs
 from rbd.constraints.contact_points import Structure
 from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
-from rbd.problem.cones import Box, Free
-from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.cones import Bounds, Free
+from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
-from rbd.simulation.contact_points import SLIDES, Places, Snapshot, slide
 from rbd.simulation.energy_balance import balance
-from rbd.simulation.motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Motion, Sample
+from rbd.simulation.simulated_motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Sample, SimulatedMotion
+from rbd.simulation.stacked_points import SLIDES, PointPlaces, Snapshot, slide
 from rbd.simulation.trajectory_fields import COLUMNS, ENERGY, RESIDUALS
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows
 
@@ -64,7 +64,7 @@ class Recording:
         motion: The motion simulated.
     """
 
-    def __init__(self, motion: Motion) -> None:
+    def __init__(self, motion: SimulatedMotion) -> None:
         self.motion = motion
         self._sizes = tuple(c.row(motion.robot)[0] for c in _VECTORS)
         self._width = sum(self._sizes) + len(_NUMBERS)
@@ -290,11 +290,11 @@ def points_and_rows(structure: Structure) -> tuple[tuple[str, slice, slice], ...
 def _kind_of(structure: Structure, first: int, last: int) -> tuple[str, Array]:
     """(mode of one constraint's points where they are loaded and do not slide, their normals among its rows)."""
     widths = structure.widths[first:last]
-    rubs = widths[0] == 3 or isinstance(structure.cones[first], Box)
+    rubs = widths[0] == 3 or isinstance(structure.cones[first], Bounds)
     return STICKS if rubs else PUSHES, np.cumsum(widths) - 1
 
 
-def _force_of(measured: Places, force: Array, speed: Array, at: slice, row: slice) -> ConstraintForce:
+def _force_of(measured: PointPlaces, force: Array, speed: Array, at: slice, row: slice) -> ConstraintForce:
     structure = measured.structure
     cones = structure.cones[at]
     if isinstance(cones[0], Free):
@@ -317,7 +317,7 @@ def _force_of(measured: Places, force: Array, speed: Array, at: slice, row: slic
     return ConstraintForce(resultant, mode, points, pushed)
 
 
-def point_forces(measured: Places, force: Array, at: slice) -> Array | None:
+def point_forces(measured: PointPlaces, force: Array, at: slice) -> Array | None:
     """Forces at the points of one contact in world axes, shape (k, 3) [N]; None where the rows are no forces at points.
 
     Args:

@@ -16,19 +16,19 @@ import pinocchio as pin
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, is_finite, max_abs
 from rbd.constraints.constraint import OPEN, Constraint, anchored, ground_of, is_carried, rows_of
-from rbd.constraints.loop_stack import LoopRows
+from rbd.constraints.loop import LoopRows
 from rbd.constraints.manifold import ConstraintManifold, StackedRows, is_bilateral, velocity_of
 from rbd.constraints.stabilisation import Baumgarte
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection, shortened
-from rbd.mechanism.stage_solver import NEAR, StageSolver
-from rbd.model.chart import Charts
+from rbd.mechanism.redundant_accelerations import NEAR, StageSolver
+from rbd.model.derivatives import Charts
 from rbd.model.external import ForceElement
 from rbd.model.state import State
 from rbd.problem.answer import corner_split
-from rbd.problem.problem import BILATERAL, GaussProblem
-from rbd.simulation.motion import HOLDS, ConstraintForce, Motion, Sample, dissipation, stored
-from rbd.simulation.touches import held_touches
+from rbd.problem.gauss_problem import BILATERAL, GaussProblem
+from rbd.simulation.instant import held_touches
+from rbd.simulation.simulated_motion import HOLDS, ConstraintForce, Sample, SimulatedMotion, dissipation, stored
 
 CLOSE = 3e-2
 """Where the least singular value, over the largest, is below this, stages are projected too: a stage has an error of h^2, which
@@ -50,7 +50,7 @@ EXACT = 1e-14
 
 
 @dataclass(frozen=True, eq=False)
-class Stage:
+class SmoothStage:
     """A state within a step, with its rows, forces and acceleration.
 
     Attributes:
@@ -97,7 +97,7 @@ class SmoothMotion:
         charts: Charts of its robot.
     """
 
-    def __init__(self, motion: Motion, state: State) -> None:
+    def __init__(self, motion: SimulatedMotion, state: State) -> None:
         self.motion = motion
         self.charts = Charts(motion.robot)
         given = motion.constraints
@@ -116,7 +116,7 @@ class SmoothMotion:
         self._pushed = self._works or callable(motion.external) or motion.pushed
         self._solver = StageSolver()
 
-    def start(self, state: State, t: float, h: float) -> Stage:
+    def start(self, state: State, t: float, h: float) -> SmoothStage:
         """The stage at the given start of a step of length h, of which the controller is told.
 
         Raises:
@@ -131,7 +131,7 @@ class SmoothMotion:
         self.motion.tell(state, t, h, lambda: held_touches(held.rows, {}))
         return self._stage(held, t)
 
-    def begun(self, stage: Stage, h: float) -> Stage:
+    def begun(self, stage: SmoothStage, h: float) -> SmoothStage:
         """The stage at the end of a step, after the controller is told that the next one, of length h, begins there."""
         if self.motion.hook is None:
             return stage
@@ -139,7 +139,7 @@ class SmoothMotion:
         again = self._stage(stage.held, stage.t)
         return replace(again, work=stage.work, dissipated=stage.dissipated, other_work=stage.other_work)
 
-    def at(self, q: Array, v: Array, t: float) -> Stage:
+    def at(self, q: Array, v: Array, t: float) -> SmoothStage:
         """A stage within a step.
 
         Raises:
@@ -152,7 +152,7 @@ class SmoothMotion:
             held = self._projected(held if known else self._anchored.rows(held.state), self._projection, t)
         return self._stage(held, t)
 
-    def landed(self, q: Array, v: Array, t: float) -> Stage:
+    def landed(self, q: Array, v: Array, t: float) -> SmoothStage:
         """The stage at the end of a step: projected onto the constraints, if `stabilisation` requires it.
 
         Raises:
@@ -169,7 +169,7 @@ class SmoothMotion:
             held = self._projected(held, self._projection, t)
         return held
 
-    def powers(self, first: Stage, stage: Stage) -> Array:
+    def powers(self, first: SmoothStage, stage: SmoothStage) -> Array:
         """Powers whose integrals over a step are work [W]: of motors, of pushes, of force elements, each if there are any.
 
         Of the motors, less that of the torques at the step's beginning: zero where they are held. Of the elements, the power
@@ -188,7 +188,7 @@ class SmoothMotion:
             out.append(dissipation(stage.elements, stage.state))
         return np.array(out, float)
 
-    def worked(self, first: Stage, stage: Stage, work: Array) -> Stage:
+    def worked(self, first: SmoothStage, stage: SmoothStage, work: Array) -> SmoothStage:
         """A stage with the work of motors and force elements up to it.
 
         Args:
@@ -240,7 +240,7 @@ class SmoothMotion:
             )
         return held
 
-    def sample(self, stage: Stage) -> Sample:
+    def sample(self, stage: SmoothStage) -> Sample:
         """The sample at a stage."""
         held = stage.held
         law = self._solver.law(held, stage.a, stage.rhs, stage.f)
@@ -259,7 +259,7 @@ class SmoothMotion:
             other_work=stage.other_work,
         )
 
-    def _forces(self, stage: Stage) -> Mapping[str, ConstraintForce]:
+    def _forces(self, stage: SmoothStage) -> Mapping[str, ConstraintForce]:
         held = stage.held
         if not held.rows:
             return {}
@@ -281,7 +281,7 @@ class SmoothMotion:
             out[r.name] = ConstraintForce(force, HOLDS, points, pushes)
         return out
 
-    def _stage(self, held: StackedRows, t: float) -> Stage:
+    def _stage(self, held: StackedRows, t: float) -> SmoothStage:
         tau, applied, elements, pushes = self.motion.acting(held.state, t)
         rhs = applied - held.state.h
         found = self._solver.acceleration(held, rhs, t)
@@ -290,7 +290,7 @@ class SmoothMotion:
             a = self._across(held, rhs, t, a, found.crossing.rate, self._projection)
         if not is_finite(a):
             raise NoSolution(f"the acceleration of {self.motion.robot.name} is not finite at t = {t:.6g} s.")
-        return Stage(t, held, tau, rhs, a, found.f, elements, pushes=pushes)
+        return SmoothStage(t, held, tau, rhs, a, found.f, elements, pushes=pushes)
 
     def _across(self, held: StackedRows, rhs: Array, t: float, a: Array, rate: float, projection: Projection) -> Array:
         """The acceleration at a singular pose, from those of its neighbours on the branch, ahead and behind.
@@ -342,7 +342,7 @@ def reason_unknown_ground(constraint: Constraint) -> str | None:
     )
 
 
-def reason_not_smooth(motion: Motion, state: State) -> str | None:
+def reason_not_smooth(motion: SimulatedMotion, state: State) -> str | None:
     """Message: why a motion is not smooth; None if it is."""
     rows = rows_of(state, motion.constraints)
     for constraint, r in zip(motion.constraints, rows, strict=True):

@@ -7,7 +7,7 @@ A step of length h from (q, v), with the points that are in contact at q:
     3   M(q_m) v+ = M v + h (S^T tau + tau_ext - h(q_m, v_h)) + J(q_m)^T p      u(v+) obeys the law
     4   q+ = q_m (+) h/2 v+,    projected onto the positions of bilateral constraints and of closed points
 
-(velocities of a floating base in axes frozen at q and at q_m: see `rbd.model.chart`)
+(velocities of a floating base in axes frozen at q and at q_m: see `rbd.model.derivatives`)
 (springs, dampers and other force elements are taken implicitly in 1 and 3: see `rbd.simulation.implicit_forces`)
 
 u is the velocity of the points at the end of the (half) step, J v + h/2 J_dot v. For a free conservative system 2 to 4 are
@@ -36,14 +36,14 @@ from rbd.model.dynamics import kinetic_energy
 from rbd.model.state import State
 from rbd.simulation.bases import Bases
 from rbd.simulation.contact_gaps import BodySizes, Correction, first_crossing
-from rbd.simulation.contact_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
 from rbd.simulation.energy_balance import energy
 from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.impacts import AT_REST, impact_answer
 from rbd.simulation.implicit_forces import ElementTerms, ImplicitElements
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, Touch, WholeStep
-from rbd.simulation.motion import Motion
+from rbd.simulation.simulated_motion import SimulatedMotion
+from rbd.simulation.stacked_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
 from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
 
 _SLOW = 0.2
@@ -55,7 +55,7 @@ class StepSystem:
 
     def __init__(
         self,
-        motion: Motion,
+        motion: SimulatedMotion,
         start: State,
         *,
         impact_speed: float,

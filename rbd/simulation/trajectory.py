@@ -19,8 +19,8 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ForceElement
 from rbd.model.output_files import check_place
 from rbd.model.state import State
-from rbd.simulation.motion import ConstraintForce, Event, Integrator, Motion, Sample
 from rbd.simulation.recording import Recording
+from rbd.simulation.simulated_motion import ConstraintForce, Event, Integrator, Sample, SimulatedMotion
 from rbd.simulation.trajectory_contents import (
     arrays_of,
     arrays_of_netcdf,
@@ -129,7 +129,7 @@ class Trajectory(Displayed):
     @classmethod
     def of(
         cls,
-        motion: Motion,
+        motion: SimulatedMotion,
         samples: Recording | Iterable[Sample],
         events: Sequence[Event] = (),
         integrator: Integrator | str = "",

@@ -12,14 +12,14 @@ from rbd.arrays import Array, as_array, as_float
 from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import is_element
-from rbd.simulation.motion import Event
+from rbd.simulation.simulated_motion import Event
 
 Fields: TypeAlias = Mapping[str, Any]
 """The fields of a `Trajectory` by name."""
 
 
 @dataclass(frozen=True)
-class Column:
+class FieldColumn:
     """A field with one row a sample.
 
     Attributes:
@@ -42,28 +42,28 @@ class Column:
 
 
 COLUMNS = (
-    Column("q", "position", "", "configuration"),
-    Column("v", "velocity", "", "velocity, of a floating base in the base's axes"),
-    Column("a", "velocity", "", "acceleration, of a floating base in the base's axes"),
-    Column("tau", "motor", "", "motor torques"),
-    Column("kinetic", "", "J", "kinetic energy"),
-    Column("potential", "", "J", "potential energy, zero at the world's origin"),
-    Column("motor_work", "", "J", "work of the motors since the start of the motion"),
-    Column("elastic", "", "J", "energy stored in force elements, e.g. springs"),
-    Column("dissipated", "", "J", "work that force elements, e.g. dampers, have taken out of the motion since its start"),
-    Column("momentum", "spatial", "N s, then N m s", "linear, then angular momentum about the centre of mass, world axes"),
-    Column("com", "axis", "m", "centre of mass in W"),
+    FieldColumn("q", "position", "", "configuration"),
+    FieldColumn("v", "velocity", "", "velocity, of a floating base in the base's axes"),
+    FieldColumn("a", "velocity", "", "acceleration, of a floating base in the base's axes"),
+    FieldColumn("tau", "motor", "", "motor torques"),
+    FieldColumn("kinetic", "", "J", "kinetic energy"),
+    FieldColumn("potential", "", "J", "potential energy, zero at the world's origin"),
+    FieldColumn("motor_work", "", "J", "work of the motors since the start of the motion"),
+    FieldColumn("elastic", "", "J", "energy stored in force elements, e.g. springs"),
+    FieldColumn("dissipated", "", "J", "work that force elements, e.g. dampers, have taken out of the motion since its start"),
+    FieldColumn("momentum", "spatial", "N s, then N m s", "linear, then angular momentum about the centre of mass, world axes"),
+    FieldColumn("com", "axis", "m", "centre of mass in W"),
 )
 """Fields of the robot at each time."""
 LATER = ("elastic", "dissipated")
 """Fields that may be missing, as in files of earlier versions: then they are zero."""
-ENERGY = Column("energy", "", "J", "energy that the steps have made since the start of the motion; negative: lost")
+ENERGY = FieldColumn("energy", "", "J", "energy that the steps have made since the start of the motion; negative: lost")
 """The residual that is NaN where it is not known."""
 RESIDUALS = (
-    Column("law", "", "1", "residual of the contact law, scaled"),
-    Column("drift", "", "m or rad", "largest position error of the bilateral constraints"),
-    Column("drift_rate", "", "m/s or rad/s", "largest velocity error of the bilateral constraints"),
-    Column("penetration", "", "m or rad", "depth of the deepest contact"),
+    FieldColumn("law", "", "1", "residual of the contact law, scaled"),
+    FieldColumn("drift", "", "m or rad", "largest position error of the bilateral constraints"),
+    FieldColumn("drift_rate", "", "m/s or rad/s", "largest velocity error of the bilateral constraints"),
+    FieldColumn("penetration", "", "m or rad", "depth of the deepest contact"),
     ENERGY,
 )
 """Residuals of each sample."""

@@ -156,7 +156,7 @@ def _bytes(path: Path) -> bytes:
         raise InputError(f"{str(path)!r:.200} is larger than the memory.") from None
 
 
-def _array(archive: zipfile.ZipFile, member: Member) -> Array:
+def _array(archive: zipfile.ZipFile, member: ArchiveMember) -> Array:
     with archive.open(member.info) as file:
         file.read(member.start)
         data = file.read()  # to the end, where the checksum is compared
@@ -190,7 +190,7 @@ def _foreign(path: Path, what: str) -> str:
 
 
 @dataclass(frozen=True)
-class Member:
+class ArchiveMember:
     """An array of an .npz, as described by its header.
 
     Attributes:
@@ -210,7 +210,7 @@ class Member:
     size: int
 
 
-def npz_members(archive: zipfile.ZipFile, file_size: int, kinds: str = "fU") -> dict[str, Member]:
+def npz_members(archive: zipfile.ZipFile, file_size: int, kinds: str = "fU") -> dict[str, ArchiveMember]:
     """{array: its description}; only the first bytes of each member are unpacked.
 
     Raises:
@@ -224,7 +224,7 @@ def npz_members(archive: zipfile.ZipFile, file_size: int, kinds: str = "fU") -> 
     return members
 
 
-def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: str) -> Member:
+def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: str) -> ArchiveMember:
     with archive.open(info) as file:
         version = npy.read_magic(file)
         read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
@@ -235,7 +235,7 @@ def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: str) -> Memb
     size = math.prod(shape) * kind.itemsize
     if kind.hasobject or kind.kind not in kinds or any(k < 0 for k in shape) or start + size != info.file_size:
         raise ValueError(f"{info.filename!r:.80} says that it is {kind} of shape {shape}, which it is not")
-    return Member(info, shape, by_columns, kind, start, size)
+    return ArchiveMember(info, shape, by_columns, kind, start, size)
 
 
 def check_netcdf(data: bytes) -> None:

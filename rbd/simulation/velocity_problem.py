@@ -26,13 +26,13 @@ from rbd.answers.solution import Solution
 from rbd.arrays import Array, inertia_factor, is_finite, max_abs
 from rbd.errors import NoSolution
 from rbd.mechanism.projection import ZERO
-from rbd.mechanism.stage_solver import CONTRADICTION, INDEPENDENT, OWED
-from rbd.problem.cones import Box, Cone, Product
+from rbd.mechanism.redundant_accelerations import CONTRADICTION, INDEPENDENT, OWED
+from rbd.problem.cones import Bounds, Cone, Product
 from rbd.problem.force_set import ForceSet, at_rest
-from rbd.problem.problem import GaussProblem
+from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
-from rbd.simulation.contact_points import Layout, Snapshot
+from rbd.simulation.stacked_points import PointLayout, Snapshot
 from rbd.solvers.admm import ConeSolver, holding
 from rbd.solvers.kkt import StickingSolver, independent_factor
 from rbd.solvers.newton import Scaled, compiled_weights, scaled, steps_from, yielding_steps
@@ -101,7 +101,7 @@ class ActiveRows:
         return ", ".join(name for name, _, _ in self.groups)
 
 
-def active_rows(layout: Layout, active: Array, h: float) -> ActiveRows:
+def active_rows(layout: PointLayout, active: Array, h: float) -> ActiveRows:
     """The rows of active points, bounds of forces multiplied by h; cached objects.
 
     Args:
@@ -118,7 +118,7 @@ def active_rows(layout: Layout, active: Array, h: float) -> ActiveRows:
     return found
 
 
-def _active_rows(layout: Layout, active: Array, h: float) -> ActiveRows:
+def _active_rows(layout: PointLayout, active: Array, h: float) -> ActiveRows:
     index = slice(None) if active.all() else np.flatnonzero(np.repeat(active, layout.widths))
     groups: list[tuple[str, slice, Cone]] = []
     at = 0
@@ -133,9 +133,9 @@ def _active_rows(layout: Layout, active: Array, h: float) -> ActiveRows:
 
 def _impulses_over(cone: Cone, h: float) -> Cone:
     """Impulses over a time h of forces in a set; a cone is unchanged."""
-    if not isinstance(cone, Box):
+    if not isinstance(cone, Bounds):
         return cone
-    return Box(*(np.where(np.isfinite(bound), 0.0, bound) if h == 0.0 else h * bound for bound in (cone.lo, cone.hi)))
+    return Bounds(*(np.where(np.isfinite(bound), 0.0, bound) if h == 0.0 else h * bound for bound in (cone.lo, cone.hi)))
 
 
 def solve_velocity(

@@ -5,7 +5,7 @@ from typing import Protocol
 from rbd.errors import InputError
 from rbd.modules import submodule as _submodule
 from rbd.problem.answer import Answer
-from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.gauss_problem import GaussProblem, Law
 
 __all__ = ["Solver"]
 

@@ -16,11 +16,11 @@ from rbd.errors import InputError
 from rbd.problem.answer import Answer
 from rbd.problem.cones import pyramid
 from rbd.problem.force_set import ForceSet
-from rbd.problem.problem import CONVEX, COULOMB, GaussProblem, Law, checked
+from rbd.problem.gauss_problem import CONVEX, COULOMB, GaussProblem, Law, checked
 from rbd.problem.programs import SEARCH_WORK, Work
 from rbd.problem.residuals import SOLVED
 from rbd.solvers import qp
-from rbd.solvers.conic import interior_point
+from rbd.solvers.conic_newton import interior_point
 from rbd.solvers.kkt import KKT, constrained, independent_factor
 from rbd.solvers.newton import FOUND, Scaled, leaves_motion_open, scaled, settled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
@@ -143,7 +143,7 @@ class ConeSolver(Displayed):
             return replace(KKT().solve(P), solver="ConeSolver")
         if P.force_set.sliding:
             return _of_sliding(P, start)
-        return _Search(P, Law.of(self.law), start).run(self.starts if self.law == COULOMB else 1, weights, others)
+        return _ConeSearch(P, Law.of(self.law), start).run(self.starts if self.law == COULOMB else 1, weights, others)
 
 
 def _of_sliding(P: GaussProblem, start: float) -> Answer:
@@ -160,7 +160,7 @@ def _of_sliding(P: GaussProblem, start: float) -> Answer:
     return replace(solutions[0], others=tuple(solutions[1:]))
 
 
-class _Search:
+class _ConeSearch:
     """One problem without sliding points: starts, their answers, and the best of them."""
 
     def __init__(self, P: GaussProblem, law: Law, start: float) -> None:

@@ -64,7 +64,7 @@ class Mixed:
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FoundSolutions:
     """Solutions of different motion.
 
     Attributes:
@@ -80,12 +80,12 @@ class Found:
     complete: bool
 
 
-def all_solutions(problem: Mixed) -> Found:
+def all_solutions(problem: Mixed) -> FoundSolutions:
     """Every motion that solves the problem, within budget and work."""
     tree = _Tree(problem)
     tree.visit(tree.root)
     member = [tree.belongs(i) for i in range(len(tree.weights))]
-    return Found(tuple(tree.weights), tuple(tree.family), tuple(member), not tree.cut)
+    return FoundSolutions(tuple(tree.weights), tuple(tree.family), tuple(member), not tree.cut)
 
 
 @dataclass

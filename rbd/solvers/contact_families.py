@@ -1,19 +1,20 @@
-"""The contact problem in numbers of order one, and the search of families of motions under Coulomb's law."""
+"""The contact problem in numbers of order one, families of motions that leave forces unchanged, and small matrices in loops."""
 
 from __future__ import annotations
 
 import math
 from typing import NamedTuple
 
+import numpy as np
+
 from rbd.arrays import Array
 from rbd.kernels import compiled
-from rbd.solvers.small_systems import independent, inverse
 
 MOBILITY = 10.0
 """Of each scaled point, which balances weights and accelerations: fewest steps, of 1 to 30 tried."""
 
 
-class Bodies(NamedTuple):
+class ScaledBodies(NamedTuple):
     """The scaled problem: each point's block of Q' D Q has the largest diagonal `MOBILITY`, c is of order one.
 
     Attributes:
@@ -34,7 +35,7 @@ class Bodies(NamedTuple):
 
 
 @compiled
-def scale(bodies: Bodies, P: Array, c: Array, unit: Array) -> float:
+def scale(bodies: ScaledBodies, P: Array, c: Array, unit: Array) -> float:
     """Fill columns and c of the scaled problem, and the points' `unit`: the rate by which c was divided."""
     most, d = 0.0, P.shape[1]
     for i in range(len(unit)):
@@ -66,7 +67,7 @@ def scale(bodies: Bodies, P: Array, c: Array, unit: Array) -> float:
 
 
 @compiled
-def leaves_motion_open(bodies: Bodies, w: Array, p: Array, memory: Array) -> bool:
+def leaves_motion_open(bodies: ScaledBodies, w: Array, p: Array, memory: Array) -> bool:
     """Whether the equations of the modes at an answer w of Coulomb's law leave a family of motions, not only of weights.
 
     Loads N of slipping points and forces g of sticking ones, as changes, move the bodies by z:
@@ -143,7 +144,7 @@ def leaves_motion_open(bodies: Bodies, w: Array, p: Array, memory: Array) -> boo
 
 
 @compiled
-def _normals_are_independent(bodies: Bodies, touching: Array, R: Array, felt: Array) -> bool:
+def _normals_are_independent(bodies: ScaledBodies, touching: Array, R: Array, felt: Array) -> bool:
     """Whether the normals of the touching points are independent: by the factor R of their block of Q' D Q, row by row."""
     columns, first, D = bodies.columns, bodies.first, bodies.D
     nw, d, found = len(D), columns.shape[1], 0
@@ -175,3 +176,104 @@ def _normals_are_independent(bodies: Bodies, touching: Array, R: Array, felt: Ar
         if not least > 1e-5 * most:
             return False
     return True
+
+
+_MOST = 75
+"""Rows up to which loops are no slower than LAPACK."""
+
+
+@compiled
+def _by_lapack(A: Array, b: Array, n: int) -> bool:
+    try:
+        b[:n] = np.linalg.solve(A[:n, :n].copy(), b[:n].copy())
+    except Exception:  # the only kind that Numba knows
+        return False
+    return True
+
+
+@compiled
+def eliminate(A: Array, b: Array, n: int) -> bool:
+    """Solve A x = b in place by Gauss's elimination with row pivots, x in b; False where A is singular or not finite."""
+    if n > _MOST:
+        return _by_lapack(A, b, n)
+    for k in range(n):
+        pivot, most = k, abs(A[k, k])
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > most:
+                pivot, most = i, abs(A[i, k])
+        if not 0.0 < most < math.inf:
+            return False
+        if pivot != k:
+            for j in range(k, n):
+                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+            b[k], b[pivot] = b[pivot], b[k]
+        scale = 1.0 / A[k, k]
+        for i in range(k + 1, n):
+            factor = A[i, k] * scale
+            if factor != 0.0:
+                b[i] -= factor * b[k]
+                for j in range(k + 1, n):
+                    A[i, j] -= factor * A[k, j]
+    for i in range(n - 1, -1, -1):
+        total = b[i]
+        for j in range(i + 1, n):
+            total -= A[i, j] * b[j]
+        b[i] = total / A[i, i]
+    return True
+
+
+@compiled
+def inverse(D: Array, out: Array, R: Array) -> bool:
+    """The inverse of a symmetric matrix in `out`; False where it is not positive definite. R: room of the same shape."""
+    n = len(D)
+    for i in range(n):
+        for j in range(i + 1):
+            total = D[i, j]
+            for e in range(j):
+                total -= R[i, e] * R[j, e]
+            if i > j:
+                R[i, j] = total * R[j, j]
+            elif 0.0 < total < math.inf:
+                R[i, i] = 1.0 / math.sqrt(total)  # of the factor's diagonal, the inverse
+            else:
+                return False
+    for j in range(n):  # the factor's inverse in its place
+        for i in range(j + 1, n):
+            total = 0.0
+            for e in range(j, i):
+                total -= R[i, e] * R[e, j]
+            R[i, j] = total * R[i, i]
+    for i in range(n):
+        for j in range(i + 1):
+            total = 0.0
+            for e in range(i, n):
+                total += R[e, i] * R[e, j]
+            out[i, j] = out[j, i] = total
+    return True
+
+
+@compiled
+def independent(rows: Array, count: int, tolerance: float) -> int:
+    """Number of linearly independent rows; an orthonormal basis of them comes first (Gram and Schmidt, with pivots)."""
+    dim, greatest = rows.shape[1], 0.0
+    for k in range(min(count, dim)):
+        pivot, most = k, -1.0
+        for i in range(k, count):
+            size = 0.0
+            for r in range(dim):
+                size += rows[i, r] * rows[i, r]
+            if size > most:
+                pivot, most = i, size
+        greatest = max(greatest, most)
+        if not most > greatest * tolerance * tolerance:
+            return k
+        for r in range(dim):
+            rows[pivot, r], rows[k, r] = rows[k, r], rows[pivot, r] / math.sqrt(most)
+        for _ in range(2):  # again for the last digits
+            for i in range(k + 1, count):
+                along = 0.0
+                for r in range(dim):
+                    along += rows[i, r] * rows[k, r]
+                for r in range(dim):
+                    rows[i, r] -= along * rows[k, r]
+    return min(count, dim)

@@ -13,8 +13,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
-from rbd.solvers.contact_families import MOBILITY, Bodies, leaves_motion_open, scale
-from rbd.solvers.small_systems import eliminate, inverse
+from rbd.solvers.contact_families import MOBILITY, ScaledBodies, eliminate, inverse, leaves_motion_open, scale
 
 _SMALL = 1e-200
 _MOST_STEPS = 50
@@ -70,7 +69,9 @@ def project(x: float, y: float, z: float, mu: float, coulomb: bool) -> tuple[flo
 
 
 @compiled
-def evaluate(bodies: Bodies, points: Array, w: Array, compliance: Compliance, coulomb: bool, room: Room) -> tuple[float, float]:
+def evaluate(
+    bodies: ScaledBodies, points: Array, w: Array, compliance: Compliance, coulomb: bool, room: Room
+) -> tuple[float, float]:
     """(largest entry, sum of squares) of gap = P(p) - w at p = w - y."""
     columns, c, f, a, p, gap, modes = bodies.columns, bodies.c, room.f, room.a, room.p, room.gap, room.modes
     nw, d = len(c), columns.shape[1]
@@ -109,7 +110,7 @@ def evaluate(bodies: Bodies, points: Array, w: Array, compliance: Compliance, co
 
 
 @compiled
-def newton_step(bodies: Bodies, points: Array, compliance: Compliance, coulomb: bool, room: Room) -> bool:
+def newton_step(bodies: ScaledBodies, points: Array, compliance: Compliance, coulomb: bool, room: Room) -> bool:
     """Newton's step in `room.move`, by a linear system of the bodies' rows; False where that is singular.
 
     (I - V + V (Q' D Q + k)) dw = gap, with V the slope of the projection. With B = I - (1 - k) V, M = B^-1 V and
@@ -182,7 +183,7 @@ def newton_step(bodies: Bodies, points: Array, compliance: Compliance, coulomb: 
 
 @compiled
 def steps_from(
-    bodies: Bodies, points: Array, w: Array, compliance: Compliance, coulomb: bool, exact: float, room: Room
+    bodies: ScaledBodies, points: Array, w: Array, compliance: Compliance, coulomb: bool, exact: float, room: Room
 ) -> tuple[float, int]:
     """Damped semismooth Newton steps from w, which becomes the best weights found: (merit, steps)."""
     new, best, move = room.new, room.best, room.move
@@ -246,7 +247,7 @@ def _body_forces(
     at += n * d + 4 * k
     w, zero, kept, unit, soft = m[5], m[6], m[7], units[:k], units[k : 2 * k]
     room = Room(m[0], m[1], m[2], m[3], m[4], s[0], s[1], s[2], modes, squares[0])
-    bodies = Bodies(D, squares[1], s[3], columns, first, mu)
+    bodies = ScaledBodies(D, squares[1], s[3], columns, first, mu)
     for j in range(n + nw):
         out[j] = 0.0
     if not inverse(D, bodies.L, room.A):
@@ -336,7 +337,15 @@ def enlarge(points: Array, count: int, first: Array, gap: Array, worst: Array) -
 
 @compiled
 def settle(
-    bodies: Bodies, points: Array, w: Array, kept: Array, unit: Array, merit: float, coulomb: bool, firm: Compliance, room: Room
+    bodies: ScaledBodies,
+    points: Array,
+    w: Array,
+    kept: Array,
+    unit: Array,
+    merit: float,
+    coulomb: bool,
+    firm: Compliance,
+    room: Room,
 ) -> tuple[float, int]:
     """The limit of the answers of equally compliant points near w: (merit, steps); w stays where it is not reached."""
     most, steps, soft = 0.0, 0, firm.soft
@@ -439,7 +448,7 @@ release = compiled(
 
 @compiled
 def law_residual(y: Array, w: Array, mu: Array, least: float, coulomb: bool) -> float:
-    """`rbd.solvers.point_law.law_residual` of the points' accelerations y; `least`: lower bound of a force's scale [N]."""
+    """`rbd.solvers.contact_newton.law_residual` of the points' accelerations y; `least`: lower bound of a force's scale [N]."""
     worst = 0.0
     for i in range(len(mu)):
         a, b, c, m = w[3 * i], w[3 * i + 1], w[3 * i + 2], mu[i]

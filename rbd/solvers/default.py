@@ -20,10 +20,10 @@ import numpy as np
 from rbd.arrays import Array, block_diagonal, max_abs, range_of
 from rbd.errors import InputError
 from rbd.problem.answer import Answer
-from rbd.problem.cone_programs import Separable, least_squares
 from rbd.problem.cones import pyramid
+from rbd.problem.conic import Separable, least_squares
 from rbd.problem.force_set import ForceSet
-from rbd.problem.problem import CONVEX, COULOMB, GaussProblem, Law, checked
+from rbd.problem.gauss_problem import CONVEX, COULOMB, GaussProblem, Law, checked
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.solvers import Solver, checked_solver
 from rbd.solvers.admm import ConeSolver

@@ -13,7 +13,7 @@ from rbd.arrays import RANK, Array, max_abs
 from rbd.displayed import Displayed
 from rbd.problem.answer import Answer
 from rbd.problem.force_set import ForceSet, at_rest
-from rbd.problem.problem import BILATERAL, GaussProblem, Law, checked
+from rbd.problem.gauss_problem import BILATERAL, GaussProblem, Law, checked
 from rbd.problem.residuals import SOLVED
 from rbd.solvers.refinement import refined
 

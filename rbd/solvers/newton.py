@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import lapack, lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, max_abs, null_space
-from rbd.problem.cones import Projection, projection
+from rbd.problem.cones import ConeProjection, projection
 from rbd.problem.conic import Conic
 from rbd.problem.force_set import ForceSet
 
@@ -304,7 +304,7 @@ _TOUCHES = 1e-9
 """Scaled accelerations and weights below this are zero in an answer."""
 
 
-def _gap(problem: Scaled, w: Array, y: Array, coulomb: bool) -> tuple[Array, Array, Projection]:
+def _gap(problem: Scaled, w: Array, y: Array, coulomb: bool) -> tuple[Array, Array, ConeProjection]:
     """(P(p) - w, p, the projections on the cones) at p = w - y."""
     p = w - y
     n, mu = problem.order.singles, problem.order.mu
@@ -317,7 +317,7 @@ def _gap(problem: Scaled, w: Array, y: Array, coulomb: bool) -> tuple[Array, Arr
     return out - w, p, edges
 
 
-def _matrix(problem: Scaled, shifted: Array, p: Array, edges: Projection, coulomb: bool) -> Array:
+def _matrix(problem: Scaled, shifted: Array, p: Array, edges: ConeProjection, coulomb: bool) -> Array:
     """I + V (D - I), with V an element of P's generalised Jacobian."""
     n, mu, size = problem.order.singles, problem.order.mu, len(p)
     A = np.empty((size, size))

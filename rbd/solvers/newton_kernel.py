@@ -11,8 +11,8 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
+from rbd.solvers.contact_families import eliminate
 from rbd.solvers.contact_kernel import project
-from rbd.solvers.small_systems import eliminate
 
 
 @compiled

@@ -14,7 +14,7 @@ from rbd.arrays import Array, identity, is_finite, max_abs, zeros
 from rbd.displayed import Displayed
 from rbd.problem.answer import Answer
 from rbd.problem.force_set import ForceSet
-from rbd.problem.problem import BILATERAL, CONVEX, GaussProblem, Law, checked
+from rbd.problem.gauss_problem import BILATERAL, CONVEX, GaussProblem, Law, checked
 from rbd.problem.programs import nonnegative
 from rbd.problem.residuals import ENOUGH, SOLVED
 from rbd.solvers import qp

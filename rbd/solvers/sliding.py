@@ -17,7 +17,7 @@ import numpy as np
 from rbd.arrays import SQUARED, Array, identity, max_abs, null_space
 from rbd.problem.answer import Answer
 from rbd.problem.contact_motion import Sliding
-from rbd.problem.problem import COULOMB, GaussProblem, checked
+from rbd.problem.gauss_problem import COULOMB, GaussProblem, checked
 from rbd.problem.residuals import SOLVED
 from rbd.solvers.complementarity import SAME, Mixed, all_solutions
 from rbd.solvers.kkt import constrained

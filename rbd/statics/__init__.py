@@ -6,9 +6,9 @@ from rbd.statics.actuations import Actuations
 from rbd.statics.effort import Effort
 from rbd.statics.equilibrium import hold, hold_many
 from rbd.statics.limits import Limit
+from rbd.statics.nearest_possible_motion import Missing
 from rbd.statics.pushes import PushLimits, push_limits
 from rbd.statics.regions import SupportRegion, support_region
-from rbd.statics.shortfall import Missing
 from rbd.statics.wrench_cones import ContactWrenchCone, wrench_cone
 from rbd.statics.zero_moment_point import ZmpRegion, zmp, zmp_region
 

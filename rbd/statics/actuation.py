@@ -20,13 +20,13 @@ from rbd.model.state import State
 from rbd.problem.answer import Answer, ContactForce, Status, corners_of
 from rbd.problem.conic import Conic
 from rbd.problem.force_set import ForceSet
+from rbd.problem.gauss_problem import COULOMB, GaussProblem
 from rbd.problem.motion_forces import given_weights
-from rbd.problem.problem import COULOMB, GaussProblem
 from rbd.problem.residuals import Residuals
 from rbd.problem.rows import Rows
-from rbd.solvers.conic import solve_conic
+from rbd.solvers.conic_newton import solve_conic
 from rbd.statics.effort import Effort
-from rbd.statics.loads import Loads
+from rbd.statics.force_balance import ForceBalance
 
 CHOICE = "least effort"
 """`force_choice` of an actuation's forces."""
@@ -122,7 +122,7 @@ class Actuation(Displayed):
     a: Array
     tau: Array
     weights: Array
-    loads: Loads
+    loads: ForceBalance
     constraints: Sequence[Constraint]
     external: External
     effort: Effort

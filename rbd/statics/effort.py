@@ -19,7 +19,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, JointNotFound, UnknownName, nearest
 from rbd.problem.conic import Conic
 from rbd.problem.rows import Rows
-from rbd.statics.loads import Loads
+from rbd.statics.force_balance import ForceBalance
 
 FORCE_WEIGHT = 1e-4
 """Weight of sum (ray weight / body weight)^2 beside sum (tau / limit)^2: it chooses among forces that cost no torque."""
@@ -103,7 +103,7 @@ class Effort(Displayed):
             raise InputError(f"torques has shape {given.shape}; expected one weight, or ({len(names)},), one a motor.")
         return np.full(len(names), float(given)) if not given.ndim else given
 
-    def force_weights(self, loads: Loads) -> Array:
+    def force_weights(self, loads: ForceBalance) -> Array:
         """One of each column of the force sets, shape (p,).
 
         Raises:
@@ -119,7 +119,7 @@ class Effort(Displayed):
             out[span] = self.forces.get(r.name, FORCE_WEIGHT)
         return out
 
-    def rows(self, loads: Loads) -> tuple[Array, Array, Array]:
+    def rows(self, loads: ForceBalance) -> tuple[Array, Array, Array]:
         """(C, low, high): what the contacts must keep to beside their cones, of weights over the unit.
 
         Raises:
@@ -141,7 +141,7 @@ class Effort(Displayed):
                 high += [math.inf] * len(rows)
         return np.concatenate(C), np.array(low), np.array(high)
 
-    def program(self, loads: Loads) -> Conic:
+    def program(self, loads: ForceBalance) -> Conic:
         """Least effort: the rows between bounds are those of `rows`, then the torques of the limited motors."""
         T, t = loads.T, loads.t
         p = 1.0 if self.torques is _ALIKE else self.torque_weights(loads.state.robot.actuated_names)
@@ -172,7 +172,7 @@ def _known(what: str, name: str, rows: Sequence[Rows]) -> None:
         raise UnknownName(f"{what} speaks of {name!r:.80}, which is no contact here; {nearest(name, names)}.")
 
 
-def _wrench(loads: Loads, i: int) -> Array:
+def _wrench(loads: ForceBalance, i: int) -> Array:
     """Force and moment at a contact's point in contact axes, of unit weights, shape (3 or 6, p)."""
     r = loads.rows[i]
     assert r.patch is not None and r.resultant is not None

@@ -14,7 +14,7 @@ from rbd.problem.contact_motion import REST_SPEED
 from rbd.statics.actuation import Actuation
 from rbd.statics.actuations import Actuations, Asked, actuations_of
 from rbd.statics.effort import Effort
-from rbd.statics.loads import refuse_motion
+from rbd.statics.force_balance import refuse_motion
 from rbd.statics.wanted_motion import MARGIN, WantedMotion, checked_margin
 
 

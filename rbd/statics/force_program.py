@@ -15,8 +15,8 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.problem.conic import Conic
 from rbd.problem.programs import CONE_REFINEMENTS, Outcome, linear_program
-from rbd.solvers.conic import solve_conic
-from rbd.statics.loads import Loads
+from rbd.solvers.conic_newton import solve_conic
+from rbd.statics.force_balance import ForceBalance
 
 SAME = 1e-9
 """Nothing is farther by less than this, over the size of p."""
@@ -57,7 +57,7 @@ class Program:
     mu: Array
 
     @classmethod
-    def of(cls, A: Array, b: Array, C: Array, low: Array, high: Array, loads: Loads) -> Program:
+    def of(cls, A: Array, b: Array, C: Array, low: Array, high: Array, loads: ForceBalance) -> Program:
         """With forces as weights of the loads, over their unit, and parameters of any size."""
         free, sets = np.full(A.shape[1] - loads.sets.size, np.inf), loads.sets
         lower, upper = np.concatenate([loads.lower, -free]), np.concatenate([loads.upper, free])
@@ -102,7 +102,7 @@ class Program:
         found = solve_conic(conic, newton=False, tolerance=_CONIC)
         proof = found.certificate
         gap = 0.0 if proof is None else -self.bound(np.zeros(n), proof.y, proof.z)  # p within its bounds counted in
-        contradiction = None if proof is None or not gap > 0.0 else Contradiction(proof.y, proof.z, gap)
+        contradiction = None if proof is None or not gap > 0.0 else InfeasibleProgram(proof.y, proof.z, gap)
         if found.outcome in (Outcome.INFEASIBLE, Outcome.UNBOUNDED) or not len(found.y):
             return Support(found.outcome, gain, found.x, math.nan, found.y, found.z, contradiction)
         # What counts is that forces exist, and that nothing is farther than their proof says: not how the method ended.
@@ -136,7 +136,7 @@ class Program:
                     better.append((i, -answer[:2] / size))
             if not better:
                 x = np.zeros(len(gain)) if proof is not None else E @ found.x
-                gap = None if proof is None else Contradiction(y, z, -self.bound(np.zeros(len(gain)), y, z))
+                gap = None if proof is None else InfeasibleProgram(y, z, -self.bound(np.zeros(len(gain)), y, z))
                 return Support(found.outcome, gain, x, self.bound(gain, y, z), y, z, gap)
             rays += better
         return Support(Outcome.NOT_FOUND, gain, gain, math.nan, found.y, found.z)
@@ -159,7 +159,7 @@ class Program:
         end = np.where(np.isfinite(end), end, 0.0)  # there r is zero, or answers in the dual cone
         return -float(y @ self.b + z @ np.where(np.isfinite(side), side, 0.0) + r @ end)
 
-    def contradiction(self) -> Contradiction | None:
+    def contradiction(self) -> InfeasibleProgram | None:
         """The multipliers that prove that no x meets the program, by the least sum of what is missed; None if it is nothing."""
         (e, n), q = self.A.shape, len(self.low)
         A = np.hstack([self.A, np.eye(e), -np.eye(e), np.zeros((e, q))])
@@ -176,7 +176,7 @@ class Program:
         lower[kept] = found.lower
         z = lower[:q] - lower[q:]
         gap = -self.bound(np.zeros(n), found.equal, z)
-        return Contradiction(found.equal, z, gap) if gap > SAME else None
+        return InfeasibleProgram(found.equal, z, gap) if gap > SAME else None
 
     @property
     def recession(self) -> Program:
@@ -191,7 +191,7 @@ class Program:
 
 
 @dataclass(frozen=True, eq=False)
-class Contradiction:
+class InfeasibleProgram:
     """A combination of equations and bounds that no x meets.
 
     Attributes:
@@ -226,7 +226,7 @@ class Support:
     value: float
     y: Array
     z: Array
-    contradiction: Contradiction | None = None
+    contradiction: InfeasibleProgram | None = None
 
     @property
     def solved(self) -> bool:

@@ -28,9 +28,9 @@ from rbd.problem import programs
 from rbd.problem.conic import Certificate, Conic
 from rbd.problem.force_set import Element, ForceSet, at_rest
 from rbd.problem.programs import Outcome
-from rbd.solvers.conic import solve_conic
+from rbd.solvers.conic_newton import solve_conic
 from rbd.statics.effort import Effort
-from rbd.statics.loads import Loads
+from rbd.statics.force_balance import ForceBalance
 
 _ZERO = 1e-9  # of multipliers, the largest being one
 
@@ -79,7 +79,7 @@ class Relaxable:
         effort: What else the forces must keep to.
     """
 
-    loads: Loads
+    loads: ForceBalance
     effort: Effort
 
     @lazy

@@ -16,10 +16,9 @@ from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import Outcome
+from rbd.statics.force_balance import ForceBalance, TorqueRows, contact_forces, outside, place, standing_loads, torques_left
 from rbd.statics.force_program import Program, Support
 from rbd.statics.limits import Limit
-from rbd.statics.loads import Loads
-from rbd.statics.standing import TorqueRows, contact_forces, outside, place, standing_loads, torques_left
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -69,7 +68,7 @@ class PushLimits(Displayed):
         (array([ 17.17,  17.17, 200.  ]), array([0.   , 0.   , 0.232]))
     """
 
-    loads: Loads
+    loads: ForceBalance
     frame: str
     offset: Array
     directions: Array
@@ -218,7 +217,7 @@ def push_limits(
     most = check_positive("at_most", at_most, 1e9)
     at, ways = place("offset", offset), _unit_directions(directions)
     loads = standing_loads(state, contacts, friction, margin, loops)
-    search = _Search(loads, _point_jacobian(state, frame, at), ways, most / loads.unit)
+    search = _PushSearch(loads, _point_jacobian(state, frame, at), ways, most / loads.unit)
     search.run()
     found, least = ([answers[i] for i in range(len(ways))] for answers in (search.answers, search.least))
     (forces, bounds), (smallest, proven) = (
@@ -242,10 +241,10 @@ class _Answer:
     b: float
 
 
-class _Search:
+class _PushSearch:
     """Largest pushes in all directions, each solved, or between two others at one and the same limit."""
 
-    def __init__(self, loads: Loads, J: Array, ways: Array, most: float) -> None:
+    def __init__(self, loads: ForceBalance, J: Array, ways: Array, most: float) -> None:
         robot = loads.state.robot
         self.loads, self.ways, self.most, self.programs = loads, ways, most, 0
         self.B = J.T[robot.unactuated] / loads.row_size[:, None]
@@ -355,7 +354,7 @@ class _Search:
         return _Answer(size, min(found.value, self.most), found.x[:-1], motion, a, b)
 
 
-def _gives_way(loads: Loads, motion: Array, x: Array) -> tuple[Limit, ...]:
+def _gives_way(loads: ForceBalance, motion: Array, x: Array) -> tuple[Limit, ...]:
     robot = loads.state.robot
     whole = at_rest(*[r.cone for r in loads.rows])  # of which pyramids are made: velocities of its points are vectors
     velocity, rates = whole.G.T @ (loads.J @ motion), np.abs(motion[robot.actuated])

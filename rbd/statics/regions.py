@@ -12,13 +12,11 @@ from rbd.arrays import Array, as_array, check_flag, cross_matrix, is_finite, laz
 from rbd.constraints.constraint import Constraint
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
-from rbd.model.gravity import along_gravity
 from rbd.model.state import State
+from rbd.model.world import along_gravity
 from rbd.problem.programs import Outcome
-from rbd.statics.force_program import Contradiction, Program
-from rbd.statics.loads import Loads
-from rbd.statics.planar_image import WITHIN_M, PlanarSet, Region, area_of, planar_region, warn_of_gap
-from rbd.statics.standing import (
+from rbd.statics.force_balance import (
+    ForceBalance,
     TorqueRows,
     check_area_gap,
     contact_forces,
@@ -28,6 +26,8 @@ from rbd.statics.standing import (
     standing_loads,
     torques_left,
 )
+from rbd.statics.force_program import InfeasibleProgram, Program
+from rbd.statics.planar_projection import WITHIN_M, PlanarSet, Region, area_of, planar_region, warn_of_gap
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -71,7 +71,7 @@ class SupportRegion(Region, Displayed):
         0.1315 m2, 0.169 m from its edge, -0.305 m outside
     """
 
-    loads: Loads
+    loads: ForceBalance
     friction: str
     torque_limits: bool
     margin: float
@@ -79,7 +79,7 @@ class SupportRegion(Region, Displayed):
     outer: Array
     weights: Array
     directions: Array
-    contradiction: Contradiction | None
+    contradiction: InfeasibleProgram | None
     programs: int
     cut: bool
 
@@ -254,8 +254,8 @@ def support_region(
 
 
 def _region(
-    loads: Loads, friction: str, limits: bool, margin: float, found: PlanarSet, directions: Array,
-    contradiction: Contradiction | None, cut: bool,
+    loads: ForceBalance, friction: str, limits: bool, margin: float, found: PlanarSet, directions: Array,
+    contradiction: InfeasibleProgram | None, cut: bool,
 ) -> SupportRegion:  # fmt: skip
     p = loads.A.shape[1]
     return SupportRegion(
@@ -272,7 +272,7 @@ def _check_stands(state: State) -> None:
     along_gravity(g, np.zeros(3))  # refuses a gravity whose lines do not meet the plane
 
 
-def _program(loads: Loads, limits: bool) -> Program:
+def _program(loads: ForceBalance, limits: bool) -> Program:
     """X = (w, centre of mass): weight and forces balance.
 
     A centre of mass moved by d along z = 0 adds the moment d x m g to what gravity does on the base.
@@ -290,13 +290,13 @@ def _program(loads: Loads, limits: bool) -> Program:
     return Program.of(A, b, torques.C, torques.low, torques.high, loads).around(_middle(loads), WITHIN_M)
 
 
-def _middle(loads: Loads) -> Array:
+def _middle(loads: ForceBalance) -> Array:
     """Of the contacts' corners and the centre of mass, seen along gravity, shape (2,) [m]: where the region is looked for."""
     g = loads.state.robot.gravity
     points = [along_gravity(g, r.patch.corners_W) for r in loads.rows if r.patch is not None and len(r.patch.corners)]
     return np.asarray(np.concatenate([along_gravity(g, loads.state.com)[None], *points]).mean(axis=0))
 
 
-def _torque_rows(loads: Loads) -> TorqueRows:
+def _torque_rows(loads: ForceBalance) -> TorqueRows:
     """A centre of mass loads no motor: the gravity torques are those of the pose."""
     return TorqueRows.of(loads, np.zeros((loads.state.robot.nu, 2)))

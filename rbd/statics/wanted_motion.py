@@ -1,4 +1,4 @@
-"""Torques and forces for a wanted motion: those that the motion allows, the least effort, or an error if there are none.
+"""Torques and forces for a wanted motion: those that the motion allows, with the least effort.
 
 `rbd.hold` and `rbd.inverse_dynamics` are this, at rest and moving.
 """
@@ -15,22 +15,23 @@ import numpy as np
 from rbd.arrays import Array, as_float, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, with_loops
 from rbd.constraints.distance_warnings import warn_of_opening
-from rbd.errors import CannotMove, ContactMoves, InputError, NoSolution, Reason, SpeedLimitWarning
+from rbd.errors import CannotMove, ContactMoves, InaccurateWarning, InputError, NoSolution, Reason, SpeedLimitWarning
 from rbd.model.external import External, generalised
 from rbd.model.state import State
-from rbd.problem.conic import ConicAnswer
+from rbd.problem.answer import Status
+from rbd.problem.conic import Conic, ConicAnswer
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.motion_forces import Refused, allowed_forces, narrowed, refusal_words
 from rbd.problem.programs import CONIC_STEPS, Outcome
 from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
+from rbd.solvers.conic_newton import solve_conic
 from rbd.statics.actuation import Actuation
-from rbd.statics.effort import DEFAULT, Effort
-from rbd.statics.effort_program import least_effort, warned
-from rbd.statics.loads import Loads, contact_rows
-from rbd.statics.refusal import Refusal
-from rbd.statics.shortfall import nearest_possible
+from rbd.statics.effort import DEFAULT, POSSIBLE, Effort
+from rbd.statics.force_balance import ForceBalance, contact_rows
+from rbd.statics.nearest_possible_motion import nearest_possible
+from rbd.statics.why_impossible import Refusal
 
 MARGIN = 0.05
 """How far friction of points that keep still is kept from its limit unless said otherwise, as a share of it."""
@@ -153,13 +154,13 @@ class WantedMotion:
             )
         return least_effort(self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin, self.rest_speed)
 
-    def _loads(self, sets: ForceSet) -> Loads:
+    def _loads(self, sets: ForceSet) -> ForceBalance:
         state = self.state
         need = state.h - self.tau_ext
         if self.holds:
-            return Loads(state, self.rows, sets, need, self._motion)
+            return ForceBalance(state, self.rows, sets, need, self._motion)
         terms = np.abs(state.M) @ np.abs(self.a) + np.abs(need)
-        return Loads(state, self.rows, sets, state.M @ self.a + need, self._motion, terms)
+        return ForceBalance(state, self.rows, sets, state.M @ self.a + need, self._motion, terms)
 
     def _allowed(self, sets: ForceSet, y: Array, still: Array, margin: float) -> tuple[ForceSet, tuple[Refused, ...]]:
         allowed, refused = (narrowed(sets, margin), ()) if self.holds else allowed_forces(sets, y, still, margin)
@@ -293,3 +294,64 @@ def checked_margin(margin: float) -> float:
             f"margin is {margin!r:.80}; expected a number from 0, below 1: 0.05 keeps friction 5 % from its limit."
         )
     return found
+
+
+_EXACT = 1e-14
+"""What is left of balance below this, of numbers around one, is rounding."""
+
+
+def least_effort(
+    loads: ForceBalance,
+    a: Array,
+    constraints: Sequence[Constraint],
+    external: External,
+    effort: Effort,
+    margin: float,
+    rest_speed: float,
+) -> Actuation | ConicAnswer:
+    """The actuation; where there is none within tolerance, what the program ended with.
+
+    Near a limit, or where contacts are nearly redundant, the least may not be found; torques that are possible are.
+    """
+    program = effort.program(loads)
+    found = solve_conic(program)
+    least = found.solved
+    if not least and found.certificate is None and program.outside(found.x) > POSSIBLE:
+        zero = np.zeros_like(program.H)
+        found = solve_conic(replace(program, H=zero, g=zero[:, 0]), newton=False, tolerance=POSSIBLE)
+    x = _balanced(program, found.x)
+    if not (found.solved or found.certificate is None and program.outside(x) <= POSSIBLE):
+        return found
+    w = x * loads.unit
+    tau, _ = loads.torques(w)
+    return Actuation(a, tau, w, loads, constraints, external, effort, margin, rest_speed, found.iterations, found.method, least)
+
+
+def warned(actuation: Actuation, stacklevel: int) -> Actuation | None:
+    """The actuation, with a warning where it is inaccurate; None where its residuals say that it is none."""
+    status = actuation.status
+    if status is Status.SOLVED:
+        return actuation
+    if status is not Status.INACCURATE:
+        return None
+    worst = actuation.residuals.worst
+    name = actuation.state.robot.name
+    warnings.warn(
+        f"the torques of {name} have a scaled residual of {worst:.1e} (solved is 1e-9).", InaccurateWarning, stacklevel
+    )
+    return actuation
+
+
+def _balanced(program: Conic, x: Array) -> Array:
+    """The same x moved, within what is strictly inside its bounds and cones, so that A x = b to rounding."""
+    left = program.b - program.A @ x
+    if not left.size or np.abs(left).max() <= _EXACT:
+        return x
+    free = (x > program.lower) & (x < program.upper)
+    if len(program.mu):
+        cones = x[program.cones]
+        inner = np.hypot(cones[:, 0], cones[:, 1]) < program.mu * cones[:, 2] * (1.0 - 1e-9)
+        free[program.cones[~inner]] = False
+    moved = x.copy()
+    moved[free] += np.linalg.lstsq(program.A[:, free], left, rcond=1e-12)[0]
+    return moved if program.outside(moved) < program.outside(x) else x

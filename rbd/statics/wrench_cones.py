@@ -21,7 +21,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.programs import linear_program
-from rbd.statics.standing import force_sets, friction_words, given_rows, place
+from rbd.statics.force_balance import force_sets, friction_words, given_rows, place
 from rbd.statics.zero_moment_point import wrench_map
 
 if TYPE_CHECKING:

@@ -21,15 +21,22 @@ from rbd.constraints.constraint import Constraint
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.external import External, generalised
-from rbd.model.gravity import along_gravity
 from rbd.model.state import State, checked
+from rbd.model.world import along_gravity
 from rbd.problem.ground import Ground, On, plane_of
 from rbd.problem.programs import Outcome
 from rbd.problem.rows import Rows
+from rbd.statics.force_balance import (
+    ForceBalance,
+    check_area_gap,
+    contact_forces,
+    force_sets,
+    friction_words,
+    given_rows,
+    names_of,
+)
 from rbd.statics.force_program import Program
-from rbd.statics.loads import Loads
-from rbd.statics.planar_image import WITHIN_M, Region, area_of, planar_region, warn_of_gap
-from rbd.statics.standing import check_area_gap, contact_forces, force_sets, friction_words, given_rows, names_of
+from rbd.statics.planar_projection import WITHIN_M, Region, area_of, planar_region, warn_of_gap
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -101,7 +108,7 @@ class ZmpRegion(Region, Displayed):
         0.0430 m2, 0.104 m from its edge
     """
 
-    loads: Loads
+    loads: ForceBalance
     ground: Ground
     friction: str
     pendular: bool
@@ -196,7 +203,7 @@ def zmp_region(
     gap = check_area_gap(area_gap)
     ground = plane_of("the zero-moment point", on)
     rows = given_rows(state, contacts)
-    loads = Loads(state, rows, force_sets(rows, friction, margin), state.h)
+    loads = ForceBalance(state, rows, force_sets(rows, friction, margin), state.h)
     program = (_pendulum if pendular else _any_motion)(loads, ground)
     found, ways, cut = planar_region(program.around(np.zeros(2), WITHIN_M), gap if len(loads.sets.mu) else 0.0)
     if found.outcome not in (Outcome.SOLVED, Outcome.INFEASIBLE):
@@ -231,7 +238,7 @@ def wrench_map(rows: Sequence[Rows], sets_G: Array, about: Array) -> Array:
     return out
 
 
-def _pendulum(loads: Loads, ground: Ground) -> Program:
+def _pendulum(loads: ForceBalance, ground: Ground) -> Program:
     """X = (w, z - foot): M_c = 0, F_z = the weight's part along -z, and F along the line from z to c."""
     state, n = loads.state, np.asarray(ground.normal)
     height, g = float(ground.distances(state.com[None])[0]), state.robot.gravity
@@ -251,7 +258,7 @@ def _pendulum(loads: Loads, ground: Ground) -> Program:
     return Program.of(A, np.array([0.0, 0.0, 0.0, down, 0.0, 0.0]), none, np.zeros(0), np.zeros(0), loads)
 
 
-def _any_motion(loads: Loads, ground: Ground) -> Program:
+def _any_motion(loads: ForceBalance, ground: Ground) -> Program:
     """X = (w, z - foot): F . n = the weight, and z = n x M_foot over it; larger forces have the same points."""
     n, foot = _foot(loads.state, ground)
     W, E = wrench_map(loads.rows, loads.sets.G, foot), _plane_axes(ground)

@@ -2,13 +2,12 @@
 
 from rbd.modules import submodule as _submodule
 from rbd.studies.comparison import LawComparison, SolverComparison, compare_laws, compare_solvers
-from rbd.studies.kept.registry import kept_names
+from rbd.studies.outputs.fields import kept_names
+from rbd.studies.push_functions import move_under_push, withstand_push
 from rbd.studies.running import study
-from rbd.studies.sampling.draws import sample
-from rbd.studies.sampling.grids import grid
+from rbd.studies.sampling.draws import grid, sample
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.sampling.tables import table
-from rbd.studies.standing import move_under_push, withstand_push
 from rbd.studies.stores import open_study
 from rbd.studies.workers.own_processes import Workers
 

@@ -22,7 +22,7 @@ from rbd.problem.answer import CARRIES_NOTHING_N, Status
 from rbd.problem.cones import NonNegative
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import at_rest
-from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.rows import Rows
 from rbd.solvers import Solver
 from rbd.solvers.admm import ConeSolver

@@ -15,15 +15,13 @@ import numpy as np
 from rbd.arrays import check_flag
 from rbd.errors import InputError, RbdError, StudyStopped, StudyWarning
 from rbd.errors.warned import stacklevel_of_user
-from rbd.studies.kept.wanted import Keep
-from rbd.studies.provenance.provenance import attributes_of
+from rbd.studies.outputs.output_selection import Keep
+from rbd.studies.provenance.study_attributes import attributes_of
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.sampling.tables import samples_of
 from rbd.studies.stores import Store, checked_path
-from rbd.studies.workers.calling import bound
-from rbd.studies.workers.evaluation import Evaluation
-from rbd.studies.workers.filling import check_all, fill
-from rbd.studies.workers.interruption import Interruption
+from rbd.studies.workers.evaluation import Evaluation, bound
+from rbd.studies.workers.filling import Interruption, check_all, fill
 
 if TYPE_CHECKING:
     import xarray

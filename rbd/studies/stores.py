@@ -27,10 +27,10 @@ from rbd.model.output_files import check_place, write_file
 from rbd.modules import xarray_or_error, zarr_or_error
 from rbd.simulation.trajectory_file import check_netcdf
 from rbd.studies.dataset import LAYOUT, block_of, empty_dataset, filled, netcdf, outcome_of, restored
-from rbd.studies.kept.layout import Layout
-from rbd.studies.kept.variable import REASON, Block, joined
-from rbd.studies.provenance.provenance import check_same, continued, finished, format_of, others_of
-from rbd.studies.sampling.grids import grid
+from rbd.studies.outputs.fields import REASON, Block, joined
+from rbd.studies.outputs.layout import Layout
+from rbd.studies.provenance.study_attributes import check_same, continued, finished, format_of, others_of
+from rbd.studies.sampling.draws import grid
 from rbd.studies.sampling.samples import ONE, Samples
 
 if TYPE_CHECKING:

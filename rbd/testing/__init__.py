@@ -11,7 +11,7 @@ forms.
 """
 
 from rbd.modules import submodule as _submodule
-from rbd.testing.constraint_check import ConstraintReport, check_constraint
+from rbd.testing.constraint_check import ConstraintReport, TaskReport, check_constraint, check_task
 from rbd.testing.reference import ReferenceProblem, box, reference_problems
 from rbd.testing.solver_check import (
     ConstraintWrong,
@@ -22,7 +22,6 @@ from rbd.testing.solver_check import (
     check_solver,
     law_residuals,
 )
-from rbd.testing.task_check import TaskReport, check_task
 
 __all__ = [
     "ConstraintReport",

@@ -11,17 +11,16 @@ import pinocchio as pin
 from rbd.answers.least_constraint import gauss_problem
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.contact_kinds import PointContact, SurfaceContact
+from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.loop import LoopClosure
-from rbd.constraints.nonholonomic import KnifeEdge
-from rbd.constraints.rolling import RollingBall
+from rbd.constraints.nonholonomic import KnifeEdge, RollingBall
 from rbd.displayed import Displayed
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import ExternalForce
 from rbd.model.state import State
-from rbd.problem.cones import Box, Cone, Free, FrictionCone, NonNegative, Product
+from rbd.problem.cones import Bounds, Cone, Free, FrictionCone, NonNegative, Product
+from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.ground import Ground
-from rbd.problem.problem import GaussProblem
 from rbd.problem.rows import Rows
 
 GRAVITY = 9.81
@@ -292,7 +291,7 @@ def _by_hand() -> list[ReferenceProblem]:
         return GaussProblem(2.0 * one, np.array([3.0]), [Rows("rub", one, np.zeros(1), rub, velocity=np.array([v]))])
 
     unit = NonNegative(1)
-    rub = Box(-5.0, 5.0)  # type: ignore[arg-type]
+    rub = Bounds(-5.0, 5.0)  # type: ignore[arg-type]
     mixed = Rows("mixed", np.eye(2), np.zeros(2), Product([unit, Free(1)]))
     return [
         ReferenceProblem(

@@ -13,9 +13,9 @@ from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError, Reason
 from rbd.problem.answer import Answer, Status
-from rbd.problem.cones import Box, Cone, Free, FrictionCone, NonNegative, Product
+from rbd.problem.cones import Bounds, Cone, Free, FrictionCone, NonNegative, Product
 from rbd.problem.corner_cones import LineCone, WrenchCone
-from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.solvers import Solver
 from rbd.testing.reference import ReferenceProblem, reference_problems
 
@@ -194,7 +194,7 @@ def law_residuals(problem: GaussProblem, answer: Answer, law: Law | str) -> dict
 
     Returns:
         stationarity, feasibility, cone and complementarity, each row and each point over its terms as in
-        `rbd.problem.scales`; NaN becomes inf.
+        `rbd.problem.residuals`; NaN becomes inf.
 
     Example:
         >>> wall = rbd.Rows("wall", J=np.array([[-1.0, 0.0]]), bias=np.zeros(1), cone=rbd.problem.NonNegative(1))
@@ -236,10 +236,10 @@ def _against_motion(cone: Cone, velocity: Array, rest: float) -> Cone:
     if isinstance(cone, Product):
         ends = np.cumsum([part.dim for part in cone.cones])[:-1]
         return Product([_against_motion(part, u, rest) for part, u in zip(cone.cones, np.split(velocity, ends), strict=True)])
-    if not isinstance(cone, Box) or not (np.abs(velocity) > rest).any():
+    if not isinstance(cone, Bounds) or not (np.abs(velocity) > rest).any():
         return cone
     lo = np.where((velocity < -rest) & np.isfinite(cone.hi), cone.hi, cone.lo)
-    return Box(lo, np.where((velocity > rest) & np.isfinite(cone.lo), cone.lo, cone.hi))
+    return Bounds(lo, np.where((velocity > rest) & np.isfinite(cone.lo), cone.lo, cone.hi))
 
 
 def _gaps(
@@ -261,7 +261,7 @@ def _gaps(
     if isinstance(cone, NonNegative):
         works = float((np.abs(f * c) / (push * terms)).max())
         return float((np.maximum(-c, 0.0) / terms).max()), float((np.maximum(-f, 0.0) / push).max()), works
-    if isinstance(cone, Box):
+    if isinstance(cone, Bounds):
         opens, closes, low, high = np.maximum(c, 0.0), np.maximum(-c, 0.0), np.isfinite(cone.lo), np.isfinite(cone.hi)
         gap = np.where(low, 0.0, opens) + np.where(high, 0.0, closes)  # unbounded force: no acceleration
         slack = opens * np.abs(f - np.where(low, cone.lo, f)) + closes * np.abs(np.where(high, cone.hi, f) - f)

@@ -1,26 +1,22 @@
 """Pictures: the robot with its forces in three dimensions, at rest and in motion; curves; screenshots by a headless browser."""
 
 from rbd.modules import submodule as _submodule
-from rbd.visual.figures.direction_plots import plot_directions
 from rbd.visual.figures.planar_figures import export_planar, plot_ellipses, plot_sticks, replay_planar
 from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
 from rbd.visual.figures.plots import plot_ranges
-from rbd.visual.figures.statics_plots import plot_pushes, plot_region, plot_wrench_cone
+from rbd.visual.figures.statics_plots import plot_directions, plot_pushes, plot_region, plot_wrench_cone
 from rbd.visual.figures.study_plots import plot_study
 from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint
-from rbd.visual.live.controls import Choice, Slider
-from rbd.visual.live.explorer import Explorer, Verdict, explore
+from rbd.visual.live import Choice, Explorer, Slider, Verdict, explore
 from rbd.visual.mode_drawing import export_mode, mode_scene, plot_eigenvalues, plot_mode
-from rbd.visual.notebook.frames import notebook_page
+from rbd.visual.notebook.page_frames import notebook_page
 from rbd.visual.pages.browser import Browser, find_browser
 from rbd.visual.pages.page import screenshot
 from rbd.visual.playback.animation import export_motion, motion_sheet, replay
-from rbd.visual.playback.report_curves import plot_report
-from rbd.visual.playback.report_page import export_report, show_report
+from rbd.visual.playback.report_page import export_report, plot_report, show_report
 from rbd.visual.playback.video import export_video
-from rbd.visual.robot_sheet import contact_sheet
 from rbd.visual.scene import Scene
-from rbd.visual.side_by_side import scenes_beside
+from rbd.visual.side_by_side import contact_sheet, scenes_beside
 from rbd.visual.style import contact_colors
 
 __all__ = [

@@ -13,7 +13,7 @@ from rbd.arrays import as_float, check_positive, check_whole
 from rbd.errors import InputError
 from rbd.mechanism.small_motion.linearised import Linearised
 from rbd.mechanism.small_motion.modes import Mode
-from rbd.motion.motion import Motion
+from rbd.motion.reference_motion import Motion
 from rbd.robots.robot import Robot
 from rbd.visual.figures.plots import an_axis
 from rbd.visual.playback.animation import export_motion

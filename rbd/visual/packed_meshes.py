@@ -1,4 +1,4 @@
-"""Triangles as few bytes that deflate well, for our page: see web/meshes.js, which reads them.
+"""Shapes as messages for Meshcat's viewer, and triangles as few bytes that deflate well, for our page.
 
 Coordinates are whole numbers of 65535ths of the mesh's box, each axis by itself: a point moves by less than
 1/131070 of a side. Vertices are numbered in the order in which the triangles use them; then each coordinate is sent as its
@@ -10,13 +10,16 @@ from __future__ import annotations
 
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import meshcat
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.visual.marks.mark import Mark
+from rbd.visual.robot_meshes import RobotPart
 from rbd.visual.shapes import Mesh
 
 MARK = b"\xc1"
@@ -28,7 +31,7 @@ MOST_VERTICES = 1 << (8 * CORNER_BYTES)
 
 
 @dataclass(frozen=True, slots=True)
-class Placed:
+class PlacedShape:
     """A command that sets the object at a path of the viewer's tree, as Meshcat's set_object does.
 
     Attributes:
@@ -110,3 +113,31 @@ def _corners(faces: Array) -> bytes:
     before = np.maximum.accumulate(np.concatenate([[-1], corners[:-1]])) if len(corners) else corners
     below = before + 1 - corners
     return np.stack([(below >> (8 * i)) & 255 for i in range(CORNER_BYTES)]).astype(np.uint8).tobytes()
+
+
+def send_part(viewer: meshcat.Visualizer, path: str, part: RobotPart, *, nearer: int = 0) -> None:
+    """Send a piece of a robot, in its own frame; of surfaces in one plane the one with the largest `nearer` is seen."""
+    look = {"kind": "part", "color": part.color, "opacity": part.opacity}
+    _send(viewer[path], part.mesh, {**look, "nearer": nearer} if nearer else look)
+
+
+def send_mark(viewer: meshcat.Visualizer, mark: Mark) -> None:
+    """Send a mark; the page also draws its ghost if it shines through what hides it, at the path and "_seen_through"."""
+    told = {"kind": "mark", "color": mark.color, "opacity": mark.opacity, "through": mark.seen_through}
+    _send(viewer[f"marks/{mark.path}"], mark.mesh, told)
+
+
+def described(marks: Sequence[Mark], layers: Mapping[str, bool]) -> str:
+    """The layers, and of every mark its path, layer and label, as JSON for the page."""
+    listed = []
+    for mark in marks:
+        one: dict[str, object] = {"path": mark.path, "layer": mark.layer}
+        if mark.label is not None:
+            at = [round(float(x), 5) for x in mark.label.at]
+            one["label"] = {"title": mark.label.title, "lines": list(mark.label.lines), "at": at, "tag": mark.label.tag}
+        listed.append(one)
+    return json.dumps({"marks": {"layers": dict(layers), "listed": listed}})
+
+
+def _send(node: meshcat.Visualizer, mesh: Mesh, told: Mapping[str, object]) -> None:
+    node.window.send(PlacedShape(node.path.lower(), told, mesh))

@@ -19,21 +19,17 @@ from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ExternalForce, ForceElement
 from rbd.model.state import State
-from rbd.visual.drawing import described, send_mark, send_part
-from rbd.visual.drawn_robot import DrawnRobot
-from rbd.visual.framing import a_direction, camera_and_ground, seen_from
-from rbd.visual.layers import checked_layers, checked_view
+from rbd.visual.drawn_robot import Details, DrawnRobot, OtherPoses, check_poses
 from rbd.visual.marks.contacts import ShownForce
-from rbd.visual.marks.legend import legend_data
 from rbd.visual.marks.mark import Mark, Sizes
-from rbd.visual.marks.picture import Picture
-from rbd.visual.marks.statics import Drawn, left_out_of, marks_of
-from rbd.visual.other_poses import Details, OtherPoses, check_poses
+from rbd.visual.marks.picture import Picture, legend_data
+from rbd.visual.marks.regions import Drawn, left_out_of, marks_of
+from rbd.visual.packed_meshes import described, send_mark, send_part
 from rbd.visual.pages.browser import Browser
+from rbd.visual.pages.link import checked_layers, checked_view
 from rbd.visual.pages.page import offline_page, photograph, write_page
-from rbd.visual.pages.recorder import Recorder, drawn_together
-from rbd.visual.pages.server import LiveServer
-from rbd.visual.robot_layers import frames, front_of
+from rbd.visual.pages.server import LiveServer, Recorder, drawn_together
+from rbd.visual.robot_layers import a_direction, camera_and_ground, frames, front_of, seen_from
 from rbd.visual.robot_meshes import RobotPart
 from rbd.visual.style import a_length, a_page, a_picture, contact_colors
 
@@ -62,7 +58,7 @@ class Scene(Displayed):
         seen_from: Direction from the robot to the camera at first, in W, shape (3,). By default from the front left: the
             front is where the x axes of the soles shown point (iCub looks along -x), or W's x.
         legend: Whether to write names, forces and the scale next to the picture.
-        layers: {layer: whether it is shown at first}, where that is to differ from `rbd.visual.layers.LAYERS`; the page can
+        layers: {layer: whether it is shown at first}, where that is to differ from `rbd.visual.pages.link.LAYERS`; the page can
             change it.
         view: Where the camera stands at first: "start", which is `seen_from`, "front", "side" or "top"; the page can change it.
 

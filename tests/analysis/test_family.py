@@ -8,7 +8,7 @@ import pytest
 from scipy.optimize import least_squares
 
 import rbd
-from rbd.answers.analysis.modes import modes_of
+from rbd.answers.analysis.contact_modes import modes_of
 from rbd.answers.analysis.uniqueness import motion_freedom
 from rbd.problem.residuals import SOLVED, residuals_of
 from rbd.testing import box

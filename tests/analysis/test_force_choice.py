@@ -13,7 +13,7 @@ from rbd.answers.analysis.admissible_forces import ray_weights
 from rbd.answers.analysis.force_choice import _least_distance, minimum_norm
 from rbd.errors import InputError, NoSolution, UnknownName
 from rbd.problem.cones import project_cones, pyramid
-from rbd.problem.problem import Law
+from rbd.problem.gauss_problem import Law
 from rbd.problem.rows import Patch, Rows
 from rbd.testing import box
 

@@ -11,8 +11,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.answers.analysis.active_set import ActiveSet
-from rbd.answers.analysis.held_rows import HeldRows
+from rbd.answers.analysis.active_set import ActiveSet, HeldRows
 from rbd.answers.analysis.sensitivity import Derivatives
 from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
 

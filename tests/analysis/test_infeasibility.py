@@ -17,13 +17,13 @@ from rbd.answers.analysis.conditions import conditions_of, smallest_violation
 from rbd.answers.analysis.infeasibility import Contradiction, _polished, contradiction, split
 from rbd.arrays import Array, cross_matrix
 from rbd.errors import CannotHold, InputError, NoSolution
-from rbd.problem.problem import CONVEX
+from rbd.problem.gauss_problem import CONVEX
 from rbd.problem.rows import Patch, Rows
 from rbd.solvers.qp import QPResult
 from rbd.testing.reference import box
 
 MU = 0.5
-RUB = rbd.problem.Box([-1.0], [2.0])  # type: ignore[arg-type]
+RUB = rbd.problem.Bounds([-1.0], [2.0])  # type: ignore[arg-type]
 TINY = 1e-11
 
 
@@ -55,7 +55,7 @@ def off_cone(cone: rbd.problem.cones.Cone, f: Array, law: str) -> float:
         return float(max(0.0, np.hypot(f[0], f[1]) - cone.mu * f[2]))
     if isinstance(cone, rbd.problem.NonNegative):
         return float(np.maximum(-f, 0.0).max())
-    if isinstance(cone, rbd.problem.Box):
+    if isinstance(cone, rbd.problem.Bounds):
         return float(np.abs(f).max())
     assert isinstance(cone, rbd.problem.Free)
     return 0.0

@@ -20,7 +20,7 @@ from rbd.answers.analysis import extent, force_choice
 from rbd.errors import CannotHold, InputError, NoSolution, RbdError
 from rbd.model.checked_model import CheckedModel
 from rbd.problem import programs
-from rbd.solvers import conic
+from rbd.solvers import conic_newton
 from rbd.testing import box
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -270,10 +270,10 @@ class TestWork:
         """Not "cannot be held": nobody knows, so there is no proof and nothing is named."""
         push = rbd.ExternalForce("torso_2_link", (0.0, 115.0, 0.0))
         assert rbd.hold(talos.standing(), talos.soles(0.5), external=push).status == "solved"
-        monkeypatch.setattr(conic, "_by_newton", lambda program: None)
-        for steps, seconds in ((1, conic.CONIC_SECONDS), (conic.CONIC_STEPS, 0.0)):
-            monkeypatch.setattr(conic, "CONIC_STEPS", steps)
-            monkeypatch.setattr(conic, "CONIC_SECONDS", seconds)
+        monkeypatch.setattr(conic_newton, "_by_newton", lambda program: None)
+        for steps, seconds in ((1, conic_newton.CONIC_SECONDS), (conic_newton.CONIC_STEPS, 0.0)):
+            monkeypatch.setattr(conic_newton, "CONIC_STEPS", steps)
+            monkeypatch.setattr(conic_newton, "CONIC_SECONDS", seconds)
             with pytest.raises(CannotHold, match="was not found within") as caught:
                 rbd.hold(talos.standing(), talos.soles(0.5), external=push)
             assert caught.value.certificate is None and caught.value.limits == ()
@@ -282,8 +282,8 @@ class TestWork:
         """By the interior point alone, to the digits that it has."""
         expected = rbd.hold(talos.standing(), talos.soles(0.5))
         assert expected.method == "Newton"
-        monkeypatch.setattr(conic, "_by_newton", lambda program: None)
-        monkeypatch.setattr(conic, "newton_steps", lambda *_: None)
+        monkeypatch.setattr(conic_newton, "_by_newton", lambda program: None)
+        monkeypatch.setattr(conic_newton, "newton_steps", lambda *_: None)
         found = rbd.hold(talos.standing(), talos.soles(0.5))
         assert found.method == "Clarabel" and np.abs(found.tau - expected.tau).max() < 1e-3
         assert found.status == "solved"

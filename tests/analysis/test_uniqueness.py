@@ -352,7 +352,7 @@ def test_rows_that_are_no_contacts_have_ranges_too():
     one = np.ones((1, 1))
     rows = [
         Rows("stop", one, np.zeros(1), rbd.problem.NonNegative(1)),
-        Rows("rub", one, np.zeros(1), rbd.problem.Box(-2.0, 2.0)),
+        Rows("rub", one, np.zeros(1), rbd.problem.Bounds(-2.0, 2.0)),
     ]
     s = rbd.solve_problem(rbd.GaussProblem(one, np.array([-6.0]), rows))
     u = s.uniqueness()

@@ -12,10 +12,9 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.collision import CollisionContacts
-from rbd.constraints.collision_shapes import CollisionShapes
+from rbd.constraints.collision import CollisionContacts, CollisionShapes
+from rbd.constraints.convex.convex_shapes import convex_shape
 from rbd.constraints.convex.polygons import convex_hull
-from rbd.constraints.convex.solids import convex_shape
 from rbd.testing import check_constraint
 
 BOX = Path(__file__).parents[2] / "urdf" / "box.urdf"  # 10 kg, 0.4 x 0.4 x 0.2 m

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.loop_stack import FEWEST, LoopStack
+from rbd.constraints.loop import FEWEST, LoopStack
 from rbd.constraints.manifold import ConstraintManifold
 
 LINKS = ("arm_left_7_link", "arm_right_7_link", "head_2_link", "torso_2_link")

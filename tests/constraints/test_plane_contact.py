@@ -9,9 +9,8 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.convex.few_points import MOST_POINTS, spread_each
-from rbd.constraints.convex.rounds import Rim
-from rbd.constraints.convex.solids import RIM_CORNERS
+from rbd.constraints.convex.convex_shapes import RIM_CORNERS, Rim
+from rbd.constraints.convex.reduced_points import MOST_POINTS, spread_each
 
 ROUNDING = 1e-12
 """Over the size of the largest entry."""

@@ -188,7 +188,7 @@ class TestRowsThatPush:
         rub = rbd.constraints.Baumgarte(10.0).of(rbd.JointFriction("rub", "axle", 1.0))
         state = rbd.State(wheel(), np.zeros(1), np.array([0.5]))
         assert not rub.rows(state).feedback.any() and rub.acts_on(state).startswith("nothing: 'rub'")
-        both = rbd.problem.Product([rbd.problem.Free(1), rbd.problem.Box([-1.0], [1.0]), rbd.problem.NonNegative(1)])
+        both = rbd.problem.Product([rbd.problem.Free(1), rbd.problem.Bounds([-1.0], [1.0]), rbd.problem.NonNegative(1)])
         rows = Rows("mixed", np.eye(3), np.zeros(3), both, error=np.array([-0.1, -0.1, -0.1]))
         assert rbd.constraints.Baumgarte(2.0).feedback(rows) == pytest.approx([-0.4, 0.0, -0.4])
 

@@ -29,12 +29,12 @@ from rbd.control import (
     TaskActuation,
     TaskTerms,
     step,
-    step_solution,
+    step_program,
 )
 from rbd.control.step_problem import StepProblem
-from rbd.control.step_solution import WholeProgram, minimiser
+from rbd.control.step_program import WholeProgram, minimiser
 from rbd.errors import DistantContactWarning, DuplicateName, InputError, RelaxedLimitsWarning, UnknownName
-from rbd.solvers.strict_qp import StrictAnswer
+from rbd.solvers.qp import StrictAnswer
 from rbd.testing import box
 
 G = 9.81
@@ -282,7 +282,7 @@ def test_where_daqp_fails_another_solver_is_asked(monkeypatch: pytest.MonkeyPatc
     def none(H: Array, g: Array, lower: Array, upper: Array, C: Array, low: Array, high: Array) -> StrictAnswer:
         return StrictAnswer(np.zeros(len(g)), np.zeros(len(lower)), np.zeros(len(low)), 0, False)
 
-    monkeypatch.setattr(step_solution, "solve_strict", none)
+    monkeypatch.setattr(step_program, "solve_strict", none)
     after = step(moving.state, tasks, moving.contacts)
     assert after.violation is None and after.certificate.worst < 1e-9
     assert relative(after.a, before.a) < 1e-8 and relative(after.tau, before.tau) < 1e-6

@@ -8,9 +8,9 @@ import pytest
 
 import rbd
 from rbd.control import TrackingController, ZeroOrderHold
-from rbd.control.accepted_steps import AcceptedStep, SteppedController
+from rbd.control.schedules import AcceptedStep, SteppedController
 from rbd.errors import CannotMove, InputError
-from rbd.model.interpolation import interpolated_q
+from rbd.model.sampled_motion import interpolated_q
 from rbd.motion import minimum_jerk
 
 

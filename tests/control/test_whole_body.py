@@ -27,7 +27,7 @@ from rbd.control import (
     WholeBodyController,
     whole_body,
 )
-from rbd.control.contact_watch import ContactWatch
+from rbd.control.contact_schedule import ContactWatch
 
 URDF = Path(__file__).parents[2] / "urdf"
 INF = math.inf

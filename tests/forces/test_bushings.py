@@ -9,7 +9,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.answers.analysis.external_derivatives import derivatives_of
+from rbd.answers.analysis.state_changes import derivatives_of
 from rbd.errors import ForceElementWarning, FrameNotFound, InputError
 from rbd.model.external import generalised
 

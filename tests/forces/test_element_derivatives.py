@@ -7,10 +7,9 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.answers.analysis.external_derivatives import derivatives_of, element_derivatives, slope
-from rbd.constraints.forces.coordinates import inverse_change, inverse_left_jacobian, rotation_vector
-from rbd.constraints.forces.places import Pair, Place
-from rbd.model.pose_derivatives import FixedPose, state_derivatives
+from rbd.answers.analysis.state_changes import derivatives_of, element_derivatives, slope
+from rbd.constraints.forces.coordinates import Pair, Place, inverse_change, inverse_left_jacobian, rotation_vector
+from rbd.model.derivatives import FixedPose, state_derivatives
 
 Array = np.ndarray
 SAME = 1e-8

@@ -10,10 +10,10 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.convex.solids import convex_shape
+from rbd.constraints.convex.convex_shapes import convex_shape
 from rbd.errors import ModelError, ModelWarning
 from rbd.model.input_files import check_mesh, check_scale, find_mesh
-from rbd.robots.underside import flat_underside
+from rbd.robots.feet import flat_underside
 from rbd.visual.robot_meshes import read_collada
 
 IDENTITY = pin.SE3.Identity()

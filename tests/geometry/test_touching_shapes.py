@@ -8,10 +8,9 @@ import pinocchio as pin
 import pytest
 
 from rbd.constraints.convex.closest_points import meeting
-from rbd.constraints.convex.few_points import MOST_POINTS, across, spread
+from rbd.constraints.convex.convex_shapes import Ball, ConvexShape, Oval, Rim, convex_shape
 from rbd.constraints.convex.polygons import convex_hull, inside, on_edge, outline, overlap
-from rbd.constraints.convex.rounds import Ball, Oval, Rim
-from rbd.constraints.convex.solids import ConvexShape, convex_shape
+from rbd.constraints.convex.reduced_points import MOST_POINTS, across, spread
 from rbd.errors import ModelError
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]

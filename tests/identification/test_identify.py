@@ -16,8 +16,7 @@ import rbd
 from rbd.errors import InaccurateWarning, PoorExcitationWarning
 from rbd.model.inertial import body_names, inertial_parameters
 from rbd.motion.identification import Identification, MeasuredMotion
-from rbd.motion.identification.consistent import Prior, minimise
-from rbd.motion.identification.possible import pseudo_inertia
+from rbd.motion.identification.possible import Prior, minimise, pseudo_inertia
 
 ARM = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 0.8]), masses=[1.0, 2.0])
 

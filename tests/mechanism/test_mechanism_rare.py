@@ -26,8 +26,8 @@ from rbd.mechanism import (
     trace,
     velocity_partition,
 )
-from rbd.mechanism.closure import Closure, minimise
-from rbd.mechanism.continuation import Curve
+from rbd.mechanism.constraint_error import Closure, minimise
+from rbd.mechanism.continuation import PoseCurve
 from rbd.mechanism.degrees_of_freedom import plane_normal
 from rbd.mechanism.poses import beyond_limits, displacement
 
@@ -351,7 +351,7 @@ def test_a_direction_that_the_constraints_forbid_has_no_tangent():
     """A flat rhombus allows two directions; straight on along the third leads nowhere, along a mixture on."""
     robot, loops = four_bar(1.0, 1.0, 1.0, 1.0)
     closure = Closure(robot, loops)
-    curve = Curve(closure, 1e-12, 0.1)
+    curve = PoseCurve(closure, 1e-12, 0.1)
     flat = closure.start(np.array([0.0, 0.0, 0.0]))
     allowed, forbidden = np.linalg.svd(flat.J)[2][1:], np.linalg.svd(flat.J)[2][0]
     assert np.linalg.matrix_rank(flat.J, tol=1e-9) == 1
@@ -364,7 +364,7 @@ def test_a_curve_that_is_lost_within_a_step_is_told(monkeypatch):
     """Where no pose is found between the ends of a step, there is no pose to return."""
     robot, loops = four_bar(*CRANK_ROCKER)
     closure = Closure(robot, loops)
-    curve = Curve(closure, 1e-12, 0.1)
+    curve = PoseCurve(closure, 1e-12, 0.1)
     start = curve.point(closure.start(assemble(rbd.State(robot, START), loops).q), None)
     assert start is not None
     step = curve.advance(start)

@@ -28,7 +28,7 @@ import rbd
 from rbd.constraints import FunctionConstraint, JointLock, KnifeEdge, LoopClosure
 from rbd.constraints.manifold import ConstraintManifold
 from rbd.mechanism import mobility
-from rbd.mechanism.local_dimension import _regular
+from rbd.mechanism.degrees_of_freedom import _regular
 
 NORTON = (40.0, 120.0, 80.0, 100.0)
 

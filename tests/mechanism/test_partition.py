@@ -13,7 +13,7 @@ from planar_models import IDENTITY, at, four_bar, four_bar_angles, six_bar, slid
 import rbd
 from rbd.errors import SingularPose
 from rbd.mechanism import acceleration_partition, assemble, independent_velocities, velocity_partition
-from rbd.mechanism.bilateral_velocities import independent_columns
+from rbd.mechanism.constraint_error import independent_columns
 from rbd.model.checked_model import CheckedModel
 
 URDF = Path(__file__).parents[2] / "urdf"

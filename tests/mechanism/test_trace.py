@@ -14,7 +14,7 @@ from states import at_neutral
 import rbd
 from rbd.errors import CannotAssemble
 from rbd.mechanism import branches, n_four_bar, trace
-from rbd.mechanism.closure import Closure
+from rbd.mechanism.constraint_error import Closure
 from rbd.mechanism.poses import distance
 
 TURN = 2.0 * math.pi

@@ -327,7 +327,7 @@ class TestASecondWay:
 
 
 class TestContacts:
-    """Lanes: which points touch and slide; edited copies."""
+    """Contact timelines: which points touch and slide; edited copies."""
 
     def test_hysteresis(self, g1):
         """A foot that rises touches up to 10 mm, one that comes down from 6 mm."""
@@ -440,7 +440,7 @@ class TestBadInput:
             ({"threshold": np.nan}, "threshold"),
             ({"torque_limits": 0.0}, "share"),
             ({"ground": "flat"}, "fit"),
-            ({"contacts": "feet"}, "Lanes"),
+            ({"contacts": "feet"}, "ContactTimeline"),
             ({"rest_speed": -1.0}, "speed"),
             ({"self_collision": 1}, "self_collision"),
             ({"torque_speed": {"nose": (1.0, 1.0)}}, "nose"),

@@ -7,7 +7,7 @@ import pinocchio as pin
 import pytest
 
 from rbd.errors import InputError
-from rbd.model.rotations import exponential, logarithm, product, rotated
+from rbd.model.sampled_motion import exponential, logarithm, product, rotated
 from rbd.motion import Motion, derivatives
 
 

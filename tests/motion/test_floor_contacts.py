@@ -10,9 +10,7 @@ from flat_bodies import free_body
 import rbd
 from rbd.arrays import Array
 from rbd.model.checked_model import CheckedModel
-from rbd.motion.floor_contacts import LANDED, UNLOADED, FloorContacts
-from rbd.motion.floor_points import FloorPoints
-from rbd.motion.lanes import Lanes
+from rbd.motion.contact_timeline import LANDED, UNLOADED, ContactTimeline, FloorContacts, FloorPoints
 
 MASS, GROUND, FRICTION, MARGIN = 5.0, 0.3, 0.8, 0.1
 NEAR, FAR = 0.5 * LANDED, 2.0 * LANDED
@@ -52,7 +50,7 @@ def contacts_of(box: CheckedModel, *wanted: str) -> FloorContacts:
     touches = np.array([rows[each] for each in wanted], bool)
     n = len(touches)
     none = np.zeros((n, 5))
-    lanes = Lanes(np.arange(n) * 0.1, points, touches, none > 0.0, none, none, np.zeros((n, 5, 3)), GROUND, none)
+    lanes = ContactTimeline(np.arange(n) * 0.1, points, touches, none > 0.0, none, none, np.zeros((n, 5, 3)), GROUND, none)
     return FloorContacts(lanes, FRICTION, MARGIN)
 
 

@@ -11,7 +11,7 @@ from test_derivation import flight
 
 import rbd
 from rbd.errors import InputError
-from rbd.model.rotations import exponential
+from rbd.model.sampled_motion import exponential
 from rbd.motion import Motion, derivatives, find_contacts, minimum_jerk
 from rbd.motion.symmetry import ACROSS, other_side, symmetry_of
 
@@ -129,7 +129,7 @@ class TestOtherRates:
         assert (part.a == reach.a[50:101]).all() and "cut to 0.5 to 1 s" in part.notes[-1]
         lanes = find_contacts(reach)
         assert (reach.with_contacts(lanes).cut(0.5, 1.0).contacts.touches == lanes.touches[50:101]).all()
-        with pytest.raises(InputError, match="expected Lanes of this motion"):
+        with pytest.raises(InputError, match="expected ContactTimeline of this motion"):
             part.with_contacts(lanes)
         assert reach.cut().n == reach.n and reach.cut(start=1.0).n == 101
         with pytest.raises(InputError, match="from 0 to 2 s"):

@@ -16,9 +16,9 @@ import pytest
 
 import rbd
 from rbd.errors import InputError
-from rbd.model.rotations import exponential
+from rbd.model.sampled_motion import exponential
 from rbd.motion import Motion
-from rbd.motion.joint_orders import breadth_first, file_order, formats
+from rbd.motion.file_conventions import breadth_first, file_order, formats
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ import pytest
 
 import rbd
 from rbd.arrays import Array
-from rbd.motion import CAUSES, Lanes, find_contacts
+from rbd.motion import CAUSES, ContactTimeline, find_contacts
 
 NAMES = ("squat", "crouch", "four_steps", "fall")
 NET = 1e-9
@@ -44,8 +44,8 @@ def apart(motion: rbd.Motion, times: Array, half: float) -> Array:
     return np.asarray(np.abs((motion.t - motion.t[0])[:, None] - times).min(axis=1) > half + STEP)
 
 
-def true_contacts(trajectory: rbd.Trajectory, motion: rbd.Motion) -> Lanes:
-    """Lanes in which exactly the corners with forces touch."""
+def true_contacts(trajectory: rbd.Trajectory, motion: rbd.Motion) -> ContactTimeline:
+    """The timeline in which exactly the corners with forces touch."""
     found = find_contacts(motion)
     lanes = found.of([], [])
     for j, name in enumerate(found.names):

@@ -310,7 +310,7 @@ class TestItself:
         assert 0.3 < t < 0.4  # to half the height of the reference
 
     def test_contacts_do_not_begin_before_their_feet_are_down(self, four_steps: rbd.Trajectory) -> None:
-        """Lanes let a point touch up to 10 mm above the floor; what is followed stands within a millimetre of it."""
+        """A timeline lets a point touch up to 10 mm above the floor; what is followed stands within a millimetre of it."""
         lanes = find_contacts(Motion.of_trajectory(four_steps[::5]))
         stands = standing(lanes)
         assert lanes.heights[lanes.touches].max() > 3e-3

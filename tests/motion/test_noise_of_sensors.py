@@ -13,7 +13,7 @@ from rbd.arrays import Array
 from rbd.model.checked_model import CheckedModel
 from rbd.motion import SensorNoise
 from rbd.motion.contact_detection import place_noise
-from rbd.motion.floor_points import FloorPoints
+from rbd.motion.contact_timeline import FloorPoints
 from rbd.motion.frame_terms import placements
 from rbd.motion.sensor_noise import FLOOR, force_scale, whitening
 

@@ -10,7 +10,7 @@ import pytest
 
 import rbd
 from rbd.errors import InputError
-from rbd.model.rotations import exponential, rotated
+from rbd.model.sampled_motion import exponential, rotated
 from rbd.motion import Motion
 
 RATE = 60.0

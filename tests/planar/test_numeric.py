@@ -12,7 +12,7 @@ from work import calls
 from rbd.errors import InputError
 from rbd.planar.angles import CONVENTIONS
 from rbd.planar.chain import Chain
-from rbd.planar.urdf import to_robot
+from rbd.planar.robot_file import to_robot
 
 ASKED = {"position": 1, "velocity": 2, "acceleration": 3, "jerk": 4, "jacobian": 1, "jacobian_rate": 2}
 """How many of q, qd, qdd, qddd each takes."""

@@ -16,7 +16,7 @@ from rbd.errors import InputError, SingularInertia
 from rbd.planar.bodies import bodies_of
 from rbd.planar.chain import Chain
 from rbd.planar.equations_of_motion import Dynamics, dynamics
-from rbd.planar.urdf import to_robot
+from rbd.planar.robot_file import to_robot
 
 ANGLES = ("joint", "segment", "vertical")
 m, L, g = sp.symbols("m L g", positive=True)

@@ -18,11 +18,11 @@ from rbd.planar import (
     inverse,
     inverse_path,
     minimum_jerk,
-    motion,
+    planned_motion,
 )
-from rbd.planar.nearest_poses import _reach, _settle, evenly_bent
+from rbd.planar.inverse_kinematics import _reach, _settle, evenly_bent
 from rbd.planar.relations import newton
-from rbd.planar.urdf import _link
+from rbd.planar.robot_file import _link
 
 THREE = Chain(3, lengths=(0.4, 0.35, 0.25))
 
@@ -118,7 +118,7 @@ def test_a_path_from_a_pose_nearly_in_line_ends_with_its_place_or_is_followed(mo
         here = chain.numeric.position(start)
         return endpoint_motion(chain, minimum_jerk(here, here - [0.1, 0.0], 1.0), start=start).q
 
-    monkeypatch.setattr(motion, "MOST_RATES", 4_000)  # a few seconds, where the limit itself takes more
+    monkeypatch.setattr(planned_motion, "MOST_RATES", 4_000)  # a few seconds, where the limit itself takes more
     end = chain.numeric.position(begun(0.01)[-1])
     assert end == pytest.approx(chain.numeric.position(np.array([0.0, np.pi + 0.01, -0.02])) - [0.1, 0.0], abs=1e-9)
     with pytest.raises(SingularPose, match=r"into line, or nearly, .* at about 0.000\d+ s. Begin near other angles"):

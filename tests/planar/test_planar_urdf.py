@@ -13,7 +13,7 @@ import rbd
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.planar.chain import Chain
 from rbd.planar.equations_of_motion import dynamics
-from rbd.planar.urdf import robot_coordinates, to_robot, to_urdf
+from rbd.planar.robot_file import robot_coordinates, to_robot, to_urdf
 
 ANGLES = ("joint", "segment", "vertical")
 PLANES = {"xz": (9.81, [0, 2]), "xy": (0, [0, 1])}

@@ -9,7 +9,7 @@ import numpy as np
 
 import rbd
 from rbd.model.checked_model import CheckedModel
-from rbd.simulation.motion import ConstraintForce, Event, Motion, Sample
+from rbd.simulation.simulated_motion import ConstraintForce, Event, Sample, SimulatedMotion
 from rbd.testing import box
 
 GRAVITY = 9.81
@@ -27,10 +27,12 @@ class Force:
     name: str
 
 
-def falling(robot: CheckedModel | None = None, n: int = 11, height: float = 1.0) -> tuple[Motion, list[Sample], list[Event]]:
+def falling(
+    robot: CheckedModel | None = None, n: int = 11, height: float = 1.0
+) -> tuple[SimulatedMotion, list[Sample], list[Event]]:
     """From `height` above the floor, n samples in twice the time of the fall; lands plastically."""
     robot = box(MASS) if robot is None else robot
-    motion = Motion(robot, (Force("floor"), Force("stop"), Force(ODD_NAME)))
+    motion = SimulatedMotion(robot, (Force("floor"), Force("stop"), Force(ODD_NAME)))
     t1 = math.sqrt(2.0 * height / GRAVITY)
     impulse = MASS * GRAVITY * t1
     events = [Event(t1, "floor", "touches", k, speed=GRAVITY * t1, impulse=impulse / 4.0) for k in range(4)]

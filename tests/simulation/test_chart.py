@@ -6,8 +6,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from rbd.model.chart import Charts
 from rbd.model.checked_model import CheckedModel
+from rbd.model.derivatives import Charts
 
 EPS = 1e-6
 JOINTS = {

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.simulation.contact_points import PointMatching
+from rbd.simulation.stacked_points import PointMatching
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ from rbd.constraints.contact_points import sources_of
 from rbd.problem.cones import FrictionCone, Product
 from rbd.problem.force_set import at_rest
 from rbd.simulation import velocity_problem
-from rbd.simulation.contact_points import Points
+from rbd.simulation.stacked_points import Points
 from rbd.simulation.velocity_problem import active_rows, point_impulses, solve_velocity
 from rbd.solvers.kkt import StickingSolver
 from rbd.solvers.newton import scaled, steps_from

@@ -8,9 +8,8 @@ import pytest
 import scipy.linalg
 
 import rbd
-from rbd.control.accepted_steps import AcceptedStep
-from rbd.control.posture import HoldPosture
-from rbd.control.schedules import TorqueSchedule, ZeroOrderHold
+from rbd.control.posture_control import HoldPosture
+from rbd.control.schedules import AcceptedStep, TorqueSchedule, ZeroOrderHold
 from rbd.model.checked_model import CheckedModel
 
 W, ZETA = 7.0, 0.8

@@ -13,9 +13,9 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.forces.plain_data import data_of, element_of
+from rbd.constraints.forces.element_numbers import data_of, element_of
 from rbd.motion.identification import MeasuredMotion
-from rbd.visual.playback.frames import frames_of
+from rbd.visual.playback.motion_frames import frames_of
 
 SLANTED = pin.SE3(pin.exp3(np.array([0.3, -0.2, 0.7])), np.array([0.1, 1 / 3, -0.2]))
 ELEMENTS = (

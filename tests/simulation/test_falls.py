@@ -8,7 +8,7 @@ import pytest
 
 import rbd
 from rbd.constraints.contact_kinematics import Between
-from rbd.constraints.convex.low_points import LowPoints
+from rbd.constraints.convex.points_near_plane import LowPoints
 
 ROBOTS = ("talos", "g1", "solo12")
 

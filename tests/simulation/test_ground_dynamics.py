@@ -17,7 +17,7 @@ from rbd.simulation import ground_dynamics
 from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.instant import Instant
 from rbd.simulation.integrators import TimeStepping
-from rbd.simulation.motion import Motion
+from rbd.simulation.simulated_motion import SimulatedMotion
 from rbd.simulation.time_step import StepSystem
 
 H = 1e-3
@@ -25,7 +25,7 @@ AGREES = 1e-9
 """Between both ways, over the size of the largest entry: of velocities, and of the impulses of independent points."""
 
 
-def system(motion: Motion, state: rbd.State, *, prepared: bool = True) -> StepSystem:
+def system(motion: SimulatedMotion, state: rbd.State, *, prepared: bool = True) -> StepSystem:
     """The steps of a motion, by contact dynamics or the general way."""
     made = StepSystem(motion, state, impact_speed=1e-3, impacts=20, extrapolate=False)
     assert made.ground is not None
@@ -34,7 +34,9 @@ def system(motion: Motion, state: rbd.State, *, prepared: bool = True) -> StepSy
     return made
 
 
-def standing(robot: rbd.Robot, friction: float, seed: int, law: str = "coulomb", push: float = 0.3) -> tuple[Motion, rbd.State]:
+def standing(
+    robot: rbd.Robot, friction: float, seed: int, law: str = "coulomb", push: float = 0.3
+) -> tuple[SimulatedMotion, rbd.State]:
     """A robot on its feet, pushed, with torques near those that hold it and velocities that leave its feet at rest."""
     rng = np.random.default_rng(seed)
     state, feet = robot.standing(), robot.feet(friction)
@@ -43,15 +45,17 @@ def standing(robot: rbd.Robot, friction: float, seed: int, law: str = "coulomb",
     v = 0.2 * rng.normal(size=robot.nv)
     force = np.zeros(robot.nv)
     force[:3] = push * rng.normal(size=3) * [1.0, 1.0, 0.3] * robot.mass * 9.81
-    motion = Motion(robot, tuple(feet), lambda s, t: tau, force, law, {}, rbd.simulation.Projection())
+    motion = SimulatedMotion(robot, tuple(feet), lambda s, t: tau, force, law, {}, rbd.simulation.Projection())
     return motion, state.with_velocity(v - np.linalg.lstsq(J, J @ v, rcond=None)[0])
 
 
-def tumbling(seed: int) -> tuple[Motion, rbd.State]:
+def tumbling(seed: int) -> tuple[SimulatedMotion, rbd.State]:
     """A box that slides and turns on its sole."""
     rng = np.random.default_rng(seed)
     state = free_state(free_body(10.0, [0.1, 0.1, 0.15]), (0, 0, 0.05), (0, 0, 0), (*rng.normal(size=2), 0), (0, 0, 4.0))
-    return Motion(state.robot, (sole("body", (0.1, 0.1), 0.05, 0.5),), stabilisation=rbd.simulation.Projection()), state
+    return SimulatedMotion(
+        state.robot, (sole("body", (0.1, 0.1), 0.05, 0.5),), stabilisation=rbd.simulation.Projection()
+    ), state
 
 
 def close(one: np.ndarray, other: np.ndarray, size: float = 1.0) -> bool:
@@ -183,7 +187,9 @@ def test_what_is_not_covered_steps_the_general_way():
         (state, belt),
         (flat_state(flat, (0, 0, 0)), floor_point("toe", (0, 0, 0), friction=0.5)),
     ):
-        stepping = StepSystem(Motion(start.robot, (constraint,)), start, impact_speed=1e-3, impacts=20, extrapolate=False)
+        stepping = StepSystem(
+            SimulatedMotion(start.robot, (constraint,)), start, impact_speed=1e-3, impacts=20, extrapolate=False
+        )
         assert stepping.ground is None, constraint.name
     assert GroundDynamics.of(system(*tumbling(0)).points, state) is not None
 
@@ -208,7 +214,7 @@ def test_memory_does_not_grow_with_steps():
     robot = rbd.load_robot("solo12")
     motion, state = standing(robot, 0.7, 6)
     tau = rbd.hold(robot.standing(), robot.feet(0.7)).tau
-    motion = Motion(
+    motion = SimulatedMotion(
         robot, motion.constraints, lambda s, t: tau - 2.0 * s.v[6:], None, "coulomb", {}, rbd.simulation.Projection(), 10**9
     )
     times = [H * k for k in range(100_000)]
@@ -235,7 +241,7 @@ def test_a_ball_rolls_off_as_by_the_general_way():
     robot = ball()
     state = free_state(robot, (0.0, 0.0, 0.1), (0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.0, 1.0, 0.0))
     point = rbd.PointContact("toe", "body", offset=(0.0, 0.0, -0.1), friction=0.3)
-    motion = Motion(robot, (point,), stabilisation=rbd.simulation.Projection())
+    motion = SimulatedMotion(robot, (point,), stabilisation=rbd.simulation.Projection())
     ends: list[Instant] = []
     for prepared in (True, False):
         stepping = system(motion, state, prepared=prepared)

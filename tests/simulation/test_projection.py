@@ -396,7 +396,9 @@ def test_a_curved_branch_is_followed_through_the_crossing_wherever_steps_fall(ki
         for shift in np.linspace(0.0, 1.0, 3):
             n = int(0.15 / h)
             times = [0.0, *(shift * h + h * np.arange(1, n)), 0.15]
-            motion = rbd.simulation.motion.Motion(start.robot, loops, stabilisation=rbd.simulation.Projection())
+            motion = rbd.simulation.simulated_motion.SimulatedMotion(
+                start.robot, loops, stabilisation=rbd.simulation.Projection()
+            )
             *_, last = rbd.RungeKutta4().run(motion, start, times)
             errors.append(np.abs(last.state.v - fine.v).max())
         worst.append(max(errors))

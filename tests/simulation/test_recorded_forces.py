@@ -11,8 +11,8 @@ from flat_bodies import flat_body, flat_state, floor_point, free_body, free_stat
 
 import rbd
 from rbd.constraints.contact_points import sources_of
-from rbd.simulation.contact_points import Points
 from rbd.simulation.recording import _inside, _settled, _shortest
+from rbd.simulation.stacked_points import Points
 
 G = 9.81
 STEPPING = pytest.mark.parametrize("integrator", [rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)])

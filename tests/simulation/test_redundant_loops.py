@@ -10,7 +10,7 @@ from smooth_models import bricard, chain, off, swinging
 
 import rbd
 from rbd.constraints.manifold import ConstraintManifold
-from rbd.mechanism.stage_solver import StageSolver
+from rbd.mechanism.redundant_accelerations import StageSolver
 from rbd.simulation.velocity_problem import independent_rows
 
 RING = [rbd.LoopClosure("ring", "pivot", "tip", kind="revolute", axis=(1.0, 0.0, 0.0))]

@@ -8,7 +8,7 @@ import pytest
 
 import rbd
 from rbd.model.checked_model import CheckedModel
-from rbd.simulation.sinking import Floor
+from rbd.simulation.missing_floor_warning import Floor
 
 STEP = 4e-3
 

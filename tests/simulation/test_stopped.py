@@ -7,7 +7,7 @@ import pytest
 from smooth_models import chain
 
 import rbd
-from rbd.simulation.motion import Sample
+from rbd.simulation.simulated_motion import Sample
 
 INTEGRATORS = pytest.mark.parametrize(
     "integrator", [rbd.RungeKutta4(), rbd.DormandPrince8(), rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)]

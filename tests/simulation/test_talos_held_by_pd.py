@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.control.posture import HoldPosture
+from rbd.control.posture_control import HoldPosture
 from rbd.control.schedules import Push
 
 FEET_DRIFT = 1e-6

@@ -13,28 +13,28 @@ from smooth_models import bricard
 import rbd
 from rbd.simulation.event_detection import ImpactRecord, StepRecord
 from rbd.simulation.instant import Instant, Step
-from rbd.simulation.motion import Motion
+from rbd.simulation.simulated_motion import SimulatedMotion
 from rbd.simulation.time_step import StepSystem
 
 URDF = Path(__file__).parents[2] / "urdf"
 H = 2e-3
 
 
-def tumbling() -> tuple[Motion, rbd.State]:
+def tumbling() -> tuple[SimulatedMotion, rbd.State]:
     """A box that falls on a corner: points enter and leave the contact set, slip and bounce."""
     box = rbd.load_robot(URDF / "box.urdf")
     q = np.array([0.0, 0.0, 0.4, 0.2, 0.3, 0.1, 1.0])
     q[3:] /= np.linalg.norm(q[3:])
     state = rbd.State(box, q, np.array([0.5, -0.2, 0.0, 3.0, -2.0, 1.0]))
     floor = rbd.CollisionContacts("floor", box, friction=0.5)
-    return Motion(box, (floor,), restitution={"floor": 0.4}, stabilisation=rbd.simulation.Projection()), state
+    return SimulatedMotion(box, (floor,), restitution={"floor": 0.4}, stabilisation=rbd.simulation.Projection()), state
 
 
-def looped() -> tuple[Motion, rbd.State]:
+def looped() -> tuple[SimulatedMotion, rbd.State]:
     """Bricard's mechanism, whose rows are linearly dependent: their norms are handed from step to step."""
     robot = bricard()
     ring = rbd.LoopClosure("ring", "pivot", "tip", kind="revolute", axis=(1.0, 0.0, 0.0))
-    return Motion(robot, (ring,), stabilisation=rbd.simulation.Projection()), rbd.State(robot, np.zeros(5))
+    return SimulatedMotion(robot, (ring,), stabilisation=rbd.simulation.Projection()), rbd.State(robot, np.zeros(5))
 
 
 def bits(step: Step) -> bytes:
@@ -93,7 +93,7 @@ def test_a_strike_so_near_the_end_of_a_step_that_its_time_rounds_to_it_ends_the_
     floor = floor_point("floor", (0.0,) * 3, friction=0.0, frame="mass")
     t_end = t + H
     state = rbd.State(robot, np.array([speed * (t_end - t - early)]), np.array([-speed]))
-    motion = Motion(robot, (floor,), restitution={"floor": 0.5}, stabilisation=rbd.simulation.Projection())
+    motion = SimulatedMotion(robot, (floor,), restitution={"floor": 0.5}, stabilisation=rbd.simulation.Projection())
     system = StepSystem(motion, state, impact_speed=1e-3, impacts=20, extrapolate=extrapolate)
     begun = system.begin(state, t).end
     end, passed = system.step(system.half_step(begun, t_end - t), t_end)

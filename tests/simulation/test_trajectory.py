@@ -12,8 +12,8 @@ from falling import CORNERS, GRAVITY, HALF, MASS, ODD_NAME, WEIGHT, falling
 
 import rbd
 from rbd.model.checked_model import CheckedModel
-from rbd.simulation.motion import ConstraintForce, Sample
 from rbd.simulation.recording import Recording
+from rbd.simulation.simulated_motion import ConstraintForce, Sample
 from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_fields import COLUMNS, WORDS
 

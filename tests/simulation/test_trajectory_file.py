@@ -19,7 +19,7 @@ from scipy.io import netcdf_file
 
 import rbd
 from rbd.simulation import trajectory_file
-from rbd.simulation.motion import ConstraintForce, Motion, Sample
+from rbd.simulation.simulated_motion import ConstraintForce, Sample, SimulatedMotion
 from rbd.simulation.trajectory import Trajectory
 from rbd.simulation.trajectory_contents import arrays_of_netcdf
 
@@ -43,7 +43,7 @@ def moved(robot: rbd.Robot, n: int = 3) -> Trajectory:
         a, tau = rng.normal(size=robot.nv), rng.normal(size=robot.nu)
         moments.append(Sample.of(0.1 * k, state, a, tau, lambda touch=touch: {"grip": touch}))
         q = pin.integrate(robot.model, q, 0.1 * state.v)
-    return Trajectory.of(Motion(robot, (Force("grip"),)), moments)
+    return Trajectory.of(SimulatedMotion(robot, (Force("grip"),)), moments)
 
 
 def assert_same(one: Trajectory, other: Trajectory) -> None:
@@ -507,7 +507,7 @@ def test_a_long_rest_may_be_compressed(tmp_path: Path):
     box = rbd.load_robot(URDF / "box.urdf")
     state, touch = box.at(), ConstraintForce(np.zeros(6), "holds")
     rest = [Sample.of(0.1 * k, state, np.zeros(6), np.zeros(0), lambda: {"grip": touch}) for k in range(3000)]
-    still = Trajectory.of(Motion(box, (Force("grip"),)), rest)
+    still = Trajectory.of(SimulatedMotion(box, (Force("grip"),)), rest)
     still.save(tmp_path / "x.npz")
     with np.load(tmp_path / "x.npz") as found:
         np.savez_compressed(tmp_path / "y.npz", **found)
@@ -527,7 +527,7 @@ def test_odd_paths_and_characters_in_a_header_are_refused_in_words(odd: str, fal
     with np.load(path) as found:
         whole = dict(found)
     header = json.loads(str(whole["header"]))
-    robot = rbd.simulation.recorded_robot.recipe(rbd.load_robot(URDF / "box.urdf")) | {"joints": header["robot"]["joints"]}
+    robot = rbd.simulation.trajectory_contents.recipe(rbd.load_robot(URDF / "box.urdf")) | {"joints": header["robot"]["joints"]}
     changes = [
         {"robot": robot | {"file": odd}},
         {"robot": robot | {"file": str(tmp_path / odd) if odd else odd}},

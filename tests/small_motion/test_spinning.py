@@ -9,7 +9,7 @@ import pytest
 from flat_bodies import ball
 
 import rbd
-from rbd.mechanism.small_motion.spin import spin_axes
+from rbd.mechanism.small_motion.tangent_space import spin_axes
 
 
 @pytest.mark.parametrize("rate", [0.0, 20.0, 40.0])

@@ -11,11 +11,11 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.problem.problem import COULOMB
+from rbd.problem.gauss_problem import COULOMB
 from rbd.problem.programs import SEARCH_WORK
 from rbd.problem.rows import Rows
-from rbd.solvers.admm import OPEN, _Search, holding
-from rbd.solvers.conic import interior_point
+from rbd.solvers.admm import OPEN, _ConeSearch, holding
+from rbd.solvers.conic_newton import interior_point
 from rbd.solvers.newton import scaled, steps_from
 from rbd.solvers.pinocchio_admm import admm
 from rbd.testing import box, law_residuals
@@ -248,7 +248,7 @@ def made_up(rng, law: str):
         J = rng.normal(size=(3, nv))
         rows.append(Rows(f"cone{i}", J, inside - J @ a0, rbd.problem.FrictionCone(mu)))
     J = rng.normal(size=(4, nv))
-    rows.append(Rows("box", J[:2], -J[:2] @ a0, rbd.problem.Box([-1.0, -2.0], [1.0, 0.5])))
+    rows.append(Rows("box", J[:2], -J[:2] @ a0, rbd.problem.Bounds([-1.0, -2.0], [1.0, 0.5])))
     rows.append(Rows("stop", J[2:3], 0.1 - J[2:3] @ a0, rbd.problem.NonNegative(1)))
     rows.append(Rows("held", J[3:], -J[3:] @ a0, rbd.problem.Free(1)))
     return rbd.GaussProblem(A @ A.T + 0.1 * np.eye(nv), 10.0 * rng.normal(size=nv), rows)
@@ -273,14 +273,14 @@ def one_coordinate(push: float, cone, feedback: float = 0.0) -> rbd.GaussProblem
 @pytest.mark.parametrize(
     ("cone", "push", "a", "force"),
     [
-        (rbd.problem.Box([-5.0], [5.0]), 3.0, 0.0, -3.0),  # dry friction sticks
-        (rbd.problem.Box([-5.0], [5.0]), 8.0, 1.5, -5.0),  # and slips
-        (rbd.problem.Box([4.0], [4.0]), 2.0, 3.0, 4.0),  # a fixed force
-        (rbd.problem.Box([-np.inf], [1.0]), 3.0, 0.0, -3.0),  # bounded from above alone
-        (rbd.problem.Box([-np.inf], [1.0]), -3.0, -1.0, 1.0),
-        (rbd.problem.Box([2.0], [np.inf]), 3.0, 2.5, 2.0),  # from below alone, nowhere near zero
-        (rbd.problem.Box([0.0], [0.0]), 3.0, 1.5, 0.0),  # no force at all
-        (rbd.problem.Box([-1e9], [1e9]), 3.0, 0.0, -3.0),  # as good as held
+        (rbd.problem.Bounds([-5.0], [5.0]), 3.0, 0.0, -3.0),  # dry friction sticks
+        (rbd.problem.Bounds([-5.0], [5.0]), 8.0, 1.5, -5.0),  # and slips
+        (rbd.problem.Bounds([4.0], [4.0]), 2.0, 3.0, 4.0),  # a fixed force
+        (rbd.problem.Bounds([-np.inf], [1.0]), 3.0, 0.0, -3.0),  # bounded from above alone
+        (rbd.problem.Bounds([-np.inf], [1.0]), -3.0, -1.0, 1.0),
+        (rbd.problem.Bounds([2.0], [np.inf]), 3.0, 2.5, 2.0),  # from below alone, nowhere near zero
+        (rbd.problem.Bounds([0.0], [0.0]), 3.0, 1.5, 0.0),  # no force at all
+        (rbd.problem.Bounds([-1e9], [1e9]), 3.0, 0.0, -3.0),  # as good as held
         (rbd.problem.NonNegative(1), -3.0, 0.0, 3.0),
         (rbd.problem.NonNegative(1), 3.0, 1.5, 0.0),
     ],
@@ -303,8 +303,8 @@ def test_units_of_rows_and_mass_change_nothing(law, mass, rng):
         for r in P.rows:
             unit = 10.0 ** rng.uniform(-3.0, 3.0)
             cone = (
-                rbd.problem.Box(mass * r.cone.lo / unit, mass * r.cone.hi / unit)
-                if isinstance(r.cone, rbd.problem.Box)
+                rbd.problem.Bounds(mass * r.cone.lo / unit, mass * r.cone.hi / unit)
+                if isinstance(r.cone, rbd.problem.Bounds)
                 else r.cone
             )
             rows.append(Rows(r.name, unit * r.J, unit * r.bias, cone))
@@ -379,7 +379,7 @@ def test_every_step_of_newton_and_of_the_interior_point_is_counted_as_work(monke
         return w, steps
 
     monkeypatch.setattr("rbd.solvers.admm.admm", counted)
-    search = _Search(problem, COULOMB, 0.0)
+    search = _ConeSearch(problem, COULOMB, 0.0)
     answer = search.run(1)
     steps = answer.iterations - sum(by_admm)
     assert answer.status == "failed" and len(by_admm) == 2 and steps > 300

@@ -12,8 +12,8 @@ from rbd.arrays import Array
 from rbd.problem.cones import project_cones
 from rbd.problem.conic import Certificate, Conic
 from rbd.problem.programs import Outcome
-from rbd.solvers import conic
-from rbd.solvers.conic import solve_conic
+from rbd.solvers import conic_newton
+from rbd.solvers.conic_newton import solve_conic
 
 NONE = np.zeros(0)
 FREE = (-np.inf, np.inf)
@@ -301,7 +301,7 @@ def test_what_is_no_proof_is_no_certificate(rng: np.random.Generator) -> None:
 def test_where_both_methods_are_cut_short_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch, rng) -> None:
     """Neither solved nor refuted."""
     program, _ = drawn(rng)
-    monkeypatch.setattr(conic, "CONIC_STEPS", 1)
-    monkeypatch.setattr(conic, "newton_steps", lambda *_: None)
+    monkeypatch.setattr(conic_newton, "CONIC_STEPS", 1)
+    monkeypatch.setattr(conic_newton, "newton_steps", lambda *_: None)
     found = solve_conic(program)
     assert found.outcome is Outcome.NOT_FOUND and found.certificate is None

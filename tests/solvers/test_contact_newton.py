@@ -12,12 +12,12 @@ import threading
 import numpy as np
 import pytest
 
-from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product
+from rbd.problem.cones import Bounds, Free, FrictionCone, NonNegative, Product
 from rbd.problem.force_set import at_rest
 from rbd.solvers.contact_newton import ContactForces, ContactNewton, contact_forces
 from rbd.solvers.newton import FOUND, Scaled, _gap, _matrix, compiled_weights, leaves_motion_open, scaled, settled, steps_from
 
-MIXED = Product([FrictionCone(0.5), Free(1), Box([-1.0, -np.inf, 0.3], [2.0, 1.0, 0.3]), NonNegative(2), FrictionCone(1.2)])
+MIXED = Product([FrictionCone(0.5), Free(1), Bounds([-1.0, -np.inf, 0.3], [2.0, 1.0, 0.3]), NonNegative(2), FrictionCone(1.2)])
 """Every kind of part."""
 CORNERS = np.array([[0.1, 0.06], [0.1, -0.06], [-0.1, 0.06], [-0.1, -0.06]])
 
@@ -117,7 +117,7 @@ def test_a_hundred_points_are_solved_by_lapack(coulomb, rng):
 @pytest.mark.parametrize("coulomb", [False, True])
 def test_weights_in_one_call_are_those_of_its_parts_to_the_last_bit(coulomb, rng):
     """Scaled, steps taken, brought into their sets: cones, and singles before them; without motion; forces far off."""
-    for cones in (Product([FrictionCone(0.5)] * 4), Product([Free(1), Box([-1.0, 0.3], [2.0, 0.3]), FrictionCone(1.2)])):
+    for cones in (Product([FrictionCone(0.5)] * 4), Product([Free(1), Bounds([-1.0, 0.3], [2.0, 0.3]), FrictionCone(1.2)])):
         T = at_rest(cones)
         for k in range(40):
             A = rng.normal(size=(T.size, T.size)) * 10.0 ** rng.uniform(-2.0, 2.0, T.size)
@@ -160,7 +160,7 @@ def test_bodies_that_are_let_go_have_the_forces_of_the_convex_law(rng):
 
 def test_whole_numbers_as_friction_and_bounds():
     """Frictions and bounds given as integers are numbers like others."""
-    S = scaled(np.eye(4), np.array([-1.0, -1.0, 0.0, -1.0]), at_rest(Product([FrictionCone(1), Box([0], [2])])))
+    S = scaled(np.eye(4), np.array([-1.0, -1.0, 0.0, -1.0]), at_rest(Product([FrictionCone(1), Bounds([0], [2])])))
     root = np.sqrt(0.5)
     for coulomb, expected in ((True, [0.0, 0.0, 0.0, 1.0]), (False, [0.5, 0.5, root, 1.0])):  # the latter: a projection
         w, merit, _ = steps_from(S, np.zeros(4), coulomb=coulomb)
@@ -401,7 +401,7 @@ def test_what_an_older_version_kept_on_disk_does_no_harm(tmp_path):
 
 def test_elimination_solves_and_knows_what_it_cannot():
     """With pivots; a singular matrix and one that is not finite are refused."""
-    from rbd.solvers.small_systems import eliminate, independent, inverse
+    from rbd.solvers.contact_families import eliminate, independent, inverse
 
     rng = np.random.default_rng(4)
     A, x = rng.normal(size=(7, 7)), rng.normal(size=7)

@@ -99,7 +99,7 @@ def test_limits_dry_friction_and_smooth_contacts_do_not_count():
     """They move and carry as they like: both laws treat them alike."""
     rows = [
         rbd.Rows("stop", np.eye(3)[:1], np.zeros(1), rbd.problem.NonNegative(1)),
-        rbd.Rows("rubs", np.eye(3)[1:2], np.zeros(1), rbd.problem.Box([-3.0], [3.0])),
+        rbd.Rows("rubs", np.eye(3)[1:2], np.zeros(1), rbd.problem.Bounds([-3.0], [3.0])),
         rbd.Rows("smooth", np.eye(3), np.zeros(3), rbd.problem.FrictionCone(0.0)),
     ]
     s = rbd.solve_problem(rbd.GaussProblem(np.eye(3), [-5.0, 7.0, -9.0], rows))
@@ -163,7 +163,7 @@ def test_what_is_no_law_is_refused_and_what_fits_is_taken():
         with pytest.raises(InputError, match="expected 'coulomb' or 'convex'"):
             rbd.simulate(on_floor()[0], duration=0.1, step=0.1, law=wrong)
     assert solver_of("convex", rbd.KKT()) == rbd.KKT() and solver_of("coulomb", rbd.KKT()) == rbd.KKT()
-    assert solver_of(None, None) == solver_of(rbd.problem.problem.COULOMB, None) == GaussFirst()
+    assert solver_of(None, None) == solver_of(rbd.problem.gauss_problem.COULOMB, None) == GaussFirst()
     assert solver_of("convex", None) == solver_of("convex", rbd.ConeSolver(law="convex")) == rbd.ConeSolver(law="convex")
 
 

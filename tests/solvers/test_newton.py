@@ -7,15 +7,15 @@ from itertools import product
 import numpy as np
 import pytest
 
-from rbd.problem.cones import Box, Free, FrictionCone, NonNegative, Product
+from rbd.problem.cones import Bounds, Free, FrictionCone, NonNegative, Product
 from rbd.problem.corner_cones import WrenchCone
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.solvers.admm import de_saxce
-from rbd.solvers.conic import interior_point
+from rbd.solvers.conic_newton import interior_point
 from rbd.solvers.newton import _gap, _matrix, order_of, scaled, solve_newton, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 
-BOX = Box([-1.0, -np.inf, 0.3], [2.0, 1.0, 0.3])
+BOX = Bounds([-1.0, -np.inf, 0.3], [2.0, 1.0, 0.3])
 MIXED = Product([FrictionCone(0.5), Free(1), BOX, FrictionCone(1.2), NonNegative(2), FrictionCone(0.1)])
 """Every kind of part, cones and others in turn."""
 

@@ -7,7 +7,7 @@ import pytest
 
 import rbd
 from rbd.problem.residuals import residuals_of
-from rbd.solvers.point_law import law_residual, of_points
+from rbd.solvers.contact_newton import law_residual, of_points
 
 
 def draws(n=200):

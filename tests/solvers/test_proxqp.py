@@ -115,7 +115,7 @@ def test_a_light_body_that_contacts_squeeze_is_as_still_as_they_hold_it(seed):
     rows = [
         Rows("sole", J, np.zeros(6), rbd.problem.WrenchCone(corners, 1e3)),
         Rows("line", K, np.zeros(5), rbd.problem.LineCone(0.005, 1e3)),
-        Rows("friction", np.eye(1), np.zeros(1), rbd.problem.Box([-1.0], [1.0])),
+        Rows("friction", np.eye(1), np.zeros(1), rbd.problem.Bounds([-1.0], [1.0])),
     ]
     P = rbd.GaussProblem(5e-4 * np.eye(1), np.array([5e-4]), rows)
     s = rbd.solve_problem(P, solver=rbd.ProxQP())
@@ -174,7 +174,7 @@ class TestBounds:
     def test_one_row_by_hand(self, lo, width, upside_down, rhs, bias):
         """The force that would hold, -(rhs + 2 bias), clipped; half-bounded and one-pointed sets too."""
         lo, hi = (-(lo + width), -lo) if upside_down else (lo, lo + width)
-        s = one_row(rhs, rbd.problem.Box([lo], [hi]), bias=bias)
+        s = one_row(rhs, rbd.problem.Bounds([lo], [hi]), bias=bias)
         expected = np.clip(-(rhs + 2.0 * bias), lo, hi)
         assert s.status is rbd.problem.Status.SOLVED
         assert s.multipliers[0] == pytest.approx(expected, abs=1e-9 * max(1.0, abs(expected)))
@@ -183,13 +183,15 @@ class TestBounds:
     @pytest.mark.parametrize(("velocity", "force"), [(1e-5, -5.0), (-1e-5, 5.0), (1e-7, -1.0), (-1e-7, -1.0)])
     def test_a_velocity_decides(self, velocity, force):
         """Moving, it stands at the bound against the motion, though the push of 1 N could be held; at rest it holds."""
-        s = one_row(1.0, rbd.problem.Box([-5.0], [5.0]), velocity=velocity)
+        s = one_row(1.0, rbd.problem.Bounds([-5.0], [5.0]), velocity=velocity)
         assert s.status is rbd.problem.Status.SOLVED and s.multipliers[0] == pytest.approx(force, abs=1e-12)
 
     def test_beside_pyramids_they_are_certified_by_facets(self, rng):
         """A moving interval among rays: the law speaks of facets, and the bound against the motion holds in it."""
         A = rng.normal(size=(5, 5))
-        rub = Rows("rub", np.eye(5)[:2], np.zeros(2), rbd.problem.Box([-1.0, -2.0], [1.0, 2.0]), velocity=np.array([0.3, -0.2]))
+        rub = Rows(
+            "rub", np.eye(5)[:2], np.zeros(2), rbd.problem.Bounds([-1.0, -2.0], [1.0, 2.0]), velocity=np.array([0.3, -0.2])
+        )
         foot = Rows("foot", np.eye(5)[2:], np.zeros(3), rbd.problem.FrictionCone(0.5))
         P = rbd.GaussProblem(A @ A.T + np.eye(5), rng.normal(size=5) - 3.0 * np.eye(5)[4], [rub, foot])
         s = rbd.ProxQP().solve(P)
@@ -201,8 +203,8 @@ class TestBounds:
         for _ in range(20):
             A, J, bias, top = rng.normal(size=(8, 8)), rng.normal(size=(5, 8)), rng.normal(size=5), rng.uniform(-3.0, 3.0, 5)
             M, rhs, none = A @ A.T + 0.1 * np.eye(8), 30.0 * rng.normal(size=8), np.full(5, np.inf)
-            above = rbd.ProxQP().solve(rbd.GaussProblem(M, rhs, [Rows("rows", J, bias, rbd.problem.Box(-none, top))]))
-            below = rbd.ProxQP().solve(rbd.GaussProblem(M, rhs, [Rows("rows", -J, -bias, rbd.problem.Box(-top, none))]))
+            above = rbd.ProxQP().solve(rbd.GaussProblem(M, rhs, [Rows("rows", J, bias, rbd.problem.Bounds(-none, top))]))
+            below = rbd.ProxQP().solve(rbd.GaussProblem(M, rhs, [Rows("rows", -J, -bias, rbd.problem.Bounds(-top, none))]))
             assert above.status is rbd.problem.Status.SOLVED and above.iterations == below.iterations
             assert np.abs(above.a - below.a).max() < 1e-12 * np.abs(above.a).max()
             assert np.abs(above.multipliers + below.multipliers).max() < 1e-12 * np.abs(above.multipliers).max()
@@ -222,7 +224,7 @@ class TestBounds:
     def test_what_slides_is_refused_by_name(self):
         """No pyramid of forces follows a motion."""
         rows = [
-            Rows("brake", np.eye(3)[:1], np.zeros(1), rbd.problem.Box([-1.0], [1.0]), velocity=np.array([1.0])),
+            Rows("brake", np.eye(3)[:1], np.zeros(1), rbd.problem.Bounds([-1.0], [1.0]), velocity=np.array([1.0])),
             Rows("skid", np.eye(3), np.zeros(3), rbd.problem.FrictionCone(0.5), velocity=np.array([0.2, 0.0, 0.0])),
         ]
         reason = rbd.ProxQP().reason_unsupported(rbd.GaussProblem(np.eye(3), np.ones(3), rows))

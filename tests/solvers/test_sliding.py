@@ -623,7 +623,9 @@ def test_joints_with_dry_friction_beside_a_sliding_point_are_solved_exactly():
         n = 14
         B = rng.normal(size=(n, n))
         M, rhs = B @ B.T + n * np.eye(n), 20.0 * rng.normal(size=n)
-        rub = rbd.Rows("joints", np.eye(n - 2, n), np.zeros(n - 2), rbd.problem.Box(np.full(n - 2, -5.0), np.full(n - 2, 5.0)))
+        rub = rbd.Rows(
+            "joints", np.eye(n - 2, n), np.zeros(n - 2), rbd.problem.Bounds(np.full(n - 2, -5.0), np.full(n - 2, 5.0))
+        )
         rhs[-1] = -30.0
         J = np.zeros((3, n))
         J[0, n - 2] = J[2, n - 1] = 1.0

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from rbd.errors import InputError
-from rbd.solvers.strict_qp import independent_rows, solve_strict
+from rbd.solvers.qp import independent_rows, solve_strict
 
 Array = np.ndarray
 NONE, INF = np.zeros(0), np.inf

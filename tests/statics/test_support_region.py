@@ -353,9 +353,9 @@ def test_what_the_conic_solver_leaves_is_solved_by_rays(talos, monkeypatch):
 
 def test_an_area_that_was_not_reached_is_told(talos, monkeypatch):
     """After the last program the polygons stand, with their true gap, and a warning."""
-    from rbd.statics import planar_image
+    from rbd.statics import planar_projection
 
-    monkeypatch.setattr(planar_image, "POLYGON_PROGRAMS", 20)
+    monkeypatch.setattr(planar_projection, "POLYGON_PROGRAMS", 20)
     with pytest.warns(rbd.errors.InaccurateWarning, match="20 programs") as caught:
         region = support_region(talos.standing(), [*talos.soles(0.7), hand()])
     assert region.area_gap > 1e-4 and caught[0].filename == __file__

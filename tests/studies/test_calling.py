@@ -10,7 +10,7 @@ import pytest
 
 import rbd
 from rbd.errors import InputError
-from rbd.studies.workers.calling import bound, check_call, takes_rng
+from rbd.studies.workers.evaluation import bound, check_call, takes_rng
 
 
 def push(friction: float, push_y: float = 0.0) -> float:

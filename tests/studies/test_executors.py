@@ -25,16 +25,14 @@ import pytest
 import studied
 
 import rbd
-from rbd.studies.kept.variable import Block, joined
-from rbd.studies.sampling.grids import grid
+from rbd.studies.outputs.fields import Block, joined
+from rbd.studies.sampling.draws import grid
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores import Store
 from rbd.studies.workers.evaluation import BATCH, Evaluation
 from rbd.studies.workers.executors import Chunks, Lost
-from rbd.studies.workers.filling import Filled, _of_lost, check_all, fill
-from rbd.studies.workers.own_processes import Workers
-from rbd.studies.workers.progress_bar import Progress, counted
-from rbd.studies.workers.sending import sent_columns
+from rbd.studies.workers.filling import Filled, Progress, _of_lost, check_all, counted, fill
+from rbd.studies.workers.own_processes import Workers, sent_columns
 
 GRID = {"x": np.arange(12.0), "y": np.linspace(0.0, 1.0, 9)}
 

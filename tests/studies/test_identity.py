@@ -18,7 +18,7 @@ from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 import rbd
 from rbd.errors import InputError, StudyWarning
 from rbd.studies import open_study
-from rbd.studies.provenance import provenance
+from rbd.studies.provenance import study_attributes
 from rbd.studies.provenance.identity import function_hash
 
 LOG: list[float] = []
@@ -242,7 +242,7 @@ def test_whether_arithmetic_was_compiled_stands_in_the_store(tmp_path: Path, mon
     with pytest.warns(StudyWarning, match="Ctrl-C"):
         rbd.study(ends_at_two, samples, executor=0, out=out, chunk=1)
     monkeypatch.setenv("RBD_TEST_GOES_ON", "1")
-    monkeypatch.setattr(provenance, "in_use", lambda: False)
+    monkeypatch.setattr(study_attributes, "in_use", lambda: False)
     with pytest.warns(StudyWarning, match="with compiled arithmetic.*with not compiled arithmetic"):
         whole = rbd.study(ends_at_two, samples, executor=0, out=out)
     assert "compiled arithmetic; then" in whole.attrs["versions"]

@@ -15,15 +15,12 @@ import xarray as xr
 
 import rbd
 from rbd.answers.many import StateStatus
-from rbd.answers.many.answers import ManyAnswers
+from rbd.answers.many.many_answers import ManyAnswers
 from rbd.errors import Reason
-from rbd.studies.kept.layout import Layout
-from rbd.studies.kept.limits_of_standing import inscribed_radius
-from rbd.studies.kept.plain import NotKept
-from rbd.studies.kept.registry import kind_of, known_types
-from rbd.studies.kept.rows import KeptRows, text_of
-from rbd.studies.kept.variable import Block, Variable
-from rbd.studies.kept.wanted import Keep, Wanted
+from rbd.studies.outputs.fields import Block, NotKept, Variable, kind_of, known_types
+from rbd.studies.outputs.layout import Layout
+from rbd.studies.outputs.of_motions import inscribed_radius
+from rbd.studies.outputs.output_selection import Keep, KeptRows, OutputSelection, text_of
 
 CENTRE = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 
@@ -283,7 +280,7 @@ class TestKeep:
     def test_nonsense(self, keep: Any, message: str):
         """Known before work starts."""
         with pytest.raises(rbd.InputError, match=message):
-            Wanted(keep)
+            OutputSelection(keep)
 
     def test_unknown_names(self, held: rbd.Actuation):
         """At the first result, with the nearest names."""

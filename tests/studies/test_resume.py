@@ -275,7 +275,7 @@ def test_another_version_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     path = tmp_path / "sums.zarr"
     with pytest.warns(StudyWarning, match="Ctrl-C"):
         rbd.study(Stops(7), rbd.grid(**GRID), executor=0, out=path, chunk=1)
-    monkeypatch.setattr("rbd.studies.provenance.provenance.versions", lambda: "rbd 9.0, python 3.11")
+    monkeypatch.setattr("rbd.studies.provenance.study_attributes.versions", lambda: "rbd 9.0, python 3.11")
     with pytest.warns(StudyWarning, match=r"A part was computed with .*rbd 0\.1.*the rest with .*rbd 9\.0.* last bits"):
         whole = rbd.study(Stops(), rbd.grid(**GRID), executor=0, out=path)
     assert whole.attrs["versions"].endswith("; then rbd 9.0, python 3.11")

@@ -21,8 +21,8 @@ import xarray as xr
 import rbd
 from rbd.errors import InputError, Reason, StudyStopped, StudyWarning
 from rbd.studies import open_study, stores
-from rbd.studies.kept.variable import Block, Variable, own_variables
-from rbd.studies.provenance.provenance import SAME
+from rbd.studies.outputs.fields import Block, Variable, own_variables
+from rbd.studies.provenance.study_attributes import SAME
 from rbd.studies.stores import Parts, Store
 
 FORMATS = ["push.zarr", "push.nc"]

@@ -18,7 +18,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.model import travelling
+from rbd.model import pickling
 from rbd.robots import catalogue
 
 PACKAGE = Path(rbd.__file__).parent
@@ -65,8 +65,8 @@ def folder(tmp_path: Path) -> Path:
 
 def forget() -> None:
     """Arrive as in a process that has unpickled nothing yet."""
-    travelling._arrivals._all.clear()
-    travelling._arrivals._last.clear()
+    pickling._arrivals._all.clear()
+    pickling._arrivals._last.clear()
 
 
 def arrived_anew(one: object) -> object:
@@ -225,7 +225,7 @@ assert all(np.array_equal(one, other) for one, other in zip(found, kept.values()
 assert np.array_equal(solution.a, again.a) and crate is state.robot and not crate.collision_stand_ins
 assert crate.visual_model.ngeoms == 1 and sorted(crate.postures) == ["ajar"] and len(crate.loops()) == 1
 assert rbd.doctor(crate).notes[-1].text.startswith("is no longer there")
-assert crate.urdf.name == "crate.urdf" and rbd.motion.joint_orders.file_order(crate) == ("hinge",)
+assert crate.urdf.name == "crate.urdf" and rbd.motion.file_conventions.file_order(crate) == ("hinge",)
 print(pickle.loads(pickle.dumps(crate)) is crate, len(pickle.dumps(state)))
 """
     done = subprocess.run(
@@ -237,7 +237,7 @@ print(pickle.loads(pickle.dumps(crate)) is crate, len(pickle.dumps(state)))
 
 def test_a_missing_large_mesh_is_told_by_name(folder: Path, monkeypatch: pytest.MonkeyPatch):
     """Meshes above the bound go with a robot whose shapes were used; else their files must be there."""
-    monkeypatch.setattr("rbd.robots.shapes.SMALL_BYTES", 100)
+    monkeypatch.setattr("rbd.robots.body_shapes.SMALL_BYTES", 100)
     crate = rbd.load_robot(folder / "urdf" / "crate.urdf", package_dirs=[folder])
     light = pickle.dumps(crate)
     assert crate.collision_model.ngeoms == 1

@@ -17,10 +17,10 @@ import rbd
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import ExternalForce
-from rbd.simulation.motion import Event
+from rbd.simulation.simulated_motion import Event
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
 from rbd.visual.playback.animation import export_motion, motion_sheet, replay
-from rbd.visual.playback.frames import frames_of
+from rbd.visual.playback.motion_frames import frames_of
 from rbd.visual.robot_meshes import robot_parts
 
 SINGLE = 1e-6

@@ -16,7 +16,7 @@ from PIL import Image
 import rbd
 from rbd.cli.mechanism_report import MechanismReport, report_mechanism
 from rbd.visual import Scene
-from rbd.visual.other_poses import APART, placed_parts, pose_colors, striped
+from rbd.visual.drawn_robot import APART, placed_parts, pose_colors, striped
 from rbd.visual.pages.browser import Browser
 from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.shapes import Mesh, box

@@ -14,7 +14,7 @@ import pytest
 
 from rbd.errors import InputError, PictureError
 from rbd.visual import Browser, screenshot
-from rbd.visual.pages import devtools
+from rbd.visual.pages import browser as devtools
 from rbd.visual.pages.browser import find_browser
 
 pytestmark = pytest.mark.skipif(find_browser() is None, reason="no Chromium on this machine")

@@ -10,8 +10,7 @@ import pytest
 
 import rbd
 from rbd.visual import Scene
-from rbd.visual.marks.contacts import acting_point, shown_forces
-from rbd.visual.marks.support import support_polygon
+from rbd.visual.marks.contacts import acting_point, shown_forces, support_polygon
 
 BOX = Path(__file__).parents[2] / "urdf" / "box.urdf"
 BELOW = pin.SE3(np.eye(3), np.array([0.0, 0.0, -0.1]))

@@ -12,7 +12,7 @@ import pytest
 
 from rbd.errors import InputError
 from rbd.visual import Choice, Slider
-from rbd.visual.live.controls import LARGEST_MESSAGE, checked_controls, read_request
+from rbd.visual.live import LARGEST_MESSAGE, checked_controls, read_request
 
 PUSH = Slider("push", -10.0, 200.0, 50.0, unit="N")
 LAW = Choice("law", ("coulomb", "convex"))

@@ -20,10 +20,9 @@ from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import InputError
 from rbd.visual import export_motion
 from rbd.visual.pages.browser import Browser, BrowserPage
-from rbd.visual.playback.contact_planes import carries_weight, edge_distances, normals_of
-from rbd.visual.playback.curves import MOST_POINTS, Chart, kept_samples, top_of
-from rbd.visual.playback.frames import frames_of
-from rbd.visual.playback.trajectory_charts import CHARTS, charts_of
+from rbd.visual.playback.curves import MOST_POINTS, CurveChart, kept_samples, top_of
+from rbd.visual.playback.motion_frames import frames_of
+from rbd.visual.playback.trajectory_charts import CHARTS, carries_weight, charts_of, edge_distances, normals_of
 
 SLOPE = 0.2
 """Angle of the slope about y [rad]."""
@@ -71,7 +70,7 @@ def numbers(packed: str) -> Array:
     return np.frombuffer(base64.b64decode(packed), "<f4")
 
 
-def named(charts: list[Chart], name: str) -> dict[str, Array]:
+def named(charts: list[CurveChart], name: str) -> dict[str, Array]:
     """{curve: its values} of a chart whose curves have different names."""
     return {line.name: line.values for chart in charts if chart.name == name for line in chart.lines}
 

@@ -7,7 +7,7 @@ import pytest
 
 import rbd
 from rbd.visual import Scene, export_motion
-from rbd.visual.marks.footprints import footprints_of
+from rbd.visual.marks.regions import footprints_of
 
 SIDE = 0.2
 

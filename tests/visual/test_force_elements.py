@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 import rbd
-from rbd.visual.layers import LAYERS
-from rbd.visual.marks.force_elements import PULLS, PUSHES, RELAXED, coil, color_of, shown_elements, spiral, turns_of, wound
-from rbd.visual.playback.frames import frames_of
+from rbd.visual.marks.applied_forces import PULLS, PUSHES, RELAXED, coil, color_of, shown_elements, spiral, turns_of, wound
+from rbd.visual.pages.link import LAYERS
+from rbd.visual.playback.motion_frames import frames_of
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.scene import Scene

@@ -10,8 +10,7 @@ import pytest
 from rbd.problem.answer import ContactForce
 from rbd.problem.rows import Patch
 from rbd.visual import shapes
-from rbd.visual.marks.contacts import acting_point, shown_forces
-from rbd.visual.marks.support import support_polygon
+from rbd.visual.marks.contacts import acting_point, shown_forces, support_polygon
 
 
 def flat(name, centre, *, half=(0.1, 0.05), force=(0.0, 0.0, 100.0), normal=(0.0, 0.0, 1.0)):

@@ -16,8 +16,7 @@ import pytest
 import rbd
 from rbd.cli.live_standing import BRACED, UNPUSHED, Standing, push_of, pushed_links
 from rbd.errors import InputError
-from rbd.visual import Choice, Explorer, Scene, Slider, Verdict, explore
-from rbd.visual.live import explorer as explorers
+from rbd.visual import Choice, Explorer, Scene, Slider, Verdict, explore, live as explorers
 from rbd.visual.pages.browser import Browser, BrowserPage
 
 PUSH = Slider("push", 0.0, 200.0, 50.0, unit="N")

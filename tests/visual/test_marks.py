@@ -10,15 +10,13 @@ import pytest
 
 import rbd
 from rbd.visual import Scene
-from rbd.visual.layers import LAYERS
-from rbd.visual.marks.arrows import SMALLEST_ARC, share_color
-from rbd.visual.marks.contacts import shown_forces
-from rbd.visual.marks.joints import BAR, motor_torques
-from rbd.visual.marks.mark import FULL_TURN, Sizes
+from rbd.visual.marks.contacts import not_supporting, shown_forces
+from rbd.visual.marks.mark import FULL_TURN, SMALLEST_ARC, Sizes, share_color
+from rbd.visual.marks.other_constraints import BAR, motor_torques
 from rbd.visual.marks.picture import Picture
-from rbd.visual.marks.support import not_supporting
 from rbd.visual.marks.surfaces import surface_marks
-from rbd.visual.playback.frames import frames_of
+from rbd.visual.pages.link import LAYERS
+from rbd.visual.playback.motion_frames import frames_of
 from rbd.visual.shapes import axes_along
 
 PUSH = rbd.ExternalForce("torso_2_link", [0.0, 60.0, 0.0], moment=[0.0, 0.0, 12.0])

@@ -10,7 +10,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.simulation.motion import Event
+from rbd.simulation.simulated_motion import Event
 from rbd.visual import Scene, export_motion
 from rbd.visual.pages.browser import Browser
 

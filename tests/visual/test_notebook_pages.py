@@ -16,8 +16,8 @@ from PIL import Image
 import rbd
 from rbd.errors import PictureError
 from rbd.visual import Scene, notebook_page
-from rbd.visual.notebook import frames
-from rbd.visual.notebook.frames import HEIGHT, NO_PICTURE, NotebookPage, frame_html
+from rbd.visual.notebook import page_frames
+from rbd.visual.notebook.page_frames import HEIGHT, NO_PICTURE, NotebookPage, frame_html
 from rbd.visual.pages.browser import Browser, BrowserPage
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -112,7 +112,7 @@ def test_a_scene_at_the_end_of_a_cell_is_drawn_with_its_forces(browser: Browser,
         assert f"1 contact pushes it up by {9.81 * box.mass:.2f} N" in html
         [taken] = re.findall(r'src="data:image/png;base64,([^"]*)"', html)
         picture = Image.open(io.BytesIO(base64.b64decode(taken)))
-        assert picture.size == (frames.WIDTH, HEIGHT) and len(np.unique(np.asarray(picture.convert("L")))) > 50
+        assert picture.size == (page_frames.WIDTH, HEIGHT) and len(np.unique(np.asarray(picture.convert("L")))) > 50
         begin = time.thread_time()
         assert scene._repr_html_() == html
         assert time.thread_time() - begin < 1.0
@@ -135,7 +135,7 @@ def test_a_motion_and_a_report_are_put_inline() -> None:
 
 def test_without_a_browser_there_is_the_page_and_a_sentence(monkeypatch: pytest.MonkeyPatch) -> None:
     """The picture is left out, and the output says so; a picture alone is refused."""
-    monkeypatch.setattr(frames, "find_browser", lambda: None)
+    monkeypatch.setattr(page_frames, "find_browser", lambda: None)
     with four_bar_scene() as scene:
         html = scene._repr_html_()
         assert NO_PICTURE in html and "<iframe" in html and "<img" not in html

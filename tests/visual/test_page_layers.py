@@ -17,9 +17,8 @@ from PIL import Image
 
 import rbd
 from rbd.visual import Scene, screenshot
-from rbd.visual.layers import LAYERS, VIEWS
 from rbd.visual.pages.browser import Browser, BrowserPage
-from rbd.visual.pages.link import page_link
+from rbd.visual.pages.link import LAYERS, VIEWS, page_link
 from rbd.visual.robot_layers import CLOSE_M, collision_parts, front_of
 
 PUSH_N = np.array([0.0, 60.0, 0.0])

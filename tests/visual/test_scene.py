@@ -24,7 +24,7 @@ from rbd.problem.rows import Patch
 from rbd.robots.loading import load_robot
 from rbd.statics.equilibrium import hold
 from rbd.visual import Scene, contact_colors, screenshot
-from rbd.visual.pages.recorder import Recorder
+from rbd.visual.pages.server import Recorder
 from rbd.visual.robot_meshes import robot_parts, skeleton
 
 MM = 1e-3
@@ -255,7 +255,7 @@ def test_without_a_browser_there_is_no_picture(monkeypatch, tmp_path):
     browser.write_text("no program")
     with pytest.raises(PictureError, match="the browser .* cannot be started: "):
         screenshot(page, tmp_path / "x.png")
-    monkeypatch.setattr("rbd.visual.pages.devtools.TIMEOUT_SECONDS", 0.05)
+    monkeypatch.setattr("rbd.visual.pages.browser.TIMEOUT_SECONDS", 0.05)
     browser.write_text("#!/bin/sh\nread nothing < fifo\n")
     os.mkfifo(tmp_path / "fifo")
     monkeypatch.chdir(tmp_path)

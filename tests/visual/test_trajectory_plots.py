@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import rbd
-from rbd.simulation.motion import ConstraintForce, Event, Motion, Sample
+from rbd.simulation.simulated_motion import ConstraintForce, Event, Sample, SimulatedMotion
 from rbd.simulation.trajectory import Trajectory
 from rbd.testing import box
 from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint
@@ -44,7 +44,7 @@ def sliding() -> Trajectory:
         both = {name: ConstraintForce(force, mode, points, np.tile(force, (len(points), 1))) for name in ("left", "right")}
         return both | {"gear": ConstraintForce(np.array([1.0, 2.0, 3.0]) * k, "holds")}
 
-    motion = Motion(robot, (Named("left"), Named("gear"), Named("right")))
+    motion = SimulatedMotion(robot, (Named("left"), Named("gear"), Named("right")))
     moments = [Sample.of(0.01 * k, state, np.zeros(6), np.zeros(0), lambda k=k: touches(k)) for k in range(N)]
     events = [Event(0.4, "left", "slips"), Event(0.6, "left", "leaves"), Event(0.6, "right", "leaves")]
     return Trajectory.of(motion, moments, events)
@@ -144,7 +144,7 @@ def swing(talos: rbd.Robot) -> Trajectory:
         q, v, tau = q0.copy(), np.zeros(talos.nv), np.zeros(talos.nu)
         q[at.idx_q], v[at.idx_v], tau[motor] = 0.9 + 0.02 * k, 0.2, -20.0 * k
         moments.append(Sample.of(0.1 * k, rbd.State(talos, q, v), np.zeros(talos.nv), tau, dict))
-    return Trajectory.of(Motion(talos, ()), moments)
+    return Trajectory.of(SimulatedMotion(talos, ()), moments)
 
 
 def test_a_joint_with_its_limits(swing: Trajectory):
@@ -181,7 +181,7 @@ def test_a_continuous_joint_goes_on_beyond_a_turn():
         q = robot.neutral()
         q[at : at + 2] = math.cos(0.1 * math.pi * k), math.sin(0.1 * math.pi * k)
         moments.append(Sample.of(0.1 * k, robot.at(q), np.zeros(robot.nv), np.zeros(robot.nu), dict))
-    line = plot_joint(axes(), Trajectory.of(Motion(robot, ()), moments), wheel)[0]
+    line = plot_joint(axes(), Trajectory.of(SimulatedMotion(robot, ()), moments), wheel)[0]
     assert line.get_ydata()[-1] == pytest.approx(4.0 * math.pi)
 
 

@@ -1,26 +1,39 @@
-"""Derivatives of an answer by the implicit function theorem, for fixed contact modes.
+"""Derivatives of an answer by the implicit function theorem, for fixed contact modes, or with every row held.
 
-With the modes of `rbd.answers.analysis.modes` fixed, an answer satisfies equations, and a change of their terms changes it by
+With the modes of `rbd.answers.analysis.contact_modes` fixed, an answer satisfies equations, and a change of their terms changes
+it by
 
     M+ da - J^T Phi ds = r + J^T f',        Psi^T (J da + c') = 0,        df = Phi ds + f'
 
 r is the change of the forces and inertia forces without the multipliers', c' that of the rows' accelerations at fixed a.
 f' is the rotation of sliding points' friction; M+ is M with, for each point that starts to slip, N mu/|y_t| (1 - e e^T) between
 its tangential rows, as its friction turns with its acceleration.
+
+    M da - J^T df = r,        J da = -c
+
+r is the change of the forces and inertia forces without the multipliers', c that of the rows' accelerations at fixed a. With
+L L^T = M, X = L^-1 J^T = Q R and Q orthonormal, N = L^-1 - Q Q^T L^-1 and B = L^-T X (X^T X)^-1,
+
+    da = N^T N r - B c,        df = -B^T r - (X^T X)^-1 c
+
+It covers rows of full rank alone: the rest, and all other modes, is `rbd.answers.analysis.active_set`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from scipy.linalg import blas, lapack
 
-from rbd.answers.analysis.modes import RESOLUTION, Modes, Need, modes_of
-from rbd.arrays import RANK, Array, block_diagonal
+from rbd.answers.analysis.contact_modes import RESOLUTION, Modes, Need, modes_of
+from rbd.arrays import RANK, Array, block_diagonal, identity, max_abs
 from rbd.errors import NotDifferentiable
 from rbd.problem.answer import Answer
+from rbd.problem.cones import Cone
+from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.programs import linear_program
 from rbd.problem.rows import Rows
 
@@ -48,7 +61,7 @@ class ActiveSet:
         answer: A solved answer.
 
     Attributes:
-        words: {constraint: mode of each of its parts}, as in `rbd.answers.analysis.modes`.
+        words: {constraint: mode of each of its parts}, as in `rbd.answers.analysis.contact_modes`.
         internal: Internal forces: row forces that cause no motion, as columns, shape (m, d).
 
     Raises:
@@ -296,7 +309,7 @@ def _room(needs: list[Need], s: Array) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Plane:
+class _ContactPlane:
     """row . s + level: the slack of an inequality over its unit; for a cone, an upper bound that is exact at one s."""
 
     row: Array
@@ -304,7 +317,7 @@ class _Plane:
     need: Need
 
 
-def _plane(need: Need, s: Array) -> _Plane:
+def _plane(need: Need, s: Array) -> _ContactPlane:
     row, at = np.zeros(len(s)), need.active
     if need.cone:
         t = float(np.hypot(s[at], s[at + 1]))
@@ -312,7 +325,7 @@ def _plane(need: Need, s: Array) -> _Plane:
         row[at + 2] = need.sign
     else:
         row[at] = need.sign
-    return _Plane(row / need.unit, need.level / need.unit, need)
+    return _ContactPlane(row / need.unit, need.level / need.unit, need)
 
 
 def _refuse(answer: Answer, modes: Modes, need: Need) -> None:
@@ -324,3 +337,91 @@ def _refuse(answer: Answer, modes: Modes, need: Need) -> None:
         "edge of its set. On one side of this answer the mode stays, on the other it slips, breaks or yields, with different "
         "derivatives. Move q, tau or the push a little, or take one-sided differences of rbd.solve."
     )
+
+
+INDEPENDENT = 1e-6
+"""Least pivot of X^T X over its diagonal: singular values of X above 1e-3, far from those that count as zero."""
+ROOM = 1e-3
+"""Corner forces this far inside their cones, over the largest row force, are no change of mode; nearer ones go another way."""
+
+
+class HeldRows:
+    """The equations of such an answer, factorised once.
+
+    Attributes:
+        words: {constraint: "holds" of each row or "sticks" of each corner}.
+        internal: Row forces that cause no motion: none, shape (m, 0).
+    """
+
+    def __init__(self, problem: GaussProblem, words: dict[str, tuple[str, ...]], factor: Array) -> None:
+        P = problem
+        self.words, self.internal, self._R = words, np.zeros((P.m, 0)), factor
+        E = blas.dtrsm(1.0, P.factor, identity(P.nv), lower=1)
+        if not P.m:
+            self._free, self._B = E.T @ E, np.zeros((P.nv, 0))
+            return
+        Q = blas.dtrsm(1.0, factor, P.whitened, side=1)
+        N = E - Q @ (Q.T @ E)
+        self._free = N.T @ N
+        self._B = E.T @ blas.dtrsm(1.0, factor, Q, side=1, trans_a=1)
+
+    @classmethod
+    def of(cls, answer: Answer) -> HeldRows | None:
+        """The equations, or None where they are not surely those of the answer."""
+        P = answer.problem
+        words = {}
+        c = None
+        load = max(1.0, max_abs(answer.multipliers))
+        for r in P.rows:
+            if answer.weights is None or r.cone.bilateral or not len(r):
+                words[r.name] = ("holds",) * len(r)
+                continue
+            span, points = P.slices[r.name], _sticking_weights(r.cone, answer.multipliers[P.slices[r.name]])
+            c = P.J @ answer.a + P.offset if c is None else c
+            if points is None or r.speed > 0.1 * P.rest_speed or max_abs(c[span]) > 0.1 * RESOLUTION:
+                return None
+            w, mu = points
+            room = (mu * w[:, 2] - np.hypot(w[:, 0], w[:, 1])).min()
+            if not room > ROOM * mu * load:
+                return None
+            words[r.name] = ("sticks",) * len(w)
+        factor, info = lapack.dpotrf(P.delassus, lower=0, clean=1) if P.m else (np.zeros((0, 0)), 0)
+        if info or (factor.diagonal() ** 2 < INDEPENDENT * P.delassus.diagonal()).any():
+            return None
+        return cls(P, words, factor)
+
+    def derivative(self, r: Array, c: Array, u: Array) -> tuple[Array, Array]:
+        """(da, df): change of the acceleration and of the row forces, shapes (nv, n) and (m, n).
+
+        Args:
+            r: Change of forces less inertia forces at fixed a and f, shape (nv, n) [N, N m].
+            c: Change of the rows' accelerations at fixed a, shape (m, n).
+            u: Change of the rows' velocities, shape (m, n); it has no effect.
+        """
+        if not len(c):
+            return self._free @ r, c
+        return self._free @ r - self._B @ c, -(self._B.T @ r) - lapack.dpotrs(self._R, c)[0]
+
+    def by_force(self) -> tuple[Array, Array]:
+        """(da, df) by a generalised force, shapes (nv, nv) and (m, nv)."""
+        return self._free.copy(), -self._B.T
+
+    def by_friction(self, names: Sequence[str]) -> tuple[Array, Array]:
+        """(da, df) by friction coefficients: zero, as nothing slips, shapes (nv, n) and (m, n)."""
+        return np.zeros((len(self._free), len(names))), np.zeros((len(self.internal), len(names)))
+
+    def response(self, r: Array) -> Array:
+        """Acceleration by a generalised force r under the rows, shape (nv, n)."""
+        return self._free @ r
+
+
+def _sticking_weights(cone: Cone, f: Array) -> tuple[Array, float] | None:
+    """(weights of minimum norm of row forces f, shape (k, 3), their coefficient); None of sets that are not all friction."""
+    inverse, mu = _split(cone)
+    return ((inverse @ f).reshape(-1, 3), mu) if mu else None
+
+
+@lru_cache(maxsize=256)
+def _split(cone: Cone) -> tuple[Array, float]:
+    G, parts = cone.generators()
+    return np.linalg.pinv(G), parts[0].mu if len({part.mu for part in parts}) == 1 else 0.0

@@ -8,7 +8,7 @@ its acceleration y (of a column of `rbd.problem.force_set`):
     slips (y on the boundary of K*)     the edge of the cone perpendicular to y
     an interval                         its bound: low where y > 0, high where y < 0
 
-Up to `STILL`, over the terms of its row or point (`rbd.problem.scales`), y counts as zero; and a weight is at its bound
+Up to `STILL`, over the terms of its row or point (`rbd.problem.residuals`), y counts as zero; and a weight is at its bound
 only where its acceleration, so scaled, is larger than its distance from the bound, over the scale of that point's forces.
 The set is {x : x = start + null z, D x >= d, cones}: x holds the corner forces of contacts and the row forces of all
 other constraints. A bilateral contact too is given by corner forces, without bounds.
@@ -23,13 +23,12 @@ import numpy as np
 
 from rbd.arrays import Array, block_diagonal, lazy, null_space, rank_of
 from rbd.problem.answer import corner_map
-from rbd.problem.cone_programs import Separable
 from rbd.problem.cones import project_cones
+from rbd.problem.conic import Separable
 from rbd.problem.force_set import Element, at_rest
-from rbd.problem.problem import GaussProblem, Law
-from rbd.problem.residuals import SOLVED
+from rbd.problem.gauss_problem import GaussProblem, Law
+from rbd.problem.residuals import SOLVED, Scales
 from rbd.problem.rows import Rows
-from rbd.problem.scales import Scales
 
 STILL = SOLVED
 """Accelerations below this, over the terms of their row or point, count as zero: the tolerance of `solved`."""

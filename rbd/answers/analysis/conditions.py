@@ -28,7 +28,7 @@ from rbd.arrays import RANK, Array, as_array, block_diagonal, max_abs, null_spac
 from rbd.errors import InputError, nearest
 from rbd.problem.cones import project_cones
 from rbd.problem.force_set import Element, ForceSet
-from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.programs import QP_WORK, VIOLATION_CUTS, Work, least_distance
 from rbd.problem.residuals import ENOUGH
 from rbd.problem.rows import Rows
@@ -40,7 +40,7 @@ _EXACT = 1e-12  # scaled residuals up to this are not improved further
 
 
 @dataclass(frozen=True)
-class Member:
+class ConditionMember:
     """The smallest part of a constraint: a scalar row, or a point with friction.
 
     Attributes:
@@ -53,7 +53,7 @@ class Member:
 
 
 @dataclass(frozen=True, eq=False)
-class Round:
+class RoundCondition:
     """A point under a circular friction cone: y = A a + b (tangent, tangent, normal) must obey |y_t| <= y_n / mu.
 
     Attributes:
@@ -98,8 +98,8 @@ class Conditions:
     holds: Array
     push: Array
     member: Array
-    rounds: tuple[Round, ...]
-    members: tuple[Member, ...]
+    rounds: tuple[RoundCondition, ...]
+    members: tuple[ConditionMember, ...]
     span: tuple[Array, ...]
 
     def only(self, kept: frozenset[int]) -> Conditions:
@@ -118,7 +118,7 @@ class Conditions:
             member=self.member[at],
         )  # fmt: skip
 
-    def with_rays(self, rays: list[tuple[Round, Array]]) -> Conditions:
+    def with_rays(self, rays: list[tuple[RoundCondition, Array]]) -> Conditions:
         """With one more condition r . y >= 0 for each ray r of a round's cone, a unit vector, shape (3,)."""
         if not rays:
             return self
@@ -157,10 +157,10 @@ def conditions_of(problem: GaussProblem, law: Law) -> Conditions:
     member: list[int] = []
     for number, e in enumerate(T.elements):
         r = P.rows[e.rows]
-        members.append(Member(r.name, _words(r, e, generators[P.slices[r.name], e.source])))
+        members.append(ConditionMember(r.name, _words(r, e, generators[P.slices[r.name], e.source])))
         if e.is_cone and law.kind != "coulomb":
             H = T.H[:, e.columns]
-            rounds.append(Round(number, H, H.T @ P.J, H.T @ P.offset + T.offset[e.columns], e.mu))
+            rounds.append(RoundCondition(number, H, H.T @ P.J, H.T @ P.offset + T.offset[e.columns], e.mu))
             span.append(rounds[-1].A)
             continue
         H, offset, push, bounded_below, bounded_above = _asked(T, e)
@@ -229,7 +229,7 @@ def smallest_violation(P: GaussProblem, law: Law, weights: Array | None = None) 
         found = _LeastSquares(asked, W).solved(work)
         stuck = 0 if best is None or found.miss < 0.5 * best.miss else stuck + 1
         best = found if best is None or found.miss < best.miss else best
-        worse: list[tuple[Round, Array]] = []
+        worse: list[tuple[RoundCondition, Array]] = []
         for c in asked.rounds:
             sunk = c.sunk(found.a, found.s @ c.force)
             if (length := float(np.linalg.norm(sunk))) > _EXACT * found.rate:

@@ -1,7 +1,7 @@
 """Ranges of linear functions over the set of admissible forces.
 
 First by proximal steps, y_next = argmin |y - y_now|^2 / (2 t) - function, each a small dual problem of
-`rbd.problem.cone_programs` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the maximum. Where they do
+`rbd.problem.conic` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the maximum. Where they do
 not converge (sets without an interior, unbounded functions), by linear programs, and where cones are circular by a
 barrier method. Extreme values are attained.
 
@@ -18,8 +18,8 @@ from scipy.sparse import csr_array, hstack, identity
 
 from rbd.answers.analysis.admissible_forces import Admissible
 from rbd.arrays import Array, lazy, max_abs, null_space
-from rbd.problem.cone_programs import ConeSet, Separable, interior, least, least_squares
 from rbd.problem.cones import pyramid
+from rbd.problem.conic import ConeSet, Separable, interior, least, least_squares
 from rbd.problem.programs import LinearAnswer, Work, linear_program
 
 EXACT = 1e-10

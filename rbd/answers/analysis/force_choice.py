@@ -4,7 +4,7 @@
 
 with T the identity or the user's weights. The minimiser is unique in s, as the norm is strictly convex there. Over bounds and
 facets it is a least-distance program, exact by nonnegative least squares [LawsonHanson1974], chapter 23; over circular cones
-Newton's method on its dual (`rbd.problem.cone_programs`), exact too; where that does not converge (sets without an interior
+Newton's method on its dual (`rbd.problem.conic`), exact too; where that does not converge (sets without an interior
 or weights that mix the corners), a barrier method, then Newton's method on the modes found (inside, on the edge, at the apex).
 """
 
@@ -20,8 +20,8 @@ from rbd.answers.analysis.admissible_forces import Admissible, admissible
 from rbd.answers.analysis.extent import Reach
 from rbd.arrays import Array, as_array, block_diagonal, is_finite
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
-from rbd.problem.cone_programs import ConeSet, least, least_squares
-from rbd.problem.problem import GaussProblem, Law
+from rbd.problem.conic import ConeSet, least, least_squares
+from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.programs import FORCE_CHOICE_WORK, Work, least_distance
 
 MINIMUM_NORM = "minimum norm of the corner forces [N]"

@@ -23,7 +23,7 @@ from rbd.answers.analysis.conditions import Conditions, conditions_of
 from rbd.arrays import RANK, Array, largest_first, max_abs, null_space, range_of
 from rbd.displayed import Displayed
 from rbd.problem.force_set import at_rest
-from rbd.problem.problem import CONVEX, GaussProblem, Law, checked
+from rbd.problem.gauss_problem import CONVEX, GaussProblem, Law, checked
 from rbd.problem.programs import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS, linear_program
 
 CONTRADICTS = 1e-8
@@ -134,7 +134,7 @@ def contradiction(problem: GaussProblem, law: Law | str = CONVEX) -> Contradicti
         'up' and 'down' contradict each other; every motion misses some of these rows by 1 m/s2 (rad/s2) or more
     """
     law = Law.of(law)
-    search = _Search(conditions_of(checked(problem), law))
+    search = _ConflictSearch(conditions_of(checked(problem), law))
     found = search.farkas(frozenset(range(len(search.asked.members))))
     if found is None:
         return None
@@ -197,7 +197,7 @@ class _Farkas:
         return frozenset(self.push)
 
 
-class _Search:
+class _ConflictSearch:
     """Certificates of subsets of the members; rays of circular cones are added as needed, for all subsets."""
 
     def __init__(self, asked: Conditions) -> None:

@@ -107,7 +107,7 @@ class ParameterDerivatives(Displayed):
         return f"ParameterDerivatives({self})"
 
 
-class Equations(Protocol):
+class AnswerEquations(Protocol):
     """Protocol: the equations of an answer, `HeldRows` or `ActiveSet`."""
 
     def derivative(self, r: Array, c: Array, u: Array) -> tuple[Array, Array]:
@@ -121,7 +121,7 @@ class Equations(Protocol):
         """Row forces that cause no motion, shape (m, d)."""
 
 
-class Origin(Protocol):
+class ParameterOrigin(Protocol):
     """Protocol: what a problem was assembled from."""
 
     @property
@@ -150,7 +150,7 @@ def checked_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
 
 
 def by_parameter(
-    name: str, origin: Origin, answer: Answer, equations: Equations, not_unique: Sequence[str]
+    name: str, origin: ParameterOrigin, answer: Answer, equations: AnswerEquations, not_unique: Sequence[str]
 ) -> ParameterDerivatives:
     """Derivatives of an answer by one kind of parameter.
 
@@ -181,7 +181,7 @@ def by_parameter(
     return ParameterDerivatives(name, labels, da, None if equations.internal.size else df, forces)
 
 
-def _added_forces(name: str, origin: Origin, answer: Answer) -> dict[str, Array]:
+def _added_forces(name: str, origin: ParameterOrigin, answer: Answer) -> dict[str, Array]:
     """{label: generalised force that a unit of the parameter adds at fixed a and f, shape (nv,)}."""
     state, a = origin.state, answer.a
     robot = state.robot

@@ -1,10 +1,10 @@
 """Derivatives of an answer with respect to configuration, velocity, torques and external forces.
 
-The equations of the answer are differentiated with the contact modes fixed (`rbd.answers.analysis.held_rows` where nothing
+The equations of the answer are differentiated with the contact modes fixed (`rbd.answers.analysis.active_set` where nothing
 slips
 or opens, else `rbd.answers.analysis.active_set`). The dynamics' part, d(M a + h), and that of external forces, of points and
 of patches on ground at rest, d(J^T f) and d(J a + J_dot v), are Pinocchio's analytical derivatives
-(`rbd.model.pose_derivatives`); that of any other constraint is taken by differences of its rows on the manifold.
+(`rbd.model.derivatives`); that of any other constraint is taken by differences of its rows on the manifold.
 """
 
 from __future__ import annotations
@@ -15,20 +15,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pinocchio as pin
 
-from rbd.answers.analysis.active_set import CONSISTENT, ActiveSet
-from rbd.answers.analysis.along_constraints import projections
-from rbd.answers.analysis.external_derivatives import STEP, derivatives_of, slope
-from rbd.answers.analysis.held_rows import HeldRows
+from rbd.answers.analysis.active_set import CONSISTENT, ActiveSet, HeldRows
 from rbd.answers.analysis.parameters import ParameterDerivatives, by_parameter, checked_parameters
-from rbd.answers.analysis.term_changes import Change
+from rbd.answers.analysis.state_changes import STEP, Change, derivatives_of, projections, slope
 from rbd.arrays import RANK, Array
 from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
-from rbd.constraints.loop_stack import rows_function
+from rbd.constraints.loop import rows_function
 from rbd.displayed import Displayed
 from rbd.errors import NotDifferentiable, Unsupported
+from rbd.model.derivatives import FixedPose, state_derivatives
 from rbd.model.dynamics import HasRows
 from rbd.model.external import External, ExternalForce
-from rbd.model.pose_derivatives import FixedPose, state_derivatives
 from rbd.model.state import State
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Cone

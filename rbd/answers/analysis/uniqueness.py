@@ -16,12 +16,12 @@ import numpy as np
 from scipy.linalg import blas
 
 from rbd.answers.analysis.admissible_forces import Admissible
+from rbd.answers.analysis.contact_modes import modes_of
 from rbd.answers.analysis.extent import End, Reach
-from rbd.answers.analysis.modes import modes_of
 from rbd.arrays import Array, rank_of
 from rbd.displayed import Displayed
 from rbd.problem.answer import CARRIES_NOTHING_N, Answer
-from rbd.problem.problem import Law
+from rbd.problem.gauss_problem import Law
 from rbd.problem.programs import ENDS_WORK, Work
 from rbd.problem.residuals import SOLVED, residuals_of
 from rbd.problem.rows import Patch
@@ -368,8 +368,8 @@ def motion_freedom(answer: Answer) -> int:
     does not determine the loads, each distribution changes the friction, and a family of motions satisfies the law.
 
     With the forces that can change, J^T Phi, and the accelerations that must stay zero, Psi^T J, it is the rank of the first
-    less that of the second (see `rbd.answers.analysis.modes`), in the metric of inertia. Motions with other modes are not
-    searched.
+    less that of the second (see `rbd.answers.analysis.contact_modes`), in the metric of inertia. Motions with other modes are
+    not searched.
     """
     if answer.law.kind != "coulomb":
         return 0

@@ -1,8 +1,7 @@
 """Many states of one robot at once: answers as arrays over states, each with its residuals."""
 
-from rbd.answers.many.solutions import Solutions
-from rbd.answers.many.solving import solve_many
-from rbd.answers.many.status import StateStatus
+from rbd.answers.many.naming import StateStatus
+from rbd.answers.many.solving import Solutions, solve_many
 from rbd.modules import submodule as _submodule
 
 __all__ = ["Solutions", "StateStatus", "solve_many"]

@@ -8,17 +8,16 @@ from functools import partial
 import numpy as np
 
 from rbd.answers.least_constraint import posed
-from rbd.answers.many.answers import Sheet
+from rbd.answers.many.many_answers import DISTANT, MOVES, Sheet
+from rbd.answers.many.naming import StateStatus
 from rbd.answers.many.states import ManyStates
-from rbd.answers.many.status import StateStatus
-from rbd.answers.many.warned import DISTANT, MOVES
-from rbd.answers.prepared.contact_dynamics import DOUBTFUL, Found
-from rbd.answers.prepared.many import BLOCK, METHODS, BlockAnswer, prepared_blocks
+from rbd.answers.prepared.contact_dynamics import DOUBTFUL, FoundForces
+from rbd.answers.prepared.many_states import BLOCK, METHODS, BlockAnswer, prepared_blocks
 from rbd.answers.solution import Solution
 from rbd.arrays import Array
 from rbd.constraints.constraint import member
 from rbd.errors import Reason
-from rbd.problem.problem import BILATERAL, COULOMB, GaussProblem, Law
+from rbd.problem.gauss_problem import BILATERAL, COULOMB, GaussProblem, Law
 from rbd.problem.residuals import SOLVED
 
 
@@ -139,7 +138,7 @@ def of_row(
         weights.append(rows[-1] if r.patch.friction is None else (corners[r.name] @ r.patch.axes).ravel())
     w = None if problem.bilateral else np.concatenate(weights)
     return Solution.prepared(
-        partial(_same, problem), Found(a, np.concatenate(rows), w, method), BILATERAL if w is None else law, 0.0
+        partial(_same, problem), FoundForces(a, np.concatenate(rows), w, method), BILATERAL if w is None else law, 0.0
     )
 
 

@@ -16,14 +16,13 @@ import numpy as np
 from scipy.linalg import blas
 
 from rbd.answers.prepared.contact_bodies import ContactBodies
-from rbd.answers.prepared.kept import kept_bodies, kept_form
+from rbd.answers.prepared.sites import kept_bodies, kept_form
 from rbd.arrays import Array, max_abs
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.force_set import ForceSet, at_rest
-from rbd.solvers.contact_newton import ContactNewton
+from rbd.solvers.contact_newton import ContactNewton, law_residual
 from rbd.solvers.newton import FOUND
-from rbd.solvers.point_law import law_residual
 
 DOUBTFUL = 1e-6
 """Upper bounds of the scaled residuals above this are not looked into: the general way is taken."""
@@ -31,7 +30,7 @@ _FEW = 16
 """Points up to which one matrix tells which are inside their cones."""
 
 
-class Found(NamedTuple):
+class FoundForces(NamedTuple):
     """Acceleration and forces under a law.
 
     Attributes:
@@ -129,7 +128,7 @@ class ContactDynamics:
 
     def answer(
         self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, within: float
-    ) -> Found | None:
+    ) -> FoundForces | None:
         """Acceleration and forces under a contact law, certified; None where the general way has to be taken.
 
         Args:
@@ -160,11 +159,11 @@ class ContactDynamics:
             worst = max(worst, 10.0 * max_abs(bodies.row_accelerations(at_rest=still, turned=False)))
             if not worst <= DOUBTFUL:
                 return None
-            return Found(a, self._in_contact_axes(forces), w, "closed form", 0, worst, moving)
+            return FoundForces(a, self._in_contact_axes(forces), w, "closed form", 0, worst, moving)
 
     def _slipping(
         self, q: Array, v: Array, generalised: Array, a: Array, held: Array, start: Array, *, coulomb: bool, still: bool
-    ) -> Found | None:
+    ) -> FoundForces | None:
         """The law where the forces that hold all bodies are not in their cones; searched from weights `start`."""
         if self._newton is None:
             return None
@@ -181,7 +180,7 @@ class ContactDynamics:
         worst = max(worst, law_residual(self._pull, c, w, self.force_set.mu, coulomb=coulomb))
         if not worst <= DOUBTFUL:
             return None
-        return Found(a, self._in_contact_axes(forces), w, "cones: Newton", found.steps, worst)
+        return FoundForces(a, self._in_contact_axes(forces), w, "cones: Newton", found.steps, worst)
 
 
 def in_cones(w: Array, at: Array, mu: Array) -> bool:

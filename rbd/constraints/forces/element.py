@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.forces.coordinates import Coordinates
-from rbd.constraints.forces.places import Pair, Place
-from rbd.constraints.forces.plain_data import ByValue
+from rbd.constraints.forces.coordinates import Coordinates, Pair, Place
+from rbd.constraints.forces.element_numbers import ByValue
 from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel

@@ -18,9 +18,8 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSteadyState, RbdError, RbdWarning
 from rbd.mechanism.small_motion.linearisation import linearise
 from rbd.mechanism.small_motion.linearised import Linearised
-from rbd.mechanism.small_motion.spin import ad_matrix
-from rbd.mechanism.small_motion.steady_search import Condition, Found, Search, held_together
-from rbd.mechanism.small_motion.tangent_space import manifold_of
+from rbd.mechanism.small_motion.steady_search import Condition, FoundState, Search, held_together
+from rbd.mechanism.small_motion.tangent_space import ad_matrix, manifold_of
 from rbd.model.external import External
 from rbd.model.state import State, checked, with_values
 from rbd.statics.equilibrium import hold
@@ -242,7 +241,7 @@ def _started(
     return State(robot, q, v), kept, still
 
 
-def _check(found: Found, what: str) -> None:
+def _check(found: FoundState, what: str) -> None:
     """Refuse what is no steady state."""
     if found.residual <= ACCEPTED:
         return
@@ -258,7 +257,9 @@ def _check(found: Found, what: str) -> None:
     )
 
 
-def _answer(start: State, found: Found, tau: Array, constraints: tuple[Constraint, ...], external: External) -> SteadyState:
+def _answer(
+    start: State, found: FoundState, tau: Array, constraints: tuple[Constraint, ...], external: External
+) -> SteadyState:
     """The record, its answer checked under the law of contact."""
     state, robot = found.state, found.state.robot
     with warnings.catch_warnings():

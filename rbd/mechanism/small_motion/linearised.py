@@ -12,10 +12,17 @@ import pinocchio as pin
 from rbd.arrays import Array, as_array, check_finite, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, Unsupported
-from rbd.mechanism.small_motion.modes import Mode, in_phase, largest_entry, shares_of
-from rbd.mechanism.small_motion.spectrum import INVARIANT, Spectrum, controllable, spectrum_of
-from rbd.mechanism.small_motion.spin import ad_matrix, spin_axes
-from rbd.mechanism.small_motion.tangent_space import TangentSpace
+from rbd.mechanism.small_motion.modes import (
+    INVARIANT,
+    Mode,
+    Spectrum,
+    controllable,
+    in_phase,
+    largest_entry,
+    shares_of,
+    spectrum_of,
+)
+from rbd.mechanism.small_motion.tangent_space import TangentSpace, ad_matrix, spin_axes
 from rbd.model.state import State
 
 if TYPE_CHECKING:
@@ -47,7 +54,7 @@ class Linearised(Displayed):
         rank_q: Rank of those that hold a position: n_q = nv - rank_q.
         rank_v: Rank of all: n_v = nv - rank_v.
         spin: eta, the part of v with which bodies of revolution turn about their own axes, seen from axes that do not, shape
-            (nv,); zero of other robots. dq and dv are in those axes (`rbd.mechanism.small_motion.spin`).
+            (nv,); zero of other robots. dq and dv are in those axes (`rbd.mechanism.small_motion.tangent_space`).
         modes_of_contacts: {constraint: mode of each part}, "holds", "sticks" or "presses".
         method: "derivatives", or "differences" with the reason.
         acceleration: Largest |a| of the state [m/s2, rad/s2]: zero at an equilibrium and on a steady motion.

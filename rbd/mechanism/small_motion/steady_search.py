@@ -20,14 +20,13 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.answers.analysis.external_derivatives import STEP, slope
+from rbd.answers.analysis.state_changes import STEP, slope
 from rbd.answers.least_constraint import solve
 from rbd.arrays import Array, as_array, max_abs, range_of
 from rbd.constraints.constraint import Constraint, has_friction, member
 from rbd.constraints.manifold import ConstraintManifold, null_space
 from rbd.errors import InputError, NoSolution, RbdWarning
-from rbd.mechanism.small_motion.spin import ad_matrix, fitted_spin, spin_axes
-from rbd.mechanism.small_motion.tangent_space import velocity_slopes
+from rbd.mechanism.small_motion.tangent_space import ad_matrix, fitted_spin, spin_axes, velocity_slopes
 from rbd.model.external import External
 from rbd.model.state import State
 
@@ -50,7 +49,7 @@ Condition = Callable[[State], Any]
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class FoundState:
     """Where the search ended.
 
     Attributes:
@@ -94,7 +93,7 @@ class Search:
     free_torques: bool
     conditions: tuple[Condition, ...] = ()
 
-    def run(self, state: State, tau: Array) -> Found:
+    def run(self, state: State, tau: Array) -> FoundState:
         """The nearest steady state that Newton's steps reach; check its residual.
 
         Raises:
@@ -104,7 +103,7 @@ class Search:
             warnings.simplefilter("ignore", RbdWarning)
             return self._run(state, tau)
 
-    def _run(self, state: State, tau: Array) -> Found:
+    def _run(self, state: State, tau: Array) -> FoundState:
         robot, axes = state.robot, self._axes(state)
         here = _Point(state, tau, axes, np.zeros(axes.shape[1]))
         here = self._onto(here)
@@ -118,7 +117,7 @@ class Search:
             if max_abs(F_again) < max_abs(F):
                 here, F, steps = again, F_again, steps + more
         freedoms = self._freedoms(self._slopes(here, times) * self._units(here))
-        return Found(here.state, here.tau, here.spin, max_abs(F), self._residuals(here, AT[:1])[1], steps, freedoms)
+        return FoundState(here.state, here.tau, here.spin, max_abs(F), self._residuals(here, AT[:1])[1], steps, freedoms)
 
     def _units(self, here: _Point) -> Array:
         scale = here.state.robot.joints.scale

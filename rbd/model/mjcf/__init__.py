@@ -1,7 +1,7 @@
 """MJCF files, read by MuJoCo; what cannot be expressed is refused or reported by name."""
 
-from rbd.model.mjcf.building import build, passive, pose, springs
 from rbd.model.mjcf.includes import carry_out_includes
+from rbd.model.mjcf.pinocchio_model import build, passive, pose, springs
 from rbd.model.mjcf.reading import LEAVABLE, Mjcf, check_leave_out, read_mjcf
 from rbd.modules import submodule as _submodule
 

@@ -22,8 +22,18 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelError
 from rbd.model.input_files import MISSING, OUTSIDE, FileLimits, find_mesh, mesh_bytes
-from rbd.model.mjcf.equality import WORLD, Equality, equalities
-from rbd.model.mjcf.motors import BALL, FREE, Motor, Remark, check_actuators, is_off, read_motors
+from rbd.model.mjcf.loops_and_motors import (
+    BALL,
+    FREE,
+    WORLD,
+    Equality,
+    MjcfMotor,
+    Remark,
+    check_actuators,
+    equalities,
+    is_off,
+    read_motors,
+)
 from rbd.model.urdf import FARTHEST, LARGEST, LIGHTEST, LONGEST_NAME, Complaints
 
 Element = ElementTree.Element
@@ -65,7 +75,7 @@ class Mjcf:
     model: Any
     bodies: tuple[str, ...]
     joints: tuple[str, ...]
-    motors: tuple[Motor, ...] | None
+    motors: tuple[MjcfMotor, ...] | None
     keys: Mapping[str, Array]
     equalities: tuple[Equality, ...]
     remarks: tuple[Remark, ...]

@@ -3,8 +3,7 @@
 from rbd.modules import submodule as _submodule
 from rbd.motion.identification.combinations import BaseParameters, base_parameters
 from rbd.motion.identification.data import MeasuredMotion
-from rbd.motion.identification.exciting import Excitation, excitation
-from rbd.motion.identification.identifying import identify
+from rbd.motion.identification.identifying import Excitation, excitation, identify
 from rbd.motion.identification.result import BodyInertia, Identification, IdentificationCertificate
 
 __all__ = [

@@ -17,8 +17,8 @@ from rbd.model.external import External, generalised
 from rbd.model.inertial import columns_at
 from rbd.model.sampled_motion import SampledAccelerations
 from rbd.model.state import State
+from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.identification.combinations import BaseParameters
-from rbd.motion.lanes import Lanes
 from rbd.motion.measured import checked_touches, frame_rows
 from rbd.motion.sensor_noise import SensorNoise, force_scale, whitening
 
@@ -79,7 +79,7 @@ class MeasuredMotion(Displayed):
         set_ = object.__setattr__
         set_(self, "tau", None if tau is None else frame_rows("tau", tau, frames, robot.nu))
         lanes = getattr(x, "contacts", None)
-        if self.contacts is None and isinstance(lanes, Lanes):
+        if self.contacts is None and isinstance(lanes, ContactTimeline):
             set_(self, "contacts", lanes.contacts)
             if self.touches is None:
                 on = [lanes.of_contact(c.name) for c in lanes.contacts]
@@ -238,7 +238,7 @@ def _triangle(parts: list[Array]) -> Array:
     return np.asarray(np.linalg.qr(np.concatenate(parts), mode="r"))
 
 
-class Assembly:
+class StackedMotions:
     """The equations of motions, with weights.
 
     Args:

@@ -1,21 +1,89 @@
-"""`identify`: the inertial parameters of a robot from measured motions, torques and contact forces."""
+"""`identify`: the inertial parameters of a robot from measured motions; `excitation`, how well motions would tell them."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array, check_positive
-from rbd.errors import InaccurateWarning, InputError, PoorExcitationWarning
-from rbd.model.inertial import checked_columns
+from rbd.arrays import Array, check_positive, largest_first
+from rbd.displayed import Displayed
+from rbd.errors import InaccurateWarning, InputError, ModelWarning, PoorExcitationWarning
+from rbd.model.checked_model import CheckedModel
+from rbd.model.inertial import body_names, checked_columns, inertial_parameters, joint_velocities
 from rbd.model.state import State
-from rbd.motion.identification.consistent import minimise
-from rbd.motion.identification.data import EXACT, UNTOLD, Assembly, Equations, MeasuredMotion, measured_motions
+from rbd.motion.identification.combinations import BaseParameters, base_parameters
+from rbd.motion.identification.data import EXACT, UNTOLD, Equations, MeasuredMotion, StackedMotions, measured_motions
+from rbd.motion.identification.possible import Prior, is_possible, made_possible, minimise, size_of
 from rbd.motion.identification.result import Identification
-from rbd.motion.identification.setup import Setup
 from rbd.motion.sensor_noise import SensorNoise, checked_noise
+
+BROAD = 10.0
+"""Standard deviation of rotor inertia, damping and dry friction before the data, over the scale of the force."""
+
+
+@dataclass(frozen=True, eq=False)
+class IdentificationSetup:
+    """The problem before any data were read.
+
+    Attributes:
+        base: The base parameters.
+        data: What gives the equations.
+        prior: The model.
+        unit: Typical size of each base parameter, shape (r,).
+    """
+
+    base: BaseParameters
+    data: StackedMotions
+    prior: Prior
+    unit: Array
+
+    @classmethod
+    def of(
+        cls, motions: tuple[MeasuredMotion, ...], columns: Sequence[str], spread: float, noise: SensorNoise | None
+    ) -> IdentificationSetup:
+        """Of checked arguments of `rbd.identify`."""
+        robot = motions[0].robot
+        theta = _possible(robot, inertial_parameters(robot))
+        base = base_parameters(robot, columns=columns)
+        data, driven = StackedMotions(motions, base, columns, noise), joint_velocities(robot)
+        rotors, none = np.array(robot.model.armature, float)[driven], np.zeros(len(driven))
+        inertia = "inertia" in columns
+        values = [theta.ravel()] if inertia else []
+        values += [rotors if column == "rotor_inertia" else none for column in columns if column != "inertia"]
+        bodies = np.flatnonzero(theta[:, 0] > 0.0) if inertia else np.zeros(0, int)
+        wide = np.tile(BROAD * data.scale[driven], len(columns) - inertia)
+        sizes = np.concatenate([_sizes(theta).ravel() if inertia else np.zeros(0), wide])
+        prior = Prior(np.concatenate(values), bodies, wide, 1.0 / (4.0 * spread**2))
+        return cls(base, data, prior, np.linalg.norm(base.B * sizes, axis=1))
+
+
+def _sizes(theta: Array) -> Array:
+    """Typical sizes of all bodies' parameters, shape (bodies, 10); zero of bodies without mass."""
+    return np.array([size_of(each) if each[0] > 0.0 else np.zeros(10) for each in theta])
+
+
+def _possible(robot: CheckedModel, theta: Array) -> Array:
+    """The model's parameters, impossible bodies changed, with a warning."""
+    names = body_names(robot)
+    wrong = [i for i, each in enumerate(theta) if each[0] > 0.0 and not is_possible(each)]
+    negative = [names[i] for i, each in enumerate(theta) if each[0] < 0.0]
+    if negative:
+        raise InputError(f"bodies of {robot.name} have negative mass: {', '.join(negative)}.")
+    out = theta.copy()
+    for i in wrong:
+        out[i] = made_possible(theta[i])
+    if wrong:
+        warnings.warn(
+            f"no body can have the inertia of {', '.join(names[i] for i in wrong)} in {robot.name}: the second moments about "
+            "its centre of mass are raised to be positive before the data are fitted.",
+            ModelWarning,
+            stacklevel=4,
+        )
+    return out
+
 
 _ROUNDS = 4
 MANY = 0.1
@@ -99,7 +167,7 @@ def identify(
         raise InputError(
             f"every coordinate of {robot.name} has a motor, and no torques were given: MeasuredMotion(motion, tau)."
         )
-    posed = Setup.of(given, asked, spread, noise)
+    posed = IdentificationSetup.of(given, asked, spread, noise)
     base, data, unit = posed.base, posed.data, posed.unit
     equations = data.compressed()
     if equations.count < base.rank:
@@ -121,7 +189,7 @@ def identify(
     return result
 
 
-def _refuse_missing_forces(posed: Setup, equations: Equations) -> None:
+def _refuse_missing_forces(posed: IdentificationSetup, equations: Equations) -> None:
     """Refuse data that ask for next to no mass of a robot on a floating base, or for a negative one: a force is missing."""
     robot, base = posed.data.motions[0].robot, posed.base
     total = np.array([name.endswith(".m") for name in base.names], float)
@@ -139,7 +207,7 @@ def _refuse_missing_forces(posed: Setup, equations: Equations) -> None:
         )
 
 
-def _refuse_other_torques(posed: Setup, equations: Equations) -> None:
+def _refuse_other_torques(posed: IdentificationSetup, equations: Equations) -> None:
     """Refuse torques that are no torques of such a robot: zeros, another sign or another unit.
 
     Masses follow them: without torques the least squares are those of a robot without mass.
@@ -192,7 +260,7 @@ def _warn_dead_motors(given: tuple[MeasuredMotion, ...]) -> None:
         )
 
 
-def _weighed(data: Assembly, equations: Equations, unit: Array) -> Equations:
+def _weighed(data: StackedMotions, equations: Equations, unit: Array) -> Equations:
     """The equations weighted by the deviation of each coordinate, which their residuals give."""
     for _ in range(_ROUNDS):
         beta = _least_squares(equations, unit)
@@ -244,3 +312,95 @@ def _warn(result: Identification, spread: float) -> None:
         PoorExcitationWarning,
         stacklevel=3,
     )
+
+
+_LISTED = 5
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Excitation(Displayed):
+    """How well motions tell the base parameters: rank and condition of their equations.
+
+    Attributes:
+        base: The base parameters.
+        singular_values: Of the equations, each over its `rbd.motion.sensor_noise.force_scale`, in relative changes of the base
+            parameters, shape (r,), descending.
+        directions: The relative changes that belong to them, as columns, shape (r, r).
+        equations: How many there are.
+
+    Example:
+        >>> arm = rbd.planar.to_robot(rbd.planar.Chain(2, lengths=[1.0, 1.0]), masses=[1.0, 1.0])
+        >>> wave = lambda t: np.array([1.2 * np.sin(3.0 * t), 0.9 * np.cos(5.0 * t)])
+        >>> both = rbd.Motion.from_function(arm, wave, np.linspace(0.0, 4.0, 81))
+        >>> one = rbd.Motion.from_function(arm, lambda t: wave(t) * [0.0, 1.0], np.linspace(0.0, 4.0, 81))
+        >>> print(rbd.motion.identification.excitation(both))
+        6 of 6 combinations told by 162 equations, condition 101; least: link_1.mc_z, link_1.I_yy
+        >>> print(rbd.motion.identification.excitation(one))
+        4 of 6 combinations told by 162 equations, condition inf; least: link_1.mc_z, link_1.I_yy
+    """
+
+    base: BaseParameters
+    singular_values: Array
+    directions: Array
+    equations: int
+
+    @property
+    def rank(self) -> int:
+        """How many combinations are told."""
+        s = self.singular_values
+        return int((s > UNTOLD * s[0]).sum()) if len(s) and s[0] > 0.0 else 0
+
+    @property
+    def condition(self) -> float:
+        """Largest over smallest singular value; inf where some combination is not told."""
+        s = self.singular_values
+        return float(s[0] / s[-1]) if len(s) and self.rank == self.base.rank else float("inf")
+
+    @property
+    def weakest(self) -> tuple[str, ...]:
+        """Labels of the base parameters in the combinations that are told least, the largest first."""
+        s = self.singular_values
+        least = s <= (max(s[-1] * (1.0 + 1e-6), UNTOLD * s[0]) if len(s) else 0.0)
+        part = np.linalg.norm(self.directions[:, least], axis=1)  # of their space: single directions in it are arbitrary
+        return tuple(self.base.labels[i] for i in largest_first(part)[:_LISTED] if part[i] > 0.1)
+
+    def __str__(self) -> str:
+        told = f"{self.rank} of {self.base.rank} combinations told by {self.equations} equations"
+        return f"{told}, condition {self.condition:.3g}; least: {', '.join(self.weakest)}"
+
+    def __repr__(self) -> str:
+        return f"Excitation({self})"
+
+
+def excitation(motions: object, *, columns: Sequence[str] = ("inertia",)) -> Excitation:
+    """How well motions would tell the base parameters, all torques being measured: to choose motions before they are made.
+
+    The equations are those of `rbd.identify`, each coordinate over its `rbd.motion.sensor_noise.force_scale` without effort
+    limits, and the base parameters over their sizes in the model. A condition number below 100 is usually wanted [Gautier1991].
+
+    Args:
+        motions: As of `rbd.identify`; torques are not needed. Forces of contacts that are not in `forces` are eliminated.
+        columns: As of `rbd.identify`.
+
+    Raises:
+        InputError: as `rbd.identify`.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> crouch = solo.standing().with_joints({"FL_KFE": -1.2}).q
+        >>> motion = rbd.motion.minimum_jerk(solo, [solo.standing().q, crouch], [0.0, 0.5], rate=60.0)
+        >>> found = rbd.motion.identification.excitation(motion)
+        >>> found.rank < found.base.rank == 94, found.condition
+        (True, inf)
+    """
+    asked = checked_columns(columns)
+    given = tuple(
+        each if each.tau is not None else replace(each, tau=np.zeros((each.frames, each.robot.nu)))
+        for each in measured_motions(motions)
+    )
+    posed = IdentificationSetup.of(given, asked, 1.0, None)
+    found = posed.data.compressed()
+    _, s, Vt = np.linalg.svd(found.R * posed.unit)
+    values = np.zeros(posed.base.rank)
+    values[: len(s)] = s
+    return Excitation(posed.base, values, Vt.T, found.count)

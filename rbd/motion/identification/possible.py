@@ -1,4 +1,4 @@
-"""Pseudo-inertia matrices: a body's inertial parameters as a symmetric 4 x 4 matrix, positive definite if a body can have them.
+"""Inertias that a body can have: pseudo-inertia matrices, least squares over them, and how far a mass is open.
 
     P = [ Sigma   m c ]        Sigma = integral of x x^T dm = 1/2 tr(I) 1 - I,    I about the origin
         [ m c^T   m   ]
@@ -7,13 +7,25 @@ is linear in the ten parameters, and positive semidefinite exactly for parameter
 [Wensing2018]. The distance of two bodies that no choice of axes or units changes is the entropic divergence [Lee2020]
 
     D(P, P_0) = tr(P_0^-1 P) - log det(P_0^-1 P) - 4.
+
+    minimise over theta     1/2 |A theta - z|^2 + w sum_b D(P_b, P_b0) + 1/2 sum_k ((theta_k - theta_k0) / s_k)^2
+
+A has the weighted base equations, P_b is the pseudo-inertia of body b and D the entropic divergence from the model's
+(`rbd.motion.identification.possible`), infinite at the border of what is possible; the last sum is over rotor inertia, damping
+and dry friction. It is convex and, over w, self-concordant: damped Newton steps converge from any start, and the decrement
+lambda = |gradient| in the metric of the Hessian proves the answer, as F(theta) - min F <= lambda^2 for lambda < 0.68 sqrt(w)
+[Nesterov2018]. The weight of the data grows from little to all, as in interior-point methods.
 """
 
 from __future__ import annotations
 
-import numpy as np
+from dataclasses import dataclass
 
-from rbd.arrays import Array
+import numpy as np
+from scipy.linalg import solve_triangular
+
+from rbd.arrays import Array, null_space
+from rbd.errors import NoSolution
 
 _SYMMETRIC = ((0, 1), (0, 2), (1, 2))
 THIN = 1e-3
@@ -101,3 +113,202 @@ def _second_moments(theta: Array) -> Array:
     P, m = pseudo_inertia(theta), float(theta[0])
     c = theta[1:4] / m
     return np.asarray(P[:3, :3] - m * np.outer(c, c))
+
+
+_INSIDE, _GAP = 1e-5, 1e-4
+"""Of an accepted answer: how negative an eigenvalue may be, over the body's own; and the gap to what is proved impossible."""
+_UPPER = [(i, j) for j in range(4) for i in range(j + 1)]
+"""Entries of a symmetric matrix in Clarabel's order: columns of the upper triangle; off the diagonal times sqrt 2."""
+
+
+def mass_interval(theta: Array, kept: Array, body: int, bodies: int) -> tuple[float, float]:
+    """(least, largest) mass of a body, with all pseudo-inertias positive semidefinite.
+
+    Args:
+        theta: Parameters that are possible, shape (p,), bodies first.
+        kept: Combinations of the parameters that stay, shape (k, p).
+        body: Its number.
+        bodies: How many bodies there are.
+
+    Raises:
+        NoSolution: a program was not solved.
+    """
+    with_mass = [b for b in range(bodies) if theta[10 * b] > 0.0]
+    unit = np.zeros(len(theta))
+    for b in with_mass:
+        own = slice(10 * b, 10 * b + 10)
+        unit[own] = 1.0 / np.linalg.norm(whitened_basis(pseudo_inertia(theta[own])).reshape(10, 16), axis=1)
+    unit[10 * bodies :] = 1.0
+    free = np.flatnonzero(unit)
+    Z = np.zeros((len(theta), 0))
+    scaled = kept[:, free] * unit[free]
+    basis = null_space(scaled / np.maximum(np.linalg.norm(scaled, axis=1), 1e-300)[:, None])
+    Z = np.zeros((len(theta), basis.shape[1]))
+    Z[free] = unit[free, None] * basis
+    blocks, sides = [], []
+    for b in with_mass:
+        own = slice(10 * b, 10 * b + 10)
+        relative = np.tensordot(Z[own].T, whitened_basis(pseudo_inertia(theta[own])), axes=1)  # (d, 4, 4)
+        if np.abs(relative).max(initial=0.0) <= 1e-12:
+            continue
+        blocks.append(np.array([(1.0 if i == j else 2.0**0.5) * relative[:, i, j] for i, j in _UPPER]))
+        sides.append(np.array([1.0 if i == j else 0.0 for i, j in _UPPER]))
+    goal = Z[10 * body]
+    m, G, h = float(theta[10 * body]), np.concatenate(blocks), np.concatenate(sides)
+    low, high = (_extreme(sign * goal, G, h, m) for sign in (1.0, -1.0))
+    return max(0.0, m + low), m - high
+
+
+def _extreme(goal: Array, G: Array, h: Array, mass: float) -> float:
+    """Least goal . y with h + G y in a product of semidefinite cones, to 1e-4 of a mass or of itself; -inf: no least one."""
+    import clarabel
+    from scipy.sparse import csc_matrix
+
+    settings = clarabel.DefaultSettings()
+    settings.verbose, settings.max_threads = False, 1
+    settings.max_iter, settings.time_limit = 200, 20.0
+    n, size = len(goal), float(np.abs(goal).max())
+    found = clarabel.DefaultSolver(
+        csc_matrix((n, n)), goal / size, csc_matrix(-G), h, [clarabel.PSDTriangleConeT(4)] * (len(h) // 10), settings
+    ).solve()
+    status = str(found.status)
+    if "DualInfeasible" in status:
+        return -float("inf")
+    y, least = np.asarray(found.x), size * float(found.obj_val_dual)
+    if "Solved" in status and np.isfinite(y).all():
+        value = float(goal @ y)
+        inside = np.linalg.eigvalsh(_matrices(h + G @ y)).min()
+        if inside > -_INSIDE and value - least < _GAP * max(mass, abs(value)):  # attained, and nothing beyond it is
+            return value
+    raise NoSolution(f"how far the mass is open was not found: Clarabel says {status}.")
+
+
+def _matrices(packed: Array) -> Array:
+    """Symmetric matrices of their packed entries, shape (k, 4, 4)."""
+    out = np.zeros((len(packed) // 10, 4, 4))
+    for (i, j), x in zip(_UPPER, packed.reshape(-1, 10).T, strict=True):
+        out[:, i, j] = out[:, j, i] = x if i == j else x / 2.0**0.5
+    return out
+
+
+_STEPS = 400
+_GROWTH = 30.0
+_NEAR = 0.25
+_DONE = 1e-9
+_ROUNDING = 1e-14
+
+
+@dataclass(frozen=True, eq=False)
+class Prior:
+    """What is believed before the data.
+
+    Attributes:
+        theta: The model's parameters, shape (p,); bodies first, ten each.
+        bodies: Which bodies have a mass, indices; the parameters of the others stay.
+        others: Standard deviations of the parameters that are no body's, shape (p - 10 bodies,).
+        weight: w.
+    """
+
+    theta: Array
+    bodies: Array
+    others: Array
+    weight: float
+
+    @property
+    def free(self) -> Array:
+        """Indices of the parameters that are sought: bodies' first."""
+        first = len(self.theta) - len(self.others)
+        return np.concatenate([(10 * self.bodies[:, None] + np.arange(10)).ravel(), np.arange(first, len(self.theta))])
+
+
+@dataclass(frozen=True, eq=False)
+class Minimum:
+    """The answer.
+
+    Attributes:
+        theta: Shape (p,).
+        decrement: lambda over sqrt(w).
+        factor: Upper triangular R_H with R_H^T R_H the Hessian of the free parameters in units of `unit`.
+        unit: Of the free parameters.
+        steps: Newton steps.
+    """
+
+    theta: Array
+    decrement: float
+    factor: Array
+    unit: Array
+    steps: int
+
+
+def minimise(A: Array, z: Array, prior: Prior) -> Minimum:
+    """The minimiser of the program above.
+
+    Args:
+        A: Weighted equations in all parameters, shape (r, p).
+        z: Their right-hand side, shape (r,).
+        prior: The model.
+
+    Raises:
+        NoSolution: Newton's method did not converge.
+    """
+    program = _Program(A, z, prior)
+    x = np.zeros(len(program.free))
+    size = float(np.linalg.norm(program.A, 2)) if program.A.size else 1.0
+    share, decrement = min(1.0, prior.weight / max(size, 1e-300) ** 2), np.inf
+    exact = max(_DONE, _ROUNDING * (size + float(np.linalg.norm(program.rest))) / prior.weight**0.5)
+    for k in range(_STEPS):
+        dx, decrement, factor = program.step(x, share)
+        if decrement < (exact if share == 1.0 else _NEAR):
+            if share == 1.0:
+                return Minimum(program.theta(x), decrement, factor, program.unit, k)
+            share = min(1.0, share * _GROWTH)
+            continue
+        x = x + dx * (1.0 if decrement < _NEAR else 1.0 / (1.0 + decrement))
+    raise NoSolution(
+        f"the inertias were not found: {_STEPS} Newton steps left a decrement of {decrement:.1e}. Are all contacts, their "
+        "forces and pushes given? Else give the noise of the measurements (noise=), or a larger prior=."
+    )
+
+
+class _Program:
+    """The program in steps from the model, in units of it."""
+
+    def __init__(self, A: Array, z: Array, prior: Prior) -> None:
+        self.prior, self.free = prior, prior.free
+        theta = prior.theta
+        count = len(prior.bodies)
+        self.bodies = theta[(10 * prior.bodies[:, None] + np.arange(10)).ravel()].reshape(count, 10)
+        self.whitened = np.array([whitened_basis(pseudo_inertia(each)) for each in self.bodies]).reshape(count, 10, 16)
+        size = np.linalg.norm(self.whitened, axis=2)
+        self.unit = np.concatenate([(1.0 / np.maximum(size, 1e-300)).ravel(), prior.others])
+        self.A = A[:, self.free] * self.unit
+        self.rest = z - A @ theta
+        self.steps_of = (self.whitened.reshape(-1, 16) * self.unit[: 10 * count, None]).reshape(count, 10, 4, 4)
+
+    def theta(self, x: Array) -> Array:
+        """All parameters."""
+        out = self.prior.theta.copy()
+        out[self.free] += self.unit * x
+        return out
+
+    def step(self, x: Array, share: float) -> tuple[Array, float, Array]:
+        """(Newton step, its decrement over sqrt(w), factor of the Hessian), the data weighted by `share`."""
+        w, count = self.prior.weight, len(self.bodies)
+        n, root = len(x), share**0.5
+        C = np.zeros((16 * count, n))
+        gradient_rest = np.zeros(16 * count)
+        for b in range(count):
+            own = slice(10 * b, 10 * b + 10)
+            P = np.eye(4) + np.tensordot(x[own], self.steps_of[b], axes=1)  # in units of the model's
+            L = np.linalg.cholesky(P)
+            inverse = np.linalg.inv(L)
+            C[16 * b : 16 * b + 16, own] = (w**0.5 * inverse @ self.steps_of[b] @ inverse.T).reshape(10, 16).T
+            # tr(dP) - tr(P^-1 dP) = <L^T L - 1, L^-1 dP L^-T>
+            gradient_rest[16 * b : 16 * b + 16] = w**0.5 * (L.T @ L - np.eye(4)).ravel()
+        others = np.zeros((n - 10 * count, n))
+        others[:, 10 * count :] = np.eye(n - 10 * count)
+        stack = np.concatenate([root * self.A, C, others])
+        right = np.concatenate([root * (self.A @ x - self.rest), gradient_rest, x[10 * count :]])
+        R = np.asarray(np.linalg.qr(np.column_stack([stack, right]), mode="r"))
+        factor, g = R[:n, :n], R[:n, n]
+        return -solve_triangular(factor, g), float(np.linalg.norm(g)) / w**0.5, factor

@@ -15,10 +15,8 @@ from rbd.errors import InputError, UnknownName, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.inertial import body_names
 from rbd.motion.identification.combinations import BaseParameters
-from rbd.motion.identification.consistent import Minimum, Prior
-from rbd.motion.identification.data import UNTOLD, Assembly, Equations, MeasuredMotion, measured_motions
-from rbd.motion.identification.open_masses import mass_interval
-from rbd.motion.identification.possible import central, pseudo_inertia
+from rbd.motion.identification.data import UNTOLD, Equations, MeasuredMotion, StackedMotions, measured_motions
+from rbd.motion.identification.possible import Minimum, Prior, central, mass_interval, pseudo_inertia
 
 _LISTED = 6
 
@@ -139,7 +137,7 @@ class Identification(Displayed):
     def of(
         cls,
         motions: tuple[MeasuredMotion, ...],
-        data: Assembly,
+        data: StackedMotions,
         equations: Equations,
         base: BaseParameters,
         prior: Prior,
@@ -299,7 +297,7 @@ class Identification(Displayed):
         given = measured_motions(motions)
         if not given[0].robot.is_like(self.model):
             raise InputError(f"the motions are of {given[0].robot.name}, and the parameters of {self.model.name}.")
-        data = Assembly(given, self.base, self.columns, None)
+        data = StackedMotions(given, self.base, self.columns, None)
         data.sigma = self.sigma.copy()
         return data.residuals(self.base_values)[0], data.residuals(self.base.values(self.model_theta))[0]
 

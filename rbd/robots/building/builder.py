@@ -10,24 +10,28 @@ from pathlib import Path
 from typing import Any
 
 from rbd.arrays import Array
-from rbd.constraints.contact_kinds import PointContact, SurfaceContact
+from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model.input_files import FileLimits
 from rbd.model.output_files import check_place, write_text
-from rbd.model.planar_base import Plane, checked_plane
 from rbd.model.urdf import BASE_JOINT
+from rbd.model.world import Plane, checked_plane
 from rbd.robots import catalogue
-from rbd.robots.building.closing import coupling_entry, loop_direction, posture_value, user_entry, wheel_entry
-from rbd.robots.building.numbers import (
-    checked_choice,
-    checked_name,
-    checked_triple,
-)
-from rbd.robots.building.parts import Body, Frame, Joint, a_body, a_joint
+from rbd.robots.building.number_checks import checked_choice, checked_name, checked_triple
+from rbd.robots.building.parts import BuilderBody, BuilderJoint, Frame, a_body, a_joint
 from rbd.robots.building.solids import Solid
-from rbd.robots.building.tree import check_tree
-from rbd.robots.building.writing import Entry, urdf_text, yaml_text
+from rbd.robots.building.writing import (
+    Entry,
+    check_tree,
+    coupling_entry,
+    loop_direction,
+    posture_value,
+    urdf_text,
+    user_entry,
+    wheel_entry,
+    yaml_text,
+)
 from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import ENDING, ROOTS, LoopFile, Root
 from rbd.robots.robot import Robot
@@ -99,7 +103,7 @@ class RobotBuilder(Displayed):
         if not isinstance(about, str):
             raise InputError(f"about is {about!r:.80}; expected a sentence.")
         self.about = about
-        self._parts: list[Body | Joint | Frame] = []
+        self._parts: list[BuilderBody | BuilderJoint | Frame] = []
         self._lists: dict[str, list[Entry]] = {"loops": [], "couplings": [], "wheels": []}
         self._postures: dict[str, dict[str, float | tuple[float, ...]]] = {}
 
@@ -111,12 +115,12 @@ class RobotBuilder(Displayed):
     @property
     def bodies(self) -> tuple[str, ...]:
         """Names of the bodies, as declared."""
-        return tuple(part.name for part in self._parts if isinstance(part, Body))
+        return tuple(part.name for part in self._parts if isinstance(part, BuilderBody))
 
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints, as declared."""
-        return tuple(part.name for part in self._parts if isinstance(part, Joint))
+        return tuple(part.name for part in self._parts if isinstance(part, BuilderJoint))
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -201,7 +205,7 @@ class RobotBuilder(Displayed):
         if made.child == GROUND and self.root == "fixed":
             raise InputError(f"joint {made.name!r:.80} moves the ground, which is fixed; expected it as the parent.")
         for other in self._parts:
-            if isinstance(other, Joint) and other.child == made.child:
+            if isinstance(other, BuilderJoint) and other.child == made.child:
                 raise InputError(
                     f"body {made.child!r:.80} has two parents, {other.parent!r:.80} (joint {other.name!r:.80}) and "
                     f"{made.parent!r:.80} (joint {made.name!r:.80}). Bodies in a circle are a tree and a loop: keep one of the "
@@ -329,12 +333,12 @@ class RobotBuilder(Displayed):
 
     def loop_file(self) -> str:
         """The loop file, in YAML: the root, passive joints, loops, couplings, wheels and postures."""
-        passive = [part.name for part in self._parts if isinstance(part, Joint) and _is_passive(part)]
+        passive = [part.name for part in self._parts if isinstance(part, BuilderJoint) and _is_passive(part)]
         return yaml_text(self.root, self.plane, passive, self._order(), self._lists, self._postures)
 
     def _order(self) -> list[str]:
         """The joints that move, as declared; none where Pinocchio, by the alphabet and depth-first, has them so."""
-        joints = [part for part in self._parts if isinstance(part, Joint)]
+        joints = [part for part in self._parts if isinstance(part, BuilderJoint)]
         declared = [joint.name for joint in joints if joint.kind != "fixed"]
         by_name = sorted(joints, key=lambda joint: joint.name)
         children = {joint.child for joint in joints}
@@ -369,7 +373,7 @@ class RobotBuilder(Displayed):
             InputError: feet or limits of the wrong kind.
         """
         loops = LoopFile.of_text(self.loop_file(), f"{self.name}{ENDING}")
-        thin = {part.name for part in self._parts if isinstance(part, Body) and part.thin}
+        thin = {part.name for part in self._parts if isinstance(part, BuilderBody) and part.thin}
         return finished(self.urdf(), loops, thin, limits=limits, feet=feet, package_dirs=package_dirs, gravity=gravity)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -417,16 +421,18 @@ class RobotBuilder(Displayed):
         self.frame(name, end[0], end[1])
         return name
 
-    def _tree(self) -> list[Body | Joint | Frame]:
+    def _tree(self) -> list[BuilderBody | BuilderJoint | Frame]:
         """The parts, with the ground where it is needed, checked together."""
         parts = list(self._parts)
         if self.root == "fixed" and GROUND not in self.bodies:
-            ends = {part.parent for part in parts if isinstance(part, Joint)} | {p.body for p in parts if isinstance(p, Frame)}
+            ends = {part.parent for part in parts if isinstance(part, BuilderJoint)} | {
+                p.body for p in parts if isinstance(p, Frame)
+            }
             if GROUND in ends:
-                parts.insert(0, Body(GROUND, None, (), False))
+                parts.insert(0, BuilderBody(GROUND, None, (), False))
         check_tree(self.name, self.root, parts)
         return parts
 
 
-def _is_passive(joint: Joint) -> bool:
+def _is_passive(joint: BuilderJoint) -> bool:
     return not joint.motor and joint.kind not in ("fixed", "free")

@@ -11,7 +11,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.urdf import LIGHTEST
-from rbd.robots.building.numbers import (
+from rbd.robots.building.number_checks import (
     Triple,
     checked_axis,
     checked_choice,
@@ -43,7 +43,7 @@ _PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 
 
 @dataclass(frozen=True)
-class Body:
+class BuilderBody:
     """A body: its mass properties and shapes in its own axes, which are those of its joint; elements to add as they are."""
 
     name: str
@@ -59,7 +59,7 @@ class Body:
 
 
 @dataclass(frozen=True)
-class Joint:
+class BuilderJoint:
     """A joint from a parent to a child; `effort` and `speed` are zero where it has no such limit."""
 
     name: str
@@ -95,7 +95,7 @@ def a_body(
     com: Sequence[float] | Array | None,
     inertia: Sequence[float] | Array | None,
     elements: str,
-) -> Body:
+) -> BuilderBody:
     """A body of solids, or of given mass properties.
 
     Raises:
@@ -114,7 +114,7 @@ def a_body(
         if com is not None or inertia is not None:
             raise InputError(f"{what} has com or inertia, and no mass; expected all three: mass=..., com=..., inertia=...")
         thin = own.mass > 0.0 and float(np.linalg.eigvalsh(own.inertia)[0]) <= 0.0
-        return Body(name, own if own.mass > 0.0 else None, shapes, thin, elements)
+        return BuilderBody(name, own if own.mass > 0.0 else None, shapes, thin, elements)
     if own.mass > 0.0:
         raise InputError(f"{what} has the mass of its solids, {own.mass:g} kg, and mass={mass!r:.40}; expected one of them.")
     kg = checked_number(f"mass of {what}", mass, least=0.0)
@@ -129,7 +129,7 @@ def a_body(
         why = f"{kg:g} kg" if kg else "an inertia and no mass"
         raise InputError(f"{what} has {why}; no body can have that. Expected a mass of {LIGHTEST:g} kg or more, or nothing.")
     check_moments(what, tensor)
-    return Body(name, MassProperties(kg, centre, tensor), shapes, float(np.linalg.eigvalsh(tensor)[0]) <= 0.0, elements)
+    return BuilderBody(name, MassProperties(kg, centre, tensor), shapes, float(np.linalg.eigvalsh(tensor)[0]) <= 0.0, elements)
 
 
 def _check_elements(what: str, elements: object) -> None:
@@ -198,7 +198,7 @@ def a_joint(
     damping: object,
     friction: object,
     armature: object,
-) -> Joint:
+) -> BuilderJoint:
     """A joint, its numbers checked; arguments as `RobotBuilder.joint`.
 
     Raises:
@@ -237,7 +237,7 @@ def a_joint(
             raise InputError(f"limits of {what} are {low:g}, {high:g}; expected the lower one first.")
         bounds = low, high
     origin, turned = checked_triple(f"at of {what}", at), checked_triple(f"rpy of {what}", rpy)
-    return Joint(
+    return BuilderJoint(
         title, ends[0], ends[1], sort, origin, turned, direction, bounds, driven, strongest, fastest, lost, dry, rotor
     )  # fmt: skip
 

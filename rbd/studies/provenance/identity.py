@@ -19,7 +19,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from rbd.errors import InputError
-from rbd.model.travelling import Travelling
+from rbd.model.pickling import Travelling
 
 UTF = ("utf-8", "surrogatepass")
 OF_CLASSES = {"__dict__", "__weakref__", "__doc__", "_abc_impl"}

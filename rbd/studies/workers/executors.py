@@ -24,8 +24,17 @@ from rbd.errors import InputError
 from rbd.studies.provenance.identity import name_of
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.workers.evaluation import BATCH, ONE_AT_A_TIME, Columns, Evaluation, Finished, recorded
-from rbd.studies.workers.own_processes import MOST, UNGUARDED, WITHOUT_GUARD, Workers, cause_of, cores, end_if_unguarded
-from rbd.studies.workers.sending import pickled, sent_columns
+from rbd.studies.workers.own_processes import (
+    MOST,
+    UNGUARDED,
+    WITHOUT_GUARD,
+    Workers,
+    cause_of,
+    cores,
+    end_if_unguarded,
+    pickled,
+    sent_columns,
+)
 
 SECONDS = 1.0
 """What a chunk is to take: a thousand times what sending it costs, and little to lose."""

@@ -1,25 +1,29 @@
-"""`fill`: evaluates what a store lacks, wherever it is computed, and puts each finished part into it."""
+"""`fill`: evaluates what a store lacks and puts each finished block into it, with progress, until done or interrupted."""
 
 from __future__ import annotations
 
+import signal
+import threading
+import time
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import Executor
-from contextlib import closing, nullcontext
+from contextlib import closing, contextmanager, nullcontext
 from dataclasses import dataclass, field
+from types import FrameType
+from typing import Any
 
 import numpy as np
 
 from rbd.errors import InputError
 from rbd.errors.warned import StudyWarning, stacklevel_of_user
+from rbd.simulation.progress_bar import PACE, PATIENCE, bar_of, can_show
 from rbd.studies.sampling.samples import Samples
 from rbd.studies.stores import Store
 from rbd.studies.workers import executors
 from rbd.studies.workers.evaluation import Evaluation, Finished, Told
 from rbd.studies.workers.executors import Chunks, Lost, Stopped
-from rbd.studies.workers.interruption import Interruption
-from rbd.studies.workers.progress_bar import Progress, counted
-from rbd.studies.workers.sending import sent_columns
+from rbd.studies.workers.own_processes import sent_columns
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,3 +148,132 @@ def _of_lost(lost: Sequence[Lost], so_far: str, unit: int) -> str:
         f"each process that computed {told} {lost[0].why}. All others are done, {so_far}. {which}Call "
         "the function with it in a process of its own to see why."
     )
+
+
+class Progress:
+    """Counts of a study; drawn on stderr from a second on, if that is a terminal.
+
+    Attributes:
+        done: Samples done, with those of earlier calls.
+        failed: How many of those done in this call have no result.
+    """
+
+    def __init__(self, total: int, done: int, *, drawn: bool) -> None:
+        self.total, self.done, self.failed, self._drawn = total, done, 0, drawn
+        self._before, self._began = done, time.perf_counter()
+        self._next = self._began + PATIENCE
+        self._bar: Any = None
+        self._task: Any = None
+
+    def add(self, samples: int, failed: int) -> None:
+        """Some samples more are done."""
+        self.done += samples
+        self.failed += failed
+
+    def draw(self) -> None:
+        """Draw, if enough time has passed."""
+        now = time.perf_counter()
+        if not self._drawn or now < self._next:
+            return
+        if self._bar is None:
+            self._open()
+        self._bar.update(self._task, completed=self.done, told=self.told(now - self._began))
+        self._bar.refresh()
+        self._next = time.perf_counter() + PACE
+
+    def told(self, seconds: float) -> str:
+        """Counts, rate and time left in words.
+
+        Args:
+            seconds: Since this call began [s].
+        """
+        rate = (self.done - self._before) / seconds
+        failed = f", {self.failed:,} without a result" if self.failed else ""
+        if not rate:
+            return f"{self.done:,} of {self.total:,}, starting"
+        left = (self.total - self.done) / rate
+        hours, rest = divmod(round(left), 3600)
+        return (
+            f"{self.done:,} of {self.total:,}{failed}, {rate:.3g} a second, "
+            f"left {f'{hours}:' if hours else ''}{rest // 60:02d}:{rest % 60:02d}"
+        )
+
+    def stop(self) -> None:
+        """Remove the bar and restore the cursor."""
+        if self._bar is not None:
+            self._bar.stop()
+
+    def _open(self) -> None:
+        from rich.progress import TextColumn
+
+        self._bar = bar_of(TextColumn("{task.fields[told]}", markup=False))
+        self._task = self._bar.add_task("studying", total=self.total, told="")
+        self._bar.start()
+
+
+@contextmanager
+def counted(total: int, done: int, *, shown: bool) -> Iterator[Progress]:
+    """The counts of a study, with a bar on a terminal, which is removed at the end, after Ctrl-C and errors too.
+
+    Args:
+        total: Number of samples.
+        done: How many are done already.
+        shown: False for no bar at all.
+    """
+    progress = Progress(total, done, drawn=shown and can_show())
+    try:
+        yield progress
+    finally:
+        progress.stop()
+
+
+class Interruption:
+    """Within it, Ctrl-C raises KeyboardInterrupt, but not in `held`; a second one does, everywhere.
+
+    Handlers of the user's own, and those of other threads, stay as they are.
+
+    Attributes:
+        asked: How often Ctrl-C was pressed.
+    """
+
+    def __init__(self) -> None:
+        self.asked = 0
+        self._held = False
+        self._ours = False
+
+    def __enter__(self) -> Interruption:
+        main = threading.current_thread() is threading.main_thread()
+        if main and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+            signal.signal(signal.SIGINT, self._handle)
+            self._ours = True
+        return self
+
+    def __exit__(self, *args: object) -> None:
+        if self._ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self.asked += 1
+        if self.asked > 1 or not self._held:
+            raise KeyboardInterrupt
+
+    def check(self) -> None:
+        """Raise KeyboardInterrupt if Ctrl-C was pressed, for functions that end early by it, as `rbd.simulate` does."""
+        if self.asked:
+            raise KeyboardInterrupt
+
+    @contextmanager
+    def held(self) -> Iterator[None]:
+        """A first Ctrl-C within waits for the end."""
+        with self.counted():
+            yield
+        self.check()
+
+    @contextmanager
+    def counted(self) -> Iterator[None]:
+        """A first Ctrl-C within raises nothing, also not at the end: `asked` tells of it."""
+        self._held = True
+        try:
+            yield
+        finally:
+            self._held = False

@@ -29,8 +29,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from rbd.planar.chain import Chain
-    from rbd.planar.motion import PlanarMotion
     from rbd.planar.numeric import Ellipse
+    from rbd.planar.planned_motion import PlanarMotion
 
 LINK_COLOR, GROUND_COLOR, REACH_COLOR = "#24344d", "0.25", "0.75"
 FORCE_COLOR = CONTACT_COLORS[6]
@@ -338,7 +338,7 @@ def replay_planar(motion: PlanarMotion, *, speed: float = 0.5) -> None:
 @contextmanager
 def _played(motion: PlanarMotion) -> Iterator[Any]:
     """The motion of a robot that looks like the chain, its file existing as long as it is shown."""
-    from rbd.planar.urdf import robot_coordinates, to_urdf
+    from rbd.planar.robot_file import robot_coordinates, to_urdf
 
     if len(motion) < 2:
         raise InputError("the motion has one sample only; expected two at least.")

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
 
-    from rbd.planar.motion import PlanarMotion
+    from rbd.planar.planned_motion import PlanarMotion
 
 X_COLOR, Y_COLOR = CONTACT_COLORS[0], CONTACT_COLORS[1]
 ANGLE_COLORS = tuple(CONTACT_COLORS[k] for k in (2, 6, 4, 3, 5, 7))

@@ -10,10 +10,20 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.visual.figures.plots import an_axis
-from rbd.visual.figures.study_curves import FEW, draw_curves, family_colors, keys_of_curves, scale_of
+from rbd.visual.figures.study_charts import (
+    FEW,
+    NUMBERS,
+    draw_curves,
+    draw_map,
+    draw_points,
+    dress,
+    family_colors,
+    keys_of_curves,
+    keys_of_map,
+    keys_of_points,
+    scale_of,
+)
 from rbd.visual.figures.study_data import Axis, Quantity, StudyData
-from rbd.visual.figures.study_maps import NUMBERS, draw_map, dress, keys_of_map
-from rbd.visual.figures.study_points import draw_points, keys_of_points
 from rbd.visual.style import distinct_colors
 
 if TYPE_CHECKING:

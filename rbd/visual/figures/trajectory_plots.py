@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -16,9 +16,8 @@ from rbd.arrays import Array
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import ANGLE, FORCE_OF, PURE, Coordinate
-from rbd.simulation.motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS
+from rbd.simulation.simulated_motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS
 from rbd.simulation.trajectory import Trajectory
-from rbd.visual.figures.energies import energy_curves
 from rbd.visual.figures.plots import an_axis, frame, note
 from rbd.visual.style import CONTACT_COLORS, contact_colors
 
@@ -398,3 +397,33 @@ def _limits(robot: CheckedModel, i: int, what: str) -> tuple[float, ...]:
     elif what == "tau":
         both = (-float(robot.effort_limit[i]), float(robot.effort_limit[i]))
     return tuple(x for x in both if math.isfinite(x) and 0.0 < abs(x) < _NONE or x == 0.0 and what == "q")
+
+
+TOTAL_COLOR = "#1a1a1a"
+
+
+class EnergyCurve(NamedTuple):
+    """One curve: its name, its colour, and its values at the samples [J], shape (n,)."""
+
+    name: str
+    color: str
+    values: Array
+
+
+def energy_curves(shown: Any) -> list[EnergyCurve]:
+    """Kinetic, potential (from its start) and total energy; then, where there are any, of springs, and work of dampers.
+
+    Args:
+        shown: A `Trajectory`, or a part of it with `kinetic`, `potential`, and if known `elastic` and `dissipated`.
+    """
+    n = len(shown.kinetic)
+    elastic, taken = (getattr(shown, name, np.zeros(n)) for name in ("elastic", "dissipated"))
+    potential, taken = shown.potential - shown.potential[0], taken - taken[:1]
+    out = [EnergyCurve("kinetic", CONTACT_COLORS[0], shown.kinetic)]
+    out.append(EnergyCurve("potential, from its start", CONTACT_COLORS[2], potential))
+    out.append(EnergyCurve("total", TOTAL_COLOR, shown.kinetic + potential + elastic))
+    if elastic.any():
+        out.append(EnergyCurve("in springs", CONTACT_COLORS[3], elastic))
+    if taken.any():
+        out.append(EnergyCurve("work taken by dampers", CONTACT_COLORS[4], taken))
+    return out

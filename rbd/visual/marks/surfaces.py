@@ -12,8 +12,8 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import member
 from rbd.problem.ground import Ground
 from rbd.visual import shapes
+from rbd.visual.marks.contacts import plane_of
 from rbd.visual.marks.mark import Label, Mark, Sizes, number, numbers
-from rbd.visual.marks.support import plane_of
 
 if TYPE_CHECKING:
     from rbd.constraints.constraint import Constraint

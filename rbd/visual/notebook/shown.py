@@ -5,11 +5,10 @@ from __future__ import annotations
 import warnings
 from typing import Any
 
-from rbd.visual.notebook import answers, mechanisms, motions, robots, scenes, statics
-from rbd.visual.notebook.card import card_html
-from rbd.visual.notebook.registry import card_of
+from rbd.visual.notebook import answer_cards, motion_cards, page_frames, robot_cards
+from rbd.visual.notebook.card import card_html, card_of
 
-CASES = (answers, mechanisms, motions, robots, scenes, statics)
+CASES = (answer_cards, robot_cards, motion_cards, robot_cards, page_frames, motion_cards)
 """The modules that have cases of `card_of`."""
 
 

@@ -1,10 +1,18 @@
-"""A headless Chromium that stays open: opens pages, runs scripts in them, photographs them."""
+"""A headless Chromium that stays open, driven through two pipes by the DevTools protocol: opens pages, photographs them."""
 
 from __future__ import annotations
 
 import base64
+import fcntl
+import json
+import os
+import select
 import shutil
+import signal
+import tempfile
+import threading
 import time
+import weakref
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -12,8 +20,219 @@ from types import TracebackType
 from typing import Any
 
 from rbd.errors import InputError, PictureError
-from rbd.visual.pages import devtools
-from rbd.visual.pages.devtools import DevTools
+from rbd.model.data_pool import renewed_after_fork
+
+TIMEOUT_SECONDS = 120.0
+"""Time that an answer may take [s]."""
+END_SECONDS = 5.0
+"""Time in which a browser may end by itself before it is killed [s]."""
+_PIPE_BYTES = 1 << 20
+
+
+class DevTools:
+    """A browser's process and the two pipes to it.
+
+    The process leads a group of processes of its own: Ctrl-C in the terminal does not reach it, and all of them are killed
+    together. It ends when it is closed, when its owner is no longer used, and when Python ends. A forked child cannot use it.
+
+    Args:
+        command: Path of the program, and its arguments; a profile folder is added to them.
+
+    Raises:
+        PictureError: if the program cannot be started.
+    """
+
+    def __init__(self, command: list[str]) -> None:
+        self._lock = threading.RLock()
+        self._buffer, self._looked_at = bytearray(), 0
+        self._answers: dict[int, dict[str, Any]] = {}
+        self._count, self._in_order = 0, True
+        self._thrown: dict[str, str] = {}
+        profile = tempfile.TemporaryDirectory(prefix="rbd-browser-")
+        told = Path(profile.name) / "stderr.txt"
+        try:
+            self.pid, self._to, self._from = _spawned([*command, f"--user-data-dir={profile.name}"], told)
+        except OSError as error:
+            profile.cleanup()
+            raise PictureError(f"the browser {command[0]!r:.300} cannot be started: {error.strerror}.") from error
+        self._told, self._profile = told, profile
+        self._end = weakref.finalize(self, _ended, self.pid, self._to, self._from, profile, os.getpid())
+        renewed_after_fork(self)
+
+    def renew_after_fork(self) -> None:
+        """In a forked child: the browser belongs to the parent."""
+        self._lock = threading.RLock()
+        if self._end.detach() is not None:
+            for fd in (self._to, self._from):
+                with suppress(OSError):
+                    os.close(fd)
+            self._profile._finalizer.detach()  # type: ignore[attr-defined]
+
+    @property
+    def closed(self) -> bool:
+        """Whether it has been closed."""
+        return not self._end.alive
+
+    def send(self, method: str, *, session: str | None = None, **params: Any) -> int:
+        """Send a message without waiting for its answer; returns its number, for `answer`.
+
+        Raises:
+            PictureError: if the browser has ended.
+        """
+        with self._lock:
+            if self.closed:
+                raise PictureError("the browser is closed; open another one: rbd.visual.Browser().")
+            self._count += 1
+            message: dict[str, Any] = {"id": self._count, "method": method, "params": params}
+            if session is not None:
+                message["sessionId"] = session
+            packed = memoryview(json.dumps(message).encode() + b"\0")
+            self._in_order = False
+            try:
+                while packed:
+                    packed = packed[os.write(self._to, packed) :]
+            except OSError:
+                raise self._has_ended() from None
+            self._in_order = True
+            return self._count
+
+    def answer(self, number: int, method: str) -> dict[str, Any]:
+        """The answer to a message.
+
+        Raises:
+            PictureError: if the browser refuses it, has ended, or does not answer in time.
+        """
+        with self._lock:
+            until = time.monotonic() + TIMEOUT_SECONDS
+            while number not in self._answers:
+                one = self._read(until)
+                if one.get("method") == "Inspector.targetCrashed":
+                    raise PictureError(f"the page crashed at {method}: it may need more memory than there is.")
+                if one.get("method") == "Runtime.exceptionThrown":
+                    details = one["params"]["exceptionDetails"]
+                    what = details.get("exception", {}).get("description", details.get("text", ""))
+                    self._thrown.setdefault(one.get("sessionId", ""), str(what))
+                if "id" in one:
+                    self._answers[one["id"]] = one
+            answer = self._answers.pop(number)
+        if "error" in answer:
+            raise PictureError(f"the browser refused {method}: {answer['error'].get('message', answer['error'])}.")
+        return dict(answer["result"])
+
+    def call(self, method: str, *, session: str | None = None, **params: Any) -> dict[str, Any]:
+        """Send a message and wait for its answer, see `send` and `answer`."""
+        with self._lock:
+            return self.answer(self.send(method, session=session, **params), method)
+
+    def thrown(self, session: str) -> str:
+        """The first error of a page's own scripts since `Runtime.enable`; empty without one."""
+        return self._thrown.get(session, "")
+
+    def close(self) -> None:
+        """End the process: ask it to, and kill it if it does not."""
+        with self._lock:
+            if self._in_order and not self.closed:
+                with suppress(PictureError):
+                    self.send("Browser.close")
+        self._end()
+
+    def kill(self) -> None:
+        """End the process at once, with its children."""
+        if not self.closed:
+            _kill(self.pid)
+        self._end()
+
+    def _read(self, until: float) -> dict[str, Any]:
+        """The next message that comes."""
+        while (end := self._buffer.find(b"\0", self._looked_at)) < 0:
+            self._looked_at = len(self._buffer)
+            if self.closed:
+                raise PictureError("the browser is closed; open another one: rbd.visual.Browser().")
+            ready, _, _ = select.select([self._from], [], [], max(0.0, until - time.monotonic()))
+            if not ready:
+                self.kill()
+                raise PictureError(f"the browser took over {TIMEOUT_SECONDS:g} s for an answer; it was ended.")
+            more = os.read(self._from, _PIPE_BYTES)
+            if not more:
+                raise self._has_ended()
+            self._buffer += more
+        one = bytes(self._buffer[:end])
+        del self._buffer[: end + 1]
+        self._looked_at = 0
+        return dict(json.loads(one))
+
+    def _has_ended(self) -> PictureError:
+        """What to raise when the process is not there any more; it is closed."""
+        until = time.monotonic() + 1.0
+        status: int | None = None
+        while status is None and time.monotonic() < until:
+            try:
+                pid, code = os.waitpid(self.pid, os.WNOHANG)
+            except ChildProcessError:
+                break
+            status = os.waitstatus_to_exitcode(code) if pid else None
+            time.sleep(0.0 if pid else 0.005)
+        lines = self._told.read_text(errors="replace").strip().splitlines() if self._told.exists() else []
+        words = lines[-1][:300] if lines else "it said nothing"
+        self.kill()
+        how = "its pipe was closed" if status is None else f"exit {status}"
+        return PictureError(f"the browser has ended ({how}): {words}.")
+
+
+def _spawned(command: list[str], told: Path) -> tuple[int, int, int]:
+    """Start a process that reads commands from descriptor 3 and answers on 4: its number, and our ends of the two pipes.
+
+    Args:
+        command: The program and its arguments.
+        told: File for what it writes to its standard error.
+    """
+    (theirs_in, ours_out), (ours_in, theirs_out) = os.pipe(), os.pipe()
+    high: list[int] = []
+    try:
+        # Copies above 9, so that putting one on 3 does not overwrite the other.
+        high += [fcntl.fcntl(fd, fcntl.F_DUPFD_CLOEXEC, 10) for fd in (theirs_in, theirs_out)]
+        if hasattr(fcntl, "F_SETPIPE_SZ"):  # pictures are large; Linux only
+            for fd in (ours_in, ours_out):
+                with suppress(OSError):
+                    fcntl.fcntl(fd, fcntl.F_SETPIPE_SZ, _PIPE_BYTES)
+        actions: list[tuple[Any, ...]] = [(os.POSIX_SPAWN_OPEN, fd, os.devnull, os.O_RDWR, 0) for fd in (0, 1)]
+        actions += [(os.POSIX_SPAWN_OPEN, 2, str(told), os.O_WRONLY | os.O_CREAT, 0o600)]
+        actions += [(os.POSIX_SPAWN_DUP2, high[0], 3), (os.POSIX_SPAWN_DUP2, high[1], 4)]
+        pid = os.posix_spawn(command[0], command, os.environ, file_actions=actions, setpgroup=0)
+    except BaseException:
+        os.close(ours_out)
+        os.close(ours_in)
+        raise
+    finally:
+        for fd in (theirs_in, theirs_out, *high):
+            os.close(fd)
+    return pid, ours_out, ours_in
+
+
+def _ended(pid: int, to: int, answers: int, profile: tempfile.TemporaryDirectory[str], owner: int) -> None:
+    """Close the pipes, at which a browser ends; kill what has not ended in time, and remove its folder."""
+    if os.getpid() != owner:
+        return
+    for fd in (to, answers):
+        with suppress(OSError):
+            os.close(fd)
+    until = time.monotonic() + END_SECONDS
+    with suppress(ChildProcessError):
+        while os.waitpid(pid, os.WNOHANG) == (0, 0) and time.monotonic() < until:
+            time.sleep(0.002)
+    _kill(pid)  # whatever of its group is left
+    with suppress(ChildProcessError):
+        os.waitpid(pid, 0)
+    until = time.monotonic() + 1.0
+    while os.path.isdir(profile.name) and time.monotonic() < until:
+        with suppress(OSError):  # a process of the group may write until it is gone
+            profile.cleanup()
+
+
+def _kill(group: int) -> None:
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(group, signal.SIGKILL)
+
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 # Quiet, without a graphics card (SwiftShader draws in software), and unable to reach any other machine.
@@ -201,7 +420,7 @@ class BrowserPage:
         Raises:
             PictureError: if it is not in time.
         """
-        seconds = devtools.TIMEOUT_SECONDS if seconds is None else seconds
+        seconds = TIMEOUT_SECONDS if seconds is None else seconds
         until = time.monotonic() + seconds
         while not self.evaluate(condition):
             if failed := self._browser._tools.thrown(self._session):

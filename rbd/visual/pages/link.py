@@ -1,14 +1,14 @@
-"""What follows # in the address of a page: time, view, layers."""
+"""What follows # in the address of a page: time, view, layers; and the layers of a scene."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from typing import Any
 from urllib.parse import quote
 
 from rbd.arrays import as_float
 from rbd.errors import InputError
-from rbd.visual.layers import checked_view, only_layers
 
 
 def page_link(
@@ -18,8 +18,8 @@ def page_link(
 
     Args:
         at: Time of a motion [s].
-        view: One of `rbd.visual.layers.VIEWS`.
-        layers: {layer: whether it is shown}, of `rbd.visual.layers.LAYERS`; the others stay as the page has them.
+        view: One of `rbd.visual.pages.link.VIEWS`.
+        layers: {layer: whether it is shown}, of `rbd.visual.pages.link.LAYERS`; the others stay as the page has them.
         controls: Whether the page has buttons; False for pictures.
 
     Returns:
@@ -42,3 +42,67 @@ def page_link(
     if not controls:
         parts.append("controls=off")
     return "&".join(parts)
+
+
+LAYERS: Mapping[str, bool] = {
+    "meshes": True,
+    "collision shapes": False,
+    "frames": False,
+    "forces": True,
+    "corner forces": True,
+    "cones": True,
+    "surfaces": True,
+    "loop forces": True,
+    "moments": True,
+    "joint torques": False,
+    "pushes": True,
+    "force elements": True,
+    "centre of mass": True,
+    "support polygon": True,
+    "regions": True,
+    "other poses": True,
+    "axes": False,
+    "labels": False,
+}
+"""{name: whether it is shown at first}, in the order of the page's list."""
+
+
+VIEWS = ("start", "front", "side", "top")
+"""Where the camera stands: as the page opened it, before the face, on the left of the robot, above with x upwards."""
+
+
+def checked_layers(layers: object) -> dict[str, bool]:
+    """{name: whether it is shown at first} of all layers, where `layers` says so for some.
+
+    Raises:
+        InputError: what is no mapping of names of layers to True or False.
+    """
+    return {**LAYERS, **only_layers(layers)}
+
+
+def only_layers(layers: object) -> dict[str, bool]:
+    """{name: whether it is shown} of those layers that `layers` names; none of None.
+
+    Raises:
+        InputError: what is no mapping of names of layers to True or False.
+    """
+    if layers is None:
+        return {}
+    given: Any = layers
+    if not isinstance(layers, Mapping) or not all(isinstance(on, bool) for on in given.values()):
+        raise InputError(f"layers are {layers!r:.80}; expected {{name: True or False}}, of {', '.join(LAYERS)}.")
+    unknown = [name for name in given if name not in LAYERS]
+    if unknown:
+        raise InputError(f"there is no layer {unknown[0]!r:.80}; expected {', '.join(LAYERS)}.")
+    return dict(given)
+
+
+def checked_view(view: object) -> str:
+    """The name of a view.
+
+    Raises:
+        InputError: if it is not the name of a view.
+    """
+    if view not in VIEWS:
+        raise InputError(f"view is {view!r:.80}; expected one of {', '.join(VIEWS)}.")
+    return str(view)

@@ -167,7 +167,7 @@ def screenshot(
         height: Pixels down.
         at: Time to show [s], of a page that `export_motion` wrote; by default where it starts.
         view: Where the camera stands: "start", "front", "side" or "top"; by default as the page opens.
-        layers: {layer: whether it is shown}, of `rbd.visual.layers.LAYERS`; the others are shown as the page has them.
+        layers: {layer: whether it is shown}, of `rbd.visual.pages.link.LAYERS`; the others are shown as the page has them.
         browser: An open browser, to draw many pictures; by default one is started for this picture, which takes longer.
 
     Raises:

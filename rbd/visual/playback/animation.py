@@ -16,20 +16,20 @@ import numpy as np
 
 from rbd.arrays import Array, as_array
 from rbd.errors import InputError, PictureError
-from rbd.visual.framing import FRONT_LEFT
-from rbd.visual.marks.footprints import footprints_of
+from rbd.visual.marks.regions import footprints_of
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import screenshot, write_page
 from rbd.visual.playback.curves import Choice, described, together
-from rbd.visual.playback.frames import Pushes, PushesAt
+from rbd.visual.playback.motion_frames import Pushes, PushesAt
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.playback.staging import a_second, a_time, checked, displaced, staged
 from rbd.visual.playback.trajectory_charts import charts_of
+from rbd.visual.robot_layers import FRONT_LEFT
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_page, a_path, a_picture
 
 if TYPE_CHECKING:
-    from rbd.motion.motion import Motion
+    from rbd.motion.reference_motion import Motion
     from rbd.simulation.trajectory import Trajectory
 
 MOST_PICTURES = 100
@@ -96,7 +96,7 @@ def export_motion(
         ground: Whether to draw the ground z = 0 as a grid.
         seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m].
-        layers: {layer: whether it is shown at first}, where that is to differ from `rbd.visual.layers.LAYERS`; the page can
+        layers: {layer: whether it is shown at first}, where that is to differ from `rbd.visual.pages.link.LAYERS`; the page can
             change it.
         view: Where the camera stands at first: "start", "front", "side" or "top".
 

@@ -27,7 +27,7 @@ Choice: TypeAlias = bool | Sequence[str]
 
 
 @dataclass(frozen=True, eq=False)
-class Line:
+class CurveLine:
     """One curve.
 
     Attributes:
@@ -46,7 +46,7 @@ class Line:
 
 
 @dataclass(frozen=True, eq=False)
-class Chart:
+class CurveChart:
     """Curves on the same axes.
 
     Attributes:
@@ -61,7 +61,7 @@ class Chart:
 
     name: str
     title: str
-    lines: tuple[Line, ...]
+    lines: tuple[CurveLine, ...]
     limits: Mapping[str, float]
     low: float
     top: float
@@ -82,13 +82,13 @@ def a_list(choice: Any) -> list[Any]:
 def chart(
     name: str,
     title: str,
-    lines: Sequence[Line],
+    lines: Sequence[CurveLine],
     *,
     limits: Mapping[str, float] | None = None,
     least_top: float = 0.0,
     percentile: float = 100.0,
     signed: bool = False,
-) -> Chart:
+) -> CurveChart:
     """A chart with axes for its values.
 
     Args:
@@ -104,10 +104,12 @@ def chart(
     low, top = 0.0, top_of(values, least_top, percentile)
     if signed:
         low, top = _signed(values)
-    return Chart(name, title, tuple(lines), dict(limits or {}), low, top)
+    return CurveChart(name, title, tuple(lines), dict(limits or {}), low, top)
 
 
-def most_used(name: str, title: str, names: Sequence[str], values: Array, *, limit: float | None, short: bool = True) -> Chart:
+def most_used(
+    name: str, title: str, names: Sequence[str], values: Array, *, limit: float | None, short: bool = True
+) -> CurveChart:
     """The curves of the joints with the largest values, each by its name, and the largest of all others.
 
     Args:
@@ -120,9 +122,9 @@ def most_used(name: str, title: str, names: Sequence[str], values: Array, *, lim
     """
     order = np.lexsort((-np.nan_to_num(values).mean(axis=0), -np.nan_to_num(values).max(axis=0)))
     most, others = order[:NAMED], order[NAMED:]
-    rest = [Line("largest of the others", GREY, values[:, others].max(axis=1), FINE)] if len(others) else []
+    rest = [CurveLine("largest of the others", GREY, values[:, others].max(axis=1), FINE)] if len(others) else []
     named = [
-        Line(names[j].removesuffix("_joint") if short else names[j], color, values[:, j])
+        CurveLine(names[j].removesuffix("_joint") if short else names[j], color, values[:, j])
         for j, color in zip(most, CONTACT_COLORS, strict=False)
     ]
     given = {} if limit is None else {"limit": limit}
@@ -139,7 +141,7 @@ def top_of(values: Array, least: float, percentile: float) -> float:
     return max(least, 1.08 * (min(most, 4.0 * usual) if usual > 0.0 else most)) or 1.0
 
 
-def together(first: Sequence[Chart], second: Sequence[Chart]) -> list[Chart]:
+def together(first: Sequence[CurveChart], second: Sequence[CurveChart]) -> list[CurveChart]:
     """The charts of two motions on the same axes: the curves of the second are dashed."""
     dashed = {c.name: replace(c, lines=tuple(replace(line, motion=1) for line in c.lines)) for c in second}
     for one in first:
@@ -156,7 +158,7 @@ def together(first: Sequence[Chart], second: Sequence[Chart]) -> list[Chart]:
     return joined + list(dashed.values())
 
 
-def _in_colors_of(first: Chart, second: Chart) -> Chart:
+def _in_colors_of(first: CurveChart, second: CurveChart) -> CurveChart:
     """The second chart with the colours of the first for curves of the same name, and others for the rest."""
     names = [line.name for line in first.lines]
     if len(set(names)) < len(names):  # of contacts, whose colours are known from the picture
@@ -168,7 +170,7 @@ def _in_colors_of(first: Chart, second: Chart) -> Chart:
     )
 
 
-def described(times: Sequence[Array], charts: Sequence[Chart]) -> dict[str, object]:
+def described(times: Sequence[Array], charts: Sequence[CurveChart]) -> dict[str, object]:
     """The charts as a page reads them: times and values packed as numbers of single precision, in base64.
 
     Args:
@@ -224,7 +226,7 @@ def _signed(values: Array) -> tuple[float, float]:
     return low - room, top + room
 
 
-def _line(line: Line, values: Array) -> dict[str, object]:
+def _line(line: CurveLine, values: Array) -> dict[str, object]:
     given = {"name": line.name, "color": line.color, "width": line.width, "motion": line.motion}
     return {**given, "values": _packed(values)}
 

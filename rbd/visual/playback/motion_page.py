@@ -14,13 +14,11 @@ import pinocchio as pin
 from rbd.arrays import Array, lazy
 from rbd.model.checked_model import CheckedModel
 from rbd.robots.robot import Robot
-from rbd.simulation.motion import OPEN, Event
-from rbd.visual.marks.legend import scale_note
+from rbd.simulation.simulated_motion import OPEN, Event
 from rbd.visual.marks.mark import Sizes
-from rbd.visual.playback.contact_planes import carries_weight, normals_of
-from rbd.visual.playback.element_tracks import ELEMENT_COLORS, element_look
-from rbd.visual.playback.frames import Frames, Track
-from rbd.visual.playback.posed_bodies import checked_ghost, ghost_poses
+from rbd.visual.marks.picture import scale_note
+from rbd.visual.playback.motion_frames import ELEMENT_COLORS, PageFrames, Track, checked_ghost, element_look, ghost_poses
+from rbd.visual.playback.trajectory_charts import carries_weight, normals_of
 from rbd.visual.robot_layers import collision_parts
 from rbd.visual.robot_meshes import RobotPart, hull_of
 from rbd.visual.shapes import outermost
@@ -64,7 +62,7 @@ class MotionPage:
         name: What it is called beside another one.
     """
 
-    frames: Frames
+    frames: PageFrames
     parts: Sequence[RobotPart]
     sizes: Sizes
     ground: bool
@@ -149,7 +147,7 @@ class MotionPage:
         com = self.frames.com[:, :2]
         return len(com) > 0 and float(np.ptp(com, axis=0).max()) > times * self.sizes.body
 
-    def around(self, follow: bool, leader: Frames | None = None) -> Array:
+    def around(self, follow: bool, leader: PageFrames | None = None) -> Array:
         """Points in W that the camera is to see, shape (n, 3) [m].
 
         With a camera that follows, as if the centre of mass stayed over where it starts: its own, or that of a leader.

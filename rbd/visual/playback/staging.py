@@ -13,10 +13,10 @@ from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.robots.robot import Robot
-from rbd.simulation.motion import Event
-from rbd.visual.marks.footprints import Footprints
+from rbd.simulation.simulated_motion import Event
 from rbd.visual.marks.mark import Sizes
-from rbd.visual.playback.frames import Pushes, PushesAt, frames_of
+from rbd.visual.marks.regions import Footprints
+from rbd.visual.playback.motion_frames import Pushes, PushesAt, frames_of
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.robot_meshes import RobotPart, robot_parts
 from rbd.visual.scene import Scene

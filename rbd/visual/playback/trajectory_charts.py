@@ -1,4 +1,4 @@
-"""The charts of a trajectory, or of a motion without forces: which there are, and their numbers."""
+"""The charts of a trajectory, or of a motion without forces; the plane of a contact over time."""
 
 from __future__ import annotations
 
@@ -8,14 +8,15 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
+from rbd.arrays import Array
+from rbd.constraints.convex.polygons import convex_hull
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
 from rbd.problem.residuals import USABLE
 from rbd.simulation.trajectory_fields import RESIDUALS
-from rbd.visual.figures.energies import energy_curves
-from rbd.visual.playback.contact_planes import edge_distances, normals_of
-from rbd.visual.playback.curves import FINE, GREY, Chart, Choice, Line, a_list, chart, most_used
+from rbd.visual.figures.trajectory_plots import energy_curves
+from rbd.visual.playback.curves import FINE, GREY, Choice, CurveChart, CurveLine, a_list, chart, most_used
 from rbd.visual.style import COM_COLOR, CONTACT_COLORS, contact_colors
 
 CHARTS: Mapping[str, str] = {
@@ -35,7 +36,7 @@ _SMALLEST = 1e-16
 """Residuals below it are drawn at the foot of their axis."""
 
 
-def charts_of(shown: Any, choice: Choice) -> list[Chart]:
+def charts_of(shown: Any, choice: Choice) -> list[CurveChart]:
     """The charts of a motion, in the order of `CHARTS`, or as they are chosen.
 
     Args:
@@ -64,12 +65,12 @@ def charts_of(shown: Any, choice: Choice) -> list[Chart]:
     return charts
 
 
-def _idle(made: Chart) -> bool:
+def _idle(made: CurveChart) -> bool:
     """Whether it shows torques of motors that do nothing."""
     return made.name == "torques" and not any(line.values.any() for line in made.lines)
 
 
-def _forces(shown: Any) -> Chart | None:
+def _forces(shown: Any) -> CurveChart | None:
     contacts = {name: forces.sum(axis=1) for name, forces in getattr(shown, "point_forces", {}).items()}
     if not contacts:
         return _constraint_forces(shown)
@@ -81,11 +82,11 @@ def _forces(shown: Any) -> Chart | None:
         normal = normals_of(shown.points[name], shown.point_forces[name])
         along = contacts[name][:, 2] if normal is None else np.einsum("ij,ij->i", contacts[name], normal)
         lines += [
-            Line(f"{name} {'vertical' if normal is None else 'normal'}", colors[name], along),
-            Line("|f|", colors[name], size[name], FINE),
+            CurveLine(f"{name} {'vertical' if normal is None else 'normal'}", colors[name], along),
+            CurveLine("|f|", colors[name], size[name], FINE),
         ]
     if rest := order[NAMED_CONTACTS:]:
-        lines.insert(0, Line("largest |f| of the others", GREY, np.max([size[name] for name in rest], axis=0), FINE))
+        lines.insert(0, CurveLine("largest |f| of the others", GREY, np.max([size[name] for name in rest], axis=0), FINE))
     robot = shown.robot
     weight = float(robot.mass * np.linalg.norm(robot.gravity))
     carried = max(float(np.nan_to_num(s).max()) for s in size.values())
@@ -95,7 +96,7 @@ def _forces(shown: Any) -> Chart | None:
     return chart("forces", title, lines, limits=limits, least_top=1.05 * max(limits.values(), default=0.0), percentile=98.0)
 
 
-def _constraint_forces(shown: Any) -> Chart | None:
+def _constraint_forces(shown: Any) -> CurveChart | None:
     """Of constraints that are no contacts, such as loops: |f| of those with a resultant, else each row."""
     lines, words = [], set()
     for name, force in getattr(shown, "forces", {}).items():
@@ -108,12 +109,12 @@ def _constraint_forces(shown: Any) -> Chart | None:
     if not lines:
         return None
     lines.sort(key=lambda line: -float(np.abs(line[1]).max()))
-    drawn = [Line(name, color, row) for (name, row), color in zip(lines, CONTACT_COLORS, strict=False)]
+    drawn = [CurveLine(name, color, row) for (name, row), color in zip(lines, CONTACT_COLORS, strict=False)]
     signed = bool(min(line.values.min() for line in drawn) < 0.0)
     return chart("forces", f"forces of constraints, {' or '.join(sorted(words))}", drawn, percentile=98.0, signed=signed)
 
 
-def _torques(shown: Any) -> Chart | None:
+def _torques(shown: Any) -> CurveChart | None:
     robot: CheckedModel = shown.robot
     tau = np.abs(getattr(shown, "tau", np.zeros((len(shown.t), 0))))
     if not tau.shape[1]:
@@ -129,26 +130,26 @@ def _torques(shown: Any) -> Chart | None:
     )
 
 
-def _pressure(shown: Any) -> Chart | None:
+def _pressure(shown: Any) -> CurveChart | None:
     points = getattr(shown, "points", {})
     colors = contact_colors(points)
     found = {name: edge_distances(places, shown.point_forces[name]) for name, places in points.items()}
-    lines = [Line(name, colors[name], 1e3 * far) for name, far in found.items() if far is not None]
+    lines = [CurveLine(name, colors[name], 1e3 * far) for name, far in found.items() if far is not None]
     if not lines:
         return None
     return chart("centre of pressure", "centre of pressure: distance from the sole's edge, mm", lines[:NAMED_CONTACTS])
 
 
-def _energy(shown: Any) -> Chart | None:
+def _energy(shown: Any) -> CurveChart | None:
     if not all(hasattr(shown, name) for name in ("kinetic", "potential", "motor_work")):
         return None
-    lines = [Line(name.split(",")[0], color, values) for name, color, values in energy_curves(shown)]
+    lines = [CurveLine(name.split(",")[0], color, values) for name, color, values in energy_curves(shown)]
     if np.any(shown.motor_work):
-        lines.append(Line("work of the motors", CONTACT_COLORS[1], shown.motor_work - shown.motor_work[0]))
+        lines.append(CurveLine("work of the motors", CONTACT_COLORS[1], shown.motor_work - shown.motor_work[0]))
     return chart("energy", "energy, J (potential from its start)", lines, signed=True)
 
 
-def _residuals(shown: Any) -> Chart | None:
+def _residuals(shown: Any) -> CurveChart | None:
     if not hasattr(shown, "residuals"):
         return None
     lines = []
@@ -156,15 +157,15 @@ def _residuals(shown: Any) -> Chart | None:
         values = np.abs(shown.residuals[known.name])
         if known.name == "law" or (values.any() and np.isfinite(values).all()):
             unit = "scaled" if known.unit == "1" else known.unit
-            lines.append(Line(f"{known.name.replace('_', ' ')}, {unit}", color, values))
+            lines.append(CurveLine(f"{known.name.replace('_', ' ')}, {unit}", color, values))
     values = np.concatenate([np.maximum(line.values, _SMALLEST) for line in lines])
     low, top = 10.0 ** np.floor(np.log10(values.min())), 10.0 ** np.ceil(np.log10(max(values.max(), 2.0 * USABLE)))
-    return Chart(
+    return CurveChart(
         "residuals", "residuals, logarithmic", tuple(lines), {f"law: a warning above {USABLE:g}": USABLE}, low, top, True
     )
 
 
-def _angles(shown: Any) -> Chart | None:
+def _angles(shown: Any) -> CurveChart | None:
     robot = shown.robot
     joints = [j for j in robot.joints.values() if j.nv == 1 and not j.is_continuous and np.isfinite([j.lower, j.upper]).all()]
     joints = [j for j in joints if j.upper > j.lower]
@@ -177,7 +178,7 @@ def _angles(shown: Any) -> Chart | None:
     return most_used("angles", title, [j.name for j in joints], 100.0 * np.abs(q - middle) / half, limit=100.0)
 
 
-def _speeds(shown: Any) -> Chart | None:
+def _speeds(shown: Any) -> CurveChart | None:
     joints = [j for j in shown.robot.joints.values() if np.isfinite(j.speed)]
     if not joints:
         return None
@@ -186,7 +187,7 @@ def _speeds(shown: Any) -> Chart | None:
     return most_used("speeds", "joint speeds, % of their limits", [j.name for j in joints], share, limit=100.0)
 
 
-def _height(shown: Any) -> Chart | None:
+def _height(shown: Any) -> CurveChart | None:
     robot: CheckedModel = shown.robot
     if robot.mass <= 0.0:
         return None
@@ -195,10 +196,10 @@ def _height(shown: Any) -> Chart | None:
     else:
         model, data = robot.model, robot.model.createData()
         height = np.array([pin.centerOfMass(model, data, np.array(q, float))[2] for q in shown.q])
-    return chart("height", "height of the centre of mass, m", [Line("height", COM_COLOR, height)], signed=True)
+    return chart("height", "height of the centre of mass, m", [CurveLine("height", COM_COLOR, height)], signed=True)
 
 
-_MAKERS: Mapping[str, Callable[[Any], Chart | None]] = {
+_MAKERS: Mapping[str, Callable[[Any], CurveChart | None]] = {
     "forces": _forces,
     "torques": _torques,
     "centre of pressure": _pressure,
@@ -208,3 +209,93 @@ _MAKERS: Mapping[str, Callable[[Any], Chart | None]] = {
     "speeds": _speeds,
     "height": _height,
 }
+
+
+UPRIGHT = float(np.cos(np.pi / 4.0))
+"""Contacts whose normal leans more than 45 degrees do not carry weight from below."""
+_FLAT = 1e-6
+"""Points whose spread along one axis is less than this share of their largest, both squared, are in a plane or on a line."""
+
+
+def normals_of(points: Array, forces: Array) -> Array | None:
+    """Unit normal of a contact at each time, shape (n, 3), on the side to which it mostly pushes the robot; None if unknown.
+
+    It is that of the plane through the loaded points. Where fewer than three are loaded, or they lie on a line, it is the one
+    of the nearest time before that had one, else of the first such time: a foot that tips does not turn the ground. Unknown
+    are those of single points, of edges, and of contacts whose loaded points are not in one plane.
+
+    Args:
+        points: Of the contact in W, shape (n, k, 3) [m]; NaN where there is none.
+        forces: At the points, shape (n, k, 3) [N].
+    """
+    n, k = points.shape[:2]
+    if k < 3:
+        return None
+    there = np.isfinite(points).all(axis=2) & (np.linalg.norm(forces, axis=2) > 0.0)
+    count = there.sum(axis=1)
+    clean = np.where(there[:, :, None], points, 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        centre = clean.sum(axis=1) / count[:, None]
+    arms = np.where(there[:, :, None], points - centre[:, None], 0.0)
+    spread = np.einsum("nki,nkj->nij", arms, arms)
+    known = count >= 3
+    if not known.any():
+        return None
+    sizes, axes = np.linalg.eigh(np.where(known[:, None, None], spread, np.eye(3)))
+    known &= sizes[:, 1] > _FLAT * sizes[:, 2]
+    if not known.any() or (sizes[known, 0] > _FLAT * sizes[known, 2]).any():
+        return None
+    normal = axes[:, :, 0]
+    normal = normal * np.where(normal @ normal[int(known.argmax())] < 0.0, -1.0, 1.0)[:, None]
+    if np.einsum("ni,ni->", normal[known], forces.sum(axis=1)[known]) < 0.0:
+        normal = -normal
+    last = np.maximum.accumulate(np.where(known, np.arange(n), -1))
+    found: Array = normal[np.where(last < 0, int(known.argmax()), last)]
+    return found
+
+
+def edge_distances(points: Array, forces: Array) -> Array | None:
+    """Distance of the centre of pressure from the edge of its sole at each time, shape (n,) [m]; None if it is no flat sole.
+
+    NaN while it carries no load. The edge is the convex hull of its points, the centre of pressure the mean of the points
+    weighted by their normal forces; a pull counts as none.
+
+    Args:
+        points: Of the contact in W, shape (n, k, 3) [m].
+        forces: At the points, shape (n, k, 3) [N].
+    """
+    normal = normals_of(points, forces)
+    if normal is None:
+        return None
+    complete = np.isfinite(points).all(axis=(1, 2))
+    i = int(complete.argmax())
+    if not complete.any():
+        return None
+    arms = points[i] - points[i].mean(axis=0)
+    _, sizes, axes = np.linalg.svd(arms)
+    flat = arms @ axes[:2].T
+    hull = convex_hull(flat)
+    if len(hull) < 3 or sizes[2] ** 2 > _FLAT * sizes[0] ** 2:
+        return None
+    around = [int(((flat - corner) ** 2).sum(axis=1).argmin()) for corner in hull]
+    load = np.maximum(np.einsum("nki,ni->nk", forces, normal), 0.0)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        centre = np.einsum("nk,nki->ni", load, np.where(complete[:, None, None], points, np.nan)) / load.sum(axis=1)[:, None]
+    begin, end = points[:, around], points[:, np.roll(around, -1)]
+    edge = end - begin
+    across = np.cross(edge, centre[:, None] - begin)
+    far = np.linalg.norm(across, axis=2) / np.linalg.norm(edge, axis=2)
+    nearest: Array = far.min(axis=1)
+    return nearest
+
+
+def carries_weight(points: Array, forces: Array) -> bool:
+    """Whether a contact can support the robot from below: its normal, or its force where none is known, points up.
+
+    Args:
+        points: Of the contact in W, shape (n, k, 3) [m].
+        forces: At the points, shape (n, k, 3) [N].
+    """
+    normal = normals_of(points, forces)
+    mean = np.nan_to_num(forces).sum(axis=(0, 1)) if normal is None else normal.mean(axis=0)
+    return bool(mean[2] > UPRIGHT * float(np.linalg.norm(mean)))

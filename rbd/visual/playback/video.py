@@ -23,13 +23,13 @@ from rbd.visual.pages.encoders import QUALITY, Encoder, encoder_of
 from rbd.visual.pages.link import page_link
 from rbd.visual.pages.page import write_page
 from rbd.visual.playback.animation import motion_scene
-from rbd.visual.playback.frames import Pushes, PushesAt
+from rbd.visual.playback.motion_frames import Pushes, PushesAt
 from rbd.visual.playback.staging import positive
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_path
 
 if TYPE_CHECKING:
-    from rbd.motion.motion import Motion
+    from rbd.motion.reference_motion import Motion
     from rbd.motion.report import MotionReport
     from rbd.simulation.trajectory import Trajectory
 
@@ -104,7 +104,7 @@ def export_video(
         seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m].
         view: Where the camera stands: "start", "front", "side" or "top".
-        layers: {layer: whether it is shown}, of `rbd.visual.layers.LAYERS`.
+        layers: {layer: whether it is shown}, of `rbd.visual.pages.link.LAYERS`.
         browser: An open browser; by default one is started.
         progress: Whether to draw a bar on a terminal while it works.
 

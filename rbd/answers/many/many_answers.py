@@ -1,0 +1,314 @@
+"""`ManyAnswers`: the arrays over states that all kinds of answers have, and the warnings of single answers, counted."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from rbd.answers.many.naming import StateStatus, dataset_of
+from rbd.answers.many.states import ManyStates
+from rbd.arrays import Array
+from rbd.constraints.constraint import Constraint, is_open
+from rbd.constraints.distance_warnings import joint_bounds
+from rbd.errors import (
+    DistantContactWarning,
+    EffortLimitWarning,
+    InaccurateWarning,
+    InputError,
+    JointLimitWarning,
+    LoopNotClosedWarning,
+    MovingConstraintWarning,
+    NonUniqueMotionWarning,
+    OpeningContactWarning,
+    RbdError,
+    RbdWarning,
+    Reason,
+    SpeedLimitWarning,
+)
+from rbd.problem.answer import Answer
+from rbd.problem.rows import Rows
+
+if TYPE_CHECKING:
+    import xarray
+
+RESIDUALS = ("stationarity", "feasibility", "cone", "complementarity", "centroidal")
+"""Their names in the order of `Residuals.values`."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ManyAnswers:
+    """Answers at n states of one robot, as arrays; row i is NaN where there is no answer at state i.
+
+    Attributes:
+        states: The robot, q, v and what acts at each state.
+        a: Accelerations, shape (n, nv) [m/s2, rad/s2].
+        forces: {constraint: (n, 3) of a point, (n, 6) of a surface}, on the robot, world axes [N, N m]; row forces (n, m) of
+            others. Zero where it is inactive.
+        corner_forces: {contact: forces at its corners (n, k, 3)}, world axes [N].
+        friction_used: {contact: `|f_t| / (mu f_n)` of its net force, shape (n,)}; NaN without load or coefficient.
+        centre_of_pressure: {contact: point of the patch's plane, in W, shape (n, 3) [m]}; NaN without load.
+        residuals: {equation: scaled residual, shape (n,)}, recomputed from each answer; as `Residuals.scaled`.
+        status: A `StateStatus` of each state, shape (n,), integers.
+        reason_codes: `rbd.errors.Reason.code` of each state, shape (n,), integers; 0 where there is an answer.
+        reasons: {state: message} where it is not solved.
+        method_codes: Which of `methods` answered, shape (n,), integers; -1 where none did.
+        methods: Names of the methods that answered.
+        one_by_one: Which states were answered one by one, by `rbd.solve`'s way for all constraints, shape (n,), truth values.
+        warned: {what: states that a single answer would have warned of, shape (n,), truth values}; only kinds that occurred.
+    """
+
+    states: ManyStates
+    a: Array
+    forces: Mapping[str, Array]
+    corner_forces: Mapping[str, Array]
+    friction_used: Mapping[str, Array]
+    centre_of_pressure: Mapping[str, Array]
+    residuals: Mapping[str, Array]
+    status: Array
+    reason_codes: Array
+    reasons: Mapping[int, str]
+    method_codes: Array
+    methods: tuple[str, ...]
+    one_by_one: Array
+    warned: Mapping[str, Array]
+
+    def __len__(self) -> int:
+        return len(self.status)
+
+    @property
+    def answered(self) -> Array:
+        """At which states there is an answer, solved or inaccurate, shape (n,), of truth values."""
+        return np.asarray(self.status <= StateStatus.INACCURATE)
+
+    @property
+    def worst(self) -> Array:
+        """The largest scaled residual of each state, shape (n,); NaN where nothing was solved."""
+        if not self.residuals:
+            return np.full(len(self), np.nan)
+        return np.asarray(np.fmax.reduce(list(self.residuals.values())))
+
+    @property
+    def method(self) -> Array:
+        """Which method answered at each state, shape (n,), words as in `Answer.method`; empty where none did."""
+        return np.array([*self.methods, ""])[self.method_codes]
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """{status in words: number of states}, those that occur."""
+        found, numbers = np.unique(self.status, return_counts=True)
+        return {StateStatus(code).words: int(n) for code, n in zip(found.tolist(), numbers, strict=True)}
+
+    def index(self, i: int) -> int:
+        """A state's number, from 0, of one counted from the end too.
+
+        Raises:
+            InputError: no whole number.
+            IndexError: there is no such state.
+        """
+        if isinstance(i, bool) or not isinstance(i, int | np.integer):
+            raise InputError(
+                f"a state's number is {i!r:.80}; expected a whole number. Arrays over all states are in its fields."
+            )
+        if not -len(self) <= i < len(self):
+            raise IndexError(f"there is no state {int(i)}: there are {len(self)}.")
+        return int(i) % len(self)
+
+    def to_xarray(self) -> xarray.Dataset:
+        """An xarray.Dataset of all arrays, with named dimensions, labels and units.
+
+        Needs the extra `study`: pip install 'rbd-contact[study]'.
+
+        Raises:
+            InputError: xarray is not installed; names the extra.
+        """
+        return dataset_of(self)
+
+    def _told(self) -> list[str]:
+        """Lines: methods, warnings and the first reason of each kind."""
+        lines = []
+        for i, name in enumerate(self.methods):
+            if count := int((self.method_codes == i).sum()):
+                lines.append(f"  {count:>8} by {name or 'the solver'}")
+        lines += [f"  {int(some.sum()):>8} with a warning: {what}" for what, some in self.warned.items()]
+        for code in np.unique(self.status[self.status > StateStatus.SOLVED]).tolist():
+            first = int(np.argmax(self.status == code))
+            lines.append(f"  {int((self.status == code).sum()):>8} {StateStatus(code).words}, the first at state {first}:")
+            lines.append(f"           {self.reasons.get(first, ''):.300}")
+        return lines
+
+    def _worst_words(self) -> str:
+        worst = self.worst[self.answered]
+        return f"worst residual {worst.max():.1e}" if len(worst) else "no answers"
+
+    def __repr__(self) -> str:
+        told = ", ".join(f"{n} {words}" for words, n in self.counts.items()) or "no states"
+        return f"{type(self).__name__}({len(self)} states of {self.states.robot.name!r}: {told}; {self._worst_words()})"
+
+    def __str__(self) -> str:
+        return "\n".join([repr(self), *self._told()])
+
+
+class Sheet:
+    """The arrays of n answers while they are filled, state by state or block by block."""
+
+    def __init__(self, states: ManyStates) -> None:
+        self.states, self.n = states, len(states)
+        self.a = np.full((self.n, states.robot.nv), np.nan)
+        self.tables: dict[str, dict[str, Array]] = {
+            kind: {} for kind in ("forces", "corner_forces", "friction_used", "centre_of_pressure", "residuals", "warned")
+        }
+        self.status = np.full(self.n, StateStatus.FAILED, np.int8)
+        self.reason_codes = np.full(self.n, Reason.NO_SOLUTION.code, np.int16)
+        self.reasons: dict[int, str] = {}
+        self.codes = np.full(self.n, -1, np.int8)
+        self.methods: dict[str, int] = {}
+        self.one_by_one = np.zeros(self.n, bool)
+
+    def table(self, kind: str, name: str, *shape: int) -> Array:
+        """The array of one name, rows of at least this shape; NaN where nothing was written."""
+        found = self.tables[kind].get(name)
+        if found is None:
+            found = self.tables[kind][name] = np.full((self.n, *shape), np.nan)
+        elif found.shape[1] < shape[0]:  # rows and points of some kinds appear and disappear
+            wider = np.zeros((self.n, *shape))
+            wider[:, : found.shape[1]] = found
+            found = self.tables[kind][name] = wider
+        return found
+
+    def column(self, kind: str, name: str) -> Array:
+        """One number a state."""
+        found = self.tables[kind].get(name)
+        if found is None:
+            empty = np.zeros(self.n, bool) if kind == "warned" else np.full(self.n, np.nan)
+            found = self.tables[kind][name] = empty
+        return found
+
+    def code(self, method: str) -> int:
+        """The number of a method."""
+        return self.methods.setdefault(method, len(self.methods))
+
+    def refuse_bad_input(self) -> None:
+        """The states that are no input."""
+        for i, message in self.states.refused.items():
+            self.refuse(i, InputError(f"at state {i}: {message}"))
+
+    def refuse(self, i: int, error: RbdError) -> None:
+        """State i has no answer, for the reason that an error gives."""
+        reason = Reason.of(error)
+        self.status[i], self.reason_codes[i] = StateStatus.of_reason(reason), reason.code
+        self.reasons[i] = str(error)
+
+    def write(self, i: int, answer: Answer, corners: Mapping[str, Array]) -> None:
+        """The answer of state i, with its residuals; NaN where its residuals say that it is none.
+
+        Args:
+            i: The state.
+            answer: Its answer.
+            corners: Forces at the corners of its contacts.
+        """
+        self.status[i], self.reason_codes[i] = StateStatus.of_answer(answer.status), answer.status.reason.code
+        for name, value in answer.residuals.scaled.items():
+            self.column("residuals", name)[i] = value
+        self.codes[i] = self.code(answer.method or answer.solver)
+        self.one_by_one[i] = True
+        if self.status[i] > StateStatus.INACCURATE:
+            self.reasons[i] = answer.reason or answer.worst
+            return
+        self.a[i] = answer.a
+        for name, force in answer.forces.items():
+            _put(self.table("forces", name, len(force)), i, force)
+        for name, force in corners.items():
+            _put(self.table("corner_forces", name, len(force), 3), i, force)
+        for name, contact in answer.contacts.items():
+            used, pressure = contact.friction_used, contact.centre_of_pressure
+            self.column("friction_used", name)[i] = np.nan if used is None else used
+            self.table("centre_of_pressure", name, 3)[i] = np.nan if pressure is None else pressure
+
+    def fields(self) -> dict[str, Any]:
+        """The fields of a `ManyAnswers`, read-only."""
+        lost = self.status > StateStatus.INACCURATE
+        for kind in ("forces", "corner_forces"):
+            for name in self.tables[kind]:
+                self.tables[kind][name][lost] = np.nan
+        for array in [
+            self.a,
+            self.status,
+            self.reason_codes,
+            self.codes,
+            self.one_by_one,
+            *[x for kind in self.tables.values() for x in kind.values()],
+        ]:
+            array.flags.writeable = False
+        warned = {what: some for what, some in self.tables["warned"].items() if some.any()}
+        given = {kind: table for kind, table in self.tables.items() if kind != "warned"}
+        residuals = {name: given["residuals"][name] for name in RESIDUALS if name in given["residuals"]}
+        return {
+            "states": self.states, "a": self.a, **given, "residuals": residuals, "warned": warned, "status": self.status,
+            "reason_codes": self.reason_codes, "reasons": self.reasons, "method_codes": self.codes,
+            "methods": tuple(self.methods), "one_by_one": self.one_by_one,
+        }  # fmt: skip
+
+
+def _put(table: Array, i: int, values: Array) -> None:
+    table[i] = 0.0
+    table[i, : len(values)] = values
+
+
+TORQUE, DISTANT, MOVES, OPENED, LOOP, SEVERAL, INACCURATE, SPEED, LIMIT = (
+    "a torque is beyond its effort limit",
+    "a contact is off its plane",
+    "a bilateral constraint moves",
+    "a contact separates and carries no force",
+    "a loop is open",
+    "more than one motion satisfies the law",
+    "inaccurate",
+    "a joint is faster than its motor can turn",
+    "a joint is beyond its limits",
+)
+WARNINGS: dict[str, type[RbdWarning]] = {
+    TORQUE: EffortLimitWarning,
+    DISTANT: DistantContactWarning,
+    MOVES: MovingConstraintWarning,
+    OPENED: OpeningContactWarning,
+    LOOP: LoopNotClosedWarning,
+    SEVERAL: NonUniqueMotionWarning,
+    INACCURATE: InaccurateWarning,
+    SPEED: SpeedLimitWarning,
+    LIMIT: JointLimitWarning,
+}
+"""The warning of each kind."""
+
+
+def of_rows(constraints: Sequence[Constraint], rows: Sequence[Rows]) -> list[str]:
+    """Kinds that the rows of one state give."""
+    told = [DISTANT] if any(r.overlaps or r.gaps_off_plane is not None for r in rows) else []
+    if any(is_open(constraint, r) for constraint, r in zip(constraints, rows, strict=True)):
+        told.append(LOOP)
+    return told
+
+
+def beyond_limits(states: ManyStates) -> Array:
+    """At which states some joint is beyond its limits, shape (n,), of truth values; see `warn_of_limits`."""
+    low, high = joint_bounds(states.robot, states.constraints)
+    with np.errstate(invalid="ignore"):
+        return np.asarray(((states.q < low) | (states.q > high)).any(axis=1))
+
+
+def warn(found: ManyAnswers, *, stacklevel: int) -> None:
+    """One warning for each kind that occurred.
+
+    Args:
+        found: The answers.
+        stacklevel: Which line is to blame, as of `warnings.warn`: 2 for the one that called this.
+    """
+    for what, some in found.warned.items():
+        warnings.warn(
+            f"{what} at {int(some.sum())} of {len(found)} states of {found.states.robot.name}, the first of them state "
+            f"{int(some.argmax())}; `.warned[{what!r}]` says which, and the answer of one state says more.",
+            WARNINGS[what],
+            stacklevel=stacklevel + 1,
+        )

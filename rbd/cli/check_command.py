@@ -1,0 +1,399 @@
+"""`rbd check`: which frames of a motion are possible, and why the others are not; for many motions, a ranking."""
+
+from __future__ import annotations
+
+import glob
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import track
+
+from rbd.cli.terminal import (
+    BAD_INPUT,
+    FIGURES,
+    NO_SOLUTION,
+    PAGES,
+    TRAJECTORIES,
+    VIDEOS,
+    Feet,
+    PackageDirs,
+    TerminalTable,
+    answering,
+    check_outputs,
+    counted,
+    in_options,
+    names_of,
+    open_console,
+    print_path,
+    save_figure,
+    serve,
+    write_json,
+)
+from rbd.errors import InputError, RbdError, Reason
+from rbd.installation import VERSION
+
+if TYPE_CHECKING:
+    from rbd.motion.report import MotionReport
+    from rbd.robots.robot import Robot
+
+MOTIONS = (".csv", ".txt", ".npz", ".nc")
+"""Files of a folder that are read as motions."""
+CAUSES_SHOWN = 3
+
+
+def check(
+    files: Annotated[list[str], typer.Argument(metavar="FILE...", help="Motions, .csv, .npz or .nc, or folders of them.")],
+    robot: Annotated[str | None, typer.Option(help="Name (g1) or path of a URDF; not needed where a file names it.")] = None,
+    rate: Annotated[float | None, typer.Option(help="Frames a second, of files that do not say.")] = None,
+    friction: Annotated[float, typer.Option(help="Coulomb's coefficient of the floor.")] = 0.7,
+    ground: Annotated[str | None, typer.Option(metavar="Z|fit", help="Height of the floor in metres, or fitted; 0.")] = None,
+    torque_limits: Annotated[
+        str, typer.Option(metavar="SHARE|none", help="Share of the robot's torque limits that counts, or none.")
+    ] = "1",
+    motors: Annotated[
+        Path | None,
+        typer.Option(metavar="YAML", help="Motors of --robot: {joint: {torque_speed: [[0, 60], [9, 0]]}}."),
+    ] = None,
+    threshold: Annotated[float, typer.Option(help="Share of the weight that may be missing.")] = 0.02,
+    bodies: Annotated[
+        bool, typer.Option("--bodies/--feet-only", help="Hands, knees and all else can touch the floor.")
+    ] = False,
+    self_collision: Annotated[
+        bool, typer.Option("--self-collision/--no-self-collision", help="Test the bodies against each other.")
+    ] = True,
+    quaternion: Annotated[str | None, typer.Option(metavar="ORDER", help="xyzw or wxyz; guessed, and said.")] = None,
+    units: Annotated[str | None, typer.Option(help="Unit of joint angles: rad or deg; guessed, and said.")] = None,
+    trust: Annotated[bool, typer.Option("--trust", help="Take times, lengths, v and a as they are.")] = False,
+    joints: Annotated[str | None, typer.Option(metavar="A,B", help="Names of the columns after the base, in order.")] = None,
+    from_: Annotated[float | None, typer.Option("--from", metavar="S", help="Check from this time on ...")] = None,
+    to: Annotated[float | None, typer.Option(metavar="S", help="... to this one.")] = None,
+    filter_: Annotated[
+        float | None, typer.Option("--filter", metavar="HZ", help="Also check it without what is faster.")
+    ] = None,
+    lift: Annotated[bool, typer.Option("--lift", help="Also check it put onto the floor by one height.")] = False,
+    least_possible: Annotated[float, typer.Option(help="Share of frames that must be possible for exit code 0.")] = 1.0,
+    html: Annotated[Path | None, typer.Option(help="Write the page that plays it; of several motions, a folder.")] = None,
+    json_: Annotated[Path | None, typer.Option("--json", help="Write all numbers of the report.")] = None,
+    save: Annotated[Path | None, typer.Option(help="Write all arrays, .npz or .nc (one motion).")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Draw curves, .png, .svg or .pdf (one motion).")] = None,
+    show: Annotated[bool, typer.Option("--show", help="Play it at 127.0.0.1 until Ctrl-C (one motion).")] = False,
+    video: Annotated[Path | None, typer.Option(help="Write a video, .mp4 (wants ffmpeg) or .gif (one motion).")] = None,
+    feet_: Feet = None,
+    package_dir: PackageDirs = None,
+) -> None:
+    """Check motions: which frames are possible for the robot, and why not the others; several files are ranked.
+
+    Each frame is tested by its equations of motion: whether forces of the floor within friction and torques within the motors'
+    limits bring about the motion. Else it floats, tips, slips, or a motor is too weak. Feet below the floor or sliding,
+    limits of joints and speeds, jumps and self-collision are reported as well.
+
+    Exit codes: 0 possible, 1 not possible, 2 bad input. For example:
+
+    rbd check dance.csv --robot g1 --rate 60 --html dance.html
+    """
+    console = open_console()
+    with answering(check):
+        chosen = motion_files(files)
+        one = len(chosen) == 1
+        if not 0.0 <= least_possible <= 1.0:
+            raise InputError(f"--least-possible is {least_possible:g}; expected a share from 0 to 1.")
+        _check_outputs(chosen, html=html, json_=json_, save=save, plot=plot, video=video, show=show)
+        # What Motion.read and check_motion refuse, they refuse by the names of these options.
+        reading = {
+            "rate": rate, "quaternion": quaternion, "units": units, "joints": names_of("--joints", joints), "trust": trust,
+        }  # fmt: skip
+        settings = {
+            "friction": friction, "ground": _ground(ground), "torque_limits": _share(torque_limits), "threshold": threshold,
+            "bodies": bodies, "self_collision": self_collision,
+        }  # fmt: skip
+        loaded = None if robot is None else _loaded(robot, names_of("--feet", feet_), package_dir, motors)
+        if robot is None and motors is not None:
+            raise InputError("--motors changes the motors of --robot; expected both.")
+        ranking = Ranking(least_possible)
+        steps = [*chosen] if one else track(chosen, "checking", console=open_console(errors=True), transient=True)
+        pages = {} if html is None else pages_of(html, chosen)
+        written: list[tuple[str, Path]] = []
+        for file in steps:
+            try:
+                report = checked_file(file, loaded, reading, settings, (from_, to), filter_, lift, progress=one)
+                ranking.add(file, report)
+                if file in pages:
+                    written.append(("page", report.export(pages[file])))
+            except RbdError as error:
+                if one:
+                    raise
+                ranking.failed[file] = error.reason, in_options(str(error), check)
+        if one:
+            console.print(verdict(report), highlight=False, soft_wrap=True)
+            console.print(str(report), highlight=False, soft_wrap=True)
+            written += _one_report(report, save, plot, video)
+        else:
+            ranking.print(console)
+        write_json(json_, ranking)
+        for what, path in written:
+            print_path(console, what, path)
+        if show:
+            from rbd.visual.playback.report_page import report_scene
+
+            with report_scene(report, playing=True) as scene:
+                serve(console, scene.open())
+        if ranking.code:
+            raise typer.Exit(ranking.code)
+
+
+@dataclass
+class Ranking:
+    """Motions that were checked, and files that could not be.
+
+    Attributes:
+        least_possible: Share of frames that must be possible.
+        checked: {file: its numbers}.
+        failed: {file: why it was not checked, and the message}.
+    """
+
+    least_possible: float
+    checked: dict[str, dict[str, Any]] = field(default_factory=dict)
+    failed: dict[str, tuple[Reason, str]] = field(default_factory=dict)
+
+    def add(self, file: str, report: MotionReport) -> None:
+        """Add a motion. Of its arrays only those of `data` are kept."""
+        numbers = report.summary()
+        if report.before is not None:
+            numbers["before"] = report.before.summary()
+        numbers["per_frame"] = {
+            "t_s": report.motion.t.tolist(),
+            "possible": report.possible.tolist(),
+            "missing": report.missing_scaled.tolist(),
+            "noise": report.open.tolist(),
+            "causes": {name: report.worst(name, report.n).tolist() for name in numbers["causes"]},
+            "reason_codes": report.reason_codes.tolist(),
+        }
+        self.checked[file] = numbers
+
+    @property
+    def ranked(self) -> list[tuple[str, dict[str, Any]]]:
+        """Files with their numbers, best first."""
+        return sorted(self.checked.items(), key=lambda item: (-item[1]["score"], item[0]))
+
+    @property
+    def code(self) -> int:
+        """Exit code: 2 if a file could not be checked, 1 if a motion has too few possible frames, else 0."""
+        if self.failed:
+            return BAD_INPUT
+        return NO_SOLUTION if any(x["possible"] < self.least_possible for x in self.checked.values()) else 0
+
+    def print(self, console: Console) -> None:
+        """Print how many are possible, the ranking, then the files that were not checked."""
+        if self.checked:
+            good = sum(x["possible"] >= self.least_possible for x in self.checked.values())
+            share = "" if self.least_possible == 1.0 else f" in {100.0 * self.least_possible:g} % of their frames or more"
+            console.print(f"{good} of {counted(len(self.checked), 'motion')} possible{share}.", highlight=False)
+            table = TerminalTable(
+                f"{counted(len(self.checked), 'motion')}, best first", ("file",),
+                ("frames", "seconds", "possible", "score", "missing", "causes, frames"),
+            )  # fmt: skip
+            for file, x in self.ranked:
+                causes = sorted(x["causes"].items(), key=lambda item: -item[1])
+                words = ", ".join(f"{name} {count}" for name, count in causes[:CAUSES_SHOWN])
+                more = f" and {len(causes) - CAUSES_SHOWN} more" if len(causes) > CAUSES_SHOWN else ""
+                possible = f"{math.floor(1000.0 * x['possible']) / 10.0:.1f} %"  # one bad frame of many is not rounded away
+                table.add_row(
+                    file, str(x["frames"]), f"{x['duration_s']:.2f}", possible, f"{x['score']:.1f}",
+                    f"{100.0 * x['missing_median']:.2f} %", words + more,
+                )  # fmt: skip
+            console.print(table)
+            console.print("missing: of the weight, the median over the frames; score: of 100", highlight=False)
+        if self.failed:
+            table = TerminalTable(f"not checked: {counted(len(self.failed), 'file')}", ("file", "bad input"))
+            for file, (_, why) in self.failed.items():
+                table.add_row(file, why)
+            console.print(table)
+
+    def data(self) -> dict[str, object]:
+        """The numbers."""
+        return {
+            "rbd": VERSION,
+            "exit_code": self.code,
+            "motions": [{"file": file, "rank": i + 1, **numbers} for i, (file, numbers) in enumerate(self.ranked)],
+            "failed": [
+                {"file": file, "error": message, "reason": str(reason), "reason_code": reason.code}
+                for file, (reason, message) in self.failed.items()
+            ],
+        }
+
+
+def verdict(report: MotionReport) -> str:
+    """Whether a motion is possible, or what prevents it in how many frames, most frequent first."""
+    from rbd.motion.causes import CAUSES
+
+    bad = int((~report.possible).sum())
+    if not bad:
+        return f"Possible: no cause against any of its {counted(report.n, 'frame')}."
+    counts = sorted(((int(report.of_cause(c).sum()), c) for c in CAUSES), reverse=True)
+    causes = ", ".join(f"{cause} in {count}" for count, cause in counts if count)
+    return f"Not possible in {bad} of {counted(report.n, 'frame')}: {causes}."
+
+
+def checked_file(
+    file: str,
+    robot: Robot | None,
+    reading: Mapping[str, Any],
+    settings: Mapping[str, Any],
+    between: tuple[float | None, float | None] = (None, None),
+    cutoff: float | None = None,
+    lift: bool = False,
+    *,
+    progress: bool = False,
+) -> MotionReport:
+    """The report on one file.
+
+    Args:
+        file: Its path.
+        robot: The robot; None where the file names its own.
+        reading: Arguments of `Motion.read`.
+        settings: Arguments of `check_motion`.
+        between: From when to when [s].
+        cutoff: Check it again without what is faster than this [Hz].
+        lift: Check it again, put onto the floor.
+        progress: Show a bar while it is read and checked.
+
+    Raises:
+        InputError: of what cannot be read or checked.
+    """
+    from rbd.motion.checking import check_motion
+    from rbd.motion.reference_motion import Motion
+
+    motion = Motion.read(file, robot=robot, progress=progress, **reading)
+    if between != (None, None):
+        motion = motion.cut(*between)
+    report = check_motion(motion, progress=progress, **settings)
+    if cutoff is not None:
+        report = report.filtered(cutoff)
+    return report.lifted() if lift else report
+
+
+def motion_files(given: Sequence[str]) -> list[str]:
+    """The files that are meant, each once: of folders and patterns those they have.
+
+    Raises:
+        InputError: a folder without motions, or a pattern without files.
+    """
+    found: list[str] = []
+    for name in map(os.path.expanduser, given):
+        some = [name]
+        if os.path.isdir(name):
+            some = sorted(str(path) for path in Path(name).iterdir() if path.suffix.lower() in MOTIONS)
+            if not some:
+                raise InputError(f"the folder {name!r:.300} has no motion; expected files that end in {', '.join(MOTIONS)}.")
+        elif not os.path.exists(name) and glob.has_magic(name):
+            some = sorted(glob.glob(name))
+            if not some:
+                raise InputError(f"no file is like {name!r:.300}.")
+        found += some
+    return list(dict.fromkeys(found))
+
+
+def _check_outputs(
+    files: Sequence[str],
+    *,
+    html: Path | None,
+    json_: Path | None,
+    save: Path | None,
+    plot: Path | None,
+    video: Path | None,
+    show: bool,
+) -> None:
+    if len(files) == 1:
+        outputs = {"--html": (html, PAGES), "--json": (json_, ()), "--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES)}
+        check_outputs({**outputs, "--video": (video, VIDEOS)}, reads=files[0])
+        if video is not None:
+            from rbd.visual.playback.video import check_video
+
+            check_video(video)
+        return
+    given_one = {"--save": save, "--plot": plot, "--video": video, "--show": show or None}
+    for option, given in ((name, value is not None) for name, value in given_one.items()):
+        if given:
+            raise InputError(f"{option} is for one motion; {len(files)} were given.")
+    for file in files:
+        check_outputs({"--json": (json_, ())}, reads=file)
+    if html is not None and html.exists() and not html.is_dir():
+        raise InputError(f"--html is {str(html)!r:.300}, a file; of {len(files)} motions expected a folder for their pages.")
+    if html is not None and html.suffix.lower() in PAGES:
+        raise InputError(f"--html is {str(html)!r:.300}; of {len(files)} motions expected a folder for their pages.")
+
+
+def pages_of(html: Path, files: Sequence[str]) -> dict[str, Path]:
+    """{file: its page}; those of several in the folder `html`, which is made.
+
+    Raises:
+        InputError: the folder cannot be made.
+    """
+    if len(files) == 1:
+        return {files[0]: html}
+    try:
+        html.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"--html: the folder {str(html)!r:.300} cannot be made: {error.strerror}.") from None
+    pages: dict[str, Path] = {}
+    taken: set[str] = set()
+    for file in files:
+        stem = name = Path(file).stem
+        count = 1
+        while name in taken:  # motions of one name in two folders
+            count += 1
+            name = f"{stem}_{count}"
+        taken.add(name)
+        pages[file] = html / f"{name}.html"
+    return pages
+
+
+def _one_report(report: MotionReport, save: Path | None, plot: Path | None, video: Path | None) -> list[tuple[str, Path]]:
+    written: list[tuple[str, Path]] = []
+    if save is not None:
+        report.save(save)
+        written.append(("report", save))
+    if plot is not None:
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(8.0, 5.6), layout="constrained")
+        report.plot(list(figure.subplots(2, sharex=True)))
+        written.append(("plot", save_figure(figure, plot, dpi=150)))
+    if video is not None:
+        written.append(("video", report.video(video)))
+    return written
+
+
+def _loaded(robot: str, feet: list[str] | None, package_dirs: list[Path] | None, motors: Path | None) -> Robot:
+    from rbd.robots.loading import load_robot
+    from rbd.robots.loop_file import read_motor_file
+
+    found = load_robot(robot, feet=feet, package_dirs=package_dirs or ())
+    return found if motors is None else found.with_motors(read_motor_file(motors))
+
+
+def _ground(text: str | None) -> float | str | None:
+    if text is None or text == "fit":
+        return text
+    try:
+        return float(text)
+    except ValueError:
+        raise InputError(f"--ground is {text!r:.80}; expected a height in metres, or fit.") from None
+
+
+def _share(text: str) -> bool | float:
+    if text == "none":
+        return False
+    try:
+        share = float(text)
+    except ValueError:
+        raise InputError(
+            f"--torque-limits is {text!r:.80}; expected a share of the robot's limits, e.g. 0.6, or none."
+        ) from None
+    return True if share == 1.0 else share

@@ -1,0 +1,226 @@
+"""`step`: torques and contact forces with which tasks are met as well as limits allow, at one state.
+
+    minimise    1/2 sum cost_i (A_i a - wanted_i)^2 + 1/2 r_a |a|^2 + 1/2 r_f |w / weight|^2
+    subject to  M a + h = S^T tau + tau_ext + J^T f                                f = G w, w within its bounds
+                J a + J_dot v = -k J v                                             contacts keep still
+                |tau| <= limit,    least <= a <= most
+
+tau is eliminated: the rows of the motors are bounds on M a + h - J^T G w. The rows G are those of pyramids inside the friction
+cones. `rbd.control.step_program` solves it, `rbd.control.step_program` where contacts or joint limits cannot be kept.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+
+import numpy as np
+
+from rbd.arrays import Array, as_float, max_abs
+from rbd.constraints.constraint import Constraint, with_loops
+from rbd.control.motion_limits import Limits
+from rbd.control.step_problem import StepCertificate, StepProblem, TaskActuation
+from rbd.control.step_program import Relaxed, StepPoint, minimiser, relaxed
+from rbd.control.task_terms import Task
+from rbd.errors import InaccurateWarning, InputError, NoSolution, RbdWarning, RelaxedLimitsWarning
+from rbd.model.external import External
+from rbd.model.state import State, check_state
+from rbd.problem.answer import Status
+from rbd.problem.cones import project_cones
+from rbd.problem.contact_motion import REST_SPEED
+from rbd.problem.force_set import ForceSet
+from rbd.problem.residuals import SOLVED
+from rbd.statics.effort import DEFAULT
+
+DAMPING = 50.0
+"""Rate at which velocities of contacts decay [1/s]."""
+_FASTEST = 1e6
+"""Largest damping rate [1/s]."""
+
+
+def step(
+    state: State,
+    tasks: Sequence[Task],
+    contacts: Sequence[Constraint] = (),
+    *,
+    t: float = 0.0,
+    limits: Limits = Limits(),  # noqa: B008  a frozen record of settings
+    external: External = None,
+    normal_force: Mapping[str, tuple[float, float]] | None = None,
+    contact_damping: float = DAMPING,
+    loops: bool = True,
+) -> TaskActuation:
+    """The torques and contact forces with which tasks are met at least cost, with a certificate.
+
+    Equations of motion, friction pyramids inside the cones, bounds on normal forces and torque limits are always kept. Contacts
+    and joint limits are kept where any torques and forces within these allow it; else their violation is the least, in the
+    sum of squares of accelerations, and the tasks choose among all motions that have it: a `RelaxedLimitsWarning` tells it, and
+    `violation` has it. The same input gives the same bits: nothing is remembered.
+
+    Args:
+        state: The robot at (q, v).
+        tasks: What is wanted, each with a cost.
+        contacts: Contacts, loops and other constraints: all their rows are kept as they are; those that move are brought to
+            rest. Joint limits belong into `limits`.
+        t: Time, for targets that are functions of it [s].
+        limits: Limits of torques, joint positions and velocities.
+        external: Other forces, as of `rbd.solve`.
+        normal_force: {contact: (least, most)}: bounds on its normal force [N].
+        contact_damping: k: velocities of contacts decay at this rate [1/s]; those of constraints with their own stabilisation
+            by that one.
+        loops: Whether the robot's own loops hold; one that is given counts once.
+
+    Returns:
+        An `rbd.Actuation` with what each task missed.
+
+    Raises:
+        InputError: on what is no task, no state, no bounds; on terms that are not finite or do not fit the robot.
+        UnknownName: bounds or tasks of a contact that was not given.
+        DuplicateName: two tasks, or two contacts, of one name.
+        NoSolution: no answer was found within tolerance.
+
+    Example:
+        >>> talos = rbd.load_robot("talos")
+        >>> state, soles = talos.standing(), talos.soles(friction=0.7)
+        >>> tasks = [rbd.control.ComTask(state.com, cost=100.0), rbd.control.PostureTask(state.q)]
+        >>> held = rbd.control.step(state, tasks, soles)
+        >>> print(held.status, f"{held.forces['left_sole'][2] + held.forces['right_sole'][2]:.2f} N")
+        solved 885.57 N
+    """
+    found = silent_step(
+        state, tasks, contacts, t=t, limits=limits, external=external, normal_force=normal_force,
+        contact_damping=contact_damping, loops=loops, stacklevel=4,
+    )  # fmt: skip
+    for category, text in complaints(found):
+        warnings.warn(text, category, stacklevel=2)
+    return found
+
+
+def silent_step(
+    state: State,
+    tasks: Sequence[Task],
+    contacts: Sequence[Constraint] = (),
+    *,
+    t: float = 0.0,
+    limits: Limits = Limits(),  # noqa: B008  a frozen record of settings
+    external: External = None,
+    normal_force: Mapping[str, tuple[float, float]] | None = None,
+    contact_damping: float = DAMPING,
+    stacklevel: int | None = None,
+    loops: bool = True,
+) -> TaskActuation:
+    """`step` without its warnings: that of distant contacts is given if a `stacklevel` is; `complaints` has the others.
+
+    A controller calls it: filters of warnings are those of all threads, and so nothing here may change them.
+    """
+    check_state(state)
+    if not isinstance(limits, Limits):
+        raise InputError(f"limits is {limits!r:.80}; expected rbd.control.Limits(...).")
+    if not math.isfinite(time := as_float(t)):
+        raise InputError(f"t is {t!r:.80}; expected a time [s].")
+    damping = as_float(contact_damping)
+    if not 0.0 <= damping < _FASTEST:
+        raise InputError(f"contact_damping is {contact_damping!r:.80}; expected a rate of 0 or more [1/s].")
+    problem = StepProblem.of(
+        state,
+        tasks,
+        with_loops(state.robot, contacts, loops),
+        time,
+        limits,
+        external,
+        normal_force,
+        damping,
+        stacklevel=stacklevel,
+    )
+    point, miss = minimiser(problem.program)
+    eased = None
+    if point is None or miss > SOLVED:
+        found = relaxed(problem.program, problem.contact_rows, problem.contact_sizes, problem.joint_rows, problem.joint_sizes)
+        if found is not None and found.violated:
+            eased = found
+            point, miss = minimiser(eased.program, possible=True)
+        else:  # nothing need be violated: DAQP was wrong, or not exact enough
+            point, miss = minimiser(problem.program, possible=True)
+    name = state.robot.name
+    if point is None:
+        raise NoSolution(f"no torques and forces of {name} were found for this step, even with contacts relaxed.")
+    actuation = _actuation(problem, point, miss, eased)
+    certificate = actuation.certificate
+    if certificate.status is Status.FAILED:
+        raise NoSolution(
+            f"the step of {name} was found only to a scaled residual of {certificate.worst:.1e}: {certificate}. Costs of tasks "
+            "that differ by ten decades leave its program ill-conditioned."
+        )
+    return actuation
+
+
+def complaints(found: TaskActuation) -> list[tuple[type[RbdWarning], str]]:
+    """What a step warns of, each with its category: limits that were not kept, and residuals above 1e-9."""
+    name, out = found.state.robot.name, list[tuple[type[RbdWarning], str]]()
+    if found.violation is not None:
+        text = (
+            f"{name} cannot keep all contacts and joint limits; the least violation: {found.violation}. Ask for less, or "
+            "leave out contacts that contradict each other."
+        )
+        out.append((RelaxedLimitsWarning, text))
+    if found.status is Status.INACCURATE:
+        text = f"the step of {name} has a scaled residual of {found.certificate.worst:.1e} (solved is 1e-9)."
+        out.append((InaccurateWarning, text))
+    return out
+
+
+def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased: Relaxed | None) -> TaskActuation:
+    """Torques and forces at a point of the program, with their certificate."""
+    program, unit, (least, most) = problem.program, problem.unit, problem.torques
+    limit = problem.limits.torques(problem.state.robot)
+    a, w = point.a, np.minimum(np.maximum(point.w, program.lower), program.upper) * unit
+    feedback = problem.feedback if eased is None else problem.feedback - eased.contacts
+    loads = problem.loads(a, feedback)
+    tau, left = loads.torques(w)
+    inside = np.minimum(np.maximum(tau, least), most)
+    over = tau != inside
+    if over.any():
+        over &= np.abs(tau - inside) <= SOLVED * limit
+        tau[over] = inside[over]
+    joints = program.T[problem.joint_rows] @ a
+    passed = np.maximum(program.low[problem.joint_rows] - joints, joints - program.high[problem.joint_rows])
+    if eased is not None:
+        passed = passed - eased.joints
+    excess = np.maximum(np.maximum(least - tau, tau - most), 0.0)
+    moves = max(1.0, max_abs(a), max_abs(program.e))
+    forces = max(unit, max_abs(loads.need), max_abs(w))
+    values = (
+        max_abs(left),
+        max_abs(loads.accelerations(a)),
+        _outside_cones(problem.sets, w),
+        float(excess.max(initial=0.0)),
+        float(passed.max(initial=0.0)),
+    )
+    torque = float((excess / np.minimum(limit, 1e300)).max(initial=0.0))
+    scaled = (values[0] / forces, values[1] / moves, values[2] / forces, torque, values[4] / moves, optimality)
+    return TaskActuation(
+        a, tau, w, loads, problem.contacts, problem.external, DEFAULT, 0.0, REST_SPEED, point.iterations, point.method, True,
+        problem.missed(a, w), StepCertificate(*values, optimality, scaled),
+        None if eased is None else problem.violation(eased.contacts, eased.joints, eased.seen),
+        problem.limits, problem.moving(),
+    )  # fmt: skip
+
+
+def _outside_cones(sets: ForceSet, w: Array) -> float:
+    """Largest distance of a point's force from its circular friction cone [N]."""
+    at, mu = _coefficients(sets)
+    if not len(mu):
+        return 0.0
+    points = sets.sums(sets.push.T * w)[:, at]
+    if (np.hypot(points[0], points[1]) <= mu * points[2]).all():
+        return 0.0
+    return float(np.abs(points.T - project_cones(points.T, mu)).max())
+
+
+@lru_cache(maxsize=128)
+def _coefficients(sets: ForceSet) -> tuple[Array, Array]:
+    """Which elements are cones, and their friction coefficients."""
+    cones = [(i, e.mu) for i, e in enumerate(sets.elements) if e.facets]
+    return np.array([i for i, _ in cones], int), np.array([mu for _, mu in cones])

@@ -1,0 +1,463 @@
+"""Errors of constraints with some joints fixed, Levenberg-Marquardt steps that bring them to zero, and bilateral velocities.
+
+The distance is 1/2 |e(q)|^2. A step is
+
+    z = - sum_i  v_i  s_i / (s_i^2 + mu |e|^2)  u_i . e              J = sum_i u_i s_i v_i^T
+
+Its damping is quadratic in the error: quadratic convergence where the errors grow with the distance, also with redundant
+rows [YamashitaFukushima2001]; far away no direction moves more than 1 / (2 sqrt(mu)) (rad), so that the
+path stays near steepest descent. Where the errors grow only with the square of the distance (a singular pose)
+each step quarters them.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
+from rbd.constraints.constraint import Constraint, rows_of
+from rbd.constraints.joint import joint_limits
+from rbd.constraints.manifold import CLOSED, StackedRows, own_or, rank_of as rank_at
+from rbd.errors import DuplicateName, InputError
+from rbd.mechanism.poses import displacement
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State, check_state, with_values
+from rbd.problem.cones import Bounds, NonNegative
+from rbd.problem.rows import Rows
+
+SINGULAR = 1e-5
+"""A singular value counts as zero at this fraction of the largest: constraints satisfied to 1e-12 leave a pose where they are
+singular uncertain by 1e-6, and its singular values with it."""
+
+_NO_ERROR = np.zeros(0)
+
+
+@dataclass(frozen=True, eq=False)
+class ConstraintResidual:
+    """Residual of the constraints at one configuration.
+
+    Attributes:
+        state: The robot there, at rest.
+        rows: All rows, in the constraints' order.
+        error: Position errors, shape (m,) [m, rad]; of unilateral rows, only violations.
+        J: Jacobian of these over the free velocities, in units of `Closure.metric`, shape (m, free).
+    """
+
+    state: State
+    rows: tuple[Rows, ...]
+    error: Array
+    J: Array
+
+    @property
+    def q(self) -> Array:
+        """The configuration, shape (nq,), read-only."""
+        return self.state.q
+
+    @property
+    def residual(self) -> float:
+        """Largest entry of the error [m, rad]."""
+        return max_abs(self.error)
+
+    @lazy
+    def svd(self) -> tuple[Array, Array, Array]:
+        """U, s, Vt of J, in full; without rows, of one row of zeros."""
+        return np.linalg.svd(self.J if len(self.J) else np.zeros((1, self.J.shape[1])))
+
+    @property
+    def rank(self) -> int:
+        """Rank of J."""
+        return rank_of(self.svd[1])
+
+    @property
+    def null(self) -> Array:
+        """Orthonormal directions that J allows, shape (free - rank, free)."""
+        return self.svd[2][self.rank :]
+
+
+class Closure:
+    """Constraints on a robot, some of its joints fixed.
+
+    Args:
+        robot: The robot.
+        constraints: Bilateral constraints, and joint limits; None for the loops and wheels of its file.
+        fixed: {joint: value}.
+        within_limits: Add the limits of the robot's file.
+        one_sided: Include violations of joint limits; if not, only bilateral constraints.
+
+    Attributes:
+        fixed: {joint: value} as given.
+        free: Which velocities are free, indices, shape (free,).
+        metric: Unit of each free velocity, shape (free,): the robot's length for translations, else one.
+        length: The robot's length [m].
+        skipped: Why some constraints are skipped, one sentence each; filled at the first evaluation.
+
+    Raises:
+        InputError: no constraints, no robot, values of a wrong size.
+        JointNotFound: an unknown fixed joint.
+        DuplicateName: two constraints with the same name.
+    """
+
+    def __init__(
+        self,
+        robot: CheckedModel,
+        constraints: Sequence[Constraint] | None,
+        fixed: Mapping[str, object] | None = None,
+        *,
+        within_limits: bool = False,
+        one_sided: bool = True,
+        loops: bool = True,
+    ) -> None:
+        if not isinstance(robot, CheckedModel):
+            raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
+        self.robot, self.model = robot, robot.model
+        self.fixed = {} if fixed is None else fixed
+        self._target = with_values(robot, pin.neutral(self.model), self.fixed, argument="fixed")
+        held = np.zeros(robot.nv, bool)
+        self._pinned = np.zeros(robot.nq, bool)
+        for joint in self.fixed:
+            held[robot.joints[joint].v] = True
+            self._pinned[robot.joints[joint].q] = True
+        self.free = np.flatnonzero(~held)
+        self.held = held
+        self.metric, self.length = robot.joints.scale[self.free], robot.joints.length
+        given = own_or(robot, constraints, loops)
+        self._limits = tuple(joint_limits(robot)) if within_limits else ()
+        self.constraints: tuple[Constraint, ...] | None = None
+        self._given, self._one_sided = given, one_sided
+        self.skipped: tuple[str, ...] = ()
+        self._all_free = len(self.free) == robot.nv and bool(np.all(self.metric == 1.0))
+
+    def start(self, q0: Array) -> ConstraintResidual:
+        """The residual at q0 with the fixed joints at their values; the constraints are checked here.
+
+        Raises:
+            InputError: q0 is invalid, an object is not a constraint, or no constraint determines a position.
+            DuplicateName: two constraints with the same name.
+        """
+        state = State(self.robot, self.pin(self.robot.check_q(q0)))
+        rows = rows_of(state, self._given) + rows_of(state, self._limits)
+        self._check(rows)
+        self.constraints = (*self._given, *self._limits)
+        return self._residual(state, tuple(rows))
+
+    def at(self, q: Array) -> ConstraintResidual:
+        """The residual at a configuration."""
+        if self.constraints is None:
+            return self.start(q)
+        state = State(self.robot, q)
+        return self._residual(state, tuple([c.rows(state) for c in self.constraints]))
+
+    def pin(self, q: Array) -> Array:
+        """A copy of q with the fixed joints at their values."""
+        return np.where(self._pinned, self._target, q)
+
+    def move(self, q: Array, z: Array) -> Array:
+        """The configuration reached by the displacement z of the free velocities, in units of `metric`."""
+        if self._all_free:
+            return np.asarray(pin.integrate(self.model, q, z))
+        dq = np.zeros(self.robot.nv)
+        dq[self.free] = self.metric * z
+        q = np.asarray(pin.integrate(self.model, q, dq))
+        return self.pin(q) if self.fixed else q
+
+    def way(self, q: Array, to: Array) -> Array:
+        """The displacement of the free velocities from one configuration to another, in units of `metric`."""
+        return displacement(self.robot, q, to)[self.free] / self.metric
+
+    def names(self, which: Array | list[int]) -> list[str]:
+        """Names of some of the free velocities."""
+        return [self.robot.joints.velocities[i].name for i in self.free[which]]
+
+    def _residual(self, state: State, rows: tuple[Rows, ...]) -> ConstraintResidual:
+        errors, Js = [], []
+        for r in rows:
+            error, J = position_residual(r)
+            if len(error) and (self._one_sided or type(r.cone) is not NonNegative):
+                errors.append(error)
+                Js.append(J)
+        if not errors:
+            return ConstraintResidual(state, rows, np.zeros(0), np.zeros((0, len(self.free))))
+        J = np.concatenate(Js) if len(Js) > 1 else Js[0]
+        if not self._all_free:
+            J = J[:, self.free] * self.metric
+        return ConstraintResidual(state, rows, np.concatenate(errors) if len(errors) > 1 else errors[0], J)
+
+    def _check(self, rows: list[Rows]) -> None:
+        names, skipped, says = set(), [], False
+        for r in rows:
+            if r.name in names:
+                raise DuplicateName(f"two constraints are called {r.name!r:.80}; give each its own name.")
+            names.add(r.name)
+            if r.cone.bounded:
+                skipped.append(f"{r.name!r:.80} resists motion and gives no position")
+            elif len(r) and (r.error is None or r.holonomic is not None and not r.holonomic.any()):
+                skipped.append(f"{r.name!r:.80} constrains velocities alone, or has no anchor")
+            elif len(r) and not (r.cone.bilateral or r.cone.one_sided):
+                raise InputError(
+                    f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}), so it does not determine a position. "
+                    "Give it friction=None to make it bilateral, or leave it out."
+                )
+            else:
+                says = True
+        self.skipped = tuple(skipped)
+        if not says:
+            why = "; ".join(skipped) if skipped else "none was given"
+            raise InputError(
+                f"no constraint determines a position of {self.robot.name}: {why:.400}. Give constraints with an error, e.g. "
+                "rbd.LoopClosure, a contact with an anchor, a rbd.JointLock with a position."
+            )
+
+
+def position_residual(rows: Rows) -> tuple[Array, Array]:
+    """The position errors of the rows, and their Jacobian; nothing for rows without an error.
+
+    For unilateral rows only violations; nothing for joint friction.
+    """
+    error, J = rows.error, rows.J
+    if error is None or type(rows.cone) is Bounds:
+        return _NO_ERROR, J
+    if type(rows.cone) is NonNegative:
+        beyond = error < 0.0
+        return error[beyond], J[beyond]
+    if rows.holonomic is not None:
+        return error[rows.holonomic], J[rows.holonomic]
+    return error, J
+
+
+def rank_of(s: Array) -> int:
+    """Number of singular values that are not zero, at `SINGULAR`."""
+    return rank_at(s, SINGULAR, least=0.0)
+
+
+_START = 0.5
+_LEAST, _MOST = 1e-3, 1e8
+ASIDE = 0.02
+"""Step along a direction that J allows in the test for a finite motion, in units of `Closure.metric`."""
+_DIFFERENCE = 1e-5
+"""Step of the Hessian's central differences: their error is proportional to its square."""
+
+
+@dataclass(frozen=True, eq=False)
+class Descent:
+    """Result of a descent onto the constraints.
+
+    Attributes:
+        at: The residual at the end.
+        steps: Number of steps taken.
+        closed: Whether the constraints are satisfied.
+        stuck: Whether it ended because no step reduces the errors.
+    """
+
+    at: ConstraintResidual
+    steps: int
+    closed: bool
+    stuck: bool
+
+
+def descend(closure: Closure, start: ConstraintResidual, *, tolerance: float, most: int) -> Descent:
+    """Steps from a configuration towards the constraints.
+
+    Args:
+        closure: The constraints.
+        start: The first configuration.
+        tolerance: Largest entry of the final error [m, rad].
+        most: Largest number of evaluations.
+    """
+    at, mu, steps, tries = start, _START, 0, 0
+    size2 = float(at.error @ at.error)
+    sliding = ~closure.robot.joints.angular[closure.free]
+    slides = bool(sliding.any())
+    while at.residual > tolerance:
+        # Far away, translations may be as long as the error; angles may not.
+        far = np.where(sliding, max(1.0, math.sqrt(size2) / closure.length), 1.0) if slides else 1.0
+        U, s, Vt = np.linalg.svd(at.J * far if slides else at.J, full_matrices=False)
+        if not len(s) or not s[0] > 0.0:
+            return Descent(at, steps, False, True)
+        along = at.error @ U
+        s2 = s * s
+        kept = s > 1e-13 * s[0]
+        while True:
+            if tries >= most:
+                return Descent(at, steps, False, False)
+            tries += 1
+            shrink = s2 / (s2 + mu * size2)
+            expected = float(((along * along) * (1.0 - (1.0 - shrink) ** 2)).sum())
+            if not expected > 1e-16 * size2:
+                return Descent(at, steps, False, True)
+            z = -((shrink[kept] * along[kept] / s[kept]) @ Vt[kept]) * far
+            try:
+                there = closure.at(closure.move(at.q, z))
+                left2 = float(there.error @ there.error)
+            except InputError:  # outside a constraint's domain
+                left2 = np.inf
+            gain = (size2 - left2) / expected
+            if gain > 1e-3:
+                break
+            if mu > _MOST:
+                return Descent(at, steps, False, True)
+            mu = max(4.0 * mu, _START)
+        mu = min(_MOST, 4.0 * mu) if gain < 0.25 else max(_LEAST, 0.25 * mu) if gain > 0.75 else mu
+        at, size2, steps = there, left2, steps + 1
+    return Descent(at, steps, True, False)
+
+
+@dataclass(frozen=True, eq=False)
+class StationaryPoint:
+    """A stationary point of the distance to the constraints.
+
+    Attributes:
+        at: The residual there.
+        slope: |J^T e| over |J| |e|: zero at a minimum.
+        curvature: Least eigenvalue of the Hessian of 1/2 |e|^2 over its largest.
+    """
+
+    at: ConstraintResidual
+    slope: float
+    curvature: float
+
+    @property
+    def minimum(self) -> bool:
+        """Whether no small motion reduces the distance, to second order."""
+        return self.slope < 1e-7 and self.curvature > -1e-6
+
+
+def minimise(closure: Closure, start: ConstraintResidual, *, most: int = 40) -> StationaryPoint:
+    """Newton's steps on 1/2 |e|^2, its Hessian from differences of J^T e on the manifold; downhill out of saddles."""
+    at = start
+    if not len(closure.free) or not len(at.error):
+        return StationaryPoint(at, 0.0, 0.0)
+    slope, curvature = np.inf, 0.0
+    for _ in range(most):
+        g = at.J.T @ at.error
+        scale = float(np.linalg.norm(at.J) * np.linalg.norm(at.error))
+        slope = float(np.linalg.norm(g)) / scale if scale > 0.0 else 0.0
+        values, V = np.linalg.eigh(_hessian(closure, at))
+        large = float(np.abs(values).max()) or 1.0
+        curvature = float(values[0]) / large
+        if slope < 1e-12 and curvature > -1e-6:
+            break
+        along = V.T @ g
+        z = -V @ (along / np.maximum(np.abs(values), 1e-6 * large))
+        if slope < 1e-9 and curvature <= -1e-6:  # a saddle: leave it along the direction of steepest descent
+            z = 0.1 * V[:, 0]
+        z *= min(1.0, 0.5 / max(1e-300, float(np.linalg.norm(z))))
+        there = _lower(closure, at, z)
+        if there is None:
+            break
+        at = there
+    return StationaryPoint(at, slope, curvature)
+
+
+def _hessian(closure: Closure, at: ConstraintResidual) -> Array:
+    n = len(closure.free)
+    H = np.empty((n, n))
+    for i, unit in enumerate(np.eye(n) * _DIFFERENCE):
+        ahead, back = (closure.at(closure.move(at.q, z)) for z in (unit, -unit))
+        H[i] = (ahead.J.T @ ahead.error - back.J.T @ back.error) / (2.0 * _DIFFERENCE)
+    return 0.5 * (H + H.T)
+
+
+def _lower(closure: Closure, at: ConstraintResidual, z: Array) -> ConstraintResidual | None:
+    """The first of successively halved steps that does not increase the distance; None if there is none."""
+    size2 = float(at.error @ at.error)
+    for _ in range(30):
+        try:
+            there = closure.at(closure.move(at.q, z))
+            if float(there.error @ there.error) < size2:
+                return there
+        except InputError:
+            pass
+        z = 0.5 * z
+    return None
+
+
+def branches_meet(closure: Closure, at: ConstraintResidual) -> bool:
+    """Whether the constraints have a higher rank at poses one step away along the directions that J allows."""
+    return any(there.rank > at.rank for there in around(closure, at, tolerance=1e-11, most=60))
+
+
+def around(closure: Closure, at: ConstraintResidual, *, tolerance: float, most: int) -> Iterator[ConstraintResidual]:
+    """Poses one step forward and back along the directions that J allows, projected onto the constraints."""
+    for z in (sign * ASIDE * row for row in at.null for sign in (1.0, -1.0)):
+        there = descend(closure, closure.at(closure.move(at.q, z)), tolerance=tolerance, most=most)
+        if there.closed:
+            yield there.at
+
+
+Rates = Mapping[str, "float | Sequence[float] | Array"]
+
+
+def independent_columns(J: Array, last: Array | None = None) -> list[int]:
+    """Columns left after selecting the best conditioned basis one by one; those marked `last` are selected last."""
+    n = J.shape[1]
+    last = np.zeros(n, bool) if last is None else last
+    left, R = list(range(n)), J.copy()
+    size = float(np.linalg.norm(J, 2)) if J.size else 0.0
+    for group in (~last, last):
+        while True:
+            norms = np.linalg.norm(R, axis=0)
+            candidates = [i for i in left if group[i] and norms[i] > SINGULAR * size]
+            if not candidates or size == 0.0:
+                break
+            # The first of those within a thousandth of the longest, so that rounding does not choose.
+            most = max(norms[i] for i in candidates)
+            pivot = next(i for i in candidates if norms[i] >= 0.999 * most)
+            unit = R[:, pivot] / norms[pivot]
+            R = R - np.outer(unit, unit @ R)
+            left.remove(pivot)
+    return left
+
+
+class BilateralVelocities:
+    """Rows of bilateral constraints at a state, as conditions on its velocity: J v = u."""
+
+    def __init__(self, state: State, constraints: Sequence[Constraint] | None, loops: bool) -> None:
+        self.state, self.joints = check_state(state), state.robot.joints
+        self.given = own_or(state.robot, constraints, loops)
+        found = self.rows(state if not state.v.any() else state.with_velocity(state.robot.zero_v))
+        self.J, self.u, self.row_names = found.J, -found.velocity, [name for name, _ in found.names]
+
+    def rows(self, state: State) -> StackedRows:
+        """The bilateral rows.
+
+        Raises:
+            InputError: a constraint can slip or break, or is not assembled.
+        """
+        out = []
+        for r in rows_of(state, self.given):
+            if not len(r) or r.cone.bounded or r.cone.one_sided:
+                continue  # joint limits and friction depend on forces
+            if not r.cone.bilateral:
+                raise InputError(
+                    f"{r.name!r:.80} can slip or break ({type(r.cone).__name__}): forces decide whether it sticks (rbd.solve). "
+                    "Give it friction=None to make it bilateral."
+                )
+            error, _ = position_residual(r)
+            if max_abs(error) > CLOSED * max(1.0, self.joints.reach):
+                raise InputError(
+                    f"{state.robot.name} is not assembled: {r.name!r:.80} is off by {max_abs(error):.3g} m (or rad). "
+                    "Close it first, with rbd.mechanism.assemble."
+                )
+            out.append(r)
+        return StackedRows(state, out)
+
+    def values(self, known: Rates, what: str) -> tuple[Array, Array]:
+        """(which velocities are known, their values), both (nv,)."""
+        if not isinstance(known, Mapping):
+            raise InputError(f"known is {known!r:.80}; expected a mapping {{joint: {what}}}, e.g. {{'crank': 1.0}}.")
+        mask, out = np.zeros(self.state.robot.nv, bool), np.zeros(self.state.robot.nv)
+        for name, value in known.items():
+            at = self.joints.velocity(name)
+            given = np.atleast_1d(as_array(f"known {what} of {name!r:.80}", value))
+            if given.shape != (at.stop - at.start,):
+                raise InputError(f"known {what} of {name!r:.80} has shape {given.shape}; expected ({at.stop - at.start},).")
+            check_finite(f"known {what} of {name!r:.80}", given)
+            if mask[at].any():
+                raise InputError(f"known {what} of {name!r:.80} is given twice: once for the joint, once for a part of it.")
+            mask[at], out[at] = True, given
+        return mask, out

@@ -1,0 +1,345 @@
+"""`ContactTimeline`: which points of a robot touch the floor and slide on it, over time; the points; their contacts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from rbd.arrays import Array, as_float
+from rbd.constraints.collision import CollisionContacts
+from rbd.constraints.constraint import Constraint
+from rbd.constraints.contact import Contact
+from rbd.constraints.convex.convex_shapes import Ball, ConvexShape, Oval, convex_shape
+from rbd.control.whole_body_step import TaskActuation
+from rbd.displayed import Displayed
+from rbd.errors import InputError, ModelError, UnknownName, nearest
+from rbd.model.checked_model import CheckedModel
+from rbd.model.state import State
+from rbd.robots.robot import Robot
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class ContactTimeline(Displayed):
+    """Which contact points touch and slide, when: a lane for each of k points, in n frames.
+
+    Attributes:
+        t: Times, shape (n,) [s].
+        points: The points.
+        touches: Which of them touch, shape (n, k).
+        slides: Which of those that touch slide, shape (n, k).
+        heights: Above the floor, shape (n, k) [m].
+        speeds: Along the floor, by the slope of the position while it touches, shape (n, k) [m/s]; NaN where it does not.
+        places: Positions, shape (n, k, 3) [m].
+        ground: Height of the floor [m].
+        noise: What the decimals of the data leave in a speed, standard deviation, shape (n, k) [m/s].
+        notes: What was assumed, in words.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
+        >>> hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=50.0)
+        >>> lanes = rbd.motion.find_contacts(hop)
+        >>> lanes.names, lanes.intervals("front_left")
+        (('front_left 1', 'front_right 1', 'hind_left 1', 'hind_right 1'), [(0.0, 0.06), (0.56, 0.6)])
+    """
+
+    t: Array
+    points: FloorPoints
+    touches: Array
+    slides: Array
+    heights: Array
+    speeds: Array
+    places: Array
+    ground: float
+    noise: Array
+    notes: tuple[str, ...] = ()
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the points."""
+        return self.points.names
+
+    @property
+    def contacts(self) -> tuple[Constraint, ...]:
+        """The contacts that the points belong to; `points.group` says which."""
+        return self.points.contacts
+
+    def of_contact(self, name: str) -> Array:
+        """Whether any point of a contact touches, shape (n,)."""
+        return np.asarray(self.touches[:, self._chosen(name)].any(axis=1))
+
+    def at_frames(self, chosen: Array) -> ContactTimeline:
+        """The same contacts in some of the frames, by a mask or indices."""
+        arrays = ("t", "touches", "slides", "heights", "speeds", "places", "noise")
+        return replace(self, **{name: getattr(self, name)[chosen] for name in arrays})
+
+    def with_touch(self, name: str, start: float, end: float, touches: bool = True) -> ContactTimeline:
+        """A copy in which a point, or all points of a contact, touch from start to end, or do not.
+
+        Points that are said to touch hold, unless they were found to slide.
+
+        Args:
+            name: Of a point, "left_sole 1", or of a contact, "left_sole".
+            start: Time [s].
+            end: Time [s].
+            touches: Whether they touch.
+
+        Raises:
+            UnknownName: with the nearest names.
+            InputError: an end before the start.
+        """
+        first, last = as_float(start), as_float(end)
+        if not first <= last:
+            raise InputError(f"from {start!r:.40} to {end!r:.40} s; expected a start and a later end.")
+        when = (self.t >= first) & (self.t <= last)
+        changed = self.touches.copy()
+        changed[np.ix_(when, self._chosen(name))] = bool(touches)
+        return replace(self, touches=changed, slides=self.slides & changed)
+
+    def of(self, names: Sequence[str], intervals: Sequence[Sequence[Sequence[float]]]) -> ContactTimeline:
+        """A copy in which exactly these touch.
+
+        Args:
+            names: Points or contacts.
+            intervals: For each of them a list of (start, end) [s].
+
+        Raises:
+            UnknownName: with the nearest names.
+            InputError: another number of intervals than of names.
+        """
+        if len(names) != len(intervals):
+            raise InputError(f"{len(intervals)} lists of intervals for {len(names)} names; expected one for each.")
+        none = np.zeros_like(self.touches)
+        found = replace(self, touches=none, slides=none)
+        for name, each in zip(names, intervals, strict=True):
+            for start, end in each:
+                found = found.with_touch(name, start, end)
+        return replace(found, slides=self.slides & found.touches)
+
+    def intervals(self, name: str) -> list[tuple[float, float]]:
+        """When a point, or any point of a contact, touches: (first time, last time) of each stretch [s]."""
+        on = np.concatenate([[False], self.touches[:, self._chosen(name)].any(axis=1), [False]])
+        first, last = np.flatnonzero(~on[:-1] & on[1:]), np.flatnonzero(on[:-1] & ~on[1:]) - 1
+        return [(float(self.t[i]), float(self.t[j])) for i, j in zip(first, last, strict=True)]
+
+    def _chosen(self, name: str) -> Array:
+        groups = [contact.name for contact in self.contacts]
+        if name in groups:
+            return np.flatnonzero(self.points.group == groups.index(name))
+        if name in self.names:
+            return np.array([self.names.index(name)])
+        raise UnknownName(f"no contact or point {name!r:.80}; {nearest(name, [*groups, *self.names])}.")
+
+    def __repr__(self) -> str:
+        return f"ContactTimeline({len(self.t)} frames, {', '.join(c.name for c in self.contacts)})"
+
+
+_DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
+_DIRECTIONS /= np.linalg.norm(_DIRECTIONS, axis=1)[:, None]
+"""A mesh counts as its vertices farthest along these."""
+
+
+@dataclass(frozen=True, eq=False)
+class FloorPoints:
+    """Points fixed to bodies, or lowest points of balls fixed to them.
+
+    Attributes:
+        robot: The robot.
+        contacts: The contacts that they belong to: feet, and one `CollisionContacts` for each other body.
+        names: A name for each point: that of its contact and a number, from 1.
+        group: Index of each point's contact, shape (k,).
+        joint: Index of the joint that carries it, shape (k,).
+        local: Its place, or its ball's centre, in that joint's axes, shape (k, 3) [m].
+        radius: Of its ball; zero for a point, shape (k,) [m].
+    """
+
+    robot: CheckedModel
+    contacts: tuple[Constraint, ...]
+    names: tuple[str, ...]
+    group: Array
+    joint: Array
+    local: Array
+    radius: Array
+
+    @classmethod
+    def of(cls, robot: CheckedModel, *, bodies: bool = False) -> FloorPoints:
+        """The corners of its feet; and those of the collision shapes of all other bodies.
+
+        Round bodies touch with the lowest points of their balls; of a mesh up to 26 extreme vertices count.
+
+        Args:
+            robot: The robot.
+            bodies: Whether other bodies than feet can touch.
+
+        Raises:
+            InputError: it has neither feet nor shapes that could touch.
+        """
+        feet = [] if not isinstance(robot, Robot) or not robot.source.feet else list(robot.feet())
+        groups: list[tuple[Constraint, int, Array, Array]] = []
+        for foot in feet:
+            groups.append((foot, *_corners(robot, foot)))
+        if bodies or not feet:
+            groups += _bodies(robot, {joint for _, joint, _, _ in groups})
+        if not groups:
+            raise InputError(
+                f"no feet are known for {robot.name}, and it has no collision shapes: nothing can touch the floor. Name the "
+                "frames of its feet: rbd.load_robot(file, feet=[...])."
+            )
+        sizes = [len(local) for *_, local, _ in groups]
+        return cls(
+            robot,
+            tuple(contact for contact, *_ in groups),
+            tuple(f"{c.name} {i + 1}" for (c, *_), size in zip(groups, sizes, strict=True) for i in range(size)),
+            np.repeat(np.arange(len(groups)), sizes),
+            np.repeat([joint for _, joint, _, _ in groups], sizes),
+            np.concatenate([local for *_, local, _ in groups]),
+            np.concatenate([radius for *_, radius in groups]),
+        )
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def some(self, which: Array) -> FloorPoints:
+        """Those that a mask chooses, of the same contacts."""
+        names = tuple(name for name, chosen in zip(self.names, which, strict=True) if chosen)
+        return FloorPoints(
+            self.robot, self.contacts, names, self.group[which], self.joint[which], self.local[which], self.radius[which]
+        )
+
+    def places(self, R: Array, p: Array) -> Array:
+        """Where they are in W, shape (n, k, 3) [m].
+
+        Args:
+            R: Orientation of every joint's axes, shape (n, joints, 3, 3).
+            p: Their origins, shape (n, joints, 3).
+        """
+        out = np.matmul(R[:, self.joint], self.local[:, :, None])[..., 0] + p[:, self.joint]
+        out[..., 2] -= self.radius
+        return out
+
+
+def _corners(robot: CheckedModel, foot: Contact) -> tuple[int, Array, Array]:
+    joint, X_JF = robot.site(foot.frame)
+    X = X_JF * foot.placement
+    return joint, foot.corners @ X.rotation.T + X.translation, np.zeros(len(foot.corners))
+
+
+def _bodies(robot: CheckedModel, feet: set[int]) -> Iterator[tuple[Constraint, int, Array, Array]]:
+    """Shapes by the link that carries them; those of feet are left out, their soles count."""
+    model = getattr(robot, "collision_model", None)
+    if model is None:
+        return
+    stand_ins: frozenset[str] = getattr(robot, "collision_stand_ins", frozenset())
+    by_link: dict[str, list[ConvexShape]] = {}
+    for shape in model.geometryObjects:
+        if shape.parentJoint == 0 or shape.parentJoint in feet or shape.name in stand_ins:
+            continue
+        try:
+            found = convex_shape(shape)
+        except ModelError:  # a plane or a height field: no points
+            continue
+        by_link.setdefault(robot.model.frames[shape.parentFrame].name, []).append(found)
+    for link, shapes in by_link.items():
+        local, radius = zip(*(_extremes(shape) for shape in shapes), strict=True)
+        contact = CollisionContacts(link, robot, ground=[shape.name for shape in shapes])
+        yield contact, shapes[0].joint, np.concatenate(local), np.concatenate(radius)
+
+
+def _extremes(shape: ConvexShape) -> tuple[Array, Array]:
+    """(points or centres, radii) with which a shape touches."""
+    points = shape.vertices
+    if len(points) > len(_DIRECTIONS):
+        points = points[np.unique((points @ _DIRECTIONS.T).argmax(axis=0))]
+    balls = [r for r in shape.rounds if isinstance(r, Ball)]
+    ovals = [r.lowest(-d) for r in shape.rounds if isinstance(r, Oval) for d in _DIRECTIONS]
+    centres = np.array([r.centre for r in balls]).reshape(-1, 3)
+    local = np.concatenate([points, np.array(ovals).reshape(-1, 3), centres])
+    return local, np.concatenate([np.zeros(len(points) + len(ovals)), [r.radius for r in balls]])
+
+
+LANDED = 1e-3
+"""A contact touches when its lowest point is this near to the floor [m]; an unwanted one, when it is this far below."""
+UNLOADED = 0.01
+"""It ends when it carries less than this share of the weight."""
+
+
+class FloorContacts:
+    """Which points of a robot touch the floor now; changes with `update` from time to time.
+
+    Attributes:
+        lanes: The contacts of the reference.
+        feet: Its contacts, in their order.
+        friction: The coefficient, less the margin.
+        margin: Share of the friction, and of each foot's size, that is not used.
+        on: Which points touch, shape (k,).
+    """
+
+    def __init__(self, lanes: ContactTimeline, friction: float, margin: float) -> None:
+        self.lanes, self.friction, self.margin = lanes, (1.0 - margin) * friction, margin
+        self.feet: Sequence[Constraint] = lanes.contacts
+        self.on = np.zeros(len(lanes.points), bool)
+        self._unplanned = np.zeros(len(lanes.contacts), bool)
+        self._load = np.zeros(len(lanes.contacts))
+        self._known: dict[tuple[int, bytes], Constraint] = {}
+
+    def begin(self, touches: Array) -> None:
+        """The points that touch first."""
+        self.on = touches.copy()
+
+    def update(self, state: State, frame: int) -> Array:
+        """Which contacts touch at a state, shape (contacts,); by the frame of the reference that belongs to it."""
+        points, wanted = self.lanes.points, self.lanes.touches[frame]
+        R, p = state.joint_places(points.joint.tolist())
+        low = (R @ points.local[:, :, None])[..., 0][:, 2] + p[:, 2] - points.radius - self.lanes.ground
+        weight = state.robot.mass * float(np.linalg.norm(state.robot.gravity))
+        for g in range(len(self.feet)):
+            own = points.group == g
+            if not own.any():
+                continue
+            lowest = float(low[own].min())
+            planned, was = bool(wanted[own].any()), bool(self.on[own].any())
+            if planned:
+                touching = wanted[own] if was or lowest <= LANDED else np.zeros(own.sum(), bool)
+            elif self._unplanned[g] and was and self._load[g] > UNLOADED * weight:
+                touching = self.on[own]
+            else:
+                touching = low[own] <= lowest + LANDED if lowest < -LANDED else np.zeros(own.sum(), bool)
+            self._unplanned[g] = not planned and touching.any()
+            self.on[own] = touching
+        return np.array([self.on[points.group == g].any() for g in range(len(self.feet))])
+
+    def carried(self, answer: TaskActuation) -> None:
+        """Told what the contacts carried."""
+        for g, foot in enumerate(self.feet):
+            forces = [f for name, f in answer.forces.items() if name == foot.name or name.startswith(f"{foot.name} ")]
+            self._load[g] = sum(float(f[2]) for f in forces)
+
+    def constraints(self, state: State) -> list[Constraint]:
+        """The contacts of the points that touch; of a foot one with its corners, of other bodies one for each point."""
+        out: list[Constraint] = []
+        points = self.lanes.points
+        for g, foot in enumerate(self.feet):
+            own = np.flatnonzero(points.group == g)
+            chosen = own[self.on[own]]
+            if not len(chosen):
+                continue
+            if isinstance(foot, Contact):
+                key = (g, self.on[own].tobytes())
+                if key not in self._known:
+                    corners = foot.corners[self.on[own]]
+                    inner = corners + self.margin * (corners.mean(axis=0) - corners)
+                    self._known[key] = Contact(
+                        foot.name, foot.frame, corners=inner, placement=foot.placement, friction=self.friction,
+                        facets=foot.facets,
+                    )  # fmt: skip
+                out.append(self._known[key])
+                continue
+            R, _ = state.joint_places(points.joint[chosen].tolist())
+            for j, rotation in zip(chosen.tolist(), R, strict=True):
+                place = points.local[j] - points.radius[j] * rotation.T[:, 2]
+                frame = state.robot.model.names[int(points.joint[j])]
+                out.append(Contact(points.names[j], frame, corners=place[None], friction=self.friction))
+        return out

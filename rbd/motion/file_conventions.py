@@ -1,0 +1,193 @@
+"""Conventions of files of motions: the order of joints, and whether quaternions are x, y, z, w or w, x, y, z."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Container, Iterable, Mapping, Sequence
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array
+from rbd.errors import InputError, RbdError, nearest
+from rbd.model.checked_model import CheckedModel
+from rbd.model.sampled_motion import conjugate, rotated
+from rbd.motion.rates import REST_RATE, turning_error
+from rbd.robots.robot import Robot
+
+_LEG = ("hip_pitch", "hip_roll", "hip_yaw", "knee", "ankle_pitch", "ankle_roll")
+_ARM = ("shoulder_pitch", "shoulder_roll", "shoulder_yaw", "elbow", "wrist_roll", "wrist_pitch", "wrist_yaw")
+_WAIST = ("waist_yaw", "waist_roll", "waist_pitch")
+
+
+def _g1(waist: Iterable[str], arm: Sequence[str]) -> tuple[str, ...]:
+    legs = [f"{side}_{name}_joint" for side in ("left", "right") for name in _LEG]
+    return (
+        *legs,
+        *(f"{name}_joint" for name in waist),
+        *(f"{side}_{name}_joint" for side in ("left", "right") for name in arm),
+    )
+
+
+FORMATS: Mapping[str, tuple[str, ...]] = {
+    "G1 with 29 joints": _g1(_WAIST, _ARM),
+    "G1 with 23 joints (no waist roll and pitch, no wrist pitch and yaw)": _g1(_WAIST[:1], _ARM[:5]),
+}
+"""Joints of published motion files by format; of Unitree's own descriptions `g1_29dof` and `g1_23dof`."""
+
+
+def single_joints(robot: CheckedModel) -> tuple[str, ...]:
+    """Names of the joints with one degree of freedom, in the order of the model."""
+    return tuple(joint.name for joint in robot.joints.values() if joint.nv == 1)
+
+
+def standing_q(robot: CheckedModel) -> Array:
+    """The configuration of joints that a file does not give: of the standing posture, if one is known, else neutral."""
+    return robot.posture(name) if isinstance(robot, Robot) and (name := robot.source.posture) else pin.neutral(robot.model)
+
+
+def left_still(robot: CheckedModel, given: Container[str]) -> list[str]:
+    """A note of the joints that a file does not give."""
+    missing = [j.name for j in robot.joints.values() if j.id not in robot.bases and j.name not in given]
+    if not missing:
+        return []
+    posture = robot.source.posture if isinstance(robot, Robot) and robot.source.posture else "neutral"
+    return [f"{len(missing)} joints are not in the file and stay as in the posture {posture!r}: {', '.join(missing)}."]
+
+
+def file_order(robot: CheckedModel) -> tuple[str, ...]:
+    """The same in the order in which the robot's file states them; the model's where it has no file."""
+    known = single_joints(robot)
+    if not isinstance(robot, Robot):
+        return known
+    try:
+        element = robot.element
+    except RbdError:
+        return known
+    stated = dict.fromkeys(str(e.get("name")) for e in element.iter("joint"))
+    order = [name for name in stated if name in known]
+    return tuple(order) if len(order) == len(known) else known
+
+
+def breadth_first(robot: CheckedModel) -> tuple[str, ...]:
+    """The same, joints nearer to the base first, siblings in the order of the robot's file: as Isaac's articulations."""
+    rank = {name: i for i, name in enumerate(file_order(robot))}
+    model = robot.model
+    below: dict[int, list[int]] = {}
+    for i in range(1, model.njoints):
+        below.setdefault(model.parents[i], []).append(i)
+    found, waiting = [], deque(sorted(below.get(0, []), key=lambda i: rank.get(model.names[i], -1)))
+    while waiting:
+        i = waiting.popleft()
+        found.append(model.names[i])
+        waiting.extend(sorted(below.get(i, []), key=lambda k: rank.get(model.names[k], -1)))
+    return tuple(name for name in found if name in rank)
+
+
+def formats(robot: CheckedModel) -> dict[str, tuple[str, ...]]:
+    """{what it is: joints in order} of the formats that fit this robot; its own file's first."""
+    own = file_order(robot)
+    found = {f"all {len(own)} joints of {robot.name}": own}
+    for name, joints in FORMATS.items():
+        if set(joints) < set(own):
+            found[name] = joints
+    return found
+
+
+def checked_joints(robot: CheckedModel, joints: Sequence[str]) -> tuple[str, ...]:
+    """Names of joints that are given, each of which the robot has once, with one degree of freedom.
+
+    Raises:
+        InputError: an unknown name, with the nearest; one twice; no list.
+    """
+    if isinstance(joints, str | bytes) or not isinstance(joints, Sequence):
+        raise InputError(f"joints is {joints!r:.80}; expected a list of names, in the order of the columns.")
+    known = single_joints(robot)
+    for name in joints:
+        if name not in known:
+            raise InputError(f"no joint {name!r:.80} with one degree of freedom in {robot.name}; {nearest(name, known)}.")
+    if len(set(joints)) != len(joints):
+        twice = next(name for name in joints if list(joints).count(name) > 1)
+        raise InputError(f"joint {twice!r:.80} is named twice.")
+    return tuple(joints)
+
+
+CLEARLY = 0.3
+"""By how much the mean cosine of the tilt must differ for an order to be seen."""
+
+TELLING = 2.0
+"""An order fits angular velocities if the other one fits them this many times worse."""
+
+
+def check_quaternion(order: object) -> None:
+    """Refuse what is no order of quaternions.
+
+    Raises:
+        InputError: it is neither None, "xyzw" nor "wxyz".
+    """
+    if order is not None and (not isinstance(order, str) or order not in ("xyzw", "wxyz")):
+        raise InputError(f"quaternion is {order!r:.80}; expected 'xyzw' or 'wxyz'.")
+
+
+def order_base(robot: CheckedModel, t: Array, q: Array, v: Array | None, given: str | None, source: str) -> list[str]:
+    """Bring the base's quaternions of configurations into the order x, y, z, w, in place; notes where they were not.
+
+    They are x, y, z, w unless given, or unless the angular velocities fit the other order only, or, where these do not tell,
+    the base of a robot with a known posture stays upright in the other order only.
+    """
+    if given == "xyzw" or not robot.floating:
+        return []
+    turn = q[:, 3:7]
+    other = turn[:, [1, 2, 3, 0]]
+    if given is None:
+        if v is not None and len(t) > 1:
+            own, swapped = (turning_error(robot, t, np.hstack([q[:, :3], x, q[:, 7:]]), v) for x in (turn, other))
+            if max(own, swapped) > max(REST_RATE, TELLING * min(own, swapped)):
+                if own < swapped:
+                    return []
+                told = f"angular velocities fit to {swapped:.2g} rad/s, in the other order to {own:.2g}"
+                q[:, 3:7] = other
+                return [f"quaternions were taken as w, x, y, z: {told}. Else give quaternion='xyzw'."]
+        if not isinstance(robot, Robot) or not (robot.source.posture or robot.source.feet):
+            return []
+        found, notes = chosen_order(robot, turn, None, source)
+        if found is turn:
+            return []
+        q[:, 3:7] = found
+        return [f"{note} Else give quaternion='xyzw'." for note in notes]
+    q[:, 3:7] = other
+    return []
+
+
+def chosen_order(robot: CheckedModel, turn: Array, given: str | None, file: str) -> tuple[Array, list[str]]:
+    """(quaternions as x, y, z, w, notes): in the order given, else in that in which the base stays upright.
+
+    A wrong order shows: with every turn of the heading the base rolls. It is x, y, z, w where the frames do not tell.
+
+    Args:
+        robot: The robot, whose standing posture tells which of its axes is up.
+        turn: Four columns, shape (n, 4).
+        given: "xyzw", "wxyz" or None.
+        file: Name for the notes.
+    """
+    orders = {"xyzw": turn, "wxyz": turn[:, [1, 2, 3, 0]]}
+    upright = {name: _upright(robot, x) for name, x in orders.items()}
+    chosen = given or ("wxyz" if upright["wxyz"] > upright["xyzw"] + CLEARLY else "xyzw")
+    other = "wxyz" if chosen == "xyzw" else "xyzw"
+    tilt = f"cosine of the base's tilt in the mean {upright[chosen]:.2f}, in the other order {upright[other]:.2f}"
+    notes = []
+    if given is None:
+        sure = abs(upright[chosen] - upright[other]) > CLEARLY
+        notes.append(f"quaternions were taken as {', '.join(chosen)}{': ' if sure else ', the usual order: '}{tilt}.")
+    elif upright[other] > upright[chosen] + CLEARLY:
+        notes.append(
+            f"the base spins or lies with quaternions as {', '.join(chosen)}: {tilt}. Is {file} in {', '.join(other)}?"
+        )
+    return orders[chosen], notes
+
+
+def _upright(robot: CheckedModel, turn: Array) -> float:
+    """The mean cosine between the vertical and the axis of the base that is up when it stands."""
+    axis = rotated(conjugate(standing_q(robot)[3:7]), np.array([0.0, 0.0, 1.0]))
+    norm = np.linalg.norm(turn, axis=1)
+    return float(np.mean(rotated(turn / np.where(norm > 0.0, norm, 1.0)[:, None], axis)[:, 2]))

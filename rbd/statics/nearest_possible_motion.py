@@ -1,0 +1,236 @@
+"""What is missing if a motion is impossible: a wrench on the base, torques beyond limits; and the nearest possible motion."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import blas
+
+from rbd.arrays import Array, cross_matrix, inertia_factor, max_abs
+from rbd.displayed import Displayed
+from rbd.problem.conic import Conic, ConicAnswer
+from rbd.problem.programs import Outcome
+from rbd.solvers.conic_newton import solve_conic
+from rbd.statics.effort import POSSIBLE, Effort
+from rbd.statics.force_balance import ForceBalance
+
+_NEAR = 1e-6
+"""What is possible is called the nearest, or the least, where it is by this, of numbers around one."""
+_ANY = 1e-9
+"""Weight of the square of forces beside what is made least: it picks one set of forces among many."""
+
+
+@dataclass(frozen=True, eq=False)
+class Missing(Displayed):
+    """The least help that would let contact forces balance a motion, torque limits aside.
+
+    It is the least of `sqrt(sum over bases of |F|^2 + |m|^2 / L^2 + sum over passive joints of (torque / L)^2)`; of a joint
+    that slides its force counts as it is.
+
+    Attributes:
+        wrenches: {base joint: force and moment about the robot's centre of mass, world axes, shape (6,)} [N, N m].
+        torques: {passive joint: its torques} [N, N m].
+        length: L [m]: the root mean square distance of the robot's mass from its centre of mass.
+        size: What was made least [N].
+
+    Example:
+        >>> box = rbd.testing.box(mass=10.0)
+        >>> corner = rbd.PointContact("corner", "box", friction=0.5, on=rbd.Ground(normal=(0.6, 0.0, 0.8)))
+        >>> try:
+        ...     rbd.hold(rbd.State(box, [0, 0, 0, 0, 0, 0, 1]), [corner])
+        ... except rbd.CannotHold as error:
+        ...     print(error.missing.force.round(2), f"{error.missing.size:.2f} N")
+        [-17.27   0.     3.14] 17.55 N
+    """
+
+    wrenches: dict[str, Array]
+    torques: dict[str, Array]
+    length: float
+    size: float
+
+    @property
+    def wrench(self) -> Array:
+        """On the base: of several, the one with the largest; zero without one, shape (6,)."""
+        return max(self.wrenches.values(), key=lambda w: float(np.linalg.norm(w)), default=np.zeros(6))
+
+    @property
+    def force(self) -> Array:
+        """Its force, shape (3,) [N], world axes."""
+        return self.wrench[:3]
+
+    @property
+    def moment(self) -> Array:
+        """Its moment about the centre of mass, shape (3,) [N m], world axes."""
+        return self.wrench[3:]
+
+    def __str__(self) -> str:
+        told = []
+        for name, w in self.wrenches.items():
+            digits = 2 - min(0, math.floor(math.log10(max(max_abs(w), 1e-9))))
+            F, m = np.round(w[:3], digits) + 0.0, np.round(w[3:], digits) + 0.0
+            of = "the base" if len(self.wrenches) == 1 else f"{name!r}"
+            told.append(
+                f"{of} misses ({F[0]:.4g}, {F[1]:.4g}, {F[2]:.4g}) N and ({m[0]:.4g}, {m[1]:.4g}, {m[2]:.4g}) N m about the "
+                "centre of mass"
+            )
+        told += [f"{name!r} misses {max_abs(x):.4g} N m" for name, x in self.torques.items() if max_abs(x) > 1e-6]
+        return ", ".join(told) + f" (least of |F|^2 + |m|^2 / L^2, L = {self.length:.3g} m)"
+
+
+def missing(loads: ForceBalance, effort: Effort) -> Missing | None:
+    """What is missing, zero where nothing is; None where it was not found."""
+    state = loads.state
+    robot, unit = state.robot, loads.unit
+    L = _length(loads)
+    columns, names, passive = [np.zeros((robot.nv, 0))], list[str](), list[tuple[str, int]]()
+    for joint, where in loads.idle_joints:
+        if joint.id in robot.bases:
+            X = state.base_pose(joint.id)
+            R, arm = X.rotation, state.com - X.translation
+            per_wrench = np.zeros((robot.nv, 6))
+            at = joint.v.start
+            per_wrench[at : at + 3, :3] = R.T  # the point at the centre of mass moves at R (v + w x arm)
+            per_wrench[at + 3 : at + 6, :3] = R.T @ cross_matrix(arm)
+            per_wrench[at + 3 : at + 6, 3:] = R.T * L
+            columns.append(per_wrench * unit)
+            names.append(joint.name)
+        else:
+            for k in where:
+                column = np.zeros((robot.nv, 1))
+                column[k] = unit * (L if joint.kind.startswith(("R", "S")) else 1.0)
+                columns.append(column)
+                passive.append((joint.name, k))
+    H = np.hstack(columns)
+    n, k = loads.sets.size, H.shape[1]
+    if not k:
+        return Missing({}, {}, L, 0.0)
+    A = np.hstack([loads.A, H[robot.unactuated] / (unit * loads.row_size)[:, None]])
+    C, low, high = effort.rows(loads)
+    wide = np.full(k, math.inf)
+    squares = np.concatenate([np.full(n, _ANY), np.ones(k)])
+    found = solve_conic(
+        Conic(
+            np.diag(squares), np.zeros(n + k), A, loads.b, np.hstack([C, np.zeros((len(C), k))]), low, high,
+            np.concatenate([loads.lower, -wide]), np.concatenate([loads.upper, wide]), loads.sets.cone_columns, loads.sets.mu,
+        )
+    )  # fmt: skip
+    if not found.solved:
+        return None
+    u = found.x[n:] * unit
+    scale = np.array([1.0, 1.0, 1.0, L, L, L])
+    wrenches = {name: u[6 * i : 6 * i + 6] * scale for i, name in enumerate(names)}
+    torques = dict[str, list[float]]()
+    for (name, k_), value in zip(passive, u[6 * len(names) :].tolist(), strict=True):
+        torques.setdefault(name, []).append(float(value * H[k_, :].max() / unit))
+    return Missing(wrenches, {name: np.array(x) for name, x in torques.items()}, L, float(np.linalg.norm(u)))
+
+
+def _length(loads: ForceBalance) -> float:
+    """Root mean square distance of the mass from its centre [m]; 1 m unless all bodies hang from one base."""
+    robot = loads.state.robot
+    if len(robot.bases) != 1:
+        return 1.0
+    A_g, _, mass = loads.state.centroidal()
+    at = robot.joints[robot.model.names[robot.bases[0]]].v.start
+    R = loads.state.base_pose().rotation
+    return math.sqrt(max(float(np.trace(A_g[3:, at + 3 : at + 6] @ R.T)) / (2.0 * mass), 1e-12))
+
+
+class Excess(NamedTuple):
+    """Torques beyond limits.
+
+    Attributes:
+        share: By how many times its limit at rest each torque exceeds what it may be, least in sum, shape (nu,).
+        tau: These torques, of motors with a limit, shape (nu,) [N, N m].
+    """
+
+    share: Array
+    tau: Array
+
+
+def excess(loads: ForceBalance, effort: Effort) -> Excess | None:
+    """The least excess of torques over their limits; None where no forces balance."""
+    limited = np.flatnonzero(loads.limited)
+    n, k = loads.sets.size, len(limited)
+    C, low, high = effort.rows(loads)
+    T, I = loads.T[limited], np.eye(k)
+    t = loads.t[limited]
+    least, most = (each[limited] for each in loads.bounds)
+    wide = np.full(k, math.inf)
+    rows = np.vstack([np.hstack([C, np.zeros((len(C), k))]), np.hstack([T, I]), np.hstack([T, -I])])
+    found = solve_conic(
+        Conic(
+            np.diag(np.concatenate([np.full(n, _ANY), np.zeros(k)])), np.concatenate([np.zeros(n), np.ones(k)]),
+            np.hstack([loads.A, np.zeros((len(loads.b), k))]), loads.b, rows,
+            np.concatenate([low, t - most, np.full(k, -math.inf)]), np.concatenate([high, np.full(k, math.inf), t - least]),
+            np.concatenate([loads.lower, np.zeros(k)]), np.concatenate([loads.upper, wide]),
+            loads.sets.cone_columns, loads.sets.mu,
+        ),
+        newton=False, tolerance=1e-8,
+    )  # fmt: skip
+    if not (found.solved or _is_near(found)):
+        return None
+    out, tau = np.zeros(len(loads.limited)), np.zeros(len(loads.limited))
+    out[limited] = found.x[n:]
+    tau[limited] = (t - T @ found.x[:n]) * loads.limit[limited]
+    return Excess(out, tau)
+
+
+def _is_near(found: ConicAnswer) -> bool:
+    """Whether an answer is possible, and the least to six digits: enough for what is told of it."""
+    return found.outcome is Outcome.NOT_FOUND and found.program.outside(found.x) <= POSSIBLE and found.miss <= _NEAR
+
+
+def nearest_possible(
+    loads: ForceBalance, a: Array, rhs: Array, still: Array, offset: Array, effort: Effort
+) -> tuple[Array, Array] | Outcome:
+    """(a, weights [N]) of the reachable acceleration nearest in the inertia metric, all contacts as they are; or why none.
+
+        minimise 1/2 |a' - a|_M^2  subject to  M a' = S^T tau + rhs + J^T G w,  H^T J a' + offset = 0,  |tau| <= limit
+
+    Args:
+        loads: Of the contacts that keep as they are: their `need` is not looked at.
+        a: The wanted acceleration, shape (nv,).
+        rhs: tau_ext - h, shape (nv,).
+        still: Columns of accelerations that stay zero, H^T J, shape (s, nv).
+        offset: Their part at rest, shape (s,).
+        effort: What the forces must keep to.
+    """
+    robot, unit = loads.state.robot, loads.unit
+    M = loads.state.M
+    factor = inertia_factor(M)
+    size = math.sqrt(max(robot.mass, 1e-12)) * max(unit / max(robot.mass, 1e-12), 1.0)
+    # a' = a + L^-T s size: then 1/2 |a' - a|_M^2 = 1/2 size^2 |s|^2.
+    back = blas.dtrsm(size, factor, np.eye(robot.nv), lower=1, trans_a=1)
+    Ma, Mb = M @ a - rhs, M @ back
+    n, k = loads.sets.size, robot.nv
+    per_weight, un, mo = loads.per_weight * unit, robot.unactuated, robot.motors
+    rows = np.hstack([Mb[un], -per_weight[un]])
+    level = -Ma[un]
+    moves = np.hstack([still @ back, np.zeros((len(still), n))])
+    level = np.concatenate([level, -(still @ a + offset)])
+    A = np.vstack([rows, moves])
+    top = np.maximum(np.abs(A).max(axis=1, initial=0.0), 1e-300)
+    live = top > 1e-12
+    A, level = A[live] / top[live, None], level[live] / top[live]
+    limited = loads.limited
+    D = (np.hstack([Mb[mo], -per_weight[mo]]) / loads.limit[:, None])[limited]  # tau / limit = D x + d
+    d = (Ma[mo] / loads.limit)[limited]
+    least, most = (each[limited] for each in loads.bounds)
+    C, low, high = effort.rows(loads)
+    H = np.diag(np.concatenate([np.ones(k), np.full(n, _ANY)]))
+    found = solve_conic(
+        Conic(
+            H, np.zeros(k + n), A, level, np.vstack([np.hstack([np.zeros((len(C), k)), C]), D]),
+            np.concatenate([low, least - d]), np.concatenate([high, most - d]),
+            np.concatenate([np.full(k, -math.inf), loads.lower]), np.concatenate([np.full(k, math.inf), loads.upper]),
+            loads.sets.cone_columns + k, loads.sets.mu,
+        ),
+        newton=False, tolerance=1e-8,
+    )  # fmt: skip
+    if not (found.solved or _is_near(found)):
+        return found.outcome
+    return a + back @ found.x[:k], found.x[k:] * unit

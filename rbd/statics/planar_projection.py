@@ -1,0 +1,231 @@
+"""Planar images of convex sets of forces: all (p, q) for which there are forces, as a polygon with its proof.
+
+    p in S     where     there is w with     A (w, p) = b,   low <= C (w, p) <= high,   w in intervals and circular cones
+
+S is convex, and the point of it that is farthest along a direction d is a linear program, or one with cones. Each gives a point
+of S, with forces w, and by its multipliers a half-plane d . p <= value that holds S. The points span the inner polygon, the
+half-planes cut out the outer one; the next direction is across the edge where the two differ most [Bretl2008]. Without circular
+cones S is a polygon, and the inner one ends as S itself.
+"""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import dataclass
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.constraints.convex.polygons import convex_hull, inside_distance, nearest_on_edge
+from rbd.errors import InaccurateWarning
+from rbd.model.state import State
+from rbd.problem.programs import POLYGON_PROGRAMS, Outcome
+from rbd.statics.force_balance import ForceBalance
+from rbd.statics.force_program import SAME, InfeasibleProgram, Program, Support
+
+WITHIN_M = 10.0
+"""A region is looked for so far around its contacts, and cut off there."""
+_START = 0.1
+"""Angle of the first direction: off the axes, along which many regions have edges, and an edge is no vertex."""
+
+
+class Region:
+    """Where something may be in a plane: what support regions and zero-moment regions have in common."""
+
+    loads: ForceBalance
+    vertices: Array
+    directions: Array
+    cut: bool
+
+    @property
+    def state(self) -> State:
+        """The robot's state."""
+        return self.loads.state
+
+    @property
+    def empty(self) -> bool:
+        """Whether there is no such place."""
+        return not len(self.vertices)
+
+    @property
+    def bounded(self) -> bool:
+        """Whether the region ends everywhere."""
+        return not len(self.directions)
+
+    def to_edge(self, at: Array) -> tuple[float, bool]:
+        """(distance, known): from a place in the plane to the edge of the polygon [m], and whether that is the region's.
+
+        It is not where the polygon's edge is the cut: the region goes on there, and the distance is at least that.
+
+        Args:
+            at: Shape (2,), in the coordinates of `_outline`.
+        """
+        corners, middle = self._outline
+        whole = inside_distance(at, corners)
+        if not self.cut:
+            return whole, True
+        nearest = nearest_on_edge(at, corners)
+        return whole, bool(np.abs(nearest - middle).max() < WITHIN_M * (1.0 - 1e-6))
+
+    @property
+    def _outline(self) -> tuple[Array, Array]:
+        """(corners (k, 2), middle (2,)) of the polygon and of the square at which it is cut, in coordinates of the plane."""
+        raise NotImplementedError
+
+    def _distance(self, at: Array, *, stacklevel: int) -> float:
+        """`to_edge`, with a warning where that is not known."""
+        found, known = self.to_edge(at)
+        if not known:
+            warnings.warn(
+                f"the region is known to {WITHIN_M:g} m, and goes on where it is cut: its edge there is at a signed distance "
+                f"of {found:.4g} m or more. `region.cut` says which regions are cut.",
+                InaccurateWarning,
+                stacklevel=stacklevel + 1,
+            )
+        return found
+
+    @property
+    def cut_words(self) -> str:
+        """What is printed beside its area."""
+        return f", cut at {WITHIN_M:g} m" if self.cut and self.bounded else ""
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarSet:
+    """An inner and an outer polygon of S.
+
+    Attributes:
+        outcome: SOLVED; INFEASIBLE where S is empty; NOT_FOUND where a program was not solved.
+        inner: Corners of the inner polygon, counterclockwise, shape (k, 2); two of a segment, one of a point, none if empty.
+        x: The forces and parameters at each corner, shape (k, n).
+        outer: Corners of the outer polygon, shape (j, 2).
+        supports: Farthest points, by the angle of their directions.
+        programs: How many programs that took.
+        contradiction: Of an empty S, the proof, if one came with the answer.
+    """
+
+    outcome: Outcome
+    inner: Array
+    x: Array
+    outer: Array
+    supports: tuple[Support, ...]
+    programs: int
+    contradiction: InfeasibleProgram | None = None
+
+    @classmethod
+    def none(cls, outcome: Outcome, programs: int = 1, contradiction: InfeasibleProgram | None = None) -> PlanarSet:
+        """No polygon."""
+        nothing = np.zeros((0, 2))
+        return cls(outcome, nothing, nothing, nothing, (), programs, contradiction)
+
+
+def planar_set(program: Program, *, area_gap: float = 0.0, size: float = 1.0) -> PlanarSet:
+    """The polygon of a program whose p is bounded.
+
+    Args:
+        program: The program.
+        area_gap: Outer less inner area that will do, unless that takes more than `POLYGON_PROGRAMS`; with 0 edges are followed
+            until each is proven.
+        size: Of p: lengths below `SAME` times this are rounding.
+    """
+    n, most = program.A.shape[1], POLYGON_PROGRAMS
+    around: list[Support] = []
+    for angle in _START + np.arange(3) * (2.0 * np.pi / 3.0):
+        found = program.farthest(np.concatenate([np.zeros(n - 2), [np.cos(angle), np.sin(angle)]]))
+        if found.outcome is not Outcome.SOLVED:
+            return PlanarSet.none(found.outcome, len(around) + 1, found.contradiction)
+        around.append(found)
+    open_ = [_between(around[i], around[(i + 1) % 3]) for i in range(3)]
+    while sum(open_) > area_gap and len(around) < most:
+        i = int(np.argmax(open_))
+        a, b = around[i], around[(i + 1) % len(around)]
+        along = b.point - a.point
+        length = float(np.linalg.norm(along))
+        if length <= SAME * size:
+            open_[i] = 0.0
+            continue
+        found = program.farthest(np.concatenate([np.zeros(n - 2), [along[1] / length, -along[0] / length]]))
+        if found.outcome is not Outcome.SOLVED:
+            return PlanarSet.none(Outcome.NOT_FOUND, len(around) + 1)
+        around.insert(i + 1, found)
+        if found.direction @ (found.point - a.point) <= SAME * size:  # an edge of the set
+            open_[i : i + 1] = [0.0, 0.0]
+        else:
+            open_[i : i + 1] = [_between(a, found), _between(found, b)]
+    if not area_gap and sum(open_) > 0.0:
+        return PlanarSet.none(Outcome.NOT_FOUND, len(around))
+    return _polygons(tuple(around), size)
+
+
+def planar_region(program: Program, area_gap: float = 0.0) -> tuple[PlanarSet, Array, bool]:
+    """(set, directions, cut): the polygon within `WITHIN_M`, directions without end (r, 2), and whether it goes on beyond.
+
+    Args:
+        program: Bounds of p `WITHIN_M` around some middle.
+        area_gap: As of `planar_set`.
+    """
+    middle, none = 0.5 * (program.lower[-2:] + program.upper[-2:]), np.zeros((0, 2))
+    found = planar_set(program, area_gap=area_gap)
+    if not len(found.inner) or np.abs(found.inner - middle).max() < WITHIN_M * (1.0 - 1e-6):
+        return found, none, False
+    ends = planar_set(program.recession, area_gap=1e-4 if len(program.mu) else 0.0)
+    if ends.outcome is not Outcome.SOLVED:
+        return PlanarSet.none(Outcome.NOT_FOUND), none, True
+    length = np.linalg.norm(ends.inner, axis=1)
+    endless = length > 0.5  # cut at |p| <= 1: a direction without end reaches that
+    return found, ends.inner[endless] / length[endless, None], True
+
+
+def warn_of_gap(found: PlanarSet, area_gap: float, stacklevel: int) -> None:
+    """Tell where inner and outer polygon differ by more than was asked for."""
+    gap = area_of(found.outer) - area_of(found.inner)
+    if gap > area_gap * (1.0 + 1e-9) + 1e-9:
+        warnings.warn(
+            f"the region is known to {gap:.2g} m2 after {found.programs} programs; {area_gap:.2g} m2 was asked for: "
+            "take a larger area_gap, or friction='inscribed'.",
+            InaccurateWarning,
+            stacklevel,
+        )
+
+
+def area_of(polygon: Array) -> float:
+    """Of a polygon whose corners go counterclockwise [m2]; zero of fewer than three."""
+    if len(polygon) < 3:
+        return 0.0
+    x, y = polygon.T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
+def _between(a: Support, b: Support) -> float:
+    """Area that may be of the set beyond the line from one farthest point to the next."""
+    corner = _corner(a, b)
+    u, v = b.point - a.point, corner - a.point
+    return 0.5 * abs(float(u[0] * v[1] - u[1] * v[0]))
+
+
+def _corner(a: Support, b: Support) -> Array:
+    """Where two half-planes' edges meet; of parallel ones the farthest point between."""
+    D = np.array([a.direction, b.direction])
+    determinant = D[0, 0] * D[1, 1] - D[0, 1] * D[1, 0]
+    if abs(determinant) < 1e-12:
+        return b.point
+    return np.array([a.value * D[1, 1] - b.value * D[0, 1], b.value * D[0, 0] - a.value * D[1, 0]]) / determinant
+
+
+def _polygons(around: tuple[Support, ...], size: float) -> PlanarSet:
+    points = np.array([s.point for s in around])
+    kept: list[int] = []
+    for corner in convex_hull(_merged(points, 10.0 * SAME * size)):
+        kept.append(int(np.argmin(np.abs(points - corner).sum(axis=1))))
+    outer = convex_hull(np.array([_corner(s, around[(i + 1) % len(around)]) for i, s in enumerate(around)]))
+    x = np.array([around[i].x for i in kept])
+    return PlanarSet(Outcome.SOLVED, points[kept] + 0.0, x, outer + 0.0, around, len(around))
+
+
+def _merged(points: Array, within: float) -> Array:
+    """Points without those that repeat an earlier one."""
+    out: list[Array] = []
+    for p in points:
+        if not any(np.abs(p - q).max() <= within for q in out):
+            out.append(p)
+    return np.array(out)

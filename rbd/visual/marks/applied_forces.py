@@ -1,0 +1,359 @@
+"""Springs, dampers and external forces among the marks."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.errors import InputError
+from rbd.model.external import External, ExternalForce, ForceElement, elements_of
+from rbd.model.state import State
+from rbd.visual import shapes
+from rbd.visual.marks.mark import WEIGHTLESS_N, Label, Mark, Sizes, force_arrow, moment_marks, number, numbers, tip_of
+from rbd.visual.notebook.card import joined
+from rbd.visual.shapes import Mesh, axes_along
+from rbd.visual.style import PUSH_COLOR, hexadecimal, rgb
+
+PULLS, PUSHES, RELAXED = "#d55e00", "#0072b2", "#6b7280"
+"""Colours of an element that pulls its ends together, of one that pushes them apart, and of a relaxed one."""
+SPIRAL_TURNS = 3.0
+STRAIGHT = 0.12
+"""Share of a coil's length that is straight, at each end."""
+LAYER = "force elements"
+FULL = 0.5
+"""Force, over the robot's weight, from which an element has its full colour."""
+_SHAPES = {
+    "spring": "coil",
+    "damper": "cylinder",
+    "torsion spring": "spiral",
+    "torsion damper": "drum",
+    "joint spring": "spiral",
+    "joint damping": "drum",
+    "bushing": "bushing",
+}
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ShownElement:
+    """A force element at one state.
+
+    Attributes:
+        name: Its name.
+        shape: "coil", "cylinder", "spiral", "drum" or "bushing".
+        points: Its ends in W, shape (2, 3) [m].
+        axis: Of a spiral or a drum, in W, shape (3,), of length one.
+        value: Force [N] or moment [N m], positive where it pushes its ends apart or turns the second end forward; None if
+            there are several.
+        unit: "N" or "N m".
+    """
+
+    name: str
+    shape: str
+    points: Array
+    axis: Array
+    value: float | None
+    unit: str
+
+    @property
+    def tension(self) -> float:
+        """How much it pulls: minus the value; zero where there are several."""
+        return 0.0 if self.value is None else -self.value
+
+    @property
+    def size(self) -> str:
+        """Its force, in words."""
+        return "" if self.value is None else f"{number(abs(self.value))} {self.unit}"
+
+    @property
+    def detail(self) -> str:
+        """What it does, in words."""
+        if self.value is None or abs(self.value) < 1e-9:
+            return self.kind
+        if self.unit == "N m":
+            return f"{self.kind}, turns {'forward' if self.value > 0.0 else 'back'}"
+        return f"{self.kind}, {'pushes' if self.value > 0.0 else 'pulls'}"
+
+    @property
+    def kind(self) -> str:
+        """What it is, in a word."""
+        return {"coil": "spring", "cylinder": "damper", "spiral": "torsional", "drum": "torsional damper"}.get(
+            self.shape, self.shape
+        )
+
+
+def shown_elements(state: State, external: Any) -> tuple[list[ShownElement], list[str]]:
+    """(the force elements that have a place in the picture, which have none, in words).
+
+    Args:
+        state: The robot.
+        external: What `rbd.solve` takes.
+
+    Raises:
+        InputError: where an element has no force at this state, e.g. at zero length.
+    """
+    shown, unshown = list[ShownElement](), list[str]()
+    for element in elements_of(external):
+        found = shown_element(state, element)
+        if found is None:
+            unshown.append(element.name)
+        else:
+            shown.append(found)
+    words = [f"Not drawn: force elements that act at no one place ({joined(unshown)})."] if unshown else []
+    return shown, words
+
+
+def shown_element(state: State, element: ForceElement) -> ShownElement | None:
+    """A force element at a state; None if it has no method `picture`."""
+    picture = getattr(element, "picture", None)
+    if not callable(picture):
+        return None
+    given = picture(state)
+    shape = _SHAPES.get(given.kind)
+    if shape is None:
+        return None
+    points, axis, unit = np.asarray(given.points, float), given.axis, "N"
+    joint = getattr(element, "joint", None)
+    slides = joint is not None and given.axis is not None and state.robot.joints[joint].unit == "m"
+    if shape in ("spiral", "drum") and not slides:
+        unit = "N m"
+        if axis is None:
+            axis = np.array([0.0, 0.0, 1.0])
+    if slides:
+        shape = "coil" if shape == "spiral" else "cylinder"
+    direction = np.zeros(3) if axis is None else np.asarray(axis, float)
+    return ShownElement(element.name, shape, points, direction, given.value, unit)
+
+
+def only_pushes(external: Any) -> External:
+    """The external forces without force elements; generalised forces as they are."""
+    if not elements_of(external):
+        return external
+    pushes = external if isinstance(external, Sequence) else ()
+    return [each for each in pushes if isinstance(each, ExternalForce)]
+
+
+def color_of(element: ShownElement, sizes: Sizes) -> str:
+    """Its colour, from grey to that of pulling or pushing."""
+    share = min(1.0, abs(element.tension) / full_of(element.unit, sizes)) ** 0.5
+    end = PULLS if element.tension > 0.0 else PUSHES
+    return hexadecimal((1.0 - share) * a + share * b for a, b in zip(rgb(RELAXED), rgb(end), strict=True))
+
+
+def full_of(unit: str, sizes: Sizes) -> float:
+    """The force [N] or moment [N m] from which an element has its full colour."""
+    force = FULL * (sizes.weight_N or WEIGHTLESS_N)
+    return force if unit == "N" else 0.1 * sizes.body * force
+
+
+def element_marks(place: int, element: ShownElement, sizes: Sizes) -> list[Mark]:
+    """The marks of a force element at one place."""
+    color, path = color_of(element, sizes), f"force_elements/{place}"
+    start, end = ends_of(element, sizes)
+    lines = [line for line in (element.size, element.detail) if line]
+    lines.append(f"from {numbers(start)} to {numbers(end)} m")
+    label = Label(element.name, tuple(lines), 0.5 * (start + end), tag=False)
+    marks = []
+    for i, (mesh, opacity) in enumerate(_meshes(element, start, end, sizes)):
+        marks.append(Mark(f"{path}/{i}", mesh, color, opacity, seen_through=opacity == 1.0, layer=LAYER, label=label))
+    return marks
+
+
+def ends_of(element: ShownElement, sizes: Sizes) -> Array:
+    """The ends in W, shape (2, 3) [m]; of what is in a sliding joint, where both are one, a little apart."""
+    start, end = element.points
+    if element.shape in ("coil", "cylinder") and not np.linalg.norm(end - start) > 1e-9 and element.axis.any():
+        half = 0.06 * sizes.body * element.axis
+        start, end = start - half, end + half
+    return np.array([start, end])
+
+
+def radius_of(sizes: Sizes, length: float) -> float:
+    """Radius of coils and cylinders of this length [m]."""
+    return max(0.022 * sizes.body, 0.014 * min(length, 2.0 * sizes.body))
+
+
+def wire_of(sizes: Sizes) -> float:
+    """Radius of their wire and rods [m]."""
+    return 0.0045 * sizes.body
+
+
+def spiral_of(sizes: Sizes) -> float:
+    """Radius of spirals [m]."""
+    return 0.05 * sizes.body
+
+
+def _meshes(element: ShownElement, start: Array, end: Array, sizes: Sizes) -> list[tuple[Mesh, float]]:
+    """(mesh in W, opacity) of its parts."""
+    wire, along = wire_of(sizes), end - start
+    length = float(np.linalg.norm(along))
+    r = radius_of(sizes, length)
+    if element.shape == "coil":
+        line = coil(length, min(r, 0.5 * length + wire), turns_of(length, r))
+        return [(wound(line, wire).placed(axes_along(along), start), 1.0)]
+    if element.shape == "cylinder":
+        axes = axes_along(along)
+        body = 0.4 * length
+        parts = [
+            shapes.cylinder(0.8 * r, body).placed(axes, start + (0.15 * length + 0.5 * body) * axes[:, 2]),
+            shapes.tube(np.array([start, start + 0.15 * length * axes[:, 2]]), radius=wire),
+            shapes.tube(np.array([start + (0.15 * length + body) * axes[:, 2], end]), radius=wire),
+        ]
+        return [(shapes.joined(parts), 1.0)]
+    if element.shape == "bushing":
+        sleeve = shapes.ball(1.3 * r, centre=start)
+        return [
+            (sleeve, 0.35),
+            (shapes.joined([shapes.ball(0.6 * r, centre=end), shapes.tube(element.points, radius=wire)]), 1.0),
+        ]
+    axes, big = axes_along(element.axis), spiral_of(sizes)
+    if element.shape == "drum":
+        return [(shapes.cylinder(0.6 * big, 0.5 * big).placed(axes, end), 1.0)]
+    return [(wound(spiral(big), wire).placed(axes, end), 1.0)]
+
+
+def turns_of(length: float, radius: float) -> int:
+    """How many turns a coil of this length and radius [m] has."""
+    return int(np.clip(round(length / (3.5 * radius)), 5, 30))
+
+
+def coil(length: float, radius: float, turns: int) -> Array:
+    """Points of a coil along z from the origin, shape (n, 3) [m]: straight at both ends, on the axis there."""
+    angle = np.linspace(0.0, 2.0 * np.pi * turns, 16 * turns + 1)
+    z = length * np.linspace(STRAIGHT, 1.0 - STRAIGHT, len(angle))
+    inner = np.column_stack([radius * np.cos(angle), radius * np.sin(angle), z])
+    ends = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, length * STRAIGHT]])
+    return np.concatenate([ends, inner, [[0.0, 0.0, length * (1.0 - STRAIGHT)], [0.0, 0.0, length]]])
+
+
+def spiral(radius: float) -> Array:
+    """Points of a flat spiral about z, shape (n, 3) [m], from the centre outwards."""
+    angle = np.linspace(0.0, 2.0 * np.pi * SPIRAL_TURNS, int(24 * SPIRAL_TURNS) + 1)
+    r = radius * (0.12 + 0.88 * angle / angle[-1])
+    return np.column_stack([r * np.cos(angle), r * np.sin(angle), np.zeros(len(angle))])
+
+
+def wound(points: Array, radius: float, sides: int = 8) -> Mesh:
+    """One tube through many points, shape (n, 3) [m], with its ends closed: rings that are turned as little as possible."""
+    points = points[np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-12])]
+    if len(points) < 2:
+        return shapes.joined([])
+    along = np.diff(points, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    tangents = np.concatenate([along[:1], along[:-1] + along[1:], along[-1:]])
+    lengths = np.linalg.norm(tangents, axis=1, keepdims=True)
+    tangents = np.where(lengths > 1e-9, tangents / np.maximum(lengths, 1e-12), np.concatenate([along, along[-1:]]))
+    side, rings = axes_along(tangents[0])[:, 0], []
+    turn = 2.0 * np.pi * np.arange(sides) / sides
+    for p, t in zip(points, tangents, strict=True):
+        flat = side - (side @ t) * t
+        side = flat / np.linalg.norm(flat) if np.linalg.norm(flat) > 1e-9 else axes_along(t)[:, 0]
+        rings.append(p + radius * (np.outer(np.cos(turn), side) + np.outer(np.sin(turn), np.cross(t, side))))
+    n, here = len(points), np.arange(sides)
+    low, after = sides * np.arange(n - 1)[:, None], (here + 1) % sides
+    faces = [
+        np.stack([low + here, low + after, low + sides + after], -1),
+        np.stack([low + here, low + sides + after, low + sides + here], -1),
+    ]
+    tube = Mesh(np.concatenate(rings), np.concatenate([f.reshape(-1, 3) for f in faces]))
+    return shapes.joined([tube, shapes.ball(radius, centre=points[0]), shapes.ball(radius, centre=points[-1])])
+
+
+@runtime_checkable
+class DrawnPush(Protocol):
+    """An external force at a frame, like `rbd.ExternalForce`: only the members that a picture needs."""
+
+    @property
+    def frame(self) -> str:
+        """Name of the frame that is pushed."""
+
+    @property
+    def force(self) -> Sequence[float] | Array:
+        """Force in W, shape (3,) [N]."""
+
+    @property
+    def offset(self) -> Sequence[float] | Array:
+        """Point of application from the frame's origin, in frame axes, shape (3,) [m]."""
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class ShownPush:
+    """An external force on the robot.
+
+    Attributes:
+        name: The frame that is pushed.
+        point: Where it acts, in W, shape (3,) [m].
+        force: In W, shape (3,) [N].
+        moment: In addition to that of the force's lever arm, in W, shape (3,) [N m].
+    """
+
+    name: str
+    point: Array
+    force: Array
+    moment: Array
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """What the page says of it."""
+        lines = [f"|f| {number(float(np.linalg.norm(self.force)))} N", f"force on the robot {numbers(self.force)} N"]
+        if self.moment.any():
+            lines.append(f"moment {numbers(self.moment)} N m")
+        return (*lines, f"acts at {numbers(self.point)} m")
+
+
+def pushes(state: State, external: object) -> tuple[list[ShownPush], list[str]]:
+    """The external forces that have a place in the picture, and what is left out of it, in words.
+
+    Args:
+        state: The robot.
+        external: What `rbd.solve` takes: `ExternalForce` objects, or one, or a generalised force, or None.
+
+    Raises:
+        InputError: if `external` is none of these.
+    """
+    if external is None:
+        return [], []
+    model, given = state.robot, external
+    if isinstance(given, DrawnPush):
+        given = [given]
+    if isinstance(given, str | bytes) or not isinstance(given, Iterable) or (isinstance(given, np.ndarray) and not given.ndim):
+        raise InputError(f"external is {external!r:.80}; expected ExternalForces, or one generalised force (nv,).")
+    entries = given if isinstance(given, np.ndarray) else list(given)
+    if all(isinstance(push, DrawnPush) for push in entries):
+        return [_shown(state, push) for push in entries], []
+    try:
+        generalised = np.asarray(entries, float)
+    except (TypeError, ValueError, OverflowError):
+        generalised = np.zeros(0)
+    if generalised.shape != (model.nv,) or not np.isfinite(generalised).all():
+        odd = next((push for push in entries if not isinstance(push, DrawnPush)), entries)
+        raise InputError(
+            f"external holds {type(odd).__name__} {odd!r:.80}; expected ExternalForces, or one generalised force "
+            f"of shape ({model.nv},), finite."
+        )
+    if not generalised.any():
+        return [], []
+    most = int(np.abs(generalised).argmax())
+    where = model.joints.velocities[most].name
+    return [], [
+        "The generalised external force is not drawn: it has no point of application. "
+        f"Its largest entry is {number(float(generalised[most]))} at {where}."
+    ]
+
+
+def _shown(state: State, push: Any) -> ShownPush:
+    point = np.array(state.frame(push.frame, push.offset).X_WF.translation)
+    moment = np.asarray(getattr(push, "moment", np.zeros(3)), float)
+    return ShownPush(push.frame, point, np.asarray(push.force, float), moment)
+
+
+def push_marks(place: int, push: ShownPush, sizes: Sizes) -> list[Mark]:
+    """The arrow of an external force from the point where it acts, and the arc of its moment."""
+    label = Label(f"push on {push.name}", push.lines, tip_of(push.point, push.force, sizes))
+    arrow = force_arrow(push.point, push.force, sizes)
+    marks = [Mark(f"pushes/{place}", arrow, PUSH_COLOR, seen_through=True, layer="pushes", label=label)]
+    arc = moment_marks(f"pushes/{place}_moment", f"push on {push.name}", push.point, push.moment, PUSH_COLOR, sizes)
+    return [*marks, *arc]

@@ -1,0 +1,209 @@
+"""Regions, largest pushes, wrench cones and footprints among the marks around a robot."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from rbd.arrays import Array, rank_of
+from rbd.errors import InputError
+from rbd.statics.pushes import PushLimits
+from rbd.statics.regions import SupportRegion
+from rbd.statics.wrench_cones import ContactWrenchCone
+from rbd.statics.zero_moment_point import ZmpRegion
+from rbd.visual import shapes
+from rbd.visual.marks.mark import Label, Mark, Sizes, number
+from rbd.visual.shapes import Mesh
+from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR, contact_colors
+
+if TYPE_CHECKING:
+    from rbd.simulation.trajectory import Trajectory
+
+APART = 0.1
+"""Footprints nearer to the one before than this share of their size are the same: a foot that was lifted for an instant."""
+
+
+@dataclass(frozen=True, eq=False)
+class Footprints:
+    """The outlines of a contact where it stood.
+
+    Attributes:
+        name: Of the contact.
+        color: The contact's.
+        outlines: Corners in W, in order around each outline, shape (n, k, 3) [m].
+    """
+
+    name: str
+    color: str
+    outlines: Array
+
+
+def footprints_of(trajectory: Trajectory) -> list[Footprints]:
+    """Of each contact of three points or more, the places where all its points carried load; none if it stood in one place.
+
+    A contact that slides leaves one footprint, where it stands best: where its least loaded point carries most.
+    """
+    found = []
+    for name, color in contact_colors(trajectory.points).items():
+        points = np.asarray(trajectory.points[name])
+        if points.shape[1] < 3:  # points and edges leave no print
+            continue
+        load = np.linalg.norm(trajectory.point_forces[name], axis=-1).min(axis=-1, initial=np.inf)
+        load = np.where(np.isfinite(points).all(axis=(1, 2)), np.nan_to_num(load, posinf=0.0), 0.0)
+        there = np.concatenate([[False], np.asarray(trajectory.modes[name]) != "open", [False]])
+        edges = np.flatnonzero(there[1:] != there[:-1]).reshape(-1, 2).tolist()
+        best = [first + int(load[first:end].argmax()) for first, end in edges]
+        places: list[Array] = []
+        for outline in (points[i] for i in best if load[i] > 0.0):
+            if not places or _distance(places[-1], outline) > APART:
+                places.append(outline)
+        if len(places) > 1:
+            found.append(Footprints(name, color, np.array(places)))
+    return found
+
+
+def _distance(one: Array, other: Array) -> float:
+    """How far two outlines are from each other, in sizes of the first."""
+    return float(np.linalg.norm(other - one, axis=1).max() / np.ptp(one, axis=0).max())
+
+
+Drawn: TypeAlias = SupportRegion | ZmpRegion | PushLimits | ContactWrenchCone | Footprints
+_NAMES = {SupportRegion: "support region", ZmpRegion: "zero-moment points", PushLimits: "largest pushes"}
+_FARTHEST = 2.0
+"""Regions are cut so far from the centre of mass, in sizes of the robot."""
+
+
+def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
+    """What is drawn for regions, pushes, cones and footprints.
+
+    A support region lies at the height of the lowest contact, a region of zero-moment points on its plane; each push is an
+    arrow from where it acts, in the colour of what gives way, at the scale of the forces; of a wrench cone it is the forces
+    through its point without a moment.
+
+    Raises:
+        InputError: of something else.
+    """
+    out: list[Mark] = []
+    for i, one in enumerate(drawn):
+        at = f"statics/{i}"
+        if isinstance(one, SupportRegion):
+            heights = [r.patch.corners_W[:, 2].min() for r in one.loads.rows if r.patch is not None and len(r.patch.corners)]
+            corners = one.corners_at(min(heights, default=0.0))
+            out += _area(at, corners, LIMITED_COLOR if one.torque_limits else SUPPORT_COLOR, i, sizes, one.state.com)
+        elif isinstance(one, ZmpRegion):
+            out += _area(at, one.vertices, ZMP_COLOR, i, sizes, one.state.com)
+        elif isinstance(one, PushLimits):
+            out += _pushes(at, one, sizes)
+        elif isinstance(one, ContactWrenchCone):
+            out += _cone(at, one, sizes)
+        elif isinstance(one, Footprints):
+            out += _footprints(at, one, sizes)
+        else:
+            raise InputError(f"{one!r:.80} cannot be drawn; expected a region, push limits or a wrench cone of rbd.statics.")
+    titles = [name for name, _ in legend_of(drawn)]
+    return [_labelled(mark, titles[int(mark.path.split("/")[1])]) for mark in out]
+
+
+def _labelled(mark: Mark, title: str) -> Mark:
+    """The mark in the layer of regions, with its name; an area or a cone has a tag."""
+    at = mark.mesh.vertices.mean(axis=0) if len(mark.mesh.vertices) else np.zeros(3)
+    kind = mark.path.rsplit("/", 1)[1]
+    words = (f"limit: {LIMIT_COLORS[kind][1]}",) if kind in LIMIT_COLORS else ()
+    return replace(mark, layer="regions", label=Label(title, words, at, tag=kind in ("area", "cone")))
+
+
+def left_out_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[str]:
+    """What of them is cut at the edge of the picture, in words."""
+    reach, out = _FARTHEST * sizes.body, []
+    for one in drawn:
+        if isinstance(one, PushLimits) and (sizes.metres_per_newton * one.forces > reach).any():
+            most = f"; the largest is {number(float(np.nanmax(one.forces)))} N"
+            reach_N = reach / sizes.metres_per_newton
+            out.append(f"Double arrowhead: largest pushes not drawn to full length ({reach_N:.4g} N{most}).")
+        elif isinstance(one, SupportRegion | ZmpRegion) and len(one.vertices):
+            if (np.abs(one.vertices[:, :2] - one.state.com[:2]) > reach).any():
+                out.append(f"The {_NAMES[type(one)]} is cut {number(reach)} m from the centre of mass.")
+    return out
+
+
+def legend_of(drawn: Sequence[Drawn]) -> list[tuple[str, str]]:
+    """(name, colour) of each."""
+    colors = {SupportRegion: SUPPORT_COLOR, ZmpRegion: ZMP_COLOR, PushLimits: LIMIT_COLORS["edge"][0]}
+    out = []
+    for one in drawn:
+        if isinstance(one, Footprints):
+            out.append((f"footprints of {one.name}", one.color))
+            continue
+        name, color = _NAMES.get(type(one), "forces through the point"), colors.get(type(one), WRENCH_COLOR)
+        if isinstance(one, SupportRegion) and one.torque_limits:
+            name, color = name + ", torques within limits", LIMITED_COLOR
+        if isinstance(one, SupportRegion | ZmpRegion) and (one.empty or not one.bounded):
+            name += ", empty" if one.empty else ", without end"
+        out.append((name, color))
+    return out
+
+
+def _area(at: str, corners: Array, color: str, number: int, sizes: Sizes, com: Array) -> list[Mark]:
+    """A polygon, an edge or a point, a little above what was drawn before it."""
+    if not len(corners):
+        return []
+    reach = _FARTHEST * sizes.body
+    corners = np.clip(corners, com - reach, com + reach) + [0.0, 0.0, (2.0 + number) * sizes.lift]
+    edge = shapes.tube(corners, radius=1.8 * sizes.line, closed=len(corners) > 2)
+    marks = [Mark(f"{at}/edge", edge, color, seen_through=True)]
+    if len(corners) > 2:
+        marks.append(Mark(f"{at}/area", shapes.polygon(corners), color, 0.22))
+    return marks
+
+
+def _footprints(at: str, stood: Footprints, sizes: Sizes) -> list[Mark]:
+    flat = stood.outlines + [0.0, 0.0, sizes.lift]
+    edges = [shapes.tube(outline, radius=0.7 * sizes.line, closed=True) for outline in flat]
+    areas = [shapes.polygon(outline) for outline in flat]
+    return [
+        Mark(f"{at}/edges", shapes.joined(edges), stood.color, 0.6),
+        Mark(f"{at}/areas", shapes.joined(areas), stood.color, 0.18),
+    ]
+
+
+def _pushes(at: str, limits: PushLimits, sizes: Sizes) -> list[Mark]:
+    """An arrow a direction from the smallest push that holds the robot to the largest; round a robot that is held, a line."""
+    some = np.isfinite(limits.forces)
+    directions, point = limits.directions[some], limits.point
+    tips, starts = (sizes.metres_per_newton * size[some, None] * directions for size in (limits.forces, limits.least))
+    reach = _FARTHEST * sizes.body
+    whole = tips.copy()
+    tips *= np.minimum(1.0, reach / np.maximum(np.linalg.norm(tips, axis=1), 1e-12))[:, None]
+    marks = []
+    kinds = [given[0].kind if given else "none" for given, holds in zip(limits.gives_way, some, strict=True) if holds]
+    for kind, (color, _) in LIMIT_COLORS.items():
+        own = [(start, tip - start) for start, tip, k in zip(starts, whole, kinds, strict=True) if k == kind]
+        arrows = [shapes.arrow(point + start, way, radius=0.3 * sizes.shaft, longest=reach) for start, way in own]
+        if arrows:
+            marks.append(Mark(f"{at}/{kind}", shapes.joined(arrows), color, seen_through=True))
+    if limits.held and len(tips) > 2 and rank_of(limits.directions) == 2:
+        U = np.linalg.svd(limits.directions)[2][:2]
+        order = np.argsort(np.arctan2(*(U @ limits.directions.T)[::-1]), kind="stable")
+        around = shapes.tube(point + tips[order], radius=sizes.line, closed=True)
+        marks.append(Mark(f"{at}/around", around, "#7f7f7f", seen_through=True))
+    return marks
+
+
+def _cone(at: str, cone: ContactWrenchCone, sizes: Sizes) -> list[Mark]:
+    leans = cone.leans()
+    if len(leans) < 3:
+        return []
+    height = 2.0 * sizes.cone
+    rim = np.column_stack([leans, np.ones(len(leans))]) * height
+    rim *= np.minimum(1.0, 2.0 * height / np.linalg.norm(rim, axis=1))[:, None]
+    n = len(rim)
+    vertices = np.vstack([cone.about, cone.about + rim])
+    faces = np.array([[0, 1 + i, 1 + (i + 1) % n] for i in range(n)] + [[0, 1 + (i + 1) % n, 1 + i] for i in range(n)])
+    edge = shapes.tube(cone.about + rim, radius=sizes.line, closed=True)
+    return [
+        Mark(f"{at}/cone", Mesh(vertices, faces), WRENCH_COLOR, 0.28, seen_through=True),
+        Mark(f"{at}/rim", edge, WRENCH_COLOR, seen_through=True),
+    ]

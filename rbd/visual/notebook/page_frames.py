@@ -1,0 +1,193 @@
+"""Pages inside a notebook: a scene, a motion or a report in a frame of its own; the card of a scene."""
+
+from __future__ import annotations
+
+import base64
+import html
+import tempfile
+from collections import Counter
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from rbd.arrays import check_flag
+from rbd.errors import InputError, PictureError
+from rbd.motion.reference_motion import Motion
+from rbd.motion.report import MotionReport
+from rbd.simulation.trajectory import Trajectory
+from rbd.visual.notebook.card import Card, CardTable, Fold, card_of, escaped, fixed, joined, number, vector
+from rbd.visual.pages.browser import Browser, find_browser, one_browser
+from rbd.visual.pages.link import page_link
+from rbd.visual.pages.page import write_page
+from rbd.visual.playback.animation import export_motion
+from rbd.visual.playback.report_page import export_report
+from rbd.visual.scene import Scene
+from rbd.visual.style import a_count, a_path, is_there
+
+WIDTH, HEIGHT = 860, 420
+"""Size of a picture, in pixels; a frame is as wide as the notebook."""
+LEAST, MOST = 120, 4000
+NO_PICTURE = "No Chromium was found on this machine, so there is no picture for viewers without scripts."
+# Without scripts the frame's page is empty: it lets the picture behind it through.
+_LETS_THROUGH = "<noscript><style>body{background:none}</style></noscript></head>"
+_pictures: WeakKeyDictionary[Scene, tuple[int, bytes]] = WeakKeyDictionary()
+
+
+@dataclass(frozen=True, repr=False)
+class NotebookPage:
+    """A page for a notebook, as `notebook_page` makes it: put it at the end of a cell.
+
+    Attributes:
+        page: The page, HTML that needs no network; empty where only its picture is shown.
+        picture: A PNG of the page, for viewers without scripts; empty where this machine has no browser.
+        title: Its name, for screen readers.
+        height: Of the frame [pixels].
+    """
+
+    page: str
+    picture: bytes
+    title: str
+    height: int = HEIGHT
+
+    def _repr_html_(self) -> str:
+        """The frame, for Jupyter and its kin."""
+        return frame_html(self.page, self.picture, self.title, self.height)
+
+    def __repr__(self) -> str:
+        size = f"{len(self.page) / 1e6:.1f} MB page" if self.page else "no page"
+        return f"NotebookPage({self.title!r}, {size}, picture of {len(self.picture) / 1e3:.0f} kB)"
+
+
+def notebook_page(
+    shown: Scene | Trajectory | Motion | MotionReport | str | PathLike[str],
+    *,
+    height: int = HEIGHT,
+    still: bool = False,
+    browser: Browser | None = None,
+    **options: Any,
+) -> NotebookPage:
+    """A page inside a notebook: put it at the end of a cell. A scene at the end of a cell does the same with its defaults.
+
+    The page is a part of the stored notebook: about 3 MB for each frame with a humanoid. `still=True` stores a picture
+    of some ten kilobytes in its place.
+
+    Args:
+        shown: A scene, a motion, the report of `rbd.check_motion`, or the path of a page.
+        height: Of the frame [pixels].
+        still: Whether to show the picture alone.
+        browser: An open browser, to take many pictures; by default one is started for this picture, which takes longer.
+        **options: Of a motion those of `rbd.visual.export_motion`, of a report those of `rbd.visual.export_report`. Charts are
+            left out unless `charts` is given: a frame is low.
+
+    Raises:
+        InputError: nothing that has a page, or invalid options.
+        PictureError: an empty scene, no such page, or a picture was asked for where no browser is.
+
+    Example:
+        >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+        >>> swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.1, step=1e-2)
+        >>> frame = rbd.visual.notebook_page(swing, height=300, speed=0.5)
+        >>> frame.title, frame.height
+        ('four_bar', 300)
+    """
+    height = a_count("height", height, MOST)
+    if height < LEAST:
+        raise InputError(f"height is {height}; expected at least {LEAST} pixels.")
+    check_flag("still", still)
+    title, page = _page_of(shown, options)
+    if still and find_browser() is None:
+        raise PictureError("still=True wants a picture, and no browser was found. Install Chromium, or leave it out.")
+    return NotebookPage("" if still else page, _picture(page, height, browser), title, height)
+
+
+def _page_of(shown: object, options: dict[str, Any]) -> tuple[str, str]:
+    """The title and the page of what can be shown."""
+    if isinstance(shown, Trajectory | Motion | MotionReport):
+        with tempfile.TemporaryDirectory(prefix="rbd-notebook-") as folder:
+            target = Path(folder) / "page.html"
+            if isinstance(shown, MotionReport):
+                export_report(target, shown, **{"charts": False, **options})
+                return shown.motion.source, target.read_text(encoding="utf-8")
+            export_motion(shown, target, **{"charts": False, **options})
+            return shown.robot.name, target.read_text(encoding="utf-8")
+    if options:
+        raise InputError(f"options {', '.join(options)} are for motions and reports alone.")
+    if isinstance(shown, Scene):
+        return shown.robot.name, shown.page()
+    if not isinstance(shown, str | PathLike):
+        raise InputError(f"a notebook page of {shown!r:.80}; expected a scene, a motion, a report, or the path of a page.")
+    path = a_path("the page", shown)
+    if not is_there(path):
+        raise PictureError(f"no page {str(path)!r}; write one with scene.export(...) first.")
+    try:
+        return path.stem, path.read_text(encoding="utf-8")
+    except (OSError, ValueError) as error:
+        raise PictureError(f"the page {str(path)!r} cannot be read: {error}.") from error
+
+
+def scene_frame(scene: Scene) -> str:
+    """The frame of a scene as HTML; its picture is taken once for each content."""
+    page = scene.page()
+    known = _pictures.get(scene)
+    if known is None or known[0] != hash(page):
+        known = _pictures[scene] = hash(page), _picture(page, HEIGHT)
+    return frame_html(page, known[1], scene.robot.name, HEIGHT)
+
+
+def frame_html(page: str, picture: bytes, title: str, height: int) -> str:
+    """A frame with a page, or its picture alone, as HTML.
+
+    The page is in a sandbox: it runs its own scripts, and reaches neither the notebook nor the network.
+
+    Args:
+        page: The page; empty for the picture alone.
+        picture: A PNG; empty where there is none.
+        title: For screen readers.
+        height: [pixels].
+    """
+    name = escaped(title)
+    fill = "position:absolute;left:0;top:0;width:100%;height:100%"
+    image = ""
+    if picture:
+        source = "data:image/png;base64," + base64.b64encode(picture).decode("ascii")
+        style = f"{fill};object-fit:contain;margin:0" if page else "max-width:100%"
+        image = f'<img src="{source}" alt="{name}, drawn with its forces" style="{style}">'
+    if not page:
+        return f"<div>{image}</div>"
+    text = html.escape(page.replace("</head>", _LETS_THROUGH, 1))
+    frame = f'<iframe srcdoc="{text}" sandbox="allow-scripts" title="{name}" style="{fill};border:0"></iframe>'
+    note = "" if picture else f"<p>{NO_PICTURE}</p>"
+    return f'<div style="position:relative;max-width:64em;height:{height}px;overflow:hidden">{image}{frame}</div>{note}'
+
+
+def _picture(page: str, height: int, browser: Browser | None = None) -> bytes:
+    """A PNG of a page, without its buttons; empty where this machine has no browser."""
+    if browser is None and find_browser() is None:
+        return b""
+    with tempfile.TemporaryDirectory(prefix="rbd-notebook-") as folder:
+        target = Path(folder) / "page.html"
+        write_page(target, page)
+        link = page_link(controls=False)
+        with one_browser(browser) as used, used.open(target, width=WIDTH, height=height, fragment=link) as opened:
+            return opened.picture()
+
+
+@card_of.register
+def _scene(record: Scene) -> Card:
+    name = record.robot.name
+    if not record.shown:
+        return Card(f"{name}: the scene is empty; call scene.show(state, solution) first")
+    contacts = record.contacts
+    upward = sum(float(c.force[2]) for c in contacts)
+    who = "1 contact pushes" if len(contacts) == 1 else f"{len(contacts)} contacts push"
+    carries = f"{who} it up by {fixed(upward, 2)} N" if contacts else "no contact forces are shown"
+    rows = [(c.name, vector(c.force, 2), fixed(float(np.linalg.norm(c.force)), 2)) for c in contacts]
+    forces = CardTable(rows, ("contact", "force on the robot, in W [N]", "|f| [N]"))
+    layers = Counter(mark.layer for mark in record.drawn)
+    drawn = joined(f"{n} of {layer}" for layer, n in layers.items())
+    scale = [("length of an arrow", f"{number(1e3 * record.metres_per_newton, 3)}", "mm/N"), ("marks", drawn, "")]
+    return Card(f"{name}: {carries}", None, (), (), [Fold("Forces", [forces, CardTable(scale)])], scene_frame(record))

@@ -1,0 +1,421 @@
+"""Frames of a motion: positions of bodies, forces and marks in each picture, as JSON arrays for a page."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.arrays import Array, lazy
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.model.sampled_motion import SampledPoses
+from rbd.model.state import State
+from rbd.visual.marks.applied_forces import (
+    PULLS,
+    PUSHES,
+    RELAXED,
+    STRAIGHT,
+    DrawnPush,
+    ShownElement,
+    full_of,
+    only_pushes,
+    pushes,
+    radius_of,
+    shown_elements,
+    spiral_of,
+    turns_of,
+    wire_of,
+)
+from rbd.visual.marks.mark import Sizes
+from rbd.visual.notebook.card import joined
+from rbd.visual.style import PUSH_COLOR
+
+if TYPE_CHECKING:
+    from rbd.simulation.trajectory import Trajectory
+
+Pushes: TypeAlias = Iterable[DrawnPush] | DrawnPush | Array | None
+PushesAt: TypeAlias = Callable[[State, float], Pushes]
+
+FPS = 30.0
+"""Frames a second of playback if no body turns fast: the page interpolates linearly between two."""
+LARGEST_TURN = 0.5
+"""Largest turn of a body from one frame to the next [rad]: beyond pi the page would turn it the other way."""
+MOST_FPS = 480.0
+MOST_NUMBERS = 4_000_000
+"""Numbers in all frames together: 16 MB."""
+NEAR = 0.25
+"""A sample this share of a frame's interval away is taken as the frame; else the motion is interpolated there."""
+MOST_STRETCHES = 400
+OFF_GROUND = 5e-3
+"""A contact that carries load farther from z = 0 touches something else [m]."""
+MOST_SAMPLES_LOOKED_AT = 400
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Forces at some points over time.
+
+    Attributes:
+        name: Of the contact, or of what pushes.
+        points: In W, shape (n, k, 3) [m]; NaN where there is no such point at that time.
+        forces: On the robot, in W, shape (n, k, 3) [N]; zero without contact.
+        color: Of what is no contact, as '#rrggbb'.
+    """
+
+    name: str
+    points: Array
+    forces: Array
+    color: str = PUSH_COLOR
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "forces", np.nan_to_num(self.forces, nan=0.0, posinf=0.0, neginf=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class PageFrames:
+    """A motion as a row of pictures.
+
+    Attributes:
+        times: Shape (n,) [s], increasing; the first and the last are those of the trajectory.
+        joints: Indices of the joints with moving bodies.
+        poses: X_WJ of each of them: position [m] and quaternion x, y, z, w, shape (n, number of joints, 7); a quaternion
+            is in the half-space of the one before.
+        com: Centre of mass in W, shape (n, 3) [m]; zero frames, shape (0, 3), of a robot without mass.
+        contacts: Each contact's points and forces.
+        pushes: Each external force.
+        elements: Each force element.
+        modes: {constraint: its mode at each frame}, contacts first.
+        stretches: {constraint: (from [s], to [s], mode) of each time it is in one mode}, as fine as the samples.
+        ghost: Name of a second motion, whose poses of the same joints follow in `joints` and `poses`; empty if there is none.
+        left_out: What of the forces has no picture, in words.
+    """
+
+    times: Array
+    joints: tuple[int, ...]
+    poses: Array
+    com: Array
+    contacts: tuple[Track, ...]
+    pushes: tuple[Track, ...]
+    modes: Mapping[str, Sequence[str]]
+    stretches: Mapping[str, Sequence[tuple[float, float, str]]]
+    ghost: str = ""
+    left_out: tuple[str, ...] = ()
+    elements: tuple[ElementTrack, ...] = ()
+
+    @lazy
+    def rows(self) -> Array:
+        """All that moves, one row a frame, shape (n, width).
+
+        Poses, centre of mass, then point and force of each point, then ends, axis and tension of each force element.
+        """
+        n = len(self.times)
+        com = self.com if len(self.com) else np.full((n, 3), np.nan)
+        tracks = [np.concatenate([t.points, t.forces], axis=2).reshape(n, -1) for t in (*self.contacts, *self.pushes)]
+        return np.column_stack([self.poses.reshape(n, -1), com, *tracks, *(element.rows for element in self.elements)])
+
+
+def frames_of(
+    trajectory: Trajectory,
+    joints: Sequence[int],
+    *,
+    fps: float | None = None,
+    speed: float = 1.0,
+    external: Pushes | PushesAt = None,
+) -> PageFrames:
+    """Frames of a trajectory, evenly in time: its samples where they are near, else interpolated.
+
+    Joints are interpolated on their manifold, free bases straight and turning evenly, points and forces linearly; modes are
+    those of the nearest sample.
+
+    Args:
+        trajectory: As `checked` passed it.
+        joints: Numbers of the joints whose poses are wanted.
+        fps: Frames a second of playback at `speed`. By default 30, and more where a body turns by over half a radian
+            between two.
+        speed: Seconds of motion a second.
+        external: The external forces of the motion, as `rbd.simulate` was given them. A trajectory knows force elements alone,
+            and these only if no function of time gave others with time.
+
+    Raises:
+        InputError: if `external` is not what `rbd.simulate` takes.
+    """
+    times = np.asarray(trajectory.t, float)
+    if fps is None:
+        fps = min(MOST_FPS, max(FPS, _fastest_turn(trajectory, joints) * speed / LARGEST_TURN))
+        width = 7 * len(joints) + 3 + sum(6 * np.shape(p)[1] for p in trajectory.points.values())
+        fps = min(fps, max(1.0, MOST_NUMBERS / width * speed / (times[-1] - times[0])))
+    at = frame_times(times, speed / fps)
+    low = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
+    share = np.clip((at - times[low]) / (times[low + 1] - times[low]), 0.0, 1.0)
+    q = [configuration_between(trajectory, int(i), float(w)) for i, w in zip(low, share, strict=True)]
+    poses, com = body_poses(trajectory.robot, q, joints)
+    contacts = tuple(
+        Track(name, _blend(points, low, share), _blend(trajectory.point_forces[name], low, share))
+        for name, points in trajectory.points.items()
+    )
+    nearest = np.where(share < 0.5, low, low + 1)
+    ordered = [*trajectory.points, *(name for name in trajectory.modes if name not in trajectory.points)]
+    unknown = [""] * len(times)
+    given = {name: [str(mode) for mode in trajectory.modes.get(name, unknown)] for name in ordered}
+    modes = {name: [words[i] for i in nearest] for name, words in given.items()}
+    stretches = {name: _stretches(times, words) for name, words in given.items()}
+    for name in ordered:  # chatter is listed as coarsely as it is shown
+        if len(stretches[name]) > MOST_STRETCHES:
+            stretches[name] = _stretches(at, modes[name])
+    robot, given_elements = trajectory.robot, getattr(trajectory, "elements", ()) if external is None else external
+    v = [(1.0 - w) * np.asarray(trajectory.v[i]) + w * np.asarray(trajectory.v[i + 1]) for i, w in zip(low, share, strict=True)]
+    pushed, words = _pushed(robot, q, at, external)
+    elements, unseen = tracks_of(robot, q, v, at, given_elements)
+    unseen += _unknown_elements(trajectory) if external is None else []
+    left_out = (*words, *unseen, *_without_points(trajectory), *_without_surfaces(trajectory))
+    return PageFrames(at, tuple(joints), poses, com, contacts, pushed, modes, stretches, left_out=left_out, elements=elements)
+
+
+def _unknown_elements(trajectory: Trajectory) -> list[str]:
+    """That force elements acted which the motion does not know, in words: its energies tell."""
+    acted = any(np.any(getattr(trajectory, name, 0.0)) for name in ("elastic", "dissipated"))
+    known: Sequence[object] = getattr(trajectory, "elements", ())
+    if not acted or known:
+        return []
+    return ["Not drawn: springs or dampers that acted, which the motion does not know. Give them as external=[...]."]
+
+
+def _without_points(trajectory: Trajectory) -> list[str]:
+    """Which constraints carry forces that a motion does not show, in words: their points are not recorded."""
+    forces: Mapping[str, Array] = getattr(trajectory, "forces", {})
+    names = [name for name, f in forces.items() if name not in trajectory.points and np.any(f)]
+    return [f"Not drawn: the forces of {joined(names)}."] if names else []
+
+
+def _without_surfaces(trajectory: Trajectory) -> list[str]:
+    """Which contacts carry load off the ground z = 0, in words: walls, slopes and tables are not recorded."""
+    names = []
+    for name, points in trajectory.points.items():
+        loaded = np.linalg.norm(trajectory.point_forces[name], axis=-1) > 0.0
+        if (np.abs(np.where(loaded, np.asarray(points)[..., 2], 0.0)) > OFF_GROUND).any():
+            names.append(name)
+    return [f"Surfaces off the ground z = 0 are not drawn; there: {joined(names)}."] if names else []
+
+
+def frame_times(times: Array, interval: float) -> Array:
+    """Times of frames about `interval` [s] apart from the first to the last of the samples' times, on samples where near."""
+    first, last = float(times[0]), float(times[-1])
+    even = np.linspace(first, last, max(1, round((last - first) / interval)) + 1)
+    right = np.clip(np.searchsorted(times, even), 1, len(times) - 1)
+    near = np.where(even - times[right - 1] <= times[right] - even, times[right - 1], times[right])
+    return np.unique(np.where(np.abs(near - even) <= NEAR * interval, near, even))
+
+
+def _stretches(times: Array, modes: Sequence[str]) -> list[tuple[float, float, str]]:
+    """(from, to, mode) of each run of equal modes; a sample's mode applies until the next one."""
+    edges = [0, *(i for i in range(1, len(modes)) if modes[i] != modes[i - 1]), len(modes) - 1]
+    return [(float(times[a]), float(times[b]), modes[a]) for a, b in zip(edges, edges[1:], strict=False) if b > a]
+
+
+def _blend(values: Array, low: Array, share: Array) -> Array:
+    """Between two samples linearly; if one of them does not exist, the other."""
+    values = np.asarray(values, float)
+    before, after, w = values[low], values[low + 1], share[:, None, None]
+    blended = np.where(w == 0.0, before, np.where(w == 1.0, after, (1.0 - w) * before + w * after))
+    nearer = np.where(w < 0.5, before, after)
+    return np.where(np.isfinite(blended), blended, nearer)
+
+
+def _fastest_turn(trajectory: Trajectory, joints: Sequence[int]) -> float:
+    """Largest angular velocity of a body [rad/s], at some hundred samples."""
+    model, data = trajectory.robot.model, trajectory.robot.model.createData()
+    fastest = 0.0
+    for i in np.unique(np.linspace(0, len(trajectory.t) - 1, MOST_SAMPLES_LOOKED_AT).astype(int)):
+        pin.forwardKinematics(model, data, np.array(trajectory.q[i], float), np.array(trajectory.v[i], float))
+        fastest = max([fastest, *(float(np.linalg.norm(data.v[j].angular)) for j in joints)])
+    return fastest
+
+
+def _pushed(
+    robot: CheckedModel, q: Sequence[Array], times: Array, external: Pushes | PushesAt
+) -> tuple[tuple[Track, ...], list[str]]:
+    """(external forces at every frame, what of them is not drawn); one that is not given at some times is zero then."""
+    if external is None:
+        return (), []
+    found: dict[tuple[str, int], list[tuple[int, Array, Array]]] = {}
+    generalised = moments = False
+    for i, (q_i, t) in enumerate(zip(q, times, strict=True)):
+        state = State(robot, q_i)
+        given = external(state, float(t)) if callable(external) else external
+        count: dict[str, int] = {}
+        drawn, missing = pushes(state, only_pushes(given))
+        generalised = generalised or bool(missing)
+        for push in drawn:
+            moments = moments or bool(push.moment.any())
+            count[push.name] = number = count.get(push.name, 0) + 1
+            found.setdefault((push.name, number), []).append((i, push.point, push.force))
+    tracks = []
+    for (name, _), seen in found.items():
+        points, forces = np.full((len(q), 1, 3), np.nan), np.zeros((len(q), 1, 3))
+        for i, point, force in seen:
+            points[i, 0], forces[i, 0] = point, force
+        tracks.append(Track(f"push on {name}", points, forces))
+    words = ["The generalised external force is not drawn: it has no point of application."] * generalised
+    return tuple(tracks), words + ["Moments of pushes are not drawn."] * moments
+
+
+def configuration_between(trajectory: SampledPoses, i: int, share: float) -> Array:
+    """Between sample i and the next: joints on their manifold, free bases straight and turning evenly, shape (nq,)."""
+    q = trajectory.q
+    if share in (0.0, 1.0):
+        return np.array(q[i + int(share)], float)
+    model, before, after = trajectory.robot.model, np.array(q[i], float), np.array(q[i + 1], float)
+    between = np.array(pin.interpolate(model, before, after, share))
+    # Pinocchio takes a free base along a screw, in a bow that grows with its turn; a flying body moves nearly straight.
+    for joint in model.joints:
+        if joint.shortname() == "JointModelFreeFlyer":
+            at = slice(joint.idx_q, joint.idx_q + 3)
+            between[at] = (1.0 - share) * before[at] + share * after[at]
+    return between
+
+
+def body_poses(robot: CheckedModel, q: Sequence[Array], joints: Sequence[int]) -> tuple[Array, Array]:
+    """(X_WJ of joints as position and quaternion, shape (n, k, 7); centre of mass, (n, 3), or (0, 3) of a robot without mass).
+
+    A quaternion is in the half-space of the one before.
+    """
+    model, data = robot.model, robot.model.createData()
+    poses, com = np.zeros((len(q), len(joints), 7)), np.zeros((len(q), 3))
+    for i, q_i in enumerate(q):
+        com[i] = pin.centerOfMass(model, data, q_i) if robot.mass > 0.0 else np.nan
+        if robot.mass <= 0.0:
+            pin.forwardKinematics(model, data, q_i)
+        for j, joint in enumerate(joints):
+            poses[i, j] = pin.SE3ToXYZQUAT(data.oMi[joint])
+    if len(joints):
+        back = np.einsum("ijk,ijk->ij", poses[1:, :, 3:], poses[:-1, :, 3:]) < 0.0
+        signs = np.cumprod(np.where(back, -1.0, 1.0), axis=0)
+        poses[1:, :, 3:] *= signs[:, :, None]
+    return poses, com if np.isfinite(com).all() else np.zeros((0, 3))
+
+
+def checked_ghost(ghost: Any, robot: CheckedModel) -> SampledPoses:
+    """A motion that can be drawn beside one of a robot.
+
+    Raises:
+        InputError: no motion, one of another robot, or one without samples.
+    """
+    if not all(hasattr(ghost, name) for name in ("robot", "t", "q")) or not isinstance(ghost.robot, CheckedModel):
+        raise InputError(f"ghost is {ghost!r:.80}; expected an rbd.Motion, or what rbd.simulate returned.")
+    if ghost.robot.nq != robot.nq or list(ghost.robot.model.names) != list(robot.model.names):
+        raise InputError(f"ghost is a motion of {ghost.robot.name}, shown beside one of {robot.name}; expected the same robot.")
+    if not len(ghost.t) or not np.isfinite(ghost.q).all():
+        raise InputError("ghost has no samples, or its q is not finite.")
+    found: SampledPoses = ghost
+    return found
+
+
+def ghost_poses(ghost: SampledPoses, times: Array, joints: Sequence[int], down: float) -> Array:
+    """Its poses at the times of another motion; before its first sample and after its last as these are, shape (n, k, 7).
+
+    Args:
+        ghost: The motion.
+        times: Shape (n,) [s].
+        joints: Of the poses.
+        down: By how much it is lowered [m].
+    """
+    t = np.asarray(ghost.t, float)
+    q = [np.array(ghost.q[0], float)] * len(times)
+    if len(t) > 1:
+        at = np.clip(times, t[0], t[-1])
+        low = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
+        share = np.clip((at - t[low]) / (t[low + 1] - t[low]), 0.0, 1.0)
+        q = [configuration_between(ghost, int(i), float(w)) for i, w in zip(low, share, strict=True)]
+    poses, _ = body_poses(ghost.robot, q, joints)
+    poses[:, :, 2] -= down
+    return poses
+
+
+ELEMENT_COLORS = "Springs and dampers: orange where they pull, blue where they push."
+
+
+@dataclass(frozen=True, eq=False)
+class ElementTrack:
+    """A force element over time.
+
+    Attributes:
+        name: Its name.
+        shape: As of `ShownElement`.
+        unit: Of its tension, "N" or "N m".
+        points: Its ends in W, shape (n, 2, 3) [m]; NaN where it does not act.
+        axis: In W, shape (n, 3); zero of what does not turn.
+        tension: Positive where it pulls, shape (n,).
+    """
+
+    name: str
+    shape: str
+    unit: str
+    points: Array
+    axis: Array
+    tension: Array
+
+    @property
+    def rows(self) -> Array:
+        """One row a frame: both ends, the axis, the tension, shape (n, 10)."""
+        return np.column_stack([self.points.reshape(len(self.tension), 6), self.axis, self.tension])
+
+
+def tracks_of(
+    robot: CheckedModel, q: Sequence[Array], v: Sequence[Array], times: Array, external: Any
+) -> tuple[tuple[ElementTrack, ...], list[str]]:
+    """(force elements at every frame, what of them is not drawn, in words).
+
+    Args:
+        robot: The robot.
+        q: Configuration of each frame.
+        v: Velocity of each frame.
+        times: Their times [s].
+        external: As `rbd.simulate` was given it: constant, or a function of state and time.
+    """
+    seen: dict[str, list[tuple[int, ShownElement]]] = {}
+    words: list[str] = []
+    if external is None:
+        return (), words
+    if not callable(external):
+        found, words = shown_elements(State(robot, q[0], v[0]), external)
+        if not found:
+            return (), words
+    for i, (q_i, v_i, t) in enumerate(zip(q, v, times, strict=True)):
+        state = State(robot, q_i, v_i)
+        found, unseen = shown_elements(state, external(state, float(t)) if callable(external) else external)
+        words += [word for word in unseen if word not in words]
+        for element in found:
+            seen.setdefault(element.name, []).append((i, element))
+    return tuple(_track(name, some, len(q)) for name, some in seen.items()), words
+
+
+def _track(name: str, seen: Sequence[tuple[int, ShownElement]], n: int) -> ElementTrack:
+    points, axis, tension = np.full((n, 2, 3), np.nan), np.zeros((n, 3)), np.zeros(n)
+    for i, element in seen:
+        points[i], axis[i], tension[i] = element.points, element.axis, element.tension
+    first = seen[0][1]
+    return ElementTrack(name, first.shape, first.unit, points, axis, tension)
+
+
+def element_look(track: ElementTrack, sizes: Sizes) -> dict[str, object]:
+    """What a page needs to draw a force element, besides where it is: sizes [m], colours, and the force of full colour."""
+    lengths = np.linalg.norm(track.points[:, 1] - track.points[:, 0], axis=1)
+    known = lengths[np.isfinite(lengths)]
+    length = float(np.median(known)) if len(known) else 0.0
+    return {
+        "name": track.name,
+        "shape": track.shape,
+        "unit": track.unit,
+        "length": max(length, 1e-3 * sizes.body),
+        "radius": radius_of(sizes, length),
+        "wire": wire_of(sizes),
+        "spiral": spiral_of(sizes),
+        "turns": turns_of(length, radius_of(sizes, length)),
+        "straight": STRAIGHT,
+        "full": full_of(track.unit, sizes),
+        "colors": [RELAXED, PULLS, PUSHES],
+    }
