@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 from collections import defaultdict
+from collections.abc import Mapping
 from pathlib import Path
 
 for library in ("OMP", "OPENBLAS"):  # read when NumPy is loaded: two threads on busy cores cost a quarter more than one
@@ -73,6 +74,11 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     options = terminalreporter.config.getoption
     if options("--long") == "without":
         terminalreporter.write_line(f"left out: the {len(long_tests())} tests of tests/{LONG.name}; `make test-long` runs them")
+        took = times_of(terminalreporter)
+        for name in slow_tests(took):
+            terminalreporter.write_line(
+                f"slow, {took[name]:.1f} s, and not in tests/{LONG.name}: {name}; `make time-tests` lists it"
+            )
     if (limit := options("--write-long")) is not None:
         write_long(terminalreporter, limit)
     if options("--exhaustive"):
@@ -82,11 +88,27 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
                     terminalreporter.write_line(line)
 
 
-def write_long(reporter: pytest.TerminalReporter, limit: float) -> None:
-    """Write the names of the tests that took longer, all their parameters together, into the list of long tests."""
+def times_of(reporter: pytest.TerminalReporter) -> dict[str, float]:
+    """Seconds of each test of a run, fixtures and all parameters together."""
     took: dict[str, float] = defaultdict(float)
     for report in {id(r): r for found in reporter.stats.values() for r in found if hasattr(r, "duration")}.values():
         took[report.nodeid.partition("[")[0]] += report.duration
+    return took
+
+
+def slow_tests(took: Mapping[str, float]) -> list[str]:
+    """Names of the tests that take more than a hundredth of a run, the slowest first."""
+    whole = sum(took.values())
+    return sorted(
+        (name for name, seconds in took.items() if len(took) > 1000 and seconds > whole / 100),
+        key=took.__getitem__,
+        reverse=True,
+    )
+
+
+def write_long(reporter: pytest.TerminalReporter, limit: float) -> None:
+    """Write the names of the tests that took longer, all their parameters together, into the list of long tests."""
+    took = times_of(reporter)
     head = "# Tests that take longest: names and seconds, fixtures and all parameters together; written by `make time-tests`."
     names = sorted(name for name, seconds in took.items() if seconds > limit)
     LONG.write_text("\n".join([head, *(f"{name} {took[name]:.1f}" for name in names)]) + "\n", encoding="utf-8")
