@@ -5,10 +5,12 @@
 
 from typing import TYPE_CHECKING as _TYPE_CHECKING
 
+from rbd.displayed import drawn_by as _drawn_by
 from rbd.installation import VERSION as _VERSION, check_place as _check_place
-from rbd.modules import named as _named
+from rbd.modules import named as _named, submodule as _submodule
 
 _check_place()  # a wrong Pinocchio is reported before it causes errors
+_drawn_by(lambda: _submodule(__name__, "visual"))
 
 if _TYPE_CHECKING:
     from rbd.answers.least_constraint import (

@@ -1,6 +1,23 @@
-"""What a notebook shows of a record at the end of a cell: one method, which all records of the package share."""
+"""The drawings of records, asked for by name: what has one imports no pictures; and what a notebook shows of a record."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any
+
+_pictures: list[Callable[[], ModuleType]] = []
+
+
+def drawn_by(pictures: Callable[[], ModuleType]) -> None:
+    """Name the module that draws, given as what imports it: only the first drawing loads it."""
+    _pictures[:] = [pictures]
+
+
+def drawing(name: str) -> Callable[..., Any]:
+    """A function of the module that draws, `rbd.visual`, by its name there."""
+    found: Callable[..., Any] = getattr(_pictures[0](), name)
+    return found
 
 
 class Displayed:
@@ -10,6 +27,4 @@ class Displayed:
 
     def _repr_html_(self) -> str:
         """The record as HTML, for Jupyter and its kin; see `rbd.visual.notebook`."""
-        from rbd.visual.notebook.shown import html_of
-
-        return html_of(self)
+        return str(drawing("html_of")(self))

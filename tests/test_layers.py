@@ -39,8 +39,6 @@ __main__
 """A room imports those of the lines above it, and its own modules; two rooms of a line know nothing of each other."""
 
 LAYERS = {room: layer for layer, line in enumerate(ORDER.split("\n")) for room in line.split()}
-DRAWN = re.compile(r"^(show|scene$|plot|export|replay|video|_repr_.*_$)")
-"""Methods of records that draw: they may import `rbd.visual` inside themselves."""
 
 
 def _modules() -> dict[str, Path]:
@@ -67,15 +65,9 @@ def called(node: ast.Call) -> str:
 
 
 def imports(tree: ast.Module) -> set[str]:
-    """Modules below rbd that a module imports: at the top, inside functions, for types only, or by a string.
-
-    Left out are those of `rbd.visual` inside functions that draw.
-    """
+    """Modules below rbd that a module imports: at the top, inside functions, for types only, or by a string."""
     found: set[str] = set()
-
-    def visit(node: ast.AST, draws: bool) -> None:
-        if isinstance(node, ast.FunctionDef):
-            draws = draws or bool(DRAWN.match(node.name))
+    for node in ast.walk(tree):
         names: list[str] = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -86,11 +78,7 @@ def imports(tree: ast.Module) -> set[str]:
         elif isinstance(node, ast.Call) and called(node) in ("import_module", "__import__"):
             names = re.findall(r"rbd[.\w]*", ast.unparse(node.args[0]))
         ours = {name.removeprefix("rbd").strip(".") for name in names if name.split(".")[0] == "rbd"}
-        found.update(name for name in ours if not (draws and name.split(".")[0] == "visual"))
-        for child in ast.iter_child_nodes(node):
-            visit(child, draws)
-
-    visit(tree, False)
+        found |= ours
     return found
 
 
@@ -333,7 +321,6 @@ def late():
     from rbd.solvers import qp
     import_module(f"rbd.{planar}")
 def plot():
-    from rbd.visual.figures import plots
     from rbd.simulation import trajectory
 import rbd.problem.cones
 import numpy

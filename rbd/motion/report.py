@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_flag, largest_first
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, Reason
 from rbd.installation import VERSION
 from rbd.model.joints import FORCE_OF
@@ -318,27 +318,22 @@ class MotionReport(Displayed):
 
     def export(self, path: str | os.PathLike[str], **settings: Any) -> Path:
         """Write it as one page that plays the motion; returns its path. Settings are those of `rbd.visual.export_report`."""
-        from rbd.visual.playback.report_page import export_report
-
-        return export_report(path, self, **settings)
+        found: Path = drawing("export_report")(path, self, **settings)
+        return found
 
     def video(self, path: str | os.PathLike[str], **settings: Any) -> Path:
         """Write it as a video, .mp4 or .gif; returns its path. Settings are those of `rbd.visual.export_video`."""
-        from rbd.visual.playback.video import export_video
-
-        return export_video(self, path, **settings)
+        found: Path = drawing("export_video")(self, path, **settings)
+        return found
 
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> list[Artist]:
         """Curves of the missing wrench and of torques on axes, or on a new figure; see `rbd.visual.plot_report`."""
-        from rbd.visual.playback.report_page import plot_report
-
-        return plot_report(axes, self)
+        found: list[Artist] = drawing("plot_report")(axes, self)
+        return found
 
     def show(self, *, speed: float = 1.0) -> None:
         """Show the motion live in the browser, with its forces and the missing wrench; see `rbd.visual.show_report`."""
-        from rbd.visual.playback.report_page import show_report
-
-        show_report(self, speed=speed)
+        drawing("show_report")(self, speed=speed)
 
     def __repr__(self) -> str:
         return f"MotionReport({self.motion.source!r}, {self.n} frames, {100 * self.share_possible:.1f} % possible)"

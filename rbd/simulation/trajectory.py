@@ -6,14 +6,14 @@ from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast, overload
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_float, zeros
 from rbd.control.schedules import ExternalAt
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ForceElement
@@ -297,33 +297,25 @@ class Trajectory(Displayed):
 
     def plot_forces(self, ax: Axes | None = None, *, names: Sequence[str] | None = None) -> list[Artist]:
         """Forces over time, see `rbd.visual.plot_forces`; on axes of a new figure if none are given."""
-        from rbd.visual.figures.plots import axes_or_new
-        from rbd.visual.figures.trajectory_plots import plot_forces
-
-        return plot_forces(axes_or_new(ax), self, names=names)
+        found: list[Artist] = drawing("plot_forces")(drawing("axes_or_new")(ax), self, names=names)
+        return found
 
     def plot_energy(self, ax: Axes | None = None) -> list[Artist]:
         """Energies over time, see `rbd.visual.plot_energy`; on axes of a new figure if none are given."""
-        from rbd.visual.figures.plots import axes_or_new
-        from rbd.visual.figures.trajectory_plots import plot_energy
-
-        return plot_energy(axes_or_new(ax), self)
+        found: list[Artist] = drawing("plot_energy")(drawing("axes_or_new")(ax), self)
+        return found
 
     def plot_joint(self, joint: str | Sequence[str], ax: Axes | None = None, *, what: str = "q") -> list[Artist]:
         """A joint over time, see `rbd.visual.plot_joint`; on axes of a new figure if none are given."""
-        from rbd.visual.figures.plots import axes_or_new
-        from rbd.visual.figures.trajectory_plots import plot_joint
-
-        return plot_joint(axes_or_new(ax), self, joint, what=what)
+        found: list[Artist] = drawing("plot_joint")(drawing("axes_or_new")(ax), self, joint, what=what)
+        return found
 
     def replay(self, *, speed: float = 1.0, external: External | ExternalAt = None) -> None:
         """Show it live in the browser, `speed` seconds a second; `external`, as it was simulated, draws pushes.
 
         See `rbd.visual.replay`, which accepts a scene too.
         """
-        from rbd.visual.playback.animation import replay
-
-        replay(self, speed=speed, external=cast(Any, external))
+        drawing("replay")(self, speed=speed, external=external)
 
     def export(
         self,
@@ -339,18 +331,16 @@ class Trajectory(Displayed):
 
         `options` are the others of `rbd.visual.export_motion`, such as charts=["forces"], ghost= or beside=.
         """
-        from rbd.visual.playback.animation import export_motion
-
-        return export_motion(self, path, fps=fps, speed=speed, title=title, external=cast(Any, external), **options)
+        found: Path = drawing("export_motion")(self, path, fps=fps, speed=speed, title=title, external=external, **options)
+        return found
 
     def video(self, path: str | os.PathLike[str], *, fps: float = 30.0, speed: float = 1.0, **options: Any) -> Path:
         """Write a video, .mp4 (by the ffmpeg on PATH) or .gif, with the legend and the time; forces move along.
 
         See `rbd.visual.export_video`, which has the other options: `external`, `ghost`, `follow`, `width`, `height`, ...
         """
-        from rbd.visual.playback.video import export_video
-
-        return export_video(self, path, fps=fps, speed=speed, **options)
+        found: Path = drawing("export_video")(self, path, fps=fps, speed=speed, **options)
+        return found
 
     def _index(self, i: int) -> int:
         if isinstance(i, bool) or not isinstance(i, int | np.integer):

@@ -11,7 +11,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite, check_positive, lazy, rank_of
 from rbd.constraints.constraint import Constraint
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.force_set import at_rest
@@ -130,9 +130,8 @@ class PushLimits(Displayed):
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Draw the largest horizontal pushes from above: see `rbd.visual.plot_pushes`."""
-        from rbd.visual.figures.statics_plots import plot_pushes
-
-        return plot_pushes(ax, self)
+        found: list[Artist] = drawing("plot_pushes")(ax, self)
+        return found
 
     def __str__(self) -> str:
         count, i = len(self.forces), int(np.nanargmin(self.forces if self.held else self.least))

@@ -10,7 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_flag, cross_matrix, is_finite, lazy
 from rbd.constraints.constraint import Constraint
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.model.world import along_gravity
@@ -153,9 +153,8 @@ class SupportRegion(Region, Displayed):
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Draw it from above: see `rbd.visual.plot_region`."""
-        from rbd.visual.figures.statics_plots import plot_region
-
-        return plot_region(ax, self)
+        found: list[Artist] = drawing("plot_region")(ax, self)
+        return found
 
     def __str__(self) -> str:
         limits = "within torque limits at this pose" if self.torque_limits else "torques of any size"

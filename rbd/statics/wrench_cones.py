@@ -17,7 +17,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, check_positive, is_finite, null_space, range_of, rank_of
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.convex.polygons import clipped, convex_hull
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.programs import linear_program
@@ -104,9 +104,8 @@ class ContactWrenchCone(Displayed):
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Draw how far a force through the point may lean: see `rbd.visual.plot_wrench_cone`."""
-        from rbd.visual.figures.statics_plots import plot_wrench_cone
-
-        return plot_wrench_cone(ax, self)
+        found: list[Artist] = drawing("plot_wrench_cone")(ax, self)
+        return found
 
     def __str__(self) -> str:
         flat = f", in a space of {6 - len(self.equalities)} dimensions" if len(self.equalities) else ""

@@ -18,7 +18,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_flag, cross_matrix, is_finite
 from rbd.constraints.constraint import Constraint
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, NoSolution
 from rbd.model.external import External, generalised
 from rbd.model.state import State, checked
@@ -142,9 +142,8 @@ class ZmpRegion(Region, Displayed):
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Draw it from above: see `rbd.visual.plot_region`."""
-        from rbd.visual.figures.statics_plots import plot_region
-
-        return plot_region(ax, self)
+        found: list[Artist] = drawing("plot_region")(ax, self)
+        return found
 
     def __str__(self) -> str:
         kind = "of the linear pendulum" if self.pendular else "of any motion"

@@ -3,13 +3,14 @@
 from rbd.modules import submodule as _submodule
 from rbd.visual.figures.planar_figures import export_planar, plot_ellipses, plot_sticks, replay_planar
 from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
-from rbd.visual.figures.plots import plot_ranges
+from rbd.visual.figures.plots import axes_or_new as axes_or_new, plot_ranges
 from rbd.visual.figures.statics_plots import plot_directions, plot_pushes, plot_region, plot_wrench_cone
 from rbd.visual.figures.study_plots import plot_study
 from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint
 from rbd.visual.live import Choice, Explorer, Slider, Verdict, explore
 from rbd.visual.mode_drawing import export_mode, mode_scene, plot_eigenvalues, plot_mode
 from rbd.visual.notebook.page_frames import notebook_page
+from rbd.visual.notebook.shown import html_of as html_of
 from rbd.visual.pages.browser import Browser, find_browser
 from rbd.visual.pages.page import screenshot
 from rbd.visual.playback.animation import export_motion, motion_sheet, replay

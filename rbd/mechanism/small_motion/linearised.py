@@ -10,7 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_array, check_finite, lazy
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, Unsupported
 from rbd.mechanism.small_motion.modes import (
     INVARIANT,
@@ -285,9 +285,8 @@ class Linearised(Displayed):
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Its eigenvalues in the complex plane, on axes; see `rbd.visual.plot_eigenvalues`."""
-        from rbd.visual.mode_drawing import plot_eigenvalues
-
-        return plot_eigenvalues(ax, self)
+        found: list[Artist] = drawing("plot_eigenvalues")(ax, self)
+        return found
 
     def __repr__(self) -> str:
         return f"Linearised({self.state.robot.name!r}, n = {self.n}, {self.verdict[:-1]})"

@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_float, largest_first, max_abs
-from rbd.displayed import Displayed
+from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError
 from rbd.model.state import State
 
@@ -165,21 +165,18 @@ class Mode(Displayed):
 
     def scene(self, **options: Any) -> Any:
         """A `rbd.visual.Scene` with its two poses of largest displacement; see `rbd.visual.mode_scene`."""
-        from rbd.visual.mode_drawing import mode_scene
-
-        return mode_scene(self, **options)
+        found: Any = drawing("mode_scene")(self, **options)
+        return found
 
     def plot(self, ax: Axes, **options: Any) -> list[Artist]:
         """Bars of its shape on axes; see `rbd.visual.plot_mode`."""
-        from rbd.visual.mode_drawing import plot_mode
-
-        return plot_mode(ax, self, **options)
+        found: list[Artist] = drawing("plot_mode")(ax, self, **options)
+        return found
 
     def export(self, path: str | os.PathLike[str], **options: Any) -> Path:
         """Write it as an HTML page that plays one period for ever; see `rbd.visual.export_mode`."""
-        from rbd.visual.mode_drawing import export_mode
-
-        return export_mode(self, path, **options)
+        found: Path = drawing("export_mode")(self, path, **options)
+        return found
 
     def __repr__(self) -> str:
         return f"Mode({self})"
