@@ -102,8 +102,8 @@ class Solid(Displayed):
         """Its mass, given or from its density [kg]; zero for a shape without mass."""
         return self.mass if self.mass is not None else (self.density or 0.0) * self.volume
 
-    def _unit_inertia(self) -> Array:
-        """About the centre of mass in its own axes, per kilogram, shape (3, 3) [m2]."""
+    def _inertia(self, mass: float) -> pin.Inertia:
+        """Of a mass [kg], in its own axes."""
         raise NotImplementedError
 
     def _geometry(self) -> Geometry:
@@ -121,9 +121,10 @@ class Solid(Displayed):
 
     def mass_properties(self) -> MassProperties:
         """Mass, centre of mass and inertia about it, in the body's axes."""
-        R, unit = self.rotation, self._unit_inertia()
-        inertia = R @ unit @ R.T if any(self.rpy) else unit
-        return MassProperties(self.kilograms, self.centre, self.kilograms * inertia)
+        return _properties(self._in_body())
+
+    def _in_body(self) -> pin.Inertia:
+        return pin.SE3(self.rotation, self.centre).act(self._inertia(self.kilograms))
 
     def shapes(self) -> tuple[Drawn, ...]:
         """What of it is drawn and can touch."""
@@ -163,9 +164,8 @@ class Box(Solid):
         """[m3]."""
         return float(np.prod(self.size))
 
-    def _unit_inertia(self) -> Array:
-        x, y, z = self.size
-        return np.diag([y * y + z * z, x * x + z * z, x * x + y * y]) / 12.0
+    def _inertia(self, mass: float) -> pin.Inertia:
+        return pin.Inertia.FromBox(mass, *self.size)
 
     def _geometry(self) -> Geometry:
         yield "box", (("size", tuple(self.size)),)
@@ -194,8 +194,8 @@ class Sphere(Solid):
         """[m3]."""
         return 4.0 / 3.0 * math.pi * self.radius**3
 
-    def _unit_inertia(self) -> Array:
-        return 0.4 * self.radius**2 * np.eye(3)
+    def _inertia(self, mass: float) -> pin.Inertia:
+        return pin.Inertia.FromSphere(mass, self.radius)
 
     def _geometry(self) -> Geometry:
         yield "sphere", (("radius", (self.radius,)),)
@@ -227,9 +227,8 @@ class Cylinder(Solid):
         """[m3]."""
         return math.pi * self.radius**2 * self.length
 
-    def _unit_inertia(self) -> Array:
-        r, across = self.radius, (3.0 * self.radius**2 + self.length**2) / 12.0
-        return np.diag([across, across, r * r / 2.0])
+    def _inertia(self, mass: float) -> pin.Inertia:
+        return pin.Inertia.FromCylinder(mass, self.radius, self.length)
 
     def _geometry(self) -> Geometry:
         yield "cylinder", (("radius", (self.radius,)), ("length", (self.length,)))
@@ -264,32 +263,20 @@ class Capsule(Solid):
         """[m3]."""
         return math.pi * self.radius**2 * (self.length + 4.0 / 3.0 * self.radius)
 
-    def _unit_inertia(self) -> Array:
-        r, L = self.radius, self.length
-        tube = L / (L + 4.0 / 3.0 * r)
-        ends = 1.0 - tube
-        along = (tube / 2.0 + 0.4 * ends) * r * r
-        across = tube * (3.0 * r * r + L * L) / 12.0 + ends * (0.4 * r * r + L * L / 4.0 + 3.0 / 8.0 * L * r)
-        return np.diag([across, across, along])
+    def _inertia(self, mass: float) -> pin.Inertia:
+        return pin.Inertia.FromCapsule(mass, self.radius, self.length)
 
     def _geometry(self) -> Geometry:
         yield "capsule", (("radius", (self.radius,)), ("length", (self.length,)))
 
 
 def joined(solids: Iterable[Solid]) -> MassProperties:
-    """Mass, centre of mass and inertia about it of several solids as one body, by the parallel-axis theorem."""
-    each = [solid.mass_properties() for solid in solids]
-    heavy = [one for one in each if one.mass > 0.0]
-    mass = sum(one.mass for one in heavy)
-    if not heavy:
-        return MassProperties(0.0, np.zeros(3), np.zeros((3, 3)))
-    com = np.sum([one.mass * one.com for one in heavy], axis=0) / mass
-    total = np.zeros((3, 3))
-    for one in heavy:
-        total += one.inertia
-        r = one.com - com
-        total += one.mass * (float(r @ r) * np.eye(3) - np.outer(r, r))
-    return MassProperties(mass, com, total)
+    """Mass, centre of mass and inertia about it of several solids as one body."""
+    return _properties(sum((solid._in_body() for solid in solids), pin.Inertia.Zero()))
+
+
+def _properties(inertia: pin.Inertia) -> MassProperties:
+    return MassProperties(inertia.mass, inertia.lever, inertia.inertia)
 
 
 THIN = 0.01
@@ -324,9 +311,8 @@ class Plate(Solid):
         """Its area [m2]."""
         return float(np.prod(self.size))
 
-    def _unit_inertia(self) -> Array:
-        x, y = self.size
-        return np.diag([y * y, x * x, x * x + y * y]) / 12.0
+    def _inertia(self, mass: float) -> pin.Inertia:
+        return pin.Inertia.FromBox(mass, *self.size, 0.0)
 
     def _geometry(self) -> Geometry:
         yield "box", (("size", (*self.size, max(THIN * min(self.size), SMALLEST))),)
@@ -386,12 +372,11 @@ class Rod(Solid):
         """Its middle in the body's axes, shape (3,) [m]."""
         return (np.array(self.start, float) + np.array(self.end, float)) / 2.0
 
-    def mass_properties(self) -> MassProperties:
-        """Mass, centre of mass and inertia about it, in the body's axes."""
+    def _in_body(self) -> pin.Inertia:
         m, L, r = self.kilograms, self.length, self.thickness
         along = np.subtract(self.end, self.start) / L
         project = np.outer(along, along)
-        return MassProperties(m, self.centre, m * L**2 / 12.0 * (np.eye(3) - project) + m * r**2 / 2.0 * project)
+        return pin.Inertia(m, self.centre, m * L**2 / 12.0 * (np.eye(3) - project) + m * r**2 / 2.0 * project)
 
     def _place(self) -> tuple[Triple, Triple]:
         x, y, z = np.subtract(self.end, self.start) / self.length
@@ -438,8 +423,8 @@ class PointMass(Solid):
         """Its mass [kg]."""
         return self.kilogram
 
-    def _unit_inertia(self) -> Array:
-        return np.zeros((3, 3))
+    def _inertia(self, mass: float) -> pin.Inertia:
+        return pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)))
 
     def _geometry(self) -> Geometry:
         yield "sphere", (("radius", (self.radius,)),)
