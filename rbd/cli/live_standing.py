@@ -20,7 +20,7 @@ from rbd.model.state import State
 from rbd.robots.robot import Robot
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold_many
-from rbd.studies.push_functions import heaviest_link
+from rbd.statics.push_functions import heaviest_link
 from rbd.visual.live import Choice, Control, Slider, Verdict
 from rbd.visual.scene import Scene
 from rbd.visual.shapes import round_number

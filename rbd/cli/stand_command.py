@@ -91,7 +91,7 @@ def stand(
     from rbd.solvers.default import slip_law
     from rbd.statics.actuation import Actuation
     from rbd.statics.equilibrium import hold
-    from rbd.studies.push_functions import heaviest_link
+    from rbd.statics.push_functions import heaviest_link
 
     console = open_console()
     with answering(stand):

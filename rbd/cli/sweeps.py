@@ -209,8 +209,8 @@ def run_sweep(
         StudyStopped: it ended early; the report of what is done was printed.
         InputError: as `rbd.study`.
     """
+    from rbd.statics.push_functions import withstand_push
     from rbd.studies import grid, running
-    from rbd.studies.push_functions import withstand_push
 
     samples = grid(**{name.replace(".", "_"): values.tolist() for name, values in swept.items()}).with_units(
         **{name.replace(".", "_"): QUANTITIES[name][0] for name in swept if QUANTITIES[name][0]}

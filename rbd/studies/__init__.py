@@ -1,9 +1,9 @@
 """Studies: a function at many samples as one dataset; and answers to one problem compared, by both laws, by several solvers."""
 
+from rbd.answers.comparison import LawComparison, SolverComparison, compare_laws, compare_solvers
 from rbd.modules import submodule as _submodule
-from rbd.studies.comparison import LawComparison, SolverComparison, compare_laws, compare_solvers
+from rbd.statics.push_functions import move_under_push, withstand_push
 from rbd.studies.outputs.fields import kept_names
-from rbd.studies.push_functions import move_under_push, withstand_push
 from rbd.studies.running import study
 from rbd.studies.sampling.draws import grid, sample
 from rbd.studies.sampling.samples import Samples

@@ -36,7 +36,7 @@ _HOMES = {
     "rbd.statics.regions.SupportRegion": "of_motions",
     "rbd.statics.zero_moment_point.ZmpRegion": "of_motions",
     "rbd.answers.analysis.uniqueness.Uniqueness": "of_answers",
-    "rbd.studies.comparison.LawComparison": "of_answers",
+    "rbd.answers.comparison.LawComparison": "of_answers",
     "rbd.mechanism.degrees_of_freedom.Mobility": "of_answers",
 }
 """{class: module of this package with its `KINDS`}: imported when a result of the class first comes."""

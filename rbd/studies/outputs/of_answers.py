@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from rbd.answers.analysis.uniqueness import Uniqueness
+from rbd.answers.comparison import LawComparison
 from rbd.answers.many import naming
 from rbd.answers.many.many_answers import ManyAnswers
 from rbd.answers.many.naming import Named, StateStatus, Variable
@@ -14,7 +15,6 @@ from rbd.arrays import Array, max_abs
 from rbd.control.step_problem import TaskActuation
 from rbd.problem.answer import Answer
 from rbd.statics.actuation import Actuation
-from rbd.studies.comparison import LawComparison
 from rbd.studies.outputs.fields import OutputField, ResultType, Rows, Verdict, number, one
 
 ABOUT = {
@@ -317,7 +317,7 @@ def _verdict(both: LawComparison) -> Verdict:
 
 
 _COMPARISONS = {
-    "rbd.studies.comparison.LawComparison": ResultType(
+    "rbd.answers.comparison.LawComparison": ResultType(
         {
             "worst_residual": OutputField("largest scaled residual of both answers", _worst),
             **one("difference", "difference of the accelerations, relative", lambda both: both.difference),
