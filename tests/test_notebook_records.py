@@ -135,7 +135,7 @@ def test_results_come_first_and_numbers_have_units(talos: rbd.Robot) -> None:
         "it can be held; nearest to its limit is": (held, "normal force [N]", "N m"),
         "stays as it is": (rbd.solve(state, held.tau, soles), "m/s2", "friction used"),
         "mm inside the support region: it can stand": (region, "cm2", "m"),
-        "it moves with 1 degree of freedom": (rbd.mechanism.mobility(four_bar.at("assembled")), "degrees of freedom", "how"),
+        "It moves with 1 degree of freedom": (rbd.mechanism.mobility(four_bar.at("assembled")), "field", "n"),
         "32 motors, 38 degrees of freedom, 90.27 kg": (talos, "kg", "885.57"),
         "talos at rest; centre of mass at": (state, "deg", "m"),
     }

@@ -10,7 +10,7 @@ from rbd.answers.analysis.infeasibility import Contradiction
 from rbd.answers.analysis.uniqueness import Range, Uniqueness
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, largest_first, max_abs
-from rbd.control.step_problem import StepCertificate, TaskActuation
+from rbd.control.step_problem import TaskActuation
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
 from rbd.problem.answer import Answer, ContactForce, Status
@@ -193,15 +193,6 @@ def _actuation(record: Actuation) -> Card:
     folds.append(Fold(f"Proof: residuals, the largest scaled {record.residuals.worst:.1e}", [residual_table(record.residuals)]))
     said = f"{robot.name}: {_held(record)}" + ("" if solved else f" ({record.status})")
     return Card(said, good, tables, notes, folds)
-
-
-@card_of.register
-def _certificate(record: StepCertificate) -> Card:
-    units = {"balance": "N", "contacts": "m/s2", "cones": "N", "torques": "N m", "joints": "rad/s2", "optimality": "scaled"}
-    rows = [(name, f"{getattr(record, name):.1e}", unit) for name, unit in units.items()]
-    return Card(
-        f"{record.status}: {record}", record.status == Status.SOLVED, [CardTable(rows, ("residual", "largest", "unit"))]
-    )
 
 
 def _range(x: Range) -> tuple[str, str]:

@@ -284,7 +284,7 @@ def documented(kind: type) -> dict[str, tuple[str, str]]:
 def _unit_and_meaning(told: str) -> tuple[str, str]:
     text = " ".join(told.split())
     units = [each for each in _UNIT.findall(text) if each and not _CITATION.match(each)]
-    first = re.split(r"(?<=[\w)\]}])[.;:] ", text, maxsplit=1)[0]
+    first = re.split(r"(?<=[\w)\]}])[.;:] (?![^{]*\})", text, maxsplit=1)[0]  # not within {name: what it is}
     meaning = re.sub(r",? ?\bshape \([^)]*\)|\s*\[[^\]]*\]", "", first).strip(" ,.")
     return (units[0] if units else ""), meaning
 

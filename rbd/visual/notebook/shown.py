@@ -8,7 +8,7 @@ from typing import Any
 from rbd.visual.notebook import answer_cards, motion_cards, page_frames, robot_cards
 from rbd.visual.notebook.card import card_html, card_of
 
-CASES = (answer_cards, robot_cards, motion_cards, robot_cards, page_frames, motion_cards)
+CASES = (answer_cards, robot_cards, motion_cards, page_frames)
 """The modules that have cases of `card_of`."""
 
 
