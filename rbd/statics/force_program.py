@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.problem.conic import Conic
+from rbd.problem.conic import Certificate, Conic
 from rbd.problem.programs import CONE_REFINEMENTS, Outcome, linear_program
 from rbd.solvers.conic_newton import solve_conic
 from rbd.statics.force_balance import ForceBalance
@@ -31,39 +31,25 @@ _PRICED = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class Program:
-    """What forces w and two parameters p must meet, x = (w, p); its numbers should be around one.
-
-    Attributes:
-        A: Shape (e, n).
-        b: Shape (e,).
-        C: Shape (q, n).
-        low: Shape (q,); -inf where there is none.
-        high: Shape (q,); inf where there is none.
-        lower: Bounds of x, shape (n,); -inf where there is none, and for the columns of cones.
-        upper: Likewise.
-        cones: Columns (tangent, tangent, normal) of the circular cones, shape (k, 3).
-        mu: Their coefficients, shape (k,).
-    """
-
-    A: Array
-    b: Array
-    C: Array
-    low: Array
-    high: Array
-    lower: Array
-    upper: Array
-    cones: Array
-    mu: Array
+class ForceProgram(Conic):
+    """What forces w and parameters p must meet, x = (w, p), with an objective still to be said: H = 0 and g = 0."""
 
     @classmethod
-    def of(cls, A: Array, b: Array, C: Array, low: Array, high: Array, loads: ForceBalance) -> Program:
+    def of_sets(
+        cls, A: Array, b: Array, C: Array, low: Array, high: Array, lower: Array, upper: Array, cones: Array, mu: Array
+    ) -> ForceProgram:
+        """From all but the objective; see `rbd.problem.conic.Conic`."""
+        n = len(lower)
+        return cls(np.zeros((n, n)), np.zeros(n), A, b, C, low, high, lower, upper, cones, mu)
+
+    @classmethod
+    def of_loads(cls, A: Array, b: Array, C: Array, low: Array, high: Array, loads: ForceBalance) -> ForceProgram:
         """With forces as weights of the loads, over their unit, and parameters of any size."""
         free, sets = np.full(A.shape[1] - loads.sets.size, np.inf), loads.sets
         lower, upper = np.concatenate([loads.lower, -free]), np.concatenate([loads.upper, free])
-        return cls(A, b, C, low, high, lower, upper, sets.cone_columns, sets.mu)
+        return cls.of_sets(A, b, C, low, high, lower, upper, sets.cone_columns, sets.mu)
 
-    def around(self, middle: Array, within: float) -> Program:
+    def around(self, middle: Array, within: float) -> ForceProgram:
         """The same, with the two parameters so near to a point."""
         lower, upper = self.lower.copy(), self.upper.copy()
         lower[-2:], upper[-2:] = middle - within, middle + within
@@ -95,19 +81,13 @@ class Program:
         return Support(found.outcome, gain, found.x, self.bound(gain, found.equal, z), found.equal, z)
 
     def _farthest_of_cones(self, gain: Array) -> Support:
-        n = len(gain)
-        conic = Conic.of(
-            np.zeros((n, n)), -gain, self.A, self.b, self.lower, self.upper, self.cones, self.mu, self.C, self.low, self.high
-        )
-        found = solve_conic(conic, newton=False, tolerance=_CONIC)
-        proof = found.certificate
-        gap = 0.0 if proof is None else -self.bound(np.zeros(n), proof.y, proof.z)  # p within its bounds counted in
-        contradiction = None if proof is None or not gap > 0.0 else InfeasibleProgram(proof.y, proof.z, gap)
+        found = solve_conic(replace(self, g=-gain), newton=False, tolerance=_CONIC)
+        contradiction = None if found.certificate is None else Certificate.of(self, found.certificate.y, found.certificate.z)
         if found.outcome in (Outcome.INFEASIBLE, Outcome.UNBOUNDED) or not len(found.y):
             return Support(found.outcome, gain, found.x, math.nan, found.y, found.z, contradiction)
         # What counts is that forces exist, and that nothing is farther than their proof says: not how the method ended.
         value = self.bound(gain, found.y, found.z)
-        met = conic.outside(found.x) <= _OUTSIDE and value - float(gain @ found.x) <= _BEYOND
+        met = self.outside(found.x) <= _OUTSIDE and value - float(gain @ found.x) <= _BEYOND
         return Support(Outcome.SOLVED if met else Outcome.NOT_FOUND, gain, found.x, value, found.y, found.z)
 
     def _farthest_of_rays(self, gain: Array) -> Support:
@@ -122,7 +102,9 @@ class Program:
                 E[self.cones[i], k] = *(self.mu[i] * d), 1.0
             low, high = np.zeros(E.shape[1]), np.full(E.shape[1], np.inf)
             low[: len(own)], high[: len(own)] = self.lower[own], self.upper[own]
-            inner = Program(self.A @ E, self.b, self.C @ E, self.low, self.high, low, high, self.cones[:0], self.mu[:0])
+            inner = ForceProgram.of_sets(
+                self.A @ E, self.b, self.C @ E, self.low, self.high, low, high, self.cones[:0], self.mu[:0]
+            )
             found = inner.farthest(gain @ E)
             proof = inner.contradiction() if found.outcome is Outcome.INFEASIBLE else None
             if not found.solved and proof is None:
@@ -136,20 +118,10 @@ class Program:
                     better.append((i, -answer[:2] / size))
             if not better:
                 x = np.zeros(len(gain)) if proof is not None else E @ found.x
-                gap = None if proof is None else InfeasibleProgram(y, z, -self.bound(np.zeros(len(gain)), y, z))
-                return Support(found.outcome, gain, x, self.bound(gain, y, z), y, z, gap)
+                none = None if proof is None else Certificate.of(self, y, z)
+                return Support(found.outcome, gain, x, self.bound(gain, y, z), y, z, none)
             rays += better
         return Support(Outcome.NOT_FOUND, gain, gain, math.nan, found.y, found.z)
-
-    def outside(self, x: Array) -> float:
-        """Largest violation of equations and bounds; cones apart."""
-        s = self.C @ x
-        parts = (
-            np.abs(self.A @ x - self.b),
-            np.maximum(self.low - s, s - self.high),
-            np.maximum(self.lower - x, x - self.upper),
-        )
-        return max(float(part.max(initial=0.0)) for part in parts)
 
     def bound(self, gain: Array, y: Array, z: Array) -> float:
         """What gain . x does not exceed, by multipliers, whatever x is."""
@@ -159,7 +131,7 @@ class Program:
         end = np.where(np.isfinite(end), end, 0.0)  # there r is zero, or answers in the dual cone
         return -float(y @ self.b + z @ np.where(np.isfinite(side), side, 0.0) + r @ end)
 
-    def contradiction(self) -> InfeasibleProgram | None:
+    def contradiction(self) -> Certificate | None:
         """The multipliers that prove that no x meets the program, by the least sum of what is missed; None if it is nothing."""
         (e, n), q = self.A.shape, len(self.low)
         A = np.hstack([self.A, np.eye(e), -np.eye(e), np.zeros((e, q))])
@@ -175,11 +147,11 @@ class Program:
         lower = np.zeros(2 * q)
         lower[kept] = found.lower
         z = lower[:q] - lower[q:]
-        gap = -self.bound(np.zeros(n), found.equal, z)
-        return InfeasibleProgram(found.equal, z, gap) if gap > SAME else None
+        proof = Certificate.of(self, found.equal, z)
+        return proof if proof is not None and proof.gap > SAME else None
 
     @property
-    def recession(self) -> Program:
+    def recession(self) -> ForceProgram:
         """The directions in which x may go on without end, cut at |p| <= 1."""
 
         def gone(bounds: Array) -> Array:
@@ -188,22 +160,6 @@ class Program:
         lower, upper = gone(self.lower), gone(self.upper)
         lower[-2:], upper[-2:] = -1.0, 1.0
         return replace(self, b=np.zeros(len(self.b)), low=gone(self.low), high=gone(self.high), lower=lower, upper=upper)
-
-
-@dataclass(frozen=True, eq=False)
-class InfeasibleProgram:
-    """A combination of equations and bounds that no x meets.
-
-    Attributes:
-        y: Multipliers of A x = b, shape (e,).
-        z: Multipliers of the rows between bounds, shape (q,).
-        gap: With r = -A^T y - C^T z, y . b + z . s + r . x is at least this for all x and s within their bounds, and is zero
-            for every x with A x = b and C x = s. Of circular cones r is in the dual cones to 1e-6.
-    """
-
-    y: Array
-    z: Array
-    gap: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -226,7 +182,7 @@ class Support:
     value: float
     y: Array
     z: Array
-    contradiction: InfeasibleProgram | None = None
+    contradiction: Certificate | None = None
 
     @property
     def solved(self) -> bool:

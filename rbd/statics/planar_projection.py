@@ -19,9 +19,10 @@ from rbd.arrays import Array
 from rbd.constraints.convex.polygons import convex_hull, inside_distance, nearest_on_edge
 from rbd.errors import InaccurateWarning
 from rbd.model.state import State
+from rbd.problem.conic import Certificate
 from rbd.problem.programs import POLYGON_PROGRAMS, Outcome
 from rbd.statics.force_balance import ForceBalance
-from rbd.statics.force_program import SAME, InfeasibleProgram, Program, Support
+from rbd.statics.force_program import SAME, ForceProgram, Support
 
 WITHIN_M = 10.0
 """A region is looked for so far around its contacts, and cut off there."""
@@ -110,16 +111,16 @@ class PlanarSet:
     outer: Array
     supports: tuple[Support, ...]
     programs: int
-    contradiction: InfeasibleProgram | None = None
+    contradiction: Certificate | None = None
 
     @classmethod
-    def none(cls, outcome: Outcome, programs: int = 1, contradiction: InfeasibleProgram | None = None) -> PlanarSet:
+    def none(cls, outcome: Outcome, programs: int = 1, contradiction: Certificate | None = None) -> PlanarSet:
         """No polygon."""
         nothing = np.zeros((0, 2))
         return cls(outcome, nothing, nothing, nothing, (), programs, contradiction)
 
 
-def planar_set(program: Program, *, area_gap: float = 0.0, size: float = 1.0) -> PlanarSet:
+def planar_set(program: ForceProgram, *, area_gap: float = 0.0, size: float = 1.0) -> PlanarSet:
     """The polygon of a program whose p is bounded.
 
     Args:
@@ -157,7 +158,7 @@ def planar_set(program: Program, *, area_gap: float = 0.0, size: float = 1.0) ->
     return _polygons(tuple(around), size)
 
 
-def planar_region(program: Program, area_gap: float = 0.0) -> tuple[PlanarSet, Array, bool]:
+def planar_region(program: ForceProgram, area_gap: float = 0.0) -> tuple[PlanarSet, Array, bool]:
     """(set, directions, cut): the polygon within `WITHIN_M`, directions without end (r, 2), and whether it goes on beyond.
 
     Args:

@@ -17,7 +17,7 @@ from rbd.model.state import State
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import Outcome
 from rbd.statics.force_balance import ForceBalance, TorqueRows, contact_forces, outside, place, standing_loads, torques_left
-from rbd.statics.force_program import Program, Support
+from rbd.statics.force_program import ForceProgram, Support
 from rbd.statics.limits import Limit
 
 if TYPE_CHECKING:
@@ -249,7 +249,7 @@ class _PushSearch:
         self.B = J.T[robot.unactuated] / loads.row_size[:, None]
         self.P = J.T[robot.motors] * (loads.unit / loads.limit)[:, None]
         self.torques = rows = TorqueRows.of(loads, self.P)
-        self.own = Program.of(loads.A, loads.b, rows.C[:, :-3], rows.low, rows.high, loads)
+        self.own = ForceProgram.of_loads(loads.A, loads.b, rows.C[:, :-3], rows.low, rows.high, loads)
         self.answers: dict[int, _Answer] = {}
         self.least: dict[int, _Answer] = {}
 
@@ -323,7 +323,7 @@ class _PushSearch:
         """The push along a direction that is farthest, as a program over weights and its size."""
         self.programs += 1
         own, rows = self.own, self.torques
-        program = Program(
+        program = ForceProgram.of_sets(
             np.column_stack([own.A, self.B @ way]), own.b, np.column_stack([own.C, rows.C[:, -3:] @ way]), own.low,
             own.high, np.append(own.lower, 0.0), np.append(own.upper, self.most), own.cones, own.mu,
         )  # fmt: skip

@@ -14,6 +14,7 @@ from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.model.world import along_gravity
+from rbd.problem.conic import Certificate
 from rbd.problem.programs import Outcome
 from rbd.statics.force_balance import (
     ForceBalance,
@@ -26,7 +27,7 @@ from rbd.statics.force_balance import (
     standing_loads,
     torques_left,
 )
-from rbd.statics.force_program import InfeasibleProgram, Program
+from rbd.statics.force_program import ForceProgram
 from rbd.statics.planar_projection import WITHIN_M, PlanarSet, Region, area_of, planar_region, warn_of_gap
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ class SupportRegion(Region, Displayed):
     outer: Array
     weights: Array
     directions: Array
-    contradiction: InfeasibleProgram | None
+    contradiction: Certificate | None
     programs: int
     cut: bool
 
@@ -254,7 +255,7 @@ def support_region(
 
 def _region(
     loads: ForceBalance, friction: str, limits: bool, margin: float, found: PlanarSet, directions: Array,
-    contradiction: InfeasibleProgram | None, cut: bool,
+    contradiction: Certificate | None, cut: bool,
 ) -> SupportRegion:  # fmt: skip
     p = loads.A.shape[1]
     return SupportRegion(
@@ -271,7 +272,7 @@ def _check_stands(state: State) -> None:
     along_gravity(g, np.zeros(3))  # refuses a gravity whose lines do not meet the plane
 
 
-def _program(loads: ForceBalance, limits: bool) -> Program:
+def _program(loads: ForceBalance, limits: bool) -> ForceProgram:
     """X = (w, centre of mass): weight and forces balance.
 
     A centre of mass moved by d along z = 0 adds the moment d x m g to what gravity does on the base.
@@ -286,7 +287,7 @@ def _program(loads: ForceBalance, limits: bool) -> Program:
     below = along_gravity(down, state.com)
     torques = _torque_rows(loads) if limits else TorqueRows.none(loads, 2)
     A, b = np.hstack([loads.A, shift]), loads.b + shift @ below
-    return Program.of(A, b, torques.C, torques.low, torques.high, loads).around(_middle(loads), WITHIN_M)
+    return ForceProgram.of_loads(A, b, torques.C, torques.low, torques.high, loads).around(_middle(loads), WITHIN_M)
 
 
 def _middle(loads: ForceBalance) -> Array:

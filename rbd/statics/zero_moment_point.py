@@ -35,7 +35,7 @@ from rbd.statics.force_balance import (
     given_rows,
     names_of,
 )
-from rbd.statics.force_program import Program
+from rbd.statics.force_program import ForceProgram
 from rbd.statics.planar_projection import WITHIN_M, Region, area_of, planar_region, warn_of_gap
 
 if TYPE_CHECKING:
@@ -237,7 +237,7 @@ def wrench_map(rows: Sequence[Rows], sets_G: Array, about: Array) -> Array:
     return out
 
 
-def _pendulum(loads: ForceBalance, ground: Ground) -> Program:
+def _pendulum(loads: ForceBalance, ground: Ground) -> ForceProgram:
     """X = (w, z - foot): M_c = 0, F_z = the weight's part along -z, and F along the line from z to c."""
     state, n = loads.state, np.asarray(ground.normal)
     height, g = float(ground.distances(state.com[None])[0]), state.robot.gravity
@@ -254,17 +254,17 @@ def _pendulum(loads: ForceBalance, ground: Ground) -> Program:
     A[:3, :-2], A[3:, :-2] = W[3:], np.vstack([n, E.T]) @ W[:3]
     A[4:, -2:] = down * np.eye(2) / height  # F_t / F_z = (c - z)_t / height
     none = np.zeros((0, A.shape[1]))
-    return Program.of(A, np.array([0.0, 0.0, 0.0, down, 0.0, 0.0]), none, np.zeros(0), np.zeros(0), loads)
+    return ForceProgram.of_loads(A, np.array([0.0, 0.0, 0.0, down, 0.0, 0.0]), none, np.zeros(0), np.zeros(0), loads)
 
 
-def _any_motion(loads: ForceBalance, ground: Ground) -> Program:
+def _any_motion(loads: ForceBalance, ground: Ground) -> ForceProgram:
     """X = (w, z - foot): F . n = the weight, and z = n x M_foot over it; larger forces have the same points."""
     n, foot = _foot(loads.state, ground)
     W, E = wrench_map(loads.rows, loads.sets.G, foot), _plane_axes(ground)
     A = np.zeros((3, W.shape[1] + 2))
     A[0, :-2], A[1:, :-2], A[1:, -2:] = n @ W[:3], E.T @ cross_matrix(n) @ W[3:], -np.eye(2)
     none = np.zeros((0, A.shape[1]))
-    return Program.of(A, np.array([1.0, 0.0, 0.0]), none, np.zeros(0), np.zeros(0), loads)
+    return ForceProgram.of_loads(A, np.array([1.0, 0.0, 0.0]), none, np.zeros(0), np.zeros(0), loads)
 
 
 def _foot(state: State, ground: Ground) -> tuple[Array, Array]:

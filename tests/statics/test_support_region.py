@@ -336,12 +336,12 @@ def test_a_region_that_goes_far_is_cut_and_says_so():
 
 def test_what_the_conic_solver_leaves_is_solved_by_rays(talos, monkeypatch):
     """Without the conic solver the same region comes of linear programs over rays; so does the proof that there is none."""
-    from rbd.statics.force_program import Program, Support
+    from rbd.statics.force_program import ForceProgram, Support
 
     state, contacts = talos.standing(), [*talos.soles(0.7), hand()]
     expected, steep = support_region(state, contacts), support_region(AT, chimney(0.5, 0.1)[:1])
     nothing = Support(rbd.problem.programs.Outcome.NOT_FOUND, np.zeros(0), np.zeros(0), math.nan, np.zeros(0), np.zeros(0))
-    monkeypatch.setattr(Program, "_farthest_of_cones", lambda self, gain: nothing)
+    monkeypatch.setattr(ForceProgram, "_farthest_of_cones", lambda self, gain: nothing)
     found = support_region(state, contacts, area_gap=1e-3)
     for d in around(24):
         assert reach(found.vertices, d) <= reach(expected.outer, d) + 1e-7
