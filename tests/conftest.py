@@ -5,20 +5,17 @@ from __future__ import annotations
 import gc
 import os
 from collections import defaultdict
-from collections.abc import Mapping
-from pathlib import Path
 
 for library in ("OMP", "OPENBLAS"):  # read when NumPy is loaded: two threads on busy cores cost a quarter more than one
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
 
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402
+from long_list import LONG, long_tests, slow_tests  # noqa: E402
 
 import rbd  # noqa: E402
 
 gc.disable()  # until all is collected
-LONG = Path(__file__).with_name("long_tests.txt")
-"""Tests that take longest: `make test` leaves them to `make test-long`."""
 USERS = {"test_api_examples.py", "test_docs.py", "test_examples.py", "test_notebooks.py", "test_readme.py"}
 USERS |= {"test_beyond_joint_limits.py", "test_moving_constraints.py"}
 DRAWN = ("JointLimitWarning", "MovingConstraintWarning")
@@ -35,11 +32,6 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_configure(config: pytest.Config) -> None:
     """Markers of this suite."""
     config.addinivalue_line("markers", "long: takes tens of seconds by itself, so it is begun first")
-
-
-def long_tests() -> set[str]:
-    """Names of the long tests, without parameters."""
-    return {line.split()[0] for line in LONG.read_text(encoding="utf-8").splitlines() if not line.startswith("#")}
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -94,16 +86,6 @@ def times_of(reporter: pytest.TerminalReporter) -> dict[str, float]:
     for report in {id(r): r for found in reporter.stats.values() for r in found if hasattr(r, "duration")}.values():
         took[report.nodeid.partition("[")[0]] += report.duration
     return took
-
-
-def slow_tests(took: Mapping[str, float]) -> list[str]:
-    """Names of the tests that take more than a hundredth of a run, the slowest first."""
-    whole = sum(took.values())
-    return sorted(
-        (name for name, seconds in took.items() if len(took) > 1000 and seconds > whole / 100),
-        key=took.__getitem__,
-        reverse=True,
-    )
 
 
 def write_long(reporter: pytest.TerminalReporter, limit: float) -> None:

@@ -6,13 +6,13 @@ import ast
 import re
 from pathlib import Path
 
-import conftest
+from long_list import long_tests, slow_tests
 
 
 def test_every_long_test_exists():
     """A test that was renamed or removed leaves the list."""
     root, gone = Path(__file__).parent.parent, []
-    for name in conftest.long_tests():
+    for name in long_tests():
         path, *parts = re.split("::", name)
         nodes: list[ast.stmt] = ast.parse((root / path).read_text()).body if (root / path).exists() else []
         for part in parts:
@@ -27,9 +27,9 @@ def test_every_long_test_exists():
 def test_a_slow_test_that_nobody_listed_is_found():
     """It takes more than a hundredth of its run; a run of a few tests says nothing."""
     took = {f"tests/test_x.py::test_{i}": 0.1 for i in range(1100)}
-    assert conftest.slow_tests(took) == []
-    assert conftest.slow_tests(took | {"tests/test_x.py::test_a": 2.0, "tests/test_x.py::test_b": 5.0}) == [
+    assert slow_tests(took) == []
+    assert slow_tests(took | {"tests/test_x.py::test_a": 2.0, "tests/test_x.py::test_b": 5.0}) == [
         "tests/test_x.py::test_b",
         "tests/test_x.py::test_a",
     ]
-    assert conftest.slow_tests({"tests/test_x.py::test_a": 2.0}) == []
+    assert slow_tests({"tests/test_x.py::test_a": 2.0}) == []
