@@ -24,10 +24,6 @@ equation, y = P(D^-1 (R^T lam - c)), P the projection on bounds and cones, and l
 symmetric, positive semidefinite derivatives, so Newton's method with a line search on the dual value terminates wherever
 the set has an interior. The result is exact: y is in the set to rounding, and no other point with R y = b is smaller. Source:
 [Qi1993] for Newton's method on semismooth maps.
-
-A barrier method, from the interior (`least`): every iterate is strictly inside. The barrier -sum log(slack) -
-sum log(mu^2 n^2 - |t|^2) has the parameter nu = rows + 2 cones, and a point whose Newton decrement is below 1/2 is within
-(nu + 2 sqrt(nu)) / t of the least value [Nesterov2018], section 5.3. Steps end far below that.
 """
 
 from __future__ import annotations
@@ -131,6 +127,21 @@ class Conic:
         parts = (x - self.project(x), self.A @ x - self.b, np.maximum(self.low - s, s - self.high))
         return max(float(part.max(initial=0.0)) for part in (np.abs(parts[0]), np.abs(parts[1]), parts[2]))
 
+    def excess(self, x: Array, y: Array, z: Array) -> float:
+        """What the value of an x that meets the program exceeds the least one by, at most, by multipliers.
+
+        Proved against all x whose entries are no larger than those of this one, where R is outside the dual cones.
+        """
+        r = self.answer_of_X(x, y, z)
+        end = np.where(r > 0.0, self.lower, self.upper)
+        free = ~np.isfinite(end)
+        out = np.where(free, np.abs(r), 0.0)
+        if len(self.mu):
+            out[self.cones] = np.abs(project_cones(-r[self.cones], self.mu))
+        side = np.where(z > 0.0, self.low, self.high)
+        least = y @ self.b + z @ np.where(z == 0.0, 0.0, side) + r @ np.where(free, 0.0, end)
+        return float(x @ (self.H @ x + self.g) - least + out @ np.abs(x))
+
     def value(self, x: Array) -> float:
         """1/2 x . H x + g . x."""
         return float(0.5 * x @ self.H @ x + self.g @ x)
@@ -218,11 +229,6 @@ _LARGEST = 1e4
 """Largest terms of R^T lam, over those of the objective's gradient, at a solution: rounding then stays below 1e-12."""
 _DAMPED = 1e-14
 """Added to the derivative's diagonal, over its largest entry."""
-_FACTOR = 30.0
-"""t grows by this factor."""
-_NEWTON_STEPS = 60
-_THIN = 1e-8
-"""Sets thinner than this count as having no interior."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -339,11 +345,6 @@ class ConeSet:
     at: Array
     mu: Array
 
-    @property
-    def parameter(self) -> float:
-        """Nu of the barrier."""
-        return len(self.b) + 2.0 * len(self.mu)
-
     def slack(self, z: Array) -> tuple[Array, Array, Array]:
         """(A z - b, u, mu u_2 - |u_t|)."""
         u = self.C @ z + self.at
@@ -365,115 +366,13 @@ class ConeSet:
         I = np.eye(self.A.shape[1])
         return replace(self, A=np.vstack([self.A, I, -I]), b=np.concatenate([self.b, np.full(2 * len(I), -side)]))
 
-
-def least(P: Array, q: Array, inside: ConeSet, z: Array, gap: float, work: Work | None = None) -> Array:
-    """A point within `gap` of the minimum of 1/2 z . P z + q . z over a set, strictly inside.
-
-    Args:
-        P: Positive semidefinite, shape (z, z).
-        q: Shape (z,).
-        inside: The set.
-        z: A point strictly inside.
-        gap: Largest excess of the value.
-        work: Limit of the cost. Once none is left (`work.left < 0`) the point is inside, and not within the gap.
-    """
-    work = Work(math.inf) if work is None else work
-    nu = inside.parameter
-    end = (nu + 2.0 * math.sqrt(nu)) / gap
-    t = min(end, nu / max(1.0, float(np.abs(q).sum())))
-    while True:
-        z = _centred(P, q, inside, z, t, work)
-        if t >= end or work.left < 0.0:
-            return z
-        t = min(_FACTOR * t, end)
-
-
-def interior(inside: ConeSet, z: Array, enough: float, work: Work | None = None) -> Array | None:
-    """A point inside by about `enough`, or as far inside as the set allows; None where that is not at all.
-
-    Args:
-        inside: The set.
-        z: A point of it, on its boundary perhaps.
-        enough: A sufficient margin.
-        work: As of `least`.
-    """
-    if inside.margin(z) >= enough:
-        return z
-    # Largest margin tau: A z - tau >= b, |u_t| <= mu u_2 - tau, tau <= 2 enough.
-    n = len(z)
-    rows = np.hstack([inside.A, -np.ones((len(inside.b), 1))])
-    cap = np.zeros((1, n + 1))
-    cap[0, n] = -1.0
-    C = np.concatenate([inside.C, np.zeros((len(inside.mu), 3, 1))], axis=2)
-    C[:, 2, n] = -1.0 / inside.mu
-    wider = ConeSet(np.vstack([rows, cap]), np.concatenate([inside.b, [-2.0 * enough]]), C, inside.at, inside.mu)
-    start = np.append(z, inside.margin(z) - enough)
-    q = np.zeros(n + 1)
-    q[n] = -1.0
-    box = 1.0 + 1e4 * max(1.0, float(np.abs(z).max(initial=0.0)))
-    found = least(np.zeros((n + 1, n + 1)), q, wider.boxed(box), start, 1e-3 * _THIN, work)[:n]
-    return found if inside.margin(found) > _THIN else None
-
-
-def _centred(P: Array, q: Array, inside: ConeSet, z: Array, t: float, work: Work) -> Array:
-    """Newton's method on t objective + barrier, until the decrement is small."""
-    cost = len(z) ** 2 * (len(z) / 3.0 + len(inside.b) + 3.0 * len(inside.mu)) + 1e5
-    for _ in range(_NEWTON_STEPS):
-        if not work.spend(cost):
-            return z
-        gradient, hessian = _derivatives(inside, z)
-        gradient += t * (P @ z + q)
-        hessian += t * P
-        # Diagonal scaling: entries differ by t^2.
-        d = 1.0 / np.sqrt(np.maximum(hessian.diagonal(), 1e-300))
-        step = -d * _solved(hessian * np.outer(d, d), d * gradient)
-        decrement = math.sqrt(max(0.0, -float(gradient @ step)))
-        if decrement < 1e-3:
-            return z
-        size = 1.0 if decrement < 0.25 else _longest(P, q, inside, z, step, t)
-        while size > 1e-12 and not inside.margin(z + size * step) > 0.0:
-            size *= 0.5
-        if size <= 1e-12:
-            return z
-        z = z + size * step
-    return z
-
-
-def _solved(H: Array, g: Array) -> Array:
-    """H^-1 g of a positive definite H; by least squares where rounding leaves it singular, at fifty times the cost."""
-    _, x, info = lapack.dposv(H, g)
-    return x if info == 0 else np.linalg.lstsq(H, g, rcond=1e-15)[0]
-
-
-def _longest(P: Array, q: Array, inside: ConeSet, z: Array, step: Array, t: float) -> float:
-    """A step length that satisfies Armijo's condition, largest first."""
-    value = _value(P, q, inside, z, t)
-    gradient, _ = _derivatives(inside, z)
-    slope = float((gradient + t * (P @ z + q)) @ step)
-    size = 1.0
-    while size > 1e-12:
-        if inside.margin(z + size * step) > 0.0 and _value(P, q, inside, z + size * step, t) <= value + 0.1 * size * slope:
-            return size
-        size *= 0.5
-    return size
-
-
-def _value(P: Array, q: Array, inside: ConeSet, z: Array, t: float) -> float:
-    s, u, edge = inside.slack(z)
-    barrier = np.log(s).sum() + np.log(edge * (inside.mu * u[:, 2] + np.hypot(u[:, 0], u[:, 1]))).sum()
-    return t * float(0.5 * z @ P @ z + q @ z) - float(barrier)
-
-
-def _derivatives(inside: ConeSet, z: Array) -> tuple[Array, Array]:
-    """Gradient and Hessian of the barrier."""
-    s, u, edge = inside.slack(z)
-    scaled = inside.A / s[:, None]
-    gradient, hessian = -scaled.sum(axis=0), scaled.T @ scaled
-    if len(inside.mu):
-        phi = edge * (inside.mu * u[:, 2] + np.hypot(u[:, 0], u[:, 1]))
-        Q = np.stack([-np.ones_like(phi), -np.ones_like(phi), inside.mu**2], axis=1)
-        slope = np.einsum("ki,kiz->kz", 2.0 * Q * u, inside.C) / phi[:, None]
-        gradient = gradient - slope.sum(axis=0)
-        flat = inside.C.reshape(3 * len(phi), -1)
-        hessian = hessian + slope.T @ slope - flat.T @ ((2.0 * Q / phi[:, None]).reshape(-1, 1) * flat)
-    return gradient, hessian
+    def program(self, P: Array, q: Array) -> Conic:
+        """Of 1/2 z . P z + q . z over the set, in x = (z, u)."""
+        n, k = self.A.shape[1], 3 * len(self.mu)
+        H, free = np.zeros((n + k, n + k)), np.full(n + k, math.inf)
+        H[:n, :n] = P
+        return Conic(
+            H, np.concatenate([q, np.zeros(k)]), np.hstack([self.C.reshape(k, n), -np.eye(k)]), -self.at.ravel(),
+            np.hstack([self.A, np.zeros((len(self.b), k))]), self.b, np.full(len(self.b), math.inf), -free, free,
+            n + np.arange(k).reshape(-1, 3), self.mu,
+        )  # fmt: skip

@@ -235,12 +235,12 @@ class TestWork:
         assert "? .. ?" in str(u) and "not found" in str(u) and "nan" not in str(u)
 
     def test_whatever_the_work_allowed_an_end_is_right_or_not_found(self, monkeypatch):
-        """From too little for one end to enough for all, along the barrier's path: what is printed is never a wrong number."""
+        """From too little for one end to enough for all, by Clarabel alone: what is printed is never a wrong number."""
         monkeypatch.setattr(extent, "_PROXIMAL", ())
         s = sole()
         expected = s.uniqueness().contacts["floor"].corners
         known = []
-        for work in (1e5, 3e6, 1e7, 3e7, 1e8):
+        for work in (1e5, 1e6, 2e6, 1e8):
             monkeypatch.setattr("rbd.answers.analysis.uniqueness.ENDS_WORK", work)
             u = s.uniqueness()
             for one, full in zip(u.contacts["floor"].corners, expected, strict=True):

@@ -2,8 +2,8 @@
 
 First by proximal steps, y_next = argmin |y - y_now|^2 / (2 t) - function, each a small dual problem of
 `rbd.problem.conic` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the maximum. Where they do
-not converge (sets without an interior, unbounded functions), by linear programs, and where cones are circular by a
-barrier method. Extreme values are attained.
+not converge (sets without an interior, unbounded functions), by linear programs, and where cones are circular by an
+interior-point method. Extreme values are attained.
 
 The total cost is limited to a number of multiplications; ranges not found within it are reported as such.
 """
@@ -19,8 +19,9 @@ from scipy.sparse import csr_array, hstack, identity
 from rbd.answers.analysis.admissible_forces import Admissible
 from rbd.arrays import Array, lazy, max_abs, null_space
 from rbd.problem.cones import pyramid
-from rbd.problem.conic import ConeSet, Separable, interior, least, least_squares
+from rbd.problem.conic import ConeSet, Separable, least_squares
 from rbd.problem.programs import LinearAnswer, Work, linear_program
+from rbd.solvers.conic_newton import solve_conic
 
 EXACT = 1e-10
 """Accuracy of an extreme value, over the size of the forces."""
@@ -29,6 +30,12 @@ _FAR = 1e4
 _THIN = ((1e8, "highs"), (1e8, "highs-ipm"), (1e6, "highs"))
 """(scale, method) tried in turn: widths below one part in the scale count as zero, and programs are hard at that scale."""
 _TIGHT = 1e-10
+_PROVED = 1e-9
+"""Largest excess of what Clarabel finds, by its multipliers, over the size of the forces."""
+_NO_INTERIOR = 1e-8
+"""Circular cones that leave a ball thinner than this, over the size of the forces, are widened."""
+_INTERIOR_STEPS = 20.0
+"""Steps of an interior-point method, for the count of the work."""
 _PROXIMAL = (1.0, 30.0, 1e3, 3e4, 1e6, 1e6, 1e6, 1e6)
 """Lengths t of the proximal steps, over the size of the forces."""
 
@@ -236,20 +243,17 @@ class Reach:
         if not len(self.adm.mu):
             found = self._along(self.basis @ q / scale)
             return -found.value > 1e-9 if found.solved else None
-        on = self._cone_set[0]
+        on = self._cone_set
         away = ConeSet(on.A, np.zeros_like(on.b), on.C, np.zeros_like(on.at), on.mu).boxed(1.0).widened(EXACT)
-        far = least(np.zeros((len(q), len(q))), -q / scale, away, np.zeros(len(q)), 1e-6, self.work)
-        return None if self.work.left < 0.0 else float(q @ far) > 1e-4 * scale
+        far = least(np.zeros((len(q), len(q))), -q / scale, away, self.work, 1e-6)
+        return None if far is None else float(q @ far) > 1e-4 * scale
 
     def _farthest(self, q: Array) -> Array | None:
         """Where q . z is largest, shape (z,); None where it was not found."""
         scale = max_abs(q)
         if len(self.adm.mu):
-            on, centre = self._cone_set
-            if self.work.left < 0.0:
-                return None
-            inside = on if self.closed else on.boxed(_FAR)
-            return least(np.zeros((len(q), len(q))), -q / scale, inside, centre, EXACT, self.work)
+            inside = self._cone_set if self.closed else self._cone_set.boxed(_FAR)
+            return least(np.zeros((len(q), len(q))), -q / scale, inside, self.work)
         across = self._across
         found = linear_program(
             -self.basis @ (q / scale), csr_array(-self.normals), -self.offsets, csr_array(across), across @ self.start,
@@ -262,29 +266,50 @@ class Reach:
         return _on_planes(A, b, self.basis.T @ (found.x - self.start))
 
     @lazy
-    def _cone_set(self) -> tuple[ConeSet, Array]:
-        """(the set with its circular cones, a point strictly inside)."""
+    def _cone_set(self) -> ConeSet:
+        """The set with its circular cones; widened by `EXACT` where it has no interior."""
         adm, B = self.adm, self.basis
-        z0 = np.zeros(B.shape[1])
         kept, D = self.open_cones, adm.D[~self.shut[: len(adm.d)]]
         d = adm.d[~self.shut[: len(adm.d)]] / adm.size
         felt = np.abs(D @ B).max(axis=1, initial=0.0) > 1e-9
         C, at = B[adm.cone_columns[kept]], self.start[adm.cone_columns[kept]]
         on = ConeSet(D[felt] @ B, (d - D @ self.start)[felt], C, at, adm.mu[kept])
-        centre = interior(on, z0, 0.01, self.work)
-        if centre is not None:
-            return on, centre
-        self.thin = True
-        return on.widened(EXACT), z0
+        # The largest margin tau <= 1: A z - tau >= b, |u_t| <= mu u_2 - tau.
+        n = B.shape[1]
+        with_margin = np.concatenate([on.C, np.zeros((len(on.mu), 3, 1))], axis=2)
+        with_margin[:, 2, n] = -1.0 / on.mu
+        rows = np.hstack([on.A, -np.ones((len(on.b), 1))])
+        cap = np.append(np.zeros(n), -1.0)
+        inner = ConeSet(np.vstack([rows, cap]), np.append(on.b, -1.0), with_margin, on.at, on.mu)
+        deep = least(np.zeros((n + 1, n + 1)), cap, inner.boxed(_FAR), self.work)
+        self.thin = deep is None or bool(deep[n] <= _NO_INTERIOR)
+        return on.widened(EXACT) if self.thin else on
 
     @property
-    def cone_set(self) -> tuple[ConeSet, Array]:
+    def cone_set(self) -> ConeSet:
         """`_cone_set` over all `directions`, the unbounded ones last."""
-        on, centre = self._cone_set
-        loose = self.loose.shape[1]
+        on, loose = self._cone_set, self.loose.shape[1]
         A = np.hstack([on.A, np.zeros((len(on.b), loose))])
         C = np.concatenate([on.C, np.zeros((len(on.mu), 3, loose))], axis=2)
-        return replace(on, A=A, C=C), np.concatenate([centre, np.zeros(loose)])
+        return replace(on, A=A, C=C)
+
+
+def least(P: Array, q: Array, inside: ConeSet, work: Work, gap: float = _PROVED) -> Array | None:
+    """Where 1/2 z . P z + q . z is least over a set, by Clarabel; None where that was not found, or no work is left.
+
+    Args:
+        P: Positive semidefinite, shape (z, z).
+        q: Shape (z,).
+        inside: The set.
+        work: Limit of the cost.
+        gap: Largest excess of the value, by the multipliers, and largest distance from the set.
+    """
+    program = inside.program(P, q)
+    if not work.spend(_INTERIOR_STEPS * len(program.g) ** 2 * (len(program.g) / 3.0 + len(program.low)) + 1e5):
+        return None
+    found = solve_conic(program, newton=False, tolerance=EXACT)
+    met = found.solved or (program.outside(found.x) <= gap and program.excess(found.x, found.y, found.z) <= gap)
+    return found.x[: len(q)] if met else None
 
 
 def _on_planes(A: Array, b: Array, z: Array) -> Array:

@@ -5,7 +5,8 @@
 with T the identity or the user's weights. The minimiser is unique in s, as the norm is strictly convex there. Over bounds and
 facets it is a least-distance program, exact by nonnegative least squares [LawsonHanson1974], chapter 23; over circular cones
 Newton's method on its dual (`rbd.problem.conic`), exact too; where that does not converge (sets without an interior
-or weights that mix the corners), a barrier method, then Newton's method on the modes found (inside, on the edge, at the apex).
+or weights that mix the corners), Clarabel's interior-point method, then Newton's method on the modes found (inside, on the
+edge, at the apex).
 """
 
 from __future__ import annotations
@@ -17,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.answers.analysis.admissible_forces import Admissible, admissible
-from rbd.answers.analysis.extent import Reach
+from rbd.answers.analysis.extent import Reach, least
 from rbd.arrays import Array, as_array, block_diagonal, is_finite
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
-from rbd.problem.conic import ConeSet, least, least_squares
+from rbd.problem.conic import ConeSet, least_squares
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.programs import FORCE_CHOICE_WORK, Work, least_distance
 
@@ -30,7 +31,6 @@ GIVEN_WEIGHT = "minimum of the given weight"
 
 _EVEN = 1e-5
 """Smallest accepted ratio of two square roots of weights."""
-_GAP = 1e-13
 _TOUCHES = 3e-7
 _EXACT = 1e-12
 
@@ -203,11 +203,11 @@ def _within_cones(adm: Admissible, E: Array, e: Array) -> Array | None:
     H = E @ B
     if not len(adm.mu):
         on = ConeSet(adm.D @ B, (adm.d - adm.D @ adm.start) / adm.size, np.zeros((0, 3, B.shape[1])), np.zeros((0, 3)), adm.mu)
-        on, z = on.widened(1e-10), np.zeros(B.shape[1])
+        on = on.widened(1e-10)
     else:
-        on, z = reach.cone_set
-    z = least(H.T @ H, H.T @ e, on, z, _GAP, work)
-    if work.left < 0.0:
+        on = reach.cone_set
+    z = least(H.T @ H, H.T @ e, on, work)
+    if z is None:
         return None
     z = _polished(H, e, on, z)
     return adm.kept(adm.start + adm.size * (B @ z))
