@@ -241,8 +241,9 @@ def simulate(
             print_path(console, "video", trajectory.video(video, external=external))
         if show and len(trajectory) > 1:
             from rbd.visual.playback.animation import motion_scene
+            from rbd.visual.playback.staging import Playback
 
-            with motion_scene(trajectory, external=external, playing=True) as scene:
+            with motion_scene(trajectory, Playback(external=external, playing=True)) as scene:
                 serve(console, scene.open())
         if stopped is not None:
             raise stopped

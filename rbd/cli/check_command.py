@@ -140,8 +140,9 @@ def check(
             print_path(console, what, path)
         if show:
             from rbd.visual.playback.report_page import report_scene
+            from rbd.visual.playback.staging import Playback
 
-            with report_scene(report, playing=True) as scene:
+            with report_scene(report, Playback(playing=True, trace=False)) as scene:
                 serve(console, scene.open())
         if ranking.code:
             raise typer.Exit(ranking.code)

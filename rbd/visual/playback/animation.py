@@ -22,7 +22,7 @@ from rbd.visual.pages.page import screenshot, write_page
 from rbd.visual.playback.curves import Choice, described, together
 from rbd.visual.playback.motion_frames import Pushes, PushesAt
 from rbd.visual.playback.motion_page import MotionPage
-from rbd.visual.playback.staging import a_second, a_time, checked, displaced, staged
+from rbd.visual.playback.staging import Playback, a_second, a_time, checked, displaced, staged
 from rbd.visual.playback.trajectory_charts import charts_of
 from rbd.visual.robot_layers import FRONT_LEFT
 from rbd.visual.scene import Scene
@@ -110,83 +110,46 @@ def export_motion(
         >>> print(rbd.visual.export_motion(swing, "swing.html", speed=0.5, charts=["energy"]).name)
         swing.html
     """
+    settings = Playback.of(locals())
     target = a_page(path)
-    scene = motion_scene(
-        trajectory, fps=fps, speed=speed, title=title, start=start, external=external, ghost=ghost, beside=beside,
-        beside_external=beside_external, charts=charts, follow=follow, trace=trace, footprints=footprints, ground=ground,
-        seen_from=seen_from, arrow_per_weight=arrow_per_weight, layers=layers, view=view,
-    )  # fmt: skip
+    scene = motion_scene(trajectory, settings)
     write_page(target, scene.page(title))
     return target
 
 
-def motion_scene(
-    trajectory: Trajectory | Motion,
-    *,
-    fps: float | None = None,
-    speed: float = 1.0,
-    title: str | None = None,
-    start: float | None = None,
-    playing: bool = False,
-    external: Pushes | PushesAt = None,
-    ghost: Trajectory | Motion | None = None,
-    beside: Trajectory | Motion | None = None,
-    beside_external: Pushes | PushesAt = None,
-    charts: Choice = True,
-    follow: bool | None = None,
-    trace: bool = True,
-    footprints: bool = True,
-    ground: bool = True,
-    seen_from: Sequence[float] | Array | None = None,
-    arrow_per_weight: float | None = None,
-    layers: Mapping[str, bool] | None = None,
-    view: str = "start",
-) -> Scene:
+def motion_scene(trajectory: Trajectory | Motion, given: Playback) -> Scene:
     """The scene of `export_motion`, with all frames: to be written as a page, or served live.
 
     Args:
-        trajectory: As for `export_motion`, and so are all others but one.
-        fps: Frames a second of playback.
-        speed: Seconds of motion a second at first.
-        title: Headline.
-        start: Time at which the page opens [s].
-        playing: Whether the page plays as it opens.
-        external: The external forces.
-        ghost: A second motion, drawn translucent.
-        beside: A second motion, drawn to the right of the first.
-        beside_external: Its external forces.
-        charts: Which charts.
-        follow: Whether the camera follows the robot.
-        trace: Whether to draw the path of the centre of mass.
-        footprints: Whether to draw footprints.
-        ground: Whether to draw the ground.
-        seen_from: Direction from the robot to the camera.
-        arrow_per_weight: Length of an arrow as large as the weight [m].
-        layers: Which layers are shown at first.
-        view: Where the camera stands at first.
+        trajectory: As for `export_motion`.
+        given: Its settings.
 
     Raises:
         InputError: as `export_motion`.
     """
     shown = checked(trajectory)
-    motion, scene = staged(shown, fps, speed, external, ground, seen_from, arrow_per_weight, None, layers, view)
-    motion = motion.with_ghost(ghost)
-    drawn, times = charts_of(shown, charts), [np.asarray(shown.t)]
+    motion, scene = staged(shown, given)
+    motion = motion.with_ghost(given.ghost)
+    drawn, times = charts_of(shown, given.charts), [np.asarray(shown.t)]
     second = None
-    if beside is not None:
-        second = checked(beside)
-        camera = FRONT_LEFT if seen_from is None else seen_from
-        motion = motion.with_second(a_second(second, motion, fps, speed, beside_external), camera)
-        drawn = together(drawn, charts_of(second, True if isinstance(charts, bool) and charts else [c.name for c in drawn]))
+    if given.beside is not None:
+        second = checked(given.beside)
+        camera = FRONT_LEFT if given.seen_from is None else given.seen_from
+        motion = motion.with_second(a_second(second, motion, given), camera)
+        drawn = together(drawn, charts_of(second, True if given.charts is True else [c.name for c in drawn]))
         times.append(np.asarray(second.t))
     first, last = float(motion.frames.times[0]), float(motion.frames.times[-1])
-    begin = first if start is None else a_time("start", start, first, last)
-    follows = motion.goes_far(FAR) if follow is None else bool(follow)
-    settings = {"title": _a_title(title, shown), "start": begin, "speed": float(speed), "follow": follows, "trace": bool(trace)}
-    settings |= {"playing": bool(playing), "charts": described(times, drawn) if drawn else None}
+    begin = first if given.start is None else a_time("start", given.start, first, last)
+    follows = motion.goes_far(FAR) if given.follow is None else bool(given.follow)
+    settings = {"title": _a_title(given.title, shown), "start": begin, "speed": float(given.speed), "follow": follows}
+    settings |= {
+        "trace": bool(given.trace),
+        "playing": bool(given.playing),
+        "charts": described(times, drawn) if drawn else None,
+    }
     scene.stage_motion(motion.whole(settings), motion.around(follows), motion.further_parts())
     outlines = footprints_of(shown) + ([] if second is None else displaced(footprints_of(second), motion))
-    if footprints and outlines:
+    if given.footprints and outlines:
         scene.draw(*outlines)
     return scene
 
@@ -238,6 +201,7 @@ def motion_sheet(
         >>> rbd.visual.motion_sheet(swing, 4, "swing.png")  # doctest: +SKIP
         PosixPath('swing.png')
     """
+    given = Playback.of(locals())
     if a_path("the picture", png_path).suffix.lower() != ".png":
         raise PictureError(f"cannot write the picture {str(png_path)!r:.80}: expected a name that ends in .png.")
     picture = a_picture(png_path)
@@ -245,7 +209,7 @@ def motion_sheet(
     shown = checked(trajectory)
     at = _picture_times(times, float(shown.t[0]), float(shown.t[-1]))
     in_a_row = len(at) if columns is None else min(a_count("columns", columns, MOST_PICTURES), len(at))
-    motion, scene = staged(shown, None, 1.0, external, ground, seen_from, arrow_per_weight)
+    motion, scene = staged(shown, given)
     motion = motion.with_ghost(ghost)
     follows = motion.goes_far(FAR) if follow is None else bool(follow)
     settings = {"title": "", "start": at[0], "speed": 1.0, "follow": follows, "trace": bool(trace)}
@@ -286,7 +250,7 @@ def replay(
     shown = checked(trajectory)
     if scene is not None and not isinstance(scene, Scene):
         raise InputError(f"scene is {scene!r:.80}; expected a rbd.visual.Scene, or None.")
-    motion, used = staged(shown, LIVE_FPS, speed, external, scene=scene)
+    motion, used = staged(shown, Playback(fps=LIVE_FPS, speed=speed, external=external), scene)
     play_live(motion, used, shown.robot.name, float(speed), opened=scene is not None)
 
 

@@ -34,7 +34,7 @@ from rbd.visual.playback.curves import (
 )
 from rbd.visual.playback.motion_frames import MOST_NUMBERS, Track
 from rbd.visual.playback.motion_page import MotionPage
-from rbd.visual.playback.staging import a_time, checked, staged
+from rbd.visual.playback.staging import Playback, a_time, checked, staged
 from rbd.visual.playback.trajectory_charts import charts_of
 from rbd.visual.scene import Scene
 from rbd.visual.style import CONTACT_COLORS, WRENCH_COLOR, a_page, contact_colors, distinct_colors
@@ -286,65 +286,34 @@ def export_report(
         >>> print(rbd.visual.export_report("hop.html", rbd.check_motion(hop)).name)
         hop.html
     """
+    given = Playback.of(locals())
     target = a_page(path)
-    scene = report_scene(
-        report, fps=fps, speed=speed, title=title, start=start, ghost=ghost, charts=charts, follow=follow, trace=trace,
-        seen_from=seen_from, arrow_per_weight=arrow_per_weight, layers=layers, view=view,
-    )  # fmt: skip
+    scene = report_scene(report, given)
     write_page(target, scene.page(title or headline_of(report)))
     return target
 
 
-def report_scene(
-    report: MotionReport,
-    *,
-    fps: float | None = None,
-    speed: float = 1.0,
-    title: str | None = None,
-    start: float | None = None,
-    playing: bool = False,
-    ghost: Trajectory | Motion | None = None,
-    charts: Choice = True,
-    follow: bool | None = None,
-    trace: bool = False,
-    seen_from: Sequence[float] | Array | None = None,
-    arrow_per_weight: float | None = None,
-    layers: Mapping[str, bool] | None = None,
-    view: str = "start",
-) -> Scene:
+def report_scene(report: MotionReport, given: Playback) -> Scene:
     """The scene of `export_report`, with all frames: to be written as a page, or served live.
 
     Args:
-        report: As for `export_report`, and so are all others but one.
-        fps: Frames a second of playback.
-        speed: Seconds of motion a second at first.
-        title: Headline.
-        start: Time at which the page opens [s].
-        playing: Whether the page plays as it opens.
-        ghost: A second motion, drawn translucent.
-        charts: Which charts.
-        follow: Whether the camera follows the robot.
-        trace: Whether to draw the path of the centre of mass.
-        seen_from: Direction from the robot to the camera.
-        arrow_per_weight: Length of an arrow as large as the weight [m].
-        layers: Which layers are shown at first.
-        view: Where the camera stands at first.
+        report: As for `export_report`.
+        given: Its settings; without external forces, a second motion beside, and footprints.
 
     Raises:
         InputError: as `export_report`.
     """
     played = checked_report(report)
-    rate = _fps(report) if fps is None else fps
-    page, scene = _staged(report, played, rate, speed, seen_from, arrow_per_weight, layers, view)
-    page = page.with_ghost(ghost, report.lanes.ground)
+    page, scene = _staged(report, played, replace(given, fps=_fps(report) if given.fps is None else given.fps))
+    page = page.with_ghost(given.ghost, report.lanes.ground)
     first, last = float(played.t[0]), float(played.t[-1])
     bad = ~report.possible
     worst = float(played.t[int(np.argmax(np.where(bad, report.missing_scaled, -1.0)))]) if bad.any() else first
-    begin = worst if start is None else a_time("start", start, first, last)
-    follows = page.goes_far(FAR) if follow is None else bool(follow)
-    drawn = report_charts(report, charts)
-    settings = {"title": title or headline_of(report), "start": begin, "speed": float(speed), "follow": follows}
-    settings |= {"trace": bool(trace), "playing": bool(playing)}
+    begin = worst if given.start is None else a_time("start", given.start, first, last)
+    follows = page.goes_far(FAR) if given.follow is None else bool(given.follow)
+    drawn = report_charts(report, given.charts)
+    settings = {"title": given.title or headline_of(report), "start": begin, "speed": float(given.speed), "follow": follows}
+    settings |= {"trace": bool(given.trace), "playing": bool(given.playing)}
     settings["charts"] = described([report.motion.t], drawn) if drawn else None
     scene.stage_motion(page.whole(settings), page.around(follows))
     return scene
@@ -371,7 +340,7 @@ def show_report(report: MotionReport, *, speed: float = 1.0) -> None:
         >>> report = rbd.check_motion(rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=20.0))
         >>> rbd.visual.show_report(report)  # doctest: +SKIP
     """
-    page, scene = _staged(report, checked_report(report), 30.0, speed)
+    page, scene = _staged(report, checked_report(report), Playback(fps=30.0, speed=speed))
     play_live(page, scene, report.motion.source, float(speed))
 
 
@@ -395,18 +364,9 @@ def _fps(report: MotionReport) -> float | None:
     return rate if rate <= MOST_FPS and report.n * width <= MOST_NUMBERS else None
 
 
-def _staged(
-    report: MotionReport,
-    played: Played,
-    fps: float | None,
-    speed: float,
-    seen_from: Sequence[float] | Array | None = None,
-    arrow_per_weight: float | None = None,
-    layers: Mapping[str, bool] | None = None,
-    view: str = "start",
-) -> tuple[MotionPage, Scene]:
+def _staged(report: MotionReport, played: Played, given: Playback) -> tuple[MotionPage, Scene]:
     """The frames with the missing wrench beside the contact forces, and a scene with the robot at its start."""
-    page, scene = staged(played, fps, speed, None, True, seen_from, arrow_per_weight, None, layers, view)  # type: ignore[arg-type]
+    page, scene = staged(played, given)  # type: ignore[arg-type]
     frames = page.frames
     at = frames.times
     missing = np.column_stack([np.interp(at, played.t, column) for column in report.missing.T])

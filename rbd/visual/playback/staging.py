@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,12 +16,14 @@ from rbd.robots.robot import Robot
 from rbd.simulation.simulated_motion import Event
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.regions import Footprints
+from rbd.visual.playback.curves import Choice
 from rbd.visual.playback.motion_frames import Pushes, PushesAt, frames_of
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.robot_meshes import RobotPart, robot_parts
 from rbd.visual.scene import Scene
 
 if TYPE_CHECKING:
+    from rbd.motion.reference_motion import Motion
     from rbd.simulation.trajectory import Trajectory
 
 MOST_FPS, LEAST_SPEED, MOST_SPEED = 1000.0, 1e-3, 1000.0
@@ -87,41 +89,79 @@ def positive(what: str, value: object, most: float, unit: str) -> float:
     return number
 
 
-def staged(
-    trajectory: Trajectory,
-    fps: float | None,
-    speed: float,
-    external: Pushes | PushesAt,
-    ground: bool = True,
-    seen_from: Sequence[float] | Array | None = None,
-    arrow_per_weight: float | None = None,
-    scene: Scene | None = None,
-    layers: Mapping[str, bool] | None = None,
-    view: str = "start",
-) -> tuple[MotionPage, Scene]:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Playback:
+    """How a motion is shown: the settings that pages, sheets and videos share, as `rbd.visual.export_motion` describes them.
+
+    Attributes:
+        fps: Frames a second of playback.
+        speed: Seconds of motion a second at first.
+        title: Headline.
+        start: Time at which the page opens [s].
+        playing: Whether the page plays as it opens.
+        external: The external forces.
+        ghost: A second motion, drawn translucent.
+        beside: A second motion, drawn to the right of the first.
+        beside_external: Its external forces.
+        charts: Which charts.
+        follow: Whether the camera follows the robot.
+        trace: Whether to draw the path of the centre of mass.
+        footprints: Whether to draw footprints.
+        ground: Whether to draw the ground.
+        seen_from: Direction from the robot to the camera.
+        arrow_per_weight: Length of an arrow as large as the weight [m].
+        layers: Which layers are shown at first.
+        view: Where the camera stands at first.
+    """
+
+    fps: float | None = None
+    speed: float = 1.0
+    title: str | None = None
+    start: float | None = None
+    playing: bool = False
+    external: Pushes | PushesAt = None
+    ghost: Trajectory | Motion | None = None
+    beside: Trajectory | Motion | None = None
+    beside_external: Pushes | PushesAt = None
+    charts: Choice = True
+    follow: bool | None = None
+    trace: bool = True
+    footprints: bool = True
+    ground: bool = True
+    seen_from: Sequence[float] | Array | None = None
+    arrow_per_weight: float | None = None
+    layers: Mapping[str, bool] | None = None
+    view: str = "start"
+
+    @classmethod
+    def of(cls, arguments: Mapping[str, Any]) -> Playback:
+        """The settings among the arguments of a function."""
+        return cls(**{f.name: arguments[f.name] for f in fields(cls) if f.name in arguments})
+
+
+def staged(trajectory: Trajectory, given: Playback, scene: Scene | None = None) -> tuple[MotionPage, Scene]:
     """The frames of a motion, and a scene with the robot at its start."""
-    speed = positive("speed", speed, MOST_SPEED, "")
+    speed = positive("speed", given.speed, MOST_SPEED, "")
     if speed < LEAST_SPEED:
         raise InputError(f"speed is {speed:.3g}; expected at least {LEAST_SPEED:g}.")
-    fps = None if fps is None else positive("fps", fps, MOST_FPS, " frames a second")
+    fps = None if given.fps is None else positive("fps", given.fps, MOST_FPS, " frames a second")
     robot = robot_of(trajectory)
     if scene is None:
         scene = Scene(
-            robot, ground=ground, seen_from=seen_from, arrow_per_weight=arrow_per_weight, legend=False, layers=layers, view=view
-        )
+            robot, ground=given.ground, seen_from=given.seen_from, arrow_per_weight=given.arrow_per_weight, legend=False,
+            layers=given.layers, view=given.view,
+        )  # fmt: skip
     scene.show(State(robot, np.array(trajectory.q[0], float)))
-    return _page(trajectory, robot_parts(robot), scene.sizes, bool(ground), fps, speed, external), scene
+    return _page(trajectory, robot_parts(robot), scene.sizes, bool(given.ground), fps, speed, given.external), scene
 
 
-def a_second(
-    trajectory: Trajectory, first: MotionPage, fps: float | None, speed: float, external: Pushes | PushesAt
-) -> MotionPage:
+def a_second(trajectory: Trajectory, first: MotionPage, given: Playback) -> MotionPage:
     """The frames of a motion that is to be shown beside a first one, of its robot or another."""
     robot = robot_of(trajectory)
     parts: Sequence[RobotPart] = robot_parts(robot)
     if len(parts) == len(first.parts) and all(map(_alike, parts, first.parts)):
         parts = first.parts  # their meshes are in the page already
-    return _page(trajectory, parts, first.sizes, first.ground, fps, speed, external)
+    return _page(trajectory, parts, first.sizes, first.ground, given.fps, given.speed, given.beside_external)
 
 
 def _page(

@@ -6,6 +6,7 @@ import base64
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from os import PathLike
@@ -24,7 +25,7 @@ from rbd.visual.pages.link import page_link
 from rbd.visual.pages.page import write_page
 from rbd.visual.playback.animation import motion_scene
 from rbd.visual.playback.motion_frames import Pushes, PushesAt
-from rbd.visual.playback.staging import positive
+from rbd.visual.playback.staging import Playback, positive
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_path
 
@@ -118,14 +119,11 @@ def export_video(
         >>> rbd.visual.export_video(swing, "swing.gif", fps=20, speed=0.1)  # doctest: +SKIP
         PosixPath('swing.gif')
     """
+    given = replace(Playback.of(locals() | {"view": "start"}), fps=None, layers=None, charts=False)
     target, write = _checked(path, fps, width, height)
     fps, speed = float(fps), positive("speed", speed, 1000.0, "")
     link = page_link(view=view, layers=layers, controls=False)
-    scene = _scene(
-        trajectory, speed=speed, title=title, external=external, ghost=ghost, beside=beside, beside_external=beside_external,
-        follow=follow, trace=trace, footprints=footprints, ground=ground, seen_from=seen_from,
-        arrow_per_weight=arrow_per_weight,
-    )  # fmt: skip
+    scene = _scene(trajectory, given)
     times = frame_times(*_span(trajectory, beside), fps, speed)
     settings = {"width": width, "height": height, "quality": QUALITY[target.suffix.lower()], "speed": speed}
     with tempfile.TemporaryDirectory(prefix="rbd-video-") as folder, one_browser(browser) as used:
@@ -178,22 +176,22 @@ def _span(trajectory: object, beside: object) -> tuple[float, float]:
     return min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
 
 
-def _scene(trajectory: Trajectory | Motion | MotionReport, **options: object) -> Scene:
+def _scene(trajectory: Trajectory | Motion | MotionReport, given: Playback) -> Scene:
     """The scene of a motion or of a report, without charts."""
     from rbd.motion.report import MotionReport
     from rbd.visual.playback.report_page import report_scene
 
     if not isinstance(trajectory, MotionReport):
-        return motion_scene(trajectory, charts=False, **options)  # type: ignore[arg-type]
+        return motion_scene(trajectory, given)
     for name in ("external", "beside", "beside_external"):
-        if options.pop(name) is not None:
+        if getattr(given, name) is not None:
             raise InputError(f"{name} was given with a report; expected it with a trajectory or a motion.")
     for name in ("footprints", "ground"):
-        if options.pop(name) is not True:
+        if getattr(given, name) is not True:
             raise InputError(
                 f"{name} was given with a report, which has its ground; expected it with a trajectory or a motion."
             )
-    return report_scene(trajectory, charts=False, **options)  # type: ignore[arg-type]
+    return report_scene(trajectory, given)
 
 
 def _window(width: int, height: int) -> tuple[int, int]:
