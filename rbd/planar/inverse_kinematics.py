@@ -17,14 +17,14 @@ Source of one and two links: [Duarte2021], "Inverse kinematics".
     minimise |q - q_start|^2 / 2   subject to   r(q) = target.
 
 A pose on the target is found first (Levenberg's damped least squares from the start; and, since that does not move if the
-start is in line with the target, two poses of three straight pieces, which exist for every target within reach). Then
-Newton's method on the family of poses: in the null space N of J, with the curvature of the constraint,
+start is in line with the target, from two poses in which the links form three straight lines; these exist for every target
+within reach). Then Newton's method on the family of poses: in the null space N of J, with the curvature of the constraint,
 
     N^T (I + sum_a lambda_a d2 r_a / dq^2) N z = -N^T (q - q_start),   lambda = -(J J^T)^-1 J (q - q_start),
 
 and back onto the target after each step. The nearest pose found is returned: a minimum, stated in the note if its
-curvature shows it, without proof that no other pose is nearer. Pieces: the polygon of the links closes as
-long as no side is longer than all others together.
+curvature shows it, without proof that no other pose is nearer. Lines: the polygon of the links closes as long as no side is
+longer than all others together.
 """
 
 from __future__ import annotations

@@ -12,7 +12,7 @@ with r = -A^T y - C^T z, H and g left out, is a certificate if
 
     y . b + least of z . s over s in [low, high] + least of r . x over x in X  >  0 :
 
-for every x the three terms with A x, C x and x themselves add up to zero, so that no x meets all three.
+y . A x + z . C x + r . x is zero for every x, and an x that meets the program would make it larger than zero.
 `rbd.solvers.conic_newton` solves it.
 
 Newton's method on the dual, where weights are diagonal (`least_squares`):
@@ -132,15 +132,21 @@ class Conic:
 
         Proved against all x whose entries are no larger than those of this one, where R is outside the dual cones.
         """
-        r = self.answer_of_X(x, y, z)
+        value, out = self.least(self.answer_of_X(x, y, z), y, z)
+        return float(x @ (self.H @ x + self.g) - value + out @ np.abs(x))
+
+    def least(self, r: Array, y: Array, z: Array) -> tuple[float, Array]:
+        """(value, out): x . (r + A^T y + C^T z) >= value - out . |x| for every x that meets the program.
+
+        Value is -inf where z pushes at a bound that is not there.
+        """
         end = np.where(r > 0.0, self.lower, self.upper)
         free = ~np.isfinite(end)
-        out = np.where(free, np.abs(r), 0.0)
+        out, end = np.where(free, np.abs(r), 0.0), np.where(free, 0.0, end)
         if len(self.mu):
-            out[self.cones] = np.abs(project_cones(-r[self.cones], self.mu))
-        side = np.where(z > 0.0, self.low, self.high)
-        least = y @ self.b + z @ np.where(z == 0.0, 0.0, side) + r @ np.where(free, 0.0, end)
-        return float(x @ (self.H @ x + self.g) - least + out @ np.abs(x))
+            out[self.cones], end[self.cones] = np.abs(project_cones(-r[self.cones], self.mu)), 0.0
+        side = np.where(z > 0.0, self.low, np.where(z < 0.0, self.high, 0.0))
+        return float(y @ self.b + z @ side + r @ end), out
 
     def value(self, x: Array) -> float:
         """1/2 x . H x + g . x."""
@@ -173,16 +179,7 @@ class Certificate:
         if not (is_finite(r) and size > 0.0):
             return None
         y, z, r = y / size, z / size, r / size
-        bound = np.where(r > 0.0, program.lower, program.upper)
-        free = ~np.isfinite(bound)
-        bound = np.where(free, 0.0, bound)
-        out = np.where(free, np.abs(r), 0.0)
-        if len(program.mu):
-            R = r[program.cones]
-            out[program.cones] = np.abs(project_cones(-R, program.mu))
-            bound[program.cones] = 0.0
-        side = np.where(z > 0.0, program.low, program.high)
-        gap = float(y @ program.b + z @ np.where(z == 0.0, 0.0, side) + r @ bound)
+        gap, out = program.least(r, y, z)
         left = float(out.max(initial=0.0))
         return cls(y, z, gap, gap / left if left > 0.0 else math.inf) if gap > 0.0 else None
 

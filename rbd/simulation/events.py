@@ -296,7 +296,7 @@ FOUND = 1e-12
 SOON = 1e-4
 """Zeros nearer to each other than this, over the time between samples: two such intervals in a row are chatter."""
 _WINDOW, _MOST = 10, 8
-"""Chatter, too: so many zeros in so many checks."""
+"""Chatter as well: so many steps looked back upon, and at least so many zeros in them."""
 _ROUNDS = 100
 
 

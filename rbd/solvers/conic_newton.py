@@ -149,13 +149,13 @@ def _by_clarabel(program: Conic, tolerance: float) -> ConicAnswer:
             return replace(found, certificate=proof)
     elif found.outcome is Outcome.UNBOUNDED:
         return found
-    elif (better := _settled(program, found, tolerance)) is not None:
+    elif (better := settled(program, found, tolerance)) is not None:
         return better
     proof = _refuted(program)
     return found if proof is None else replace(found, outcome=Outcome.INFEASIBLE, certificate=proof)
 
 
-def _settled(program: Conic, found: ConicAnswer, tolerance: float) -> ConicAnswer | None:
+def settled(program: Conic, found: ConicAnswer, tolerance: float) -> ConicAnswer | None:
     """The answer made exact by Newton's method, or as it is where it is good enough; None where it is no answer."""
     if not (program.H.any() or program.g.any()):  # any x will do, without multipliers
         y, z = np.zeros_like(found.y), np.zeros_like(found.z)

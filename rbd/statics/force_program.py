@@ -125,11 +125,7 @@ class ForceProgram(Conic):
 
     def bound(self, gain: Array, y: Array, z: Array) -> float:
         """What gain . x does not exceed, by multipliers, whatever x is."""
-        r = -gain - y @ self.A - z @ self.C
-        side = np.where(z > 0.0, self.low, self.high)
-        end = np.where(r > 0.0, self.lower, self.upper)
-        end = np.where(np.isfinite(end), end, 0.0)  # there r is zero, or answers in the dual cone
-        return -float(y @ self.b + z @ np.where(np.isfinite(side), side, 0.0) + r @ end)
+        return -self.least(-gain - y @ self.A - z @ self.C, y, z)[0]
 
     def contradiction(self) -> Certificate | None:
         """The multipliers that prove that no x meets the program, by the least sum of what is missed; None if it is nothing."""

@@ -72,12 +72,6 @@ def rgb(color: str) -> tuple[float, ...]:
     return tuple(part / 255.0 for part in bytes.fromhex(color.removeprefix("#")))
 
 
-def rgb_number(color: str, *, share: float = 1.0) -> int:
-    """'#rrggbb', darkened to a share of its light, as the number 0xrrggbb for Meshcat's materials."""
-    parts = bytes.fromhex(color.removeprefix("#"))
-    return int.from_bytes(bytes(int(share * part) for part in parts), "big")
-
-
 def a_path(what: str, value: object) -> Path:
     """A path.
 

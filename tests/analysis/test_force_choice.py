@@ -9,8 +9,8 @@ import pytest
 from scipy.optimize import linprog, minimize, nnls
 
 import rbd
-from rbd.answers.analysis.admissible_forces import ray_weights
-from rbd.answers.analysis.force_choice import _least_distance, minimum_norm
+from rbd.answers.analysis.admissible_forces import admissible, ray_weights
+from rbd.answers.analysis.force_choice import _least_distance, shortest
 from rbd.errors import InputError, NoSolution, UnknownName
 from rbd.problem.cones import project_cones, pyramid
 from rbd.problem.gauss_problem import Law
@@ -34,6 +34,13 @@ def table(com, friction, solver=None) -> rbd.Solution:
     robot = box(400.0 / G, (1.2, 0.8, 0.1))
     q = np.array([0.0, 0.0, 0.7, 0.0, 0.0, 0.0, 1.0])
     return rbd.solve(rbd.State(robot, q), np.zeros(0), legs, solver=solver or rbd.ProxQP())
+
+
+def minimum_norm(problem, a, f, weights, law) -> tuple[np.ndarray, np.ndarray]:
+    """(row forces, weights) of minimum norm among those with the same motion under the same law."""
+    found = admissible(problem, a, f, weights, law)
+    x = shortest(found)
+    return found.forces(x), found.law_weights(x)
 
 
 def normals(solution: rbd.Solution) -> np.ndarray:

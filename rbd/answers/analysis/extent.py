@@ -21,7 +21,7 @@ from rbd.arrays import Array, lazy, max_abs, null_space
 from rbd.problem.cones import pyramid
 from rbd.problem.conic import ConeSet, Separable, least_squares
 from rbd.problem.programs import LinearAnswer, Work, linear_program
-from rbd.solvers.conic_newton import solve_conic
+from rbd.solvers.conic_newton import interior_point, settled
 
 EXACT = 1e-10
 """Accuracy of an extreme value, over the size of the forces."""
@@ -307,7 +307,8 @@ def least(P: Array, q: Array, inside: ConeSet, work: Work, gap: float = _PROVED)
     program = inside.program(P, q)
     if not work.spend(_INTERIOR_STEPS * len(program.g) ** 2 * (len(program.g) / 3.0 + len(program.low)) + 1e5):
         return None
-    found = solve_conic(program, newton=False, tolerance=EXACT)
+    found = interior_point(program)  # the set is not empty: no proof of that need be looked for
+    found = settled(program, found, EXACT) or found
     met = found.solved or (program.outside(found.x) <= gap and program.excess(found.x, found.y, found.z) <= gap)
     return found.x[: len(q)] if met else None
 

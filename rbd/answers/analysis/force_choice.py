@@ -17,12 +17,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.answers.analysis.admissible_forces import Admissible, admissible
+from rbd.answers.analysis.admissible_forces import Admissible
 from rbd.answers.analysis.extent import Reach, least
 from rbd.arrays import Array, as_array, block_diagonal, is_finite
-from rbd.errors import InputError, NoSolution, UnknownName, nearest
+from rbd.errors import InputError, UnknownName, nearest
 from rbd.problem.conic import ConeSet, least_squares
-from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.programs import FORCE_CHOICE_WORK, Work, least_distance
 
 MINIMUM_NORM = "minimum norm of the corner forces [N]"
@@ -33,30 +32,6 @@ _EVEN = 1e-5
 """Smallest accepted ratio of two square roots of weights."""
 _TOUCHES = 3e-7
 _EXACT = 1e-12
-
-
-def minimum_norm(
-    problem: GaussProblem, a: Array, f: Array, weights: Array | None, law: Law, weight: Mapping[str, object] | None = None
-) -> tuple[Array, Array | None]:
-    """(row forces, weights) of minimum norm among those with the same motion under the same law.
-
-    Args:
-        problem: The problem.
-        a: Acceleration, shape (nv,).
-        f: Row forces, shape (m,).
-        weights: As `rbd.problem.Answer.weights`.
-        law: As `rbd.problem.Answer.law`.
-        weight: As `rbd.Solution.with_forces` takes it.
-
-    Raises:
-        InputError: on weights that are not positive or do not fit.
-        NoSolution: where they were not found within the limit of `rbd.problem.programs.FORCE_CHOICE_WORK`.
-    """
-    found = admissible(problem, a, f, weights, law)
-    x = shortest(found, metric(found, weight))
-    if x is None:
-        raise NoSolution(f"the forces of least norm were not found within {FORCE_CHOICE_WORK:.0e} multiplications.")
-    return found.forces(x), found.law_weights(x)
 
 
 def metric(adm: Admissible, weight: Mapping[str, object] | None) -> Array | None:

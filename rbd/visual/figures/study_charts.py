@@ -155,7 +155,7 @@ def _boundary(ax: Axes, across: Array, up: Array, good: Array, bad: Array, order
 
 
 FEW = 8
-"""So many curves have colours and names of their own; more have one scale of colours."""
+"""Up to this many curves have colours and names of their own; more share one scale of colours."""
 LOWEST, _ROOM = 0.02, 0.3
 """Height of the lowest row of crosses, and of all rows, as shares of the axes' height."""
 
