@@ -48,8 +48,8 @@ import pytest
 from mutants_drawn import Mutant, drawn
 
 ROOT = Path(__file__).resolve().parents[1]
-PLACES = """model/dynamics.py model/state.py problem constraints solvers mechanism simulation statics planar
-control motion forces small_motion identification studies many prepared""".split()
+PLACES = """model/dynamics.py model/state.py model/mjcf problem constraints solvers answers statics control simulation motion
+mechanism planar studies""".split()
 EQUIVALENT = Path(__file__).with_name("mutants_equivalent.txt")
 LOADED_ONCE = """coverage hypothesis numpy scipy.linalg scipy.optimize scipy.spatial scipy.integrate scipy.sparse pinocchio coal
 meshcat sympy mujoco matplotlib.figure xarray typer rich.console yaml""".split()
@@ -373,6 +373,8 @@ def main() -> int:
     print(f"{len(known.seconds)} tests of {sum(known.seconds.values()):.0f} s; known after {time.monotonic() - begin:.0f} s")
 
     whole = [ROOT / "rbd" / place for place in given.places]
+    if gone := [str(place) for place in whole if not place.exists()]:
+        parser.error(f"there is no {', '.join(gone)}")
     paths = sorted(path for place in whole for path in ([place] if place.suffix else place.glob("**/*.py")))
     sources = {str(path.relative_to(ROOT)): path.read_text(encoding="utf-8") for path in paths}
     mutants = drawn(given.n, given.seed, sources, given.line)
