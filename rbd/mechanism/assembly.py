@@ -16,13 +16,11 @@ from rbd.mechanism.constraint_error import (
     ASIDE,
     Closure,
     ConstraintResidual,
-    Descent,
     around,
-    descend,
     independent_columns,
-    minimise,
     position_residual,
 )
+from rbd.mechanism.descent import Descent, descend, minimise
 from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, displacement, distance, draw, joints_in_words
 from rbd.model.state import State, check_state
 from rbd.problem.rows import Rows
@@ -85,7 +83,7 @@ def assemble(
 ) -> Assembly:
     """A configuration on the constraints near that of a state, with its residual.
 
-    Levenberg-Marquardt steps on the manifold of configurations; see `rbd.mechanism.constraint_error`. Redundant rows
+    Levenberg-Marquardt steps on the manifold of configurations; see `rbd.mechanism.descent`. Redundant rows
     do no harm. From far away it can end on another branch than intended: check `moved`, or give `within`.
 
     Args:
@@ -139,12 +137,14 @@ def assemble(
     return Assembly(end.q, end.residual, found.steps, moved, end.rows, len(end.null), closure.skipped, beyond)
 
 
-def _from_lower_down(closure: Closure, found: Descent, tolerance: float, most: int) -> Descent:
+def _from_lower_down(
+    closure: Closure, found: Descent[ConstraintResidual], tolerance: float, most: int
+) -> Descent[ConstraintResidual]:
     """Descends again from a saddle point; raises the diagnosis if that does not close either."""
     bottom = minimise(closure, found.at)
     again = descend(closure, bottom.at, tolerance=tolerance, most=most)
     if again.closed:
-        return Descent(again.at, found.steps + again.steps, True, False)
+        return Descent(again.at, found.steps + again.steps, True)
     raise _failure(closure, bottom.at, tolerance, most, minimum=bottom.minimum)
 
 

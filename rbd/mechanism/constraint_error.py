@@ -1,14 +1,4 @@
-"""Errors of constraints with some joints fixed, Levenberg-Marquardt steps that bring them to zero, and bilateral velocities.
-
-The distance is 1/2 |e(q)|^2. A step is
-
-    z = - sum_i  v_i  s_i / (s_i^2 + mu |e|^2)  u_i . e              J = sum_i u_i s_i v_i^T
-
-Its damping is quadratic in the error: quadratic convergence where the errors grow with the distance, also with redundant
-rows [YamashitaFukushima2001]; far away no direction moves more than 1 / (2 sqrt(mu)) (rad), so that the
-path stays near steepest descent. Where the errors grow only with the square of the distance (a singular pose)
-each step quarters them.
-"""
+"""Errors of constraints with some joints fixed, as `rbd.mechanism.descent` brings them to zero, and bilateral velocities."""
 
 from __future__ import annotations
 
@@ -24,6 +14,7 @@ from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.joint import joint_limits
 from rbd.constraints.manifold import CLOSED, StackedRows, own_or, rank_of as rank_at
 from rbd.errors import DuplicateName, InputError
+from rbd.mechanism.descent import Residual, descend
 from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, check_state, with_values
@@ -38,30 +29,16 @@ _NO_ERROR = np.zeros(0)
 
 
 @dataclass(frozen=True, eq=False)
-class ConstraintResidual:
+class ConstraintResidual(Residual):
     """Residual of the constraints at one configuration.
 
     Attributes:
-        state: The robot there, at rest.
         rows: All rows, in the constraints' order.
         error: Position errors, shape (m,) [m, rad]; of unilateral rows, only violations.
         J: Jacobian of these over the free velocities, in units of `Closure.metric`, shape (m, free).
     """
 
-    state: State
     rows: tuple[Rows, ...]
-    error: Array
-    J: Array
-
-    @property
-    def q(self) -> Array:
-        """The configuration, shape (nq,), read-only."""
-        return self.state.q
-
-    @property
-    def residual(self) -> float:
-        """Largest entry of the error [m, rad]."""
-        return max_abs(self.error)
 
     @lazy
     def svd(self) -> tuple[Array, Array, Array]:
@@ -93,6 +70,7 @@ class Closure:
         fixed: {joint: value} as given.
         free: Which velocities are free, indices, shape (free,).
         metric: Unit of each free velocity, shape (free,): the robot's length for translations, else one.
+        angular: Which of these are angular, shape (free,).
         length: The robot's length [m].
         skipped: Why some constraints are skipped, one sentence each; filled at the first evaluation.
 
@@ -101,6 +79,8 @@ class Closure:
         JointNotFound: an unknown fixed joint.
         DuplicateName: two constraints with the same name.
     """
+
+    longest = math.inf  # the damping alone keeps steps short
 
     def __init__(
         self,
@@ -125,6 +105,8 @@ class Closure:
         self.free = np.flatnonzero(~held)
         self.held = held
         self.metric, self.length = robot.joints.scale[self.free], robot.joints.length
+        self.angular = robot.joints.angular[self.free]
+        self._endless = np.full(len(self.free), -math.inf), np.full(len(self.free), math.inf)
         given = own_or(robot, constraints, loops)
         self._limits = tuple(joint_limits(robot)) if within_limits else ()
         self.constraints: tuple[Constraint, ...] | None = None
@@ -165,6 +147,12 @@ class Closure:
         q = np.asarray(pin.integrate(self.model, q, dq))
         return self.pin(q) if self.fixed else q
 
+    displaced = move
+
+    def room(self, q: Array) -> tuple[Array, Array]:  # noqa: ARG002  joint limits are among the errors
+        """No limits, shapes (free,)."""
+        return self._endless
+
     def way(self, q: Array, to: Array) -> Array:
         """The displacement of the free velocities from one configuration to another, in units of `metric`."""
         return displacement(self.robot, q, to)[self.free] / self.metric
@@ -181,11 +169,11 @@ class Closure:
                 errors.append(error)
                 Js.append(J)
         if not errors:
-            return ConstraintResidual(state, rows, np.zeros(0), np.zeros((0, len(self.free))))
+            return ConstraintResidual(state, np.zeros(0), np.zeros((0, len(self.free))), rows)
         J = np.concatenate(Js) if len(Js) > 1 else Js[0]
         if not self._all_free:
             J = J[:, self.free] * self.metric
-        return ConstraintResidual(state, rows, np.concatenate(errors) if len(errors) > 1 else errors[0], J)
+        return ConstraintResidual(state, np.concatenate(errors) if len(errors) > 1 else errors[0], J, rows)
 
     def _check(self, rows: list[Rows]) -> None:
         names, skipped, says = set(), [], False
@@ -234,146 +222,8 @@ def rank_of(s: Array) -> int:
     return rank_at(s, SINGULAR, least=0.0)
 
 
-_START = 0.5
-_LEAST, _MOST = 1e-3, 1e8
 ASIDE = 0.02
 """Step along a direction that J allows in the test for a finite motion, in units of `Closure.metric`."""
-_DIFFERENCE = 1e-5
-"""Step of the Hessian's central differences: their error is proportional to its square."""
-
-
-@dataclass(frozen=True, eq=False)
-class Descent:
-    """Result of a descent onto the constraints.
-
-    Attributes:
-        at: The residual at the end.
-        steps: Number of steps taken.
-        closed: Whether the constraints are satisfied.
-        stuck: Whether it ended because no step reduces the errors.
-    """
-
-    at: ConstraintResidual
-    steps: int
-    closed: bool
-    stuck: bool
-
-
-def descend(closure: Closure, start: ConstraintResidual, *, tolerance: float, most: int) -> Descent:
-    """Steps from a configuration towards the constraints.
-
-    Args:
-        closure: The constraints.
-        start: The first configuration.
-        tolerance: Largest entry of the final error [m, rad].
-        most: Largest number of evaluations.
-    """
-    at, mu, steps, tries = start, _START, 0, 0
-    size2 = float(at.error @ at.error)
-    sliding = ~closure.robot.joints.angular[closure.free]
-    slides = bool(sliding.any())
-    while at.residual > tolerance:
-        # Far away, translations may be as long as the error; angles may not.
-        far = np.where(sliding, max(1.0, math.sqrt(size2) / closure.length), 1.0) if slides else 1.0
-        U, s, Vt = np.linalg.svd(at.J * far if slides else at.J, full_matrices=False)
-        if not len(s) or not s[0] > 0.0:
-            return Descent(at, steps, False, True)
-        along = at.error @ U
-        s2 = s * s
-        kept = s > 1e-13 * s[0]
-        while True:
-            if tries >= most:
-                return Descent(at, steps, False, False)
-            tries += 1
-            shrink = s2 / (s2 + mu * size2)
-            expected = float(((along * along) * (1.0 - (1.0 - shrink) ** 2)).sum())
-            if not expected > 1e-16 * size2:
-                return Descent(at, steps, False, True)
-            z = -((shrink[kept] * along[kept] / s[kept]) @ Vt[kept]) * far
-            try:
-                there = closure.at(closure.move(at.q, z))
-                left2 = float(there.error @ there.error)
-            except InputError:  # outside a constraint's domain
-                left2 = np.inf
-            gain = (size2 - left2) / expected
-            if gain > 1e-3:
-                break
-            if mu > _MOST:
-                return Descent(at, steps, False, True)
-            mu = max(4.0 * mu, _START)
-        mu = min(_MOST, 4.0 * mu) if gain < 0.25 else max(_LEAST, 0.25 * mu) if gain > 0.75 else mu
-        at, size2, steps = there, left2, steps + 1
-    return Descent(at, steps, True, False)
-
-
-@dataclass(frozen=True, eq=False)
-class StationaryPoint:
-    """A stationary point of the distance to the constraints.
-
-    Attributes:
-        at: The residual there.
-        slope: |J^T e| over |J| |e|: zero at a minimum.
-        curvature: Least eigenvalue of the Hessian of 1/2 |e|^2 over its largest.
-    """
-
-    at: ConstraintResidual
-    slope: float
-    curvature: float
-
-    @property
-    def minimum(self) -> bool:
-        """Whether no small motion reduces the distance, to second order."""
-        return self.slope < 1e-7 and self.curvature > -1e-6
-
-
-def minimise(closure: Closure, start: ConstraintResidual, *, most: int = 40) -> StationaryPoint:
-    """Newton's steps on 1/2 |e|^2, its Hessian from differences of J^T e on the manifold; downhill out of saddles."""
-    at = start
-    if not len(closure.free) or not len(at.error):
-        return StationaryPoint(at, 0.0, 0.0)
-    slope, curvature = np.inf, 0.0
-    for _ in range(most):
-        g = at.J.T @ at.error
-        scale = float(np.linalg.norm(at.J) * np.linalg.norm(at.error))
-        slope = float(np.linalg.norm(g)) / scale if scale > 0.0 else 0.0
-        values, V = np.linalg.eigh(_hessian(closure, at))
-        large = float(np.abs(values).max()) or 1.0
-        curvature = float(values[0]) / large
-        if slope < 1e-12 and curvature > -1e-6:
-            break
-        along = V.T @ g
-        z = -V @ (along / np.maximum(np.abs(values), 1e-6 * large))
-        if slope < 1e-9 and curvature <= -1e-6:  # a saddle: leave it along the direction of steepest descent
-            z = 0.1 * V[:, 0]
-        z *= min(1.0, 0.5 / max(1e-300, float(np.linalg.norm(z))))
-        there = _lower(closure, at, z)
-        if there is None:
-            break
-        at = there
-    return StationaryPoint(at, slope, curvature)
-
-
-def _hessian(closure: Closure, at: ConstraintResidual) -> Array:
-    n = len(closure.free)
-    H = np.empty((n, n))
-    for i, unit in enumerate(np.eye(n) * _DIFFERENCE):
-        ahead, back = (closure.at(closure.move(at.q, z)) for z in (unit, -unit))
-        H[i] = (ahead.J.T @ ahead.error - back.J.T @ back.error) / (2.0 * _DIFFERENCE)
-    return 0.5 * (H + H.T)
-
-
-def _lower(closure: Closure, at: ConstraintResidual, z: Array) -> ConstraintResidual | None:
-    """The first of successively halved steps that does not increase the distance; None if there is none."""
-    size2 = float(at.error @ at.error)
-    for _ in range(30):
-        try:
-            there = closure.at(closure.move(at.q, z))
-            if float(there.error @ there.error) < size2:
-                return there
-        except InputError:
-            pass
-        z = 0.5 * z
-    return None
 
 
 def branches_meet(closure: Closure, at: ConstraintResidual) -> bool:

@@ -19,7 +19,8 @@ from scipy.optimize import brentq
 
 from rbd.arrays import Array
 from rbd.errors import InputError, NoSolution
-from rbd.mechanism.constraint_error import Closure, ConstraintResidual, branches_meet, descend, independent_columns
+from rbd.mechanism.constraint_error import Closure, ConstraintResidual, branches_meet, independent_columns
+from rbd.mechanism.descent import descend
 
 _LEAST_STEP = 1e-6
 _MOST_TURN = 0.2

@@ -1,6 +1,6 @@
 """`find_pose`: inverse kinematics of contacts, frames and the centre of mass, within joint limits and near a posture.
 
-Levenberg-Marquardt steps within the limits (`rbd.mechanism.bounded_descent`) converge from the posture to the targets, down to
+Levenberg-Marquardt steps within the limits (`rbd.mechanism.descent`) converge from the posture to the targets, down to
 rounding; if they end at a minimum above zero, further starts follow. Then steps that minimise |W d|^2, with d the displacement
 from the posture, over the motions that the targets and limits allow.
 
@@ -20,8 +20,8 @@ from rbd.arrays import Array, largest_first, max_abs
 from rbd.constraints.constraint import Constraint, with_loops
 from rbd.displayed import Displayed
 from rbd.errors import CannotReach, InputError, ModelError
-from rbd.mechanism.bounded_descent import Bounded, BoundedMinimum, Reached
 from rbd.mechanism.constraint_error import position_residual
+from rbd.mechanism.descent import Bounded, Residual, StationaryPoint, descend, minimise
 from rbd.mechanism.pose_targets import (
     CentreOfMass,
     Miss,
@@ -252,9 +252,9 @@ class _PoseSearch:
         found = [position_residual(loop.rows(state)) for loop in self.loops]
         return np.concatenate([e for e, _ in found]), np.concatenate([J for _, J in found])
 
-    def descend(self, q: Array, most: int = _STEPS) -> Reached:
+    def descend(self, q: Array, most: int = _STEPS) -> Residual:
         """The end of the descent from a configuration, down to rounding."""
-        return self.bounded.descend(self.bounded.at(q), tolerance=0.02 * MET, most=most)
+        return descend(self.bounded, self.bounded.at(q), tolerance=0.02 * MET, most=most).at
 
     def misses(self, q: Array) -> dict[str, Miss]:
         """{target: error}."""
@@ -265,7 +265,7 @@ class _PoseSearch:
         state = State(self.robot, q)
         return {loop.name: float(np.linalg.norm(position_residual(loop.rows(state))[0])) for loop in self.loops}
 
-    def met(self, reached: Reached) -> bool:
+    def met(self, reached: Residual) -> bool:
         """Whether all targets are satisfied, and all loops closed."""
         q = reached.state.q
         if reached.residual > 1e3 * self.tolerance:
@@ -283,7 +283,7 @@ class _PoseSearch:
             q[place] = q0[place]
         return q
 
-    def found(self, q0: Array, reached: Reached, starts: int) -> FoundPose:
+    def found(self, q0: Array, reached: Residual, starts: int) -> FoundPose:
         """The result, after steps along the targets that reduce the displacement from the posture."""
         state = self._nearer(q0, reached).state
         d = self.bounded.way(q0, state.q)
@@ -298,7 +298,7 @@ class _PoseSearch:
         lower, upper = self.bounded.room(q)
         return np.minimum(-lower, upper) < 1e-9
 
-    def _nearer(self, q0: Array, reached: Reached) -> Reached:
+    def _nearer(self, q0: Array, reached: Residual) -> Residual:
         weight = self._weight(q0)
         at, d = reached, weight @ self.bounded.way(q0, reached.state.q)
         for _ in range(_NEARER):
@@ -330,20 +330,20 @@ class _PoseSearch:
                 weight[turn, turn] = np.diag([1.0, 1.0, _BASE]) @ State(self.robot, q0).base_pose(base.id).rotation
         return weight
 
-    def minimum(self, nearest: Reached) -> BoundedMinimum:
+    def minimum(self, nearest: Residual) -> StationaryPoint[Residual]:
         """The minimum of the targets' distance; with loops, by the method of multipliers."""
         if not self.loops:
-            return self.bounded.minimise(nearest)
+            return minimise(self.bounded, nearest)
         q, shift = nearest.state.q, 0.0 * self._open(nearest.state)[0]
         for _ in range(_ROUNDS):
             stiff = _PoseSearch(self.robot, self.targets, self.com, self.loops, stiff=_STIFF, shift=shift)
-            end = stiff.bounded.minimise(stiff.descend(q))
+            end = minimise(stiff.bounded, stiff.descend(q))
             q, shift = end.at.state.q, shift + stiff._open(end.at.state)[0]
         # The slope over |J| |e| of the targets alone: the weight of the loops increases that of all.
         alone = _PoseSearch(self.robot, self.targets, self.com, ()).bounded.at(q)
         return replace(end, slope=end.slope * end.at.scale / max(1e-300, alone.scale))
 
-    def failure(self, end: BoundedMinimum, others: int, proof: OutOfReach | None) -> CannotReach:
+    def failure(self, end: StationaryPoint[Residual], others: int, proof: OutOfReach | None) -> CannotReach:
         """The error for targets that are not satisfied."""
         q, name = end.at.state.q, self.robot.name
         left = {k: m for k, m in self.misses(q).items() if not m.within(self.tolerance)}
@@ -357,7 +357,7 @@ class _PoseSearch:
         open_ = {k: x for k, x in self.apart(q).items() if x > 1e-9}
         say += [f"Its loops do not close there: {', '.join(f'{k!r:.60} by {x:.3g}' for k, x in _first(open_))}."] * bool(open_)
         say += [f"There is no pose: {proof}."] * bool(proof)
-        if end.proved:
+        if end.minimum:
             at = f"; at a limit: {', '.join(k[:60] for k, _ in _first(pressed))}" if pressed else ""
             say.append(f"No small motion reduces the distance: a true minimum (slope {end.slope:.0e}{at}).")
         else:
@@ -366,7 +366,7 @@ class _PoseSearch:
         without = self._without_each(q, left)
         say += [f"Without {' or '.join(f'{k!r:.60}' for k in without)} the others are satisfied."] * bool(without)
         return CannotReach(
-            " ".join(say), q=q, misses=left, minimum=end.proved, slope=end.slope, limits=pressed, proof=proof, without=without
+            " ".join(say), q=q, misses=left, minimum=end.minimum, slope=end.slope, limits=pressed, proof=proof, without=without
         )
 
     def _without_each(self, q: Array, left: Mapping[str, Miss]) -> tuple[str, ...]:

@@ -25,7 +25,8 @@ from states import at_neutral
 import rbd
 from rbd.errors import CannotAssemble
 from rbd.mechanism import assemble
-from rbd.mechanism.constraint_error import Closure, descend
+from rbd.mechanism.constraint_error import Closure
+from rbd.mechanism.descent import descend
 from rbd.model.checked_model import CheckedModel
 
 URDF = Path(__file__).parents[2] / "urdf"

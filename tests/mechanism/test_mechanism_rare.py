@@ -26,9 +26,10 @@ from rbd.mechanism import (
     trace,
     velocity_partition,
 )
-from rbd.mechanism.constraint_error import Closure, minimise
+from rbd.mechanism.constraint_error import Closure
 from rbd.mechanism.continuation import PoseCurve
 from rbd.mechanism.degrees_of_freedom import plane_normal
+from rbd.mechanism.descent import minimise
 from rbd.mechanism.poses import beyond_limits, displacement
 
 CRANK_ROCKER = (1.0, 3.0, 2.5, 3.0)

@@ -13,7 +13,7 @@ from scipy.optimize import minimize
 
 import rbd
 from rbd.errors import CannotReach, DuplicateName, FrameNotFound, InputError
-from rbd.mechanism.bounded_descent import Bounded
+from rbd.mechanism.descent import Bounded, minimise
 from rbd.mechanism.pose_targets import Target, read_targets
 from rbd.model.checked_model import CheckedModel
 
@@ -105,9 +105,9 @@ def test_a_descent_that_is_cut_short_claims_no_minimum() -> None:
     robot = arm()
     bounded = Bounded(robot, lengths_and_angles(robot, {"fore_tip": (1.0, 0.0, 0.0)}))
     start = bounded.at(np.array([1.0, 0.7]))
-    assert not bounded.minimise(start, most=1).proved and bounded.minimise(start).proved
+    assert not minimise(bounded, start, most=1).minimum and minimise(bounded, start).minimum
     saddle = bounded.at(np.array([math.pi, 0.0]))
-    assert not bounded.minimise(saddle, most=0).proved
+    assert not minimise(bounded, saddle, most=0).minimum
 
 
 def test_a_limit_that_stands_in_the_way_is_named() -> None:
@@ -362,9 +362,9 @@ def test_the_pose_is_near_the_posture(talos: rbd.Robot) -> None:
     lower, upper = bounded.room(found.q)
     best = minimize(
         squared_way, np.zeros(talos.nv), method="SLSQP", bounds=list(zip(lower, upper, strict=True)), options={"maxiter": 60},
-        constraints={"type": "eq", "fun": lambda z: bounded.at(bounded.move(found.q, z)).e},
+        constraints={"type": "eq", "fun": lambda z: bounded.at(bounded.move(found.q, z)).error},
     )  # fmt: skip
-    assert np.abs(bounded.at(bounded.move(found.q, best.x)).e).max() < 1e-4
+    assert np.abs(bounded.at(bounded.move(found.q, best.x)).error).max() < 1e-4
     assert squared_way(np.zeros(talos.nv)) < 1.02 * best.fun
 
 
