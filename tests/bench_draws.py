@@ -70,6 +70,7 @@ class Draws:
         """One state with torques within their limits, `noise` [N m] off those that hold it."""
         robot, limit = self.robot, self.robot.effort_limit
         q = pin.integrate(robot.model, robot.standing().q, 0.02 * rng.normal(size=robot.nv))
+        q = np.clip(q, *robot.joints.limits)  # a warning of joints beyond their limits takes as long as a `constraintDynamics`
         v = self.resting(q, 0.1 * rng.normal(size=robot.nv))
         return q, v, np.clip(self.hold + noise * rng.normal(size=robot.nu), -limit, limit)
 
