@@ -2,9 +2,6 @@
 
 A joint's coordinate is its angle [rad] or its displacement [m]; the row force is a torque [N m] or a force [N] along that
 coordinate, as a motor's would be. Damping is not a constraint: give it as an external force -d v.
-
-A joint's coordinate is its angle [rad] or its displacement [m]; the row force is a torque [N m] or a force [N] along that
-coordinate.
 """
 
 from __future__ import annotations
