@@ -224,9 +224,9 @@ def test_torques_that_are_not_found_to_nine_digits_are_told(talos, monkeypatch, 
 
 def test_possible_torques_do_where_the_least_are_not_found(talos, monkeypatch):
     """The least effort is not found, and any torques that hold are: they do hold, and say what they are not."""
-    settled = conic_newton._settled
+    settled = conic_newton.settled
     monkeypatch.setattr(conic_newton, "_by_newton", lambda program: None)
-    monkeypatch.setattr(conic_newton, "_settled", lambda p, *more: None if p.H.any() else settled(p, *more))
+    monkeypatch.setattr(conic_newton, "settled", lambda p, *more: None if p.H.any() else settled(p, *more))
     push = rbd.ExternalForce("torso_2_link", (0.0, 60.0, 0.0))
     for margin in (0.0, 0.05):
         held = rbd.hold(talos.standing(), talos.soles(0.4), external=push, margin=margin)
