@@ -11,6 +11,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.errors import InputError, SingularInertia
+from rbd.errors.inputs import shown
 
 Array: TypeAlias = np.ndarray
 Owner = TypeVar("Owner")
@@ -118,15 +119,15 @@ def check_positive(what: str, value: float, most: float) -> float:
     return found
 
 
-def check_whole(what: str, value: int, most: int = 1_000_000) -> int:
-    """A whole number from 1.
+def check_whole(what: str, value: int, most: int = 1_000_000, *, least: int = 1) -> int:
+    """A whole number within bounds.
 
     Raises:
-        InputError: it is none, or too large.
+        InputError: it is none, too small, or too large.
     """
-    if isinstance(value, bool) or not isinstance(value, int) or not 0 < value <= most:
-        raise InputError(f"{what} is {value!r:.80}; expected a whole number from 1 to {most}.")
-    return value
+    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not least <= value <= most:
+        raise InputError(f"{what} is {shown(value)}; expected a whole number from {least} to {most}.")
+    return int(value)
 
 
 def check_seed(seed: int) -> int:
@@ -135,9 +136,7 @@ def check_seed(seed: int) -> int:
     Raises:
         InputError: no whole number from 0.
     """
-    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or not 0 <= seed < 2**63:
-        raise InputError(f"seed is {seed!r:.80}; expected a whole number from 0 to 2^63 - 1.")
-    return int(seed)
+    return check_whole("seed", seed, 2**63 - 1, least=0)
 
 
 def check_flag(what: str, value: bool) -> None:
@@ -150,17 +149,35 @@ def check_flag(what: str, value: bool) -> None:
         raise InputError(f"{what} is {value!r:.80}; expected True or False.")
 
 
-def as_vector3(what: str, value: Sequence[float] | Array) -> Array:
-    """Three finite numbers as an array.
+def as_finite(what: str, value: object, *shapes: tuple[int | str, ...], meaning: str = "") -> Array:
+    """Finite numbers as a new array of one of some shapes.
+
+    Args:
+        what: What they are, for the message.
+        value: The numbers.
+        shapes: Of the array; a letter in a shape stands for any number of rows or columns, as in ("n", 3).
+        meaning: What the numbers mean, behind the shapes: ": x and y [m]".
 
     Raises:
-        InputError: if they are not.
+        InputError: another shape, no real numbers, NaN or infinity.
     """
     out = as_array(what, value)
-    if out.shape != (3,):
-        raise InputError(f"{what} has shape {out.shape}; expected three numbers, (3,).")
+    if not any(_has_shape(out, shape) for shape in shapes):
+        expected = " or ".join(str(shape).replace("'", "") for shape in shapes)
+        raise InputError(f"{what} has shape {out.shape}; expected {expected}{meaning}.")
     check_finite(what, out)
     return out
+
+
+def _has_shape(value: Array, shape: tuple[int | str, ...]) -> bool:
+    if value.ndim != len(shape):
+        return False
+    return all(isinstance(expected, str) or size == expected for size, expected in zip(value.shape, shape, strict=True))
+
+
+def as_vector3(what: str, value: Sequence[float] | Array) -> Array:
+    """Three finite numbers as an array; errors as `as_finite`."""
+    return as_finite(what, value, (3,), meaning=": three numbers")
 
 
 def add_wrench(total: list[float], wrench: Sequence[float], point: Sequence[float], about: Sequence[float]) -> None:

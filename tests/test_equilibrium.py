@@ -556,7 +556,7 @@ def test_contacts_may_be_any_iterable(talos: rbd.Robot) -> None:
 @pytest.mark.parametrize("state", [None, "talos", np.zeros(39)])
 def test_a_state_that_is_none_is_refused(talos: rbd.Robot, state: object) -> None:
     """With what to make one with."""
-    with pytest.raises(InputError, match="expected a State"):
+    with pytest.raises(InputError, match="a State of a robot was expected first"):
         rbd.hold(state, talos.soles())  # type: ignore[arg-type]
 
 

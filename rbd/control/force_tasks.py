@@ -25,7 +25,7 @@ from rbd.control.task_terms import (
 )
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +91,7 @@ class MomentumTask(Displayed):
             InputError: what a function gives as the target is none.
         """
         ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
-        A_g, bias, mass = check_state(state).centroidal()
+        A_g, bias, mass = checked(state).centroidal()
         cost, rows = self._rows
         wanted = ref.velocity + self.gain * (ref.value - A_g @ state.v) - bias
         if rows is not None:
@@ -161,7 +161,7 @@ class ForceTask(Displayed):
         """
         target: Any = self.target
         wanted = self._wanted(reference_at(self.name, target, t), t) if callable(target) else target
-        m, mass = len(wanted), check_state(state).robot.mass
+        m, mass = len(wanted), checked(state).robot.mass
         costs = checked_costs(f"cost of task {self.name!r:.80}", self.cost, m)
         A, rows = identity(m) / mass, chosen(costs)
         if rows is None:

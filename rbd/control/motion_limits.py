@@ -24,7 +24,7 @@ from rbd.arrays import Array, as_float, check_flag
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 
 _LEAST, _MOST = 1e-6, 1e6
 _PLANNED = 0.75
@@ -85,7 +85,7 @@ class Limits(Displayed):
 
     def torque_bounds(self, state: State) -> tuple[Array, Array]:
         """(least, most) torques at a state, shapes (nu,) [N, N m]: `robot.torque_limits` at its velocity, times the share."""
-        robot = check_state(state).robot
+        robot = checked(state).robot
         if self.torque is None:
             return np.full(robot.nu, -np.inf), np.full(robot.nu, np.inf)
         least, most = robot.limits_at(state.v)
@@ -93,7 +93,7 @@ class Limits(Displayed):
 
     def accelerations(self, state: State) -> tuple[Array, Array]:
         """(least, most) accelerations of all coordinates, shapes (nv,) [rad/s2, m/s2]; infinite where there is no limit."""
-        least, most = np.full(check_state(state).robot.nv, -np.inf), np.full(state.robot.nv, np.inf)
+        least, most = np.full(checked(state).robot.nv, -np.inf), np.full(state.robot.nv, np.inf)
         joints = _limited(state.robot)
         v = state.v[joints.at]
         if not len(v):

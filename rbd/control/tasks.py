@@ -40,7 +40,7 @@ from rbd.control.task_terms import (
 from rbd.displayed import Displayed
 from rbd.errors import InputError, JointNotFound, nearest
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 
 _WORLD = pin.LOCAL_WORLD_ALIGNED
 
@@ -104,7 +104,7 @@ class ComTask(Displayed):
         """
         ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
         k, d, rows = self._law
-        A_g, bias, mass = check_state(state).centroidal()
+        A_g, bias, mass = checked(state).centroidal()
         J = A_g[:3] / mass
         wanted = ref.acceleration + k * (ref.value - state.com) + d * (ref.velocity - J @ state.v) - bias[:3] / mass
         return _terms(self.name, J, wanted, np.asarray(self.cost), rows)
@@ -220,7 +220,7 @@ class FrameTask(Displayed):
         """
         ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
         (p, R), k, d = ref.value, *self._law[:2]
-        X, J, v, bias = check_state(state).moving(self.frame, self._law[2], _WORLD)
+        X, J, v, bias = checked(state).moving(self.frame, self._law[2], _WORLD)
         e = np.zeros(6)
         if p is not None:
             e[:3] = p - X.translation
@@ -360,7 +360,7 @@ class PostureTask(Displayed):
             JointNotFound: with the nearest names.
             InputError: a target, or costs, of another size.
         """
-        robot = check_state(state).robot
+        robot = checked(state).robot
         on, (k, d) = self._on.of(self, robot), self._law
         target = self.target
         ref = on.fixed if not callable(target) else _on_robot(self.name, reference_at(self.name, target, t), robot, t)

@@ -26,7 +26,7 @@ from rbd.control.step_program import Relaxed, StepPoint, minimiser, relaxed
 from rbd.control.task_terms import Task
 from rbd.errors import InaccurateWarning, InputError, NoSolution, RbdWarning, RelaxedLimitsWarning
 from rbd.model.external import External
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 from rbd.problem.answer import Status
 from rbd.problem.cones import project_cones
 from rbd.problem.contact_motion import REST_SPEED
@@ -115,7 +115,7 @@ def silent_step(
 
     A controller calls it: filters of warnings are those of all threads, and so nothing here may change them.
     """
-    check_state(state)
+    checked(state)
     if not isinstance(limits, Limits):
         raise InputError(f"limits is {limits!r:.80}; expected rbd.control.Limits(...).")
     if not math.isfinite(time := as_float(t)):

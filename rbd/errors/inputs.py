@@ -220,6 +220,28 @@ def check_different(names: Sequence[str], what: str) -> None:
         raise DuplicateName(f"two {what} are named {twice!r:.80}; give each its own name.")
 
 
+def check_choice(what: str, value: object, known: Iterable[str]) -> str:
+    """One of some words.
+
+    Args:
+        what: What the word is, for the message.
+        value: The word.
+        known: The words that it may be.
+
+    Raises:
+        InputError: it is none of them; names the nearest.
+    """
+    known = list(known)
+    if not isinstance(value, str) or value not in known:
+        raise InputError(f"{what} is {shown(value)}; {nearest(value, known)}. Expected one of {', '.join(known)}.")
+    return value
+
+
+def shown(value: object) -> str:
+    """A value for an error message, at most 80 letters."""
+    return "a number of many digits" if isinstance(value, int) and abs(value) > 2**200 else f"{value!r:.80}"
+
+
 def nearest(name: object, names: Iterable[str], *, count: int = 4) -> str:
     """The names most like `name`, quoted, for the end of an error message.
 
@@ -227,7 +249,7 @@ def nearest(name: object, names: Iterable[str], *, count: int = 4) -> str:
         >>> rbd.errors.nearest("left_sol", ["left_sole", "right_sole", "head"])
         "nearest: 'left_sole', 'right_sole'"
     """
-    known, name = list(names), str(name)[:100]
+    known, name = list(names), name[:100] if isinstance(name, str) else shown(name)
     if not known:
         return "there are none"
     close = difflib.get_close_matches(name, known, n=count, cutoff=0.5)

@@ -22,7 +22,7 @@ from rbd.mechanism.constraint_error import (
 )
 from rbd.mechanism.descent import Descent, descend, minimise
 from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, displacement, distance, draw, joints_in_words
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 from rbd.problem.rows import Rows
 
 TOLERANCE = 1e-12
@@ -118,7 +118,7 @@ def assemble(
         raise InputError(f"within is {within!r:.80}; expected a number > 0 [rad, m], or inf.")
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
-    robot, q0 = check_state(state).robot, state.q
+    robot, q0 = checked(state).robot, state.q
     closure = Closure(robot, constraints, fixed, within_limits=within_limits, loops=loops)
     start = closure.start(q0)
     found = descend(closure, start, tolerance=tolerance, most=max_iterations)
@@ -358,7 +358,7 @@ def branches(
     check_whole("tries", tries, MOST_TRIES)
     check_descent(tolerance, max_iterations)
     check_flag("within_limits", within_limits)
-    robot = check_state(state).robot
+    robot = checked(state).robot
     closure = Closure(robot, constraints, fixed, within_limits=within_limits, loops=loops)
     poses: list[ConstraintResidual] = []
     hits: list[int] = []

@@ -18,7 +18,7 @@ from rbd.mechanism.descent import descend
 from rbd.mechanism.poses import LimitViolation, beyond_limits, distance, measured
 from rbd.model.checked_model import FARTHEST
 from rbd.model.joints import ANGLE
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 
 ARRIVED = 1e-9
 """Distance within which the driven joint counts as at a value, or at a limit [rad, m]."""
@@ -83,7 +83,7 @@ def trace(
     if progress is not None and not callable(progress):
         raise InputError(f"progress is {progress!r:.80}; expected a function that takes a number, or None.")
     fixed = {} if fixed is None else fixed
-    closure = Closure(check_state(state).robot, constraints, fixed, one_sided=False, loops=loops)
+    closure = Closure(checked(state).robot, constraints, fixed, one_sided=False, loops=loops)
     driven = Drive(closure, joint)
     first = assemble(state, constraints, fixed={**fixed, joint: float(wanted[0])}, tolerance=tolerance, loops=loops)
     curve = PoseCurve(closure, tolerance, longest_step)

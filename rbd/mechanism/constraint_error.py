@@ -17,7 +17,7 @@ from rbd.errors import DuplicateName, InputError
 from rbd.mechanism.descent import Residual, descend
 from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State, check_state, with_values
+from rbd.model.state import State, checked, with_values
 from rbd.problem.cones import Bounds, NonNegative
 from rbd.problem.rows import Rows
 
@@ -267,7 +267,7 @@ class BilateralVelocities:
     """Rows of bilateral constraints at a state, as conditions on its velocity: J v = u."""
 
     def __init__(self, state: State, constraints: Sequence[Constraint] | None, loops: bool) -> None:
-        self.state, self.joints = check_state(state), state.robot.joints
+        self.state, self.joints = checked(state), state.robot.joints
         self.given = own_or(state.robot, constraints, loops)
         found = self.rows(state if not state.v.any() else state.with_velocity(state.robot.zero_v))
         self.J, self.u, self.row_names = found.J, -found.velocity, [name for name, _ in found.names]

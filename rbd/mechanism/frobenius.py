@@ -26,7 +26,7 @@ from rbd.constraints.manifold import ConstraintManifold, LinearisedRows, null_sp
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 
 Fields = Callable[[Array], Array]
 """q -> dimensionless velocities, shape (nv, k), one column a field."""
@@ -199,7 +199,7 @@ def integrability(
         (False, 2, 3)
     """
     tolerance, seed = check_positive("tolerance", tolerance, 0.1), check_seed(seed)
-    robot = check_state(state).robot
+    robot = checked(state).robot
     held = own_or(robot, constraints, loops)
     starts = _drawn(state, held, seed) if points is None else _given(robot, held, points)
     reports = tuple(_look(held, at, tolerance) for held, at in starts)

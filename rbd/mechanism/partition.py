@@ -30,7 +30,7 @@ from rbd.constraints.manifold import own_or
 from rbd.displayed import Displayed
 from rbd.errors import InputError, SingularPose, nearest
 from rbd.mechanism.constraint_error import BilateralVelocities, Closure, Rates, branches_meet, independent_columns, rank_of
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 from rbd.robots.linkage import link_angles
 
 
@@ -451,7 +451,7 @@ def link_jacobians(
         >>> found.unknown, rates.round(3), round(found.determinant)
         (('coupler', 'rocker'), array([-4.121,  6.998]), -5781)
     """
-    robot, turning = check_state(state).robot, _turning(state)
+    robot, turning = checked(state).robot, _turning(state)
     joints = list(robot.joints.values())
     names = [_name(state, joint.id) if turning[joint.v.start] else joint.name for joint in joints]
     T = np.array(

@@ -32,7 +32,7 @@ from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import StackedRows, own_or
 from rbd.displayed import Displayed
 from rbd.errors import DuplicateName, InputError, SingularInertia
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 from rbd.problem.cones import Bounds
 from rbd.solvers.kkt import independent_factor
 
@@ -175,7 +175,7 @@ def project_velocity(state: State, constraints: Sequence[Constraint] | None = No
         >>> print(max(np.abs(foot.rows(clean).velocity).max() for foot in feet) < 1e-12)
         True
     """
-    stack = _stacked(check_state(state), constraints, loops)
+    stack = _stacked(checked(state), constraints, loops)
     if not stack.rows:
         return state
     return state.with_velocity(_nearest(stack, state.v, stack.J @ state.v - stack.velocity, "velocity", "m/s (rad/s)"))
@@ -245,7 +245,7 @@ def project_acceleration(
         >>> print(a[:3].round(3), rbd.inverse_dynamics(state, a, feet).status)
         [0.    0.    1.024] solved
     """
-    given = check_state(state).robot.check_v(a, "a")  # type: ignore[arg-type]
+    given = checked(state).robot.check_v(a, "a")  # type: ignore[arg-type]
     stack = _stacked(state, constraints, loops)
     if not stack.rows:
         return ProjectedAcceleration(given, {}, 0.0, 0.0)

@@ -24,7 +24,7 @@ from rbd.errors import InputError
 from rbd.mechanism.degrees_of_freedom import FAR, ROUGH, neighbours
 from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 
 KINDS = {
     "configuration": "J loses rank: more velocities are allowed here than nearby",
@@ -200,7 +200,7 @@ def singularities_along(
         input -0.7688 -0.7688
     """
     tolerance = check_positive("tolerance", tolerance, 0.1)
-    robot = check_state(state).robot
+    robot = checked(state).robot
     given = as_array("path", getattr(path, "q", path))
     if given.ndim != 2 or given.shape[1] != robot.nq or not len(given):
         raise InputError(f"path has shape {given.shape}; expected (k, {robot.nq}): configurations in order.")

@@ -15,7 +15,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.mechanism.degrees_of_freedom import FAR, ROUGH, neighbours
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 
 GROUND = "the ground"
 
@@ -166,7 +166,7 @@ def classify(
         ('parallel', 3, 6)
     """
     seed = check_seed(seed)
-    robot = check_state(state).robot
+    robot = checked(state).robot
     frames = _frames(robot, end)
     held = ConstraintManifold(state, constraints, loops=loops)
     rolling = {name for (name, _), placed in zip(held.names, held.placed, strict=True) if not placed}

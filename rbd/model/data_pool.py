@@ -11,7 +11,7 @@ import threading
 import weakref
 from collections import deque
 from collections.abc import Callable
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 import pinocchio as pin
 
@@ -59,6 +59,7 @@ if hasattr(os, "register_at_fork"):  # not on Windows, which has no fork
 
 
 _tickets = itertools.count(1)
+Terms = TypeVar("Terms")
 
 
 class Slot:
@@ -122,6 +123,14 @@ class DataPool:
                 self._take_back()
             finally:
                 lock.release()
+
+    def compute(self, terms: Callable[[pin.Data], Terms]) -> Terms:
+        """What a function computes in a Data that no state needs meanwhile; it copies what it returns of it."""
+        with self.lock:
+            slot, ticket = self.take(lambda data: None)
+            found = terms(slot.data)
+            self.give_back(slot, ticket)
+        return found
 
     def _take_back(self) -> None:
         """Make free what was given back; under the lock."""

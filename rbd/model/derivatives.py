@@ -24,6 +24,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -197,27 +198,30 @@ def state_derivatives(state: State, a: Array, poses: Sequence[FixedPose], forces
     Raises:
         FrameNotFound: with the nearest names.
     """
+    return state.robot.pool.compute(partial(_state_derivatives, state, a, poses, forces))
+
+
+def _state_derivatives(
+    state: State, a: Array, poses: Sequence[FixedPose], forces: Sequence[Array], data: pin.Data
+) -> StateDerivatives:
     robot, q, v = state.robot, state.q, state.v
     model, nv, found, turned = robot.model, robot.nv, [], []
     applied = pin.StdVec_Force(model.njoints, pin.Force.Zero())
-    with robot.pool.lock:
-        slot, ticket = robot.pool.take(lambda data: pin.computeForwardKinematicsDerivatives(model, data, q, v, a))
-        data = slot.data
-        for pose, force in zip(poses, forces, strict=True):
-            joint, X_JF = robot.site(pose.frame)
-            X_JP = X_JF * pose.X_FP
-            of_body = [x.reshape(6, nv) for x in pin.getFrameAccelerationDerivatives(model, data, joint, X_JP, pin.LOCAL)]
-            acceleration = pin.getFrameClassicalAcceleration(model, data, joint, X_JP, pin.LOCAL).vector
-            R = data.oMi[joint].rotation @ X_JP.rotation
-            moved, local = _derivatives(of_body, acceleration, v, R, pose.axes, force)
-            found.append(moved)
-            applied[joint] += X_JP.act(pin.Force(local))
-            if pose.axes is not None:
-                turned.append((of_body[3], local))
-        # It differentiates M a + h less J^T f with f constant in the axes of the bodies.
-        pin.computeRNEADerivatives(model, data, q, v, a, applied)
-        force_dq, force_dv = -data.dtau_dq, -data.dtau_dv
-        robot.pool.give_back(slot, ticket)
+    pin.computeForwardKinematicsDerivatives(model, data, q, v, a)
+    for pose, force in zip(poses, forces, strict=True):
+        joint, X_JF = robot.site(pose.frame)
+        X_JP = X_JF * pose.X_FP
+        of_body = [x.reshape(6, nv) for x in pin.getFrameAccelerationDerivatives(model, data, joint, X_JP, pin.LOCAL)]
+        acceleration = pin.getFrameClassicalAcceleration(model, data, joint, X_JP, pin.LOCAL).vector
+        R = data.oMi[joint].rotation @ X_JP.rotation
+        moved, local = _derivatives(of_body, acceleration, v, R, pose.axes, force)
+        found.append(moved)
+        applied[joint] += X_JP.act(pin.Force(local))
+        if pose.axes is not None:
+            turned.append((of_body[3], local))
+    # It differentiates M a + h less J^T f with f constant in the axes of the bodies.
+    pin.computeRNEADerivatives(model, data, q, v, a, applied)
+    force_dq, force_dv = -data.dtau_dq, -data.dtau_dv
     for J, local in turned:
         turn = J[3:]
         force_dq += J[:3].T @ (cross_matrix(local[:3]) @ turn) + turn.T @ (cross_matrix(local[3:]) @ turn)

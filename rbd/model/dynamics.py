@@ -82,11 +82,7 @@ def gravity_torque(state: State) -> Array:
         array([-4.905])
     """
     robot = checked(state).robot
-    with robot.pool.lock:
-        slot, ticket = robot.pool.take(lambda data: pin.computeGeneralizedGravity(robot.model, data, state.q))
-        tau_g = -slot.data.g
-        robot.pool.give_back(slot, ticket)
-    return tau_g
+    return robot.pool.compute(lambda data: -pin.computeGeneralizedGravity(robot.model, data, state.q))
 
 
 def coriolis_matrix(state: State) -> Array:
@@ -123,13 +119,9 @@ def coriolis_tensor(state: State) -> Array:
 
 
 def _coriolis_matrices(state: State, velocities: Array) -> Array:
-    robot, out = state.robot, []
-    with robot.pool.lock:
-        slot, ticket = robot.pool.take(lambda data: None)
-        for v in velocities.T:
-            out.append(pin.computeCoriolisMatrix(robot.model, slot.data, state.q, np.ascontiguousarray(v)).copy())
-        robot.pool.give_back(slot, ticket)
-    return np.array(out)
+    model, q = state.robot.model, state.q
+    columns = [np.ascontiguousarray(v) for v in velocities.T]
+    return state.robot.pool.compute(lambda data: np.array([pin.computeCoriolisMatrix(model, data, q, v) for v in columns]))
 
 
 def constraint_hessian(state: State, constraint: HasRows) -> Array:
@@ -260,8 +252,6 @@ def momentum(state: State) -> Array:
         array([20. ,  0. ,  0. ,  0. ,  0. ,  0.8])
     """
     robot = checked(state).robot
-    with robot.pool.lock:
-        slot, ticket = robot.pool.take(lambda d: pin.computeCentroidalMomentum(robot.model, d, state.q, state.v))
-        hg = slot.data.hg.vector.copy()
-        robot.pool.give_back(slot, ticket)
-    return hg
+    return robot.pool.compute(
+        lambda data: pin.computeCentroidalMomentum(robot.model, data, state.q, state.v).vector.copy()
+    )

@@ -171,12 +171,9 @@ def columns_at(state: State, a: Array, columns: Sequence[str]) -> tuple[Array, A
 
 def inertia_columns(state: State, a: Array) -> Array:
     """The columns of the bodies' inertia, shape (nv, 10 bodies)."""
-    robot = state.robot
-    with robot.pool.lock:
-        slot, ticket = robot.pool.take(lambda data: pin.computeJointTorqueRegressor(robot.model, data, state.q, state.v, a))
-        Y = np.array(slot.data.jointTorqueRegressor).reshape(robot.nv, -1)
-        robot.pool.give_back(slot, ticket)
-    return Y
+    robot, q, v = state.robot, state.q, state.v
+    Y = robot.pool.compute(lambda data: np.array(pin.computeJointTorqueRegressor(robot.model, data, q, v, a)))
+    return Y.reshape(robot.nv, -1)
 
 
 def checked_columns(columns: Sequence[str]) -> tuple[str, ...]:

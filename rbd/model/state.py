@@ -333,17 +333,6 @@ def _numbers(what: str, value: object) -> Array:
     return given
 
 
-def check_state(state: State) -> State:
-    """The state itself.
-
-    Raises:
-        InputError: it is none.
-    """
-    if not isinstance(state, State):
-        raise InputError(f"a State of a robot was expected first, got {state!r:.80}. Make one: rbd.State(robot, q).")
-    return state
-
-
 def _again(robot: CheckedModel, q: bytes, v: bytes | None) -> State:
     """A state from another one's data: q is not normalised again, which could change its last bit."""
     state = State.__new__(State)
@@ -355,8 +344,9 @@ def checked(state: State) -> State:
     """The state itself.
 
     Raises:
-        InputError: if it is none.
+        InputError: it is none.
     """
     if not isinstance(state, State):
-        raise InputError(f"expected a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v) or robot.standing().")
+        made = "rbd.State(robot, q, v), or robot.standing()"
+        raise InputError(f"a State of a robot was expected first, got {state!r:.80}. Make one: {made}.")
     return state

@@ -158,12 +158,8 @@ def checked_noise(robot: CheckedModel, noise: SensorNoise | None, *, torques: bo
 
 def _inverse_dynamics_slopes(state: State, a: Array) -> tuple[Array, Array]:
     """d(M a + h)/dq and /dv, shapes (nv, nv)."""
-    robot = state.robot
-    with robot.pool.lock:
-        slot, ticket = robot.pool.take(lambda data: pin.computeRNEADerivatives(robot.model, data, state.q, state.v, a))
-        out = slot.data.dtau_dq.copy(), slot.data.dtau_dv.copy()
-        robot.pool.give_back(slot, ticket)
-    return out
+    robot, q, v = state.robot, state.q, state.v
+    return robot.pool.compute(lambda data: tuple(x.copy() for x in pin.computeRNEADerivatives(robot.model, data, q, v, a)[:2]))
 
 
 def _slope(state: State, force_at: Callable[[State], Array]) -> Array:

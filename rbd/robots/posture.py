@@ -18,7 +18,7 @@ from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import DistantContactWarning, InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits, read_xml
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 from rbd.model.urdf import BASE_JOINT, Complaints
 from rbd.model.world import LEAST_FALL, along_gravity
 from rbd.problem.ground import FLOOR, TOUCHES, Ground, standing_plane
@@ -141,7 +141,7 @@ def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
         >>> [round(float(foot.points(tilted).gaps[0]), 6) for foot in feet]
         [0.0, 0.0, 0.0, 0.0]
     """
-    robot, feet = check_state(state).robot, listed(contacts)
+    robot, feet = checked(state).robot, listed(contacts)
     if not robot.floating:
         raise InputError(
             f"{robot.name} has no single floating base to place: its base is fixed or planar, or it has several. Load it with "

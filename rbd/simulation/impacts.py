@@ -24,7 +24,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.model.dynamics import kinetic_energy
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
@@ -252,7 +252,7 @@ def impact(
         >>> found.impulses["end"].round(3), found.v[[2, 4]].round(3)  # a quarter of m v, and it turns
         (array([0.  , 0.  , 0.25]), array([-0.75,  1.5 ]))
     """
-    check_state(state)
+    checked(state)
     given = with_loops(state.robot, contacts, loops)
     rows = rows_of(state, given)
     names = [c.name for c in given]

@@ -13,7 +13,7 @@ from rbd.constraints.constraint import Constraint
 from rbd.control.task_terms import Task, TaskTerms
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.model.state import State, check_state
+from rbd.model.state import State, checked
 from rbd.problem.rows import Patch, Rows
 from rbd.testing.solver_check import ConstraintWrong, TaskWrong, corner_rays
 
@@ -317,7 +317,7 @@ def check_task(
         >>> report.rows, report.jacobian < 1e-8, report.jdot_v < 1e-8
         (1, True, True)
     """
-    rng, robot = np.random.default_rng(seed), check_state(state).robot
+    rng, robot = np.random.default_rng(seed), checked(state).robot
     still = _terms(task, state.with_velocity(robot.zero_v), t)
     worst = {"A v": 0.0, "A a + J_dot v": 0.0}
     for _ in range(draws):

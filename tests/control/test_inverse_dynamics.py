@@ -427,7 +427,7 @@ def test_what_is_no_question_is_refused(talos: rbd.Robot) -> None:
         rbd.inverse_dynamics(state, a, soles, rest_speed=-1.0)
     with pytest.raises(InputError, match="expected an rbd.statics.Effort"):
         rbd.inverse_dynamics(state, a, soles, objective="effort")  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="expected a State"):
+    with pytest.raises(InputError, match="a State of a robot was expected first"):
         rbd.inverse_dynamics("talos", a, soles)  # type: ignore[arg-type]
 
 
