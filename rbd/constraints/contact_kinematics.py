@@ -26,15 +26,13 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
-from types import ModuleType
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, cross_matrix, lazy, rows_from
 from rbd.constraints.convex.closest_points import Crossing, Meeting, meeting_at, nearest_points
-from rbd.constraints.convex.convex_shapes import Ball, ConvexShape
+from rbd.constraints.convex.convex_shapes import ConvexShape, RoundPart, plane_kernel
 from rbd.constraints.convex.points_near_plane import LowPoints
 from rbd.constraints.surface import contact_axes
 from rbd.model.checked_model import CheckedModel
@@ -266,10 +264,9 @@ def _arm(r: Array) -> Array:
     return np.hstack([np.eye(3), -cross_matrix(r)])
 
 
-def _ball(shape: ConvexShape, number: int) -> Ball | None:
+def _ball(shape: ConvexShape, number: int) -> RoundPart | None:
     i = number - len(shape.vertices)
-    part = shape.rounds[i] if 0 <= i < len(shape.rounds) else None
-    return part if isinstance(part, Ball) else None
+    return shape.rounds[i] if 0 <= i < len(shape.rounds) and shape.rounds[i].is_ball else None
 
 
 def _normal_rate(
@@ -279,7 +276,7 @@ def _normal_rate(
     if met.carrier:
         return cross_matrix(bodies[met.carrier - 1].v[3:]) @ met.normal
     balls = _ball(shapes[0], at.first), _ball(shapes[1], at.second)
-    apart = at.gap + sum(ball.radius for ball in balls if ball is not None)
+    apart = at.gap + sum(ball.reach for ball in balls if ball is not None)
     if apart < 1e-9 or balls == (None, None):  # edges that cross: as if it turned with the second
         return cross_matrix(bodies[1].v[3:]) @ met.normal
     centres = [body.X.act(ball.centre) if ball else at.position for ball, body in zip(balls, bodies, strict=True)]
@@ -318,31 +315,6 @@ def _axes_rate(R: Array, dn: Array) -> Array:
     return np.column_stack([dt, cross_matrix(dn) @ t + cross_matrix(n) @ dt, dn])
 
 
-@dataclass(frozen=True, eq=False)
-class _Near:
-    """The points near the plane at a configuration: after an impact only velocities are others.
-
-    Attributes:
-        q: The configuration, shape (nq,).
-        margin: Height up to which points are near [m].
-        up: Normal of the plane in their axes, shape (bodies, 3).
-        numbers: Of the points, shape (k,).
-        body: Body of each, shape (k,).
-        P: In W, shape (k, 3) [m].
-        gaps: Shape (k,) [m].
-        J: Shape (3k, nv).
-    """
-
-    q: Array
-    margin: float
-    up: Array
-    numbers: Array
-    body: Array
-    P: Array
-    gaps: Array
-    J: Array
-
-
 class OnPlane:
     """Contact points of shapes with a fixed plane. Not for two threads at once.
 
@@ -369,7 +341,6 @@ class OnPlane:
 
     def _prepare(self) -> None:
         self._data = self.model.createData()
-        self._here: _Near | None = None
         every = [self._data.oMi[j] for j in range(self.model.njoints)]  # views, which follow the data
         self._places = rows_from([(X.rotation, X.translation) for X in every], 12)
 
@@ -393,48 +364,22 @@ class OnPlane:
             pin.computeJointJacobiansTimeVariation(self.model, data, q, v)
         else:
             pin.computeJointJacobians(self.model, data, q)
-        here = self._here
-        if here is None or here.margin != margin or not np.array_equal(here.q, q):
-            here = self._here = self._near(q, margin, nv)
-        numbers, body, P = here.numbers, here.body, here.P
-        k = len(numbers)
+        kernel, low, J_W = plane_kernel(), self.points, data.J.reshape(6, nv).T
+        up, height = kernel.normals(self._places, self._joints, self._normal, self.height)
+        numbers, gaps = low.near(up, height, margin)
+        k, body = len(numbers), low.body.take(numbers)
         if not k:
             return None
+        P, J = kernel.rows(low.points, numbers, body, self._places, self._joints, self.axes, self._carries, J_W)
         velocity, bias = np.zeros(3 * k), np.zeros(3 * k)
         if moves:
-            parts = self.points.parts
-            velocity, bias = _kernel().motion(
-                P, body, self.points.part_of.take(numbers), self._places, self._joints, self.axes, here.up, self._carries,
-                data.J.reshape(6, nv).T, data.dJ.reshape(6, nv).T, v, parts.kind, parts.radius, parts.form,
+            velocity, bias = kernel.motion(
+                P, body, low.part_of.take(numbers), self._places, self._joints, self.axes, up, self._carries, J_W,
+                data.dJ.reshape(6, nv).T, v, low.roots, low.least,
             )  # fmt: skip
-        return Touching(numbers, self.label, P, self.axes, here.gaps, here.J, velocity, bias)
-
-    def _near(self, q: Array, margin: float, nv: int) -> _Near:
-        """The points near the plane at the configuration of the data."""
-        kernel = _kernel()
-        up, height = kernel.normals(self._places, self._joints, self._normal, self.height)
-        now, near, gaps = self.points.near(up, height, margin)
-        numbers, body, P, J = kernel.rows(
-            now.points, near, now.index, now.body, self._places, self._joints, self.axes, self._carries,
-            self._data.J.reshape(6, nv).T,
-        )  # fmt: skip
-        return _Near(q.copy(), margin, up, numbers, body, *_shared(P, gaps, J))
+        return Touching(numbers, self.label, P, self.axes, gaps, J, velocity, bias)
 
     def label(self, number: int) -> str:
         """The name of a point."""
         shape, point = self.points.label(number)
         return f"{shape}:{point}"
-
-
-def _shared(P: Array, gaps: Array, J: Array) -> tuple[Array, Array, Array]:
-    """The same arrays, read-only: all velocities at a configuration share them."""
-    for array in (P, gaps, J):
-        array.flags.writeable = False
-    return P, gaps, J
-
-
-@cache
-def _kernel() -> ModuleType:
-    from rbd.constraints import plane_kernel  # imports Numba
-
-    return plane_kernel

@@ -2,7 +2,12 @@
 
 `places` are the placements of all joints, R by columns and then p in a row; `carries` tells which coordinates move a body.
 
-Round parts are given in the arrays of `rbd.constraints.convex.points_near_plane.RoundParts`.
+A round part is the set of points c + S x, |x| <= 1, with S symmetric: r 1 of a ball, r (1 - a a^T) of a rim about a,
+R diag(radii) R^T of an ellipsoid. Its lowest point for a unit normal `up` of the plane below, and how it moves over the body as
+`up` turns, are
+
+    p = c - S y / s        y = S up        s = |y|
+    p' = -S (z - y (y . z) / s^2) / s      z = S up'
 """
 
 from __future__ import annotations
@@ -12,96 +17,62 @@ import math
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.constraints.convex.convex_shapes import LEVEL_M, STEEP
-from rbd.constraints.convex.reduced_points import DIRECTIONS, LOWEST, TIPS, TOWARDS
-from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
+from rbd.constraints.convex.polygons import DIRECTIONS, LOWEST, MOST_POINTS, RIM_CORNERS, TIPS, TOWARDS
+from rbd.kernels import COUNT, NUMBER, array, compiled, signature
 
-BALL, RIM, OVAL = 0, 1, 2
 _FLAT = TIPS * TIPS * (1.0 + 1e-9)
-
-
-def _lasts(
-    up: Array, height: Array, bodies: Array, centres: Array, reach: Array,
-    up_then: Array, above_then: Array, turn: Array, spare: Array, rounding: float,
-) -> bool:  # fmt: skip
-    """Whether no point outside of the list can have come near, see `LowPoints._current`."""
-    for s in range(len(bodies)):
-        b = bodies[s]
-        x, y, z = up[b, 0], up[b, 1], up[b, 2]
-        above = x * centres[s, 0] + y * centres[s, 1] + z * centres[s, 2] + height[b]
-        x, y, z = x - up_then[s, 0], y - up_then[s, 1], z - up_then[s, 2]
-        turned = math.sqrt(x * x + y * y + z * z)
-        if not (turned <= turn[s] and above_then[s] - above + turned * reach[s] < spare[s] - rounding):
-            return False
-    return True
-
-
-lasts = compiled(
-    _lasts,
-    signature(FLAG, array(2), array(1), array(1, COUNT), array(2), array(1), array(2), array(1), array(1), array(1), NUMBER),
-)
+ROUNDING = 1e-9
+"""Heights are right to this [m]."""
 
 
 @compiled
-def _in_plane(form: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """The part of a vector across a rim's axis."""
-    along = x * form[0, 0] + y * form[0, 1] + z * form[0, 2]
-    return x - along * form[0, 0], y - along * form[0, 1], z - along * form[0, 2]
-
-
-@compiled
-def _times(Q: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+def _times(S: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     return (
-        Q[0, 0] * x + Q[0, 1] * y + Q[0, 2] * z,
-        Q[1, 0] * x + Q[1, 1] * y + Q[1, 2] * z,
-        Q[2, 0] * x + Q[2, 1] * y + Q[2, 2] * z,
+        S[0, 0] * x + S[0, 1] * y + S[0, 2] * z,
+        S[1, 0] * x + S[1, 1] * y + S[1, 2] * z,
+        S[2, 0] * x + S[2, 1] * y + S[2, 2] * z,
     )
 
 
-@compiled
-def _lowest(kind: int, radius: float, form: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """The lowest point of a round part from its centre, for up = (x, y, z); NaN where many are equally low."""
-    if kind == BALL:
-        return -radius * x, -radius * y, -radius * z
-    if kind == RIM:
-        a, b, c = _in_plane(form, x, y, z)
-        length = math.sqrt(a * a + b * b + c * c)
-        if radius * length < LEVEL_M:
-            return math.nan, math.nan, math.nan
-        scale = radius / length
-        return -scale * a, -scale * b, -scale * c
-    a, b, c = _times(form, x, y, z)
-    s = math.sqrt(x * a + y * b + z * c)
-    return -a / s, -b / s, -c / s
+def _lowest(root: Array, least: float, x: float, y: float, z: float) -> tuple[float, float, float, float]:
+    """(lowest point of a round part from its centre, s) for up = (x, y, z); NaN where s < `least`: many are equally low."""
+    a, b, c = _times(root, x, y, z)
+    s = math.sqrt(a * a + b * b + c * c)
+    if s < least:
+        return math.nan, math.nan, math.nan, s
+    a, b, c = _times(root, a, b, c)
+    scale = -1.0 / max(s, 1e-300)  # a ball of no size is its centre
+    return scale * a, scale * b, scale * c, s
 
 
-@compiled
-def wander(
-    kind: int, radius: float, form: Array, x: float, y: float, z: float, dx: float, dy: float, dz: float
+def _wander(
+    root: Array, least: float, x: float, y: float, z: float, dx: float, dy: float, dz: float
 ) -> tuple[float, float, float]:
-    """How fast the lowest point of a round part moves over the body, for up = (x, y, z) that changes at (dx, dy, dz)."""
-    if kind == BALL:
-        return -radius * dx, -radius * dy, -radius * dz
-    if kind == RIM:
-        a, b, c = _in_plane(form, x, y, z)
-        length = math.sqrt(a * a + b * b + c * c)
-        if radius * length < LEVEL_M:
-            return 0.0, 0.0, 0.0
-        a, b, c = a / length, b / length, c / length
-        dx, dy, dz = _in_plane(form, dx, dy, dz)
-        along = a * dx + b * dy + c * dz
-        scale = -radius / length
-        return scale * (dx - a * along), scale * (dy - b * along), scale * (dz - c * along)
-    a, b, c = _times(form, x, y, z)
-    s = math.sqrt(x * a + y * b + z * c)
-    along = (a * dx + b * dy + c * dz) / (s * s * s)
-    u, v, w = _times(form, dx, dy, dz)
-    return a * along - u / s, b * along - v / s, c * along - w / s
+    """How fast that point moves over the body while up changes at (dx, dy, dz); zero where many are equally low."""
+    a, b, c = _times(root, x, y, z)
+    s = max(math.sqrt(a * a + b * b + c * c), 1e-300)
+    if s < least:
+        return 0.0, 0.0, 0.0
+    a, b, c = a / s, b / s, c / s
+    dx, dy, dz = _times(root, dx, dy, dz)
+    along = a * dx + b * dy + c * dz
+    dx, dy, dz = _times(root, dx - a * along, dy - b * along, dz - c * along)
+    return -dx / s, -dy / s, -dz / s
 
 
-@compiled
-def _spread(points: Array, above: Array, group: Array, up: Array, chosen: Array) -> None:
-    """Choose the points of one group as `few_points.spread_each` does."""
+lowest = compiled(_lowest, signature((NUMBER,) * 4, array(2), *(NUMBER,) * 4))
+wander = compiled(_wander, signature((NUMBER,) * 3, array(2), *(NUMBER,) * 7))
+
+
+def _spread(points: Array, above: Array, group: Array, up: Array) -> Array:
+    """The points of a group, ascending, that are among the lowest or the farthest in a direction; see `polygons.TIPS`.
+
+    Args:
+        points: Shape (3, n).
+        above: Their heights, shape (n,).
+        group: Numbers of those among which to choose, ascending, shape (k,), not empty.
+        up: The direction of heights, in the axes of the points.
+    """
     low = np.full(LOWEST, np.inf)  # the lowest heights, ascending
     first = group[0]
     for i in group:
@@ -127,100 +98,95 @@ def _spread(points: Array, above: Array, group: Array, up: Array, chosen: Array)
         a, b, c = -y / s, x / s, 0.0
     d, e, f = y * c - z * b, z * a - x * c, x * b - y * a
     most, far = np.full(DIRECTIONS, -np.inf), np.full(DIRECTIONS, -1)
-    for i in group:
+    chosen = np.zeros(len(group), np.bool_)
+    for j in range(len(group)):
+        i = group[j]
         h = above[i]
         if h < last:
-            chosen[i] = True
+            chosen[j] = True
         elif h == last and ties > 0:
-            chosen[i] = True
+            chosen[j] = True
             ties -= 1
         px, py, pz, rise = points[0, i], points[1, i], points[2, i], h - above[first]
         rx, ry, rz = px - points[0, first], py - points[1, first], pz - points[2, first]
+        # A point steeper than `TIPS` above the lowest one is not the farthest in any direction: the lowest one is farther.
         if rise * rise <= _FLAT * (rx * rx + ry * ry + rz * rz):
             one, two = a * px + b * py + c * pz, d * px + e * py + f * pz
             for k in range(DIRECTIONS):
                 away = TOWARDS[k, 0] * one + TOWARDS[k, 1] * two - rise / TIPS
                 if away > most[k]:
-                    most[k], far[k] = away, i
-    for i in far:
-        if i >= 0:
-            chosen[i] = True
+                    most[k], far[k] = away, j
+    for j in far:
+        if j >= 0:
+            chosen[j] = True
+    return group[chosen]
+
+
+spread = compiled(_spread, signature(array(1, COUNT, written=True), array(2), array(1), array(1, COUNT), array(1)))
 
 
 def _near(
-    points: Array, body: Array, shape: Array, many: Array, rounds: Array, corners: Array, rims: Array,
-    kind: Array, centre: Array, radius: Array, form: Array, round_body: Array,
-    up: Array, height: Array, margin: float,
+    points: Array, first: Array, corners: Array, parts: Array, bodies: Array, centres: Array, reach: Array,
+    part_centres: Array, roots: Array, least: Array, steep: Array, rims: Array, up: Array, height: Array, margin: float,
 ) -> tuple[Array, Array]:  # fmt: skip
-    """(which points of a list are near, their heights): `LowPoints.near`. Round parts' lowest points are put into `points`.
+    """(numbers, heights) of the points of shapes that are near a plane, ascending; shapes whose ball is not near are skipped.
 
     Args:
-        points: As in `low_points._Listed`, like those up to `rims`.
-        body: Body of each.
-        shape: Shape of each, ascending.
-        many: Which are corners of a shape with many.
-        rounds: Where round parts are in the list.
-        corners: Where corners of rims are.
-        rims: Their rims.
-        kind: Kinds of the round parts.
-        centre: Their centres.
-        radius: Their radii.
-        form: Axes or Q.
-        round_body: Bodies of the round parts.
+        points: Corners of all shapes, then of each the lowest points of its round parts, written here, shape (3, n).
+        first: Number of each shape's first point, shape (shapes,).
+        corners: Number of its corners.
+        parts: Its first round part, and at the end their number, shape (shapes + 1,).
+        bodies: Its body.
+        centres: Centre of the ball around it, shape (shapes, 3).
+        reach: Radius of this ball.
+        part_centres: Centres of the round parts, shape (parts, 3).
+        roots: Their shapes, see `RoundPart`, shape (parts, 3, 3).
+        least: Their lowest point is not unique where s is less, see `lowest`.
+        steep: The corners on a rim do not touch where s is more.
+        rims: Number of the first corner on a rim; -1 of other round parts.
         up: Normal of the plane in each body's axes, shape (bodies, 3).
         height: Height of each body's origin, shape (bodies,).
         margin: Height up to which points are near [m].
     """
-    n = len(body)
-    stands, count = np.zeros(len(kind), np.bool_), 0
-    for i in range(len(kind)):
-        b, at = round_body[i], rounds[i]
+    above, number, k = np.empty(points.shape[1]), np.empty(points.shape[1], np.int64), 0
+    for s in range(len(bodies)):
+        b, start = bodies[s], first[s]
         x, y, z = up[b, 0], up[b, 1], up[b, 2]
-        a, d, c = _lowest(kind[i], radius[i], form[i], x, y, z)
-        points[0, at], points[1, at], points[2, at] = centre[i, 0] + a, centre[i, 1] + d, centre[i, 2] + c
-        if kind[i] == RIM:
-            along = x * form[i, 0, 0] + y * form[i, 0, 1] + z * form[i, 0, 2]
-            stands[count] = 1.0 - along * along > STEEP * STEEP
-            count += 1
-    above, chosen = np.empty(n), np.zeros(n, np.bool_)
-    for i in range(n):
-        b = body[i]
-        above[i] = points[0, i] * up[b, 0] + points[1, i] * up[b, 1] + points[2, i] * up[b, 2] + height[b]
-    for i in range(len(corners)):
-        if stands[rims[i]]:
-            above[corners[i]] = np.inf
-    group, i = np.empty(n, np.int64), 0
-    while i < n:
-        if not many[i]:
-            chosen[i] = above[i] <= margin
-            i += 1
+        if x * centres[s, 0] + y * centres[s, 1] + z * centres[s, 2] + height[b] - reach[s] > margin + ROUNDING:
             continue
-        s, size, b = shape[i], 0, body[i]
-        while i < n and shape[i] == s and many[i]:
+        for i in range(start, start + corners[s]):
+            above[i] = points[0, i] * x + points[1, i] * y + points[2, i] * z + height[b]
+        for m in range(parts[s], parts[s + 1]):
+            i = start + corners[s] + m - parts[s]
+            u, v, w, stands = lowest(roots[m], least[m], x, y, z)
+            points[0, i], points[1, i], points[2, i] = part_centres[m, 0] + u, part_centres[m, 1] + v, part_centres[m, 2] + w
+            above[i] = points[0, i] * x + points[1, i] * y + points[2, i] * z + height[b]
+            if rims[m] >= 0 and stands > steep[m]:
+                above[rims[m] : rims[m] + RIM_CORNERS] = np.inf
+        size = 0
+        for i in range(start, start + corners[s]):
             if above[i] <= margin:
-                group[size] = i
+                number[k + size] = i
                 size += 1
-            i += 1
-        if size > LOWEST:
-            _spread(points, above, group[:size], up[b], chosen)
-        else:
-            for e in range(size):
-                chosen[group[e]] = True
-    k = 0
-    for i in range(n):
-        if chosen[i]:
-            group[k] = i
-            k += 1
-    return group[:k].copy(), above[group[:k]]
+        if corners[s] > MOST_POINTS and size > LOWEST:
+            chosen = spread(points, above, number[k : k + size], up[b])
+            size = len(chosen)
+            number[k : k + size] = chosen
+        k += size
+        for i in range(start + corners[s], start + corners[s] + parts[s + 1] - parts[s]):
+            if above[i] <= margin:
+                number[k] = i
+                k += 1
+    return number[:k].copy(), above[number[:k]]
 
 
+_WRITTEN, _TABLE, _NUMBERS = array(1, written=True), array(2, written=True), array(1, COUNT, written=True)
 near_points = compiled(
     _near,
     signature(
-        (array(1, COUNT, written=True), array(1, written=True)),
-        array(2, written=True), array(1, COUNT), array(1, COUNT), array(1, FLAG), array(1, COUNT), array(1, COUNT),
-        array(1, COUNT),
-        array(1, COUNT), array(2), array(1), array(3), array(1, COUNT), array(2), array(1), NUMBER,
+        (_NUMBERS, _WRITTEN),
+        _TABLE, *(array(1, COUNT),) * 4, array(2), array(1), array(2), array(3), array(1), array(1), array(1, COUNT),
+        array(2), array(1), NUMBER,
     ),
 )  # fmt: skip
 
@@ -237,28 +203,24 @@ def _normals(places: Array, joints: Array, normal: Array, level: float) -> tuple
 
 
 def _rows(
-    points: Array, near: Array, index: Array, body: Array, places: Array, joints: Array, axes: Array, carries: Array, J_W: Array
-) -> tuple[Array, Array, Array, Array]:
-    """(numbers, bodies, P (k, 3), J (3k, nv)) of the near points of a list.
+    points: Array, numbers: Array, body: Array, places: Array, joints: Array, axes: Array, carries: Array, J_W: Array
+) -> tuple[Array, Array]:
+    """(P (k, 3), J (3k, nv)) of some points.
 
     Args:
-        points: Of the list, in their bodies' axes, shape (3, n).
-        near: Which are near, shape (k,).
-        index: Numbers of the points of the list, shape (n,).
-        body: Their bodies, shape (n,).
+        points: All, in their bodies' axes, shape (3, n).
+        numbers: Those that count, shape (k,).
+        body: Their bodies, shape (k,).
         places: Placements of all joints, shape (joints, 12).
         joints: Joints of the bodies.
         axes: R_WC of the plane, shape (3, 3).
         carries: Shape (bodies, nv).
         J_W: Jacobian of all joints at W's origin, transposed, shape (nv, 6).
     """
-    k, nv = len(near), len(J_W)
-    numbers, bodies = np.empty(k, np.int64), np.empty(k, np.int64)
+    k, nv = len(numbers), len(J_W)
     P, J, arms = np.empty((k, 3)), np.zeros((3 * k, nv)), np.empty((3, 6))
     for i in range(k):
-        at = near[i]
-        b = body[at]
-        numbers[i], bodies[i] = index[at], b
+        b, at = body[i], numbers[i]
         X, x, y, z = places[joints[b]], points[0, at], points[1, at], points[2, at]
         for c in range(3):
             P[i, c] = X[c] * x + X[3 + c] * y + X[6 + c] * z + X[9 + c]
@@ -275,7 +237,7 @@ def _rows(
                     for c in range(6):
                         total += arms[r, c] * J_W[j, c]
                     J[3 * i + r, j] = total
-    return numbers, bodies, P, J
+    return P, J
 
 
 @compiled
@@ -298,7 +260,7 @@ def _cross(w: Array, x: float, y: float, z: float) -> tuple[float, float, float]
 
 def _motion(
     P: Array, body: Array, round_of: Array, places: Array, joints: Array, axes: Array, up: Array, carries: Array,
-    J_W: Array, dJ_W: Array, v: Array, kind: Array, radius: Array, form: Array,
+    J_W: Array, dJ_W: Array, v: Array, roots: Array, least: Array,
 ) -> tuple[Array, Array]:  # fmt: skip
     """(velocity (3k,), J_dot v (3k,)) of points.
 
@@ -314,9 +276,8 @@ def _motion(
         J_W: Jacobian of all joints at W's origin, transposed, shape (nv, 6).
         dJ_W: Its time derivative.
         v: Shape (nv,).
-        kind: Kinds of the round parts.
-        radius: Their radii.
-        form: Axes or Q.
+        roots: Shapes of the round parts, see `RoundPart`, shape (parts, 3, 3).
+        least: Their lowest point is not unique where s is less, see `lowest`.
     """
     k = len(P)
     velocity, bias, V, dV = np.empty(3 * k), np.empty(3 * k), _of_bodies(carries, J_W, v), _of_bodies(carries, dJ_W, v)
@@ -334,7 +295,7 @@ def _motion(
             d0 = -(X[0] * d[0] + X[1] * d[1] + X[2] * d[2])
             d1 = -(X[3] * d[0] + X[4] * d[1] + X[5] * d[2])
             d2 = -(X[6] * d[0] + X[7] * d[1] + X[8] * d[2])
-            d0, d1, d2 = wander(kind[m], radius[m], form[m], up[b, 0], up[b, 1], up[b, 2], d0, d1, d2)
+            d0, d1, d2 = wander(roots[m], least[m], up[b, 0], up[b, 1], up[b, 2], d0, d1, d2)
             a += X[0] * d0 + X[3] * d1 + X[6] * d2
             e += X[1] * d0 + X[4] * d1 + X[7] * d2
             c += X[2] * d0 + X[5] * d1 + X[8] * d2
@@ -347,23 +308,18 @@ def _motion(
 
 
 _PLACES = array(2, layout="A")
-_WRITTEN, _TABLE, _NUMBERS = array(1, written=True), array(2, written=True), array(1, COUNT, written=True)
 normals = compiled(
     _normals,
     signature((_TABLE, _WRITTEN), _PLACES, array(1, COUNT), array(1), NUMBER),
 )
 rows = compiled(
     _rows,
-    signature(
-        (_NUMBERS, _NUMBERS, _TABLE, _TABLE),
-        array(2), array(1, COUNT), array(1, COUNT), array(1, COUNT), _PLACES, array(1, COUNT), array(2), array(2), array(2),
-    ),
-)  # fmt: skip
+    signature((_TABLE, _TABLE), array(2), *(array(1, COUNT),) * 2, _PLACES, array(1, COUNT), array(2), array(2), array(2)),
+)
 motion = compiled(
     _motion,
     signature(
         (_WRITTEN, _WRITTEN),
-        array(2), array(1, COUNT), array(1, COUNT), _PLACES, array(1, COUNT), array(2), array(2), array(2),
-        array(2), array(2), array(1), array(1, COUNT), array(1), array(3),
+        array(2), array(1, COUNT), array(1, COUNT), _PLACES, array(1, COUNT), *(array(2),) * 5, array(1), array(3), array(1),
     ),
 )  # fmt: skip

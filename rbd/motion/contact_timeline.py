@@ -12,7 +12,7 @@ from rbd.arrays import Array, as_float
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import Contact
-from rbd.constraints.convex.convex_shapes import Ball, ConvexShape, Oval, convex_shape
+from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape
 from rbd.control.whole_body_step import TaskActuation
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, UnknownName, nearest
@@ -253,11 +253,11 @@ def _extremes(shape: ConvexShape) -> tuple[Array, Array]:
     points = shape.vertices
     if len(points) > len(_DIRECTIONS):
         points = points[np.unique((points @ _DIRECTIONS.T).argmax(axis=0))]
-    balls = [r for r in shape.rounds if isinstance(r, Ball)]
-    ovals = [r.lowest(-d) for r in shape.rounds if isinstance(r, Oval) for d in _DIRECTIONS]
+    balls = [r for r in shape.rounds if r.is_ball]
+    ovals = [r.lowest(-d) for r in shape.rounds if r.rim < 0 and not r.is_ball for d in _DIRECTIONS]
     centres = np.array([r.centre for r in balls]).reshape(-1, 3)
     local = np.concatenate([points, np.array(ovals).reshape(-1, 3), centres])
-    return local, np.concatenate([np.zeros(len(points) + len(ovals)), [r.radius for r in balls]])
+    return local, np.concatenate([np.zeros(len(points) + len(ovals)), [r.reach for r in balls]])
 
 
 LANDED = 1e-3

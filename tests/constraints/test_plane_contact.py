@@ -9,8 +9,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.constraints.convex.convex_shapes import RIM_CORNERS, Rim
-from rbd.constraints.convex.reduced_points import MOST_POINTS, spread_each
+from rbd.constraints.convex.polygons import LOWEST, MOST_POINTS, RIM_CORNERS, TIPS, TOWARDS, across
 
 ROUNDING = 1e-12
 """Over the size of the largest entry."""
@@ -52,22 +51,32 @@ def egg(tmp: Path) -> rbd.Robot:
     return rbd.load_robot(path)
 
 
+def chosen(points: np.ndarray, height: np.ndarray, up: np.ndarray) -> np.ndarray:
+    """Indices of the lowest points (k, 3), and of the farthest in each direction, those that are too steep left out."""
+    lowest = int(np.argmin(height))
+    low = np.argsort(height, kind="stable")[:LOWEST]
+    rise, arm = height - height[lowest], ((points - points[lowest]) ** 2).sum(axis=1)
+    flat = np.flatnonzero(rise**2 <= TIPS**2 * (1.0 + 1e-9) * arm)
+    away = TOWARDS @ (across(up) @ points[flat].T) - rise[flat] / TIPS
+    return np.unique([*low, *flat[away.argmax(axis=1)]])
+
+
 def by_shapes(contacts: rbd.CollisionContacts, state: rbd.State, margin: float) -> dict[int, np.ndarray]:
     """{number: place in W (3,)} of the near points, shape by shape, all of each looked at."""
     plane, found = contacts._finder.plane, {}
     assert plane is not None
     data, n = plane.model.createData(), plane.axes[:, 2]
     pin.forwardKinematics(plane.model, data, state.q)
-    for shape, first in plane.points._each():
+    for shape, first in zip(plane.points.shapes, plane.points.first.tolist(), strict=True):
         X, points = data.oMi[shape.joint], shape.vertices
         up, height = n @ X.rotation, float(X.translation @ n - plane.height)
         above = np.add.reduce(points.T * up[:, None], axis=0) + height
         for r in shape.rounds:
-            if isinstance(r, Rim) and r.stands(up):
-                above[r.first : r.first + RIM_CORNERS] = np.inf
+            if r.rim >= 0 and r.stands(up):
+                above[r.rim : r.rim + RIM_CORNERS] = np.inf
         near = np.flatnonzero(above <= margin)
         if len(points) > MOST_POINTS and len(near):
-            near = near[spread_each(points[near].T, above[near], np.array([len(near)]), up[None])]
+            near = near[chosen(points[near], above[near], up)]
         lowest = [(len(points) + i, r.lowest(up)) for i, r in enumerate(shape.rounds)]
         for i, p in [*((i, points[i]) for i in near.tolist()), *((i, p) for i, p in lowest if p @ up + height <= margin)]:
             found[first + i] = X.act(p)
@@ -88,7 +97,8 @@ def jacobian(contacts: rbd.CollisionContacts, state: rbd.State, number: int, P: 
 def drift(contacts: rbd.CollisionContacts, state: rbd.State, number: int, P: np.ndarray) -> np.ndarray:
     """J_dot v of one point, a_0 + alpha x P + w x (v_0 + w x P + c) in the plane's axes, from Pinocchio's velocities."""
     plane = contacts._finder.plane
-    shape, first = next((s, at) for s, at in reversed([*plane.points._each()]) if at <= number)
+    each = zip(plane.points.shapes, plane.points.first.tolist(), strict=True)
+    shape, first = next((s, at) for s, at in reversed([*each]) if at <= number)
     model, data = plane.model, plane.model.createData()
     pin.forwardKinematics(model, data, state.q, state.v, np.zeros(model.nv))
     X, V = data.oMi[shape.joint], data.oMi[shape.joint].act(data.v[shape.joint])

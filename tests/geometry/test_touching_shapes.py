@@ -8,9 +8,8 @@ import pinocchio as pin
 import pytest
 
 from rbd.constraints.convex.closest_points import meeting
-from rbd.constraints.convex.convex_shapes import Ball, ConvexShape, Oval, Rim, convex_shape
-from rbd.constraints.convex.polygons import convex_hull, inside, on_edge, outline, overlap
-from rbd.constraints.convex.reduced_points import MOST_POINTS, across, spread
+from rbd.constraints.convex.convex_shapes import ConvexShape, RoundPart, ball, convex_shape, rim, spread
+from rbd.constraints.convex.polygons import MOST_POINTS, across, convex_hull, inside, on_edge, outline, overlap
 from rbd.errors import ModelError
 
 SQUARE = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)]
@@ -63,9 +62,9 @@ def test_inside_and_on_the_edge():
 @pytest.mark.parametrize(
     "part",
     [
-        Ball(np.array([0.1, 0.2, 0.3]), 0.4),
-        Rim(np.array([0.1, 0.2, 0.3]), np.array([0.6, 0.0, 0.8]), 0.4, 0),
-        Oval(np.array([0.1, 0.2, 0.3]), np.diag([0.01, 0.04, 0.09])),
+        ball(np.array([0.1, 0.2, 0.3]), 0.4),
+        rim(np.array([0.1, 0.2, 0.3]), np.array([0.6, 0.0, 0.8]), 0.4, 0),
+        RoundPart(np.array([0.1, 0.2, 0.3]), np.diag([0.1, 0.2, 0.3])),
     ],
 )
 def test_the_lowest_point_wanders_as_its_derivative(part, rng):
@@ -123,9 +122,9 @@ def test_shapes_far_apart_do_not_meet():
 
 def test_a_coin_that_lies_flat_has_no_lowest_point_that_wanders():
     """All of its rim is equally low."""
-    rim = Rim(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.4, 0)
+    coin = rim(np.zeros(3), np.array([0.0, 0.0, 1.0]), 0.4, 0)
     up, rate = np.array([0.0, 0.0, 1.0]), np.array([0.1, 0.2, 0.0])
-    assert np.isnan(rim.lowest(up)).all() and rim.wander(up, rate).tolist() == [0.0, 0.0, 0.0] and not rim.stands(up)
+    assert np.isnan(coin.lowest(up)).all() and coin.wander(up, rate).tolist() == [0.0, 0.0, 0.0] and not coin.stands(up)
 
 
 SOLIDS = [coal.Box(0.2, 0.3, 0.1), coal.Cylinder(0.1, 0.4), coal.Cone(0.1, 0.4), coal.Capsule(0.1, 0.4)]
@@ -146,7 +145,7 @@ def test_the_ball_around_an_egg_beside_a_corner_holds_both():
 
     The egg's own middle is 0.2 m from there, and no point of it is farther than 0.3 m from that; the corner is at 0.3 m.
     """
-    egg, corner = Oval(np.zeros(3), np.diag([0.01, 0.01, 0.09])), np.array([[0.5, 0.0, 0.0]])
+    egg, corner = RoundPart(np.zeros(3), np.diag([0.1, 0.1, 0.3])), np.array([[0.5, 0.0, 0.0]])
     shape = ConvexShape("both", 1, corner, (egg,), np.zeros((0, 4)), coal.Sphere(0.5), pin.SE3.Identity())
     assert shape.centre == pytest.approx([0.2, 0.0, 0.0], abs=1e-15)
     top = egg.lowest(np.array([0.0, 0.0, -1.0]))

@@ -19,9 +19,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.convex.convex_shapes import ConvexShape
-from rbd.constraints.convex.polygons import SAME_M, Point, inside, on_edge, outline, overlap, same
-from rbd.constraints.convex.reduced_points import across, spread
+from rbd.constraints.convex.convex_shapes import ConvexShape, spread
+from rbd.constraints.convex.polygons import SAME_M, Point, across, inside, on_edge, outline, overlap, same
 from rbd.errors import NoSolution
 
 NEARLY_ACROSS = 0.99995

@@ -3,33 +3,29 @@
 A shape is its corners, its round parts, and its flat faces, all in the axes of its joint. A mesh counts as its
 convex hull.
 
-A round part (ball, rim of a cylinder, ellipsoid) gives its lowest point. Many points are reduced to a few.
-
-A round part gives its lowest point. `up` is the unit normal of the surface below, in the body's axes; as the body turns, `up`
-turns the other way at a rate that the caller gives, and the lowest point moves over the body at
-
-    ball:       p = c - r up                                   p' = -r up'
-    rim:        p = c - r e,  e = u / |u|,  u = up - (up . a) a    p' = -r e'
-    ellipsoid:  p = c - Q up / s,  s = sqrt(up . Q up)         p' = -Q up' / s + Q up (up . Q up') / s^3
+A round part (ball, rim of a cylinder, ellipsoid) gives its lowest point, which moves over the body as it turns: see
+`rbd.constraints.plane_kernel`. Many points are reduced to a few.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
-from typing import Protocol
+from functools import cache, lru_cache
+from types import ModuleType
 
 import coal
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.convex.reduced_points import DIRECTIONS, MOST_POINTS, across, farthest, spread
+from rbd.constraints.convex.polygons import DIRECTIONS, MOST_POINTS, RIM_CORNERS, TOWARDS, across
 from rbd.errors import ModelError
 
-RIM_CORNERS = 8
-"""Corners that replace a flat rim: a regular polygon in it, its edges up to 8 % of the radius inside."""
+LEVEL_M = 1e-7
+"""A rim whose lowest point is less than this below its centre is flat: all its points are equally low."""
+STEEP = 0.1
+"""A rim inclined by more than this (sine) touches only at its lowest point."""
 FLAT_M = 1e-5
 """Corners of a mesh this near to a face are on the face; of more than eight, eight are used."""
 _BLOCK = 64
@@ -57,7 +53,7 @@ class ConvexShape:
     name: str
     joint: int
     vertices: Array
-    rounds: tuple[Round, ...]
+    rounds: tuple[RoundPart, ...]
     faces: Array
     coal: coal.CollisionGeometry
     X_JC: pin.SE3
@@ -69,15 +65,10 @@ class ConvexShape:
         ends = np.array([r.lowest(d) for d in directions for r in self.rounds]).reshape(-1, 3)
         points = np.vstack([self.vertices, ends[~np.isnan(ends[:, 0])]])
         centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
-        balls = [float(np.linalg.norm(r.centre - centre)) + r.radius for r in self.rounds if isinstance(r, Ball | Rim)]
-        ovals = [
-            float(np.linalg.norm(r.centre - centre)) + float(np.sqrt(np.linalg.eigvalsh(r.Q)[-1]))
-            for r in self.rounds
-            if isinstance(r, Oval)
-        ]
-        away = np.linalg.norm(self.vertices - centre, axis=1).max(initial=0.0)
+        away = [float(np.linalg.norm(self.vertices - centre, axis=1).max(initial=0.0))]
+        away += [float(np.linalg.norm(r.centre - centre)) + r.reach for r in self.rounds]
         object.__setattr__(self, "centre", centre)
-        object.__setattr__(self, "reach", max([float(away), *balls, *ovals]))
+        object.__setattr__(self, "reach", max(away))
 
     def low(self, up: Array, limit: float) -> tuple[list[int], Array]:
         """(numbers, points (k, 3) [m]) of the points not above `limit` [m] along `up`: those that can touch, see `spread`.
@@ -91,8 +82,8 @@ class ConvexShape:
         if len(points):
             height = points.dot(up)
             for r in self.rounds:
-                if isinstance(r, Rim) and r.stands(up):
-                    height[r.first : r.first + RIM_CORNERS] = np.inf
+                if r.rim >= 0 and r.stands(up):
+                    height[r.rim : r.rim + RIM_CORNERS] = np.inf
             at = (height <= limit).nonzero()[0]
             if len(at) > MOST_POINTS:
                 at = at[spread(points[at], height[at], up)]
@@ -123,7 +114,7 @@ def convex_shape(shape: pin.GeometryObject) -> ConvexShape:
     X, geometry = pin.SE3(shape.placement), shape.geometry
     name, joint = str(shape.name), int(shape.parentJoint)
 
-    def made(vertices: Array, rounds: Sequence[Round] = (), faces: Array | None = None) -> ConvexShape:
+    def made(vertices: Array, rounds: Sequence[RoundPart] = (), faces: Array | None = None) -> ConvexShape:
         placed = np.asarray(vertices, float).reshape(-1, 3) @ X.rotation.T + X.translation
         flat = np.zeros((0, 4)) if faces is None else faces
         N = flat[:, :3] @ X.rotation.T
@@ -142,13 +133,13 @@ def convex_shape(shape: pin.GeometryObject) -> ConvexShape:
             faces = np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.tile(half, 2)])
             return made(signs * half, (), faces)
         case coal.Sphere():
-            return made(np.zeros((0, 3)), [Ball(X.translation.copy(), float(geometry.radius))])
+            return made(np.zeros((0, 3)), [ball(X.translation.copy(), float(geometry.radius))])
         case coal.Ellipsoid():
-            Q = X.rotation @ np.diag(np.asarray(geometry.radii, float) ** 2) @ X.rotation.T
-            return made(np.zeros((0, 3)), [Oval(X.translation.copy(), Q)])
+            root = X.rotation @ np.diag(np.asarray(geometry.radii, float)) @ X.rotation.T
+            return made(np.zeros((0, 3)), [RoundPart(X.translation.copy(), root)])
         case coal.Capsule():
             ends = [X.act(np.array([0.0, 0.0, z])) for z in (-geometry.halfLength, geometry.halfLength)]
-            return made(np.zeros((0, 3)), [Ball(end, float(geometry.radius)) for end in ends])
+            return made(np.zeros((0, 3)), [ball(end, float(geometry.radius)) for end in ends])
         case coal.Cylinder():
             h = float(geometry.halfLength)
             rims = [_rim(X, float(geometry.radius), z, i) for i, z in enumerate((-h, h))]
@@ -166,8 +157,8 @@ def _polygon(radius: float, z: float) -> Array:
     return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(RIM_CORNERS, z)])
 
 
-def _rim(X: pin.SE3, radius: float, z: float, i: int) -> Rim:
-    return Rim(X.act(np.array([0.0, 0.0, z])), X.rotation[:, 2].copy(), radius, i * RIM_CORNERS)
+def _rim(X: pin.SE3, radius: float, z: float, i: int) -> RoundPart:
+    return rim(X.act(np.array([0.0, 0.0, z])), X.rotation[:, 2], radius, i * RIM_CORNERS)
 
 
 def _hull(name: str, joint: int, points: Array) -> ConvexShape:
@@ -218,7 +209,7 @@ def _few(corners: Array, faces: Array) -> Array:
         for i in np.flatnonzero(np.count_nonzero(on_face, axis=0) > DIRECTIONS):
             own = np.flatnonzero(on_face[:, i])
             flat = across(block[i, :3]) @ corners[own].T
-            few = own[farthest(flat - flat.mean(axis=1)[:, None], np.zeros(len(own)))]
+            few = own[(TOWARDS @ (flat - flat.mean(axis=1)[:, None])).argmax(axis=1)]
             kept.update(few.tolist())
             dropped.update(own.tolist())
     return np.array([i for i in range(len(corners)) if i in kept or i not in dropped], int)
@@ -236,106 +227,88 @@ def _triangles(triangles: Array) -> coal.StdVec_Triangle:
     return out
 
 
-LEVEL_M = 1e-7
-"""A rim whose lowest point is less than this below its centre is flat: all its points are equally low."""
-STEEP = 0.1
-"""A rim inclined by more than this (sine) touches only at its lowest point."""
+@dataclass(frozen=True, eq=False)
+class RoundPart:
+    """A part of a shape that has one lowest point: all c + S x with |x| <= 1, S symmetric; of a rim, its disk.
 
+    Attributes:
+        centre: c, shape (3,) [m].
+        root: S, shape (3, 3) [m].
+        rim: Of a rim, the number of the first of the shape's vertices that are on it; else -1.
+        reach: Largest distance from the centre [m].
+    """
 
-class Round(Protocol):
-    """A part of a shape that has one lowest point."""
+    centre: Array
+    root: Array
+    rim: int = -1
+    reach: float = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "reach", float(np.linalg.eigvalsh(self.root)[-1]))
+
+    @property
+    def least(self) -> float:
+        """The lowest point is not unique where it is less than this below the centre [m]."""
+        return LEVEL_M if self.rim >= 0 else 0.0
+
+    @property
+    def steep(self) -> float:
+        """A rim whose lowest point is more than this below its centre touches nowhere else [m]."""
+        return STEEP * self.reach
+
+    @property
+    def is_ball(self) -> bool:
+        """Whether it is a ball."""
+        return bool(np.abs(self.root - self.reach * np.eye(3)).max() <= 1e-12 * self.reach)
 
     def lowest(self, up: Array) -> Array:
         """The lowest point, shape (3,) [m]; NaN where many are equally low."""
+        return self.centre + plane_kernel().lowest(self.root, self.least, *up)[:3]
 
     def wander(self, up: Array, rate: Array) -> Array:
-        """How fast the lowest point moves over the body while `up` changes at `rate` [1/s], shape (3,) [m/s]."""
+        """How fast the lowest point moves over the body while `up` changes at `rate` [1/s], shape (3,) [m/s].
 
-
-@dataclass(frozen=True, eq=False)
-class Ball:
-    """A ball.
-
-    Attributes:
-        centre: Shape (3,) [m].
-        radius: [m].
-    """
-
-    centre: Array
-    radius: float
-
-    def lowest(self, up: Array) -> Array:
-        """Straight below the centre."""
-        return self.centre - self.radius * up
-
-    def wander(self, up: Array, rate: Array) -> Array:
-        """Opposite to the rate of `up`."""
-        return -self.radius * rate
-
-
-@dataclass(frozen=True, eq=False)
-class Rim:
-    """The edge of a cylinder's or cone's flat end.
-
-    Attributes:
-        centre: Shape (3,) [m].
-        axis: Unit vector, shape (3,).
-        radius: [m].
-        first: Number of the first of the shape's vertices that are on it.
-    """
-
-    centre: Array
-    axis: Array
-    radius: float
-    first: int
-
-    def lowest(self, up: Array) -> Array:
-        """The lowest point in the rim's plane; NaN where the rim is flat."""
-        u, length = self._towards(up)
-        return self.centre - (self.radius / length) * u
-
-    def wander(self, up: Array, rate: Array) -> Array:
-        """Along the rim; fast where it is nearly flat, as for a coin that comes to rest; zero where it is flat."""
-        u, length = self._towards(up)
-        if np.isnan(length):
-            return np.zeros(3)
-        du, e = rate - (rate @ self.axis) * self.axis, u / length
-        return np.asarray(-self.radius * (du - e * (e @ du)) / length)
-
-    def _towards(self, up: Array) -> tuple[Array, float]:
-        """(the part of `up` in the rim's plane, its length: NaN where the rim is flat)."""
-        u = up - (up @ self.axis) * self.axis
-        length = float(np.sqrt(u @ u))
-        return u, np.nan if self.radius * length < LEVEL_M else length
+        Fast where a rim is nearly flat, as of a coin that comes to rest; zero where it is flat.
+        """
+        return np.array(plane_kernel().wander(self.root, self.least, *up, *rate))
 
     def stands(self, up: Array) -> bool:
-        """Whether it is inclined so much that only its lowest point can touch."""
-        return bool(1.0 - (up @ self.axis) ** 2 > STEEP**2)
+        """Whether a rim is inclined so much that only its lowest point can touch."""
+        return bool(plane_kernel().lowest(self.root, self.least, *up)[3] > self.steep)
 
 
-@dataclass(frozen=True, eq=False)
-class Oval:
-    """An ellipsoid.
+def ball(centre: Array, radius: float) -> RoundPart:
+    """A ball of a radius [m]."""
+    return RoundPart(centre, radius * np.eye(3))
 
-    Attributes:
-        centre: Shape (3,) [m].
-        Q: R diag(radii)^2 R^T, shape (3, 3) [m2].
+
+def rim(centre: Array, axis: Array, radius: float, first: int) -> RoundPart:
+    """The edge of a cylinder's or cone's flat end, about a unit vector; `first` as `RoundPart.rim`."""
+    return RoundPart(centre, radius * (np.eye(3) - np.outer(axis, axis)), first)
+
+
+def spread(points: Array, height: Array, up: Array) -> Array:
+    """Indices of the points chosen among many near a surface, in ascending order; at most `MOST_POINTS`.
+
+    The loaded ones, and those over which the body would tip. The choice depends only on the present positions, and changes only
+    far from where the body touches.
+
+    Args:
+        points: Shape (n, 3) [m].
+        height: Height above the surface, shape (n,) [m].
+        up: Unit vector away from the surface, shape (3,).
     """
+    every = np.arange(len(points))
+    if len(points) <= MOST_POINTS:
+        return every
+    places, heights, along = (np.ascontiguousarray(given) for given in (points.T, height, up))
+    chosen: Array = plane_kernel().spread(places, heights, every, along)
+    return chosen
 
-    centre: Array
-    Q: Array
 
-    def lowest(self, up: Array) -> Array:
-        """The point with a horizontal tangent plane."""
-        down, s = self._down(up)
-        return self.centre - down / s
+@cache
+def plane_kernel() -> ModuleType:
+    """The compiled functions, which are compiled or read from the disk when they are first asked for."""
+    from rbd.constraints import plane_kernel as compiled_functions  # imports Numba
 
-    def wander(self, up: Array, rate: Array) -> Array:
-        """The derivative of `lowest`."""
-        down, s = self._down(up)
-        return np.asarray(-self.Q @ rate / s + down * (down @ rate) / s**3)
-
-    def _down(self, up: Array) -> tuple[Array, float]:
-        """(Q up, s)."""
-        down = self.Q @ up
-        return down, float(np.sqrt(up @ down))
+    return compiled_functions

@@ -1,4 +1,4 @@
-"""Convex polygons in the plane: support regions and soles as arrays, and intersections of outlines.
+"""Convex polygons in the plane: support regions and soles as arrays, and intersections of outlines; which corners count.
 
 One or two points, and points on a line, are accepted. Outlines are Python floats: ten times as fast as NumPy at ten points.
 """
@@ -15,6 +15,19 @@ from rbd.arrays import Array
 SAME_M = 1e-9
 """Points nearer to each other than this are the same [m]."""
 Point = tuple[float, float]
+
+RIM_CORNERS = 8
+"""Corners that replace a flat rim: a regular polygon in it, its edges up to 8 % of the radius inside."""
+LOWEST = 8
+"""When contact points are reduced to a few, this many of the lowest are always included, so that none in contact is dropped."""
+DIRECTIONS = 8
+"""The farthest point in each of this many horizontal directions is included too."""
+MOST_POINTS = LOWEST + DIRECTIONS
+TIPS = 0.1
+"""A point at height h counts as nearer by h over this [rad]: points that touch only after a large tilt."""
+_angles = 2.0 * np.pi * (np.arange(DIRECTIONS) + 0.5) / DIRECTIONS
+TOWARDS = np.column_stack([np.cos(_angles), np.sin(_angles)])
+"""These directions, shape (DIRECTIONS, 2)."""
 
 
 def convex_hull(points: Array) -> Array:
@@ -79,6 +92,18 @@ def half_planes(hull: Array) -> tuple[Array, Array]:
     along /= np.linalg.norm(along, axis=1)[:, None]
     normals = along if len(hull) == 2 else np.column_stack([-along[:, 1], along[:, 0]])
     return normals, np.einsum("ij,ij->i", normals, hull)
+
+
+def across(n: Array) -> Array:
+    """Two unit vectors across n, shape (2, 3), in a right-handed order."""
+    x, y, z = n.tolist()
+    if abs(z) > 0.7:
+        s = math.hypot(z, x)
+        a, b, c = z / s, 0.0, -x / s
+    else:
+        s = math.hypot(x, y)
+        a, b, c = -y / s, x / s, 0.0
+    return np.array([[a, b, c], [y * c - z * b, z * a - x * c, x * b - y * a]])
 
 
 def outline(points: Sequence[Point]) -> list[int]:
