@@ -21,7 +21,7 @@ ORDER = """
 displayed
 errors
 arrays installation modules
-kernels
+kernels records
 model problem
 constraints solvers
 robots

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -15,7 +16,7 @@ from rbd.answers.solution import Solution, solution_of
 from rbd.arrays import Array, max_abs, range_of
 from rbd.constraints.constraint import Constraint
 from rbd.displayed import Displayed
-from rbd.errors import NoSolution
+from rbd.errors import NoSolution, Reason
 from rbd.model.external import External
 from rbd.model.state import State
 from rbd.problem.answer import CARRIES_NOTHING_N, Status
@@ -24,6 +25,7 @@ from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import at_rest
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.rows import Rows
+from rbd.records import Field
 from rbd.solvers import Solver
 from rbd.solvers.admm import ConeSolver
 from rbd.solvers.default import solver_of
@@ -269,6 +271,33 @@ class LawComparison(Displayed):
     coulomb: Solution
     under_convex: dict[str, ContactUnderLaw]
     under_coulomb: dict[str, ContactUnderLaw]
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field(
+            "worst_residual", (), "1", "largest scaled residual of both answers",
+            lambda both: np.fmax(both.convex.residuals.worst, both.coulomb.residuals.worst), certificate=True,
+        ),
+        Field("difference", (), "1", "difference of the accelerations, relative"),
+        Field("agree", (), "", "whether both laws give one motion, to 1e-7, and no other"),
+        Field(
+            "normal_ratio", (), "1", "normal force of each contact, convex over Coulomb's law",
+            None, "normal_ratio_{}", "normal force of {}, convex over Coulomb's law",
+        ),
+        Field(
+            "lift_off", (), "m/s2", "normal acceleration of each loaded contact under the convex law",
+            lambda both: {name: contact.lift_off for name, contact in both.under_convex.items()},
+            "lift_off_{}", "normal acceleration of {} under the convex law", default=False,
+        ),
+        Field(
+            "motions", (), "1", "number of motions under Coulomb's law",
+            lambda both: 1 + len(both.coulomb.others), default=False,
+        ),
+    )  # fmt: skip
+
+    @property
+    def no_answer(self) -> tuple[Reason, str] | None:
+        """Why one of the two is no answer, and a message; None where both are."""
+        return self.convex.no_answer or self.coulomb.no_answer
 
     @property
     def difference(self) -> float:

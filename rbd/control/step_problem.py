@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.residuals import SOLVED, USABLE
 from rbd.problem.rows import Rows
+from rbd.records import Field
 from rbd.statics.actuation import Actuation
 from rbd.statics.effort import checked_bounds
 from rbd.statics.force_balance import ForceBalance, contact_rows
@@ -141,6 +143,24 @@ class TaskActuation(Actuation):
     violation: Violation | None = None
     limits: Limits = Limits()
     moving: Mapping[str, float] = field(default_factory=dict)
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        *(line for line in Actuation.fields if line.certificate),
+        Field(
+            "worst_certificate", (), "1", "largest error of the step: equations, limits, least cost",
+            lambda step: step.certificate.worst, certificate=True,
+        ),
+        *(line for line in Actuation.fields if not line.certificate),
+        Field(
+            "missed", (), "m/s2 or rad/s2", "largest entry of what each task missed",
+            lambda step: {name: max_abs(off) for name, off in step.missed.items()},
+            "missed_{}", "largest entry of what {} missed",
+        ),
+        Field(
+            "violation", (), "m/s2 or rad/s2", "by how much contacts and joint limits are violated",
+            lambda step: 0.0 if step.violation is None else step.violation.worst,
+        ),
+    )  # fmt: skip
 
     @property
     def status(self) -> Status:

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -21,6 +22,7 @@ from rbd.constraints.constraint import Constraint, loop_dof
 from rbd.constraints.manifold import CLOSED, RANK, ConstraintManifold, LinearisedRows, RowName, null_space
 from rbd.displayed import Displayed
 from rbd.model.state import State
+from rbd.records import Field
 
 _PARALLEL = 1e-9
 
@@ -116,6 +118,15 @@ class Mobility(Displayed):
     self_stresses: Array
     velocity_only: bool
     seed: int
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("counted", (), "1", "degrees of freedom that Gruebler and Kutzbach count", lambda found: found.count.value),
+        Field("instantaneous", (), "1", "degrees of freedom of the velocities that J allows"),
+        Field("finite", (), "1", "degrees of freedom of finite motions"),
+        Field("rank", (), "1", "rank of J"),
+        Field("singular", (), "", "whether the rank of J is lower here than nearby"),
+        Field("verdict", (), "", "the conclusion, in words", default=False),
+    )
 
     @property
     def instantaneous(self) -> int:

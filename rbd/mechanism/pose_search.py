@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -37,6 +37,7 @@ from rbd.mechanism.poses import draw
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.programs import within
+from rbd.records import Axis, Field
 from rbd.robots.robot import Robot
 
 Named = TypeVar("Named")
@@ -88,6 +89,20 @@ class FoundPose(Displayed):
     moved: float
     at_limits: tuple[str, ...]
     starts: int
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("worst_error", (), "m or rad", "largest error of targets and loops", lambda found: found.worst, certificate=True),
+        Field("q", ("position",), "{}", "configuration"),
+        Field("com", ("axis",), "m", "centre of mass in W", lambda found: found.state.com),
+        Field("moved", (), "rad", "distance of the joints from the posture"),
+        Field("at_limits", (), "1", "number of joints at a limit", lambda found: len(found.at_limits), default=False),
+        Field("starts", (), "1", "number of starts of the search", default=False),
+    )
+
+    @property
+    def coordinate_axes(self) -> dict[str, Axis]:
+        """Labels and units of the robot's coordinates."""
+        return self.state.coordinate_axes
 
     @property
     def q(self) -> Array:

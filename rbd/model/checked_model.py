@@ -25,6 +25,7 @@ from rbd.model.joints import FORCE_OF, UNIT_TOLERANCE, Coordinate, Joints
 from rbd.model.motors import Motor, Motors, TorqueLines, checked_motors, motors_of_plain, put_motors, torque_use
 from rbd.model.pickling import Recipe, Travelling, packed, unpacked
 from rbd.model.world import Plane, base_turn, checked_gravity, plane_of_base
+from rbd.records import AXES, Axis
 
 Model = TypeVar("Model", bound="ActuatedModel")
 
@@ -360,6 +361,23 @@ class CheckedModel(ActuatedModel, Displayed):
     def motor_coordinates(self) -> tuple[Coordinate, ...]:
         """A name and a unit for each entry of tau; `rbd.model.joints.FORCE_OF[unit]` is the force's."""
         return tuple(self.joints.velocities[i] for i in self.actuated)
+
+    @lazy
+    def coordinate_axes(self) -> dict[str, Axis]:
+        """{"position", "velocity", "motor": names and units of the entries of q, of v (per second), of tau}, and `AXES`."""
+        q, v, tau = self.joints.positions, self.joints.velocities, self.motor_coordinates
+        return AXES | {
+            "position": Axis(tuple(c.name for c in q), tuple(c.unit for c in q)),
+            "velocity": Axis(tuple(c.name for c in v), tuple(c.unit for c in v)),
+            "motor": Axis(tuple(c.name for c in tau), tuple(FORCE_OF[c.unit] for c in tau)),
+        }
+
+    @property
+    def unit_coordinates(self) -> dict[str, tuple[str, Array]]:
+        """{"position_unit", "velocity_unit", "motor_unit": (dimension, unit of each entry)}, as xarray takes coordinates."""
+        per = {"velocity": "/s"}
+        units = {dim: axis.units for dim, axis in self.coordinate_axes.items() if dim not in AXES}
+        return {f"{dim}_unit": (dim, np.array([x + per.get(dim, "") for x in own], str)) for dim, own in units.items()}
 
     def frame(self, name: str) -> pin.Frame:
         """The Pinocchio frame of this name; a link takes precedence over a joint of the same name.

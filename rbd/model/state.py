@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
@@ -13,6 +14,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.data_pool import DataPool, Slot
+from rbd.records import Axis, Field
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,6 +56,12 @@ class State(Displayed):
         ((18, 18), array([-0.001,  0.   ,  0.209]), array([ 0.142,  0.172, -0.02 ]))
     """
 
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("q", ("position",), "{}", "configuration"),
+        Field("v", ("velocity",), "{}/s", "velocities"),
+        Field("com", ("axis",), "m", "centre of mass in W"),
+    )
+
     def __init__(self, robot: CheckedModel, q: Array, v: Array | None = None) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"State wants a robot first, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
@@ -68,6 +76,11 @@ class State(Displayed):
     _ticket = 0
     limits_checked = False
     """Whether its joints were compared with their limits: what is beyond is told once a state."""
+
+    @property
+    def coordinate_axes(self) -> dict[str, Axis]:
+        """Labels and units of the robot's coordinates."""
+        return self.robot.coordinate_axes
 
     @property
     def _pool(self) -> DataPool:

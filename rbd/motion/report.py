@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.nearest import nearest_motion
 from rbd.motion.reference_motion import Motion
 from rbd.motion.self_collision import SelfCollisions
+from rbd.records import Field
 from rbd.simulation.progress_bar import progress_of
 from rbd.simulation.trajectory_file import a_trajectory_path
 
@@ -105,6 +106,30 @@ class MotionReport(Displayed):
     check: Callable[..., MotionReport]
     collisions: SelfCollisions | None = None
     before: MotionReport | None = None
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("share_possible", (), "1", "share of the frames that are possible"),
+        Field("score", (), "1", "0 to 100, as MotionReport.score"),
+        Field(
+            "causes", (), "1", "share of the frames with each cause: share_floats, share_motor, ...",
+            lambda report: dict(zip(CAUSES, report.causes.mean(axis=0), strict=True)),
+            "share_{}", "share of the frames that are not possible: {}",
+        ),
+        Field("missing_median", (), "1", "median of the missing wrench, scaled", lambda x: np.median(x.missing_scaled)),
+        Field("missing_largest", (), "1", "largest missing wrench, scaled", lambda x: x.missing_scaled.max(initial=0.0)),
+        Field("open_median", (), "1", "median of its standard deviation by noise", lambda x: np.median(x.open)),
+        Field("worst_torque", (), "1", "largest share of a motor limit", lambda x: x.used_torque.max(initial=0.0)),
+        Field(
+            "friction_used", (), "1", "largest |f_t| / (mu f_n) of a contact",
+            lambda x: np.fmax.reduce(x.used_friction, axis=None, initial=np.nan),
+        ),
+        Field(
+            "edge_margin", (), "m", "smallest distance of a centre of pressure from the edge",
+            lambda x: np.fmin.reduce(x.edge_margin, axis=None, initial=np.nan),
+        ),
+        Field("frames", (), "1", "number of frames", lambda x: x.n, default=False),
+        Field("duration", (), "s", "time from the first frame to the last", lambda x: x.motion.duration, default=False),
+    )  # fmt: skip
 
     @property
     def n(self) -> int:

@@ -7,8 +7,10 @@ uniqueness, why there is no answer, derivatives) belongs to `rbd.Solution`, whic
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass
-from enum import StrEnum
+from enum import IntEnum, StrEnum
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -21,6 +23,7 @@ from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
 from rbd.problem.rows import Patch, Rows
+from rbd.records import AXES, SPATIAL, Axis, Field, Variable, key
 
 CARRIES_NOTHING_N = 1e-6
 """Below this normal force [N] a contact counts as unloaded: no friction ratio and no centre of pressure are given."""
@@ -132,6 +135,158 @@ class Status(StrEnum):
         return {Status.FAILED: Reason.NO_SOLUTION, Status.INFEASIBLE: Reason.CONTRADICTION}.get(self, Reason.NONE)
 
 
+class StateStatus(IntEnum):
+    """What became of one of many states; `solutions.reason_codes` says more where it has no answer, `solutions.reasons` all.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> v = np.zeros((2, solo.nv))
+        >>> v[1, 2] = -0.1  # the second falls onto its feet
+        >>> solutions = rbd.solve_many(solo, solo.standing().q, v, np.zeros(solo.nu), solo.feet())
+        >>> [rbd.answers.many.StateStatus(status).words for status in solutions.status]
+        ['solved', 'contact moves']
+        >>> [str(rbd.errors.Reason.of_code(code)) for code in solutions.reason_codes]
+        ['', 'contact_moves: impact']
+    """
+
+    SOLVED = 0
+    """Every scaled residual is at most 1e-9."""
+    INACCURATE = 1
+    """Every scaled residual is at most 1e-7."""
+    FAILED = 2
+    """No answer within 1e-7 was found, though no proof that there is none."""
+    INFEASIBLE = 3
+    """The constraints contradict each other."""
+    CONTACT_MOVES = 4
+    """A contact approaches, which is an impact, or moves as the law does not cover: `ContactMoves`."""
+    BAD_INPUT = 5
+    """Not finite, a quaternion off the unit sphere, or refused by a constraint: `InputError`."""
+    UNSUPPORTED = 6
+    """The solver cannot take the problem: `Unsupported`."""
+    CANNOT_MOVE = 7
+    """No torques and forces within their limits move the robot so: `CannotMove`."""
+
+    @property
+    def words(self) -> str:
+        """In words, e.g. "contact moves"."""
+        return self.name.lower().replace("_", " ")
+
+    @property
+    def reason(self) -> Reason:
+        """The reason that it stands for, without detail; `NONE` where there is an answer."""
+        return _REASON[self]
+
+    @classmethod
+    def of_answer(cls, status: Status) -> StateStatus:
+        """The status of a state whose answer has this status.
+
+        Args:
+            status: Of the answer.
+        """
+        return cls[status.name]
+
+    @classmethod
+    def of_reason(cls, reason: Reason) -> StateStatus:
+        """The status of a state that has no answer for this reason; `FAILED` for what has no status of its own.
+
+        Args:
+            reason: Of the error.
+        """
+        return _STATUS.get(reason) or _STATUS.get(reason.kind, cls.FAILED)
+
+
+_REASON: dict[StateStatus, Reason] = {
+    StateStatus.SOLVED: Reason.NONE,
+    StateStatus.INACCURATE: Reason.NONE,
+    StateStatus.FAILED: Reason.NO_SOLUTION,
+    StateStatus.INFEASIBLE: Reason.CONTRADICTION,
+    StateStatus.CONTACT_MOVES: Reason.CONTACT_MOVES,
+    StateStatus.BAD_INPUT: Reason.BAD_INPUT,
+    StateStatus.UNSUPPORTED: Reason.UNSUPPORTED,
+    StateStatus.CANNOT_MOVE: Reason.CANNOT_MOVE,
+}
+_STATUS: dict[Reason, StateStatus] = {
+    Reason.UNKNOWN_NAME: StateStatus.BAD_INPUT,
+    Reason.DUPLICATE_NAME: StateStatus.BAD_INPUT,
+    Reason.NOT_AT_REST: StateStatus.CONTACT_MOVES,
+    Reason.CANNOT_HOLD: StateStatus.CANNOT_MOVE,
+    **{reason: status for status, reason in _REASON.items() if reason is not Reason.NONE},
+}
+
+
+STATE_STATUS = {int(code): code.name.lower() for code in StateStatus}
+"""{code: its meaning}, for variables of codes."""
+
+
+def force_variables(forces: Mapping[str, Array], contacts: Collection[str]) -> dict[str, Variable]:
+    """{constraint: its force}: (3,) or (6,) of a contact, else one entry a row; a constraint without rows has one of zero.
+
+    Args:
+        forces: {constraint: shape (..., m)}.
+        contacts: Those whose force or wrench is on the robot, in world axes.
+    """
+    found = {}
+    for name, values in forces.items():
+        m, dim = values.shape[-1], f"{key(name)}_row"
+        if not m:  # a limit that is not reached
+            values, m = np.zeros((*values.shape[:-1], 1)), 1
+        contact = name in contacts and m in (3, 6)
+        unit = "N or N m" if not contact else "N" if m == 3 else "N, then N m"
+        labels = SPATIAL[:m] if contact else tuple(map(str, range(m)))
+        found[name] = Variable(values, (dim,), unit, f"force of {name}", {dim: labels})
+    return found
+
+
+def _of_contacts(what: str) -> Callable[[Any], dict[str, Any]]:
+    """A quantity of each contact; NaN where there is none."""
+
+    def of(found: Any) -> dict[str, Any]:
+        return {name: getattr(contact, what) for name, contact in found.contacts.items()}
+
+    return of
+
+
+CERTIFICATE = (
+    Field(
+        "status", (), "", "solved, inaccurate, failed, ...: a code of rbd.answers.many.StateStatus",
+        lambda found: np.int8(StateStatus[found.status.name]), flags=STATE_STATUS, certificate=True,
+    ),
+    Field(
+        "worst_residual", (), "1", "largest scaled residual: the certificate of the answer",
+        lambda found: found.residuals.worst, certificate=True,
+    ),
+    Field(
+        "residuals", (), "1", "scaled residual of each equation",
+        lambda found: found.residuals.scaled, "residual_{}", "scaled residual: {}", default=False,
+    ),
+)  # fmt: skip
+"""Fields of every answer that prove it."""
+ACCELERATION = Field("a", ("velocity",), "{}/s2", "accelerations, by velocity coordinate")
+FORCES = (
+    Field(
+        "forces", (), "N, N m", "force or wrench of each constraint, on the robot, world axes",
+        lambda found: force_variables(found.forces, found.contacts), "force_{}",
+    ),
+    Field(
+        "corner_forces", ("{}_corner", "axis"), "N", "forces at the corners of each contact, world axes",
+        None, "corner_forces_{}", "forces at the corners of {}", default=False,
+    ),
+    Field(
+        "normal_force", (), "N", "normal force of each contact",
+        _of_contacts("normal"), "normal_force_{}", "normal force of {}", default=False,
+    ),
+    Field(
+        "friction_used", (), "1", "|f_t| / (mu f_n) of each contact; NaN without load or coefficient",
+        _of_contacts("friction_used"), "friction_used_{}", "|f_t| / (mu f_n) of {}",
+    ),
+    Field(
+        "centre_of_pressure", ("axis",), "m", "centre of pressure of each contact in W; NaN without load",
+        _of_contacts("centre_of_pressure"), "centre_of_pressure_{}", "centre of pressure of {}", default=False,
+    ),
+)  # fmt: skip
+"""Fields of the forces of an answer."""
+
+
 class Gauss(float):
     """Gauss's function 1/2 |a - a_free|_M^2 [N m/s2], the sum of the constraints' shares.
 
@@ -194,9 +349,32 @@ class Answer(Displayed):
     redundant: bool = False
     method: str = ""
 
+    fields: ClassVar[tuple[Field, ...]] = (
+        *CERTIFICATE,
+        ACCELERATION,
+        *FORCES,
+        Field("gauss", (), "N m/s2", "Gauss's function 1/2 |a - a_free|_M^2", default=False),
+        Field("method", (), "", "method that found it", lambda found: found.method or found.solver, default=False),
+        Field("law", (), "", "law of the contact forces", lambda found: str(found.law), default=False),
+    )
+
     def __post_init__(self) -> None:
         if type(self.law) is not Law:
             object.__setattr__(self, "law", Law.of(self.law))
+
+    @property
+    def coordinate_axes(self) -> dict[str, Axis]:
+        """Labels and units of the robot's coordinates; none of a problem in arrays."""
+        found: dict[str, Axis] = getattr(getattr(self.problem.origin, "state", None), "coordinate_axes", AXES)
+        return found
+
+    @property
+    def no_answer(self) -> tuple[Reason, str] | None:
+        """Why this is no answer, and a message; None where it is one."""
+        status = self.status
+        if status in (Status.SOLVED, Status.INACCURATE):
+            return None
+        return status.reason, self.reason or self.impact or self.worst
 
     @property
     def a_free(self) -> Array:
@@ -262,7 +440,7 @@ class Answer(Displayed):
 
     @lazy
     def gauss(self) -> Gauss:
-        """Gauss's function and each constraint's share of it."""
+        """Gauss's function [N m/s2] and each constraint's share of it."""
         P = self.problem
         moved = self.a - P.a_free
         work = self.multipliers * (P.J @ moved)

@@ -6,7 +6,7 @@ from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, ClassVar, overload
 
 import numpy as np
 import pinocchio as pin
@@ -19,6 +19,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ForceElement
 from rbd.model.output_files import check_place
 from rbd.model.state import State
+from rbd.records import Axis, Field
 from rbd.simulation.recording import Recording
 from rbd.simulation.simulated_motion import ConstraintForce, Event, Integrator, Sample, SimulatedMotion
 from rbd.simulation.trajectory_contents import (
@@ -121,6 +122,58 @@ class Trajectory(Displayed):
     end_reason: Reason = Reason.NONE
     elements: tuple[ForceElement, ...] = ()
     pushed: bool = False
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field(
+            "worst_residual", (), "1", "largest scaled residual of the contact law, over the motion",
+            lambda run: run.residuals["law"].max(initial=0.0), certificate=True,
+        ),
+        Field(
+            "penetration", (), "m or rad", "depth of the deepest contact, over the motion",
+            lambda run: run.residuals["penetration"].max(initial=0.0), certificate=True,
+        ),
+        Field(
+            "drift", (), "m or rad", "largest position error of the bilateral constraints",
+            lambda run: run.residuals["drift"].max(initial=0.0), certificate=True,
+        ),
+        Field("duration", (), "s", "time from the first sample to the last"),
+        Field(
+            "ended_early", (), "", "whether it ended before the time that was asked for", lambda run: bool(run.interrupted)
+        ),
+        Field(
+            "end_reason", (), "", "why it ended early: a code of rbd.errors.Reason; 0 if it did not",
+            lambda run: np.int16(run.end_reason.code), flags={reason.code: reason.name.lower() for reason in Reason},
+        ),
+        Field("interrupted", (), "", "when and why it ended early, in words", default=False),
+        Field("final_q", ("position",), "{}", "configuration at the end", lambda run: run.q[-1]),
+        Field("final_v", ("velocity",), "{}/s", "velocities at the end", lambda run: run.v[-1]),
+        Field("final_com", ("axis",), "m", "centre of mass in W at the end", lambda run: run.com[-1]),
+        Field("lowest_com", (), "m", "lowest height of the centre of mass", lambda run: run.com[:, 2].min()),
+        Field(
+            "energy_change", (), "J", "energy at the end less that at the beginning",
+            lambda run: run.energy[-1] - run.energy[0],
+        ),
+        Field("motor_work", (), "J", "work of the motors", lambda run: run.motor_work[-1]),
+        Field(
+            "worst_torque", (), "1", "largest share of a motor limit that is used",
+            lambda run: run.robot.torque_use(run.tau, run.v).max(initial=0.0),
+        ),
+        Field(
+            "largest_tau", ("motor",), "{}", "largest torque of each motor",
+            lambda run: np.abs(run.tau).max(axis=0), default=False,
+        ),
+        Field(
+            "largest_forces", (), "N", "largest force of each contact",
+            lambda run: {x: np.linalg.norm(run.forces[x][:, :3], axis=1).max(initial=0.0) for x in run.contacts},
+            "largest_force_{}", "largest force of {}", default=False,
+        ),
+        Field("events", (), "1", "number of beginnings and ends of contact", lambda run: len(run.events), default=False),
+    )  # fmt: skip
+
+    @property
+    def coordinate_axes(self) -> dict[str, Axis]:
+        """Labels and units of the robot's coordinates."""
+        return self.robot.coordinate_axes
 
     def __post_init__(self) -> None:
         for name, value in checked(vars(self)).items():

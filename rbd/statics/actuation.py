@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -14,22 +15,41 @@ from rbd.arrays import Array, lazy, null_space, rank_of
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.displayed import Displayed
+from rbd.errors import Reason
 from rbd.model.dynamics import free_force
 from rbd.model.external import External
 from rbd.model.state import State
-from rbd.problem.answer import Answer, ContactForce, Status, corners_of
+from rbd.problem.answer import ACCELERATION, CERTIFICATE, FORCES, Answer, ContactForce, Status, corners_of
 from rbd.problem.conic import Conic
 from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import COULOMB, GaussProblem
 from rbd.problem.motion_forces import given_weights
 from rbd.problem.residuals import Residuals
 from rbd.problem.rows import Rows
+from rbd.records import Axis, Field, Variable
 from rbd.solvers.conic_newton import solve_conic
 from rbd.statics.effort import Effort
 from rbd.statics.force_balance import ForceBalance
 
 CHOICE = "least effort"
 """`force_choice` of an actuation's forces."""
+TORQUES = (
+    Field("tau", ("motor",), "{}", "motor torques, by motor"),
+    Field(
+        "used_torque", ("motor",), "1", "share of each motor's limit that is used",
+        lambda found: found.torque_use, default=False,
+    ),
+    Field(
+        "worst_torque", (), "1", "largest share of a motor limit that is used",
+        lambda found: found.torque_use.max(axis=-1, initial=0.0),
+    ),
+)  # fmt: skip
+"""Fields of torques, of one state and of many."""
+CHOSEN = (
+    Field("least", (), "", "whether the effort is the least, to nine digits", default=False),
+    Field("margin", (), "1", "share of friction that was kept unused", default=False),
+)
+"""Fields of how they were chosen, of one state and of many."""
 _INSIDE = 1e-6  # of a force that is inside its cone, or a torque within its limit, over the body weight, or the limit
 
 
@@ -55,6 +75,20 @@ class Margins(Displayed):
     friction: dict[str, float]
     corner_friction: dict[str, Array]
     centre_of_pressure: dict[str, float]
+
+    def variables(self, contacts: Iterable[str]) -> dict[str, Variable]:
+        """{"friction_<contact>", "pressure_<surface>": margin}; of friction NaN where a contact has none."""
+        friction = {
+            f"friction_{name}": Variable(
+                np.asarray(self.friction.get(name, math.nan)), (), "1", f"share of the friction of {name} that is left"
+            )
+            for name in contacts
+        }
+        pressure = {
+            f"pressure_{name}": Variable(np.asarray(x), (), "m", f"distance of the centre of pressure of {name} from the edge")
+            for name, x in self.centre_of_pressure.items()
+        }
+        return friction | pressure
 
 
 @dataclass(frozen=True)
@@ -131,6 +165,39 @@ class Actuation(Displayed):
     iterations: int
     method: str
     least: bool = True
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        *CERTIFICATE,
+        *TORQUES,
+        Field("worst_motor", (), "", "the motor with the largest share", lambda held: held.worst_motor, default=False),
+        *FORCES,
+        Field(
+            "margins", (), "1, m",
+            "margin of each contact: share of its friction, and distance of its centre of pressure from the edge",
+            lambda held: held.margins.variables(held.contacts), "margin_{}", default=False,
+        ),
+        replace(ACCELERATION, default=False),
+        *CHOSEN,
+        Field("method", (), "", "method that found it", default=False),
+    )  # fmt: skip
+
+    @property
+    def coordinate_axes(self) -> dict[str, Axis]:
+        """Labels and units of the robot's coordinates."""
+        return self.state.coordinate_axes
+
+    @property
+    def no_answer(self) -> tuple[Reason, str] | None:
+        """Why this is no answer, and a message; None where it is one."""
+        answer = self.answer
+        if self.status in (Status.SOLVED, Status.INACCURATE):
+            return None
+        return self.status.reason, answer.reason or answer.impact or answer.worst
+
+    @property
+    def worst_motor(self) -> str:
+        """The motor that comes nearest to its limit; empty without motors."""
+        return self.state.robot.actuated_names[int(np.argmax(self.torque_use))] if self.state.robot.nu else ""
 
     @property
     def state(self) -> State:

@@ -9,14 +9,13 @@ is one linear system a state. Where its x is inside the cones, and the torques a
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, replace
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from rbd.answers.many.blocks import friction_of, write
 from rbd.answers.many.many_answers import INACCURATE, LIMIT, OPENED, SPEED, ManyAnswers, Sheet, beyond_limits, of_rows, warn
-from rbd.answers.many.naming import StateStatus
 from rbd.answers.many.states import ManyStates
 from rbd.answers.prepared.many_states import BLOCK, BlockAnswer, ContactBlocks, prepared_blocks
 from rbd.arrays import Array, zeros
@@ -24,9 +23,10 @@ from rbd.constraints.constraint import rows_of
 from rbd.displayed import Displayed
 from rbd.errors import CannotHold, CannotMove, RbdError
 from rbd.model.external import generalised
-from rbd.problem.answer import Status
+from rbd.problem.answer import ACCELERATION, StateStatus, Status
 from rbd.problem.residuals import SOLVED
-from rbd.statics.actuation import CHOICE, Actuation
+from rbd.records import Field
+from rbd.statics.actuation import CHOICE, CHOSEN, TORQUES, Actuation
 from rbd.statics.effort import DEFAULT, Effort
 from rbd.statics.force_balance import refuse_motion
 from rbd.statics.wanted_motion import MARGIN, WantedMotion, check_choice, checked_margin
@@ -102,6 +102,18 @@ class Actuations(ManyAnswers, Displayed):
     margin: Array
     least: Array
     asked: Asked
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        *(line for line in ManyAnswers.fields if line.name not in ("a", "tau")),
+        *TORQUES,
+        replace(ACCELERATION, default=False),
+        *CHOSEN,
+    )
+
+    @property
+    def torque_use(self) -> Array:
+        """Torques over their limits at each state's velocity, shape (n, nu): 1 is at the limit, 0 where there is none."""
+        return self.states.robot.torque_use(self.tau, self.states.v)
 
     def __getitem__(self, i: int) -> Actuation:
         """The whole `Actuation` of state i, sought again by itself.

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -20,7 +21,8 @@ from rbd.constraints.convex.polygons import convex_hull, inside_distance, neares
 from rbd.errors import InaccurateWarning
 from rbd.model.state import State
 from rbd.problem.conic import Certificate
-from rbd.problem.programs import POLYGON_PROGRAMS, Outcome
+from rbd.problem.programs import POLYGON_PROGRAMS, Outcome, linear_program
+from rbd.records import Field
 from rbd.statics.force_balance import ForceBalance
 from rbd.statics.force_program import SAME, ForceProgram, Support
 
@@ -30,6 +32,26 @@ _START = 0.1
 """Angle of the first direction: off the axes, along which many regions have edges, and an edge is no vertex."""
 
 
+def inscribed_radius(vertices: Array) -> float:
+    """Radius of the largest circle in a flat convex polygon [m]; zero of fewer than three corners.
+
+    Args:
+        vertices: Corners in order, shape (k, 2), or (k, 3) in a plane [m].
+    """
+    if len(vertices) < 3:
+        return 0.0
+    middle = vertices.mean(axis=0)
+    flat = (vertices - middle) @ np.linalg.svd(vertices - middle)[2][:2].T
+    along = np.roll(flat, -1, axis=0) - flat
+    length = np.linalg.norm(along, axis=1)
+    some = length > 0.0
+    normals = np.stack([along[some, 1], -along[some, 0]], axis=1) / length[some, None]
+    level = (normals * flat[some]).sum(axis=1)
+    # The middle is inside: normals point outwards, or all of them inwards, which is the polygon turned by half a turn.
+    found = linear_program(np.array([0.0, 0.0, -1.0]), np.column_stack([normals, np.ones(len(normals))]), np.abs(level))
+    return float(found.x[2]) if found.outcome is Outcome.SOLVED else np.nan
+
+
 class Region:
     """Where something may be in a plane: what support regions and zero-moment regions have in common."""
 
@@ -37,6 +59,14 @@ class Region:
     vertices: Array
     directions: Array
     cut: bool
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("area", (), "m2", "area of the region; infinite where it has no end"),
+        Field("empty", (), "", "whether there is no such place"),
+        Field("bounded", (), "", "whether the region ends everywhere"),
+        Field("cut", (), "", "whether it goes on beyond 10 m: area, distance and radius are then of the part within"),
+        Field("inscribed_radius", (), "m", "radius of the largest circle inside", default=False),
+    )
 
     @property
     def state(self) -> State:
@@ -52,6 +82,11 @@ class Region:
     def bounded(self) -> bool:
         """Whether the region ends everywhere."""
         return not len(self.directions)
+
+    @property
+    def inscribed_radius(self) -> float:
+        """Radius of the largest circle inside [m]; infinite where the region has no end."""
+        return inscribed_radius(self.vertices) if self.bounded else np.inf
 
     def to_edge(self, at: Array) -> tuple[float, bool]:
         """(distance, known): from a place in the plane to the edge of the polygon [m], and whether that is the region's.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import Outcome
+from rbd.records import Field
 from rbd.statics.force_balance import ForceBalance, TorqueRows, contact_forces, outside, place, standing_loads, torques_left
 from rbd.statics.force_program import ForceProgram, Support
 from rbd.statics.limits import Limit
@@ -81,6 +82,28 @@ class PushLimits(Displayed):
     least_weights: Array
     at_most: float
     programs: int
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field(
+            "residual", (), "N, N m", "largest error of all pushes: of balance, forces outside cones, torques", certificate=True
+        ),
+        Field(
+            "push_limit", ("direction",), "N", "largest push in each direction; NaN where none holds it", lambda x: x.forces
+        ),
+        Field(
+            "push_least", ("direction",), "N",
+            "smallest push in each direction that holds it; zero where it is held without one", lambda x: x.least,
+        ),
+        Field("push_bound", ("direction",), "N", "what no push in each direction can exceed, proven", lambda x: x.bounds),
+        Field(
+            "push_direction", ("direction", "axis"), "1", "unit vector of each direction, in W",
+            lambda x: x.directions, default=False,
+        ),
+        Field(
+            "gives_way", ("direction",), "", "the limits that give way first in each direction",
+            lambda x: np.array([", ".join(map(str, limits)) for limits in x.gives_way], str), default=False,
+        ),
+    )  # fmt: skip
 
     @property
     def held(self) -> bool:

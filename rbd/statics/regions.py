@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from rbd.model.state import State
 from rbd.model.world import along_gravity
 from rbd.problem.conic import Certificate
 from rbd.problem.programs import Outcome
+from rbd.records import Field
 from rbd.statics.force_balance import (
     ForceBalance,
     TorqueRows,
@@ -83,6 +84,16 @@ class SupportRegion(Region, Displayed):
     contradiction: Certificate | None
     programs: int
     cut: bool
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("residual", (), "N, N m", "largest error of the corners", certificate=True),
+        *Region.fields,
+        Field(
+            "com_distance", (), "m", "distance of the centre of mass from the edge, positive inside",
+            lambda region: region.com_to_edge[0],
+        ),
+        Field("area_gap", (), "m2", "by how much the proven outer polygon is larger", default=False),
+    )  # fmt: skip
 
     @property
     def area(self) -> float:

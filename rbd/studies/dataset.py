@@ -11,7 +11,8 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors.reasons import Reason
 from rbd.modules import xarray_or_error
-from rbd.studies.outputs.fields import MESSAGE, OK, REASON, Block, Variable, storable
+from rbd.records import Variable
+from rbd.studies.outputs.fields import MESSAGE, OK, REASON, Block, storable
 from rbd.studies.sampling.samples import ONE, Samples
 
 if TYPE_CHECKING:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import math
 import re
 from collections import namedtuple
@@ -15,13 +16,19 @@ import xarray as xr
 
 import rbd
 from rbd.answers.many import StateStatus
-from rbd.answers.many.many_answers import ManyAnswers
 from rbd.errors import Reason
-from rbd.studies.outputs.fields import Block, NotKept, Variable, kind_of, known_types
+from rbd.records import Variable, documented, fields_of, unit_and_meaning
+from rbd.statics.planar_projection import inscribed_radius
+from rbd.studies.outputs.fields import Block, NotKept, is_of_many
 from rbd.studies.outputs.layout import Layout
-from rbd.studies.outputs.of_motions import inscribed_radius
 from rbd.studies.outputs.output_selection import Keep, KeptRows, OutputSelection, text_of
 
+TABLES = (
+    rbd.Solution, rbd.Actuation, rbd.control.TaskActuation, rbd.answers.many.Solutions, rbd.statics.Actuations, rbd.State,
+    rbd.mechanism.FoundPose, rbd.Trajectory, rbd.motion.MotionReport, rbd.statics.PushLimits, rbd.statics.SupportRegion,
+    rbd.statics.ZmpRegion, rbd.answers.analysis.Uniqueness, rbd.studies.LawComparison, rbd.mechanism.Mobility,
+)  # fmt: skip
+"""Types with a table of fields, in the order of docs/reference/studies.md."""
 CENTRE = [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]
 
 
@@ -410,10 +417,25 @@ class TestRecords:
 
     def test_every_type_has_its_names(self):
         """Each type has certificates among its names, and lines that say what they are."""
-        for name, kind in known_types().items():
-            assert set(kind.certificate) <= set(kind.names) and kind.defaults, name
-            for key, kept in kind.names.items():
-                assert key.isidentifier() and len(kept.about) > 8, f"{name}: {key}"
+        for kind in TABLES:
+            assert any(line.default for line in fields_of(kind)), kind
+            for line in fields_of(kind):
+                assert line.name.isidentifier() and len(line.meaning) > 5, f"{kind}: {line.name}"
+                assert line.default or not line.certificate
+
+    @pytest.mark.parametrize("kind", TABLES, ids=lambda kind: kind.__name__)
+    def test_tables_agree_with_docstrings(self, kind: type):
+        """A field that is an attribute is documented, as an attribute or a property, with the same unit."""
+        told = documented(kind)
+        for line in fields_of(kind):
+            if line.value is not None:
+                continue
+            text = inspect.getdoc(getattr(kind, line.name, None)) if line.name not in told else ""
+            assert line.name in told or text, f"{line.name} is not documented"
+            unit = told[line.name][0] if line.name in told else unit_and_meaning((text or "").split("\n\n")[0])[0]
+            shown = line.unit.replace("{}/s2", "m/s2, rad/s2").replace("{}/s", "m/s, rad/s").replace("{}", "N, N m")
+            if unit or shown not in ("", "1", "N, N m"):  # shares and truth values have no brackets
+                assert unit.split(";")[0] == shown, f"{line.name}: {unit!r} in the docstring, {shown!r} in the table"
 
     def test_every_name_of_every_type_gives_something(self, solo: rbd.Robot, held: rbd.Actuation, solution: rbd.Solution):
         """Each type that a study knows, with all that it may keep: each has a unit or a meaning, and one row a sample."""
@@ -435,35 +457,30 @@ class TestRecords:
             rbd.studies.compare_laws(resting, [], [face]),
             rbd.mechanism.mobility(rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0).at("assembled")),
         ]
-        kinds = {id(kind): name for name, kind in known_types().items()}
+        assert {type(record) for record in records} == set(TABLES), "a type without a record above"
         for record in records:
-            kind = kind_of(type(record))
-            assert kind is not None and kinds.pop(id(kind), "")
-            block = kept(record, keep=tuple(kind.names)) if kind.rows is None else batch(record, 1, tuple(kind.names))
+            names = tuple(line.name for line in fields_of(type(record)))
+            block = batch(record, 1, names) if is_of_many(record) else kept(record, keep=names)
             assert block.ok.all(), block.messages
-            assert len(block.variables) >= len(kind.names) - 1  # a foot that is a point has no margin of pressure
+            assert len(block.variables) >= len(names) - 1  # a foot that is a point has no margin of pressure
             assert all(variable.values.shape[:1] == (1,) and variable.long_name for variable in block.variables.values())
-        assert not kinds, "a type without a record above"
 
     def test_the_reference_lists_every_name(self):
         """docs/reference/studies.md has each name with its line, and whether it is kept where nothing is said."""
         page = (Path(__file__).parents[2] / "docs" / "reference" / "studies.md").read_text(encoding="utf-8")
         listed = page.partition("<!-- names -->")[2]
         expected = []
-        for kind in known_types().values():
-            for name, kept in kind.names.items():
-                when = "always" if name in kind.certificate else "yes" if kept.default else "if named"
-                expected.append(
-                    f"| `{name}` | {kept.about} | {when} |".replace("|f_t|", "\\|f_t\\|").replace(
-                        "|a - a_free|", "\\|a - a_free\\|"
-                    )
-                )
+        for kind in TABLES:
+            for line in fields_of(kind):
+                when = "always" if line.certificate else "yes" if line.default else "if named"
+                meaning = line.meaning.replace("|f_t|", "\\|f_t\\|").replace("|a - a_free|", "\\|a - a_free\\|")
+                expected.append(f"| `{line.name}` | {meaning} | {when} |")
         assert [line for line in listed.splitlines() if line.startswith("| `")] == expected
 
     def test_kept_names(self):
         """What keep may name, by type; of a subclass those of its base."""
         assert rbd.studies.kept_names(rbd.Solution)["forces"].startswith("force or wrench")
-        assert kind_of(rbd.answers.many.Solutions) is kind_of(ManyAnswers)
+        assert rbd.studies.kept_names(rbd.answers.many.Solutions)["forces"].startswith("force or wrench")
         for nonsense in (int, 3, "Solution"):
             with pytest.raises(rbd.InputError, match="is no type of which a study keeps something by name"):
                 rbd.studies.kept_names(nonsense)  # type: ignore[arg-type]

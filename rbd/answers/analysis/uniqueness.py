@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import ClassVar
 
 import numpy as np
 from scipy.linalg import blas
@@ -25,6 +26,7 @@ from rbd.problem.gauss_problem import Law
 from rbd.problem.programs import ENDS_WORK, Work
 from rbd.problem.residuals import SOLVED, residuals_of
 from rbd.problem.rows import Patch
+from rbd.records import Field
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,6 +172,25 @@ class Uniqueness(Displayed):
     exact: bool
     found: bool = True
     quantity: str = "force"
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("row_freedom", (), "1", "dimension of the row forces of the same motion; 0: unique"),
+        Field("corner_freedom", (), "1", "the same of the forces at corners"),
+        Field("motion_freedom", (), "1", "dimension of the family of motions; 0: one motion"),
+        Field(
+            "normal_ranges", (), "N", "lowest and highest normal force of each contact with the same motion",
+            lambda unique: {
+                f"{end}_{name}": getattr(contact.normal, end)
+                for name, contact in unique.contacts.items()
+                for end in ("lowest", "highest")
+            },
+            "normal_{}", "normal force, {}",
+        ),
+        Field(
+            "limits_exact", (), "", "whether the ranges are exact, to 1e-9", lambda unique: unique.exact, certificate=True
+        ),
+        Field("limits_found", (), "", "whether all ranges were found", lambda unique: unique.found, certificate=True),
+    )  # fmt: skip
 
     def as_impulses(self, speed: float, choice: str) -> Uniqueness:
         """The same for impulses, where forces are impulses over a speed, as in `Impact.solution`.

@@ -9,7 +9,6 @@ import numpy as np
 
 from rbd.answers.least_constraint import posed
 from rbd.answers.many.many_answers import DISTANT, MOVES, Sheet
-from rbd.answers.many.naming import StateStatus
 from rbd.answers.many.states import ManyStates
 from rbd.answers.prepared.contact_dynamics import DOUBTFUL, FoundForces
 from rbd.answers.prepared.many_states import BLOCK, METHODS, BlockAnswer, prepared_blocks
@@ -17,6 +16,7 @@ from rbd.answers.solution import Solution
 from rbd.arrays import Array
 from rbd.constraints.constraint import member
 from rbd.errors import Reason
+from rbd.problem.answer import StateStatus
 from rbd.problem.gauss_problem import BILATERAL, COULOMB, GaussProblem, Law
 from rbd.problem.residuals import SOLVED
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from rbd.answers.many.naming import StateStatus, dataset_of
 from rbd.answers.many.states import ManyStates
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, is_open
@@ -29,14 +28,18 @@ from rbd.errors import (
     Reason,
     SpeedLimitWarning,
 )
-from rbd.problem.answer import Answer
+from rbd.problem.answer import ACCELERATION, CERTIFICATE, FORCES, Answer, StateStatus, force_variables
 from rbd.problem.rows import Rows
+from rbd.records import Axis, Field, dataset
 
 if TYPE_CHECKING:
     import xarray
 
 RESIDUALS = ("stationarity", "feasibility", "cone", "complementarity", "centroidal")
 """Their names in the order of `Residuals.values`."""
+
+
+_ONE = {line.name: line for line in (*CERTIFICATE, *FORCES)}
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -75,6 +78,24 @@ class ManyAnswers:
     methods: tuple[str, ...]
     one_by_one: Array
     warned: Mapping[str, Array]
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        replace(_ONE["status"], value=None),
+        replace(_ONE["worst_residual"], value=lambda found: found.worst),
+        replace(_ONE["residuals"], value=None),
+        ACCELERATION,
+        Field("tau", ("motor",), "{}", "motor torques, by motor", default=False),
+        replace(_ONE["forces"], value=lambda found: force_variables(found.forces, found.friction_used)),
+        *(replace(_ONE[name], value=None) for name in ("corner_forces", "friction_used", "centre_of_pressure")),
+        Field("q", ("position",), "{}", "configuration", lambda found: found.states.q, default=False),
+        Field("v", ("velocity",), "{}/s", "velocities", lambda found: found.states.v, default=False),
+        Field("method", (), "", "method that found it", default=False),
+    )
+
+    @property
+    def coordinate_axes(self) -> dict[str, Axis]:
+        """Labels and units of the robot's coordinates."""
+        return self.states.robot.coordinate_axes
 
     def __len__(self) -> int:
         return len(self.status)
@@ -125,7 +146,11 @@ class ManyAnswers:
         Raises:
             InputError: xarray is not installed; names the extra.
         """
-        return dataset_of(self)
+        robot, along = self.states.robot, {"state": np.arange(len(self))}
+        friction = Field("", (), "1", "", lambda found: found.states.friction, "friction_{}", "coefficient of {}")
+        named = [each for line in (*self.fields, friction) for each in line.variables(self)]
+        about = {"title": f"{len(self)} states of {robot.name}", "frames": "W, z up; forces are those on the robot"}
+        return dataset(named, along, about).assign_coords(robot.unit_coordinates)
 
     def _told(self) -> list[str]:
         """Lines: methods, warnings and the first reason of each kind."""

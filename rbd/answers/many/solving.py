@@ -22,7 +22,6 @@ from rbd.answers.many.many_answers import (
     of_rows,
     warn,
 )
-from rbd.answers.many.naming import StateStatus
 from rbd.answers.many.states import Friction, ManyExternal, ManyStates
 from rbd.answers.solution import Solution, solution_of
 from rbd.arrays import Array, as_float
@@ -31,6 +30,7 @@ from rbd.constraints.distance_warnings import moves
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
 from rbd.model.checked_model import CheckedModel
+from rbd.problem.answer import StateStatus
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.gauss_problem import COULOMB, Law
 from rbd.solvers.default import slip_law, solver_of

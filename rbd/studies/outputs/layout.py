@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from rbd.errors import InputError
-from rbd.studies.outputs.fields import MESSAGE, OK, REASON, Block, Variable
+from rbd.records import Variable
+from rbd.studies.outputs.fields import MESSAGE, OK, REASON, Block
 
 RESERVED = (OK, REASON, MESSAGE, "sample")
 """Names of what every study has."""

@@ -8,18 +8,15 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rbd.answers.many.naming import Named, Variable
 from rbd.arrays import Array
 from rbd.errors import InputError, RbdError, nearest
 from rbd.errors.reasons import Reason
+from rbd.records import Field, Named, Variable
 from rbd.studies.outputs.fields import (
     WANTED,
     Block,
     NotKept,
-    OutputField,
-    ResultType,
-    Rows,
-    Verdict,
+    is_of_many,
     kind_of,
     mapping_of,
     missing,
@@ -30,6 +27,10 @@ from rbd.studies.outputs.fields import (
 from rbd.studies.outputs.layout import RESERVED, Layout, described, words_of
 
 Function: TypeAlias = Callable[[Any], Any]
+Verdict: TypeAlias = tuple[Reason, str] | None
+"""Why a result is no answer, and its message; None where it is one."""
+Rows: TypeAlias = tuple[Array, Mapping[int, str]]
+"""Of a result with n rows: `Reason.code` of each, shape (n,), 0 where there is an answer; {row: message} of the others."""
 Keep: TypeAlias = Sequence[str | Mapping[str, Function]] | Mapping[str, Function] | None
 """What `rbd.study` takes: names; {name: function of a result}; or names and such mappings; None: the defaults."""
 
@@ -51,7 +52,7 @@ class OutputSelection:
     def __init__(self, keep: Keep) -> None:
         self.names: tuple[str, ...] | None = None
         self.functions: dict[str, Function] = {}
-        self._chosen: dict[type, tuple[tuple[OutputField, ...], tuple[OutputField, ...]]] = {}
+        self._chosen: dict[type, tuple[tuple[Field, ...], tuple[Field, ...]]] = {}
         if keep is None:
             return
         if isinstance(keep, str) or not isinstance(keep, Sequence | Mapping):
@@ -80,14 +81,15 @@ class OutputSelection:
             NotKept: a result, or a name of `keep`, that cannot be kept.
             Exception: what a function of `keep` raises.
         """
-        kind, verdict = kind_of(type(result)), None
-        if kind is None:
+        kind: type = type(result)
+        verdict: Verdict = None
+        if not kind_of(kind):
             found, verdict = self._plain(result, None)
-        elif kind.rows is not None:
+        elif is_of_many(result):
             raise NotKept(f"the function returned {_told(result)}, of many states. Set batched=True, or return one of them")
         else:
-            verdict = kind.verdict(result)
-            found = [named for kept in self._of_kind(kind, type(result))[verdict is not None] for named in kept.of(result)]
+            verdict = getattr(result, "no_answer", None)
+            found = [named for line in self._of_kind(kind)[verdict is not None] for named in line.variables(result)]
         if verdict is None:
             for name, function in self.functions.items():
                 found += _named(name, function(result), None)[0]
@@ -100,10 +102,10 @@ class OutputSelection:
             NotKept: a result, or a name of `keep`, that cannot be kept.
             Exception: what a function of `keep` raises.
         """
-        kind = kind_of(type(result))
-        if kind is None:
+        kind: type = type(result)
+        if not kind_of(kind):
             found, rows = self._plain_batch(result, n)
-        elif kind.rows is None:
+        elif not is_of_many(result):
             raise NotKept(
                 f"the batched function returned {_told(result)}, of one sample; expected one row a sample: what rbd.solve_many "
                 "returns, or arrays by name. Leave batched=True out where the function takes one sample"
@@ -111,24 +113,22 @@ class OutputSelection:
         else:
             if len(result) != n:
                 raise NotKept(f"the batched function returned {len(result)} states for {n} samples; expected one a sample")
-            rows = kind.rows(result)
-            found = [named for kept in self._of_kind(kind, type(result))[0] for named in kept.of(result)]
+            rows = result.reason_codes, result.reasons
+            found = [named for line in self._of_kind(kind)[0] for named in line.variables(result)]
         for name, function in self.functions.items():
             found += _named_batch(name, function(result), n)[0]
         return found, rows
 
-    def _of_kind(self, kind: ResultType, given: type) -> tuple[tuple[OutputField, ...], tuple[OutputField, ...]]:
+    def _of_kind(self, kind: type) -> tuple[tuple[Field, ...], tuple[Field, ...]]:
         """(what is kept of an answer, what is kept where there is none): certificates first."""
-        chosen = self._chosen.get(given)
+        chosen = self._chosen.get(kind)
         if chosen is None:
-            names = kind.defaults if self.names is None and not self.functions else self.names or ()
-            for name in names:
-                if name not in kind.names:
-                    raise NotKept(f"keep names {name!r:.80}, which {given.__name__} has not; {nearest(name, kind.names)}")
-            names = tuple(dict.fromkeys([*kind.certificate, *names]))
-            sure = [name for name in names if name in kind.certificate or name == "residuals"]
-            chosen = tuple(kind.names[x] for x in names), tuple(kind.names[x] for x in sure)
-            self._chosen[given] = chosen
+            table = {line.name: line for line in kind_of(kind)}
+            for name in self.names or ():
+                if name not in table:
+                    raise NotKept(f"keep names {name!r:.80}, which {kind.__name__} has not; {nearest(name, table)}")
+            lines = _chosen(kind, () if self.names is None and self.functions else self.names)
+            chosen = self._chosen[kind] = lines, _proof(lines)
         return chosen
 
     def _picked(self, result: Any) -> Iterable[tuple[Any, Any, tuple[str, ...] | None]]:
@@ -195,23 +195,21 @@ def _within(names: Sequence[str], found: Mapping[Any, Any]) -> list[tuple[Any, A
 
 def _names_in(value: Any, *, defaults: bool = False) -> Iterable[str]:
     """Names of what can be kept in a value: of a record, or of a mapping; all, or those that are kept where nothing is said."""
-    kind = kind_of(type(value))
-    if kind is not None:
-        return kind.defaults if defaults else kind.names
+    kind: type = type(value)
+    if lines := kind_of(kind):
+        return [line.name for line in lines if line.default or not defaults]
     return [str(own) for own in mapping_of(value) or ()]
 
 
 def _named(name: str, value: Any, rows: int | None, within: tuple[str, ...] | None = None) -> tuple[list[Named], Verdict]:
     """A value by name; of a record of rbd or a mapping its own variables, those of `within`, with the name in front."""
-    kind = kind_of(type(value))
-    if kind is not None:
-        if kind.rows is not None:
+    kind: type = type(value)
+    if kind_of(kind):
+        if is_of_many(value):
             raise NotKept(f"{name!r:.80} is {_told(value)}, of many states. Set batched=True, or return one of them")
-        verdict = kind.verdict(value)
-        names = _chosen(kind, within)
-        if verdict is not None:
-            names = [k for k in names if k in kind.certificate or k == "residuals"]
-        return [(f"{name}_{own}", x) for k in names for own, x in kind.names[k].of(value)], verdict
+        verdict: Verdict = getattr(value, "no_answer", None)
+        lines = _chosen(kind, within) if verdict is None else _proof(_chosen(kind, within))
+        return [(f"{name}_{own}", x) for line in lines for own, x in line.variables(value)], verdict
     inner = mapping_of(value)
     if inner is None:
         variable = variable_of(name, value, rows)
@@ -223,19 +221,28 @@ def _named(name: str, value: Any, rows: int | None, within: tuple[str, ...] | No
 
 
 def _named_batch(name: str, value: Any, n: int, within: tuple[str, ...] | None = None) -> tuple[list[Named], Rows]:
-    kind = kind_of(type(value))
-    none: Array = np.zeros(n, np.int16)
-    if kind is None:
-        return _named(name, value, n, within)[0], (none, {})
-    if kind.rows is None or len(value) != n:
+    kind: type = type(value)
+    if not kind_of(kind):
+        return _named(name, value, n, within)[0], (np.zeros(n, np.int16), {})
+    if not is_of_many(value) or len(value) != n:
         raise NotKept(f"{name!r:.80} is {_told(value)}; expected one row a sample: {n}")
-    found = [(f"{name}_{own}", x) for k in _chosen(kind, within) for own, x in kind.names[k].of(value)]
-    return found, kind.rows(value)
+    found = [(f"{name}_{own}", x) for line in _chosen(kind, within) for own, x in line.variables(value)]
+    return found, (value.reason_codes, value.reasons)
 
 
-def _chosen(kind: ResultType, within: tuple[str, ...] | None) -> Sequence[str]:
-    """Names that are kept of a record under a key: certificates, and those of `within`; None: the defaults."""
-    return kind.defaults if within is None else list(dict.fromkeys([*kind.certificate, *within]))
+def _chosen(kind: type, names: Collection[str] | None) -> tuple[Field, ...]:
+    """What is kept of a record: certificates, then what is named, in that order; None: the defaults."""
+    lines = kind_of(kind)
+    if names is None:
+        return tuple(line for line in lines if line.default)
+    table = {line.name: line for line in lines}
+    certificates = [line.name for line in lines if line.certificate]
+    return tuple(table[name] for name in dict.fromkeys([*certificates, *names]))
+
+
+def _proof(lines: Iterable[Field]) -> tuple[Field, ...]:
+    """What is kept of a record that is no answer."""
+    return tuple(line for line in lines if line.certificate or line.name == "residuals")
 
 
 def _check_function(name: object, function: object) -> None:
