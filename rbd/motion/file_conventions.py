@@ -1,17 +1,20 @@
-"""Conventions of files of motions: the order of joints, and whether quaternions are x, y, z, w or w, x, y, z."""
+"""Conventions of files of motions: the order of joints, the meaning of columns, the order of quaternions."""
 
 from __future__ import annotations
 
+import re
 from collections import deque
 from collections.abc import Container, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
-import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import InputError, RbdError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import conjugate, rotated
+from rbd.motion.file_frames import standing_q
 from rbd.motion.rates import REST_RATE, turning_error
 from rbd.robots.robot import Robot
 
@@ -39,11 +42,6 @@ FORMATS: Mapping[str, tuple[str, ...]] = {
 def single_joints(robot: CheckedModel) -> tuple[str, ...]:
     """Names of the joints with one degree of freedom, in the order of the model."""
     return tuple(joint.name for joint in robot.joints.values() if joint.nv == 1)
-
-
-def standing_q(robot: CheckedModel) -> Array:
-    """The configuration of joints that a file does not give: of the standing posture, if one is known, else neutral."""
-    return robot.posture(name) if isinstance(robot, Robot) and (name := robot.source.posture) else pin.neutral(robot.model)
 
 
 def left_still(robot: CheckedModel, given: Container[str]) -> list[str]:
@@ -112,21 +110,132 @@ def checked_joints(robot: CheckedModel, joints: Sequence[str]) -> tuple[str, ...
     return tuple(joints)
 
 
+BASE = ("x", "y", "z", "qx", "qy", "qz", "qw")
+"""Columns of a floating base: its place, and a quaternion."""
+TIMES = "the first column increases and was taken for times [s]."
+"""The note of a table without a header that has one column more than a format."""
+_BASE = r"(?:(?:root|base|pelvis|floating_base|free_?flyer|root_joint|body)[ _./]?)?"
+_WORDS = {
+    re.compile(r"(?:t|time|times|timestamp|seconds)(?:[ _]?[\[(]?(?:s|sec)[\])]?)?$"): "time",
+    re.compile(r"(?:frame|frames|index|frame_id|frame_index|#|)$"): "",
+    re.compile(_BASE + r"(?:q|quat|quaternion|rot|rotation|orientation)[ _./]?([xyzw])$"): "q",
+    re.compile(_BASE + r"(?:pos|position|trans|translate|p|t)?[ _./]?([xyz])$"): "",
+}
+"""What the names of columns mean that are no joints: times, the numbers of frames, parts of a base."""
+
+
+@dataclass(frozen=True, eq=False)
+class Columns:
+    """What is where in a table.
+
+    Attributes:
+        time: The column of times; None without one.
+        base: Columns of a floating base, x, y, z and its quaternion; empty of a robot without one.
+        named: Whether the quaternion is x, y, z, w by its names; else it is in the order of the file.
+        joints: {joint: its column}.
+        notes: What was guessed, in words.
+    """
+
+    time: int | None
+    base: tuple[int, ...]
+    named: bool
+    joints: dict[str, int]
+    notes: tuple[str, ...]
+
+
+def columns_of_header(robot: CheckedModel, names: Sequence[str], path: Path) -> Columns:
+    """Columns by the names of a header: time, root x y z, quaternion, joints of the robot.
+
+    Raises:
+        InputError: a name that the robot lacks, one twice, a base without all its columns.
+    """
+    known, joints, parts = single_joints(robot), dict[str, int](), dict[str, int]()
+    counted, notes = [], []
+    for k, name in enumerate(names):
+        joint, part = _joint(name, known), _part(name)
+        if joint is None and part is None:
+            raise InputError(
+                f"{path.name}: column {k + 1} is named {name!r:.80}, which {robot.name} has no joint for; "
+                f"{nearest(name, [*known, 't', 'root_x', 'root_qw'])}. Leave the column out, or give another robot."
+            )
+        if joint is None and not part:
+            counted.append(name or f"column {k + 1}")
+            continue
+        where, key = (parts, str(part)) if joint is None else (joints, joint)
+        if key in where:
+            raise InputError(f"{path.name}: columns {where[key] + 1} and {k + 1} are both {key!r:.80}. Leave one out.")
+        where[key] = k
+    if counted:
+        notes.append(f"columns that only count frames are not read: {', '.join(counted)}.")
+    time = parts.pop("time", None)
+    missing = [word for word in BASE if word not in parts]
+    if robot.floating and missing:
+        raise InputError(
+            f"{path.name}: its header has no column of the base for {', '.join(missing)}; expected root_x, root_y, "
+            "root_z [m], root_qx, root_qy, root_qz, root_qw. Angles of Euler are not read."
+        )
+    if parts and not robot.floating:
+        notes.append(f"{robot.name} has no floating base; the columns of one are not read.")
+    base = tuple(parts[word] for word in BASE) if robot.floating else ()
+    return Columns(time, base, True, joints, tuple(notes))
+
+
+def columns_by_number(robot: CheckedModel, numbers: Array, joints: Sequence[str] | None, path: Path) -> Columns:
+    """Columns of a table without a header: root x y z, quaternion, joints in the order of a format with as many.
+
+    A column more, that increases, in front is one of times.
+
+    Raises:
+        InputError: no format has this number of columns; the message lists the formats.
+    """
+    width, base = numbers.shape[1], len(BASE) if robot.floating else 0
+    moving = [joint for joint in robot.joints.values() if joint.id not in robot.bases]
+    if robot.bases and not robot.floating or any(joint.nv > 1 for joint in moving):
+        raise InputError(
+            f"{path.name}: {robot.name} has joints of several degrees of freedom; give arrays to Motion.of_arrays."
+        )
+    known = formats(robot) if joints is None else {"the joints that were given": checked_joints(robot, joints)}
+    told = "; ".join(f"{base + len(order)}: {what}" for what, order in known.items())
+    expected = (
+        f"expected ({'x, y, z and a quaternion of the base, then joints' if base else 'joints'}) {told}; or one more, times, "
+        "in front. Name the joints in order, joints=[...], or write their names in a header."
+    )
+    fitting = [(i, what) for i in (0, 1) for what, order in known.items() if width == i + base + len(order)]
+    if not fitting:
+        raise InputError(f"{path.name} has {width} columns; {expected}")
+    shift, what = fitting[0]
+    if shift and not (np.diff(numbers[:, 0]) > 0.0).all():
+        raise InputError(
+            f"{path.name} has {width} columns, one more than {what} of {robot.name}: "
+            f"were the first that of times, it would increase. {expected}"
+        )
+    notes = [TIMES] if shift else []
+    if joints is None:
+        notes.append(f"{width} columns without a header: {'base, then ' if base else ''}{what}, in that order.")
+    at = shift + base
+    order = {name: at + i for i, name in enumerate(known[what])}
+    return Columns(0 if shift else None, tuple(range(shift, at)), False, order, tuple(notes))
+
+
+def _joint(name: str, known: Sequence[str]) -> str | None:
+    """The joint that a column's name means: with or without `_joint`, with `_dof` or `_pos` behind."""
+    word = re.sub(r"([_.](dof|pos|position|angle|q))$", "", name.strip())
+    return next((each for each in (name, word, f"{word}_joint") if each in known), None)
+
+
+def _part(name: str) -> str | None:
+    """What else it means: "time", a part of `BASE`, "" if it counts frames; None if nothing."""
+    for pattern, meaning in _WORDS.items():
+        if found := pattern.match(name.lower().strip()):
+            return meaning + "".join(found.groups())
+    return None
+
+
 CLEARLY = 0.3
 """By how much the mean cosine of the tilt must differ for an order to be seen."""
 
 TELLING = 2.0
 """An order fits angular velocities if the other one fits them this many times worse."""
-
-
-def check_quaternion(order: object) -> None:
-    """Refuse what is no order of quaternions.
-
-    Raises:
-        InputError: it is neither None, "xyzw" nor "wxyz".
-    """
-    if order is not None and (not isinstance(order, str) or order not in ("xyzw", "wxyz")):
-        raise InputError(f"quaternion is {order!r:.80}; expected 'xyzw' or 'wxyz'.")
 
 
 def order_base(robot: CheckedModel, t: Array, q: Array, v: Array | None, given: str | None, source: str) -> list[str]:

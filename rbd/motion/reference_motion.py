@@ -30,8 +30,18 @@ from rbd.motion.derivation import (
     own_rates,
     stencil_derivatives,
 )
-from rbd.motion.file_conventions import check_quaternion, order_base
-from rbd.motion.file_frames import check_base_height, check_rate, check_shape, counts_frames, normalise, times_of, value_at
+from rbd.motion.file_conventions import order_base
+from rbd.motion.file_frames import (
+    ReadSettings,
+    check_base_height,
+    check_quaternion,
+    check_rate,
+    check_shape,
+    counts_frames,
+    normalise,
+    times_of,
+    value_at,
+)
 from rbd.motion.motion_files import a_motion_path, read_frames, write_bodies, write_csv, write_motion
 from rbd.motion.rates import checked_rates
 from rbd.motion.symmetry import mirrored, symmetry_of
@@ -220,9 +230,7 @@ class Motion(Displayed):
 
         >>> motion = rbd.Motion.read("dance.csv", robot="g1", rate=60)
         """
-        found = read_frames(
-            path, robot, rate=rate, quaternion=quaternion, joints=joints, units=units, trust=trust, progress=progress
-        )
+        found = read_frames(path, robot, ReadSettings(rate, quaternion, joints, units, trust), progress=progress)
         height = found.ground if ground is None else ground
         given: dict[str, Any] = {"source": Path(path).name, "notes": found.notes, "noise": found.noise, "ground": height}
         settings: dict[str, Any] = {"window": window, "order": order, "cutoff": cutoff}

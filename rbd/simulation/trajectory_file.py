@@ -55,21 +55,30 @@ INVALID_BYTES = (
 """Exceptions of zipfile and NumPy on invalid bytes."""
 
 
+def a_path(path: object, expected: str = "the path of a file, e.g. 'fall.npz'") -> Path:
+    """A path, `~` understood.
+
+    Raises:
+        InputError: if it is none; the message says what was expected.
+    """
+    text = os.fspath(path) if isinstance(path, str | os.PathLike) else None
+    if not isinstance(text, str) or not text or "\0" in text:
+        raise InputError(f"path is {path!r:.80}; expected {expected}.")
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:  # "~nobody"
+        return Path(text)
+
+
 def a_trajectory_path(path: object) -> Path:
     """A path that ends in .npz or .nc.
 
     Raises:
         InputError: if it does not.
     """
-    text = os.fspath(path) if isinstance(path, str | os.PathLike) else None
-    if not isinstance(text, str) or not text or "\0" in text:
-        raise InputError(f"path is {path!r:.80}; expected the path of a file, e.g. 'fall.npz'.")
-    try:
-        found = Path(text).expanduser()
-    except RuntimeError:  # "~nobody"
-        found = Path(text)
+    found = a_path(path)
     if found.suffix not in (".npz", ".nc"):
-        raise InputError(f"path is {text!r:.200}; expected one that ends in .npz, or in .nc for netCDF.")
+        raise InputError(f"path is {str(path)!r:.200}; expected one that ends in .npz, or in .nc for netCDF.")
     return found
 
 
