@@ -343,7 +343,7 @@ def normalise(robot: CheckedModel, q: Array) -> list[str]:
     for block in unit_blocks(robot):
         what = "quaternion (x, y, z, w)" if block.stop - block.start == 4 else "unit circle (cos, sin)"
         place = f"the {what} in columns {block.start} to {block.stop - 1}"
-        norm = check_unit(q[:, block], lambda i, place=place: f"frame {i}: {place}")
+        norm = check_unit(q[:, block], f"frame {{}}: {place}".format)
         q[:, block] /= norm[:, None]
         off = float(np.abs(norm - 1.0).max())
         if off > EXACT:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +16,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State, checked
 from rbd.problem.rows import Patch, Rows
-from rbd.testing.solver_check import ConstraintWrong, TaskWrong, corner_rays
+from rbd.testing.solver_check import ConstraintWrong, ContractBroken, TaskWrong, corner_rays
 
 STEPS = (5e-3, 6e-4, 8e-5)
 """Time steps of the differences [s]. With speeds of order one, rounding and truncation both stay below 1e-9 at the first. The
@@ -27,24 +28,54 @@ _FIRST = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0  # sixth orde
 _SECOND = np.array([2.0, -27.0, 270.0, -490.0, 270.0, -27.0, 2.0]) / 180.0  # sixth order, over its square
 
 
-@dataclass(frozen=True)
-class Times:
-    """Times of the differences, a step apart."""
+def _first(values: Array, step: float) -> Array:
+    """The derivative at the middle of seven values, a step apart, shape (m,)."""
+    return np.asarray(_FIRST @ values) / step
 
-    step: float
 
-    @property
-    def nodes(self) -> Array:
-        """Seven times, zero in the middle [s]."""
-        return self.step * _AT
+def _second(values: Array, step: float) -> Array:
+    """The second derivative there."""
+    return np.asarray(_SECOND @ values) / step**2
 
-    def first(self, values: Array) -> Array:
-        """The derivative at zero of values at the nodes, shape (7, m)."""
-        return np.asarray(_FIRST @ values) / self.step
 
-    def second(self, values: Array) -> Array:
-        """The second derivative."""
-        return np.asarray(_SECOND @ values) / self.step**2
+def _curve(state: State, v: Array, a: Array, step: float) -> list[State]:
+    """Seven configurations of q (+) (v t + a t^2 / 2), a step apart, that of the state in the middle."""
+    model = state.robot.model
+    return [State(state.robot, pin.integrate(model, state.q, v * t + 0.5 * a * t * t)) for t in step * _AT]
+
+
+Compared = dict[str, tuple[Array, Array]]
+"""{what: (as the rows give it, as the motion has it), shapes (m,)}."""
+
+
+def _agreeing(
+    name: str, compare: Callable[[float], tuple[Compared, str]], tolerance: float, error: type[ContractBroken]
+) -> tuple[dict[str, float], str]:
+    """({what: largest deviation}, what the motion is of) at the first step at which all are within the tolerance.
+
+    Args:
+        name: Of the constraint or task.
+        compare: Gives the values at a step of the differences [s], and what they are compared with, in words.
+        tolerance: Largest deviation.
+        error: What is raised.
+
+    Raises:
+        ContractBroken: `error`, with the first deviation at the first step.
+    """
+    wrong = ""
+    for step in STEPS:
+        compared, against = compare(step)
+        found = {what: deviations(*pair) for what, pair in compared.items()}
+        bad = [what for what, gap in found.items() if not gap.max() <= tolerance]
+        if not bad:
+            return {what: float(gap.max()) for what, gap in found.items()}, against
+        given, seen = compared[bad[0]]
+        i = int(np.argmax(found[bad[0]]))
+        wrong = wrong or (
+            f"{name!r}: {bad[0]} of row {i} is {given[i]:.9g}, and {against} says {seen[i]:.9g} (tolerance {tolerance:g}). "
+            "Look for a wrong sign, frame or axis, or a term left out."
+        )
+    raise error(wrong)
 
 
 @dataclass(frozen=True)
@@ -133,40 +164,29 @@ def check_constraint(
         at, bias = constraint.rows(state.with_velocity(v)), np.zeros(len(rows))
         if rows.velocity.any() or rows.bias.any():  # a surface has prescribed motion: J_dot v is the part quadratic in v
             bias = 0.5 * (constraint.rows(state.with_velocity(-v)).bias - at.bias) - rows.bias
-        wrong = ""
-        for step in STEPS:
-            compared, against = _compared(constraint, state, rows, at, bias, v, a, Times(step), moving)
-            found = {what: deviations(*pair) for what, pair in compared.items()}
-            bad = [what for what, gap in found.items() if not gap.max() <= tolerance]
-            if not bad:
-                break
-            given, seen = compared[bad[0]]
-            i = int(np.argmax(found[bad[0]]))
-            wrong = wrong or (
-                f"{constraint.name!r}: {bad[0]} of row {i} is {given[i]:.9g}, and {against} says {seen[i]:.9g} "
-                f"(tolerance {tolerance:g}). Look for a wrong sign, frame or axis, or a term left out."
-            )
-        else:
-            raise ConstraintWrong(wrong)
+        found, against = _agreeing(
+            constraint.name, partial(_compared, constraint, state, rows, at, bias, v, a, moving), tolerance, ConstraintWrong
+        )
         for what, gap in found.items():
-            worst[what] = max(worst.get(what, 0.0), float(gap.max()))
+            worst[what] = max(worst.get(what, 0.0), gap)
     jacobian = None if against == "its own J" else worst["J v"]
     return ConstraintReport(constraint.name, len(rows), against, jacobian, worst["velocity"], worst["J a + J_dot v"])
 
 
 def _compared(
-    constraint: Constraint, state: State, rows: Rows, at: Rows, bias: Array, v: Array, a: Array, times: Times, moving: bool
-) -> tuple[dict[str, tuple[Array, Array]], str]:
-    """({what: (as the rows give it, as the motion has it), shapes (m,)}, what the motion is of)."""
-    curve = np.outer(times.nodes, rows.J @ v) + np.outer(0.5 * times.nodes**2, rows.J @ a + (at.bias + bias))
-    first, second, against, errors = _motion(constraint, state, rows, v, a, times, curve)
+    constraint: Constraint, state: State, rows: Rows, at: Rows, bias: Array, v: Array, a: Array, moving: bool, step: float
+) -> tuple[Compared, str]:
+    """(What the rows give and the motion has, what the motion is of)."""
+    t = step * _AT
+    curve = np.outer(t, rows.J @ v) + np.outer(0.5 * t**2, rows.J @ a + (at.bias + bias))
+    first, second, against, errors = _motion(constraint, state, rows, v, a, step, curve)
     out = {"J v": (rows.J @ v, first), "J a + J_dot v": (rows.J @ a + (at.bias + bias), second)}
     if at.velocity.any() or rows.velocity.any():  # else the rows do not give it
         out["velocity"] = (at.velocity - rows.velocity, rows.J @ v)
     if errors is not None:
-        out["error' against J v:"] = (times.first(errors), rows.J @ v)
+        out["error' against J v:"] = (_first(errors, step), rows.J @ v)
         if not moving:
-            out["error'' against J a + J_dot v:"] = (times.second(errors), rows.J @ a + (at.bias + bias))
+            out["error'' against J a + J_dot v:"] = (_second(errors, step), rows.J @ a + (at.bias + bias))
     return out, against
 
 
@@ -191,17 +211,16 @@ def _errors(along: list[Rows], rows: Rows, curve: Array) -> Array:
 
 
 def _motion(
-    constraint: Constraint, state: State, rows: Rows, v: Array, a: Array, times: Times, curve: Array
+    constraint: Constraint, state: State, rows: Rows, v: Array, a: Array, step: float, curve: Array
 ) -> tuple[Array, Array, str, Array | None]:
     """(J v, J a + J_dot v, reference, the errors of a patch that is at its anchor) as the motion along the curve has them."""
-    model, q = state.robot.model, state.q
-    states = [State(state.robot, pin.integrate(model, q, v * t + 0.5 * a * t * t)) for t in times.nodes]
+    states = _curve(state, v, a, step)
     along = [constraint.rows(s) for s in states]
-    own = np.array([r.J @ (v + a * t) for r, t in zip(along, times.nodes, strict=True)])
+    own = np.array([r.J @ (v + a * t) for r, t in zip(along, step * _AT, strict=True)])
     if rows.holonomic is not None and rows.error is not None:
         held, errors = rows.holonomic, _errors(along, rows, curve)
-        first = np.where(held, times.first(errors), rows.J @ v)
-        second = np.where(held, times.second(errors), times.first(own))
+        first = np.where(held, _first(errors, step), rows.J @ v)
+        second = np.where(held, _second(errors, step), _first(own, step))
         return first, second, "motion of the error where there is one, its own J elsewhere,", None
     if rows.patch is not None and rows.resultant is not None:
         about = rows.resultant[3:]
@@ -210,12 +229,12 @@ def _motion(
         if rows.error is not None and np.abs(rows.error).max(initial=0.0) < 1e-9:
             anchored = np.array([r.error for r in along])
         y = y[:, : len(rows.resultant)]
-        first, second = rows.resultant.T @ times.first(y), rows.resultant.T @ times.second(y)
+        first, second = rows.resultant.T @ _first(y, step), rows.resultant.T @ _second(y, step)
         return first, second, "motion of the patch", anchored
     if rows.error is not None:
         errors = _errors(along, rows, curve)
-        return times.first(errors), times.second(errors), "motion of the error", None
-    return rows.J @ v, times.first(own), "its own J", None
+        return _first(errors, step), _second(errors, step), "motion of the error", None
+    return rows.J @ v, _first(own, step), "its own J", None
 
 
 def _patch_motion(states: list[State], along: list[Rows], state: State, patch: Patch, of_line: bool) -> Array:
@@ -325,29 +344,21 @@ def check_task(
         there, back = (_terms(task, state.with_velocity(each), t) for each in (v, -v))
         bias = still.wanted - 0.5 * (there.wanted + back.wanted)
         given = {"A v": still.A @ v, "A a + J_dot v": still.A @ a + bias}
-        wrong = ""
-        for step in STEPS:
-            times = Times(step)
-            nodes = [State(robot, pin.integrate(robot.model, state.q, v * s + 0.5 * a * s * s)) for s in times.nodes]
-            along = np.array([np.atleast_1d(as_array(f"value of task {task.name!r:.80}", value(node))) for node in nodes])
-            if along.shape[1:] != still.wanted.shape:
-                raise InputError(
-                    f"the value of task {task.name!r:.80} has shape {along.shape[1:]}; its rows are {len(still.A)}."
-                )
-            seen = {"A v": times.first(along), "A a + J_dot v": times.second(along)}
-            found = {what: deviations(given[what], seen[what]) for what in given}
-            bad = [what for what, gap in found.items() if not gap.max() <= tolerance]
-            if not bad:
-                break
-            i = int(np.argmax(found[bad[0]]))
-            wrong = wrong or (
-                f"{task.name!r}: {bad[0]} of row {i} is {given[bad[0]][i]:.9g}, and the value's differences say "
-                f"{seen[bad[0]][i]:.9g} (tolerance {tolerance:g}). Look for a wrong sign, frame or axis, or a term left out."
-            )
-        else:
-            raise TaskWrong(wrong)
-        worst = {what: max(most, float(found[what].max())) for what, most in worst.items()}
+        found, _ = _agreeing(task.name, partial(_of_value, task, value, state, v, a, given), tolerance, TaskWrong)
+        worst = {what: max(most, found[what]) for what, most in worst.items()}
     return TaskReport(task.name, len(still.A), worst["A v"], worst["A a + J_dot v"])
+
+
+def _of_value(
+    task: Task, value: Callable[[State], Array | float], state: State, v: Array, a: Array, given: dict[str, Array], step: float
+) -> tuple[Compared, str]:
+    """(What is given and the differences of a task's value have, what these are)."""
+    along = np.array([np.atleast_1d(as_array(f"value of task {task.name!r:.80}", value(x))) for x in _curve(state, v, a, step)])
+    rows = len(given["A v"])
+    if along.shape[1:] != (rows,):
+        raise InputError(f"the value of task {task.name!r:.80} has shape {along.shape[1:]}; its rows are {rows}.")
+    seen = {"A v": _first(along, step), "A a + J_dot v": _second(along, step)}
+    return {what: (given[what], seen[what]) for what in given}, "the value's differences"
 
 
 def _terms(task: Task, state: State, t: float) -> TaskTerms:
