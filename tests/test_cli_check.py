@@ -190,9 +190,9 @@ LEGS = ("hip_pitch_joint", "hip_roll_joint", "knee_joint", "ankle_pitch_joint", 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("left_knee_joint: {limt: 3}", "'left_knee_joint' has 'limt', which motors have not; nearest: 'limit'"),
+        ("left_knee_joint: {limt: 3}", "'left_knee_joint': its motor, as {limit: 40} or null, has a key 'limt'; nearest"),
         ("left_knee_joint: {gear: 0}", "'left_knee_joint': gear of a motor is 0; expected a ratio that is not 0"),
-        ("left_knee_joint: 3", "'left_knee_joint' is 3; expected {limit: 40, gear: 9}, or null"),
+        ("left_knee_joint: 3", "'left_knee_joint': its motor, as {limit: 40} or null, is 3; expected"),
         ("knee: {limit: 3}", "no joint 'knee' in g1"),
         ("[1, 2]", "motors.yaml holds [1, 2]; expected motors by their joints"),
         ("a: {b: [", "motors.yaml cannot be read as YAML"),

@@ -391,7 +391,7 @@ def weighed(kind: Any, good: dict[str, Any], **more: Any) -> Case:
     def weigh(**given: Any) -> Any:
         solid = kind(**given)
         found = solid.mass_properties()
-        return found.mass, found.com, found.inertia, solid.volume, len(solid.shapes())
+        return found.mass, found.lever, found.inertia, solid.volume, len(solid.drawn_sizes())
 
     return Case(weigh, {key: value for key, value in (good | common | more).items() if value is not None})
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rbd.mechanism import four_bar, slider_crank
+from rbd.robots import Box
 from rbd.robots.linkage import COLORS, Link, Linkage, meeting, wrapped
 
 HERE = Path(__file__).parent
@@ -91,7 +92,7 @@ def parallel_leg() -> Linkage:
     """A leg with both motors at the hip, and a foot that three parallelograms keep level."""
     thigh, shank, lever, side = 0.22, 0.22, 0.05, 0.05
     at_thigh, at_shank = math.radians(-60.0), math.radians(-115.0)
-    sole = _box((0.01, 0.0, -0.062), (0.19, 0.07, 0.014), "grey") + _box((0.01, 0.0, -0.062), (0.19, 0.07, 0.014), None)
+    sole = (Box((0.19, 0.07, 0.014), at=(0.01, 0.0, -0.062), color="grey"),)
     links = (
         Link("thigh", "ground", (0.0, 0.0), ((thigh, 0.0),), 1.2, "blue", 0, motor=True, limits=(-3.0, 0.0), width=1.8),
         Link("crank", "ground", (0.0, 0.0), ((-lever, 0.0),), 0.15, "orange", 2, motor=True, limits=(-3.0, 0.0)),

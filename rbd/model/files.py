@@ -99,7 +99,7 @@ def read(
         ModelError: naming the fault.
     """
     limits = FileLimits() if limits is None else limits
-    data = file_bytes(path, limits) if data is None else data
+    data = file_bytes(path, limits.max_bytes) if data is None else data
     element = parse_xml(path.name, data, limits)
     if element.tag == "mujoco":
         return _read_mjcf(path, element, data, limits, folders, leave_out)

@@ -16,9 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, check_whole
 from rbd.displayed import Displayed
-from rbd.errors import InputError, ModelError
+from rbd.errors import ModelError
 
 _BODY = re.compile(rb"<(?:link|body)[\s/>]")
 _DECLARATION = re.compile(rb"<!(?i:doctype|entity)")
@@ -66,9 +66,7 @@ class FileLimits(Displayed):
 
     def __post_init__(self) -> None:
         for field in fields(self):
-            value = getattr(self, field.name)
-            if not isinstance(value, int) or isinstance(value, bool) or not 1 <= value <= 2**40:
-                raise InputError(f"FileLimits.{field.name} is {_shown(value)}; expected a whole number from 1 to 2**40.")
+            check_whole(f"FileLimits.{field.name}", getattr(self, field.name), 2**40)
 
 
 def read_xml(path: Path, limits: FileLimits) -> ElementTree.Element:
@@ -77,7 +75,7 @@ def read_xml(path: Path, limits: FileLimits) -> ElementTree.Element:
     Raises:
         ModelError: no regular file, too large, with a document type or entities, in an encoding other than UTF-8, or no XML.
     """
-    return parse_xml(path.name, file_bytes(path, limits), limits)
+    return parse_xml(path.name, file_bytes(path, limits.max_bytes), limits)
 
 
 def parse_xml(name: str, data: bytes, limits: FileLimits) -> ElementTree.Element:
@@ -106,23 +104,20 @@ def parse_xml(name: str, data: bytes, limits: FileLimits) -> ElementTree.Element
     return element
 
 
-def file_bytes(path: Path, limits: FileLimits) -> bytes:
-    """The content of a regular file.
+def file_bytes(path: Path, most: int, expected: str = "a URDF or MJCF file") -> bytes:
+    """The content of a regular file, no more than one byte beyond the largest size.
 
     Raises:
-        ModelError: no regular file, too large, or not to be read.
+        ModelError: no regular file, or not to be read.
     """
     try:
         found = path.stat()
         if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for, a device has no end
-            raise ModelError(f"{path.name} is no regular file; expected a URDF or MJCF file.")
+            raise ModelError(f"{path.name:.120} is no regular file; expected {expected}.")
         with path.open("rb") as file:
-            data = file.read(min(limits.max_bytes, found.st_size) + 1)
+            return file.read(min(most, found.st_size) + 1)
     except (OSError, ValueError) as error:
-        raise ModelError(f"{path.name} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
-    if len(data) > limits.max_bytes:
-        raise _too_large(path.name, f"is larger than {limits.max_bytes / 1e6:g} MB", "max_bytes")
-    return data
+        raise ModelError(f"{path.name:.120} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
 
 
 def _check_bytes(file: str, data: bytes, limits: FileLimits) -> None:
@@ -157,10 +152,6 @@ def _check_depth(file: str, element: ElementTree.Element, limits: FileLimits) ->
         if depth > limits.max_depth:
             raise _too_large(file, f"has elements {depth} deep inside each other", "max_depth")
         level = [child for e in level for child in e]
-
-
-def _shown(value: object) -> str:
-    return "a number of many digits" if isinstance(value, int) and abs(value) > 2**200 else f"{value!r:.80}"
 
 
 def _too_large(file: str, what: str, limit: str) -> ModelError:

@@ -9,8 +9,9 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
 from typing import NoReturn
 from xml.sax.saxutils import quoteattr
@@ -291,16 +292,30 @@ def _check_tree(wrong: Complaints, links: dict[str, UrdfLink], joints: dict[str,
     if len(roots) != 1:
         found = ", ".join(map(repr, roots[:4])) or "none"
         wrong.stop(f"expected a tree with one root link, found {len(roots)}: {found}.")
-    reached, level, depth = set(roots), roots, 0
-    while level:
-        level = [child for link in level for child in below.get(link, ())]
-        reached.update(level)
-        depth += 1
+    levels = hanging(roots, below)
+    reached = set(chain.from_iterable(levels))
     if lost := [link for link in links if link not in reached]:
         link = _on_circle(lost[0], above)
         wrong.stop(f"link {link!r} does not hang from the root {roots[0]!r}: its parents make a circle.")
-    if depth > LONGEST_CHAIN:
-        wrong.stop(f"{depth} links hang below each other; at most {LONGEST_CHAIN} are taken: readers crash on long chains.")
+    if len(levels) > LONGEST_CHAIN:
+        below_each_other = f"{len(levels)} links hang below each other"
+        wrong.stop(f"{below_each_other}; at most {LONGEST_CHAIN} are taken: readers crash on long chains.")
+
+
+def hanging(roots: Iterable[str], below: Mapping[str, Sequence[str]]) -> list[list[str]]:
+    """Names by levels: the roots, what hangs on them, what hangs on that, and so on; each once, also where they make a circle.
+
+    Args:
+        roots: Names to start from.
+        below: {name: what hangs on it}.
+    """
+    levels = [list(roots)]
+    seen = set(levels[0])
+    while levels[-1]:
+        level = [child for name in levels[-1] for child in below.get(name, ()) if child not in seen]
+        levels.append(list(dict.fromkeys(level)))
+        seen.update(level)
+    return levels[:-1]
 
 
 def _on_circle(link: str, above: dict[str, str]) -> str:
@@ -337,12 +352,7 @@ def _base(links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> frozenset
     for joint in joints.values():
         if joint.kind == "fixed":
             welded.setdefault(joint.parent, []).append(joint.child)
-    level = [link for link in links if link not in moved]
-    reached = set(level)
-    while level:
-        level = [child for link in level for child in welded.get(link, ())]
-        reached.update(level)
-    return frozenset(reached)
+    return frozenset(chain.from_iterable(hanging([link for link in links if link not in moved], welded)))
 
 
 SMALLEST = 1e-9

@@ -10,23 +10,22 @@ from __future__ import annotations
 import itertools
 import math
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array, as_float, check_whole
 from rbd.displayed import Displayed
-from rbd.errors import InputError, ModelError, nearest
-from rbd.model.output_files import check_place, new_folder, write_text
+from rbd.errors import InputError
+from rbd.errors.inputs import check_choice
+from rbd.model.output_files import new_folder
 from rbd.model.state import State
 from rbd.model.urdf import FARTHEST, LIGHTEST
-from rbd.robots import catalogue
 from rbd.robots.building.builder import GROUND, RobotBuilder
-from rbd.robots.building.number_checks import COLORS, checked_choice, checked_name, checked_number, checked_numbers
-from rbd.robots.building.solids import Rod
+from rbd.robots.building.solids import Box, Cylinder, Rod, Solid
 from rbd.robots.loading import load_robot
-from rbd.robots.loop_file import ENDING
+from rbd.robots.number_checks import COLORS, checked_mapping, checked_name, checked_number, checked_numbers
 from rbd.robots.robot import Robot
 
 Point = tuple[float, float]
@@ -51,7 +50,7 @@ class Link(Displayed):
         motor: Whether its joint is driven.
         tip: The corner that a loop closes, by its number; None for none.
         limits: Of the joint [rad] or [m]; None for a continuous one.
-        shapes: More to draw or to touch with, as elements of the URDF.
+        shapes: Solids to draw or to touch with.
         width: Of a bar as drawn, over the linkage's.
 
     Raises:
@@ -74,7 +73,7 @@ class Link(Displayed):
     motor: bool = False
     tip: int | None = None
     limits: tuple[float, float] | None = None
-    shapes: str = ""
+    shapes: tuple[Solid, ...] = ()
     width: float = 1.0
 
     def __post_init__(self) -> None:
@@ -86,10 +85,9 @@ class Link(Displayed):
             raise InputError(f"points of {what} are {self.points!r:.80}; expected corners (x, z), ((0.2, 0.0),).")
         put(self, "points", tuple(checked_numbers(f"a point of {what}", p, (2,), most=FARTHEST) for p in self.points))
         checked_number(f"mass of {what}", self.mass, least=LIGHTEST)
-        checked_choice(f"color of {what}", self.color, COLORS)
-        whole = isinstance(self.tip, int) and not isinstance(self.tip, bool)
-        if self.tip is not None and not (whole and 0 <= self.tip <= len(self.points)):
-            raise InputError(f"tip of {what} is {self.tip!r:.40}; expected the number of a corner, 0 to {len(self.points)}.")
+        check_choice(f"color of {what}", self.color, COLORS)
+        if self.tip is not None:
+            check_whole(f"tip of {what}", self.tip, len(self.points), least=0)
 
     @property
     def bars(self) -> list[tuple[Array, Array]]:
@@ -148,37 +146,28 @@ class Linkage(Displayed):
         put(self, "ground", tuple(checked_numbers(f"a pin of {what}", p, (2,), most=FARTHEST) for p in self.ground))
         checked_number(f"radius of {what}", self.radius, least=1e-9)
         tips = [link.name for link in self.links if link.tip is not None]
-        for key in ("closures", "postures"):
-            if not isinstance(getattr(self, key), Mapping):
-                raise InputError(f"{key} of {what} is {getattr(self, key)!r:.80}; expected a dictionary.")
-        for key, kind in (("closures", tuple | list), ("postures", Mapping)):
-            for name, value in getattr(self, key).items():
-                if not isinstance(value, kind):
-                    raise InputError(f"{key} of {what}: {name!r:.80} is {value!r:.80}; expected two links, or links' angles.")
-        if self.rail is not None:
-            checked_numbers(f"rail of {what}", self.rail, (3,), most=FARTHEST)
-        for name, ends in self.closures.items():
-            if len(ends) != 2:
+        for name, ends in checked_mapping(f"closures of {what}", self.closures).items():
+            if not isinstance(ends, tuple | list) or len(ends) != 2:
                 raise InputError(f"closure {name!r:.80} of {what} is {ends!r:.80}; expected two links.")
             for end in ends:
-                if end not in tips:
-                    raise InputError(
-                        f"closure {name!r:.80} of {what} names {end!r:.80}, no link with a tip; {nearest(end, tips)}."
-                    )
+                check_choice(f"an end of closure {name!r:.80} of {what}, a link with a tip,", end, tips)
+        for name, angles in checked_mapping(f"postures of {what}", self.postures).items():
+            checked_mapping(f"posture {name!r:.80} of {what}", angles)
+        if self.rail is not None:
+            checked_numbers(f"rail of {what}", self.rail, (3,), most=FARTHEST)
 
     def builder(self) -> RobotBuilder:
         """Its parts as a builder, to which more can be added."""
         reach = max(math.hypot(*p) for link in self.links for p in link.points)
         effort = float(f"{10.0 * GRAVITY * sum(link.mass for link in self.links) * reach:.4g}")
         out = RobotBuilder(self.name, root="fixed", about=f"{self.about}\n     {self.origin}")
-        com, inertia, shapes = self._ground()
-        out.body(GROUND, mass=sum(link.mass for link in self.links), com=com, inertia=inertia, elements=shapes)
+        out.body(GROUND, *self._ground())
         for link in self.links:
             lengths = [float(np.linalg.norm(b - a)) for a, b in link.bars]
             masses = [link.mass * (length / sum(lengths)) for length in lengths]
-            bars = [Rod(a, b, mass=m, radius=self.radius) for (a, b), m in zip(link.bars, masses, strict=True)]
-            bars = [replace(bar, draws=False, collides=False) for bar in bars]
-            out.body(link.name, *bars, elements=self._shapes(link))
+            along = zip(link.bars, masses, strict=True)
+            bars = [Rod(a, b, mass=m, radius=self.radius, draws=False, collides=False) for (a, b), m in along]
+            out.body(link.name, *bars, *self._drawn(link), *link.shapes)
             kind = "prismatic" if link.slides else "continuous" if link.limits is None else "revolute"
             out.joint(
                 f"{link.name}_joint", link.parent, link.name, kind, at=(link.at[0], 0.0, link.at[1]), motor=link.motor,
@@ -197,10 +186,6 @@ class Linkage(Displayed):
         """The URDF file."""
         return self.builder().urdf()
 
-    def yaml(self) -> str:
-        """Its loop file."""
-        return f"# Closes {self.name}.urdf. {self.origin}\n{self.builder().loop_file()}"
-
     def robot(self) -> Robot:
         """The robot, in memory: no file is written.
 
@@ -216,49 +201,35 @@ class Linkage(Displayed):
             InputError: a path that does not end in .urdf.
             ModelError: files that cannot be written.
         """
-        urdf = new_folder() / f"{self.name}.urdf" if path is None else catalogue.file_path(path, "the path")
-        if urdf.suffix != ".urdf":
-            raise InputError(f"the path is {str(path)!r:.200}; expected one that ends in .urdf, the loop file goes beside it.")
-        loops = urdf.with_suffix(ENDING)
-        for place in (urdf, loops):
-            check_place(place, ModelError)
-        write_text(urdf, self.urdf(), ModelError)
-        write_text(loops, self.yaml(), ModelError)
-        return load_robot(urdf)
+        return load_robot(self.builder().save(new_folder() / f"{self.name}.urdf" if path is None else path))
 
-    def _ground(self) -> tuple[Array, Array, str]:
-        """(centre of mass, inertia, shapes) of the ground."""
-        r, out = self.radius, []
+    def _ground(self) -> Iterator[Solid]:
+        """The ground, as heavy as all links."""
+        r = self.radius
         left, right = min(x for x, _ in self.ground), max(x for x, _ in self.ground)
         up = 1.0 if self.hangs else -1.0
         base = max(up * z for _, z in self.ground) * up + up * 4.0 * r
-        box = (right - left + 8 * r, 6 * r, 1.2 * r)
+        middle = ((left + right) / 2.0, 0.0, base + up * 0.6 * r)
         mass = sum(link.mass for link in self.links)
-        sizes = np.array(box) ** 2
-        com = np.array([(left + right) / 2.0, 0.0, base + up * box[2] / 2.0])
-        out.append(_shape(com, f'<box size="{_short(box)}"/>', "grey"))
+        yield Box((right - left + 8 * r, 6 * r, 1.2 * r), mass=mass, at=middle, color="grey", collides=False)
         for x, z in self.ground:
-            size = _short((1.6 * r, 1.2 * r, abs(z - base)))
-            out.append(_shape(np.array([x, 0.0, (z + base) / 2.0]), f'<box size="{size}"/>', "grey"))
-            out.append(_disc(np.array([x, 0.0, z]), 0.8 * r, 2.0 * r, "steel"))
+            post = (1.6 * r, 1.2 * r, abs(z - base))
+            yield Box(post, at=(x, 0.0, (z + base) / 2.0), color="grey", collides=False)
+            yield _pin((x, 0.0, z), 0.8 * r, 2.0 * r, "steel")
         if self.rail is not None:
             start, end, z = self.rail
-            at = np.array([(start + end) / 2.0, 0.0, z])
-            out.append(_shape(at, f'<box size="{_short((end - start, 0.8 * r, 0.8 * r))}"/>', "steel"))
-        return com, mass / 12.0 * np.diag(sizes.sum() - sizes), "".join(out)
+            yield Box((end - start, 0.8 * r, 0.8 * r), at=((start + end) / 2.0, 0.0, z), color="steel", collides=False)
 
-    def _shapes(self, link: Link) -> str:
+    def _drawn(self, link: Link) -> Iterator[Solid]:
         """Its bars and pins as drawn."""
-        y, out = -1.4 * self.radius * (link.layer + 1), []
+        before = np.array([0.0, -1.4 * self.radius * (link.layer + 1), 0.0])
         for a, b in link.bars:
-            length, pitch = float(np.linalg.norm(b - a)), -math.atan2(b[2] - a[2], b[0] - a[0])
-            size = _short((length, 1.2 * self.radius, 1.6 * link.width * self.radius))
-            out.append(_shape((a + b) / 2.0 + [0.0, y, 0.0], f'<box size="{size}"/>', link.color, f"0 {pitch + 0.0:.12g} 0"))
-        corners = [np.zeros(3), *(b for _, b in link.bars)]
-        for p in corners if not link.slides else ():
-            out.append(_disc(p + [0.0, y, 0.0], 1.1 * self.radius, 1.3 * self.radius, link.color))
-            out.append(_disc(p + [0.0, y, 0.0], 0.5 * self.radius, 1.7 * self.radius, "steel"))
-        return "".join([*out, link.shapes])
+            size = float(np.linalg.norm(b - a)), 1.2 * self.radius, 1.6 * link.width * self.radius
+            rpy = (0.0, -math.atan2(b[2] - a[2], b[0] - a[0]), 0.0)
+            yield Box(size, at=(a + b) / 2.0 + before, rpy=rpy, color=link.color, collides=False)
+        for p in (np.zeros(3), *(b for _, b in link.bars)) if not link.slides else ():
+            yield _pin(p + before, 1.1 * self.radius, 1.3 * self.radius, link.color)
+            yield _pin(p + before, 0.5 * self.radius, 1.7 * self.radius, "steel")
 
 
 def link_angles(state: State) -> dict[str, float]:
@@ -362,15 +333,5 @@ def _tip(end: str) -> str:
     return f"{end}_tip"
 
 
-def _shape(p: Array, geometry: str, color: str, rpy: str = "0 0 0") -> str:
-    origin = f'<origin xyz="{_short(p)}" rpy="{rpy}"/>'
-    return f'    <visual>{origin}<geometry>{geometry}</geometry><material name="{color}"/></visual>\n'
-
-
-def _disc(p: Array, radius: float, length: float, color: str) -> str:
-    return _shape(p, f'<cylinder radius="{radius:.6g}" length="{length:.6g}"/>', color, f"{math.pi / 2:.12g} 0 0")
-
-
-def _short(values: Sequence[float] | Array) -> str:
-    """For shapes, which do not enter the dynamics."""
-    return " ".join(f"{float(x) + 0.0:.5g}" for x in values)
+def _pin(at: Sequence[float] | Array, radius: float, length: float, color: str) -> Solid:
+    return Cylinder(radius, length, at=at, rpy=(math.pi / 2.0, 0.0, 0.0), color=color, collides=False)

@@ -34,33 +34,45 @@ from __future__ import annotations
 
 import inspect
 import re
-import stat
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from functools import partial
 from pathlib import Path
-from typing import Any, Literal, NoReturn
+from typing import Any, Literal
 
 import yaml
 
-from rbd.arrays import as_float
 from rbd.constraints.constraint import Constraint, made
 from rbd.constraints.joint import JointCoupling
 from rbd.constraints.loop import KINDS as CLOSURES, LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge, RollingBall, RollingDisk, RollingWheel
 from rbd.displayed import Displayed
-from rbd.errors import InputError, ModelError, nearest
+from rbd.errors import InputError, ModelError
+from rbd.errors.inputs import check_choice, check_different, shown
+from rbd.model.input_files import file_bytes
 from rbd.model.motors import Motor
-from rbd.model.urdf import FARTHEST, LARGEST, LONGEST_NAME
-from rbd.model.world import PLANES, Plane
+from rbd.model.urdf import LONGEST_NAME
+from rbd.model.world import PLANES, Plane, checked_plane
+from rbd.robots.number_checks import (
+    Check,
+    Triple,
+    checked_axis,
+    checked_entry,
+    checked_mapping,
+    checked_name,
+    checked_names,
+    checked_number,
+    checked_plain,
+    checked_triple,
+    checked_values,
+    in_file,
+)
 
 Root = Literal["free_flyer", "fixed", "planar"]
-Triple = tuple[float, float, float]
 
 ENDING = ".loops.yaml"
 ROOTS: dict[Root, int] = {"free_flyer": 6, "planar": 3, "fixed": 0}
 """Kinds of root joint, and their degrees of freedom."""
-PARTS = ("root", "plane", "passive", "order", "frames", "loops", "couplings", "wheels", "postures")
 LARGEST_FILE = 200_000
 """Bytes. Larger files would take seconds to read, and no robot needs them."""
 DEEPEST = 8
@@ -134,26 +146,26 @@ class FileForm:
     Attributes:
         part: The part of a file in which it is read; "" for a user's: in loops or wheels.
         make: Makes the constraint, from its name and the keys.
-        keys: Allowed keys: {key: method of the reader}.
+        keys: {key that is allowed: check of its value}.
         needed: Required keys.
     """
 
     part: str
     make: Callable[..., Constraint]
-    keys: Mapping[str, str]
+    keys: Mapping[str, Check]
     needed: tuple[str, ...]
 
 
-_ENDS = {"frame_a": "word", "frame_b": "word", "axis": "three"}
-_JOINTS = {"joint": "word", "to": "word", "ratio": "number", "offset": "number"}
-_ROLLS = {"frame": "word", "radius": "number"}
+_ENDS: dict[str, Check] = {"frame_a": checked_name, "frame_b": checked_name, "axis": checked_axis}
+_JOINTS: dict[str, Check] = {"joint": checked_name, "to": checked_name, "ratio": checked_number, "offset": checked_number}
+_ROLLS: dict[str, Check] = {"frame": checked_name, "radius": checked_number}
 KINDS: dict[str, FileForm] = {
     **{word: FileForm("loops", partial(LoopClosure, kind=word), _ENDS, ("frame_a", "frame_b")) for word in CLOSURES},
     "coupling": FileForm("couplings", JointCoupling, _JOINTS, ("joint", "to", "ratio")),
-    "knife_edge": FileForm("wheels", KnifeEdge, {"frame": "word", "direction": "three"}, ("frame",)),
-    "rolling_wheel": FileForm("wheels", RollingWheel, _ROLLS | {"axis": "three"}, ("frame", "radius")),
-    "rolling_disk": FileForm("wheels", RollingDisk, _ROLLS | {"axis": "three"}, ("frame", "radius")),
+    "rolling_wheel": FileForm("wheels", RollingWheel, _ROLLS | {"axis": checked_axis}, ("frame", "radius")),
+    "rolling_disk": FileForm("wheels", RollingDisk, _ROLLS | {"axis": checked_axis}, ("frame", "radius")),
     "rolling_ball": FileForm("wheels", RollingBall, _ROLLS, ("frame", "radius")),
+    "knife_edge": FileForm("wheels", KnifeEdge, {"frame": checked_name, "direction": checked_axis}, ("frame",)),
 }
 """The kinds of constraints of loop files, by name."""
 
@@ -192,7 +204,7 @@ def register_constraint(word: str, kind: Callable[..., Constraint]) -> None:
     known = KINDS.get(word)
     if known is not None and (known.part or known.make is not kind):
         raise InputError(f"{word!r:.80} stands for {known.make!r:.120} already; expected another word.")
-    KINDS[word] = FileForm("", kind, dict.fromkeys(own, "plain"), needed)
+    KINDS[word] = FileForm("", kind, dict.fromkeys(own, checked_plain), needed)
 
 
 def beside(path: Path) -> Path | None:
@@ -204,142 +216,74 @@ def beside(path: Path) -> Path | None:
         return None
 
 
+def constraint_entry(part: str, what: str, value: object) -> dict[str, Any]:
+    """An entry of one of a file's lists of constraints, checked by its kind.
+
+    Args:
+        part: "loops", "couplings" or "wheels".
+        what: What the entry is, for messages.
+        value: The entry: a name, the word of its kind (couplings have none), and the keys of that kind.
+
+    Raises:
+        InputError: an unknown kind or key, with the nearest one; a key that is missing; a value that is none of its kind.
+    """
+    entry, first = checked_mapping(what, value), dict[str, Check](name=checked_name)
+    words = [word for word, form in KINDS.items() if form.part == part or not form.part and part != "couplings"]
+    word = "coupling"
+    if part != "couplings":
+        word = check_choice(f"kind of {what}", entry.get("kind"), words)
+        first["kind"] = checked_name
+    return checked_entry(what, entry, {**first, **KINDS[word].keys}, (*first, *KINDS[word].needed))
+
+
 def read_loop_file(path: Path) -> LoopFile:
     """The contents of a loop file, checked.
 
     Raises:
-        ModelError: no such file, too large, no YAML, or an entry that is not as described above, by its name.
+        ModelError: not readable, not YAML, or an entry that is wrong, by its name.
     """
-    return _contents(path.name, bytes_of(path))
+    return _contents(path.name, file_bytes(path, LARGEST_FILE, "a loop file in YAML"))
 
 
 def _contents(file: str, data: bytes) -> LoopFile:
-    what = _LoopReader(file)
-    top = what.mapping("the file", parsed(f"{file:.120}", data))
-    what.keys("the file", top, PARTS)
-    root = top.get("root")
-    if root is not None and not (isinstance(root, str) and root in ROOTS):
-        what.stop(f"root is {root!r:.80}; expected one of {', '.join(ROOTS)}.")
-    plane = top.get("plane")
-    if plane is not None and not (root == "planar" and isinstance(plane, str) and plane in PLANES):
-        what.stop(f"plane is {plane!r:.80}; expected one of {', '.join(PLANES)}, with `root: planar`.")
-    marks = what.mapping("frames", top.get("frames", {}))
-    frames = tuple(what.frame(name, entry) for name, entry in marks.items())
-    loops, couplings, wheels = (what.constraints(part, top) for part in ("loops", "couplings", "wheels"))
-    names = [constraint.name for constraint in (*loops, *couplings, *wheels)]
-    for name in names:
-        if names.count(name) > 1:
-            what.stop(f"{names.count(name)} constraints are called {name!r:.80}; expected different names.")
-    passive, postures = what.words("passive", top.get("passive", [])), what.postures(top.get("postures", {}))
-    order = what.words("order", top.get("order", []))
-    return LoopFile(file, root, plane, passive, order, frames, (*loops, *couplings), wheels, postures, data.decode())
+    lists = {part: partial(_constraints, file, part) for part in ("loops", "couplings", "wheels")}
+    checks: dict[str, Check] = {"root": partial(check_choice, known=ROOTS), "plane": partial(check_choice, known=PLANES)}
+    checks |= {"passive": checked_names, "order": checked_names, "frames": _frames, **lists, "postures": _postures}
+    with in_file(file):
+        top = checked_entry("the file", parsed(f"{file:.120}", data), checks, of="")
+        if "plane" in top:
+            checked_plane(top["plane"], str(top.get("root")))
+        top["loops"] = (*top.get("loops", ()), *top.pop("couplings", ()))
+        check_different([constraint.name for constraint in (*top["loops"], *top.get("wheels", ()))], "constraints")
+    return LoopFile(file, **top, text=data.decode())
 
 
-@dataclass(frozen=True)
-class _LoopReader:
-    """Entries of a file, checked one by one; faults are reported with the file's name."""
-
-    file: str
-
-    def stop(self, text: str) -> NoReturn:
-        raise ModelError(f"{self.file}: {text}")
-
-    def mapping(self, what: str, value: object) -> dict[str, Any]:
-        if not isinstance(value, dict):
-            self.stop(f"{what} is {_shown(value)}; expected `key: value` pairs.")
-        for key in value:
-            self.word(f"a key of {what}", key)
-        return value
-
-    def keys(self, what: str, entry: Mapping[str, object], known: Sequence[str], needed: tuple[str, ...] = ()) -> None:
-        for key in entry:
-            if key not in known:
-                self.stop(f"{what} has a key {key!r:.80}; {nearest(key, known)}. Expected some of {', '.join(known)}.")
-        self.needs(what, entry, needed)
-
-    def needs(self, what: str, entry: Mapping[str, object], needed: tuple[str, ...]) -> None:
-        for key in needed:
-            if key not in entry:
-                self.stop(f"{what} has no {key!r}; expected {', '.join(needed)}.")
-
-    def word(self, what: str, value: object) -> str:
-        if not isinstance(value, str) or not value.strip():
-            self.stop(f"{what} is {_shown(value)}; expected a name.")
-        if len(value) > LONGEST_NAME:
-            self.stop(f"{what} is {value[:40]!r}..., {len(value)} letters; expected {LONGEST_NAME} at most.")
-        return value
-
-    def words(self, what: str, value: object) -> tuple[str, ...]:
-        if not isinstance(value, list):
-            self.stop(f"{what} is {_shown(value)}; expected a list of names.")
-        return tuple(self.word(f"{what}[{i}]", each) for i, each in enumerate(value))
-
-    def number(self, what: str, value: object, most: float = LARGEST) -> float:
-        number = as_float(value)
-        if not abs(number) <= most:
-            self.stop(f"{what} is {_shown(value)}; expected a finite number, at most {most:g}.")
-        return number
-
-    def three(self, what: str, value: object, most: float = LARGEST) -> Triple:
-        if not isinstance(value, list) or len(value) != 3:
-            self.stop(f"{what} is {_shown(value)}; expected three numbers, e.g. [0, 0, 1].")
-        x, y, z = (self.number(f"{what}[{i}]", each, most) for i, each in enumerate(value))
-        return x, y, z
-
-    def frame(self, name: str, value: object) -> NamedFrame:
-        what = f"frame {name!r:.80}"
-        entry = self.mapping(what, value)
-        self.keys(what, entry, ("link", "xyz", "rpy"), ("link",))
-        places = {key: self.three(f"{key} of {what}", entry[key], FARTHEST) for key in ("xyz", "rpy") if key in entry}
-        return NamedFrame(name, self.word(f"the link of {what}", entry["link"]), **places)
-
-    def constraints(self, part: str, top: Mapping[str, object]) -> tuple[Constraint, ...]:
-        """The entries of a list, as constraints; the allowed keys depend on its kind."""
-        value = top.get(part, [])
-        if not isinstance(value, list):
-            self.stop(f"{part} is {_shown(value)}; expected a list: a line for each, beginning with a dash.")
-        users = "" if part != "couplings" else part
-        words = [word for word, kind in KINDS.items() if kind.part in (part, users)]
-        out = []
-        for i, each in enumerate(value):
-            entry = self.mapping(f"{part}[{i}]", each)
-            what = f"{part}[{i}]" + (f" ({entry['name']!r:.80})" if isinstance(entry.get("name"), str) else "")
-            first = ("name",) if part == "couplings" else ("name", "kind")
-            self.needs(what, entry, first)
-            word = entry.get("kind", "coupling")
-            if not isinstance(word, str) or word not in words:
-                self.stop(f"kind of {what} is {_shown(word)}; {nearest(word, words)}. Expected one of {', '.join(words)}.")
-            kind = KINDS[word]
-            self.keys(what, entry, (*first, *kind.keys), (*first, *kind.needed))
-            name = self.word(f"name of {what}", entry["name"])
-            read = {key: getattr(self, how)(f"{key} of {what}", entry[key]) for key, how in kind.keys.items() if key in entry}
-            try:
-                out.append(made(kind.make(name=name, **read)))
-            except InputError as error:
-                self.stop(f"{part[:-1] if part != 'couplings' else 'loop'} {name!r:.80}: {error}")
-        return tuple(out)
-
-    def plain(self, what: str, value: object) -> object:
-        """A string, a truth value, a number, or a list of numbers."""
-        if isinstance(value, bool):
-            return value
-        if isinstance(value, list):
-            return tuple(self.number(f"{what}[{i}]", each) for i, each in enumerate(value))
-        return self.word(what, value) if isinstance(value, str) else self.number(what, value)
-
-    def postures(self, value: object) -> dict[str, dict[str, tuple[float, ...]]]:
-        out = {}
-        for name, angles in self.mapping("postures", value).items():
-            what = f"posture {name!r:.80}"
-            out[name] = {
-                joint: tuple(self.number(f"{joint!r:.80} of {what}", x) for x in (each if isinstance(each, list) else [each]))
-                for joint, each in self.mapping(what, angles).items()
-            }
-        return out
+def _constraints(file: str, part: str, what: str, value: object) -> tuple[Constraint, ...]:
+    if not isinstance(value, list):
+        raise InputError(f"{what} is {shown(value)}; expected a list: a line for each, beginning with a dash.")
+    out = []
+    for i, each in enumerate(value):
+        name = each.get("name") if isinstance(each, dict) else None
+        entry = constraint_entry(part, f"{what}[{i}]" + (f" ({name!r:.80})" if isinstance(name, str) else ""), each)
+        form = KINDS[entry.pop("kind", "coupling")]
+        with in_file(f"{file}: {'wheel' if part == 'wheels' else 'loop'} {name!r:.80}"):
+            out.append(made(form.make(**entry)))
+    return tuple(out)
 
 
-def _shown(value: object) -> str:
-    return "a number of many digits" if isinstance(value, int) and abs(value) > 2**200 else f"{value!r:.80}"
+def _frames(what: str, value: object) -> tuple[NamedFrame, ...]:
+    checks: dict[str, Check] = {"link": checked_name, "xyz": checked_triple, "rpy": checked_triple}
+    frames = checked_mapping(what, value).items()
+    return tuple(NamedFrame(name, **checked_entry(f"frame {name!r:.80}", each, checks, ("link",))) for name, each in frames)
+
+
+def _postures(what: str, value: object) -> dict[str, dict[str, tuple[float, ...]]]:
+    out: dict[str, dict[str, tuple[float, ...]]] = {}
+    for name, joints in checked_mapping(what, value).items():
+        angles = checked_mapping(f"posture {name!r:.80}", joints)
+        values = {joint: checked_values(f"{joint!r:.80} of posture {name!r:.80}", each) for joint, each in angles.items()}
+        out[name] = {joint: each if isinstance(each, tuple) else (each,) for joint, each in values.items()}
+    return out
 
 
 class Loader(yaml.SafeLoader):
@@ -382,23 +326,6 @@ for _tag, _pattern, _first in (
     Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"(?:{_pattern})$", re.ASCII), _first)
 
 
-def bytes_of(path: Path) -> bytes:
-    """The bytes of a loop file, no more than one beyond the largest size.
-
-    Raises:
-        ModelError: no regular file, or one that cannot be read.
-    """
-    name = f"{path.name:.120}"
-    try:
-        found = path.stat()
-        if not stat.S_ISREG(found.st_mode):  # a pipe would be waited for, a device has no end
-            raise ModelError(f"{name} is no regular file; expected a loop file in YAML.")
-        with path.open("rb") as file:
-            return file.read(LARGEST_FILE + 1)
-    except (OSError, ValueError) as error:
-        raise ModelError(f"{name} cannot be read: {getattr(error, 'strerror', None) or error}.") from None
-
-
 def parsed(name: str, data: bytes) -> object:
     """What the text of a loop file says, in plain dictionaries, lists, words and numbers.
 
@@ -416,7 +343,8 @@ def parsed(name: str, data: bytes) -> object:
         raise ModelError(f"{name} cannot be read as YAML: {message:.400}.") from None
 
 
-_FIELDS = tuple(field.name for field in fields(Motor))
+_MOTOR: dict[str, Check] = {field.name: lambda what, value: value for field in fields(Motor)}
+"""The motor checks its numbers."""
 
 
 def read_motor_file(path: Path) -> dict[str, Motor | None]:
@@ -427,22 +355,11 @@ def read_motor_file(path: Path) -> dict[str, Motor | None]:
     """
     if not path.is_file():
         raise ModelError(f"no file {str(path)!r:.200}; expected a YAML file of motors, {{joint: {{limit: 40}}}}.")
-    given = parsed(path.name, bytes_of(path))
+    given = parsed(path.name, file_bytes(path, LARGEST_FILE, "a YAML file of motors"))
     if not isinstance(given, dict) or not all(isinstance(joint, str) for joint in given):
         raise ModelError(f"{path.name} holds {given!r:.80}; expected motors by their joints, {{joint: {{limit: 40}}}}.")
     out: dict[str, Motor | None] = {}
     for joint, data in given.items():
-        if data is None:
-            out[joint] = None
-            continue
-        if not isinstance(data, dict):
-            raise ModelError(f"{path.name}: {joint!r:.80} is {data!r:.80}; expected {{limit: 40, gear: 9}}, or null.")
-        for key in data:
-            if key not in _FIELDS:
-                known = nearest(str(key), _FIELDS)
-                raise ModelError(f"{path.name}: {joint!r:.80} has {key!r:.80}, which motors have not; {known}.")
-        try:
-            out[joint] = Motor(**data)
-        except InputError as error:
-            raise ModelError(f"{path.name}: {joint!r:.80}: {error}") from None
+        with in_file(f"{path.name}: {joint!r:.80}"):
+            out[joint] = None if data is None else Motor(**checked_entry("its motor, as {limit: 40} or null,", data, _MOTOR))
     return out

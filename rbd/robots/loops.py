@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import partial
-from typing import TypeVar
 
 import numpy as np
 import pinocchio as pin
@@ -15,14 +13,14 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint, check_on
 from rbd.constraints.joint import JointCoupling, JointLock
 from rbd.constraints.loop import LoopClosure
-from rbd.errors import InputError, ModelError, nearest
+from rbd.errors import ModelError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.mjcf.loops_and_motors import WORLD, Equality
 from rbd.robots import catalogue
 from rbd.robots.loop_file import LoopFile, NamedFrame, beside, read_loop_file
+from rbd.robots.number_checks import in_file
 from rbd.robots.posture import configuration, semantic_postures
 
-Made = TypeVar("Made")
 _MARKED = (pin.FrameType.BODY, pin.FrameType.FIXED_JOINT, pin.FrameType.OP_FRAME)
 
 
@@ -59,7 +57,8 @@ class Mechanism:
 
     def _checked(self, what: str, robot: CheckedModel, constraints: tuple[Constraint, ...]) -> tuple[Constraint, ...]:
         for constraint in constraints:
-            self._in_file(f"{what} {constraint.name!r:.80}", partial(check_on, constraint, robot))
+            with in_file(f"{self.file_name}: {what} {constraint.name!r:.80}"):
+                check_on(constraint, robot)
         return constraints
 
     def postures(self, robot: CheckedModel) -> dict[str, Array]:
@@ -71,17 +70,10 @@ class Mechanism:
         out = {}
         for name, angles in self.file.postures.items():
             out[name] = q = pin.neutral(robot.model)
-            for joint, numbers in angles.items():
-                at, part = self._in_file(f"posture {name!r:.80}", partial(_part, robot, joint, numbers))
-                q[at : at + len(part)] = part
+            with in_file(f"{self.file_name}: posture {name!r:.80}"):
+                for joint, numbers in angles.items():
+                    q[robot.joints[joint].q] = robot.joints[joint].target(joint, np.array(numbers))
         return out
-
-    def _in_file(self, what: str, make: Callable[[], Made]) -> Made:
-        try:
-            return make()
-        except InputError as error:
-            raise ModelError(f"{self.file_name}: {what}: {error}") from None
-
 
 def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: Iterable[Equality] = ()) -> Mechanism:
     """The loop closures of a loop file and an MJCF's equalities; their frames are added to the model.
@@ -132,12 +124,6 @@ def read_postures(robot: CheckedModel, source: catalogue.RobotSource, mechanism:
     for name, angles in source.postures.items():
         found[name] = configuration(robot, angles)
     return found | mechanism.postures(robot)
-
-
-def _part(robot: CheckedModel, joint: str, numbers: tuple[float, ...]) -> tuple[int, Array]:
-    """(first index of a joint's part of q, the part)."""
-    found = robot.joints[joint]
-    return found.q.start, found.target(joint, np.array(numbers))
 
 
 def _read(model: pin.Model, file: str, equality: Equality) -> Constraint:

@@ -111,7 +111,7 @@ def test_a_ball_joint_and_the_others_move_as_pinocchios(rng: np.random.Generator
         parent = f"link_{i}"
         by_hand.addJoint(i, joint, place, f"j_{i}")
         of = solid.mass_properties()
-        by_hand.appendBodyToJoint(i + 1, pin.Inertia(of.mass, of.com, of.inertia), pin.SE3.Identity())
+        by_hand.appendBodyToJoint(i + 1, pin.Inertia(of.mass, of.lever, of.inertia), pin.SE3.Identity())
     robot, data = b.robot(), by_hand.createData()
     q, v = pin.integrate(by_hand, pin.neutral(by_hand), rng.normal(size=5)), rng.normal(size=5)
     state = robot.at(q, v)
@@ -294,8 +294,8 @@ EAGER: dict[str, tuple[Callable[[RobotBuilder], object], str]] = {
     "loop kind": (lambda b: b.loop("x", "upper", "lower", kind="pin"), "planar"),
     "loop end": (lambda b: b.loop("x", "upper", ("lower",), kind="point"), "a body and a point"),
     "wheel kind": (lambda b: b.wheel("x", "upper", kind="weel", radius=1.0), "rolling_wheel"),
-    "no radius": (lambda b: b.wheel("x", "upper"), "has no radius"),
-    "skate with radius": (lambda b: b.wheel("x", "upper", kind="knife_edge", radius=1.0), "a knife_edge has"),
+    "no radius": (lambda b: b.wheel("x", "upper"), "has no 'radius'"),
+    "skate with radius": (lambda b: b.wheel("x", "upper", kind="knife_edge", radius=1.0), "key 'radius'.*kind, frame, direction"),
     "posture": (lambda b: b.posture("x", {"shoulder": "up"}), "'shoulder' of posture 'x'"),
     "no dictionary": (lambda b: b.posture("x", [1.0]), "joints and their values"),
     "elements": (lambda b: b.body("x", elements="<inertial/>"), "<visual> and <collision> elements"),

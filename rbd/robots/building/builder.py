@@ -13,27 +13,18 @@ from rbd.arrays import Array
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.errors.inputs import check_choice
 from rbd.model.input_files import FileLimits
 from rbd.model.output_files import check_place, write_text
 from rbd.model.urdf import BASE_JOINT
 from rbd.model.world import Plane, checked_plane
 from rbd.robots import catalogue
-from rbd.robots.building.number_checks import checked_choice, checked_name, checked_triple
-from rbd.robots.building.parts import BuilderBody, BuilderJoint, Frame, a_body, a_joint
+from rbd.robots.building.parts import BuilderBody, BuilderJoint, a_body
 from rbd.robots.building.solids import Solid
-from rbd.robots.building.writing import (
-    Entry,
-    check_tree,
-    coupling_entry,
-    loop_direction,
-    posture_value,
-    urdf_text,
-    user_entry,
-    wheel_entry,
-    yaml_text,
-)
+from rbd.robots.building.writing import Entry, check_tree, urdf_text, yaml_text
 from rbd.robots.loading import load_robot
-from rbd.robots.loop_file import ENDING, ROOTS, LoopFile, Root
+from rbd.robots.loop_file import ENDING, ROOTS, LoopFile, NamedFrame, Root, constraint_entry
+from rbd.robots.number_checks import checked_mapping, checked_name, checked_triple, checked_values
 from rbd.robots.robot import Robot
 
 DELIBERATE = ("effort",)
@@ -97,13 +88,15 @@ class RobotBuilder(Displayed):
 
     def __init__(self, name: str, *, root: Root = "free_flyer", plane: Plane | None = None, about: str = "") -> None:
         self.name = checked_name("the name of the robot", name)
-        checked_choice("root", root, ROOTS)
+        check_choice("root", root, ROOTS)
         self.root: Root = root
         self.plane = None if plane is None else checked_plane(plane, root)
         if not isinstance(about, str):
             raise InputError(f"about is {about!r:.80}; expected a sentence.")
         self.about = about
-        self._parts: list[BuilderBody | BuilderJoint | Frame] = []
+        self._bodies: dict[str, BuilderBody] = {}
+        self._joints: dict[str, BuilderJoint] = {}
+        self._frames: dict[str, NamedFrame] = {}
         self._lists: dict[str, list[Entry]] = {"loops": [], "couplings": [], "wheels": []}
         self._postures: dict[str, dict[str, float | tuple[float, ...]]] = {}
 
@@ -115,17 +108,17 @@ class RobotBuilder(Displayed):
     @property
     def bodies(self) -> tuple[str, ...]:
         """Names of the bodies, as declared."""
-        return tuple(part.name for part in self._parts if isinstance(part, BuilderBody))
+        return tuple(self._bodies)
 
     @property
     def joints(self) -> tuple[str, ...]:
         """Names of the joints, as declared."""
-        return tuple(part.name for part in self._parts if isinstance(part, BuilderJoint))
+        return tuple(self._joints)
 
     @property
     def frames(self) -> tuple[str, ...]:
         """Names of the frames, as declared."""
-        return tuple(part.name for part in self._parts if isinstance(part, Frame))
+        return tuple(self._frames)
 
     def body(
         self,
@@ -152,8 +145,8 @@ class RobotBuilder(Displayed):
             InputError: a name that is taken, numbers that are wrong, an inertia that no body can have, with the violated
                 triangle inequality.
         """
-        self._free("body", name)
-        self._parts.append(a_body(name, solids, mass, com, inertia, elements))
+        self._unused("body or frame", name, (*self._bodies, *self._frames))
+        self._bodies[name] = a_body(name, solids, mass, com, inertia, elements)
 
     def joint(
         self,
@@ -196,22 +189,21 @@ class RobotBuilder(Displayed):
             InputError: a name that is taken, a child with two parents, an axis of zero length, an unknown kind, numbers that
                 are wrong.
         """
-        if checked_name("the name of a joint", name) in (*self.joints, BASE_JOINT):
-            raise InputError(f"there is a joint {name!r:.80} already; expected another name.")
-        made = a_joint(
+        self._unused("joint", name, (*self._joints, BASE_JOINT))
+        made = BuilderJoint(
             name, parent, child, kind, at=at, rpy=rpy, axis=axis, motor=motor, effort=effort, limits=limits, speed=speed,
             damping=damping, friction=friction, armature=armature,
         )  # fmt: skip
-        if made.child == GROUND and self.root == "fixed":
-            raise InputError(f"joint {made.name!r:.80} moves the ground, which is fixed; expected it as the parent.")
-        for other in self._parts:
-            if isinstance(other, BuilderJoint) and other.child == made.child:
+        if child == GROUND and self.root == "fixed":
+            raise InputError(f"joint {name!r:.80} moves the ground, which is fixed; expected it as the parent.")
+        for other in self._joints.values():
+            if other.child == child:
                 raise InputError(
-                    f"body {made.child!r:.80} has two parents, {other.parent!r:.80} (joint {other.name!r:.80}) and "
-                    f"{made.parent!r:.80} (joint {made.name!r:.80}). Bodies in a circle are a tree and a loop: keep one of the "
-                    f"joints, and use .loop({made.name!r:.80}, a, b, kind=...) for the other."
+                    f"body {child!r:.80} has two parents, {other.parent!r:.80} (joint {other.name!r:.80}) and "
+                    f"{parent!r:.80} (joint {name!r:.80}). Bodies in a circle are a tree and a loop: keep one of the "
+                    f"joints, and use .loop({name!r:.80}, a, b, kind=...) for the other."
                 )
-        self._parts.append(made)
+        self._joints[name] = made
 
     def frame(
         self,
@@ -232,12 +224,12 @@ class RobotBuilder(Displayed):
         Raises:
             InputError: a name that is taken, numbers that are wrong.
         """
-        self._free("frame", name)
+        self._unused("body or frame", name, (*self._bodies, *self._frames))
         what = f"of frame {name!r:.80}"
-        carrier = checked_name(f"the body {what}", body)
-        self._parts.append(Frame(name, carrier, checked_triple(f"at {what}", at), checked_triple(f"rpy {what}", rpy)))
+        link = checked_name(f"the body {what}", body)
+        self._frames[name] = NamedFrame(name, link, checked_triple(f"at {what}", at), checked_triple(f"rpy {what}", rpy))
 
-    def loop(self, name: str, a: End, b: End, *, kind: str, axis: Sequence[float] | Array = (0.0, 0.0, 1.0)) -> None:
+    def loop(self, name: str, a: End, b: End, *, kind: str, axis: Sequence[float] | Array | None = None) -> None:
         """Close a loop of bodies: a joint between two frames, see `rbd.LoopClosure`.
 
         Args:
@@ -245,15 +237,23 @@ class RobotBuilder(Displayed):
             a: A frame or body, or (body, point in its axes [m]); for the point a frame `<name>_a` is added.
             b: The other end, likewise; its frame is `<name>_b`.
             kind: "point" (a ball joint), "revolute", "rigid", or "planar" (a pin of a flat mechanism).
-            axis: Of "revolute", or normal of "planar", in the axes of a; for "revolute" the same three numbers in those of b.
+            axis: Of "revolute", or normal of "planar", in the axes of a, z by default; that of b is the same.
 
         Raises:
             InputError: a name that is taken, an unknown kind, an axis of zero length.
         """
-        self._new_constraint(name)
-        turned = loop_direction(name, kind, axis)
-        ends = {f"frame_{key}": self._end(name, key, end) for key, end in (("a", a), ("b", b))}
-        self._lists["loops"].append({"name": name, "kind": kind, **ends, **turned})
+        names = {f"frame_{key}": end if isinstance(end, str) else f"{name}_{key}" for key, end in (("a", a), ("b", b))}
+        entry = self._entry("loops", f"loop {name!r:.80}", name, kind=kind, **names, axis=axis)
+        for key, end in (("a", a), ("b", b)):
+            if isinstance(end, str):
+                continue
+            if not isinstance(end, tuple | list) or len(end) != 2:
+                raise InputError(
+                    f"end {key} of loop {name!r:.80} is {end!r:.80}; expected a frame, or a body and a point: "
+                    "('K3', (0.1, 0, 0))."
+                )
+            self.frame(f"{name}_{key}", end[0], end[1])
+        self._lists["loops"].append(entry)
 
     def coupling(self, name: str, joint: str, to: str, ratio: float, offset: float = 0.0) -> None:
         """Couple two joints, q_joint = ratio q_to + offset, as gears and belts do; see `rbd.JointCoupling`.
@@ -261,8 +261,8 @@ class RobotBuilder(Displayed):
         Raises:
             InputError: a name that is taken, numbers that are wrong.
         """
-        self._new_constraint(name)
-        self._lists["couplings"].append(coupling_entry(name, joint, to, ratio, offset))
+        entry = self._entry("couplings", f"coupling {name!r:.80}", name, joint=joint, to=to, ratio=ratio, offset=offset)
+        self._lists["couplings"].append(entry)
 
     def wheel(
         self,
@@ -287,8 +287,8 @@ class RobotBuilder(Displayed):
         Raises:
             InputError: a name that is taken, an unknown kind, a radius that is missing or none.
         """
-        self._new_constraint(name)
-        self._lists["wheels"].append(wheel_entry(name, kind, frame, radius=radius, axis=axis, direction=direction))
+        keys = {"radius": radius, "axis": axis, "direction": direction}
+        self._lists["wheels"].append(self._entry("wheels", f"wheel {name!r:.80}", name, kind=kind, frame=frame, **keys))
 
     def constraint(self, name: str, kind: str, **keys: str | bool | float | Sequence[float]) -> None:
         """Add a user's kind of constraint, see `rbd.register_constraint`, to the loops.
@@ -301,8 +301,12 @@ class RobotBuilder(Displayed):
         Raises:
             InputError: a name that is taken, a kind that is not registered.
         """
-        self._new_constraint(name)
-        self._lists["loops"].append(user_entry(name, kind, keys))
+        self._lists["loops"].append(self._entry("loops", f"constraint {name!r:.80}", name, kind=kind, **keys))
+
+    def _entry(self, part: str, what: str, name: str, **keys: object) -> Entry:
+        """A constraint for the loop file, checked; keys that are None are left out."""
+        self._unused("loop, coupling or wheel", name, [entry["name"] for known in self._lists.values() for entry in known])
+        return constraint_entry(part, what, {"name": name} | {key: value for key, value in keys.items() if value is not None})
 
     def posture(self, name: str, values: Mapping[str, float | Sequence[float]]) -> None:
         """Name a configuration: {joint: angle [rad], displacement [m], or the joint's part of q}; joints not named are at zero.
@@ -314,12 +318,10 @@ class RobotBuilder(Displayed):
         Raises:
             InputError: a name that is taken, values that are no numbers.
         """
-        checked_name("the name of a posture", name)
-        if name in self._postures:
-            raise InputError(f"there is a posture {name!r:.80} already; expected another name.")
-        if not isinstance(values, Mapping):
-            raise InputError(f"posture {name!r:.80} is {values!r:.80}; expected joints and their values, {{'knee': 0.3}}.")
-        self._postures[name] = {joint: posture_value(name, joint, value) for joint, value in values.items()}
+        self._unused("posture", name, self._postures)
+        what = f"posture {name!r:.80}, joints and their values as {{'knee': 0.3}},"
+        angles = checked_mapping(what, values).items()
+        self._postures[name] = {joint: checked_values(f"{joint!r:.80} of posture {name!r:.80}", each) for joint, each in angles}
 
     def urdf(self) -> str:
         """The URDF: its bodies, joints, frames and shapes.
@@ -329,16 +331,22 @@ class RobotBuilder(Displayed):
         Raises:
             ModelError: no tree with one root, unknown bodies, a moving body without mass.
         """
-        return urdf_text(self.name, self.about, self._tree())
+        bodies, joints = self._bodies, list(self._joints.values())
+        ends = {*(joint.parent for joint in joints), *(frame.link for frame in self._frames.values())}
+        if self.root == "fixed" and GROUND in ends and GROUND not in bodies:
+            bodies = {GROUND: BuilderBody(GROUND), **bodies}
+        check_tree(self.name, self.root, bodies, joints, self._frames.values())
+        return urdf_text(self.name, self.about, bodies.values(), joints, self._frames.values())
 
     def loop_file(self) -> str:
         """The loop file, in YAML: the root, passive joints, loops, couplings, wheels and postures."""
-        passive = [part.name for part in self._parts if isinstance(part, BuilderJoint) and _is_passive(part)]
-        return yaml_text(self.root, self.plane, passive, self._order(), self._lists, self._postures)
+        passive = [joint.name for joint in self._joints.values() if not joint.motor and joint.kind not in ("fixed", "free")]
+        head = "".join(f"# {line.strip()}\n" for line in self.about.splitlines())
+        return head + yaml_text(self.root, self.plane, passive, self._order(), self._lists, self._postures)
 
     def _order(self) -> list[str]:
         """The joints that move, as declared; none where Pinocchio, by the alphabet and depth-first, has them so."""
-        joints = [part for part in self._parts if isinstance(part, BuilderJoint)]
+        joints = self._joints.values()
         declared = [joint.name for joint in joints if joint.kind != "fixed"]
         by_name = sorted(joints, key=lambda joint: joint.name)
         children = {joint.child for joint in joints}
@@ -373,7 +381,7 @@ class RobotBuilder(Displayed):
             InputError: feet or limits of the wrong kind.
         """
         loops = LoopFile.of_text(self.loop_file(), f"{self.name}{ENDING}")
-        thin = {part.name for part in self._parts if isinstance(part, BuilderBody) and part.thin}
+        thin = {name for name, body in self._bodies.items() if body.thin}
         return finished(self.urdf(), loops, thin, limits=limits, feet=feet, package_dirs=package_dirs, gravity=gravity)
 
     def save(self, path: str | os.PathLike[str]) -> Path:
@@ -399,40 +407,6 @@ class RobotBuilder(Displayed):
             write_text(each, text, ModelError)
         return place
 
-    def _free(self, what: str, name: object) -> None:
-        checked_name(f"the name of a {what}", name)
-        if name in self.bodies or name in self.frames:
-            raise InputError(f"there is a body or frame {name!r:.80} already; expected another name.")
-
-    def _new_constraint(self, name: object) -> None:
-        checked_name("the name of a loop or wheel", name)
-        if any(entry["name"] == name for entries in self._lists.values() for entry in entries):
-            raise InputError(f"there is a loop, coupling or wheel {name!r:.80} already; expected another name.")
-
-    def _end(self, loop: str, key: str, end: object) -> str:
-        """The frame of an end of a loop."""
-        if isinstance(end, str):
-            return checked_name(f"end {key} of loop {loop!r:.80}", end)
-        if not isinstance(end, tuple | list) or len(end) != 2:
-            raise InputError(
-                f"end {key} of loop {loop!r:.80} is {end!r:.80}; expected a frame, or a body and a point: ('K3', (0.1, 0, 0))."
-            )
-        name = f"{loop}_{key}"
-        self.frame(name, end[0], end[1])
-        return name
-
-    def _tree(self) -> list[BuilderBody | BuilderJoint | Frame]:
-        """The parts, with the ground where it is needed, checked together."""
-        parts = list(self._parts)
-        if self.root == "fixed" and GROUND not in self.bodies:
-            ends = {part.parent for part in parts if isinstance(part, BuilderJoint)} | {
-                p.body for p in parts if isinstance(p, Frame)
-            }
-            if GROUND in ends:
-                parts.insert(0, BuilderBody(GROUND, None, (), False))
-        check_tree(self.name, self.root, parts)
-        return parts
-
-
-def _is_passive(joint: BuilderJoint) -> bool:
-    return not joint.motor and joint.kind not in ("fixed", "free")
+    def _unused(self, what: str, name: object, names: Iterable[object]) -> None:
+        if checked_name(f"the name of a {what}", name) in names:
+            raise InputError(f"there is a {what} {name!r:.80} already; expected another name.")

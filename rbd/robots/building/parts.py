@@ -1,27 +1,21 @@
-"""Bodies, joints and frames of a model in the making, each checked by itself."""
+"""Bodies and joints of a model in the making, each checked by itself."""
 
 from __future__ import annotations
 
-import xml.etree.ElementTree as ElementTree
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from xml.etree import ElementTree
 
 import numpy as np
+import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, check_flag
 from rbd.errors import InputError
+from rbd.errors.inputs import check_choice
 from rbd.model.urdf import LIGHTEST
-from rbd.robots.building.number_checks import (
-    Triple,
-    checked_axis,
-    checked_choice,
-    checked_name,
-    checked_number,
-    checked_numbers,
-    checked_triple,
-    checked_truth,
-)
-from rbd.robots.building.solids import Drawn, MassProperties, Solid, joined
+from rbd.robots.building.solids import Solid, joined
+from rbd.robots.number_checks import Check, checked_axis, checked_name, checked_number, checked_numbers, checked_triple
 
 URDF_TYPES = {
     "revolute": "revolute",
@@ -39,17 +33,17 @@ FARTHEST_TURN, FARTHEST_SLIDE = 1e4, 1e3
 EQUAL = 1e-9
 """Relative rounding of principal moments."""
 
-_PAIRS = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+ENTRIES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+"""Of an inertia: xx, xy, xz, yy, yz, zz."""
 
 
 @dataclass(frozen=True)
 class BuilderBody:
-    """A body: its mass properties and shapes in its own axes, which are those of its joint; elements to add as they are."""
+    """A body: its mass properties and solids in its own axes, which are those of its joint; elements to add as they are."""
 
     name: str
-    inertial: MassProperties | None
-    shapes: tuple[Drawn, ...]
-    thin: bool
+    inertial: pin.Inertia | None = None
+    solids: tuple[Solid, ...] = ()
     elements: str = ""
 
     @property
@@ -57,35 +51,74 @@ class BuilderBody:
         """[kg]."""
         return 0.0 if self.inertial is None else self.inertial.mass
 
+    @property
+    def thin(self) -> bool:
+        """Whether it has mass, and no inertia about some axis, as a point and a line."""
+        return self.inertial is not None and float(np.linalg.eigvalsh(self.inertial.inertia)[0]) <= 0.0
+
+
+def _positive(what: str, value: object) -> float:
+    return checked_number(what, value, least=0.0, most=1e300)
+
+
+def _limit(what: str, value: object) -> float:
+    """A limit above zero; zero stands for none, as in a URDF."""
+    number = 0.0 if value is None else _positive(what, value)
+    if value is not None and number == 0.0:
+        raise InputError(f"{what} is {value!r:.40}; expected a limit above zero, or None.")
+    return number
+
+
+_OF_JOINTS: dict[str, Check] = {
+    **{"parent": checked_name, "child": checked_name, "kind": partial(check_choice, known=URDF_TYPES)},
+    **{"at": checked_triple, "rpy": checked_triple, "axis": checked_axis, "effort": _limit, "speed": _limit},
+    **{"damping": _positive, "friction": _positive, "armature": _positive},
+}
+
 
 @dataclass(frozen=True)
 class BuilderJoint:
-    """A joint from a parent to a child; `effort` and `speed` are zero where it has no such limit."""
+    """A joint from a parent to a child, as of `RobotBuilder.joint`; `effort` and `speed` are zero where there is no limit."""
 
     name: str
     parent: str
     child: str
     kind: str
-    at: Triple
-    rpy: Triple
-    axis: Triple
-    limits: tuple[float, float] | None
+    at: Sequence[float] | Array
+    rpy: Sequence[float] | Array
+    axis: Sequence[float] | Array
+    limits: Sequence[float] | Array | None
     motor: bool
-    effort: float
-    speed: float
+    effort: float | None
+    speed: float | None
     damping: float
     friction: float
     armature: float
 
-
-@dataclass(frozen=True)
-class Frame:
-    """A frame on a body."""
-
-    name: str
-    body: str
-    at: Triple
-    rpy: Triple
+    def __post_init__(self) -> None:
+        what, put = f"joint {checked_name('the name of a joint', self.name)!r:.80}", partial(object.__setattr__, self)
+        for key, check in _OF_JOINTS.items():
+            put(key, check(f"{key} of {what}", getattr(self, key)))
+        check_flag(f"motor of {what}", self.motor)
+        if self.parent == self.child:
+            raise InputError(f"{what} joins {self.parent!r:.80} with itself; expected two bodies.")
+        if self.kind == "planar" and self.axis != (0.0, 0.0, 1.0):
+            raise InputError(f"{what} is planar, with axis {self.axis}; it moves in x and y of its frame: turn that by rpy.")
+        if self.motor and self.kind in ("fixed", "free"):
+            joints = ", ".join(SINGLE)
+            raise InputError(f"{what} is {self.kind} and has a motor; expected a joint that a motor can move: {joints}.")
+        given = [key for key in ("damping", "friction", "armature", "effort", "speed") if getattr(self, key)]
+        if given and self.kind not in SINGLE:
+            raise InputError(
+                f"{what} is {self.kind} and has {given[0]}; a file has that for one degree of freedom: {', '.join(SINGLE)}."
+            )
+        if self.limits is not None:
+            if self.kind not in ("revolute", "prismatic"):
+                raise InputError(f"{what} is {self.kind} and has limits; expected a revolute or prismatic joint.")
+            low, high = checked_numbers(f"limits of {what}", self.limits, (2,))
+            if low > high:
+                raise InputError(f"limits of {what} are {low:g}, {high:g}; expected the lower one first.")
+            put("limits", (low, high))
 
 
 def a_body(
@@ -108,13 +141,11 @@ def a_body(
             raise InputError(
                 f"{what} has a part {solid!r:.80}; expected a solid, e.g. rbd.robots.Box((0.1, 0.1, 0.1), mass=1)."
             )
-    shapes = tuple(shape for solid in solids for shape in solid.shapes())
     own = joined(solids)
     if mass is None:
         if com is not None or inertia is not None:
             raise InputError(f"{what} has com or inertia, and no mass; expected all three: mass=..., com=..., inertia=...")
-        thin = own.mass > 0.0 and float(np.linalg.eigvalsh(own.inertia)[0]) <= 0.0
-        return BuilderBody(name, own if own.mass > 0.0 else None, shapes, thin, elements)
+        return BuilderBody(name, own if own.mass > 0.0 else None, tuple(solids), elements)
     if own.mass > 0.0:
         raise InputError(f"{what} has the mass of its solids, {own.mass:g} kg, and mass={mass!r:.40}; expected one of them.")
     kg = checked_number(f"mass of {what}", mass, least=0.0)
@@ -129,7 +160,7 @@ def a_body(
         why = f"{kg:g} kg" if kg else "an inertia and no mass"
         raise InputError(f"{what} has {why}; no body can have that. Expected a mass of {LIGHTEST:g} kg or more, or nothing.")
     check_moments(what, tensor)
-    return BuilderBody(name, MassProperties(kg, centre, tensor), shapes, float(np.linalg.eigvalsh(tensor)[0]) <= 0.0, elements)
+    return BuilderBody(name, pin.Inertia(kg, centre, tensor), tuple(solids), elements)
 
 
 def _check_elements(what: str, elements: object) -> None:
@@ -155,7 +186,7 @@ def _tensor(what: str, inertia: object) -> Array:
     if len(values) == 3:
         return np.diag(values)
     matrix = np.zeros((3, 3))
-    for (i, j), value in zip(_PAIRS, values, strict=True):
+    for (i, j), value in zip(ENTRIES, values, strict=True):
         matrix[i, j] = matrix[j, i] = value
     return matrix
 
@@ -180,71 +211,3 @@ def check_moments(what: str, inertia: Array) -> None:
             f"{told}, which violate the triangle inequality I3 <= I1 + I2: {large:.6g} > {small:.6g} + {middle:.6g} = "
             f"{small + middle:.6g}. Expected moments about the centre of mass; a flat body has I3 = I1 + I2."
         )
-
-
-def a_joint(
-    name: object,
-    parent: object,
-    child: object,
-    kind: object,
-    *,
-    at: object,
-    rpy: object,
-    axis: object,
-    motor: object,
-    effort: object,
-    limits: object,
-    speed: object,
-    damping: object,
-    friction: object,
-    armature: object,
-) -> BuilderJoint:
-    """A joint, its numbers checked; arguments as `RobotBuilder.joint`.
-
-    Raises:
-        InputError: naming the joint, what came and what was expected.
-    """
-    title = checked_name("the name of a joint", name)
-    what = f"joint {title!r:.80}"
-    ends = [checked_name(f"the {end} of {what}", value) for end, value in (("parent", parent), ("child", child))]
-    if ends[0] == ends[1]:
-        raise InputError(f"{what} joins {ends[0]!r:.80} with itself; expected two bodies.")
-    sort = checked_choice(f"kind of {what}", kind, URDF_TYPES)
-    direction = checked_axis(f"axis of {what}", axis)
-    single = sort in SINGLE
-    if sort == "planar" and direction != (0.0, 0.0, 1.0):
-        raise InputError(f"{what} is planar, with axis {axis!r:.80}; it moves in the x-y plane of its frame: turn that by rpy.")
-    driven, strongest = checked_truth(f"motor of {what}", motor), _limit(f"effort of {what}", effort)
-    if driven and sort in ("fixed", "free"):
-        raise InputError(f"{what} is {sort} and has a motor; expected a joint that a motor can move: {', '.join(SINGLE)}.")
-    lost, dry, rotor = (
-        checked_number(f"{key} of {what}", value, least=0.0, most=1e300)
-        for key, value in (("damping", damping), ("friction", friction), ("armature", armature))
-    )
-    fastest = _limit(f"speed of {what}", speed)
-    limited = {"damping": lost, "friction": dry, "armature": rotor, "effort": strongest, "speed": fastest}
-    given = [key for key, value in limited.items() if value]
-    if given and not single:
-        raise InputError(
-            f"{what} is {sort} and has {given[0]}; a file has that for one degree of freedom: {', '.join(SINGLE)}."
-        )
-    bounds = None
-    if limits is not None:
-        if sort not in ("revolute", "prismatic"):
-            raise InputError(f"{what} is {sort} and has limits; expected a revolute or prismatic joint.")
-        low, high = checked_numbers(f"limits of {what}", limits, (2,))
-        if low > high:
-            raise InputError(f"limits of {what} are {low:g}, {high:g}; expected the lower one first.")
-        bounds = low, high
-    origin, turned = checked_triple(f"at of {what}", at), checked_triple(f"rpy of {what}", rpy)
-    return BuilderJoint(
-        title, ends[0], ends[1], sort, origin, turned, direction, bounds, driven, strongest, fastest, lost, dry, rotor
-    )  # fmt: skip
-
-
-def _limit(what: str, value: object) -> float:
-    """A limit above zero; zero stands for none, as in a URDF."""
-    number = 0.0 if value is None else checked_number(what, value, least=0.0, most=1e300)
-    if value is not None and number == 0.0:
-        raise InputError(f"{what} is {value!r:.40}; expected a limit above zero, or None.")
-    return number

@@ -7,49 +7,21 @@ about its centre of mass; a body joins those of its solids by the parallel-axis 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import ClassVar
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, check_flag
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.urdf import FARTHEST, LIGHTEST, SMALLEST
-from rbd.robots.building.number_checks import (
-    Triple,
-    checked_color,
-    checked_number,
-    checked_numbers,
-    checked_triple,
-    checked_truth,
-)
+from rbd.robots.number_checks import Triple, checked_color, checked_number, checked_numbers, checked_triple
 
-Geometry = Iterable[tuple[str, tuple[tuple[str, tuple[float, ...]], ...]]]
-"""(tag of the URDF, its attributes) of some shapes."""
-
-
-@dataclass(frozen=True)
-class MassProperties:
-    """Mass [kg], centre of mass (3,) [m] and inertia about it (3, 3) [kg m2], all in one body's axes."""
-
-    mass: float
-    com: Array
-    inertia: Array
-
-
-@dataclass(frozen=True)
-class Drawn:
-    """A shape of a URDF: its element, its place in the body's axes, its colour, and whether it is drawn and can touch."""
-
-    geometry: str
-    size: tuple[tuple[str, tuple[float, ...]], ...]
-    at: Triple
-    rpy: Triple
-    color: str
-    draws: bool
-    collides: bool
+THIN = 0.01
+"""Thickness of plates and rods as they are drawn, and radius of a rod, over their lengths."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,23 +46,29 @@ class Solid(Displayed):
     draws: bool = True
     collides: bool = True
 
+    tag: ClassVar[str] = ""
+    """Its element in a URDF."""
+    sizes: ClassVar[Mapping[str, int]] = {}
+    """{a size of it: of how many numbers}; the element has the same."""
+
     def __post_init__(self) -> None:
-        what = type(self).__name__
+        what, put = type(self).__name__, object.__setattr__
         for key in ("at", "rpy"):
-            object.__setattr__(self, key, checked_triple(f"{key} of the {what}", getattr(self, key)))
+            put(self, key, checked_triple(f"{key} of the {what}", getattr(self, key)))
         for key in ("mass", "density"):
             if getattr(self, key) is not None:
-                number = checked_number(f"{key} of the {what}", getattr(self, key), least=0.0)
-                object.__setattr__(self, key, number)
+                put(self, key, checked_number(f"{key} of the {what}", getattr(self, key), least=0.0))
         if self.mass is not None and self.density is not None:
             raise InputError(f"the {what} has mass {self.mass:g} and density {self.density:g}; expected one of them.")
         for key in ("draws", "collides"):
-            checked_truth(f"{key} of the {what}", getattr(self, key))
+            check_flag(f"{key} of the {what}", getattr(self, key))
         checked_color(f"color of the {what}", self.color)
-
-    def _size(self, key: str, least: float = SMALLEST) -> None:
-        number = checked_number(f"{key} of the {type(self).__name__}", getattr(self, key), least=least, most=FARTHEST)
-        object.__setattr__(self, key, number)
+        for key, count in self.sizes.items():
+            said, value = f"{key} of the {what}", getattr(self, key)
+            if count == 1:
+                put(self, key, checked_number(said, value, least=SMALLEST, most=FARTHEST))
+            else:
+                put(self, key, checked_numbers(said, value, (count,), least=SMALLEST, most=FARTHEST))
 
     @property
     def volume(self) -> float:
@@ -106,36 +84,18 @@ class Solid(Displayed):
         """Of a mass [kg], in its own axes."""
         raise NotImplementedError
 
-    def _geometry(self) -> Geometry:
-        raise NotImplementedError
+    def mass_properties(self) -> pin.Inertia:
+        """Its mass [kg], centre of mass (`lever`, (3,) [m]) and inertia about it (3, 3) [kg m2], in the body's axes."""
+        X = pin.SE3(pin.rpy.rpyToMatrix(np.array(self.rpy, float)), np.array(self.at, float))
+        return X.act(self._inertia(self.kilograms))
 
-    @property
-    def rotation(self) -> Array:
-        """R of its axes in the body's, shape (3, 3)."""
-        return pin.rpy.rpyToMatrix(np.array(self.rpy, float))
-
-    @property
-    def centre(self) -> Array:
-        """Its centre of mass in the body's axes, shape (3,) [m]."""
-        return np.array(self.at, float)
-
-    def mass_properties(self) -> MassProperties:
-        """Mass, centre of mass and inertia about it, in the body's axes."""
-        return _properties(self._in_body())
-
-    def _in_body(self) -> pin.Inertia:
-        return pin.SE3(self.rotation, self.centre).act(self._inertia(self.kilograms))
-
-    def shapes(self) -> tuple[Drawn, ...]:
-        """What of it is drawn and can touch."""
-        if not (self.draws or self.collides):
-            return ()
-        at, rpy = self._place()
-        color = checked_color("color", self.color)
-        return tuple(Drawn(tag, size, at, rpy, color, self.draws, self.collides) for tag, size in self._geometry())
-
-    def _place(self) -> tuple[Triple, Triple]:
+    def place(self) -> tuple[Triple, Triple]:
+        """(at, rpy) of its shape."""
         return checked_triple("at", self.at), checked_triple("rpy", self.rpy)
+
+    def drawn_sizes(self) -> dict[str, tuple[float, ...]]:
+        """The attributes of its element in a URDF."""
+        return {key: tuple(np.ravel(getattr(self, key)).tolist()) for key in self.sizes}
 
 
 @dataclass(frozen=True)
@@ -152,12 +112,8 @@ class Box(Solid):
 
     size: Sequence[float] | Array = field(kw_only=False)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        sides = checked_numbers("size of the Box", self.size, (3,), most=FARTHEST)
-        if min(sides) < SMALLEST:
-            raise InputError(f"size of the Box is {self.size!r:.80}; expected sides of {SMALLEST:g} m or more.")
-        object.__setattr__(self, "size", sides)
+    tag = "box"
+    sizes = {"size": 3}
 
     @property
     def volume(self) -> float:
@@ -166,9 +122,6 @@ class Box(Solid):
 
     def _inertia(self, mass: float) -> pin.Inertia:
         return pin.Inertia.FromBox(mass, *self.size)
-
-    def _geometry(self) -> Geometry:
-        yield "box", (("size", tuple(self.size)),)
 
 
 @dataclass(frozen=True)
@@ -185,9 +138,8 @@ class Sphere(Solid):
 
     radius: float = field(kw_only=False)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._size("radius")
+    tag = "sphere"
+    sizes = {"radius": 1}
 
     @property
     def volume(self) -> float:
@@ -196,9 +148,6 @@ class Sphere(Solid):
 
     def _inertia(self, mass: float) -> pin.Inertia:
         return pin.Inertia.FromSphere(mass, self.radius)
-
-    def _geometry(self) -> Geometry:
-        yield "sphere", (("radius", (self.radius,)),)
 
 
 @dataclass(frozen=True)
@@ -217,10 +166,8 @@ class Cylinder(Solid):
     radius: float = field(kw_only=False)
     length: float = field(kw_only=False)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._size("radius")
-        self._size("length")
+    tag = "cylinder"
+    sizes = {"radius": 1, "length": 1}
 
     @property
     def volume(self) -> float:
@@ -229,9 +176,6 @@ class Cylinder(Solid):
 
     def _inertia(self, mass: float) -> pin.Inertia:
         return pin.Inertia.FromCylinder(mass, self.radius, self.length)
-
-    def _geometry(self) -> Geometry:
-        yield "cylinder", (("radius", (self.radius,)), ("length", (self.length,)))
 
 
 @dataclass(frozen=True)
@@ -253,10 +197,8 @@ class Capsule(Solid):
     radius: float = field(kw_only=False)
     length: float = field(kw_only=False)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        self._size("radius")
-        self._size("length")
+    tag = "capsule"
+    sizes = {"radius": 1, "length": 1}
 
     @property
     def volume(self) -> float:
@@ -266,21 +208,10 @@ class Capsule(Solid):
     def _inertia(self, mass: float) -> pin.Inertia:
         return pin.Inertia.FromCapsule(mass, self.radius, self.length)
 
-    def _geometry(self) -> Geometry:
-        yield "capsule", (("radius", (self.radius,)), ("length", (self.length,)))
 
-
-def joined(solids: Iterable[Solid]) -> MassProperties:
+def joined(solids: Iterable[Solid]) -> pin.Inertia:
     """Mass, centre of mass and inertia about it of several solids as one body."""
-    return _properties(sum((solid._in_body() for solid in solids), pin.Inertia.Zero()))
-
-
-def _properties(inertia: pin.Inertia) -> MassProperties:
-    return MassProperties(inertia.mass, inertia.lever, inertia.inertia)
-
-
-THIN = 0.01
-"""Thickness of plates and rods as they are drawn, and radius of a rod, over their lengths."""
+    return sum((solid.mass_properties() for solid in solids if solid.kilograms > 0.0), pin.Inertia.Zero())
 
 
 @dataclass(frozen=True)
@@ -299,12 +230,8 @@ class Plate(Solid):
 
     size: Sequence[float] | Array = field(kw_only=False)
 
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        sides = checked_numbers("size of the Plate", self.size, (2,), most=FARTHEST)
-        if min(sides) < SMALLEST:
-            raise InputError(f"size of the Plate is {self.size!r:.80}; expected two sides of {SMALLEST:g} m or more.")
-        object.__setattr__(self, "size", sides)
+    tag = "box"
+    sizes = {"size": 2}
 
     @property
     def volume(self) -> float:
@@ -314,8 +241,10 @@ class Plate(Solid):
     def _inertia(self, mass: float) -> pin.Inertia:
         return pin.Inertia.FromBox(mass, *self.size, 0.0)
 
-    def _geometry(self) -> Geometry:
-        yield "box", (("size", (*self.size, max(THIN * min(self.size), SMALLEST))),)
+    def drawn_sizes(self) -> dict[str, tuple[float, ...]]:
+        """Those of a box 1 % thick."""
+        return {"size": (*self.size, max(THIN * min(self.size), SMALLEST))}
+
 
 
 @dataclass(frozen=True)
@@ -331,13 +260,14 @@ class Rod(Solid):
 
     Example:
         >>> bar = rbd.robots.Rod((0, 0, 0), (0, 0, 1.2), mass=2.0, radius=0.0).mass_properties()
-        >>> print(bar.com, bar.inertia.diagonal())
+        >>> print(bar.lever, bar.inertia.diagonal())
         [0.  0.  0.6] [0.24 0.24 0.  ]
     """
 
     start: Sequence[float] | Array = field(kw_only=False)
     end: Sequence[float] | Array = field(kw_only=False)
     radius: float | None = field(default=None, kw_only=True)
+    tag = "cylinder"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -350,7 +280,7 @@ class Rod(Solid):
                 f"the Rod from {self.start} to {self.end} is {self.length:g} m long; expected {SMALLEST:g} or more."
             )
         if self.radius is not None:
-            self._size("radius", 0.0)
+            object.__setattr__(self, "radius", checked_number("radius of the Rod", self.radius, least=0.0, most=FARTHEST))
 
     @property
     def length(self) -> float:
@@ -372,19 +302,22 @@ class Rod(Solid):
         """Its middle in the body's axes, shape (3,) [m]."""
         return (np.array(self.start, float) + np.array(self.end, float)) / 2.0
 
-    def _in_body(self) -> pin.Inertia:
+    def mass_properties(self) -> pin.Inertia:
+        """As of all solids."""
         m, L, r = self.kilograms, self.length, self.thickness
         along = np.subtract(self.end, self.start) / L
         project = np.outer(along, along)
         return pin.Inertia(m, self.centre, m * L**2 / 12.0 * (np.eye(3) - project) + m * r**2 / 2.0 * project)
 
-    def _place(self) -> tuple[Triple, Triple]:
+    def place(self) -> tuple[Triple, Triple]:
+        """(at, rpy) of a cylinder whose z is along it."""
         x, y, z = np.subtract(self.end, self.start) / self.length
         middle = checked_triple("the middle", self.centre)
         return middle, (0.0, math.atan2(math.hypot(x, y), z), math.atan2(y, x) if math.hypot(x, y) > 0.0 else 0.0)
 
-    def _geometry(self) -> Geometry:
-        yield "cylinder", (("radius", (self.thickness or THIN * self.length,)), ("length", (self.length,)))
+    def drawn_sizes(self) -> dict[str, tuple[float, ...]]:
+        """Those of a cylinder; a line is drawn as thick as by default."""
+        return {"radius": (self.thickness or THIN * self.length,), "length": (self.length,)}
 
 
 @dataclass(frozen=True)
@@ -398,20 +331,21 @@ class PointMass(Solid):
         radius: Of the ball that is drawn [m].
 
     Example:
-        >>> print(rbd.robots.PointMass(3.0, at=(0, 0, -1)).mass_properties().com)
+        >>> print(rbd.robots.PointMass(3.0, at=(0, 0, -1)).mass_properties().lever)
         [ 0.  0. -1.]
     """
 
     kilogram: float = field(kw_only=False)
     radius: float = field(default=0.03, kw_only=True)
     collides: bool = field(default=False, kw_only=True)
+    tag = "sphere"
+    sizes = {"radius": 1}
 
     def __post_init__(self) -> None:
         super().__post_init__()
         if self.mass is not None or self.density is not None:
             raise InputError("the PointMass has a mass or density besides its own; expected PointMass(kilogram, at=...).")
         object.__setattr__(self, "kilogram", checked_number("the PointMass", self.kilogram, least=LIGHTEST))
-        self._size("radius")
 
     @property
     def volume(self) -> float:
@@ -425,6 +359,3 @@ class PointMass(Solid):
 
     def _inertia(self, mass: float) -> pin.Inertia:
         return pin.Inertia(mass, np.zeros(3), np.zeros((3, 3)))
-
-    def _geometry(self) -> Geometry:
-        yield "sphere", (("radius", (self.radius,)),)

@@ -5,82 +5,72 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any
+from itertools import chain
 from xml.sax.saxutils import escape, quoteattr
 
+import numpy as np
+import pinocchio as pin
+
 from rbd.arrays import Array
-from rbd.constraints.loop import KINDS as CLOSURES
-from rbd.errors import InputError, ModelError, nearest
-from rbd.robots import loop_file
-from rbd.robots.building.number_checks import (
-    COLORS,
-    checked_axis,
-    checked_choice,
-    checked_name,
-    checked_number,
-    checked_numbers,
-    spaced,
-    written,
-)
-from rbd.robots.building.parts import FARTHEST_SLIDE, FARTHEST_TURN, SINGLE, URDF_TYPES, BuilderBody, BuilderJoint, Frame
-from rbd.robots.building.solids import Drawn, MassProperties
+from rbd.errors import ModelError, nearest
+from rbd.model.urdf import PAIRS, hanging
+from rbd.robots.building.parts import ENTRIES, FARTHEST_SLIDE, FARTHEST_TURN, SINGLE, URDF_TYPES, BuilderBody, BuilderJoint
+from rbd.robots.building.solids import Solid
+from rbd.robots.loop_file import NamedFrame
+from rbd.robots.number_checks import COLORS, checked_color, spaced, written
 
 _PLAIN = re.compile(r"(?!(?:null|true|false|~)$)[A-Za-z_][\w-]*", re.ASCII)
-_ENTRIES = {"ixx": (0, 0), "ixy": (0, 1), "ixz": (0, 2), "iyy": (1, 1), "iyz": (1, 2), "izz": (2, 2)}
 
 Entry = Mapping[str, str | float | Sequence[float]]
 
 
-def urdf_text(name: str, about: str, parts: Iterable[BuilderBody | BuilderJoint | Frame]) -> str:
-    """The URDF of bodies, joints and frames, in this order, all numbers with all their digits."""
-    parts = list(parts)
-    used = dict.fromkeys(shape.color for part in parts if isinstance(part, BuilderBody) for shape in part.shapes)
+def urdf_text(
+    name: str, about: str, bodies: Iterable[BuilderBody], joints: Iterable[BuilderJoint], frames: Iterable[NamedFrame]
+) -> str:
+    """The URDF of bodies, joints and frames, all numbers with all their digits."""
+    bodies = list(bodies)
+    used = dict.fromkeys(checked_color("color", solid.color) for body in bodies for solid in body.solids)
     own = {color: f"own_{i}" for i, color in enumerate(color for color in used if color not in COLORS)}
     told = about.replace("--", "- -")
     out = ['<?xml version="1.0"?>\n', f"<!-- {escape(told)} -->\n" if told else "", f"<robot name={quoteattr(name)}>\n"]
     for color, rgba in (*COLORS.items(), *((mark, rgba) for rgba, mark in own.items())):
         out.append(f'  <material name="{color}"><color rgba="{rgba}"/></material>\n')
-    for part in parts:
-        if isinstance(part, BuilderBody):
-            out.extend(_body(part, own))
-        elif isinstance(part, BuilderJoint):
-            out.extend(_joint(part))
-        else:
-            out.append(_frame(part))
-    return "".join([*out, "</robot>\n"])
+    out += [*(text for body in bodies for text in _body(body, own)), *map(_frame, frames)]
+    return "".join([*out, *(text for joint in joints for text in _joint(joint)), "</robot>\n"])
 
 
 def _body(body: BuilderBody, own: Mapping[str, str]) -> Iterator[str]:
-    if body.inertial is None and not body.shapes and not body.elements:
+    if body.inertial is None and not body.solids and not body.elements:
         yield f"  <link name={quoteattr(body.name)}/>\n"
         return
     yield f"  <link name={quoteattr(body.name)}>\n"
     if body.inertial is not None:
         yield _inertial(body.inertial)
-    for shape in body.shapes:
-        yield from _shape(shape, own)
+    for solid in body.solids:
+        yield from _shape(solid, own)
     yield f"{body.elements}  </link>\n"
 
 
-def _inertial(of: MassProperties) -> str:
-    entries = " ".join(f'{name}="{written(float(of.inertia[at]) + 0.0)}"' for name, at in _ENTRIES.items())
+def _inertial(of: pin.Inertia) -> str:
+    entries = " ".join(f'{name}="{written(float(of.inertia[at]) + 0.0)}"' for name, at in zip(PAIRS, ENTRIES, strict=True))
     return (
-        f'    <inertial>\n      <origin xyz="{spaced(of.com)}"/>\n      <mass value="{written(of.mass)}"/>\n'
+        f'    <inertial>\n      <origin xyz="{spaced(of.lever)}"/>\n      <mass value="{written(of.mass)}"/>\n'
         f"      <inertia {entries}/>\n    </inertial>\n"
     )
 
 
-def _shape(shape: Drawn, own: Mapping[str, str]) -> Iterator[str]:
-    size = " ".join(f'{key}="{spaced(values)}"' for key, values in shape.size)
-    inner = f"{_origin(shape.at, shape.rpy)}<geometry><{shape.geometry} {size}/></geometry>"
-    if shape.draws:
-        yield f'    <visual>{inner}<material name="{own.get(shape.color, shape.color)}"/></visual>\n'
-    if shape.collides:
+def _shape(solid: Solid, own: Mapping[str, str]) -> Iterator[str]:
+    size = " ".join(f'{key}="{spaced(values)}"' for key, values in solid.drawn_sizes().items())
+    inner = f"{_origin(*solid.place())}<geometry><{solid.tag} {size}/></geometry>"
+    color = checked_color("color", solid.color)
+    if solid.draws:
+        yield f'    <visual>{inner}<material name="{own.get(color, color)}"/></visual>\n'
+    if solid.collides:
         yield f"    <collision>{inner}</collision>\n"
 
 
-def _origin(at: Sequence[float] | Array, rpy: Sequence[float]) -> str:
-    turned = f' rpy="{spaced(rpy)}"' if any(rpy) else ""
+def _origin(at: Sequence[float] | Array, rpy: Sequence[float] | Array) -> str:
+    turned = f' rpy="{spaced(rpy)}"' if np.any(rpy) else ""
     return f'<origin xyz="{spaced(at)}"{turned}/>'
 
 
@@ -93,7 +83,7 @@ def _joint(joint: BuilderJoint) -> Iterator[str]:
         far = FARTHEST_TURN if joint.kind == "revolute" else FARTHEST_SLIDE
         low, high = joint.limits or (-far, far)
         bounds = "" if joint.kind == "continuous" else f'lower="{written(low)}" upper="{written(high)}" '
-        yield f'    <limit {bounds}effort="{written(joint.effort)}" velocity="{written(joint.speed)}"/>\n'
+        yield f'    <limit {bounds}effort="{written(joint.effort or 0.0)}" velocity="{written(joint.speed or 0.0)}"/>\n'
     elif joint.kind == "planar":
         yield '    <axis xyz="0 0 1"/>\n'
     dynamics = [(key, getattr(joint, key)) for key in ("damping", "friction", "armature")]
@@ -102,11 +92,11 @@ def _joint(joint: BuilderJoint) -> Iterator[str]:
     yield "  </joint>\n"
 
 
-def _frame(frame: Frame) -> str:
+def _frame(frame: NamedFrame) -> str:
     name, joint = quoteattr(frame.name), quoteattr(f"{frame.name}_joint")
     return (
-        f'  <link name={name}/>\n  <joint name={joint} type="fixed"><parent link={quoteattr(frame.body)}/><child link={name}/>'
-        f"{_origin(frame.at, frame.rpy)}</joint>\n"
+        f'  <link name={name}/>\n  <joint name={joint} type="fixed"><parent link={quoteattr(frame.link)}/><child link={name}/>'
+        f"{_origin(frame.xyz, frame.rpy)}</joint>\n"
     )
 
 
@@ -160,99 +150,21 @@ def _word(text: str) -> str:
     return text if _PLAIN.fullmatch(text) else json.dumps(text, ensure_ascii=False)
 
 
-WHEELS = ("rolling_wheel", "rolling_disk", "rolling_ball", "knife_edge")
-"""Kinds of wheels."""
-
-
-def loop_direction(name: str, kind: object, axis: object) -> dict[str, Any]:
-    """The axis of a loop of a checked kind; empty for kinds that have none.
-
-    Raises:
-        InputError: an unknown kind, an axis of zero length.
-    """
-    sort = checked_choice(f"kind of loop {name!r:.80}", kind, CLOSURES)
-    direction = checked_axis(f"axis of loop {name!r:.80}", axis)
-    return {"axis": direction} if sort in ("revolute", "planar") else {}
-
-
-def coupling_entry(name: str, joint: object, to: object, ratio: object, offset: object) -> dict[str, Any]:
-    """A coupling of two joints.
-
-    Raises:
-        InputError: names or numbers that are wrong.
-    """
-    ends = {"joint": checked_name(f"the joint of {name!r:.80}", joint), "to": checked_name(f"`to` of {name!r:.80}", to)}
-    numbers = {key: checked_number(f"{key} of {name!r:.80}", x) for key, x in (("ratio", ratio), ("offset", offset))}
-    return {"name": name, **ends, **numbers}
-
-
-def wheel_entry(name: str, kind: object, frame: object, **given: object) -> dict[str, Any]:
-    """A wheel, ball, disk or knife edge on the ground.
-
-    Args:
-        name: Of the wheel.
-        kind: One of `WHEELS`.
-        frame: At its centre.
-        given: radius, axis, direction; None where not given.
-
-    Raises:
-        InputError: an unknown kind, a radius that is missing, numbers that are wrong or not of this kind.
-    """
-    what = f"wheel {name!r:.80}"
-    word = checked_choice(f"kind of {what}", kind, WHEELS)
-    entry: dict[str, Any] = {"name": name, "kind": word, "frame": checked_name(f"the frame of {what}", frame)}
-    known = loop_file.KINDS[word]
-    for key, value in given.items():
-        if value is None and key in known.needed:
-            raise InputError(f"{what} has no {key}; a {word} needs one.")
-        if value is not None and key not in known.keys:
-            raise InputError(f"{what} has {key}={value!r:.60}; a {word} has {', '.join(known.keys)}.")
-        if value is not None:
-            said = f"{key} of {what}"
-            entry[key] = checked_number(said, value, least=1e-9) if key == "radius" else checked_axis(said, value)
-    return entry
-
-
-def user_entry(name: str, kind: object, keys: Mapping[str, object]) -> dict[str, Any]:
-    """A user's kind of constraint, which was registered.
-
-    Raises:
-        InputError: a kind that is not registered; values that are no text, truth, number or numbers.
-    """
-    word = checked_choice(f"kind of {name!r:.80}", kind, [word for word, known in loop_file.KINDS.items() if not known.part])
-    entry: dict[str, Any] = {"name": name, "kind": word}
-    for key, value in keys.items():
-        entry[key] = value if isinstance(value, str | bool) else _numbers(f"{key} of {name!r:.80}", value, range(1000))
-    return entry
-
-
-def posture_value(posture: str, joint: object, value: object) -> float | tuple[float, ...]:
-    """A joint's value or values in a posture.
-
-    Raises:
-        InputError: no name, no numbers.
-    """
-    return _numbers(f"{checked_name('a joint of a posture', joint)!r:.80} of posture {posture!r:.80}", value, range(1, 8))
-
-
-def _numbers(what: str, value: object, counts: Sequence[int]) -> float | tuple[float, ...]:
-    several = isinstance(value, Sequence) or getattr(value, "shape", ()) != ()
-    return checked_numbers(what, value, counts) if several else checked_number(what, value)
-
-
-def check_tree(name: str, root: str, parts: Sequence[BuilderBody | BuilderJoint | Frame]) -> None:
+def check_tree(
+    name: str, root: str, bodies: Mapping[str, BuilderBody], joints: Sequence[BuilderJoint], frames: Iterable[NamedFrame]
+) -> None:
     """Refuse what is no tree with one root, or moves without mass.
 
     Args:
         name: Of the robot, for messages.
         root: Kind of its root joint.
-        parts: Its bodies, joints and frames; no body has two joints.
+        bodies: Its bodies by name.
+        joints: Its joints; no body has two.
+        frames: Its frames.
 
     Raises:
         ModelError: naming the part, what it names and the nearest names.
     """
-    bodies = {part.name: part for part in parts if isinstance(part, BuilderBody)}
-    joints = [part for part in parts if isinstance(part, BuilderJoint)]
     if not bodies:
         raise ModelError(f"{name}: it has no bodies; give it some: .body(name, rbd.robots.Box(...)).")
     for joint in joints:
@@ -261,14 +173,15 @@ def check_tree(name: str, root: str, parts: Sequence[BuilderBody | BuilderJoint 
                 raise ModelError(
                     f"{name}: the {end} of joint {joint.name!r:.80} is {body!r:.80}; {_missing(body, root, bodies)}"
                 )
-    for part in parts:
-        if isinstance(part, Frame) and part.body not in bodies:
-            raise ModelError(f"{name}: frame {part.name!r:.80} is on {part.body!r:.80}; {_missing(part.body, root, bodies)}")
-    made = [f"{part.name}_joint" for part in parts if isinstance(part, Frame)]
-    if taken := [joint.name for joint in joints if joint.name in made]:
-        frame = taken[0].removesuffix("_joint")
-        raise ModelError(f"{name}: joint {taken[0]!r:.80} has the name of the file's joint of frame {frame!r:.80}; rename one.")
-    moved = {joint.child: joint for joint in joints}
+    names = [joint.name for joint in joints]
+    for frame in frames:
+        if frame.link not in bodies:
+            raise ModelError(f"{name}: frame {frame.name!r:.80} is on {frame.link!r:.80}; {_missing(frame.link, root, bodies)}")
+        if (own := f"{frame.name}_joint") in names:
+            raise ModelError(f"{name}: joint {own!r:.80} is that of frame {frame.name!r:.80} in the file; rename one.")
+    moved, below = {joint.child for joint in joints}, dict[str, list[str]]()
+    for joint in joints:
+        below.setdefault(joint.parent, []).append(joint.child)
     roots = [body for body in bodies if body not in moved]
     if len(roots) != 1:
         found = ", ".join(f"{body!r:.80}" for body in roots[:6]) or "none: the joints make a circle, close it with .loop"
@@ -277,37 +190,20 @@ def check_tree(name: str, root: str, parts: Sequence[BuilderBody | BuilderJoint 
             f"{name}: expected one body that hangs on no joint, found {len(roots)}: {found}."
             + (f" Join the others to it by a joint, of kind 'free' if they float{hint}." if roots else "")
         )
-    below = descendants(joints)
-    reached = {roots[0], *below[roots[0]]} if roots[0] in below else {roots[0]}
+    reached = set(chain.from_iterable(hanging(roots, below)))
     if lost := [body for body in bodies if body not in reached]:
         raise ModelError(
             f"{name}: body {lost[0]!r:.80} does not hang on the root {roots[0]!r:.80}: its joints make a circle. Take one of "
             "them out, and close the circle with .loop."
         )
     for joint in joints:
-        beyond = (joint.child, *below.get(joint.child, ()))
+        beyond = list(chain.from_iterable(hanging([joint.child], below)))
         if joint.kind != "fixed" and not any(bodies[body].mass > 0.0 for body in beyond):
             more = f", nor has {beyond[1]!r:.80} that hangs on it" if len(beyond) > 1 else ""
             raise ModelError(
                 f"{name}: body {joint.child!r:.80} moves in joint {joint.name!r:.80} and has no mass{more}. Give it a mass and "
                 "an inertia, or make the joint 'fixed'."
             )
-
-
-def descendants(joints: Iterable[BuilderJoint]) -> dict[str, list[str]]:
-    """{body: all bodies that hang on it}; each body hangs on one joint at most. Bodies in a circle are not below the root."""
-    children: dict[str, list[str]] = {}
-    for joint in joints:
-        children.setdefault(joint.parent, []).append(joint.child)
-    out = {}
-    for body in children:
-        found: dict[str, None] = {}
-        level = [body]
-        while level:
-            level = [child for each in level for child in children.get(each, ()) if child not in found]
-            found.update(dict.fromkeys(level))
-        out[body] = list(found)
-    return out
 
 
 def _missing(body: str, root: str, bodies: Iterable[str]) -> str:
