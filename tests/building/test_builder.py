@@ -295,7 +295,10 @@ EAGER: dict[str, tuple[Callable[[RobotBuilder], object], str]] = {
     "loop end": (lambda b: b.loop("x", "upper", ("lower",), kind="point"), "a body and a point"),
     "wheel kind": (lambda b: b.wheel("x", "upper", kind="weel", radius=1.0), "rolling_wheel"),
     "no radius": (lambda b: b.wheel("x", "upper"), "has no 'radius'"),
-    "skate with radius": (lambda b: b.wheel("x", "upper", kind="knife_edge", radius=1.0), "key 'radius'.*kind, frame, direction"),
+    "skate with radius": (
+        lambda b: b.wheel("x", "upper", kind="knife_edge", radius=1.0),
+        "has a key 'radius'.*name, kind, frame, direction",
+    ),
     "posture": (lambda b: b.posture("x", {"shoulder": "up"}), "'shoulder' of posture 'x'"),
     "no dictionary": (lambda b: b.posture("x", [1.0]), "joints and their values"),
     "elements": (lambda b: b.body("x", elements="<inertial/>"), "<visual> and <collision> elements"),
