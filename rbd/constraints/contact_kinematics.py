@@ -34,7 +34,7 @@ from rbd.arrays import Array, cross_matrix, lazy, rows_from
 from rbd.constraints.convex.closest_points import Crossing, Meeting, meeting_at, nearest_points
 from rbd.constraints.convex.convex_shapes import ConvexShape, RoundPart, plane_kernel
 from rbd.constraints.convex.points_near_plane import LowPoints
-from rbd.constraints.surface import contact_axes
+from rbd.constraints.surface import BodyMotion, contact_axes
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
@@ -86,16 +86,6 @@ def joined(parts: Sequence[Touching], label: Callable[[int], str], nv: int) -> T
     )
     axes = np.concatenate([p.each_axes for p in parts])
     return Touching(numbers, label, positions, axes, gaps, J, velocity, bias)
-
-
-@dataclass(frozen=True, eq=False)
-class BodyMotion:
-    """A joint's body: pose, Jacobian, velocity and J_dot v of its origin, world axes, linear then angular."""
-
-    X: pin.SE3
-    J: Array
-    v: Array
-    bias: Array
 
 
 class TouchingShapes:

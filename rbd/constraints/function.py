@@ -91,34 +91,14 @@ class FunctionConstraint(Displayed):
                 finite; phi has no derivative here.
         """
         check_state(state, self.name)
-        model, q, v = state.robot.model, state.q, state.v
-        error = self._phi(q)
-        m, nv = len(error), state.robot.nv
+        error = self._phi(state.q)
+        m = len(error)
         if not m:
             none = Free(0) if self.cone is None or self.cone.bilateral else NonNegative(0)
-            return Rows(self.name, np.zeros((0, nv)), np.zeros(0), none)
-        self._check_phi(error)
-
-        def phi(at: Array) -> Array:
-            return self._phi(at, m)
-
-        if self.jacobian is None:
-            J, apart = jacobian(model, phi, q, error)
-            check_smooth(self.name, "phi", apart)
-        else:
-            J = self._jacobian(q, m, nv)
-        size = float(np.abs(J).max(initial=0.0))
-        if self.bias is not None:
-            bias = vector_of(self.name, "bias", self.bias, (q, v), m)
-        elif not v.any():
-            bias = np.zeros(m)
-        elif self.jacobian is None:
-            second = second_derivative(model, phi, q, v, error, size=size)
-            check_smooth(self.name, "phi", second.apart)
-            bias = second.value
-        else:
-            bias = rate(self.name, "jacobian", model, lambda at: self._jacobian(at, m, nv), J, q, v)
-        return Rows(self.name, J, bias, Free(m) if self.cone is None else self.cone, J @ v, error)
+            return Rows(self.name, np.zeros((0, state.robot.nv)), np.zeros(0), none)
+        J = self._derivative(state, error)
+        bias = self._bias(state, error, J, state.v)
+        return Rows(self.name, J, bias, Free(m) if self.cone is None else self.cone, J @ state.v, error)
 
     def hessian(self, state: State) -> Array:
         """H(q) with J_dot v = v @ H @ v, shape (m, nv, nv): see `rbd.dynamics.constraint_hessian`.
@@ -131,43 +111,44 @@ class FunctionConstraint(Displayed):
             InputError: as `rows`; a bias that is not zero at v = 0, so that it is not quadratic in v.
         """
         check_state(state, self.name)
-        model, q, nv = state.robot.model, state.q, state.robot.nv
-        error = self._phi(q)
-        m = len(error)
-        self._check_phi(error)
-
-        def phi(at: Array) -> Array:
-            return self._phi(at, m)
-
-        if not m:
+        error, nv = self._phi(state.q), state.robot.nv
+        if not len(error):
             return np.zeros((0, nv, nv))
-        if self.bias is not None:
-            return polarised(lambda v: vector_of(self.name, "bias", self.bias, (q, v), m), nv, self.name)
-        if self.jacobian is not None:
-            return hessian_by_rates(self.name, "jacobian", model, lambda at: self._jacobian(at, m, nv), q)
-        J, apart = jacobian(model, phi, q, error)
-        check_smooth(self.name, "phi", apart)
-        size = float(np.abs(J).max(initial=0.0))
-
-        def bias(v: Array) -> Array:
-            if not v.any():
-                return np.zeros(m)
-            second = second_derivative(model, phi, q, v, error, size=size)
-            check_smooth(self.name, "phi", second.apart)
-            return second.value
-
-        return polarised(bias, nv, self.name)
-
-    def _check_phi(self, error: Array) -> None:
-        if not is_finite(error):
-            found = np.array2string(error, threshold=6)
-            raise InputError(f"phi of {self.name!r:.80} is {found} at this state; expected finite numbers.")
+        J = self._derivative(state, error)
+        if self.bias is None and self.jacobian is not None:
+            return hessian_by_rates(self.name, "jacobian", state.robot.model, self._jacobian(state, len(error)), state.q)
+        return polarised(lambda v: self._bias(state, error, J, v), nv, self.name)
 
     def _phi(self, q: Array, m: int | None = None) -> Array:
         return vector_of(self.name, "phi", self.phi, (q,), m)
 
-    def _jacobian(self, q: Array, m: int, nv: int) -> Array:
-        return matrix_of(self.name, "jacobian", self.jacobian, q, (m, nv))
+    def _jacobian(self, state: State, m: int) -> Callable[[Array], Array]:
+        return lambda at: matrix_of(self.name, "jacobian", self.jacobian, at, (m, state.robot.nv))
+
+    def _derivative(self, state: State, error: Array) -> Array:
+        """J at a state where phi is `error`, shape (m, nv)."""
+        if not is_finite(error):
+            found = np.array2string(error, threshold=6)
+            raise InputError(f"phi of {self.name!r:.80} is {found} at this state; expected finite numbers.")
+        if self.jacobian is not None:
+            return self._jacobian(state, len(error))(state.q)
+        J, apart = jacobian(state.robot.model, lambda at: self._phi(at, len(error)), state.q, error)
+        check_smooth(self.name, "phi", apart)
+        return J
+
+    def _bias(self, state: State, error: Array, J: Array, v: Array) -> Array:
+        """J_dot v at a velocity, shape (m,)."""
+        model, q, m = state.robot.model, state.q, len(error)
+        if self.bias is not None:
+            return vector_of(self.name, "bias", self.bias, (q, v), m)
+        if not v.any():
+            return np.zeros(m)
+        if self.jacobian is not None:
+            return rate(self.name, "jacobian", model, self._jacobian(state, m), J, q, v)
+        size = float(np.abs(J).max(initial=0.0))
+        second = second_derivative(model, lambda at: self._phi(at, m), q, v, error, size=size)
+        check_smooth(self.name, "phi", second.apart)
+        return second.value
 
 
 def check_function(name: str, what: str, value: object, *, optional: bool = False) -> None:

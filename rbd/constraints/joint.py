@@ -63,7 +63,6 @@ class JointLock(Displayed):
     name: str
     joint: str
     position: float | Sequence[float] | Array | None = field(default=None, kw_only=True)
-    _joint: PerRobot[Joint] = field(default_factory=lambda: PerRobot(_any_joint), init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_words("a constraint on a joint", name=self.name, joint=self.joint)
@@ -83,7 +82,7 @@ class JointLock(Displayed):
             InputError: a position of the wrong size, or off the unit sphere.
         """
         check_state(state, self.name)
-        joint = self._joint.of(self, state.robot)
+        joint = state.robot.joints[self.joint]
         span = joint.v
         J, bias, error, turns = np.zeros((joint.nv, state.robot.nv)), np.zeros(joint.nv), None, None
         if self.position is None:
@@ -100,7 +99,7 @@ class JointLock(Displayed):
         Raises:
             JointNotFound: with the nearest names.
         """
-        self._joint.of(self, robot)
+        robot.joints[self.joint]
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,7 +132,6 @@ class JointCoupling(Displayed):
     to: str
     ratio: float = field(kw_only=True)
     offset: float = field(default=0.0, kw_only=True)
-    _joints: PerRobot[tuple[Joint, Joint]] = field(default_factory=lambda: PerRobot(_both_joints), init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_words("a constraint on a joint", name=self.name, joint=self.joint, to=self.to)
@@ -150,7 +148,7 @@ class JointCoupling(Displayed):
             InputError: a joint with several degrees of freedom.
         """
         check_state(state, self.name)
-        one, other = self._joints.of(self, state.robot)
+        one, other = self._joints(state.robot)
         J = np.zeros((1, state.robot.nv))
         J[0, one.v], J[0, other.v] = 1.0, -self.ratio
         missed = one.coordinate(state.q) - self.ratio * other.coordinate(state.q) - self.offset
@@ -168,7 +166,10 @@ class JointCoupling(Displayed):
             JointNotFound: with the nearest names.
             InputError: a joint with several degrees of freedom.
         """
-        self._joints.of(self, robot)
+        self._joints(robot)
+
+    def _joints(self, robot: CheckedModel) -> tuple[Joint, Joint]:
+        return robot.joints.with_one_freedom(self.joint, self.name), robot.joints.with_one_freedom(self.to, self.name)
 
     def _period(self, *, turns: bool, to_turns: bool) -> float:
         """Period up to which the error is known: 0 if exactly, NaN if not at all."""
@@ -209,7 +210,6 @@ class JointFriction(Displayed):
     name: str
     joint: str
     torque: float
-    _joint: PerRobot[Joint] = field(default_factory=lambda: PerRobot(_one_joint), init=False, repr=False)
     _cone: Bounds = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -226,22 +226,10 @@ class JointFriction(Displayed):
             InputError: a joint with several degrees of freedom.
         """
         check_state(state, self.name)
-        at = self._joint.of(self, state.robot).v
+        at = state.robot.joints.with_one_freedom(self.joint, self.name).v
         J = np.zeros((1, state.robot.nv))
         J[0, at] = 1.0
         return Rows(self.name, J, np.zeros(1), self._cone, state.v[at].copy())
-
-
-def _any_joint(lock: JointLock, robot: CheckedModel) -> Joint:
-    return robot.joints[lock.joint]
-
-
-def _one_joint(friction: JointFriction, robot: CheckedModel) -> Joint:
-    return robot.joints.with_one_freedom(friction.joint, friction.name)
-
-
-def _both_joints(gear: JointCoupling, robot: CheckedModel) -> tuple[Joint, Joint]:
-    return robot.joints.with_one_freedom(gear.joint, gear.name), robot.joints.with_one_freedom(gear.to, gear.name)
 
 
 def _vector(name: str, what: str, value: float | Sequence[float] | Array) -> Array:

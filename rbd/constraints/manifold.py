@@ -15,9 +15,10 @@ import pinocchio as pin
 from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, inertia_factor, lazy, max_abs, zeros
-from rbd.constraints.constraint import Constraint, anchored, rows_of, with_loops
+from rbd.constraints.constraint import Constraint, anchored, is_carried, rows_of, with_loops
 from rbd.constraints.loop import LoopRows, rows_function
-from rbd.errors import DuplicateName, InputError
+from rbd.errors import InputError
+from rbd.errors.inputs import check_different
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.cones import Free, FreeLine
@@ -207,6 +208,13 @@ class ConstraintManifold:
         out._set(state, constraints, CLOSED, carried)
         return out
 
+    @classmethod
+    def about(cls, state: State, constraints: Sequence[Constraint]) -> ConstraintManifold:
+        """The manifold of constraints of any kind, without checks; those without a position are anchored at the state's."""
+        at_rest = state.with_velocity(state.robot.zero_v)
+        put = [anchored(c, r, at_rest) for c, r in zip(constraints, rows_of(at_rest, constraints), strict=True)]
+        return cls.unchecked(at_rest, put, [is_carried(c) for c in put])
+
     def _set(
         self, state: State, constraints: Sequence[Constraint], tolerance: float, carried: Sequence[bool] | None = None
     ) -> None:
@@ -390,11 +398,8 @@ def _placed(rows: Rows, state: State, carried: bool) -> Array | None:
 
 
 def _check(rows: Sequence[Rows]) -> None:
-    seen: set[str] = set()
+    check_different([r.name for r in rows], "constraints")
     for r in rows:
-        if r.name in seen:
-            raise DuplicateName(f"two constraints are called {r.name!r:.80}; give each a different name.")
-        seen.add(r.name)
         if not is_bilateral(r):
             raise InputError(
                 f"{r.name!r:.80} can break or slip (its forces are in a {type(r.cone).__name__}); mobility is that of "

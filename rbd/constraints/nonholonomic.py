@@ -25,12 +25,22 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite, cross_matrix
 from rbd.constraints.function import check_function, hessian_by_rates, matrix_of, rate, vector_of
-from rbd.constraints.surface import HERE, UP, check_state, check_two_bodies, check_words, contact_axes, motion_of
+from rbd.constraints.surface import (
+    HERE,
+    UP,
+    BodyMotion,
+    check_state,
+    check_two_bodies,
+    check_words,
+    cone_of,
+    contact_axes,
+    motion_of,
+)  # fmt: skip
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.dynamics import polarised
 from rbd.model.state import State
-from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative, check_friction
+from rbd.problem.cones import Free, check_friction
 from rbd.problem.ground import Body, Ground, On, plane_of, surface_of, unit_normal
 from rbd.problem.rows import Patch, Rows
 
@@ -474,20 +484,10 @@ class _Plane:
         return self.turning @ self.n
 
 
-@dataclass(frozen=True, eq=False)
-class _Body:
-    """Centre of the body that rolls: pose, Jacobian, velocity and J_dot v, world axes."""
-
-    X: pin.SE3
-    J: Array
-    v: Array
-    bias: Array
-
-
-def _met(given: Rolling, state: State) -> tuple[_Plane, _Body]:
+def _met(given: Rolling, state: State) -> tuple[_Plane, BodyMotion]:
     """The plane, and the rolling body, at a state."""
     check_state(state, given.name)
-    body = _Body(*state.moving(given.frame, HERE, pin.LOCAL_WORLD_ALIGNED))
+    body = BodyMotion(*state.moving(given.frame, HERE, pin.LOCAL_WORLD_ALIGNED))
     on = given.on
     if isinstance(on, Body):
         check_two_bodies(state, given.name, given.frame, on)
@@ -503,7 +503,9 @@ def _turned(unit: Array, rate: Array, length: float) -> Array:
     return (rate - unit * float(unit @ rate)) / length
 
 
-def _rows(given: Rolling, P: _Plane, body: _Body, d: Array, dd: Array, R: Array, dR: Array, *, normal: bool = True) -> Rows:
+def _rows(
+    given: Rolling, P: _Plane, body: BodyMotion, d: Array, dd: Array, R: Array, dR: Array, *, normal: bool = True
+) -> Rows:
     """Rows of a contact r d from the centre, where d and the axes R change at dd and dR."""
     r, (v, w), u = float(given.radius) * d, np.split(body.v, 2), P.u[:3]
     p = body.X.translation + r
@@ -525,16 +527,10 @@ def _rows(given: Rolling, P: _Plane, body: _Body, d: Array, dd: Array, R: Array,
         given.name,
         J[kept],
         (R.T @ dg + dR.T @ g)[kept],
-        _cone(given, m),
+        Free(m) if given.friction is None else cone_of(given.name, _ONE_CORNER, given.friction, int(given.facets)),
         (R.T @ g)[kept],
         error[kept],
         resultant=R[:, kept],
         patch=Patch(p, R, np.zeros((1, 3)), given.friction, against, ground if normal else None, 0.0),
         holonomic=np.array([False, False, True])[kept],
     )
-
-
-def _cone(given: Rolling, m: int) -> Cone:
-    if given.friction is None:
-        return Free(m)
-    return NonNegative(1) if given.friction == 0.0 else FrictionCone(float(given.friction), int(given.facets))

@@ -37,6 +37,16 @@ _ALONG = 0.7
 
 
 @dataclass(frozen=True, eq=False)
+class BodyMotion:
+    """A point of a body with axes: pose, Jacobian, velocity and J_dot v, world axes, linear then angular."""
+
+    X: pin.SE3
+    J: Array
+    v: Array
+    bias: Array
+
+
+@dataclass(frozen=True, eq=False)
 class RelativeMotion:
     """Motion of a contact relative to the surface; world axes, linear then angular.
 

@@ -13,7 +13,8 @@ from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.joint import joint_limits
 from rbd.constraints.manifold import CLOSED, StackedRows, own_or, rank_of as rank_at
-from rbd.errors import DuplicateName, InputError
+from rbd.errors import InputError
+from rbd.errors.inputs import check_different
 from rbd.mechanism.descent import Residual, descend
 from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
@@ -176,11 +177,9 @@ class Closure:
         return ConstraintResidual(state, np.concatenate(errors) if len(errors) > 1 else errors[0], J, rows)
 
     def _check(self, rows: list[Rows]) -> None:
-        names, skipped, says = set(), [], False
+        skipped, says = [], False
+        check_different([r.name for r in rows], "constraints")
         for r in rows:
-            if r.name in names:
-                raise DuplicateName(f"two constraints are called {r.name!r:.80}; give each its own name.")
-            names.add(r.name)
             if r.cone.bounded:
                 skipped.append(f"{r.name!r:.80} resists motion and gives no position")
             elif len(r) and (r.error is None or r.holonomic is not None and not r.holonomic.any()):
@@ -246,21 +245,33 @@ def independent_columns(J: Array, last: Array | None = None) -> list[int]:
     """Columns left after selecting the best conditioned basis one by one; those marked `last` are selected last."""
     n = J.shape[1]
     last = np.zeros(n, bool) if last is None else last
-    left, R = list(range(n)), J.copy()
     size = float(np.linalg.norm(J, 2)) if J.size else 0.0
-    for group in (~last, last):
-        while True:
-            norms = np.linalg.norm(R, axis=0)
-            candidates = [i for i in left if group[i] and norms[i] > SINGULAR * size]
-            if not candidates or size == 0.0:
-                break
-            # The first of those within a thousandth of the longest, so that rounding does not choose.
-            most = max(norms[i] for i in candidates)
-            pivot = next(i for i in candidates if norms[i] >= 0.999 * most)
-            unit = R[:, pivot] / norms[pivot]
-            R = R - np.outer(unit, unit @ R)
-            left.remove(pivot)
-    return left
+    # The first of those within a thousandth of the longest, so that rounding does not choose.
+    basis, left = farthest_columns(J, np.flatnonzero(~last), 0.999, SINGULAR * size)
+    basis += farthest_columns(left, np.flatnonzero(last), 0.999, SINGULAR * size)[0]
+    return [i for i in range(n) if i not in basis]
+
+
+def farthest_columns(J: Array, among: Array, tie: float, zero: float) -> tuple[list[int], Array]:
+    """(columns, what is left of J across them): each next one is the farthest from those before, as in a pivoted QR.
+
+    Args:
+        J: Shape (m, n).
+        among: Columns that may be selected.
+        tie: Of those as long as this part of the longest, the first is selected.
+        zero: Columns up to this length are zero.
+    """
+    chosen: list[int] = []
+    while len(among):
+        sizes = np.linalg.norm(J[:, among], axis=0)
+        if not sizes.max() > zero:
+            break
+        pivot = int(among[np.flatnonzero(sizes >= tie * sizes.max())[0]])
+        unit = J[:, pivot] / np.linalg.norm(J[:, pivot])
+        J = J - np.outer(unit, unit @ J)
+        chosen.append(pivot)
+        among = among[among != pivot]
+    return chosen, J
 
 
 class BilateralVelocities:

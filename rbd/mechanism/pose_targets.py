@@ -13,7 +13,8 @@ import pinocchio as pin
 from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite, cross_matrix
 from rbd.constraints.constraint import made, member
 from rbd.constraints.contact import Contact
-from rbd.errors import DuplicateName, FrameNotFound, InputError, nearest
+from rbd.errors import FrameNotFound, InputError, nearest
+from rbd.errors.inputs import check_different
 from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.state import State
 from rbd.problem.ground import Ground, standing_plane, unit_normal
@@ -167,9 +168,8 @@ def read_targets(robot: CheckedModel, targets: object) -> list[Target]:
         else:
             found = _of_contact(made(what), where)  # type: ignore[arg-type]
         robot.site(found.frame)
-        if any(found.name == other.name for other in out):
-            raise DuplicateName(f"two targets are called {found.name!r:.80}; give each its own name.")
         out.append(found)
+    check_different([target.name for target in out], "targets")
     return out
 
 

@@ -31,7 +31,8 @@ from rbd.arrays import Array, as_float, inertia_factor, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import StackedRows, own_or
 from rbd.displayed import Displayed
-from rbd.errors import DuplicateName, InputError, SingularInertia
+from rbd.errors import InputError, SingularInertia
+from rbd.errors.inputs import check_different
 from rbd.model.state import State, checked
 from rbd.problem.cones import Bounds
 from rbd.solvers.kkt import independent_factor
@@ -263,9 +264,7 @@ def project_acceleration(
 def _stacked(state: State, constraints: Sequence[Constraint] | None, loops: bool) -> StackedRows:
     """The rows of the constraints that restrict motion: all but joint friction."""
     rows = [r for r in rows_of(state, own_or(state.robot, constraints, loops)) if len(r) and not isinstance(r.cone, Bounds)]
-    for i, r in enumerate(rows):
-        if any(r.name == other.name for other in rows[:i]):
-            raise DuplicateName(f"two constraints are called {r.name!r:.80}; give each its own name.")
+    check_different([r.name for r in rows], "constraints")
     return StackedRows(state, rows)
 
 

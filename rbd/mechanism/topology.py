@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +17,9 @@ from rbd.errors import InputError
 from rbd.mechanism.degrees_of_freedom import FAR, ROUGH, neighbours
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, checked
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 GROUND = "the ground"
 
@@ -212,20 +216,12 @@ class Graph:
     @property
     def loops(self) -> int:
         """Edges beyond those of a tree."""
-        nodes = {0, *self.bodies, self.base} if any(0 in e for e in self.edges) else {*self.bodies, self.base}
-        parts = {node: node for node in nodes}
+        from scipy.sparse.csgraph import connected_components
 
-        def root(node: int) -> int:
-            while parts[node] != node:
-                node = parts[node]
-            return node
-
-        extra = 0
-        for a, b in self.edges:
-            a, b = root(a), root(b)
-            extra += a == b
-            parts[a] = b
-        return extra
+        nodes = {self.base, *self.bodies, *(body for edge in self.edges for body in edge)}
+        parts = connected_components(_network([(a, b, 1) for a, b in self.edges], max(nodes) + 1), directed=False)[0]
+        alone = max(nodes) + 1 - len(nodes)  # numbers that are no bodies of the graph
+        return len(self.edges) - len(nodes) + int(parts) - alone
 
     @property
     def kind(self) -> str:
@@ -237,46 +233,21 @@ class Graph:
 
     def legs(self, body: int) -> int:
         """Number of chains to the base without common bodies: a maximum flow, by Menger's theorem."""
-        room: dict[tuple[int, int], dict[tuple[int, int], int]] = {}
+        from scipy.sparse.csgraph import maximum_flow
 
-        def pipe(a: tuple[int, int], b: tuple[int, int], capacity: int) -> None:
-            room.setdefault(a, {}).setdefault(b, 0)
-            room.setdefault(b, {}).setdefault(a, 0)
-            room[a][b] += capacity
-
-        many = len(self.edges)
-        for node in {x for edge in self.edges for x in edge}:
-            pipe((node, 0), (node, 1), many if node in (self.base, body) else 1)  # in, out: each body once
-        for a, b in self.edges:
-            pipe((a, 1), (b, 0), 1)
-            pipe((b, 1), (a, 0), 1)
-        flow, source, sink = 0, (self.base, 1), (body, 0)
-        while path := _way(room, source, sink):
-            for one, other in zip(path, path[1:], strict=False):
-                room[one][other] -= 1
-                room[other][one] += 1
-            flow += 1
-        return flow
+        nodes, many = {x for edge in self.edges for x in edge}, len(self.edges)
+        n = max(nodes) + 1
+        through = [(x, n + x, many if x in (self.base, body) else 1) for x in nodes]  # in, out: each body once
+        ways = [(n + a, b, 1) for one, other in self.edges for a, b in ((one, other), (other, one))]
+        return int(maximum_flow(_network([*through, *ways], 2 * n), n + self.base, body).flow_value)
 
 
-def _way(
-    room: dict[tuple[int, int], dict[tuple[int, int], int]], source: tuple[int, int], sink: tuple[int, int]
-) -> list[tuple[int, int]]:
-    """An augmenting path from source to sink; empty if there is none."""
-    came = {source: source}
-    waiting = [source]
-    while waiting:
-        node = waiting.pop(0)
-        for other, capacity in room.get(node, {}).items():
-            if capacity > 0 and other not in came:
-                came[other] = node
-                waiting.append(other)
-    if sink not in came:
-        return []
-    path = [sink]
-    while path[-1] != source:
-        path.append(came[path[-1]])
-    return path[::-1]
+def _network(ways: Sequence[tuple[int, int, int]], size: int) -> csr_array:
+    """The graph of ways (from, to, capacity), as a matrix of capacities; those of parallel ways add up."""
+    from scipy.sparse import csr_array
+
+    start, end, capacity = np.array(ways, dtype=np.int32).reshape(-1, 3).T
+    return csr_array((capacity, (start, end)), shape=(size, size), dtype=np.int32)
 
 
 def _bodies_of(robot: CheckedModel, constraint: Constraint) -> tuple[int, int] | None:

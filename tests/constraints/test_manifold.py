@@ -95,7 +95,7 @@ def test_what_can_slip_or_bears_one_name_twice_is_refused(talos: rbd.Robot):
     with pytest.raises(rbd.InputError, match="'left_sole' can break or slip"):
         ConstraintManifold(state, talos.soles())
     soles = talos.soles(friction=None)
-    with pytest.raises(rbd.InputError, match="two constraints are called 'left_sole'"):
+    with pytest.raises(rbd.InputError, match="two constraints are named 'left_sole'"):
         ConstraintManifold(state, [soles[0], soles[0]])
     with pytest.raises(rbd.InputError, match="a State of a robot was expected first"):
         ConstraintManifold("talos")  # type: ignore[arg-type]

@@ -124,7 +124,7 @@ def test_what_is_none_is_refused(talos: rbd.Robot) -> None:
         with pytest.raises(InputError, match="a of talos"):
             project_acceleration(state, a, soles)  # type: ignore[arg-type]
     for project in (lambda c: project_acceleration(state, np.zeros(talos.nv), c), lambda c: project_velocity(state, c)):
-        with pytest.raises(DuplicateName, match="two constraints are called 'left_sole'"):
+        with pytest.raises(DuplicateName, match="two constraints are named 'left_sole'"):
             project([soles[0], soles[0]])
         with pytest.raises(InputError, match="single constraint"):
             project(soles[0])

@@ -174,7 +174,7 @@ def test_constraints_that_ask_for_no_place_are_refused_by_name_and_not_by_what_f
     for given, error, match in (
         ([*loops, slips], rbd.InputError, "'slips' can slip or break"),
         ([rbd.JointFriction("rubs", "crank", 1.0)], rbd.InputError, "determines a position .*'rubs' resists motion"),
-        ([*loops, *loops], rbd.errors.DuplicateName, "two constraints are called 'loop'"),
+        ([*loops, *loops], rbd.errors.DuplicateName, "two constraints are named 'loop'"),
     ):
         with pytest.raises(error, match=match):
             branches(at_neutral(robot), given, fixed={"crank": 0.7}, tries=20)

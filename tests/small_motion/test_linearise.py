@@ -31,7 +31,7 @@ def test_the_bicycle_has_the_published_weave_and_capsize_at_five_metres_a_second
         assert nearest(small.eigenvalues, wanted) < 1e-9
     assert len(small.eigenvalues) == 5 and nearest(small.eigenvalues, 0.0) < 1e-9
     assert (len(small.positions), len(small.velocities), small.symmetries.shape) == (7, 3, (9, 5))
-    assert (small.rank_q, small.rank_v, small.rows) == (2, 6, 6)
+    assert (small.space.rank_q, small.space.rank_v, small.space.m) == (2, 6, 6)
     assert small.stable and small.verdict.startswith("Stable: all modes decay but the neutral ones; 1 eigenvalue is zero")
     weave = next(mode for mode in small.modes() if mode.frequency)
     assert weave.title.startswith("steer ") and weave.words == "oscillates and decays"
@@ -145,7 +145,7 @@ def test_redundant_rows_change_nothing_and_their_rank_is_said():
     frame_a, frame_b = bars.loops()[0].frames
     point = rbd.LoopClosure("pin", frame_a, frame_b, kind="point")
     small = rbd.linearise(found.state, [point], loops=False)
-    assert (small.rows, small.rank_q, small.n) == (3, 2, 2)
+    assert (small.space.m, small.space.rank_q, small.n) == (3, 2, 2)
     assert np.allclose(np.sort(small.eigenvalues), np.sort(found.linearised.eigenvalues), rtol=1e-9)
 
 
@@ -161,7 +161,7 @@ def test_talos_on_held_feet_by_derivatives_and_by_differences():
         assert rbd.linearise(state, soles).verdict.startswith("Not a steady state")
     size = np.abs(small.A).max()
     assert np.abs(small.A - again.A).max() < 1e-9 * size and np.abs(small.B - again.B).max() < 1e-9 * np.abs(small.B).max()
-    assert (small.n, small.rank_q, small.controllable) == (52, 12, 52)
+    assert (small.n, small.space.rank_q, small.controllable) == (52, 12, 52)
     assert max(small.invariance, small.difference) < 1e-9 and small.acceleration < 1e-9
     assert max(nearest(again.eigenvalues, value) for value in small.eigenvalues) < 1e-6
     sticking = rbd.linearise(state, talos.soles(), tau)  # the same, as nothing slips
@@ -196,7 +196,7 @@ def test_chaplygins_sleigh_is_stable_with_its_mass_ahead_of_the_blade():
         small = rbd.linearise(sleigh.at(None, [sign * u, 0.0, 0.0]))
         assert nearest(small.eigenvalues, sign * wanted) < 1e-12 and nearest(small.eigenvalues, 0.0) < 1e-12
         assert (small.stable is True) == (sign > 0.0)
-        assert (small.rank_q, small.rank_v) == (0, 1)
+        assert (small.space.rank_q, small.space.rank_v) == (0, 1)
 
 
 def test_a_rolling_coin_wobbles_at_the_closed_form_and_falls_below_the_critical_speed():

@@ -18,7 +18,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from rbd.arrays import RANK, Array, as_array, check_finite, max_abs
-from rbd.constraints.constraint import anchored, is_carried, rows_of
 from rbd.constraints.manifold import ConstraintManifold, null_space
 from rbd.errors import InputError, NotDifferentiable
 from rbd.model.derivatives import Charts
@@ -232,9 +231,7 @@ def projections(
     """
     if any(word not in _HELD for said in words.values() for word in said):
         return None
-    at_rest = state.with_velocity(state.robot.zero_v)
-    put = [anchored(c, r, at_rest) for c, r in zip(constraints, rows_of(at_rest, constraints), strict=True)]
-    manifold = ConstraintManifold.unchecked(at_rest, put, [is_carried(c) for c in put])
+    manifold = ConstraintManifold.about(state, constraints)
     rows, scale = manifold.rows(state), manifold.scale
     if len(rows.J) != len(D) or not manifold.placed.any() or not _keeps_its_rank(manifold):
         return None

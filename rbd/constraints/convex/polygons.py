@@ -37,18 +37,7 @@ def convex_hull(points: Array) -> Array:
         points: Shape (k, 2).
     """
     order = np.unique(np.round(np.asarray(points, float), 12), axis=0)
-    if len(order) < 3:
-        return order
-
-    def chain(run: Array) -> list[Array]:
-        out: list[Array] = []
-        for p in run:
-            while len(out) > 1 and _turn(out[-2], out[-1], p) <= 1e-14:
-                out.pop()
-            out.append(p)
-        return out
-
-    return np.array(chain(order)[:-1] + chain(order[::-1])[:-1])
+    return order if len(order) < 3 else order[_around(order, range(len(order)))]
 
 
 def inside_distance(point: Array, hull: Array) -> float:
@@ -112,6 +101,11 @@ def outline(points: Sequence[Point]) -> list[int]:
     order = [i for n, i in enumerate(order) if not n or not same(points[i], points[order[n - 1]])]
     if len(order) < 3:
         return order
+    return _around(points, order)
+
+
+def _around(points: Sequence[Point] | Array, order: Sequence[int]) -> list[int]:
+    """Indices of the corners of the convex hull, counterclockwise, of points in ascending order (Andrew's chains)."""
 
     def chain(run: Sequence[int]) -> list[int]:
         out: list[int] = []

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from rbd.arrays import Array
-from rbd.constraints.forces.coordinates import Coordinates, Pair, Place
+from rbd.constraints.forces.coordinates import Anchor, Coordinates, Offset, Pair, Place, other_place, place_on
 from rbd.constraints.forces.element_numbers import ByValue
 from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
@@ -47,32 +45,37 @@ class BetweenPlaces(ByValue, Displayed):
     It adds J^T D^T F to tau_ext, with x_dot = D J v; its energy is 1/2 (x - rest)^T K (x - rest) - preload^T (x - rest).
     """
 
+    frame: str
     name: str
     parameters: tuple[str, ...] = ()
     """Names of the parameters that `parameter_force` takes."""
 
     def _places(self) -> tuple[Place, Place]:
         """(to, frame)."""
-        raise NotImplementedError
+        ends: tuple[Place, Place] = self.__dict__["_ends"]
+        return ends
 
     def _coordinates(self, pair: Pair) -> Coordinates:
         raise NotImplementedError
 
-    def _stiffness(self, m: int) -> Array:
-        """K, shape (m, m)."""
-        return np.zeros((m, m))
-
-    def _damping(self, m: int) -> Array:
-        """C, shape (m, m)."""
-        return np.zeros((m, m))
+    def _law(self, m: int) -> tuple[Array, Array, Array]:
+        """(K (m, m), C (m, m), preload (m,))."""
+        raise NotImplementedError
 
     def _stretch(self, x: Array) -> Array:
         """The coordinates less their rest, shape (m,)."""
         return x
 
-    def _preload(self, m: int) -> Array:
-        """Shape (m,)."""
-        return np.zeros(m)
+    def _settle(self, kind: str, to: Anchor, offset: Offset, to_offset: Offset) -> str:
+        """Check where it acts, and give it a name; what it is called in messages."""
+        what = f"a {kind} at {self.frame!r:.80}"
+        places = other_place(what, to, to_offset), place_on(what, self.frame, offset)
+        given = f"{kind} from {places[1]} to {places[0]}" if self.name is None else self.name
+        if not isinstance(given, str) or not given:
+            raise InputError(f"name of {what} is {given!r:.80}; expected text.")
+        object.__setattr__(self, "_ends", places)
+        object.__setattr__(self, "name", given)
+        return repr(given)[:82]
 
     def check_on(self, robot: CheckedModel) -> None:
         """Refuse a robot without the frames of its ends.
@@ -88,9 +91,8 @@ class BetweenPlaces(ByValue, Displayed):
         """(the ends, the coordinates, F)."""
         pair = Pair(state, *self._places())
         found = self._coordinates(pair)
-        m = len(found.x)
-        F = self._preload(m) - self._stiffness(m) @ self._stretch(found.x) - self._damping(m) @ (found.D @ pair.u)
-        return pair, found, F
+        K, C, preload = self._law(len(found.x))
+        return pair, found, preload - K @ self._stretch(found.x) - C @ (found.D @ pair.u)
 
     def force(self, state: State) -> Array:
         """F at a state, conjugate to the element's coordinates, on `frame`; shape (1,), of a bushing (6,) [N, N m]."""
@@ -116,9 +118,9 @@ class BetweenPlaces(ByValue, Displayed):
         under the present force (geometric stiffness), and that of the damper's rate.
         """
         pair, found, F = self._at(state)
-        m, J = len(found.x), pair.J
-        A, C = found.D @ J, self._damping(m)
-        dF = -self._stiffness(m) @ A
+        J, (K, C, _) = pair.J, self._law(len(found.x))
+        A = found.D @ J
+        dF = -K @ A
         if C.any() and state.v.any():
             dF -= C @ (found.rate_change(pair.u) @ J + found.D @ pair.velocity_dq())
         by_q = pair.geometric(found.D.T @ F) + J.T @ (found.force_change(F) @ J) + A.T @ dF
@@ -127,14 +129,14 @@ class BetweenPlaces(ByValue, Displayed):
     def energy(self, state: State) -> float:
         """1/2 (x - rest)^T K (x - rest) - preload^T (x - rest) [J]; zero of a damper."""
         x = self._at(state)[1].x
-        y = self._stretch(x)
-        return float(0.5 * y @ self._stiffness(len(x)) @ y - self._preload(len(x)) @ y)
+        y, (K, _, preload) = self._stretch(x), self._law(len(x))
+        return float(0.5 * y @ K @ y - preload @ y)
 
     def dissipation(self, state: State) -> float:
         """x_dot^T C x_dot [W]; zero of a spring."""
         pair, found, _ = self._at(state)
         rate = found.D @ pair.u
-        return float(rate @ self._damping(len(rate)) @ rate)
+        return float(rate @ self._law(len(rate))[1] @ rate)
 
     def parameter_force(self, state: State, parameter: str) -> Array | dict[str, Array]:
         """Derivative of tau by one of its `parameters`, shape (nv,); of several numbers {label: (nv,)}.

@@ -16,11 +16,9 @@ from rbd.constraints.forces.coordinates import (
     Distance,
     Offset,
     Pair,
-    Place,
     Pose,
     Spin,
     Vector,
-    other_place,
     place_on,
 )
 from rbd.constraints.forces.element import BetweenPlaces, ElementPicture
@@ -48,25 +46,16 @@ class _Line(BetweenPlaces):
     to_offset: Offset
     _kind = ""
 
-    def _settle(self, name: str | None) -> str:
+    def _settled(self) -> str:
         """Check where it acts, and give it a name; what it is called in messages."""
         kind = self._kind if self.axis is None else f"torsion {self._kind}"
-        what = f"a {kind} at {self.frame!r:.80}"
-        at, to = place_on(what, self.frame, self.offset), other_place(what, self.to, self.to_offset)
-        object.__setattr__(self, "_at_frame", at)
-        object.__setattr__(self, "_at_to", to)
-        object.__setattr__(self, "name", f"{kind} from {at} to {to}" if name is None else name)
-        if not isinstance(self.name, str) or not self.name:
-            raise InputError(f"name of {what} is {name!r:.80}; expected text.")
+        what = self._settle(kind, self.to, self.offset, self.to_offset)
         if self.axis is not None:
-            axis = as_vector3(f"axis of {self.name!r:.80}", self.axis)
+            axis = as_vector3(f"axis of {what}", self.axis)
             if not np.linalg.norm(axis) > 1e-9:
-                raise InputError(f"axis of {self.name!r:.80} is zero; expected a direction.")
+                raise InputError(f"axis of {what} is zero; expected a direction.")
             object.__setattr__(self, "axis", axis / np.linalg.norm(axis))
-        return repr(self.name)[:82]
-
-    def _places(self) -> tuple[Place, Place]:
-        return self.__dict__["_at_to"], self.__dict__["_at_frame"]
+        return what
 
     def picture(self, state: State) -> ElementPicture:
         """Its ends, axis and force at a state, for drawings."""
@@ -125,7 +114,7 @@ class Spring(_Line):
     _kind = "spring"
 
     def __post_init__(self) -> None:
-        what = self._settle(self.name)
+        what = self._settled()
         if self.rest is None and self.axis is None:
             raise InputError(f"{what} has no rest length; give rest=..., or rest=0 if it is relaxed at zero length.")
         rest = number(f"rest of {what}", 0.0 if self.rest is None else self.rest)
@@ -148,14 +137,11 @@ class Spring(_Line):
             return Vector(pair)
         return Distance(pair, what)
 
-    def _stiffness(self, m: int) -> Array:
-        return self.stiffness * np.eye(m)
+    def _law(self, m: int) -> tuple[Array, Array, Array]:
+        return self.stiffness * np.eye(m), np.zeros((m, m)), np.full(m, self.preload)
 
     def _stretch(self, x: Array) -> Array:
         return x - self.rest
-
-    def _preload(self, m: int) -> Array:
-        return np.full(m, self.preload)
 
     def _by_parameter(self, parameter: str, x: Array, rate: Array) -> Array:
         if parameter == "stiffness":
@@ -216,13 +202,13 @@ class Damper(_Line):
     _kind = "damper"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "damping", damping_of(self._settle(self.name), self.damping))
+        object.__setattr__(self, "damping", damping_of(self._settled(), self.damping))
 
     def _coordinates(self, pair: Pair) -> Coordinates:
         return Distance(pair, repr(self.name)[:82]) if self.axis is None else Spin(pair, self.axis)
 
-    def _damping(self, m: int) -> Array:
-        return self.damping * np.eye(m)
+    def _law(self, m: int) -> tuple[Array, Array, Array]:
+        return np.zeros((m, m)), self.damping * np.eye(m), np.zeros(m)
 
     def _by_parameter(self, parameter: str, x: Array, rate: Array) -> Array:
         return -rate
@@ -275,15 +261,10 @@ class Bushing(BetweenPlaces):
     """`parameter_force` has the derivatives by the six numbers on the diagonal: "x", "y", "z", "about x", ..."""
 
     def __post_init__(self) -> None:
-        what = f"a bushing at {self.frame!r:.80}"
-        at, to = place_on(what, self.frame, self.offset), other_place(what, self.to, self.to_offset)
-        name = f"bushing from {at} to {to}" if self.name is None else self.name
-        if not isinstance(name, str) or not name:
-            raise InputError(f"name of {what} is {name!r:.80}; expected text.")
-        what = repr(name)[:82]
+        what = self._settle("bushing", self.to, self.offset, self.to_offset)
         for key, value in (
-            ("_at_frame", at), ("_at_to", to), ("name", name), ("damping", damping_matrix(what, self.damping)),
-            ("preload", six(f"preload of {what}", self.preload)), ("stiffness", stiffness_matrix(what, self.stiffness)),
+            ("damping", damping_matrix(what, self.damping)), ("preload", six(f"preload of {what}", self.preload)),
+            ("stiffness", stiffness_matrix(what, self.stiffness)),
         ):  # fmt: skip
             object.__setattr__(self, key, value)
 
@@ -320,9 +301,6 @@ class Bushing(BetweenPlaces):
             return cls(frame, here, **given)  # type: ignore[arg-type]
         return cls(frame, to, to_offset=state.frame(to).X_WF.actInv(here), **given)  # type: ignore[arg-type]
 
-    def _places(self) -> tuple[Place, Place]:
-        return self.__dict__["_at_to"], self.__dict__["_at_frame"]
-
     def _coordinates(self, pair: Pair) -> Coordinates:
         return Pose(pair, repr(self.name)[:82], turns=self._turns())
 
@@ -330,14 +308,8 @@ class Bushing(BetweenPlaces):
         """Whether its force depends on the rotation; K and C are symmetric."""
         return any(np.any(np.asarray(x)[3:]) for x in (self.stiffness, self.damping, self.preload))
 
-    def _stiffness(self, m: int) -> Array:
-        return np.asarray(self.stiffness)
-
-    def _damping(self, m: int) -> Array:
-        return np.asarray(self.damping)
-
-    def _preload(self, m: int) -> Array:
-        return np.asarray(self.preload)
+    def _law(self, m: int) -> tuple[Array, Array, Array]:
+        return np.asarray(self.stiffness), np.asarray(self.damping), np.asarray(self.preload)
 
     def _by_parameter(self, parameter: str, x: Array, rate: Array) -> dict[str, Array]:
         size = x if parameter == "stiffness" else rate

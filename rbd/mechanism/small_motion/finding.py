@@ -13,13 +13,13 @@ from rbd.answers.least_constraint import solve
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, as_float, lazy, max_abs
 from rbd.constraints.constraint import Constraint
-from rbd.constraints.manifold import own_or
+from rbd.constraints.manifold import ConstraintManifold, own_or
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSteadyState, RbdError, RbdWarning
 from rbd.mechanism.small_motion.linearisation import linearise
 from rbd.mechanism.small_motion.linearised import Linearised
 from rbd.mechanism.small_motion.steady_search import Condition, FoundState, Search, held_together
-from rbd.mechanism.small_motion.tangent_space import ad_matrix, manifold_of
+from rbd.mechanism.small_motion.tangent_space import ad_matrix
 from rbd.model.external import External
 from rbd.model.state import State, checked, with_values
 from rbd.statics.equilibrium import hold
@@ -136,7 +136,7 @@ def find_equilibrium(
     given = own_or(robot, constraints, loops)
     positions = np.flatnonzero(~kept)
     held = tuple(held_together(c) for c in given)
-    search = Search(held, manifold_of(start, held), external, positions, np.zeros(0, int), free)
+    search = Search(held, ConstraintManifold.about(start, held), external, positions, np.zeros(0, int), free)
     found = search.run(start, torques)
     _check(found, "equilibrium")
     torques = found.tau
@@ -197,15 +197,8 @@ def find_steady_motion(
             f"conditions are {conditions!r:.80}; expected functions of the state, e.g. [lambda state: state.q[2] - 1]."
         )
     held = tuple(held_together(c) for c in given)
-    search = Search(
-        held,
-        manifold_of(start, held),
-        external,
-        np.flatnonzero(~kept),
-        np.flatnonzero(~still),
-        free,
-        tuple(conditions),
-    )
+    manifold = ConstraintManifold.about(start, held)
+    search = Search(held, manifold, external, np.flatnonzero(~kept), np.flatnonzero(~still), free, tuple(conditions))
     found = search.run(start, torques)
     _check(found, "steady motion")
     return _answer(state, found, found.tau, given, external)

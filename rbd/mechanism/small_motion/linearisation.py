@@ -35,7 +35,6 @@ from rbd.mechanism.small_motion.tangent_space import (
     check_on,
     fitted_spin,
     held_rows,
-    manifold_of,
 )
 from rbd.model.derivatives import Charts
 from rbd.model.external import External
@@ -103,7 +102,7 @@ def linearise(
     check_flag("differences", differences)
     given = own_or(robot, constraints, loops)
     torques = robot.check_tau(tau)
-    manifold = manifold_of(state, given)
+    manifold = ConstraintManifold.about(state, given)
     check_on(manifold.rows(state))
     solution = solve(state, torques, given, external=external)
     found, why = None, "differences were asked for"
@@ -133,20 +132,8 @@ def linearise(
     _check_agreement(state, off, invariance if steady else 0.0, space)
     if not steady:
         _warn(state, acceleration, change)
-    return Linearised.of(
-        state=state,
-        torques=torques,
-        words=words,
-        space=space,
-        spin=spin,
-        A=A,
-        B=B,
-        method="derivatives" if found is not None else f"differences: {why}",
-        acceleration=acceleration,
-        variation=change,
-        invariance=invariance,
-        difference=off,
-    )
+    method = "derivatives" if found is not None else f"differences: {why}"
+    return Linearised(state, torques, A, B, space, spin, words, method, acceleration, change, invariance, off)
 
 
 def full_matrix(state: State, found: Derivatives, spin: Array) -> Array:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,14 +45,7 @@ class Linearised(Displayed):
         tau: Its torques, shape (nu,).
         A: Shape (n, n) [1/s, with the units of x].
         B: By motor torques, shape (n, nu).
-        positions: Names of the entries of x_q: those of dq that are its coordinates.
-        velocities: Names of the entries of x_v.
-        T_q: Shape (nv, n_q).
-        G: Shape (nv, n_q); zero at rest.
-        T_v: Shape (nv, n_v).
-        rows: Number of constraint rows that are held.
-        rank_q: Rank of those that hold a position: n_q = nv - rank_q.
-        rank_v: Rank of all: n_v = nv - rank_v.
+        space: The changes that the constraints allow: which entries of dq and dv are coordinates, T_q, G, T_v, and ranks.
         spin: eta, the part of v with which bodies of revolution turn about their own axes, seen from axes that do not, shape
             (nv,); zero of other robots. dq and dv are in those axes (`rbd.mechanism.small_motion.tangent_space`).
         modes_of_contacts: {constraint: mode of each part}, "holds", "sticks" or "presses".
@@ -75,14 +68,7 @@ class Linearised(Displayed):
     tau: Array
     A: Array
     B: Array
-    positions: tuple[str, ...]
-    velocities: tuple[str, ...]
-    T_q: Array
-    G: Array
-    T_v: Array
-    rows: int
-    rank_q: int
-    rank_v: int
+    space: TangentSpace
     spin: Array
     modes_of_contacts: dict[str, tuple[str, ...]]
     method: str
@@ -90,67 +76,40 @@ class Linearised(Displayed):
     variation: float
     invariance: float
     difference: float
-    _scale: Array = field(repr=False)
 
-    @classmethod
-    def of(
-        cls,
-        *,
-        state: State,
-        torques: Array,
-        words: dict[str, tuple[str, ...]],
-        space: TangentSpace,
-        spin: Array,
-        A: Array,
-        B: Array,
-        **proof: str | float,
-    ) -> Linearised:
-        """The record of matrices on the coordinates of a tangent space."""
-        names, scale = [c.name for c in state.robot.joints.velocities], state.robot.joints.scale
-        return cls(
-            state,
-            torques,
-            A,
-            B,
-            tuple(names[i] for i in space.positions),
-            tuple(names[i] for i in space.velocities),
-            space.T_q,
-            space.G,
-            space.T_v,
-            space.m,
-            space.rank_q,
-            space.rank_v,
-            spin,
-            words,
-            **proof,  # type: ignore[arg-type]  # the last fields, by name
-            _scale=np.concatenate([scale[space.positions], scale[space.velocities]]),
-        )
+    @property
+    def positions(self) -> tuple[str, ...]:
+        """Names of the entries of x_q: those of dq that are its coordinates."""
+        return tuple(self.state.robot.joints.velocities[i].name for i in self.space.positions)
+
+    @property
+    def velocities(self) -> tuple[str, ...]:
+        """Names of the entries of x_v."""
+        return tuple(self.state.robot.joints.velocities[i].name for i in self.space.velocities)
+
+    @lazy
+    def _scale(self) -> Array:
+        scale = self.state.robot.joints.scale
+        return np.concatenate([scale[self.space.positions], scale[self.space.velocities]])
 
     @property
     def n(self) -> int:
         """Number of coordinates, n_q + n_v."""
         return len(self.A)
 
-    @property
-    def basis(self) -> Array:
-        """(dq, dv) = basis x, shape (2 nv, n)."""
-        return np.block([[self.T_q, np.zeros_like(self.T_v)], [self.G, self.T_v]])
-
     @lazy
     def _spectrum(self) -> Spectrum:
         scale, nv = self._scale, self.state.robot.nv
         A = self.A * scale / scale[:, None]
-        C = (self.basis[nv:] * scale) / self.state.robot.joints.scale[:, None]
+        C = (self.space.basis[nv:] * scale) / self.state.robot.joints.scale[:, None]
         return spectrum_of(A, C, self._turned() / scale[:, None])
 
     def _turned(self) -> Array:
         """Turns of spinning bodies of revolution about their axes, with the velocity in axes that turn along, shape (n, j)."""
         robot, nv = self.state.robot, self.state.robot.nv
         axes = spin_axes(robot) if self.spin.any() else np.zeros((nv, 0))
-        full = np.vstack([axes, ad_matrix(robot, self.state.v) @ axes])
-        names = [c.name for c in robot.joints.velocities]
-        picked = [names.index(name) for name in self.positions] + [nv + names.index(name) for name in self.velocities]
-        return full[picked]
+        turned: Array = np.vstack([axes, ad_matrix(robot, self.state.v) @ axes])[self.space.picked]
+        return turned
 
     @property
     def eigenvalues(self) -> Array:
@@ -160,7 +119,8 @@ class Linearised(Displayed):
     @property
     def symmetries(self) -> Array:
         """Directions dq on which nothing depends, as columns, shape (nv, s): a place on the ground, the angle of a wheel."""
-        found: Array = self.T_q @ (self._scale[:, None] * self._spectrum.S)[: self.T_q.shape[1]]
+        T_q = self.space.T_q
+        found: Array = T_q @ (self._scale[:, None] * self._spectrum.S)[: T_q.shape[1]]
         return found
 
     @lazy
@@ -208,8 +168,8 @@ class Linearised(Displayed):
             zero = max(self.zero, found.condition[k] * error)
             if value.imag < -INVARIANT * size:
                 continue  # of a pair, the other one
-            inner = self.basis @ (self._scale * found.right[:, k])
-            outer = self.basis @ (self._scale * found.whole[:, k])
+            inner = self.space.basis @ (self._scale * found.right[:, k])
+            outer = self.space.basis @ (self._scale * found.whole[:, k])
             largest, of_velocity = largest_entry(inner[:nv], inner[nv:], scale)
             whole = (inner if of_velocity else outer) / largest
             dq, dv = in_phase(0.0 * whole[:nv] if of_velocity else whole[:nv], whole[nv:], scale)
@@ -279,7 +239,7 @@ class Linearised(Displayed):
         if given.shape != (self.n,):
             raise InputError(f"x has shape {given.shape}; expected ({self.n},): {', '.join(self.positions)}, then velocities.")
         check_finite("x", given)
-        robot, change = self.state.robot, self.basis @ given
+        robot, change = self.state.robot, self.space.basis @ given
         q = pin.integrate(robot.model, self.state.q, change[: robot.nv])
         return State(robot, pin.normalize(robot.model, q), self.state.v + change[robot.nv :])
 
@@ -297,8 +257,8 @@ class Linearised(Displayed):
         lines = [
             self.verdict,
             f"{self.state.robot.name} about {moving}: {_many(len(self.positions), 'coordinate', 'coordinates')} of position, "
-            f"{len(self.velocities)} of velocity; {_many(self.rows, 'row', 'rows')} of constraints of rank {self.rank_v}, "
-            f"{self.rank_q} of them of position",
+            f"{len(self.velocities)} of velocity; {_many(self.space.m, 'row', 'rows')} of constraints of rank "
+            f"{self.space.rank_v}, {self.space.rank_q} of them of position",
         ]
         modes = self._modes if self.steady else ()
         lines += [f"  {mode}" for mode in modes[:_SHOWN]]

@@ -21,7 +21,6 @@ The coin's place and direction are those of q_s, and its own q = q_s (+) t eta.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,9 +29,10 @@ import pinocchio as pin
 from rbd.answers.analysis.contact_modes import modes_of
 from rbd.answers.analysis.state_changes import STEP, slope
 from rbd.arrays import Array, max_abs
-from rbd.constraints.constraint import Constraint, anchored, is_carried, listed, rows_of
+from rbd.constraints.constraint import is_carried
 from rbd.constraints.manifold import RANK, ConstraintManifold, StackedRows, null_space
 from rbd.errors import InputError, Unsupported
+from rbd.mechanism.constraint_error import farthest_columns
 from rbd.mechanism.frobenius import ad
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -78,14 +78,6 @@ class TangentSpace:
         return np.concatenate([self.positions, len(self.T_q) + self.velocities]).astype(int)
 
 
-def manifold_of(state: State, constraints: Sequence[Constraint]) -> ConstraintManifold:
-    """The constraints, those without a position anchored at the state's."""
-    given = listed(constraints)
-    at_rest = state.with_velocity(state.robot.zero_v)
-    put = [anchored(c, r, at_rest) for c, r in zip(given, rows_of(at_rest, given), strict=True)]
-    return ConstraintManifold.unchecked(at_rest, put, [is_carried(c) for c in put])
-
-
 def check_on(held: StackedRows) -> None:
     """Refuse a state that violates its constraints.
 
@@ -94,12 +86,7 @@ def check_on(held: StackedRows) -> None:
     """
     for what, sizes, unit, cure in (
         ("is off by", held.error, "m or rad", "Put it there first, with rbd.mechanism.assemble."),
-        (
-            "moves at",
-            held.velocity,
-            "m/s or rad/s",
-            "rbd.mechanism.project_velocity gives the nearest velocity that is allowed.",
-        ),
+        ("moves at", held.velocity, "m/s or rad/s", "rbd.mechanism.project_velocity gives the nearest that is allowed."),
     ):
         if max_abs(sizes) > ON:
             worst = int(np.abs(sizes).argmax())
@@ -180,14 +167,7 @@ def independent_rows(N: Array) -> Array:
     The row farthest from those already chosen is next, as in a pivoted QR; of rows as far, the first one, so that rounding does
     not decide between the sides of a symmetric robot.
     """
-    left, chosen = N.copy(), []
-    for _ in range(N.shape[1]):
-        sizes = np.linalg.norm(left, axis=1)
-        k = int(np.flatnonzero(sizes >= (1.0 - 1e-6) * sizes.max())[0])
-        chosen.append(k)
-        along = left[k] / sizes[k]
-        left -= np.outer(left @ along, along)
-    return np.sort(np.array(chosen, dtype=int))
+    return np.sort(farthest_columns(N.T, np.arange(len(N)), 1.0 - 1e-6, 0.0)[0][: N.shape[1]]).astype(int)
 
 
 def velocity_slopes(state: State, manifold: ConstraintManifold, here: StackedRows) -> Array:
