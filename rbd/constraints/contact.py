@@ -16,7 +16,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_array, as_float, as_vector3, is_finite
 from rbd.constraints.contact_points import ContactPoints
-from rbd.constraints.ground_points import OnGround
+from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.constraints.surface import (
     UP,
     Counterpart,
@@ -200,10 +200,10 @@ class Contact(Displayed):
         source = self.source(state)
         return None if source is None else ContactPoints.of(source.at(state, t))
 
-    def source(self, start: State) -> OnGround | None:
+    def source(self, start: State) -> Grounds | None:
         """Its corners on the ground for a motion; None if bilateral, on a body, or with a set of all rows."""
         whole = isinstance(self.friction, Cone) and self.friction.dim > 3
-        return None if self.friction is None or self._against is not None or whole else OnGround(self, start)
+        return None if self.friction is None or self._against is not None or whole else Grounds([OnGround(self, start)], start)
 
     def anchored(self, state: State) -> Self:
         """The same contact, anchored where it touches at this state."""

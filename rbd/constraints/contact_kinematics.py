@@ -322,11 +322,7 @@ class OnPlane:
         self._joints = np.array(self.joints)
         self.points = LowPoints(shapes, np.array([self.joints.index(shape.joint) for shape in shapes]))
         #: Which coordinates move each body, of zeros and ones, shape (bodies, nv).
-        self._carries = np.zeros((len(self.joints), robot.nv))
-        for i, joint in enumerate(self.joints):
-            for above in list(self.model.supports[joint])[1:]:
-                first = self.model.idx_vs[above]
-                self._carries[i, first : first + self.model.nvs[above]] = 1.0
+        self._carries = np.array([robot.joints.carrying(joint) for joint in self.joints])
         self._prepare()
 
     def _prepare(self) -> None:

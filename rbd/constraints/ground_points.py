@@ -17,7 +17,7 @@ from rbd.problem.ground import Ground
 
 
 class OnGround:
-    """Points of a contact of a body with the ground: a toe, the corners of a sole, the ends of an edge.
+    """A contact of a body with the ground: a toe, the corners of a sole, the ends of an edge; its points are in `Grounds`.
 
     The plane is that of `on`; or goes through the anchor; or through the contact's position at the
     start, with its normal then. A ground with a velocity along its normal moves the plane.
@@ -29,7 +29,7 @@ class OnGround:
 
     def __init__(self, contact: Any, start: State) -> None:
         self.contact, self.X_FP, self.local = contact, contact.placement, contact.corners
-        friction, k, ground = contact.friction, len(contact.corners), contact.on
+        friction, ground = contact.friction, contact.on
         assert ground is None or isinstance(ground, Ground)
         X_WP = start.moving(contact.frame, self.X_FP, pin.LOCAL)[0]
         self.R = _axes_at(contact, ground, X_WP)
@@ -39,67 +39,21 @@ class OnGround:
         self.normal = self.R[:, 2]
         self.height = float(self.normal @ through)
         given = isinstance(friction, Cone)
-        cone: Cone = friction if given else FrictionCone(float(friction), int(contact.facets)) if friction else NonNegative(1)
-        self.structure = Structure((contact.name,) * k, tuple(range(k)), (cone,) * k)
-        # The velocity of a point of the patch is v + w x p, in the patch's axes.
-        self.spread = np.concatenate([np.tile(np.eye(3), (k, 1, 1)), [-cross_matrix(p) for p in self.local]], axis=2)
-        self.kept = slice(3 - cone.dim, 3)
+        self.cone: Cone = (
+            friction if given else FrictionCone(float(friction), int(contact.facets)) if friction else NonNegative(1)
+        )
         self.surface = ground if ground is not None and ground.moves else None
         self.rise = 0.0 if self.surface is None else float(self.normal @ motion_of(self.surface)[0][:3])
-        self.point_alone, self._alone = k == 1, given or self.surface is not None
+        self.point_alone, self.alone = len(self.local) == 1, given or self.surface is not None
 
-    @property
-    def group(self) -> Group | None:
-        """Sources computed together: points; or patches and edges, whose resultants have moments.
 
-        None on moving ground, and of sets that are no circular cones.
-        """
-        return None if self._alone else (Grounds, self.point_alone)
-
-    @property
-    def members(self) -> tuple[OnGround, ...]:
-        """The contacts whose points these are: one."""
-        return (self,)
-
-    def at(self, state: State, t: float) -> Measured:
-        """Its points at a state and a time [s]."""
-        X_WP, J, v, bias = state.moving(self.contact.frame, self.X_FP, pin.LOCAL)
-        p, R_WP = X_WP.translation, X_WP.rotation
-        r = self.local @ R_WP.T
-        Q = self.R.T @ R_WP
-        T = Q @ self.spread  # (k, 3, 6)
-        turn = Q @ cross_matrix(v[3:])
-        velocity = T @ v
-        turning = T @ bias + (self.local @ cross_matrix(v[3:]).T) @ turn.T
-        if self.surface is not None:
-            u, s = self._surface(p + r, velocity)
-            velocity, turning = velocity - u, turning - s
-        T = T[:, self.kept]
-        gap = r @ self.normal + (float(self.normal @ p) - self.height - self.rise * t)
-        rows = T.reshape(-1, 6) @ J
-        m = len(rows)
-        return Measured(
-            self.structure, rows, velocity[:, self.kept].reshape(m), turning[:, self.kept].reshape(m), gap, np.zeros(m),
-            None, None if self.point_alone else r, p + r, self.R,
-        )  # fmt: skip
-
-    def gaps(self, state: State, t: float) -> Array:
-        """Distances of its points to the plane, shape (k,) [m]; a tenth of the cost of `at`."""
-        X_WP = state.moving(self.contact.frame, self.X_FP, pin.LOCAL)[0]
-        n = self.normal
-        return self.local @ (X_WP.rotation.T @ n) + (float(n @ X_WP.translation) - self.height - self.rise * t)
-
-    def _surface(self, points: Array, velocity: Array) -> tuple[Array, Array]:
-        """Velocity and acceleration (Coriolis' included) of the ground under each point, in contact axes, shapes (k, 3)."""
-        given = self.surface
-        assert given is not None
-        (u, W), (s, dW) = (np.split(x, 2) for x in motion_of(given))
-        r = np.zeros_like(points) if given.about is None else points - given.about
-        turn = cross_matrix(W)
-        under = u + r @ turn.T
-        relative = velocity @ self.R.T - under
-        carried = s + r @ cross_matrix(dW).T + (r @ turn.T) @ turn.T + 2.0 * relative @ turn.T
-        return under @ self.R, carried @ self.R
+def _under(surface: Ground, points: Array, velocity: Array) -> tuple[Array, Array]:
+    """Velocity and acceleration (Coriolis' included) of moving ground under points that move, in W, shapes (k, 3)."""
+    (u, W), (s, dW) = (np.split(x, 2) for x in motion_of(surface))
+    r = np.zeros_like(points) if surface.about is None else points - surface.about
+    turn = cross_matrix(W)
+    under = u + r @ turn.T
+    return under, s + r @ cross_matrix(dW).T + (r @ turn.T) @ turn.T + 2.0 * (velocity - under) @ turn.T
 
 
 def _axes_at(contact: Any, ground: Ground | None, X_WP: pin.SE3) -> Array:
@@ -125,7 +79,7 @@ def _axes_on(n: Array, along: Array) -> Array:
 
 
 class Grounds:
-    """Points of several contacts with ground at rest, computed together: the same as one `OnGround` each, faster.
+    """Points of contacts with the ground, computed together.
 
     Let V = (v_0, w) and A = (a_0, alpha) be spatial velocity and J_dot v of a joint's body at W's origin, P a point of it and d
     the direction of a row:
@@ -134,8 +88,15 @@ class Grounds:
         bias = d . (a_0 + alpha x P + w x (v_0 + w x P))              the last term makes it classical
 
     Args:
-        grounds: Two or more contacts, all at points, or all of patches and edges.
+        grounds: The contacts, all at points, or all of patches and edges; one that is `alone` is the only one.
         start: Any state of the robot.
+
+    Attributes:
+        members: The contacts.
+        joints: Of their bodies.
+        point_alone: Whether they are at points.
+        R: R_WC, shape (3, 3) of one contact, or (k, 3, 3) of each point.
+        structure: The points.
     """
 
     def __init__(self, grounds: Sequence[OnGround], start: State) -> None:
@@ -151,30 +112,39 @@ class Grounds:
         arms = np.concatenate([ground.local @ X.rotation.T for ground, X in zip(grounds, patches, strict=True)])
         #: Each point, and its arm from the contact's centre, in its joint's axes, shape (k, 3, 2).
         self._local = np.stack([arms + np.array([X.translation for X in patches])[of], arms], axis=2)
-        self.R = np.array([ground.R for ground in grounds])[of]
-        self._normal = self.R[:, :, 2].copy()
-        self._height = np.array([ground.height for ground in grounds])[of]
+        axes = np.array([ground.R for ground in grounds])[of]
+        self.R = axes if len(grounds) > 1 else grounds[0].R
+        self._normal = axes[:, :, 2].copy()
+        self._height, self._rise = (np.array([getattr(g, what) for g in grounds])[of] for what in ("height", "rise"))
+        self._surface = grounds[0].surface
         self.structure = Structure(
-            tuple(owner for ground in grounds for owner in ground.structure.owners),
-            tuple(number for ground in grounds for number in ground.structure.numbers),
-            tuple(cone for ground in grounds for cone in ground.structure.cones),
+            tuple(grounds[j].contact.name for j in of.tolist()),
+            tuple(i for size in sizes for i in range(size)),
+            tuple(grounds[j].cone for j in of.tolist()),
         )
         #: Point and direction of each row, shapes (m,) and (m, 3); and [d]_x^T, which takes P to P x d.
         self._row = np.repeat(np.arange(len(of)), self.structure.widths)
-        d = np.concatenate([grounds[j].R[:, grounds[j].kept].T for j in of.tolist()])
+        d = np.concatenate([grounds[j].R[:, 3 - grounds[j].cone.dim :].T for j in of.tolist()])
         self._turn = np.array([cross_matrix(x).T for x in d])
         #: (d, P x d, d) of each row; the middle is recomputed.
         self._terms = np.concatenate([d, np.zeros_like(d), d], axis=1)
         #: Which coordinates move each joint, and each row, of zeros and ones, shapes (nv, joints) and (m, nv).
-        self._moves = np.zeros((robot.nv, len(self.joints)))
-        for i, joint in enumerate(self.joints):
-            for above in list(robot.model.supports[joint])[1:]:
-                first = robot.model.idx_vs[above]
-                self._moves[first : first + robot.model.nvs[above], i] = 1.0
+        self._moves = np.column_stack([robot.joints.carrying(joint) for joint in self.joints])
         self._carries = self._moves.T[self._body[self._row]].copy()
         self._zero = np.zeros(len(self._row))
 
-    group = None
+    @classmethod
+    def joined(cls, sources: Sequence[Grounds], start: State) -> Grounds:
+        """Several sources as one."""
+        return cls([member for source in sources for member in source.members], start)
+
+    @property
+    def group(self) -> Group | None:
+        """Sources computed together: points; or patches and edges, whose resultants have moments.
+
+        None on moving ground, and of sets that are no circular cones.
+        """
+        return None if self.members[0].alone else (Grounds.joined, self.point_alone)
 
     def at(self, state: State, t: float) -> Measured:
         """Their points at a state and a time [s]."""
@@ -191,18 +161,22 @@ class Grounds:
         motion = of_joints.T.take(body, axis=0)
         v_P = motion[:, :3, None] + turning @ P[:, :, None]
         rate = np.concatenate([motion[:, 6:], (turning @ v_P)[:, :, 0]], axis=1)
+        velocity, bias = J @ state.v, np.vecdot(terms, rate.take(row, axis=0))
+        if self._surface is not None:
+            u, s = _under(self._surface, P, v_P[:, :, 0])
+            velocity, bias = (x - np.vecdot(terms[:, :3], y[row]) for x, y in ((velocity, u), (bias, s)))
         return Measured(
-            self.structure, J, J @ state.v, np.vecdot(terms, rate.take(row, axis=0)), self._above(P), self._zero,
+            self.structure, J, velocity, bias, self._above(P, t), self._zero,
             None, None if self.point_alone else both[:, :, 1], P, self.R,
         )  # fmt: skip
 
     def gaps(self, state: State, t: float) -> Array:
         """Distances of their points to their planes, shape (k,) [m]."""
         R, p = state.joint_places(self.joints)
-        return self._above(p[self._body] + (R[self._body] @ self._local[:, :, :1])[:, :, 0])
+        return self._above(p[self._body] + (R[self._body] @ self._local[:, :, :1])[:, :, 0], t)
 
-    def _above(self, P: Array) -> Array:
-        return np.asarray(np.vecdot(P, self._normal) - self._height)
+    def _above(self, P: Array, t: float) -> Array:
+        return np.asarray(np.vecdot(P, self._normal) - (self._height + self._rise * t))
 
 
 _CROSS = np.array([cross_matrix(e) for e in np.eye(3)]).reshape(3, 9).T.copy()

@@ -267,7 +267,7 @@ class LoopStack:
             ]
         )
         self._point_b = np.array([X_b.translation for _, (_, X_b) in sites])[:, :, None]
-        carries = np.array([_carried_by(robot.model, joint) for joint in self._joints])
+        carries = np.array([robot.joints.carrying(joint) for joint in self._joints])
         self._counts = np.concatenate([np.arange(3) < loop.size for loop in loops])
         ends = np.cumsum([loop.size for loop in loops]).tolist()
         self.spans = [slice(start, end) for start, end in zip([0, *ends], ends, strict=False)]
@@ -364,16 +364,6 @@ def rows_function(robot: CheckedModel, constraints: Sequence[Constraint]) -> Cal
     """Each constraint's rows as a function of the state, of loops together where that is faster."""
     stack = LoopStack.of(robot, constraints)
     return (lambda state: rows_of(state, constraints)) if stack is None else stack.at
-
-
-def _carried_by(model: pin.Model, joint: int) -> Array:
-    """Which velocities move a joint's body, shape (nv,), 1 or 0."""
-    out = np.zeros(model.nv)
-    for j in model.supports[joint]:
-        if j:
-            at = model.joints[j].idx_v
-            out[at : at + model.joints[j].nv] = 1.0
-    return out
 
 
 def _cross(a: Array, b: Array) -> Array:

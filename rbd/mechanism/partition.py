@@ -415,7 +415,7 @@ def link_rates(state: State, rates: Sequence[float] | Array | None = None) -> di
     check_finite("rates", given)
     turning = _turning(state)
     bodies = {name: state.robot.site(name)[0] for name in angles}
-    return {name: float(_along(state, joint, turning) @ given) for name, joint in bodies.items()}
+    return {name: float((state.robot.joints.carrying(joint) * turning) @ given) for name, joint in bodies.items()}
 
 
 def link_jacobians(
@@ -455,7 +455,7 @@ def link_jacobians(
     joints = list(robot.joints.values())
     names = [_name(state, joint.id) if turning[joint.v.start] else joint.name for joint in joints]
     T = np.array(
-        [_along(state, joint.id, turning) if turning[joint.v.start] else np.eye(robot.nv)[joint.v.start] for joint in joints]
+        [robot.joints.carrying(j.id) * turning if turning[j.v.start] else np.eye(robot.nv)[j.v.start] for j in joints]
     ).reshape(robot.nv, robot.nv)
     held = own_or(robot, constraints, loops)
     rows_of(state, held)  # refuses what is no constraint, and frames that the robot does not have
@@ -503,15 +503,6 @@ def _turning(state: State) -> Array:
                 "are for flat mechanisms."
             )
     return np.array(-np.round(J[4]) + 0.0)
-
-
-def _along(state: State, joint: int, turning: Array) -> Array:
-    """Row of T for the body of a joint: its angular velocity for each joint rate, shape (nv,)."""
-    model, out = state.robot.model, np.zeros(state.robot.nv)
-    for ancestor in list(model.supports[joint])[1:]:
-        i = model.joints[ancestor].idx_v
-        out[i] = turning[i]
-    return out
 
 
 def _moving(state: State, frame: str) -> Array:

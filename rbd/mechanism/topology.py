@@ -273,8 +273,8 @@ def _configurations(held: ConstraintManifold, seed: int) -> list[LinearisedRows]
 
 
 def _end_point(held: ConstraintManifold, looked: list[LinearisedRows], frame: str, graph: Graph) -> EndPoint:
-    model, body, ranks = held.robot.model, held.robot.site(frame)[0], []
-    chain = [i for j in model.supports[body].tolist() if j for i in range(model.idx_vs[j], model.idx_vs[j] + model.nvs[j])]
+    body, ranks = held.robot.site(frame)[0], []
+    chain = held.robot.joints.carrying(body) > 0.0
     for point in looked:
         N, _ = null_space(point.J, ROUGH)
         J = State(held.robot, point.q).frame(frame).J.reshape(6, -1) * held.scale

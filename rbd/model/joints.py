@@ -339,6 +339,14 @@ class Joints(JointLookup[Joint], Displayed):
             raise InputError(f"{what} has {joint.nv} degrees of freedom; expected a joint with one.")
         return joint
 
+    def carrying(self, joint: int) -> Array:
+        """Which velocities move the body of a joint, by its index, shape (nv,), of ones and zeros."""
+        out = np.zeros(self._model.nv)
+        for above in list(self._model.supports[joint])[1:]:
+            first = self._model.idx_vs[above]
+            out[first : first + self._model.nvs[above]] = 1.0
+        return out
+
     @lazy
     def limits(self) -> tuple[Array, Array]:
         """(lower, upper) of each entry of q, shapes (nq,); infinite where there is none, as `Joint.lower` and `Joint.upper`."""

@@ -251,7 +251,7 @@ class GroundDynamics:
         """The prepared form of a motion's contacts, or None where they, or the robot, are not covered."""
         robot, grounds = start.robot, list[OnGround]()
         for source in points.sources:
-            if not isinstance(source, OnGround | Grounds):
+            if not isinstance(source, Grounds):
                 return None
             grounds += source.members
         if not grounds or not robot.sound or any(g.surface is not None or not g.contact.friction for g in grounds):
@@ -282,7 +282,7 @@ class GroundDynamics:
         points = X[of, 9:] + each_times(R, self._bodies.arms)
         out = []
         for source, (at, _) in zip(self._points.sources, self.layout.spans, strict=True):
-            assert isinstance(source, OnGround | Grounds)
+            assert isinstance(source, Grounds)
             out.append(PointPlaces(source.structure, points[at], source.R, None if source.point_alone else arms[at], None))
         return out
 

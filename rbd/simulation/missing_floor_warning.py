@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, each_times, lazy
 from rbd.constraints.constraint import Constraint, ground_of, member
-from rbd.constraints.ground_points import OnGround
+from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.contact_gaps import solids_of
@@ -133,7 +133,8 @@ def _ground(constraint: Constraint, start: State) -> OnGround | None:
         return None
     source = member(constraint, "source")
     found = source(start) if callable(source) else None
-    return found if isinstance(found, OnGround) and found.contact.friction and not found.rise else None
+    ground = found.members[0] if isinstance(found, Grounds) else None
+    return ground if ground is not None and ground.contact.friction and not ground.rise else None
 
 
 def _is_level(normal: Array, robot: CheckedModel) -> bool:

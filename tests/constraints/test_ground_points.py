@@ -37,15 +37,33 @@ def contacts(name: str) -> tuple[rbd.Robot, list]:
     return robot, [one, tilted, other]
 
 
+def alone(contact: rbd.constraints.Contact, start: rbd.State) -> Grounds:
+    """The source of one contact."""
+    return Grounds([OnGround(contact, start)], start)
+
+
+def by_frames(contact: rbd.constraints.Contact, state: rbd.State) -> list[np.ndarray]:
+    """(J, velocity, J_dot v, places) of a contact's points, each as the origin of a frame of its own."""
+    R = alone(contact, state.robot.standing()).R[:, 3 - (3 if contact.friction else 1) :]
+    found = []
+    for p in contact.corners:
+        X, J, v, bias = state.moving(contact.frame, contact.placement * pin.SE3(np.eye(3), p), pin.LOCAL_WORLD_ALIGNED)
+        found.append((R.T @ J[:3], R.T @ v[:3], R.T @ bias[:3], X.translation[None]))
+    return [np.concatenate(each) for each in zip(*found, strict=True)]
+
+
 @pytest.mark.parametrize("name", ["talos", "solo12", "tilted"])
 def test_contacts_together_are_the_same_as_each_alone(name: str):
-    """Rows, velocities, J_dot v, gaps, places and arms are those of `OnGround`, which goes through the frame's own Jacobian."""
+    """Rows, velocities, J_dot v and places are those by the Jacobians of frames; gaps and arms those of each contact alone."""
     robot, feet = contacts(name)
-    alone = [OnGround(foot, robot.standing()) for foot in feet]
-    together = Grounds(alone, robot.standing())
+    each_alone = [alone(foot, robot.standing()) for foot in feet]
+    together = Grounds.joined(each_alone, robot.standing())
     for seed in range(3):
         state = moving(robot, seed)
-        found, each = together.at(state, 0.0), [one.at(state, 0.0) for one in alone]
+        found, each = together.at(state, 0.0), [one.at(state, 0.0) for one in each_alone]
+        expected = [np.concatenate(parts) for parts in zip(*(by_frames(foot, state) for foot in feet), strict=True)]
+        for what, value in zip(("J", "velocity", "bias", "points"), expected, strict=True):
+            assert np.abs(getattr(found, what) - value).max() < ROUNDING, what
         for what in ("J", "velocity", "bias", "gap", "error", "points"):
             assert np.abs(getattr(found, what) - np.concatenate([getattr(m, what) for m in each])).max() < ROUNDING, what
         if found.arms is not None:
@@ -53,7 +71,7 @@ def test_contacts_together_are_the_same_as_each_alone(name: str):
         assert (found.axes == np.concatenate([np.tile(m.axes, (len(m.gap), 1, 1)) for m in each])).all()
         assert found.structure.owners == tuple(owner for m in each for owner in m.structure.owners)
         assert np.abs(together.gaps(state, 0.0) - found.gap).max() < ROUNDING
-        assert max(np.abs(one.gaps(state, 0.0) - m.gap).max() for one, m in zip(alone, each, strict=True)) < ROUNDING
+        assert max(np.abs(one.gaps(state, 0.0) - m.gap).max() for one, m in zip(each_alone, each, strict=True)) < ROUNDING
 
 
 def test_what_stands_on_ground_at_rest_is_measured_together_and_nothing_else_is():
@@ -65,8 +83,9 @@ def test_what_stands_on_ground_at_rest_is_measured_together_and_nothing_else_is(
         "band", soles[1].frame, offset=(0.1, 0.0, 0.0), friction=0.5, on=rbd.Ground(velocity=(0.1, 0.0, 0.0))
     )
     held = rbd.PointContact("hand", "torso_2_link", friction=None)
-    kinds = [type(s) for s in sources_of([toe, soles[0], band, held, soles[1]], robot.standing())]
-    assert kinds == [OnGround, Grounds, OnGround, FromRows]
+    sources = sources_of([toe, soles[0], band, held, soles[1]], robot.standing())
+    assert [type(s) for s in sources] == [Grounds, Grounds, Grounds, FromRows]
+    assert [len(s.members) for s in sources[:3]] == [1, 2, 1]
 
 
 @pytest.mark.parametrize("kind", ["patch", "edge", "tip"])
@@ -148,8 +167,8 @@ def test_an_edge_on_the_ground_is_its_two_ends(by: str, friction: float):
         for i, x in enumerate((0.3, -0.3))
     ]
     state = free_state(robot, (0.4, -0.1, 0.6), (-0.4, 0.5, 0.7), (0.3, -1.0, 0.6), (1.0, 2.0, -3.0))
-    line = OnGround(edge, start).at(state, 0.0)
-    points = [OnGround(end, start).at(state, 0.0) for end in ends]
+    line = alone(edge, start).at(state, 0.0)
+    points = [alone(end, start).at(state, 0.0) for end in ends]
     for what in ("J", "velocity", "bias"):
         rows = getattr(line, what).reshape(2, 3 if friction else 1, -1)
         found = line.axes[:, -rows.shape[1] :] @ rows
@@ -157,7 +176,7 @@ def test_an_edge_on_the_ground_is_its_two_ends(by: str, friction: float):
         assert np.abs(found - np.array(expected)).max() < 10.0 * ROUNDING, what
     assert np.abs(line.gap - np.concatenate([m.gap for m in points])).max() < ROUNDING
     assert np.abs(line.points - np.concatenate([m.points for m in points])).max() < ROUNDING
-    assert np.abs(OnGround(edge, start).gaps(state, 0.0) - line.gap).max() < ROUNDING
+    assert np.abs(alone(edge, start).gaps(state, 0.0) - line.gap).max() < ROUNDING
 
 
 def test_a_sole_that_stands_on_its_rim_has_axes_of_its_plane():
@@ -166,7 +185,7 @@ def test_a_sole_that_stands_on_its_rim_has_axes_of_its_plane():
     placement = pin.SE3(pin.exp3(np.array([0.0, -0.5 * math.pi, 0.0])), np.array([0.0, 0.0, 0.2]))
     sole = rbd.SurfaceContact("rim", "body", half_lengths=(0.2, 0.1), placement=placement, friction=0.5, on=0.1)
     state = free_state(robot, (0.0, 0.0, 0.1))
-    found = OnGround(sole, state).at(state, 0.0)
+    found = alone(sole, state).at(state, 0.0)
     assert sorted(np.round(found.gap, 12)) == [0.0, 0.0, 0.4, 0.4]
     assert np.abs(found.axes[:, 2] - [0.0, 0.0, 1.0]).max() < ROUNDING
     assert np.abs(found.axes.T @ found.axes - np.eye(3)).max() < ROUNDING and np.linalg.det(found.axes) > 0.0
@@ -210,7 +229,7 @@ def test_axes_on_a_plane_follow_the_soles_length(turn: float):
     sole = rbd.SurfaceContact("sole", "body", half_lengths=(0.1, 0.05), friction=0.5, on=ramp)
     R = pin.exp3(np.array([0.0, 0.3, 0.0])) @ pin.exp3(np.array([0.0, 0.0, turn]))
     state = free_state(robot, (0.0, 0.0, 0.5), pin.log3(R))
-    assert np.abs(OnGround(sole, state).R - R).max() < ROUNDING
+    assert np.abs(alone(sole, state).R - R).max() < ROUNDING
 
 
 def test_a_contact_kind_of_ones_own_has_the_resultants_of_its_corners(talos: rbd.Robot):
