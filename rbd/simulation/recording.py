@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.answers.solution import Solution
-from rbd.arrays import Array, cross_rows, is_finite, max_abs
+from rbd.arrays import Array, cross_rows, is_finite, max_abs, zeros
 from rbd.constraints.contact_points import Structure
 from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
@@ -31,15 +31,15 @@ from rbd.problem.rows import Rows
 from rbd.simulation.energy_balance import balance
 from rbd.simulation.simulated_motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Sample, SimulatedMotion
 from rbd.simulation.stacked_points import SLIDES, PointPlaces, Snapshot, slide
-from rbd.simulation.trajectory_fields import COLUMNS, ENERGY, RESIDUALS
+from rbd.simulation.trajectory_fields import COLUMNS, ENERGY, ENTRIES, RESIDUALS, TIME
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows
 
-_VECTORS = tuple(c for c in COLUMNS if c.axis)
-_NUMBERS = ("t", "kinetic", "potential", "motor_work", "elastic", "dissipated", *(c.name for c in RESIDUALS if c is not ENERGY))
-_NO_POINTS = -1
-
-RowLayout = tuple[tuple[str, int, int, int], ...]
-"""For each constraint with a force: name, rows of its force, points and point forces, or -1 if it has none."""
+_FIRST_ROWS = 64
+"""Rows of the columns at the start of a recording; doubled when they are full."""
+_WHOLE, _BALANCE = ("whole", ""), ("balance", "")
+"""Columns that are no field of a trajectory: all numbers of the robot in one row, and the balance of energy."""
+_RECORDED = sorted((TIME, *COLUMNS, *(c for c in RESIDUALS if c is not ENERGY)), key=lambda c: not c.dims)
+"""What is in that row: vectors, then numbers."""
 _REPEATS = 1e-11
 """Pivots of J J^T up to this, over the largest, are of linearly dependent rows."""
 _ROUNDS = 3
@@ -52,10 +52,9 @@ _CARRIES = 1e-12
 
 
 class Recording:
-    """Collects samples; each is read once, with one call of its `constraint_forces`, and dropped.
+    """Collects samples in columns filled in place; each is read once, with one call of its `constraint_forces`, and dropped.
 
     A `State` of a humanoid holds 20 kB and the closure behind its forces more: ten seconds at 1 ms would be half a gigabyte.
-    A sample is one row of numbers here, in which NaN is found in one pass.
 
     Args:
         motion: The motion simulated. Its constraints have an entry even if they never act.
@@ -66,14 +65,14 @@ class Recording:
 
     def __init__(self, motion: SimulatedMotion) -> None:
         self.motion = motion
-        self._sizes = tuple(c.row(motion.robot)[0] for c in _VECTORS)
-        self._width = sum(self._sizes) + len(_NUMBERS)
-        #: Of each sample: its numbers, the modes of its constraints, the layout of the numbers, and the balance of energy.
-        self._samples: list[tuple[Array, tuple[str, ...], RowLayout, float]] = []
-        self._layouts: dict[RowLayout, RowLayout] = {}
+        self._count, self._rows = 0, _FIRST_ROWS
+        self._columns: dict[tuple[str, str], Array] = {}
+        for constraint in motion.constraints:
+            self._put(("forces", constraint.name), zeros(0))
+            self._put(("modes", constraint.name), OPEN)
 
     def __len__(self) -> int:
-        return len(self._samples)
+        return self._count
 
     def add(self, sample: Sample) -> None:
         """Record a sample.
@@ -82,88 +81,66 @@ class Recording:
             NoSolution: one of its numbers is not finite; nothing is then recorded.
         """
         state, acting = sample.state, sample.constraint_forces()
-        numbers = [sample.t, kinetic_energy(state), potential_energy(state)]
-        numbers += [sample.motor_work, sample.elastic, sample.dissipated]
+        kinetic, potential = kinetic_energy(state), potential_energy(state)
+        vectors = [state.q, state.v, sample.a, sample.tau, momentum(state), state.com]
+        numbers = [sample.t, kinetic, potential, sample.motor_work, sample.elastic, sample.dissipated]
         numbers += [sample.law, sample.drift, sample.drift_rate, sample.penetration]
-        parts: list[Any] = [state.q, state.v, sample.a, sample.tau, momentum(state), state.com, numbers]
-        layout = []
+        row = {_WHOLE: np.concatenate([*vectors, numbers])}
         for name, x in acting.items():
-            points, forces = x.points, x.point_forces
-            parts.append(np.ravel(x.force))
-            k, f = _NO_POINTS if points is None else len(points), _NO_POINTS if forces is None else len(forces)
-            layout.append((name, len(x.force), k, f))
-            parts += [np.ravel(each) for each in (points, forces) if each is not None]
-        row = np.concatenate(parts)
-        if not is_finite(row):
-            raise NoSolution(
-                f"at t = {sample.t:.6g} s {_culprit(parts, acting)} is not finite. Try a shorter step, or softer gains."
-            )
-        known = self._layouts.setdefault(tuple(layout), tuple(layout))  # one object for all samples of the same layout
-        # One append, so that after Ctrl-C a sample is recorded whole or not at all.
-        self._samples.append(
-            (row, tuple([x.mode for x in acting.values()]), known, balance(self.motion, sample, *numbers[1:3]))
-        )
+            row["forces", name] = x.force
+            if x.points is not None:
+                row["points", name] = x.points
+                row["point_forces", name] = np.zeros_like(x.points) if x.point_forces is None else x.point_forces
+        for (field, name), value in row.items():
+            if not is_finite(value):
+                bad = (c.name for c, x in zip(_RECORDED, [*vectors, *numbers], strict=True) if not is_finite(np.asarray(x)))
+                what = next(bad, f"{field.replace('_', ' ')} of {name!r:.80}")
+                raise NoSolution(f"at t = {sample.t:.6g} s a number is not finite: {what}. Try shorter steps, or softer gains.")
+        if self._count == self._rows:
+            self._rows *= 2
+            self._columns = {place: self._room(place, column.shape[1:], column) for place, column in self._columns.items()}
+        for place, value in row.items():
+            self._put(place, value)
+        for name, x in acting.items():
+            self._put(("modes", name), x.mode)
+        self._put(_BALANCE, balance(self.motion, sample, kinetic, potential))
+        self._count += 1  # last, so that after Ctrl-C a sample is recorded whole or not at all
 
-    def arrays(self) -> dict[str, Array]:
-        """All that is one row a sample: t, q, v, a, tau, momentum, com, the energies and works, and the residuals."""
-        whole = np.array([row[: self._width] for row, *_ in self._samples])
-        ends = np.cumsum(self._sizes)
-        out = {c.name: whole[:, end - size : end] for c, size, end in zip(_VECTORS, self._sizes, ends, strict=True)}
-        kept = np.array([each[3] for each in self._samples])
-        return out | {name: whole[:, ends[-1] + k] for k, name in enumerate(_NUMBERS)} | {ENERGY.name: kept - kept[0]}
-
-    def constraints(self) -> dict[str, dict[str, Array]]:
-        """For all constraints: `forces`, `points`, `point_forces` and `modes` of a `Trajectory`.
+    def fields(self) -> dict[str, Any]:
+        """The fields of a `Trajectory` with one row a sample.
 
         Forces are padded with zeros to the largest number of rows, points with NaN and their forces with zeros where there
         were fewer; a constraint without a force is open.
         """
-        n, names = len(self), [c.name for c in self.motion.constraints]
-        rows, points, forces = dict.fromkeys(names, 0), dict.fromkeys(names, _NO_POINTS), dict.fromkeys(names, _NO_POINTS)
-        indices_of: dict[RowLayout, list[int]] = {}
-        for i, (_, _, layout, _) in enumerate(self._samples):
-            indices_of.setdefault(layout, []).append(i)
-        for layout in indices_of:
-            for name, m, k, f in layout:
-                rows[name] = max(rows.get(name, 0), m)
-                points[name] = max(points.get(name, _NO_POINTS), k)
-                forces[name] = max(forces.get(name, _NO_POINTS), f)
-        contacts = [name for name in rows if points[name] != _NO_POINTS]
-        out: dict[str, dict[str, Array]] = {
-            "forces": {name: np.zeros((n, m)) for name, m in rows.items()},
-            "points": {name: np.full((n, points[name], 3), np.nan) for name in contacts},
-            "point_forces": {name: np.zeros((n, max(points[name], forces[name]), 3)) for name in contacts},
-        }
-        modes = {name: [OPEN] * n for name in rows}
-        for layout, indices in indices_of.items():
-            self._unpack(layout, indices, out)
-            for c, (name, *_) in enumerate(layout):
-                for i in indices:
-                    modes[name][i] = self._samples[i][1][c]
-        return out | {"modes": {name: np.array(each) for name, each in modes.items()}}
+        out: dict[str, Any] = {field: {} for field in ENTRIES}
+        columns = {place: column[: self._count] for place, column in self._columns.items()}
+        whole, balanced = columns.pop(_WHOLE), columns.pop(_BALANCE)
+        ends = np.cumsum([c.size(self.motion.robot) for c in _RECORDED])
+        for c, part in zip(_RECORDED, np.split(whole, ends[:-1], axis=1), strict=True):
+            c.put(out, part if c.dims else part[:, 0])
+        ENERGY.put(out, balanced - balanced[0])
+        for (field, name), column in columns.items():
+            out[field][name] = column.astype(str) if field == "modes" else column
+        return out
 
-    def _unpack(self, layout: RowLayout, indices: list[int], out: dict[str, dict[str, Array]]) -> None:
-        """Put the numbers of samples with one layout into the arrays."""
-        block, at = np.array([self._samples[i][0][self._width :] for i in indices]), 0
-        for name, m, k, f in layout:
-            out["forces"][name][indices, :m] = block[:, at : at + m]
-            at += m
-            for what, count in (("points", k), ("point_forces", f)):
-                if count != _NO_POINTS:
-                    if name in out[what]:
-                        out[what][name][indices, :count] = block[:, at : at + 3 * count].reshape(len(indices), count, 3)
-                    at += 3 * count
+    def _put(self, place: tuple[str, str], value: Any) -> None:
+        """Write a value into the row of the next sample."""
+        column, shape = self._columns.get(place), getattr(value, "shape", ())
+        if column is None or (column.shape[1:] != shape and any(np.greater(shape, column.shape[1:]))):
+            column = self._columns[place] = self._room(place, shape, column)
+        if column.shape[1:] == shape:
+            column[self._count] = value
+        else:
+            column[self._count, *[slice(k) for k in shape]] = value
 
-
-def _culprit(parts: list[Any], acting: Mapping[str, ConstraintForce]) -> str:
-    """Which of the parts of a sample is not finite."""
-    for name, x in zip((*(c.name for c in _VECTORS), "a residual, or the energy,"), parts[: len(_VECTORS) + 1], strict=True):
-        if not is_finite(np.asarray(x)):
-            return name
-    for name, f in acting.items():
-        if not all(x is None or is_finite(np.asarray(x)) for x in (f.force, f.points, f.point_forces)):
-            return f"the force of {name!r:.80}"
-    return "a number"
+    def _room(self, place: tuple[str, str], shape: tuple[int, ...], column: Array | None) -> Array:
+        """An empty column with rows of at least a shape, and the contents of another."""
+        empty: Any = {"modes": OPEN, "points": np.nan}.get(place[0], 0.0)
+        size = shape if column is None else np.maximum(shape, column.shape[1:]).tolist()
+        out: Array = np.full((self._rows, *size), empty, object if place[0] == "modes" else float)
+        if column is not None:
+            out[tuple([slice(k) for k in column.shape])] = column
+        return out
 
 
 def least_forces(at: Snapshot, active: Array, answer: VelocityAnswer, h: float, law: str) -> Array:

@@ -30,7 +30,7 @@ from rbd.simulation.trajectory_contents import (
     for_netcdf,
     header_of,
 )
-from rbd.simulation.trajectory_fields import ENERGY, RESIDUALS, checked, table
+from rbd.simulation.trajectory_fields import ENERGY, checked, table
 from rbd.simulation.trajectory_file import a_trajectory_path, read_netcdf, read_npz, write_netcdf, write_npz
 
 if TYPE_CHECKING:
@@ -213,12 +213,9 @@ class Trajectory(Displayed):
                 recording.add(sample)
         if not len(recording):
             raise InputError("a trajectory has one sample or more; none was recorded.")
-        arrays: dict[str, Any] = {**recording.arrays(), **recording.constraints()}
-        residuals = {c.name: arrays.pop(c.name) for c in RESIDUALS}
         return cls(
             robot=motion.robot,
-            **arrays,
-            residuals=residuals,
+            **recording.fields(),
             events=tuple(events),
             absent=motion.search.absent if motion.search else (),
             integrator=integrator if isinstance(integrator, str) else repr(integrator),

@@ -6,12 +6,11 @@ A robot is stored as its source with its inertias and placements, so that a chan
 from __future__ import annotations
 
 import os
-import re
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pinocchio as pin
@@ -33,7 +32,7 @@ from rbd.robots.loop_file import beside
 from rbd.robots.robot import Robot
 from rbd.robots.travelling import given_texts, texts_of
 from rbd.simulation.simulated_motion import Event
-from rbd.simulation.trajectory_fields import COLUMNS, ENERGY, LATER, RESIDUALS, WORDS, Fields
+from rbd.simulation.trajectory_fields import ENTRIES, WORDS, FieldColumn, Fields, columns_of, keys
 from rbd.simulation.trajectory_file import checksum, listed_in, words_in
 
 if TYPE_CHECKING:
@@ -44,10 +43,15 @@ SPATIAL = [*AXES, "about_x", "about_y", "about_z"]
 NUMBERS = "robot_numbers"
 
 
-def keys(names: tuple[str, ...]) -> dict[str, str]:
-    """{constraint: its name in names of variables}: itself, if netCDF accepts it."""
-    plain = re.compile(r"(?!constraint_)[A-Za-z]\w*", re.ASCII)
-    return {name: name if plain.fullmatch(name) else f"constraint_{i}" for i, name in enumerate(names)}
+EVENT = (
+    ("time", "t", float, "s"),
+    ("constraint", "name", str, ""),
+    ("kind", "kind", str, ""),
+    ("point", "point", int, ""),
+    ("speed", "speed", float, "m/s or rad/s"),
+    ("impulse", "impulse", float, "N s or N m s"),
+)
+"""Of an event: name in a dataset, field, type, unit."""
 
 
 def header_of(fields: Fields) -> dict[str, Any]:
@@ -59,38 +63,17 @@ def header_of(fields: Fields) -> dict[str, Any]:
         "contacts": list(fields["points"]),
         "step": float(fields["step"]),
         **{word: str(fields[word]) for word in WORDS},
-        "events": [[float(e.t), e.name, e.kind, int(e.point), float(e.speed), float(e.impulse)] for e in fields["events"]],
+        "events": [[kind(getattr(e, field)) for _, field, kind, _ in EVENT] for e in fields["events"]],
         "absent": list(fields["absent"]),
         "pushed": bool(fields["pushed"]),
         **header_of_elements(fields["elements"]),
     }
 
 
-Variable: TypeAlias = tuple[str, Array, list[str], str, str]
-"""Name, array, dimensions after time, unit and meaning of a field with one row a sample."""
-
-
-def _variables(fields: Fields) -> Iterator[Variable]:
-    """All fields with one row a sample, in the order of a file."""
-    for c in COLUMNS:
-        yield c.name, fields[c.name], [c.axis] if c.axis else [], c.unit, c.meaning
-    for c in RESIDUALS:
-        yield f"residual_{c.name}", fields["residuals"][c.name], [], c.unit, c.meaning
-    for name, key in keys(tuple(fields["forces"])).items():
-        contact, force = name in fields["points"], fields["forces"][name]
-        unit = "N, then N m" if force.shape[1] == 6 else "N" if contact else "N or N m"
-        axes = ", world axes" if contact else ", by rows"
-        yield f"force_{key}", force, [f"{key}_row"], unit, f"what {name} does to the robot{axes}"
-        yield f"mode_{key}", fields["modes"][name], [], "", f"mode of {name}"
-        if contact:
-            points, forces, dims = fields["points"][name], fields["point_forces"][name], [f"{key}_point", "axis"]
-            yield f"points_{key}", points, dims, "m", f"points of {name} in W; NaN where one is not there"
-            yield f"point_forces_{key}", forces, dims, "N", f"force at each point of {name}, world axes"
-
-
 def arrays_of(fields: Fields) -> dict[str, Array]:
     """{variable: array}, one row a sample, and the robot's numbers."""
-    return {"t": fields["t"]} | {name: x for name, x, *_ in _variables(fields)} | {NUMBERS: robot_numbers(fields["robot"])}
+    columns = columns_of(list(fields["forces"]), fields["points"])
+    return {"t": fields["t"]} | {c.variable: c.of(fields) for c in columns} | {NUMBERS: robot_numbers(fields["robot"])}
 
 
 def fields_of(
@@ -103,35 +86,33 @@ def fields_of(
         ModelError: the robot's file is gone, or has changed.
     """
     names, contacts = words_in(header, "constraints"), words_in(header, "contacts")
-    key = keys(names)
     if not set(contacts) <= set(names) or not isinstance(header.get("robot"), dict):
         raise InputError("its header names contacts that are no constraints, or no robot")
 
-    def found(name: str, kind: str = "f") -> Array:
+    def found(name: str, *, words: bool = False) -> Array:
         if name not in arrays:
             raise InputError(f"it holds no {name!r:.80}")
-        if arrays[name].dtype.kind != kind:
-            raise InputError(f"{name!r:.80} is of type {arrays[name].dtype}; expected {'numbers' if kind == 'f' else 'words'}")
-        return arrays[name].astype(float) if kind == "f" else arrays[name]
+        if arrays[name].dtype.kind != ("U" if words else "f"):
+            raise InputError(f"{name!r:.80} is of type {arrays[name].dtype}; expected {'words' if words else 'numbers'}")
+        return arrays[name] if words else arrays[name].astype(float)
 
     made = robot_of(header["robot"], found(NUMBERS), folder, robot)
-    return {
+    t = found("t")
+    out: dict[str, Any] = {
         "robot": made,
         "elements": elements_in(header, made),
         "pushed": bool(header.get("pushed", False)),
-        "t": found("t"),
-        **{c.name: found(c.name) for c in COLUMNS if c.name in arrays or c.name not in LATER},
-        "residuals": {c.name: found(f"residual_{c.name}") for c in RESIDUALS if c is not ENERGY}
-        | {ENERGY.name: found(kept) if (kept := f"residual_{ENERGY.name}") in arrays else np.full(len(found("t")), np.nan)},
-        "forces": {name: found(f"force_{key[name]}") for name in names},
-        "modes": {name: found(f"mode_{key[name]}", "U") for name in names},
-        "points": {name: found(f"points_{key[name]}") for name in contacts},
-        "point_forces": {name: found(f"point_forces_{key[name]}") for name in contacts},
+        "t": t,
         "events": tuple(_event(given) for given in listed_in(header, "events")),
         "absent": words_in(header, "absent") if "absent" in header else (),
         "step": as_float(header.get("step")),
         **{word: header.get(word) for word in WORDS},
+        **{name: {} for name in ENTRIES},
     }
+    for c in columns_of(names, contacts):
+        lacks = c.missing is not None and c.variable not in arrays
+        c.put(out, np.full(len(t), c.missing) if lacks else found(c.variable, words=c.words))
+    return out
 
 
 def dataset_of(fields: Fields) -> xarray.Dataset:
@@ -141,14 +122,20 @@ def dataset_of(fields: Fields) -> xarray.Dataset:
     for name, key in keys(tuple(fields["forces"])).items():
         m = fields["forces"][name].shape[1]
         coords[f"{key}_row"] = SPATIAL[:m] if name in fields["points"] and m in (3, 6) else np.arange(m).astype(str)
-    energy: Variable = "energy", fields["kinetic"] + fields["potential"] + fields["elastic"], [], "J", "whole energy"
     variables: dict[str, Any] = {}
-    for name, x, dims, unit, meaning in [*_variables(fields), energy]:
-        variables[name] = (["time", *dims], x, {"long_name": meaning} | ({"units": unit} if unit else {}))
+    whole = FieldColumn("energy", (), "J", "whole energy")
+    values = {**fields, "energy": fields["kinetic"] + fields["potential"] + fields["elastic"]}
+    for c in [*columns_of(list(fields["forces"]), fields["points"]), whole]:
+        array = c.of(values)
+        unit = "N, then N m" if c.field == "forces" and array.shape[1] == 6 else c.unit
+        variables[c.variable] = (["time", *c.dims], array, {"long_name": c.meaning} | ({"units": unit} if unit else {}))
     about: dict[str, Any] = {"title": f"motion of {fields['robot'].name}", "step": float(fields["step"]), "rbd": VERSION}
     about |= {word: str(fields[word]) for word in WORDS}
     about["frames"] = "W, z up; forces are those on the robot; quaternions x, y, z, w"
-    return xr.Dataset(variables | _event_variables(fields["events"]), coords, about)
+    for name, field, kind, unit in EVENT:
+        column = np.array([getattr(event, field) for event in fields["events"]], kind)
+        variables[f"event_{name}"] = ("event", column, {"units": unit} if unit else {})
+    return xr.Dataset(variables, coords, about)
 
 
 def _labels(robot: CheckedModel) -> dict[str, Any]:
@@ -163,17 +150,6 @@ def _labels(robot: CheckedModel) -> dict[str, Any]:
         "position_unit": ("position", [c.unit for c in q]),
         "velocity_unit": ("velocity", [f"{c.unit}/s" for c in v]),
         "motor_unit": ("motor", np.array([FORCE_OF[c.unit] for c in tau], str)),
-    }
-
-
-def _event_variables(events: tuple[Event, ...]) -> dict[str, Any]:
-    return {
-        "event_time": ("event", np.array([e.t for e in events], float), {"units": "s"}),
-        "event_constraint": ("event", np.array([e.name for e in events], str)),
-        "event_kind": ("event", np.array([e.kind for e in events], str)),
-        "event_point": ("event", np.array([e.point for e in events], int)),
-        "event_speed": ("event", np.array([e.speed for e in events], float), {"units": "m/s or rad/s"}),
-        "event_impulse": ("event", np.array([e.impulse for e in events], float), {"units": "N s or N m s"}),
     }
 
 
@@ -225,8 +201,7 @@ def arrays_of_netcdf(header: Mapping[str, Any], dataset: xarray.Dataset) -> dict
 
 
 def _event(given: object) -> Event:
-    kinds = (float, str, str, int, float, float)
-    if not isinstance(given, list) or [type(x) for x in given] != list(kinds):
+    if not isinstance(given, list) or [type(x) for x in given] != [kind for _, _, kind, _ in EVENT]:
         raise InputError(f"an event in its header is {given!r:.80}; expected time, name, kind, point, speed, impulse")
     return Event(*given)
 

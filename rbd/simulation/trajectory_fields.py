@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import math
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias
 
@@ -20,55 +22,125 @@ Fields: TypeAlias = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class FieldColumn:
-    """A field with one row a sample.
+    """An array of a trajectory with one row a sample: a field, or one entry of a field.
 
     Attributes:
-        name: Name of the field.
-        axis: Dimension of a row: "position" (nq), "velocity" (nv), "motor" (nu), "spatial" (6), "axis" (3); empty if a
-            row is one number.
+        name: Name of the field, or of its entry.
+        dims: Dimensions of a row: "position" (nq), "velocity" (nv), "motor" (nu), "spatial" (6), "axis" (3), or one of its
+            own; none if a row is one number.
         unit: Unit of its entries; empty if each joint has a different one.
         meaning: Description.
+        field: The field that it is an entry of; empty for a field.
+        key: Its name in names of variables; empty for its own.
+        holes: Whether NaN marks what is missing.
+        words: Whether it holds words.
+        missing: What it is where a file of an earlier version lacks it; None if none does.
     """
 
     name: str
-    axis: str
+    dims: tuple[str, ...]
     unit: str
     meaning: str
+    field: str = ""
+    key: str = ""
+    holes: bool = False
+    words: bool = False
+    missing: float | None = None
 
-    def row(self, robot: CheckedModel) -> tuple[int, ...]:
-        """Shape of a row."""
-        sizes = {"position": robot.nq, "velocity": robot.nv, "motor": robot.nu, "spatial": 6, "axis": 3}
-        return (sizes[self.axis],) if self.axis else ()
+    def __str__(self) -> str:
+        return f"{self.field} of {self.name!r:.80}" if self.field else self.name
+
+    @property
+    def variable(self) -> str:
+        """Name in files and datasets."""
+        return f"{ENTRIES[self.field]}_{self.key or self.name}" if self.field else self.name
+
+    def size(self, robot: CheckedModel) -> int:
+        """Numbers in a row, where they do not depend on a constraint."""
+        return math.prod([sizes_of(robot)[dim] for dim in self.dims])
+
+    def of(self, fields: Fields) -> Any:
+        """The array among the fields."""
+        return fields[self.field][self.name] if self.field else fields[self.name]
+
+    def put(self, fields: dict[str, Any], array: Array) -> None:
+        """Set the array among the fields."""
+        if self.field:
+            fields.setdefault(self.field, {})[self.name] = array
+        else:
+            fields[self.name] = array
 
 
+def sizes_of(robot: CheckedModel) -> dict[str, int]:
+    """{dimension: its size}, of those that do not depend on constraints."""
+    return {"position": robot.nq, "velocity": robot.nv, "motor": robot.nu, "spatial": 6, "axis": 3}
+
+
+TIME = FieldColumn("t", (), "s", "time")
 COLUMNS = (
-    FieldColumn("q", "position", "", "configuration"),
-    FieldColumn("v", "velocity", "", "velocity, of a floating base in the base's axes"),
-    FieldColumn("a", "velocity", "", "acceleration, of a floating base in the base's axes"),
-    FieldColumn("tau", "motor", "", "motor torques"),
-    FieldColumn("kinetic", "", "J", "kinetic energy"),
-    FieldColumn("potential", "", "J", "potential energy, zero at the world's origin"),
-    FieldColumn("motor_work", "", "J", "work of the motors since the start of the motion"),
-    FieldColumn("elastic", "", "J", "energy stored in force elements, e.g. springs"),
-    FieldColumn("dissipated", "", "J", "work that force elements, e.g. dampers, have taken out of the motion since its start"),
-    FieldColumn("momentum", "spatial", "N s, then N m s", "linear, then angular momentum about the centre of mass, world axes"),
-    FieldColumn("com", "axis", "m", "centre of mass in W"),
+    FieldColumn("q", ("position",), "", "configuration"),
+    FieldColumn("v", ("velocity",), "", "velocity, of a floating base in the base's axes"),
+    FieldColumn("a", ("velocity",), "", "acceleration, of a floating base in the base's axes"),
+    FieldColumn("tau", ("motor",), "", "motor torques"),
+    FieldColumn("kinetic", (), "J", "kinetic energy"),
+    FieldColumn("potential", (), "J", "potential energy, zero at the world's origin"),
+    FieldColumn("motor_work", (), "J", "work of the motors since the start of the motion"),
+    FieldColumn("elastic", (), "J", "energy stored in force elements, e.g. springs", missing=0.0),
+    FieldColumn("dissipated", (), "J", "work that force elements, e.g. dampers, have taken out since its start", missing=0.0),
+    FieldColumn("momentum", ("spatial",), "N s, then N m s", "linear, then angular momentum about the centre of mass, in W"),
+    FieldColumn("com", ("axis",), "m", "centre of mass in W"),
 )
 """Fields of the robot at each time."""
-LATER = ("elastic", "dissipated")
-"""Fields that may be missing, as in files of earlier versions: then they are zero."""
-ENERGY = FieldColumn("energy", "", "J", "energy that the steps have made since the start of the motion; negative: lost")
+
+
+def _residual(name: str, unit: str, meaning: str, **more: Any) -> FieldColumn:
+    return FieldColumn(name, (), unit, meaning, "residuals", **more)
+
+
+ENERGY = _residual(
+    "energy", "J", "energy that the steps have made since the start of the motion; negative: lost", holes=True, missing=np.nan
+)
 """The residual that is NaN where it is not known."""
 RESIDUALS = (
-    FieldColumn("law", "", "1", "residual of the contact law, scaled"),
-    FieldColumn("drift", "", "m or rad", "largest position error of the bilateral constraints"),
-    FieldColumn("drift_rate", "", "m/s or rad/s", "largest velocity error of the bilateral constraints"),
-    FieldColumn("penetration", "", "m or rad", "depth of the deepest contact"),
+    _residual("law", "1", "residual of the contact law, scaled"),
+    _residual("drift", "m or rad", "largest position error of the bilateral constraints"),
+    _residual("drift_rate", "m/s or rad/s", "largest velocity error of the bilateral constraints"),
+    _residual("penetration", "m or rad", "depth of the deepest contact"),
     ENERGY,
 )
 """Residuals of each sample."""
 WORDS = ("integrator", "law", "stabilisation", "interrupted", "end_reason")
 """The fields that are text."""
+ENTRIES = {
+    "residuals": "residual", "forces": "force", "modes": "mode", "points": "points", "point_forces": "point_forces",
+}  # fmt: skip
+"""{field that has an array for each residual or constraint: beginning of their names in files}."""
+
+
+def keys(names: Sequence[str]) -> dict[str, str]:
+    """{constraint: its name in names of variables}: itself, if netCDF accepts it."""
+    plain = re.compile(r"(?!constraint_)[A-Za-z]\w*", re.ASCII)
+    return {name: name if plain.fullmatch(name) else f"constraint_{i}" for i, name in enumerate(names)}
+
+
+def columns_of(names: Sequence[str], contacts: Collection[str]) -> Iterator[FieldColumn]:
+    """All arrays of a trajectory with one row a sample but its times, in the order of a file.
+
+    Args:
+        names: Its constraints.
+        contacts: Those that have points.
+    """
+    yield from COLUMNS
+    yield from RESIDUALS
+    for name, key in keys(names).items():
+        contact, points = name in contacts, (f"{key}_point", "axis")
+        unit, axes = ("N", "world axes") if contact else ("N or N m", "by rows")
+        yield FieldColumn(name, (f"{key}_row",), unit, f"what {name} does to the robot, {axes}", "forces", key)
+        yield FieldColumn(name, (), "", f"mode of {name}", "modes", key, words=True)
+        if contact:
+            there = f"points of {name} in W; NaN where one is not there"
+            yield FieldColumn(name, points, "m", there, "points", key, holes=True)
+            yield FieldColumn(name, points, "N", f"force at each point of {name}, world axes", "point_forces", key)
 
 
 def checked(fields: Fields) -> dict[str, Any]:
@@ -81,34 +153,32 @@ def checked(fields: Fields) -> dict[str, Any]:
     if not isinstance(robot, CheckedModel):
         raise InputError(f"robot of a trajectory is {robot!r:.80}; expected a robot.")
     n = np.size(fields["t"])
-    times = kept("t", fields["t"], (n,))
+    times = _checked_array(TIME, fields["t"], [n])
     if not n or not (np.diff(times) > 0.0).all():
         raise InputError(f"t of a trajectory is {times[:6]}; expected one or more times, increasing.")
-    out: dict[str, Any] = {**fields, "t": times}
-    for c in COLUMNS:
-        missing = c.name in LATER and not np.size(fields[c.name])
-        out[c.name] = kept(c.name, np.zeros(n) if missing else fields[c.name], (n, *c.row(robot)))
-    out["elements"] = tuple(fields["elements"])
-    if not all(is_element(each) for each in out["elements"]):
-        raise InputError("elements of a trajectory must be force elements, as of rbd.constraints.forces.")
     names, residuals = [c.name for c in RESIDUALS], fields["residuals"]
     if sorted(residuals) != sorted(names):
         raise InputError(f"residuals are {', '.join(map(str, residuals)):.80}; expected {', '.join(names)}.")
-    out["residuals"] = {name: kept(f"residual {name!r}", residuals[name], (n,), holes=name == ENERGY.name) for name in names}
     if list(fields["modes"]) != list(fields["forces"]) or list(fields["point_forces"]) != list(fields["points"]):
         raise InputError("forces and modes, points and point_forces must name the same constraints in the same order.")
     if not set(fields["points"]) <= set(fields["forces"]):
         raise InputError("points name contacts that have no forces.")
-    out["forces"] = {name: kept(f"force of {name!r:.80}", x, (n, None)) for name, x in fields["forces"].items()}
-    out["modes"] = {name: kept_words(name, x, n) for name, x in fields["modes"].items()}
-    out["points"] = {name: kept(f"points of {name!r:.80}", x, (n, None, 3), holes=True) for name, x in fields["points"].items()}
-    forces = {name: (fields["point_forces"][name], x.shape) for name, x in out["points"].items()}
-    out["point_forces"] = {name: kept(f"point forces of {name!r:.80}", x, shape) for name, (x, shape) in forces.items()}
-    out["events"] = tuple(fields["events"])
-    if any(not isinstance(e, Event) for e in out["events"]):
+    out: dict[str, Any] = {**fields, "t": times, **{name: {} for name in ENTRIES}}
+    sizes = sizes_of(robot)
+    for c in columns_of(list(fields["forces"]), fields["points"]):
+        value = c.of(fields)
+        if c.missing is not None and not np.size(value):
+            value = np.full(n, c.missing)
+        array = _checked_array(c, value, [n, *[sizes.get(dim) for dim in c.dims]])
+        sizes.update(zip(c.dims, array.shape[1:], strict=True))
+        c.put(out, array)
+    for name in ("elements", "events", "absent"):
+        out[name] = tuple(fields[name])
+    if not all(is_element(each) for each in out["elements"]):
+        raise InputError("elements of a trajectory must be force elements, as of rbd.constraints.forces.")
+    if not all(isinstance(each, Event) for each in out["events"]):
         raise InputError("events of a trajectory must be rbd.simulation Events.")
-    out["absent"] = tuple(fields["absent"])
-    if any(not isinstance(name, str) for name in out["absent"]):
+    if not all(isinstance(each, str) for each in out["absent"]):
         raise InputError(f"absent of a trajectory is {fields['absent']!r:.80}; expected names of events.")
     for word in WORDS:
         if not isinstance(fields[word], str):
@@ -117,46 +187,38 @@ def checked(fields: Fields) -> dict[str, Any]:
         out["end_reason"] = Reason(fields["end_reason"])
     except ValueError:
         raise InputError(f"end_reason of a trajectory is {fields['end_reason']!r:.80}; expected a rbd.errors.Reason.") from None
-    if not as_float(fields["step"]) >= 0.0 or as_float(fields["step"]) == np.inf:
+    if not 0.0 <= as_float(fields["step"]) < np.inf:
         raise InputError(f"step of a trajectory is {fields['step']!r:.80}; expected seconds.")
     return out
 
 
-def kept(what: str, value: Array, shape: Sequence[int | None], *, holes: bool = False) -> Array:
-    """A read-only float array of this shape: itself, if it is one.
+def _checked_array(column: FieldColumn, value: Array, shape: Sequence[int | None]) -> Array:
+    """A read-only array of a column, with this shape: itself, if it is one.
 
     Args:
-        what: Its name, for messages.
-        value: The numbers.
+        column: The column.
+        value: The numbers, or words.
         shape: Its sizes; None takes any.
-        holes: Whether NaN marks missing entries.
 
     Raises:
         InputError: another shape, or numbers that are not finite.
     """
+    if column.words:
+        out = np.array(value) if not isinstance(value, np.ndarray) or value.flags.writeable else value
+        if out.dtype.kind != "U" or out.shape != tuple(shape):
+            raise InputError(f"{column} are {out.dtype} of shape {out.shape}; expected {shape[0]} words.")
+        out.flags.writeable = False
+        return out
     out = value
     if type(value) is not np.ndarray or value.dtype != float or value.flags.writeable:
-        out = as_array(f"{what} of a trajectory", value)
+        out = as_array(f"{column} of a trajectory", value)
         out.flags.writeable = False
     if len(out.shape) != len(shape) or any(k is not None and k != m for k, m in zip(shape, out.shape, strict=True)):
         sizes = ", ".join("any" if k is None else str(k) for k in shape)
-        raise InputError(f"{what} of a trajectory has shape {out.shape}; expected ({sizes}).")
-    bad = np.isinf(out) if holes else ~np.isfinite(out)
+        raise InputError(f"{column} of a trajectory: shape {out.shape}; expected ({sizes}).")
+    bad = np.isinf(out) if column.holes else ~np.isfinite(out)
     if bad.any():
-        raise InputError(f"{what} of a trajectory is not finite in sample {int(np.argwhere(bad)[0, 0])}.")
-    return out
-
-
-def kept_words(name: str, value: Array, n: int) -> Array:
-    """A read-only array of n strings.
-
-    Raises:
-        InputError: if it is not.
-    """
-    out = np.array(value) if not isinstance(value, np.ndarray) or value.flags.writeable else value
-    if out.dtype.kind != "U" or out.shape != (n,):
-        raise InputError(f"modes of {name!r:.80} are {out.dtype} of shape {out.shape}; expected {n} words.")
-    out.flags.writeable = False
+        raise InputError(f"{column} of a trajectory: not finite in sample {int(np.argwhere(bad)[0, 0])}.")
     return out
 
 

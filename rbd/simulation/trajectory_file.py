@@ -9,13 +9,10 @@ from __future__ import annotations
 import hashlib
 import io
 import json
-import math
 import os
-import struct
 import zipfile
 import zlib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -36,9 +33,6 @@ FREE, TIMES = 16_000_000, 64
 """Limit of the unpacked bytes: a constant, and a multiple of the file's size; real motions do not compress further."""
 OBJECTS = 100_000
 """Limit of the entries in a header: this number, and one more for each byte of the file."""
-_TYPES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 4, 6: 8}
-"""Bytes of the types of netCDF 3: byte, char, short, int, float, double."""
-_DIMENSIONS, _VARIABLES, _ATTRIBUTES = 10, 11, 12
 INVALID_BYTES = (
     zipfile.BadZipFile,
     zlib.error,
@@ -96,17 +90,12 @@ def read_npz(path: Path) -> tuple[dict[str, Any], dict[str, Array]]:
     """
     data = _bytes(path)
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = npz_members(archive, len(data))
-            if HEADER not in members:
-                raise InputError(_foreign(path, f"it holds {', '.join(sorted(members))[:200] or 'nothing'}"))
-            header = _header(path, str(_array(archive, members.pop(HEADER))), len(data))
-            arrays = {name: _array(archive, member) for name, member in members.items()}
+        arrays = _members(data, "fU")
     except INVALID_BYTES as error:
-        if isinstance(error, InputError):
-            raise
         raise InputError(_foreign(path, f"{error or type(error).__name__}"[:200])) from error
-    return header, arrays
+    if HEADER not in arrays:
+        raise InputError(_foreign(path, f"it holds {', '.join(sorted(arrays))[:200] or 'nothing'}"))
+    return _header(path, str(arrays.pop(HEADER)), len(data)), arrays
 
 
 def npz_arrays(path: Path) -> dict[str, Array]:
@@ -117,12 +106,42 @@ def npz_arrays(path: Path) -> dict[str, Array]:
     """
     data = _bytes(path)
     try:
-        with zipfile.ZipFile(io.BytesIO(data)) as archive:
-            members = npz_members(archive, len(data), kinds="fiuU")
-            return {name: _array(archive, member) for name, member in members.items()}
+        return _members(data, "fiuU")
     except INVALID_BYTES as error:
         why = str(error)[:200] or type(error).__name__
         raise InputError(f"{path.name} is no .npz with arrays of numbers: {why}") from error
+
+
+def _members(data: bytes, kinds: str) -> dict[str, Array]:
+    """{name: array} of an .npz, of types of these kinds.
+
+    Raises:
+        ValueError: other types, or more data than such a file can contain; and others of `INVALID_BYTES`.
+    """
+    with zipfile.ZipFile(io.BytesIO(data)) as archive:
+        infos = archive.infolist()
+        total, most = sum(info.file_size for info in infos), FREE + TIMES * len(data)
+        if total > most:
+            raise ValueError(f"it says that it holds {total:,} bytes; a file of {len(data):,} bytes may hold {most:,} at most")
+        arrays = {info.filename.removesuffix(".npy"): _array(archive, info, kinds) for info in infos}
+    if len(arrays) != len(infos):
+        raise ValueError("two of its arrays have one name")
+    return arrays
+
+
+def _array(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: str) -> Array:
+    """An array of an .npz. NumPy reads it piece by piece: what is not there takes no memory."""
+    with archive.open(info) as file:
+        try:
+            out: Array = npy.read_array(file, allow_pickle=False)
+        except ValueError as error:
+            raise ValueError(f"{info.filename!r:.80}: {error}") from error
+        rest = file.read(1)  # at the end the checksum is compared
+    if out.dtype.kind not in kinds or not out.dtype.itemsize or rest:
+        raise ValueError(f"{info.filename!r:.80} is an array of {out.dtype}, or longer than it says")
+    if out.dtype.kind == "U":
+        out.tolist()  # raises on invalid characters
+    return out
 
 
 def write_netcdf(path: Path, header: Mapping[str, Any], dataset: xarray.Dataset) -> None:
@@ -139,8 +158,7 @@ def read_netcdf(path: Path) -> tuple[dict[str, Any], xarray.Dataset]:
     """Header and dataset from a file of `write_netcdf`; errors as `read_npz`."""
     xarray, data = xarray_or_error(), _bytes(path)
     try:
-        check_netcdf(data)
-        dataset = xarray.load_dataset(io.BytesIO(data), engine="scipy", decode_cf=False)
+        dataset = xarray.load_dataset(BytesReadOnce(data), engine="scipy", decode_cf=False)
         text = dataset.attrs.get(HEADER)
     except Exception as error:  # SciPy's reader can raise any exception on invalid bytes
         raise InputError(_foreign(path, f"{error or type(error).__name__}"[:200])) from error
@@ -165,19 +183,6 @@ def _bytes(path: Path) -> bytes:
         raise InputError(f"{str(path)!r:.200} is larger than the memory.") from None
 
 
-def _array(archive: zipfile.ZipFile, member: ArchiveMember) -> Array:
-    with archive.open(member.info) as file:
-        file.read(member.start)
-        data = file.read()  # to the end, where the checksum is compared
-    if len(data) != member.size:
-        raise ValueError(f"{member.info.filename!r:.80} is cut short")
-    shape, kind = member.shape, member.kind
-    out = np.frombuffer(data, kind).reshape(shape, order="F" if member.by_columns else "C") if data else np.zeros(shape, kind)
-    if kind.kind == "U":
-        out.tolist()  # raises on invalid characters
-    return out
-
-
 def _header(path: Path, text: str, file_size: int) -> dict[str, Any]:
     try:
         check_header(text, file_size)
@@ -198,73 +203,28 @@ def _foreign(path: Path, what: str) -> str:
     return f"{path.name} is no trajectory, or an incomplete one: {what}. Expected what Trajectory.save(path) writes."
 
 
-@dataclass(frozen=True)
-class ArchiveMember:
-    """An array of an .npz, as described by its header.
+class BytesReadOnce(io.BytesIO):
+    """A file in memory, of which no more is read than twice its size: variables of a netCDF file can claim the same bytes.
 
-    Attributes:
-        info: Its entry in the archive.
-        shape: Shape of the array.
-        by_columns: Whether it is stored in Fortran's order.
-        kind: Its type, numbers or text.
-        start: Where its data begin in the member [bytes].
-        size: Size of its data [bytes].
+    Args:
+        data: Its contents.
     """
 
-    info: zipfile.ZipInfo
-    shape: tuple[int, ...]
-    by_columns: bool
-    kind: np.dtype[np.generic]
-    start: int
-    size: int
+    def __init__(self, data: bytes) -> None:
+        super().__init__(data)
+        self._left = 2 * len(data)
 
+    def read(self, size: int | None = -1) -> bytes:
+        """The next bytes.
 
-def npz_members(archive: zipfile.ZipFile, file_size: int, kinds: str = "fU") -> dict[str, ArchiveMember]:
-    """{array: its description}; only the first bytes of each member are unpacked.
-
-    Raises:
-        ValueError: sizes that do not agree, types that are neither numbers nor text, more data than such a file can contain.
-    """
-    infos = archive.infolist()
-    _check_total(sum(info.file_size for info in infos), file_size)
-    members = {info.filename.removesuffix(".npy"): _member(archive, info, kinds) for info in infos}
-    if len(members) != len(infos):
-        raise ValueError("two of its arrays have one name")
-    return members
-
-
-def _member(archive: zipfile.ZipFile, info: zipfile.ZipInfo, kinds: str) -> ArchiveMember:
-    with archive.open(info) as file:
-        version = npy.read_magic(file)
-        read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}.get(version)
-        if read is None:
-            raise ValueError(f"{info.filename!r:.80} is an array of version {version}")
-        shape, by_columns, kind = read(file)
-        start = file.tell()
-    size = math.prod(shape) * kind.itemsize
-    if kind.hasobject or kind.kind not in kinds or any(k < 0 for k in shape) or start + size != info.file_size:
-        raise ValueError(f"{info.filename!r:.80} says that it is {kind} of shape {shape}, which it is not")
-    return ArchiveMember(info, shape, by_columns, kind, start, size)
-
-
-def check_netcdf(data: bytes) -> None:
-    """Refuse a netCDF 3 file whose variables together are larger than the file: several would overlap.
-
-    Raises:
-        ValueError: if so, or if the bytes are no such file.
-    """
-    if data[:3] != b"CDF" or data[3:4] not in (b"\x01", b"\x02"):
-        raise ValueError("it does not begin as netCDF 3 does")
-    reader = _Reader(data)
-    records = reader.number()
-    lengths = [reader.dimension() for _ in range(reader.count(_DIMENSIONS))]
-    reader.attributes()
-    total = 0
-    for _ in range(reader.count(_VARIABLES)):
-        shape, width = reader.variable(lengths, long=data[3] == 2)
-        total += math.prod(records if i == 0 and k == 0 else k for i, k in enumerate(shape)) * width
-        if total > len(data):
+        Raises:
+            ValueError: the file has been read twice.
+        """
+        out = super().read(size)
+        self._left -= len(out)
+        if self._left < 0:
             raise ValueError("its variables are larger than the file")
+        return out
 
 
 def check_header(text: str, file_size: int) -> None:
@@ -276,12 +236,6 @@ def check_header(text: str, file_size: int) -> None:
     most = OBJECTS + file_size
     if sum(text.count(mark) for mark in ",[{:") > most:
         raise ValueError(f"its header has more than {most:,} entries")
-
-
-def _check_total(total: int, file_size: int) -> None:
-    most = FREE + TIMES * file_size
-    if total > most:
-        raise ValueError(f"it says that it holds {total:,} bytes; a file of {file_size:,} bytes may hold {most:,} at most")
 
 
 def checksum(header: Mapping[str, Any], arrays: Mapping[str, Array]) -> str:
@@ -311,72 +265,3 @@ def words_in(header: Mapping[str, Any], what: str) -> tuple[str, ...]:
     if not all(isinstance(word, str) and word for word in value) or len(set(value)) != len(value):
         raise InputError(f"{what} in its header are {value!r:.80}; expected different words")
     return tuple(value)
-
-
-class _Reader:
-    """The header of a netCDF 3 file, item after item; everything in it is padded to four bytes."""
-
-    def __init__(self, data: bytes) -> None:
-        self._data, self._at = data, 4
-
-    def number(self) -> int:
-        """A whole number from 0."""
-        return self._unpacked(">I", 4)
-
-    def count(self, kind: int) -> int:
-        """Number of dimensions, variables or attributes that follow."""
-        tag, count = self.number(), self.number()
-        if tag != (kind if count else tag) or tag not in (0, kind) or 4 * count > len(self._data):
-            raise ValueError("its header is damaged")
-        return count
-
-    def dimension(self) -> int:
-        """Length of a dimension; zero for the unlimited one."""
-        self._name()
-        return self.number()
-
-    def attributes(self) -> None:
-        """Skip attributes."""
-        for _ in range(self.count(_ATTRIBUTES)):
-            self._name()
-            width = self._width()
-            self._skip(self.number() * width)
-
-    def variable(self, lengths: list[int], *, long: bool) -> tuple[list[int], int]:
-        """(shape, bytes of an entry) of a variable."""
-        self._name()
-        ids = [self.number() for _ in range(self._few(self.number()))]
-        self.attributes()
-        width = self._width()
-        self._skip(12 if long else 8)  # its size, which readers ignore, and its offset
-        try:
-            return [lengths[i] for i in ids], width
-        except IndexError:
-            raise ValueError("a variable has a dimension that is not there") from None
-
-    def _name(self) -> None:
-        self._skip(self.number())
-
-    def _width(self) -> int:
-        kind = self.number()
-        if kind not in _TYPES:
-            raise ValueError(f"it holds numbers of the type {kind}, which netCDF 3 has not")
-        return _TYPES[kind]
-
-    def _few(self, count: int) -> int:
-        if count > 32:
-            raise ValueError(f"a variable has {count} dimensions")
-        return count
-
-    def _skip(self, size: int) -> None:
-        self._at += -(-size // 4) * 4
-        if self._at > len(self._data):
-            raise ValueError("its header is cut short")
-
-    def _unpacked(self, form: str, size: int) -> int:
-        try:
-            value = struct.unpack_from(form, self._data, self._at)[0]
-        except struct.error:
-            raise ValueError("its header is cut short") from None
-        self._at += size
-        return int(value)

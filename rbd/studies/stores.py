@@ -25,7 +25,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError, StudyStopped
 from rbd.model.output_files import check_place, write_file
 from rbd.modules import xarray_or_error, zarr_or_error
-from rbd.simulation.trajectory_file import check_netcdf
+from rbd.simulation.trajectory_file import BytesReadOnce
 from rbd.studies.dataset import LAYOUT, block_of, empty_dataset, filled, netcdf, outcome_of, restored
 from rbd.studies.outputs.fields import REASON, Block, joined
 from rbd.studies.outputs.layout import Layout
@@ -414,9 +414,7 @@ def read(path: Path) -> xarray.Dataset:
         if not path.exists() and folder.is_dir():
             found = _read_part(folder / OF)
         elif path.suffix == NETCDF:
-            data = path.read_bytes()
-            check_netcdf(data)
-            found = xarray.load_dataset(io.BytesIO(data), engine="scipy", decode_times=False)
+            found = xarray.load_dataset(BytesReadOnce(path.read_bytes()), engine="scipy", decode_times=False)
         else:
             format_of(json.loads((path / "zarr.json").read_bytes())["attributes"], str(path))
             found = xarray.open_zarr(path, chunks=None, consolidated=True)

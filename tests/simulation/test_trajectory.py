@@ -96,17 +96,12 @@ def test_what_is_not_finite_stops_the_recording():
         assert len(kept) == 2 and kept.forces["floor"].shape == (2, 3)
 
 
-def test_the_culprit_is_named_where_there_is_one():
-    """The force of the constraint that is not finite; of forces whose squares only together are too large, none alone."""
+def test_the_culprit_is_named():
+    """The force of the constraint that is not finite."""
     motion, moments, _ = falling(n=2)
-    large = ConstraintForce(np.array([0.0, 0.0, 1.2e154]), "sticks")  # 1.44e308 squared; the largest number is 1.80e308
-    for stop, told in (
-        (ConstraintForce(np.array([np.nan]), "pushes"), r"at t = 0 s the force of 'stop' is not finite"),
-        (large, "at t = 0 s a number is not finite"),
-    ):
-        bad = dataclasses.replace(moments[0], constraint_forces=lambda stop=stop: {"floor": large, "stop": stop})
-        with pytest.raises(rbd.NoSolution, match=told):
-            Recording(motion).add(bad)
+    forces = {"floor": ConstraintForce(np.ones(3), "sticks"), "stop": ConstraintForce(np.array([np.nan]), "pushes")}
+    with pytest.raises(rbd.NoSolution, match="at t = 0 s a number is not finite: forces of 'stop'"):
+        Recording(motion).add(dataclasses.replace(moments[0], constraint_forces=lambda: forces))
 
 
 def test_an_integrator_may_use_its_arrays_again():

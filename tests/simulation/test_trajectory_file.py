@@ -262,7 +262,7 @@ def test_an_archive_of_something_else_is_refused(fall: Trajectory, tmp_path: Pat
     def changed(**entries: object) -> np.ndarray:
         return np.array(json.dumps({k: v for k, v in (header | entries).items() if v is not None}))
 
-    refused("says that it is object", header=np.array({"format": 1}, dtype=object))
+    refused("'header.npy': Object arrays cannot be loaded", header=np.array({"format": 1}, dtype=object))
     refused("its header is", header=np.array("{"))
     refused("its header is", header=np.array("[" * 100_000))
     refused("format 2; this rbd reads format 1", header=changed(version=2))
@@ -285,14 +285,14 @@ def test_an_archive_of_something_else_is_refused(fall: Trajectory, tmp_path: Pat
 
 
 def test_an_array_of_another_version_is_refused(fall: Trajectory, tmp_path: Path):
-    """NumPy writes version 3.0 for names of columns that are no ASCII, which no trajectory has."""
+    """Version 3.0 of NumPy has a longer length of the header, which is not there."""
     path = tmp_path / "x.npz"
     fall.save(path)
     with zipfile.ZipFile(path) as archive:
         members = {name.removesuffix(".npy"): archive.read(name) for name in archive.namelist()}
     assert members["t"][:8] == b"\x93NUMPY\x01\x00"
     npz_with(path, members | {"t": b"\x93NUMPY\x03\x00" + members["t"][8:]})
-    with pytest.raises(rbd.InputError, match=r"no trajectory.*'t.npy' is an array of version \(3, 0\)"):
+    with pytest.raises(rbd.InputError, match=r"no trajectory.*'t.npy': EOF: reading array header"):
         Trajectory.load(path, fall.robot)
 
 
@@ -309,7 +309,7 @@ def test_an_array_that_is_shorter_than_its_archive_says_is_refused(fall: Traject
     assert data[at : at + 4] == b"PK\x01\x02"
     assert int.from_bytes(data[at + 24 : at + 28], "little") == whole - 16
     path.write_bytes(data[: at + 24] + whole.to_bytes(4, "little") + data[at + 28 :])
-    with pytest.raises(rbd.InputError, match=r"no trajectory.*'kinetic.npy' is cut short"):
+    with pytest.raises(rbd.InputError, match=r"no trajectory.*'kinetic.npy': EOF: reading array data"):
         Trajectory.load(path, fall.robot)
 
 
