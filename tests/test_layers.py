@@ -154,7 +154,7 @@ def test_only_one_file_knows_proxsuite():
 def test_only_one_file_calls_the_optimisers():
     """Each program is posed within the limits of `programs.py`; the root of one number needs none, a checker trusts no one."""
     users = {module for module, path in MODULES.items() if "scipy.optimize import" in path.read_text()}
-    assert users == {"problem.programs", "mechanism.continuation", "testing.solver_check"}
+    assert users == {"problem.programs", "mechanism.continuation", "simulation.events", "testing.solver_check"}
 
 
 def test_the_algebra_knows_no_pinocchio():

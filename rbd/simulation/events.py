@@ -1,7 +1,7 @@
 """`StateEvent`, a function of the state whose zeros a simulation finds; `Switch`; and the search for the zeros.
 
 A function's *side* is its last sign other than zero. A zero is found where the sign at the end of an interval is not that of
-the side: its time by Chandrupatla's method [Chandrupatla1997], which brackets the zero and does not need derivatives, to
+the side: its time by Brent's method [Brent1973], chapter 4, which brackets the zero and does not need derivatives, to
 1e-12 s or the rounding of times. An interval of time steps ends at each touch: a function that would have passed zero within
 the rounding of the touch's time, as the height of the point that touches, is zero there; then the state jumps by the impact.
 """
@@ -15,6 +15,7 @@ from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
+from scipy.optimize import brentq
 
 from rbd.arrays import Array, as_float
 from rbd.control.schedules import INSTANT
@@ -297,7 +298,8 @@ SOON = 1e-4
 """Zeros nearer to each other than this, over the time between samples: two such intervals in a row are chatter."""
 _WINDOW, _MOST = 10, 8
 """Chatter as well: so many steps looked back upon, and at least so many zeros in them."""
-_ROUNDS = 100
+ROUNDING = 4.0 * float(np.finfo(float).eps)
+"""Error of the time of a zero, over the time, if that is larger."""
 
 
 @dataclass(frozen=True)
@@ -522,43 +524,10 @@ class EventSearch:
         event, zero = course.event, course.event.zero
         if side * value_b > zero:
             return b  # zero within the rounding of a touch
-        cache: dict[float, float] = {a: side * value_a - zero, b: side * value_b - zero}
+        known = {a: side * value_a - zero, b: side * value_b - zero}
 
         def off(t: float) -> float:
-            if t not in cache:
-                cache[t] = side * event.value(at(t), t) - zero
-            return cache[t]
+            return known[t] if t in known else side * event.value(at(t), t) - zero
 
-        found = bracketed_zero(off, a, b, max(FOUND, 4.0 * float(np.finfo(float).eps) * abs(b)))
+        found = brentq(off, a, b, xtol=FOUND, rtol=ROUNDING, maxiter=1000)
         return max(found, float(np.nextafter(a, np.inf)))  # the interval begins with a sample
-
-
-def bracketed_zero(f: Callable[[float], float], a: float, b: float, within: float) -> float:
-    """The zero of a function in an interval, to a tolerance: inverse quadratic interpolation, or bisection [Chandrupatla1997].
-
-    Args:
-        f: Positive at a, zero or negative at b.
-        a: Beginning of the interval.
-        b: Its end.
-        within: Error of the zero.
-    """
-    x0, x1, f0, f1 = a, b, f(a), f(b)
-    x2, f2, t = x0, f0, 0.5
-    for _ in range(_ROUNDS):
-        best = x1 if abs(f1) < abs(f0) else x0
-        share = 0.5 * within / max(abs(x1 - x0), within)
-        if share >= 0.5 or f1 == 0.0 or f0 == 0.0:
-            return best
-        x = x0 + min(max(t, share), 1.0 - share) * (x1 - x0)
-        fx = f(x)
-        if (fx > 0.0) == (f0 > 0.0):
-            x2, f2, x0, f0 = x0, f0, x, fx
-        else:
-            x2, f2, x1, f1, x0, f0 = x1, f1, x0, f0, x, fx
-        # x0 is the last point, x1 the other side of the bracket, x2 the point before
-        ratio, slope = (x0 - x1) / (x2 - x1), (f0 - f1) / (f2 - f1) if f2 != f1 else 0.5
-        if slope * slope < ratio and (1.0 - slope) ** 2 < 1.0 - ratio:
-            t = f0 / (f1 - f0) * f2 / (f1 - f2) + (x2 - x0) / (x1 - x0) * f0 / (f2 - f0) * f1 / (f2 - f1)
-        else:
-            t = 0.5
-    return x1 if abs(f1) < abs(f0) else x0
