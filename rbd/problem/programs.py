@@ -78,8 +78,6 @@ CERTIFICATE_LEFT_OUT = 300
 """Linear programs that may be solved in all to see which members of a contradiction can be left out."""
 CERTIFICATE_CUTS = 30
 """Rounds of refinement of circular cones in a contradiction."""
-VIOLATION_CUTS = 40
-"""Rounds of refinement of circular cones in the least violation."""
 MODE_NODES = 5000
 """Nodes of the tree of contact modes of points that already slide."""
 MODE_WORK = 5e9

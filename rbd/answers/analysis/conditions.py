@@ -13,7 +13,8 @@ Rows in the units they are given in, W a diagonal of weights. Its dual is a prog
     minimise 1/2 |W^-1 f|^2 + f . offset     subject to     J^T f = 0 ,
 
 so that the violation is itself a proof that there is no answer (see `rbd.answers.analysis.infeasibility`), and J^T f = 0, c + s
-in K*, f . (c + s) = 0 together prove that no violation is smaller. These are checked; the QP solver's status is not used.
+in K*, f . (c + s) = 0 together prove that no violation is smaller. `rbd.solvers.conic_newton` solves it; `Conic.miss` checks
+these, whatever the solver says.
 """
 
 from __future__ import annotations
@@ -24,19 +25,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import RANK, Array, as_array, block_diagonal, max_abs, null_space
+from rbd.arrays import Array, as_array, block_diagonal, max_abs
 from rbd.errors import InputError, nearest
 from rbd.problem.cones import project_cones
+from rbd.problem.conic import Conic
 from rbd.problem.force_set import Element, ForceSet
 from rbd.problem.gauss_problem import GaussProblem, Law
-from rbd.problem.programs import QP_WORK, VIOLATION_CUTS, Work, least_distance
-from rbd.problem.residuals import ENOUGH
 from rbd.problem.rows import Rows
-from rbd.solvers import qp
+from rbd.solvers.conic_newton import solve_conic
 
 ROUNDING = 1e-11
 """A violation up to this, over max(1, |offset|), counts as none."""
-_EXACT = 1e-12  # scaled residuals up to this are not improved further
 
 
 @dataclass(frozen=True)
@@ -70,9 +69,9 @@ class RoundCondition:
     b: Array
     mu: float
 
-    def sunk(self, a: Array, more: Array | float = 0.0) -> Array:
+    def sunk(self, a: Array) -> Array:
         """The force in the friction cone with negative power on y: its norm is y's distance to the dual cone, shape (3,)."""
-        return project_cones(-(self.A @ a + self.b + more)[None], np.array([self.mu]))[0]
+        return project_cones(-(self.A @ a + self.b)[None], np.array([self.mu]))[0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +105,6 @@ class Conditions:
         """The conditions of some members."""
         rounds = tuple(r for r in self.rounds if r.member in kept)
         return replace(self._of(np.isin(self.member, list(kept))), rounds=rounds)
-
-    def thinned(self, carries: Array) -> Conditions:
-        """Without the inactive rays of circular cones that have active ones; `carries` has shape (k,)."""
-        busy = [c.member for c in self.rounds if carries[self.member == c.member].any()]
-        return self._of(carries | ~np.isin(self.member, busy))
 
     def _of(self, at: Array) -> Conditions:
         return replace(
@@ -223,24 +217,24 @@ def smallest_violation(P: GaussProblem, law: Law, weights: Array | None = None) 
         weights: Diagonal of W, shape (m,); ones if not given.
     """
     W = np.ones(P.m) if weights is None else weights
-    asked = conditions_of(P, law).fan()
-    best, stuck, work = None, 0, Work(QP_WORK)
-    for _ in range(VIOLATION_CUTS if asked.rounds else 1):
-        found = _LeastSquares(asked, W).solved(work)
-        stuck = 0 if best is None or found.miss < 0.5 * best.miss else stuck + 1
-        best = found if best is None or found.miss < best.miss else best
-        worse: list[tuple[RoundCondition, Array]] = []
-        for c in asked.rounds:
-            sunk = c.sunk(found.a, found.s @ c.force)
-            if (length := float(np.linalg.norm(sunk))) > _EXACT * found.rate:
-                worse.append((c, sunk / length))
-        if not worse or best.miss <= ENOUGH or stuck > 15 or work.left < 0.0:
-            break
-        asked = asked.thinned(found.carries).with_rays(worse)
-    assert best is not None
-    if max_abs(best.s) <= ROUNDING * best.rate:
-        return np.zeros(P.m), best.miss
-    return np.where(np.abs(best.s) > 1e-15 * best.rate, best.s, 0.0), best.miss
+    asked = conditions_of(P, law)
+    rate, k = max(1.0, max_abs(P.offset)), len(asked.b)
+    F = np.hstack([asked.force, *[c.force for c in asked.rounds]])
+    G = F / W[:, None]
+    n = F.shape[1]
+    lower = np.full(n, -math.inf)
+    lower[:k] = np.where(asked.holds, -math.inf, 0.0)
+    mu = np.array([c.mu for c in asked.rounds])
+    b = np.concatenate([asked.b, *[c.b for c in asked.rounds]]) / rate
+    program = Conic.of(
+        G.T @ G, b, np.vstack([asked.A, *[c.A for c in asked.rounds]]).T, np.zeros(P.nv), lower, np.full(n, math.inf),
+        np.arange(k, n).reshape(-1, 3), mu,
+    )  # fmt: skip
+    found = solve_conic(program)
+    s = rate * (G @ found.x) / W
+    if max_abs(s) <= ROUNDING * rate:
+        return np.zeros(P.m), found.miss
+    return np.where(np.abs(s) > 1e-15 * rate, s, 0.0), found.miss
 
 
 def row_weights(P: GaussProblem, given: Mapping[str, float | Array] | None) -> Array:
@@ -273,98 +267,3 @@ def relaxed(P: GaussProblem, s: Array) -> GaussProblem:
 
 def _relaxed(r: Rows, s: Array) -> Rows:
     return replace(r, feedback=r.feedback + s) if s.any() else r
-
-
-class _LeastSquares:
-    """Least squares over polyhedral conditions: minimise 1/2 z^T H z + b . z over A^T z = 0, z >= 0 where y >= 0 is required.
-
-    H = F^T W^-2 F, and s = W^-2 F z; the multipliers of A^T z = 0 are a motion a with y = A a + F^T s + b.
-
-    Attributes:
-        s: The violation, shape (m,).
-        a: A motion with it, shape (nv,).
-        carries: Which conditions have a nonzero multiplier, shape (k,).
-        rate: max(1, |b|).
-        flat: Largest residual of the scalar conditions, over `rate`.
-    """
-
-    def __init__(self, C: Conditions, weights: Array) -> None:
-        self.C, self.rate = C, max(1.0, max_abs(C.b))
-        self.G = C.force / weights[:, None]  # G z = W s
-        self.weights = weights
-        self.H = self.G.T @ self.G
-        U, S, Vt = np.linalg.svd(C.A, full_matrices=False)
-        kept = S > RANK * max(float(S.max(initial=0.0)), 1e-300)
-        self.U, self.to_a = U[:, kept], Vt[kept].T / S[kept]
-        self._keep(np.zeros(len(C.b)), -np.linalg.lstsq(C.A, C.b)[0] if len(C.b) else np.zeros(C.A.shape[1]))
-
-    @property
-    def miss(self) -> float:
-        """Largest residual of all conditions, circular cones included, over `rate`."""
-        sunk = (float(np.linalg.norm(c.sunk(self.a, self.s @ c.force))) for c in self.C.rounds)
-        return max(self.flat, max(sunk, default=0.0) / self.rate)
-
-    def solved(self, work: Work) -> _LeastSquares:
-        """The best answer of several attempts, within the remaining work."""
-        k, r = self.U.shape
-        if k == r or self.flat <= _EXACT:
-            return self
-        b = self.C.b / self.rate
-        C = np.eye(k)[~self.C.holds]
-        self._guess()
-        if self.flat <= ENOUGH:
-            return self
-        policy = qp.POLICY[:3]
-        for attempt in qp.attempts(self.H, b, self.U.T, np.zeros(r), C, np.zeros(len(C)), None, policy=policy, work=work):
-            z = np.where(self.C.holds, attempt.x, np.maximum(attempt.x, 0.0))
-            y = attempt.y
-            for least in (1e-6, 1e-9, 1e-4):
-                self._polish(z, -self.to_a @ y, least)
-            if self.flat <= ENOUGH:
-                break
-        return self
-
-    def _guess(self) -> None:
-        """Solution with A^T z = 0 softened to a penalty: least distance programming [LawsonHanson1974], ch. 23.
-
-        The penalty changes the answer a little, and seldom the active set: active-set refinement makes it exact.
-        """
-        C = self.C
-        size = float(np.linalg.norm(self.G, axis=0).max(initial=0.0)) or 1.0
-        b = C.b / self.rate
-        for soft in (1e-3, 1e-5):
-            E = np.vstack([self.G / size, self.U.T / soft, -b])
-            E = np.hstack([E, -E[:, C.holds]])
-            found = least_distance(E[:-1].T, E[-1])
-            if found is None:
-                continue
-            u = found[1] / size**2
-            z = u[: len(b)].copy()
-            z[C.holds] -= u[len(b) :]
-            y = self.U.T @ z * size**2 / soft**2
-            for least in (1e-9, 1e-6):
-                self._polish(z, self.to_a @ y, least)
-
-    def _polish(self, z: Array, a: Array, least: float) -> None:
-        """The exact answer if the conditions with z above `least` are the active ones; used only if it is better."""
-        C = self.C
-        some = C.holds | (z > least * max(1.0, max_abs(z)))
-        N = null_space(self.U[some].T, unit=True)
-        H = N.T @ self.H[np.ix_(some, some)] @ N
-        x = N.T @ z[some]
-        x -= np.linalg.lstsq(H, H @ x + N.T @ C.b[some] / self.rate, rcond=1e-12)[0]
-        z = np.zeros(len(z))
-        z[some] = N @ x
-        z = self.rate * np.where(C.holds, z, np.maximum(z, 0.0))
-        a = self.rate * a
-        a = a - np.linalg.lstsq(C.A[some], C.A[some] @ a + (self.H @ z + C.b)[some], rcond=RANK)[0]
-        self._keep(z, a)
-
-    def _keep(self, z: Array, a: Array) -> None:
-        s = (self.G @ z) / self.weights
-        y = self.C.A @ a + self.H @ z + self.C.b
-        wrong = np.where(self.C.holds, np.abs(y), np.maximum(-y, 0.0))
-        slack = np.where(self.C.holds, 0.0, np.abs(z * y)) / self.rate
-        miss = max(max_abs(wrong), max_abs(slack), max_abs(self.C.A.T @ z)) / self.rate
-        if not miss >= getattr(self, "flat", np.inf):
-            self.flat, self.a, self.s, self.carries = miss, a, s, z != 0.0
