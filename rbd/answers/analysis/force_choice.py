@@ -11,9 +11,7 @@ edge, at the apex).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -138,35 +136,6 @@ def _least_distance(H: Array, c: Array, A: Array, b: Array) -> Array | None:
     return np.asarray(np.linalg.solve(R, u - Q.T @ c))
 
 
-@dataclass(frozen=True, eq=False)
-class _Modes:
-    """Active rows and cones: equations g(z) = 0 with their slopes and curvature."""
-
-    inside: ConeSet
-    rows: Array
-    edge: Array
-    apex: Array
-
-    def equations(self, z: Array, lam: Array | None) -> tuple[Array, Array, Array]:
-        """(g, dg/dz, sum of lam times the second derivatives)."""
-        on, n = self.inside, len(z)
-        u = on.C[self.edge] @ z + on.at[self.edge]
-        length = np.maximum(np.hypot(u[:, 0], u[:, 1]), 1e-300)
-        t = u[:, :2] / length[:, None]
-        C = on.C[self.edge]
-        slope = np.einsum("ki,kiz->kz", t, C[:, :2]) - on.mu[self.edge, None] * C[:, 2]
-        apex = on.C[self.apex].reshape(on.at[self.apex].size, n)
-        g = np.concatenate(
-            [on.A[self.rows] @ z - on.b[self.rows], length - on.mu[self.edge] * u[:, 2], apex @ z + on.at[self.apex].ravel()]
-        )
-        bend = np.zeros((n, n))
-        if lam is not None:
-            first = int(self.rows.sum())
-            across = np.einsum("ki,kiz->kz", np.stack([-t[:, 1], t[:, 0]], axis=1), C[:, :2])
-            bend = (across.T * (lam[first : first + len(t)] / length)) @ across
-        return g, np.vstack([on.A[self.rows], slope, apex]), bend
-
-
 def _within_cones(adm: Admissible, E: Array, e: Array) -> Array | None:
     work = Work(FORCE_CHOICE_WORK)
     reach = Reach(adm, work)
@@ -184,28 +153,4 @@ def _within_cones(adm: Admissible, E: Array, e: Array) -> Array | None:
     z = least(H.T @ H, H.T @ e, on, work)
     if z is None:
         return None
-    z = _polished(H, e, on, z)
     return adm.kept(adm.start + adm.size * (B @ z))
-
-
-def _polished(H: Array, e: Array, on: ConeSet, z: Array) -> Array:
-    """Newton's method on the modes at z; z itself where that leaves the set or to a larger norm."""
-    s, u, edge = on.slack(z)
-    far = on.mu * u[:, 2] + np.hypot(u[:, 0], u[:, 1])
-    apex = far < _TOUCHES
-    modes = _Modes(on, s < _TOUCHES, (edge < _TOUCHES) & ~apex, apex)
-    P, best = H.T @ H, z
-    lam: Array | None = None
-    for _ in range(8):
-        g, slope, bend = modes.equations(best, lam)
-        k, gradient = len(g), H.T @ (H @ best + e)
-        if lam is None:
-            lam = np.linalg.lstsq(slope.T, -gradient, rcond=1e-12)[0]
-            continue
-        system = np.block([[P + bend, slope.T], [slope, np.zeros((k, k))]])
-        step = np.linalg.lstsq(system, np.concatenate([-gradient, -g]), rcond=1e-14)[0]
-        best, lam = best + step[: len(z)], step[len(z) :]
-        if not math.isfinite(float(np.abs(best).sum())) or np.abs(best - z).max(initial=0.0) > 1e-3:
-            return z
-    better = np.linalg.norm(H @ best + e) <= np.linalg.norm(H @ z + e) + 1e-10
-    return best if better and on.margin(best) >= -_EXACT else z
