@@ -131,7 +131,7 @@ class Recording:
         if column.shape[1:] == shape:
             column[self._count] = value
         else:
-            column[self._count, *[slice(k) for k in shape]] = value
+            column[self._count][tuple([slice(k) for k in shape])] = value
 
     def _room(self, place: tuple[str, str], shape: tuple[int, ...], column: Array | None) -> Array:
         """An empty column with rows of at least a shape, and the contents of another."""

@@ -23,7 +23,6 @@ from rbd.installation import VERSION
 from rbd.model.checked_model import CheckedModel, with_plain_motors
 from rbd.model.external import ForceElement
 from rbd.model.input_files import FileLimits
-from rbd.model.joints import FORCE_OF
 from rbd.model.motors import plain_motors
 from rbd.modules import xarray_or_error
 from rbd.robots import catalogue
@@ -38,11 +37,8 @@ from rbd.simulation.trajectory_file import checksum, listed_in, words_in
 if TYPE_CHECKING:
     import xarray
 
-AXES = ["x", "y", "z"]
-SPATIAL = [*AXES, "about_x", "about_y", "about_z"]
+SPATIAL = ["x", "y", "z", "about_x", "about_y", "about_z"]
 NUMBERS = "robot_numbers"
-
-
 EVENT = (
     ("time", "t", float, "s"),
     ("constraint", "name", str, ""),
@@ -118,7 +114,9 @@ def fields_of(
 def dataset_of(fields: Fields) -> xarray.Dataset:
     """The trajectory with named dimensions, labels and units; see `Trajectory.to_xarray`."""
     xr = xarray_or_error()
-    coords: dict[str, Any] = {"time": ("time", fields["t"], {"units": "s"}), **_labels(fields["robot"])}
+    robot: CheckedModel = fields["robot"]
+    coords: dict[str, Any] = {dim: np.array(axis.labels, str) for dim, axis in robot.coordinate_axes.items()}
+    coords |= {"time": ("time", fields["t"], {"units": "s"}), "spatial": SPATIAL, **robot.unit_coordinates}
     for name, key in keys(tuple(fields["forces"])).items():
         m = fields["forces"][name].shape[1]
         coords[f"{key}_row"] = SPATIAL[:m] if name in fields["points"] and m in (3, 6) else np.arange(m).astype(str)
@@ -129,28 +127,13 @@ def dataset_of(fields: Fields) -> xarray.Dataset:
         array = c.of(values)
         unit = "N, then N m" if c.field == "forces" and array.shape[1] == 6 else c.unit
         variables[c.variable] = (["time", *c.dims], array, {"long_name": c.meaning} | ({"units": unit} if unit else {}))
-    about: dict[str, Any] = {"title": f"motion of {fields['robot'].name}", "step": float(fields["step"]), "rbd": VERSION}
+    about: dict[str, Any] = {"title": f"motion of {robot.name}", "step": float(fields["step"]), "rbd": VERSION}
     about |= {word: str(fields[word]) for word in WORDS}
     about["frames"] = "W, z up; forces are those on the robot; quaternions x, y, z, w"
     for name, field, kind, unit in EVENT:
         column = np.array([getattr(event, field) for event in fields["events"]], kind)
         variables[f"event_{name}"] = ("event", column, {"units": unit} if unit else {})
     return xr.Dataset(variables, coords, about)
-
-
-def _labels(robot: CheckedModel) -> dict[str, Any]:
-    """Labels along the dimensions, with a unit each if units differ."""
-    q, v, tau = robot.joints.positions, robot.joints.velocities, robot.motor_coordinates
-    return {
-        "position": [c.name for c in q],
-        "velocity": [c.name for c in v],
-        "motor": np.array([c.name for c in tau], str),
-        "axis": AXES,
-        "spatial": SPATIAL,
-        "position_unit": ("position", [c.unit for c in q]),
-        "velocity_unit": ("velocity", [f"{c.unit}/s" for c in v]),
-        "motor_unit": ("motor", np.array([FORCE_OF[c.unit] for c in tau], str)),
-    }
 
 
 def for_netcdf(fields: Fields) -> tuple[dict[str, Any], xarray.Dataset]:
