@@ -162,7 +162,7 @@ def as_finite(what: str, value: object, *shapes: tuple[int | str, ...], meaning:
         InputError: another shape, no real numbers, NaN or infinity.
     """
     out = as_array(what, value)
-    if not any(_has_shape(out, shape) for shape in shapes):
+    if out.shape not in shapes and not any(_has_shape(out, shape) for shape in shapes):
         expected = " or ".join(str(shape).replace("'", "") for shape in shapes)
         raise InputError(f"{what} has shape {out.shape}; expected {expected}{meaning}.")
     check_finite(what, out)

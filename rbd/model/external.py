@@ -8,7 +8,7 @@ from typing import Protocol, TypeAlias, TypeGuard
 
 import numpy as np
 
-from rbd.arrays import Array, add_wrench, as_array, as_vector3, check_finite
+from rbd.arrays import Array, add_wrench, as_array, as_finite, as_vector3
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_different
@@ -94,22 +94,36 @@ def is_element(given: object) -> TypeGuard[ForceElement]:
     return True
 
 
-def has_pushes(external: External) -> bool:
-    """Whether there are forces other than those of force elements: pushes, or a generalised force."""
-    if external is None or is_element(external):
-        return False
-    if isinstance(external, np.ndarray | ExternalForce) or not isinstance(external, Sequence):
-        return True
-    return not all([is_element(each) for each in external])
+def acting(external: External) -> tuple[object, list[ExternalForce], list[ForceElement]]:
+    """(the generalised force, None where there is none; the pushes; the force elements) that external forces are.
+
+    Raises:
+        InputError: what is none of these; force elements as `is_element`.
+    """
+    if external is None or isinstance(external, np.ndarray):
+        return external, [], []
+    if isinstance(external, ExternalForce) or is_element(external):
+        external = (external,)
+    if not isinstance(external, Sequence) or isinstance(external, str | bytes):
+        raise InputError(f"external is {external!r:.80}; {_EXPECTED}")
+    pushes = [each for each in external if isinstance(each, ExternalForce)]
+    elements = [each for each in external if is_element(each)]
+    if len(pushes) + len(elements) == len(external):
+        return None, pushes, elements
+    if pushes or elements:
+        raise InputError(f"external mixes forces and springs with something else; {_EXPECTED}")
+    return external, [], []
 
 
 def elements_of(external: External) -> tuple[ForceElement, ...]:
-    """The force elements among external forces."""
-    if is_element(external):
-        return (external,)
-    if external is None or isinstance(external, np.ndarray | ExternalForce) or not isinstance(external, Sequence):
-        return ()
-    return tuple(each for each in external if is_element(each))
+    """The force elements among external forces; errors as `acting`."""
+    return tuple(acting(external)[2])
+
+
+def has_pushes(external: External) -> bool:
+    """Whether there are forces other than those of force elements: pushes, or a generalised force; errors as `acting`."""
+    force, pushes, _ = acting(external)
+    return force is not None or bool(pushes)
 
 
 def generalised(state: State, external: External) -> tuple[Array, Array]:
@@ -128,22 +142,9 @@ def generalised(state: State, external: External) -> tuple[Array, Array]:
         DuplicateName: two force elements of one name.
     """
     robot = checked(state).robot
-    if external is None:
-        return np.zeros(robot.nv), np.zeros(6)
-    if isinstance(external, np.ndarray):
-        return _generalised_force(state, external)
-    if isinstance(external, ExternalForce) or is_element(external):
-        external = (external,)
-    if not isinstance(external, Sequence) or isinstance(external, str | bytes):
-        raise InputError(f"external is {external!r:.80}; {_WANTED}")
-    pushes = [e for e in external if isinstance(e, ExternalForce)]
-    elements = [e for e in external if is_element(e)]
-    if len(pushes) + len(elements) < len(external):
-        if pushes or elements:
-            raise InputError(f"external mixes forces and springs with something else; {_WANTED}")
-        return _generalised_force(state, external)
-    if not external:
-        return np.zeros(robot.nv), np.zeros(6)
+    force, pushes, elements = acting(external)
+    if force is not None:
+        return _generalised_force(state, force)
     tau_ext, wrench, com = np.zeros(robot.nv), [0.0] * 6, state.com.tolist() if pushes else []
     for push in pushes:
         at = state.frame(push.frame, push.offset)
@@ -171,27 +172,21 @@ def applied(element: ForceElement, state: State) -> tuple[Array, Array]:
     parts = []
     for what, value, size in (("tau", found[0], state.robot.nv), ("wrench", found[1], 6)):
         what = f"{what} of {element.name!r:.80}"
-        array = value if type(value) is np.ndarray and value.dtype == float else as_array(what, value)
-        if array.shape != (size,):
-            raise InputError(f"{what} has shape {array.shape}; expected ({size},).")
-        check_finite(what, array)
-        parts.append(array)
+        parts.append(as_finite(what, value, (size,)))
     return parts[0], parts[1]
 
 
-_WANTED = (
+_EXPECTED = (
     "expected ExternalForces and force elements, e.g. [rbd.ExternalForce(frame, (0, 80, 0)), rbd.JointSpring(joint, "
     "stiffness=20)], or one generalised force (nv,)."
 )
 
 
-def _generalised_force(
-    state: State, external: Array | Sequence[float] | Sequence[ExternalForce | ForceElement]
-) -> tuple[Array, Array]:
+def _generalised_force(state: State, external: object) -> tuple[Array, Array]:
     robot, wrench = state.robot, [0.0] * 6
     tau_ext = as_array("external", external)
     if tau_ext.shape in ((3,), (6,)) and len(tau_ext) != robot.nv:
-        raise InputError(f"external has {len(tau_ext)} entries, and a generalised force {robot.nv}; {_WANTED}")
+        raise InputError(f"external has {len(tau_ext)} entries, and a generalised force {robot.nv}; {_EXPECTED}")
     tau_ext = robot.check_v(tau_ext, "external")
     for joint in robot.bases:  # the part of a base is the resultant on its robot, about its origin, in its axes
         X_WB, at = state.base_pose(joint), robot.model.joints[joint].idx_v

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, block_diagonal, cross_matrix, lazy
+from rbd.arrays import Array, block_diagonal, cross_matrix
 from rbd.displayed import Displayed
-from rbd.errors import InputError, JointNotFound, nearest
-from rbd.model.joint_lookup import JointLookup
+from rbd.errors import InputError
 from rbd.model.world import TURN_RATES, Plane, plane_of_base
 
 UNIT_TOLERANCE = 1e-6
@@ -281,142 +279,8 @@ class Joint(Displayed):
         return self.name, self.kind, *places, self.unit, bounds, effort
 
 
-class Joints(JointLookup[Joint], Displayed):
-    """The joints of a robot by name, in the order of its model: `robot.joints["knee"].v`.
-
-    Of several joints at once: `q_of`, `v_of` and `tau_of` give indices by names or a pattern, `at_q`, `at_v` and `at_tau` the
-    joint of an index, `coordinates` the angles.
-
-    Args:
-        model: The Pinocchio model.
-        robot: The robot's name, for messages.
-    """
-
-    def __init__(self, model: pin.Model, robot: str) -> None:
-        self._model, self._robot = model, robot
-        self._joints = {name: _joint(model, i, name) for i, name in enumerate(model.names) if i > 0}
-
-    def __getitem__(self, name: str) -> Joint:
-        """The joint of this name.
-
-        Raises:
-            JointNotFound: with the nearest names.
-        """
-        try:
-            return self._joints[name]
-        except (KeyError, TypeError):
-            raise JointNotFound(f"no joint {name!r:.80} in {self._robot}; {nearest(name, self)}. See robot.joints.") from None
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._joints)
-
-    def __len__(self) -> int:
-        return len(self._joints)
-
-    def __contains__(self, name: object) -> bool:
-        return isinstance(name, str) and name in self._joints
-
-    def get(self, name: str, default: Any = None) -> Any:
-        """The joint of this name, or the default given."""
-        return self[name] if name in self else default
-
-    def __repr__(self) -> str:
-        rows = [joint._cells() for joint in self.values()]
-        widths = [max(len(row[k]) for row in rows) for k in range(7)] if rows else []
-        lines = ["  ".join(cell.ljust(w) for cell, w in zip(row, widths, strict=True)).rstrip() for row in rows]
-        return "\n".join([f"{len(self)} joint{'s' * (len(self) != 1)} of {self._robot}", *(f"  {line}" for line in lines)])
-
-    def with_one_freedom(self, name: str, asked_by: str) -> Joint:
-        """The joint of this name, which must have one degree of freedom.
-
-        Raises:
-            JointNotFound: with the nearest names.
-            InputError: it has several; with the caller's name.
-        """
-        joint = self[name]
-        if joint.nv != 1:
-            what = f"{asked_by!r:.80}: joint {name!r:.80}"
-            raise InputError(f"{what} has {joint.nv} degrees of freedom; expected a joint with one.")
-        return joint
-
-    def carrying(self, joint: int) -> Array:
-        """Which velocities move the body of a joint, by its index, shape (nv,), of ones and zeros."""
-        out = np.zeros(self._model.nv)
-        for above in list(self._model.supports[joint])[1:]:
-            first = self._model.idx_vs[above]
-            out[first : first + self._model.nvs[above]] = 1.0
-        return out
-
-    @lazy
-    def limits(self) -> tuple[Array, Array]:
-        """(lower, upper) of each entry of q, shapes (nq,); infinite where there is none, as `Joint.lower` and `Joint.upper`."""
-        low, high = np.full(self._model.nq, -math.inf), np.full(self._model.nq, math.inf)
-        for joint in self.values():
-            if joint.nq == 1:
-                low[joint.q], high[joint.q] = joint.lower, joint.upper
-        return low, high
-
-    @lazy
-    def _ranges(self) -> tuple[Array, Array, bytes]:
-        """The limits, `AT_LIMIT` wider, and the bytes of as many times False."""
-        low, high = self.limits
-        return low - AT_LIMIT, high + AT_LIMIT, bytes(len(low))
-
-    def within_limits(self, q: Array) -> bool:
-        """Whether no joint is beyond its limits by more than 1e-6 [rad, m]: of a configuration, shape (nq,)."""
-        low, high, none = self._ranges
-        return bool((q < low).tobytes() == none == (q > high).tobytes())  # half the time of `any`, on each `rbd.solve`
-
-    @lazy
-    def pieces(self) -> tuple[Piece, ...]:
-        """Of all joints, in order."""
-        return tuple(piece for joint in self.values() for piece in joint.pieces)
-
-    @lazy
-    def positions(self) -> tuple[Coordinate, ...]:
-        """The entries of q, in order: of a floating base x, y, z, then the quaternion."""
-        return tuple(c for joint in self.values() for c in joint.positions)
-
-    @lazy
-    def velocities(self) -> tuple[Coordinate, ...]:
-        """The entries of v, in order, as they are of a, of h and of generalised forces."""
-        return tuple(c for joint in self.values() for c in joint.velocities)
-
-    @lazy
-    def angular(self) -> Array:
-        """Which velocities are angular, shape (nv,), bool; those of screws are."""
-        return np.array([c.unit == ANGLE for c in self.velocities], bool)
-
-    @lazy
-    def periodic(self) -> Array:
-        """Which velocities belong to an angle stored as a number, shape (nv,), bool: q and q + 2 pi are the same pose."""
-        return np.array([p.periodic for p in self.pieces for _ in range(p.nv)], bool)
-
-    @lazy
-    def length(self) -> float:
-        """Characteristic length: the largest distance from a joint to the next, or to a frame on it [m]; 1 if all are zero."""
-        model = self._model
-        joints = [np.linalg.norm(model.jointPlacements[j].translation) for j in range(1, model.njoints) if model.parents[j]]
-        frames = [np.linalg.norm(f.placement.translation) for f in model.frames if f.parentJoint]
-        most = float(max([*joints, *frames], default=0.0))
-        return most if most > 1e-9 else 1.0
-
-    @lazy
-    def reach(self) -> float:
-        """How far the robot could stretch: all its bodies in a row, by joints and frames [m]; 1 if they have no length."""
-        longest = np.zeros(self._model.njoints)
-        for frame in self._model.frames:
-            longest[frame.parentJoint] = max(longest[frame.parentJoint], np.linalg.norm(frame.placement.translation))
-        total = sum(float(np.linalg.norm(X.translation)) for X in self._model.jointPlacements) + float(longest.sum())
-        return total if total > 0.0 else 1.0
-
-    @lazy
-    def scale(self) -> Array:
-        """Unit of each velocity, shape (nv,): one where it turns, the robot's length where it slides."""
-        return np.where(self.angular, 1.0, self.length)
-
-
-def _joint(model: pin.Model, i: int, name: str) -> Joint:
+def joint_of(model: pin.Model, i: int, name: str) -> Joint:
+    """The joint of a number and its name."""
     made = model.joints[i]
     positions, velocities = (
         tuple(Coordinate(f"{name}.{label}" if len(labels) > 1 else name, name, unit) for label, unit in labels)

@@ -19,7 +19,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_float
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.model.joints import Joints
+from rbd.model.joint_table import Joints
 
 _MOST = 1e12
 

@@ -11,7 +11,6 @@ gravity, limits) after the robot was made sends the changed model too, by its nu
 from __future__ import annotations
 
 import hashlib
-import threading
 import weakref
 import zlib
 from collections import OrderedDict
@@ -22,7 +21,7 @@ from typing import Any, Self
 import pinocchio as pin
 
 from rbd.errors import ModelError
-from rbd.model.data_pool import renewed_after_fork
+from rbd.model.data_pool import RenewedLock
 
 MOST_KEPT = 8
 """So many robots that arrived last are kept, also while no state of theirs exists."""
@@ -185,37 +184,20 @@ class _Arrivals:
     """The robots that arrived in this process, by digest; those in use, and the last few."""
 
     def __init__(self) -> None:
-        self._all: dict[str, tuple[weakref.ref[Travelling], pin.Model, tuple[Any, ...]]] = {}
+        self._all: weakref.WeakValueDictionary[str, Travelling] = weakref.WeakValueDictionary()
         self._last: OrderedDict[str, Travelling] = OrderedDict()
-        self._lock = threading.Lock()
-        renewed_after_fork(self)
-
-    def renew_after_fork(self) -> None:
-        """In a forked child: a new lock."""
-        self._lock = threading.Lock()
+        self._lock = RenewedLock()
 
     def get(self, key: str) -> Travelling | None:
         """The robot of this digest, if it is here and was not changed since it arrived."""
-        known = self._all.get(key)
-        robot = None if known is None else known[0]()
-        if known is None or robot is None or robot.model != known[1] or robot._extras() != known[2]:
-            return None
-        if key in self._last:
-            with self._lock:
-                self._last[key] = robot
-                self._last.move_to_end(key)
-        return robot
+        robot = self._all.get(key)
+        return robot if robot is not None and robot.digest == key else None
 
-    def put(self, key: str, robot: Travelling, model: pin.Model, extras: tuple[Any, ...]) -> Travelling:
-        """Keep a robot; what is handed out, which is that of another thread if that was faster."""
-        found = self.get(key)
-        if found is not None:
-            return found
+    def keep(self, key: str, robot: Travelling) -> Travelling:
+        """Keep a robot as the last; what is handed out, which is that of another thread if that was faster."""
         with self._lock:
-            for old in [each for each, (known, _, _) in self._all.items() if known() is None]:
-                del self._all[old]
-            self._all[key] = weakref.ref(robot), model, extras
-            self._last[key] = robot
+            robot = self.get(key) or robot
+            self._all[key] = self._last[key] = robot
             self._last.move_to_end(key)
             while len(self._last) > MOST_KEPT:
                 self._last.popitem(last=False)
@@ -253,9 +235,8 @@ def arrived(
         if changed is not None:
             put_numbers(robot.model, changed)  # tables that were made of the first model stay, as on the other side
         robot._take_extras(extras)
-        model = robot.model.copy()
-        robot._parcel = Parcel(key, Recipe(build, parts), model, changed, extras)
-        robot = _arrivals.put(key, robot, model, extras)
+        robot._parcel = Parcel(key, Recipe(build, parts), robot.model.copy(), changed, extras)
+    robot = _arrivals.keep(key, robot)
     if files is not None:
         robot._take_files(files)
     return robot

@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_vector3, check_finite, lazy
+from rbd.arrays import Array, as_finite, as_vector3, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -302,9 +302,7 @@ def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object], *, 
     out = q.copy()
     for name, value in values.items():
         joint, what = robot.joints[name], f"value of joint {name!r:.80}"
-        given = _numbers(what, value)
-        if given.ndim != 1:
-            raise InputError(f"{what} has shape {given.shape}; expected a number, or its part of q.")
+        given = np.atleast_1d(as_finite(what, value, (), ("n",), meaning=": a number, or its part of q"))
         out[joint.q] = joint.target(name, given)
     return out
 
@@ -326,10 +324,8 @@ def with_rates(robot: CheckedModel, v: Array, values: Mapping[str, object], *, a
     out = v.copy()
     for name, value in values.items():
         at, what = robot.joints.velocity(name), f"velocity of joint {name!r:.80}"
-        given = _numbers(what, value)
         size = at.stop - at.start
-        if given.shape != (size,):
-            raise InputError(f"{what} has shape {given.shape}; expected {'one number' if size == 1 else f'{size} numbers'}.")
+        given = as_finite(what, value, (size,), *[()] * (size == 1), meaning=": a number an entry")
         out[at] = given
     return out
 
@@ -337,13 +333,6 @@ def with_rates(robot: CheckedModel, v: Array, values: Mapping[str, object], *, a
 def _check_is_mapping(argument: str, values: object, what: str) -> None:
     if not isinstance(values, Mapping):
         raise InputError(f"{argument} is {values!r:.80}; expected a mapping {{joint: {what}}}, e.g. {{'knee': 0.5}}.")
-
-
-def _numbers(what: str, value: object) -> Array:
-    """A finite number, or several, as an array of one dimension or more."""
-    given = np.atleast_1d(as_array(what, value))
-    check_finite(what, given)
-    return given
 
 
 def _again(robot: CheckedModel, q: bytes, v: bytes | None) -> State:

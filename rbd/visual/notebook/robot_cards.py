@@ -10,7 +10,8 @@ import pinocchio as pin
 from rbd.arrays import max_abs
 from rbd.errors import RbdError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joints import Joint, Joints
+from rbd.model.joint_table import Joints
+from rbd.model.joints import Joint
 from rbd.model.state import State
 from rbd.robots.diagnosis import ModelReport
 from rbd.robots.robot import Robot
