@@ -104,6 +104,14 @@ def parse_xml(name: str, data: bytes, limits: FileLimits) -> ElementTree.Element
     return element
 
 
+def is_file(path: Path) -> bool:
+    """Whether there is a file; not so where one may not look, and where no file can have this name."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):  # a name too long, a folder without permission; a null character
+        return False
+
+
 def file_bytes(path: Path, most: int, expected: str = "a URDF or MJCF file") -> bytes:
     """The content of a regular file, no more than one byte beyond the largest size.
 

@@ -128,11 +128,11 @@ class Travelling:
     def _take_extras(self, extras: tuple[Any, ...]) -> None:
         """Have what the user changed on the other side."""
 
-    def _files(self) -> bytes | None:
+    def _files(self) -> dict[str, bytes] | None:
         """Files that travel with the robot; None if there are none."""
         return None
 
-    def _take_files(self, files: bytes) -> None:
+    def _take_files(self, files: dict[str, bytes]) -> None:
         """Keep files that came with the robot."""
 
 
@@ -213,7 +213,7 @@ def arrived(
     parts: tuple[Any, ...],
     changed: bytes | None,
     extras: tuple[Any, ...],
-    files: bytes | None,
+    files: dict[str, bytes] | None,
 ) -> Any:
     """The robot of a pickle: that of the same digest, if this process has it unchanged, else a new one.
 

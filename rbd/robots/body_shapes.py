@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import io
 import os.path
 import warnings
 import xml.etree.ElementTree as ElementTree
-import zipfile
 import zlib
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -41,7 +39,7 @@ class ShapedRobot(CheckedModel):
     limits: FileLimits
     _text: bytes | None = None
     _mesh_names: tuple[tuple[str, str], ...] = ()
-    _mesh_files: bytes | None = None
+    _mesh_files: dict[str, bytes] | None = None
     _pairs: tuple[tuple[int, int], ...] = ()
 
     def _keep_text(self, file: RobotFile) -> None:
@@ -110,12 +108,10 @@ class ShapedRobot(CheckedModel):
         assert self._mesh_files is not None
         here = new_folder()
         (here / _DEEP).mkdir(parents=True)
-        with zipfile.ZipFile(io.BytesIO(self._mesh_files)) as files:
-            for name in files.namelist():
-                place = here / name
-                place.parent.mkdir(parents=True, exist_ok=True)
-                data = files.read(name)
-                write_file(place, lambda file, data=data: file.write(data), ModelError)  # type: ignore[misc]
+        for name, data in self._mesh_files.items():
+            place = here / name
+            place.parent.mkdir(parents=True, exist_ok=True)
+            write_file(place, lambda file, data=data: file.write(zlib.decompress(data)), ModelError)  # type: ignore[misc]
         return here
 
     def soles_from_collision(
@@ -170,11 +166,11 @@ class ShapedRobot(CheckedModel):
         found = self.__dict__.get("_collision")
         return self._pairs if found is None else tuple((int(p.first), int(p.second)) for p in found.model.collisionPairs)
 
-    def _files(self) -> bytes | None:
+    def _files(self) -> dict[str, bytes] | None:
         """The meshes of its collision shapes, if they are small or were used."""
         if self._mesh_files is not None or not self._mesh_names:
             return self._mesh_files
-        return self._zipped if "_collision" in self.__dict__ or self._measured <= SMALL_BYTES else None
+        return self._packed_meshes if "_collision" in self.__dict__ or self._measured <= SMALL_BYTES else None
 
     def _share_shapes(self, out: ShapedRobot) -> None:
         """Give a copy of this robot its text, its meshes, and copies of the shapes that were read."""
@@ -185,7 +181,7 @@ class ShapedRobot(CheckedModel):
         if (drawn := self.__dict__.get("visual_model")) is not None:
             out.__dict__["visual_model"] = drawn.copy()
 
-    def _take_files(self, files: bytes) -> None:
+    def _take_files(self, files: dict[str, bytes]) -> None:
         if self._mesh_files is None:
             self._mesh_files = files
             found = self.__dict__.get("_collision")
@@ -199,7 +195,7 @@ class ShapedRobot(CheckedModel):
         return sum(path.stat().st_size for _, path in self._mesh_places())
 
     def _mesh_places(self) -> list[tuple[str, Path]]:
-        """(place in an archive, file) of each mesh that is there and can be carried."""
+        """(place in a folder, file) of each mesh that is there and can be carried."""
         folder, out = self.source.urdf.parent, []
         for name, place in self._mesh_names:
             by_package = name.startswith("package://")
@@ -215,13 +211,9 @@ class ShapedRobot(CheckedModel):
         return out
 
     @lazy
-    def _zipped(self) -> bytes | None:
-        """An archive of those meshes; None if there are none, or not all of an MJCF, whose masses need them."""
+    def _packed_meshes(self) -> dict[str, bytes] | None:
+        """{place: bytes, compressed} of those meshes; None if there are none, or not all of an MJCF, whose masses need them."""
         places = dict(self._mesh_places())
         if not places or (len(places) < len(self._mesh_names) and self.element.tag == "mujoco"):
             return None
-        found = io.BytesIO()
-        with zipfile.ZipFile(found, "w", zipfile.ZIP_DEFLATED) as archive:
-            for place, file in places.items():
-                archive.writestr(zipfile.ZipInfo(place), file.read_bytes(), zipfile.ZIP_DEFLATED)
-        return found.getvalue()
+        return {place: zlib.compress(file.read_bytes(), 6) for place, file in places.items()}

@@ -18,8 +18,10 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+import pinocchio as pin
 
 from rbd.errors import InputError, ModelError, UnknownRobot, nearest
+from rbd.model.input_files import is_file
 
 DATA = "example-robot-data"
 ROBOTS = f"cmeel.prefix/share/{DATA}/robots"  # inside site-packages; its meshes are named from share/
@@ -66,7 +68,7 @@ class Foot:
     @property
     def rotation(self) -> np.ndarray:
         """R_FP, shape (3, 3): the columns are the axes of the patch in the foot's frame."""
-        return _rotation(self.rpy)
+        return pin.rpy.rpyToMatrix(np.array(self.rpy))
 
 
 @dataclass(frozen=True, eq=False)
@@ -143,11 +145,11 @@ def find(name_or_path: str | os.PathLike[str], package_dirs: Iterable[str | os.P
     path = _expanded(name)
     extra = _package_dirs(package_dirs)
     looks_like_path = not isinstance(name_or_path, str) or path.suffix in MODEL_FILES or path.name != name
-    if looks_like_path and _is_file(path):
+    if looks_like_path and is_file(path):
         return _source(path, extra)
     if isinstance(name_or_path, str) and (known := _by_name(name)):
         return _source(known, extra)
-    if _is_file(path):
+    if is_file(path):
         return _source(path, extra)
     close = nearest(path.stem if looks_like_path else name, names())
     if looks_like_path:
@@ -180,7 +182,7 @@ def _text(value: object, what: str) -> str:
 
 
 def _package_dirs(package_dirs: object) -> tuple[Path, ...]:
-    return tuple(_expanded(_text(folder, "a package folder")) for folder in _folders(package_dirs))
+    return tuple(file_path(folder, "a package folder") for folder in _folders(package_dirs))
 
 
 def _shares() -> tuple[Path, ...]:
@@ -192,7 +194,7 @@ def _shares() -> tuple[Path, ...]:
     return folder.parents[1], folder
 
 
-def _folders(package_dirs: object) -> list[object]:
+def _folders(package_dirs: object) -> list[Any]:
     if isinstance(package_dirs, str | os.PathLike):
         return [package_dirs]  # one folder, not its letters
     try:
@@ -206,13 +208,6 @@ def _expanded(text: str) -> Path:
         return Path(text).expanduser()
     except RuntimeError:  # "~nobody"
         return Path(text)
-
-
-def _is_file(path: Path) -> bool:
-    try:
-        return path.is_file()
-    except OSError:  # a name too long, a folder without permission
-        return False
 
 
 def names() -> list[str]:
@@ -286,18 +281,13 @@ def _by_name(name: str) -> Path | None:
 
 def _source(urdf: Path, extra: tuple[Path, ...]) -> RobotSource:
     """The catalogue's data of a model file, if it is in the robot data; else only its folder."""
-    try:
-        folder = robots_folder()
-        shares: tuple[Path, ...] = (folder.parents[1], folder)
-        inside = urdf.resolve().relative_to(folder.resolve()).as_posix()
-    except ModelError:
-        shares, inside = (), ""
-    except ValueError:
-        inside = ""
+    shares, inside = _shares(), ""
+    if shares and urdf.resolve().is_relative_to(shares[1].resolve()):
+        inside = urdf.resolve().relative_to(shares[1].resolve()).as_posix()
     if inside in BROKEN:
         raise ModelError(f"{inside!r} of {DATA} is broken: {BROKEN[inside]}.")
     key, entry = next(((k, e) for k, e in _entries().items() if inside and e["file"] == inside), (urdf.stem, {}))
-    srdf = folder / entry["srdf"] if "srdf" in entry else _srdf_beside(urdf)
+    srdf = shares[1] / entry["srdf"] if "srdf" in entry else _srdf_beside(urdf)
     postures = {name: dict(angles) for name, angles in entry.get("postures", {}).items()}
     for name, angles in entry.get("postures_deg", {}).items():
         postures[name] = {joint: math.radians(angle) for joint, angle in angles.items()}
@@ -343,17 +333,6 @@ def _sole(name: str, data: Mapping[str, Any]) -> Foot:
 
 def _point(name: str, data: Mapping[str, Any], sphere: Mapping[str, Any]) -> Foot:
     rpy: Triple = tuple(data["rpy"])
-    x, y, z = np.array(sphere["centre"]) - sphere["radius"] * _rotation(rpy)[:, 2]  # lowest point when P's z is up
+    up = pin.rpy.rpyToMatrix(np.array(rpy))[:, 2]
+    x, y, z = np.array(sphere["centre"]) - sphere["radius"] * up  # lowest point when P's z is up
     return Foot(name, data["frame"], "point", (float(x), float(y), float(z)), rpy)
-
-
-def _rotation(rpy: Triple) -> np.ndarray:
-    """Rz(yaw) Ry(pitch) Rx(roll), as in URDF."""
-    (cr, cp, cy), (sr, sp, sy) = np.cos(rpy), np.sin(rpy)
-    return np.array(
-        [
-            [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-            [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-            [-sp, cp * sr, cp * cr],
-        ]
-    )

@@ -135,17 +135,17 @@ class ModelReport(Displayed):
 
 def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array], package_dirs: Sequence[Path]) -> ModelReport:
     """The report on a model and its file, already read."""
-    errors = [*_bad_numbers(robot.model), *_lost(robot, file)]
+    errors = [*_bad_numbers(robot), *_lost(robot, file)]
     bodies = BodyFaults.of(file)
     weightless = [] if errors else list(_weightless(robot, tries=TRIES if bodies.physical else TRIES_STRANGE))
     errors += [issue for issue, everywhere in weightless if everywhere]
     warnings = [
         *(issue for issue, everywhere in weightless if not everywhere),
         *bodies.strange(),
-        *_outside(robot.model, postures),
+        *_outside(robot, postures),
         *(ModelIssue("mesh", mesh, "is in none of the package folders") for mesh in file.missing_meshes(package_dirs)),
         *_unlimited(robot),
-        *_friction(robot.model),
+        *_friction(robot),
         *(ModelIssue(kind, where, text) for kind, where, text in file.remarks),
     ]
     notes = [] if errors else list(_loops(robot, postures))
@@ -201,14 +201,15 @@ def refuse(report: ModelReport, file: str) -> None:
         raise ModelError(f"{file}: {first.text}{more}")
 
 
-def _bad_numbers(model: pin.Model) -> Iterator[ModelIssue]:
+def _bad_numbers(robot: CheckedModel) -> Iterator[ModelIssue]:
+    model = robot.model
     for name, inertia, placement in zip(model.names, model.inertias, model.jointPlacements, strict=True):
         if not np.isfinite(inertia.toDynamicParameters()).all() or not np.isfinite(placement.homogeneous).all():
             yield ModelIssue("number", name, f"the bodies at joint {name!r} have a mass, inertia or origin that is not finite.")
         elif inertia.mass < 0.0:
             yield ModelIssue("mass", name, f"the bodies at joint {name!r} weigh {inertia.mass:g} kg.")
     swapped = np.flatnonzero(~(model.lowerPositionLimit <= model.upperPositionLimit))
-    for name in dict.fromkeys(_joint_of(model, int(i), "idx_q", "nq") for i in swapped):
+    for name in dict.fromkeys(robot.joints.positions[i].joint for i in swapped):
         yield ModelIssue("limit", name, f"joint {name!r} has its limits swapped, or not finite.")
     names = list(model.names)
     for name in {name for name in names if names.count(name) > 1}:
@@ -240,24 +241,22 @@ def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[tuple[ModelIssue
     model = robot.model
     draws = np.random.default_rng(0).uniform(-3.0, 3.0, (tries, model.nv))
     outermost, indefinite, singular = -1, False, []
-    with robot.pool.lock:
-        slot, ticket = robot.pool.take(lambda data: None)
-        data, neutral = slot.data, pin.neutral(model)
-        for v in (np.zeros(model.nv), *draws):
-            M = pin.crba(model, data, pin.integrate(model, neutral, v), pin.Convention.WORLD)
-            pin.cholesky.decompose(model, data)
-            composite, articulated = np.diagonal(M), np.ravel(data.D)
-            sound = (articulated > SINGULAR * composite) & (articulated > NOTHING * composite.max())
-            singular.append(not sound.all())
-            if singular[-1]:  # the outermost counts: inward of it, D is not meaningful
-                last = int(np.flatnonzero(~sound)[-1])
-                if last > outermost:
-                    outermost, indefinite = last, bool(articulated[last] < -SINGULAR * np.abs(composite).max())
-        robot.pool.give_back(slot, ticket)
+    data, neutral = model.createData(), pin.neutral(model)
+    for v in (np.zeros(model.nv), *draws):
+        M = pin.crba(model, data, pin.integrate(model, neutral, v), pin.Convention.WORLD)
+        pin.cholesky.decompose(model, data)
+        composite, articulated = np.diagonal(M), np.ravel(data.D)
+        sound = (articulated > SINGULAR * composite) & (articulated > NOTHING * composite.max())
+        singular.append(not sound.all())
+        if singular[-1]:  # the outermost counts: inward of it, D is not meaningful
+            last = int(np.flatnonzero(~sound)[-1])
+            if last > outermost:
+                outermost, indefinite = last, bool(articulated[last] < -SINGULAR * np.abs(composite).max())
     if outermost < 0:
         return
-    name = _joint_of(model, outermost, "idx_v", "nv")
-    links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint in _subtree(model, name)]
+    joint = robot.joints.at_v(outermost)
+    name, below = joint.name, set(model.subtrees[joint.id])
+    links = [f.name for f in model.frames if f.type == pin.FrameType.BODY and f.parentJoint in below]
     bodies = f"the bodies beyond joint {name!r} ({_some(links)}) have"
     if not indefinite and not any(singular[1:]):
         text = f"{bodies} no inertia about it at q = 0: M is singular there, and not elsewhere"
@@ -265,17 +264,6 @@ def _weightless(robot: CheckedModel, *, tries: int) -> Iterator[tuple[ModelIssue
         return
     what = "an indefinite inertia: M has a negative eigenvalue" if indefinite else "no inertia about it: M is singular"
     yield ModelIssue("singular", name, f"{bodies} {what}. Give them mass and inertia, or weld it."), True
-
-
-def _subtree(model: pin.Model, joint: str) -> set[int]:
-    return set(model.subtrees[list(model.names).index(joint)])
-
-
-def _joint_of(model: pin.Model, index: int, begin: str, size: str) -> str:
-    """The name of the joint that has this index of q or v."""
-    both = zip(model.names, model.joints, strict=True)
-    spans = [(str(name), getattr(joint, begin), getattr(joint, size)) for name, joint in both]
-    return next(name for name, first, count in spans[1:] if first <= index < first + count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -296,7 +284,8 @@ class BodyFaults:
             return cls("body", list(file.bodies), model.body_mass[1:], np.sort(model.body_inertia[1:], axis=1))
         links = list(file.urdf.links.values())
         tensors = np.array([link.inertia for link in links])[:, _ENTRIES].reshape(-1, 3, 3)
-        return cls("link", [link.name for link in links], np.array([link.mass for link in links]), _moments(tensors))
+        moments = np.linalg.eigvalsh(tensors)
+        return cls("link", [link.name for link in links], np.array([link.mass for link in links]), moments)
 
     @property
     def broken(self) -> Array:
@@ -326,18 +315,14 @@ class BodyFaults:
             yield ModelIssue("inertia", self.names[i], f"{self.what} {self.names[i]!r} has {text}; no body has")
 
 
-def _moments(tensors: Array) -> Array:
-    return np.linalg.eigvalsh(tensors.reshape(-1, 3, 3))
-
-
-def _outside(model: pin.Model, postures: Mapping[str, Array]) -> Iterator[ModelIssue]:
+def _outside(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[ModelIssue]:
     if not postures:
         return
     q = np.array(list(postures.values()))
-    over = np.maximum(model.lowerPositionLimit - q, q - model.upperPositionLimit)
+    over = np.maximum(robot.model.lowerPositionLimit - q, q - robot.model.upperPositionLimit)
     for k, name in enumerate(postures):
         if (over[k] > AT_LIMIT).any():
-            joints = dict.fromkeys(_joint_of(model, int(i), "idx_q", "nq") for i in np.flatnonzero(over[k] > AT_LIMIT))
+            joints = dict.fromkeys(robot.joints.positions[i].joint for i in np.flatnonzero(over[k] > AT_LIMIT))
             yield ModelIssue("posture", name, f"{_some(joints)} outside the limits, by up to {over[k].max():.3g}")
 
 
@@ -346,10 +331,10 @@ def _unlimited(robot: CheckedModel) -> Iterator[ModelIssue]:
         yield ModelIssue("effort", name, "the file states no effort limit; torques are not checked against one")
 
 
-def _friction(model: pin.Model) -> Iterator[ModelIssue]:
-    damping, friction = np.array(model.damping), np.array(model.upperDryFrictionLimit)
+def _friction(robot: CheckedModel) -> Iterator[ModelIssue]:
+    damping, friction = np.array(robot.model.damping), np.array(robot.model.upperDryFrictionLimit)
     for i in np.flatnonzero((damping != 0.0) | (np.isfinite(friction) & (friction != 0.0))):
-        name = _joint_of(model, int(i), "idx_v", "nv")
+        name = robot.joints.velocities[i].joint
         text = f"damping {damping[i]:.3g} and dry friction {friction[i]:.3g} act only where they are given: "
         yield ModelIssue("friction", name, text + "external=robot.joint_damping(), and robot.joint_frictions() as constraints")
 

@@ -49,7 +49,7 @@ from rbd.constraints.nonholonomic import KnifeEdge, RollingBall, RollingDisk, Ro
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError
 from rbd.errors.inputs import check_choice, check_different, shown
-from rbd.model.input_files import file_bytes
+from rbd.model.input_files import file_bytes, is_file
 from rbd.model.motors import Motor
 from rbd.model.urdf import LONGEST_NAME
 from rbd.model.world import PLANES, Plane, checked_plane
@@ -210,10 +210,7 @@ def register_constraint(word: str, kind: Callable[..., Constraint]) -> None:
 def beside(path: Path) -> Path | None:
     """The loop file of a robot's file, `<stem>.loops.yaml` in the same folder, if it is there."""
     found = path.with_suffix(ENDING)
-    try:
-        return found if found.is_file() else None
-    except OSError:  # a folder without permission
-        return None
+    return found if is_file(found) else None
 
 
 def constraint_entry(part: str, what: str, value: object) -> dict[str, Any]:

@@ -14,18 +14,19 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.constraints.constraint import listed, made, member
 from rbd.constraints.contact import Contact
-from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import DistantContactWarning, InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits, read_xml
 from rbd.model.state import State, checked
 from rbd.model.urdf import BASE_JOINT, Complaints
-from rbd.model.world import LEAST_FALL, along_gravity
+from rbd.model.world import LEAST_FALL
 from rbd.problem.ground import FLOOR, TOUCHES, Ground, standing_plane
 
 UP = np.array([0.0, 0.0, 1.0])
 ROUNDED = 1e-4
 """Joint motions smaller than this are those of rounded angles and axes in a file [rad, m]."""
+TOGETHER = 1e-6
+"""Feet that are nearer to each other along the plane are one support [m]."""
 _ON_GROUND = 1e-13
 """Corners this near to the ground are on it: rounding, of a robot's height [m]."""
 
@@ -78,13 +79,22 @@ def _values(robot: CheckedModel, wrong: Complaints, what: str, name: str, elemen
 
 
 def stand(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
-    """Q with its base turned so that the feet are flat, moved so that the lowest is on z = 0, and balanced if on points."""
-    q = q.copy()
-    _turn(q, _levelling(State(robot, q), feet, UP))
+    """Q with its base turned so that the feet are flat, moved so that the lowest is on z = 0, and balanced if on points.
+
+    A base that slides in an upright plane turns about the plane's normal alone.
+    """
+    q, axis = q.copy(), _plane_normal(robot)
+    state = State(robot, q)
+    _turn(robot, q, _levelling(state, feet, UP, axis), state.base_pose().translation)
     if not any(len(foot.corners) > 1 for foot in feet):
-        _balance(robot, q, feet)
+        _balance(robot, q, feet, axis)
     _lower(robot, q, feet, FLOOR)
     return q
+
+
+def _plane_normal(robot: CheckedModel) -> Array | None:
+    """The axis of W about which a planar base turns; None of a floating one."""
+    return None if robot.floating else robot.model.jointPlacements[1].rotation[:, 2]
 
 
 def settled(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
@@ -155,7 +165,8 @@ def place_on_ground(state: State, contacts: Sequence[Contact]) -> State:
     planes, q = [standing_plane(foot.name, foot.on) for foot in feet], state.q.copy()  # type: ignore[attr-defined]
     up = np.sum([np.asarray(plane.normal) for plane in planes], axis=0)
     if np.linalg.norm(up) > 1e-3 * len(planes):  # opposite walls do not determine the tilt
-        _turn(q, _levelling(state, feet, up / np.linalg.norm(up)))  # type: ignore[arg-type]
+        level = _levelling(state, feet, up / np.linalg.norm(up))  # type: ignore[arg-type]
+        _turn(robot, q, level, state.base_pose().translation)
     if all(plane.same(planes[0]) for plane in planes):
         _lower(robot, q, feet, planes[0])  # type: ignore[arg-type]
     else:
@@ -185,7 +196,8 @@ def warn_of_gaps(state: State, feet: Sequence[Contact], *, stacklevel: int) -> N
 
 def _lower(robot: CheckedModel, q: Array, feet: Sequence[Contact], plane: Ground) -> None:
     """Move the base along a plane's normal until the lowest corner touches; in place."""
-    q[:3] -= plane.distances(corner_points(State(robot, q), feet)).min() * np.asarray(plane.normal)
+    depth = plane.distances(corner_points(State(robot, q), feet)).min()
+    _move(robot, q, pin.SE3(np.eye(3), -depth * np.asarray(plane.normal)))
 
 
 def _fit(robot: CheckedModel, q: Array, feet: Sequence[Contact], planes: Sequence[Ground]) -> None:
@@ -200,8 +212,7 @@ def _fit(robot: CheckedModel, q: Array, feet: Sequence[Contact], planes: Sequenc
         step = np.linalg.lstsq(A, heights - (points * n).sum(axis=1), rcond=1e-9)[0]
         R = pin.exp3(step[3:])
         points = middle + step[:3] + (points - middle) @ R.T
-        _turn(q, R, about=middle)
-        q[:3] += step[:3]
+        _move(robot, q, pin.SE3(R, middle + step[:3] - R @ middle))
         if np.abs(step).max() < 1e-15:
             break
 
@@ -216,126 +227,74 @@ def corner_points(state: State, feet: Sequence[Contact]) -> Array:
     return np.concatenate(out)
 
 
-def _levelling(state: State, feet: Sequence[Contact], normal: Array) -> Array:
-    """The smallest rotation of the robot, shape (3, 3), that aligns its feet with a normal, shape (3,)."""
-    patches = [foot.rows(state).patch for foot in feet if len(foot.corners) > 1]
+def _levelling(state: State, feet: Sequence[Contact], normal: Array, axis: Array | None = None) -> Array:
+    """The smallest rotation of the robot, shape (3, 3), that aligns its feet with a normal, about an axis or any."""
+    patches = [patch for foot in feet if len(foot.corners) > 1 and (patch := foot.rows(state).patch) is not None]
     if patches:
-        up = np.mean([patch.axes[:, 2] for patch in patches if patch is not None], axis=0)
+        up = np.mean([patch.axes[:, 2] for patch in patches], axis=0)
     else:
-        points = corner_points(state, feet)
-        spread = points - points.mean(axis=0)
-        if len(points) < 2:
+        spread = _spread(corner_points(state, feet), axis)
+        along, _, across = np.linalg.svd(spread)[2]
+        if np.abs(spread @ along).max() < TOGETHER:
             return np.eye(3)
-        if len(points) == 2:
-            along = spread[1] / np.linalg.norm(spread[1])
-            up = normal - (along @ normal) * along
-        else:
-            up = np.linalg.svd(spread)[2][2]
-            up = up if up @ normal >= 0.0 else -up
+        on_line = axis is not None or len(spread) == 2
+        up = normal - (along @ normal) * along if on_line else across if across @ normal >= 0.0 else -across
+    up = _spread(up, axis)
     length = float(np.linalg.norm(up))  # zero for opposite soles, and for points on one vertical
-    return _rotation_between(up / length, normal) if length > 1e-9 else np.eye(3)
+    return _rotation_between(up / length, normal, axis) if length > 1e-9 else np.eye(3)
 
 
-def _balance(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> None:
-    """Turn the robot about the middle of its two point feet until its centre of mass is over them, along gravity; in place.
+def _spread(points: Array, axis: Array | None) -> Array:
+    """Points from their middle, or one direction, seen along an axis if one is given."""
+    found = points - points.mean(axis=0) if points.ndim == 2 else points
+    return found if axis is None else found - np.multiply.outer(found @ axis, axis)
 
-    Nothing is turned where gravity does not press the robot on level ground.
 
-    The feet stay where they are only for two of them, about the line that joins them; more feet leave the ground, so three
-    or more are turned only when the centre of mass is outside, which no posture of the catalogue is.
+def _balance(robot: CheckedModel, q: Array, feet: Sequence[Contact], axis: Array | None) -> None:
+    """Turn the robot until its centre of mass is over its point feet, along gravity; in place.
+
+    It turns about the line of two feet, or about the axis of a planar base, if its feet are one point seen along that; else its
+    feet leave it no turn. Nor does it turn if gravity has no part down.
     """
     points, gravity = corner_points(State(robot, q), feet), robot.gravity
-    if len(points) != 2 or not -gravity[2] > LEAST_FALL * np.linalg.norm(gravity):
+    if axis is None and len(points) == 2:
+        axis = (points[1] - points[0]) / np.linalg.norm(points[1] - points[0])
+    least = LEAST_FALL * np.linalg.norm(gravity)
+    if axis is None or np.abs(_spread(points, axis)).max() > TOGETHER or not -gravity[2] > least:
         return
-    axis = points[1] - points[0]
-    axis /= np.linalg.norm(axis)
-    up = -gravity + (axis @ gravity) * axis
-    if not np.linalg.norm(up) > LEAST_FALL * np.linalg.norm(gravity):  # along the line of the feet
+    up = _spread(-gravity, axis)
+    if not np.linalg.norm(up) > least:  # along the line of the feet
         return
-    up, hull = up / np.linalg.norm(up), convex_hull(along_gravity(gravity, points))
-    for _ in range(20):  # Newton in one angle; three steps are enough from a few degrees
+    for _ in range(20):  # one turn is exact for a rigid robot; the second is rounding
         state = State(robot, q)
-        points = corner_points(state, feet)
-        arm = state.com - points.mean(axis=0)
-        lean = float(arm @ np.cross(axis, up))
-        if abs(lean) < 1e-14 and inside_distance(along_gravity(gravity, state.com), hull) > -1e-9:
+        middle = corner_points(state, feet).mean(axis=0)
+        arm = _spread(state.com - middle, axis)
+        angle = math.atan2(float(axis @ np.cross(arm, up)), float(arm @ up))
+        if abs(angle) < 1e-15 or np.linalg.norm(arm) < TOGETHER:
             return
-        _turn(q, pin.exp3(-axis * np.arctan2(lean, float(arm @ up))), about=points.mean(axis=0))
+        _turn(robot, q, pin.exp3(angle * axis), middle)
 
 
-def _turn(q: Array, R: Array, about: Array | None = None) -> None:
-    """Turn the floating base by R (world axes) about a point, the base's origin if not given; in place."""
-    X_WB = pin.XYZQUATToSE3(q[:7])
-    X_WB.rotation = R @ X_WB.rotation
-    if about is not None:
-        X_WB.translation = about + R @ (X_WB.translation - about)
-    q[:7] = pin.SE3ToXYZQUAT(X_WB)
+def _turn(robot: CheckedModel, q: Array, R: Array, about: Array) -> None:
+    """Turn the base by R (world axes) about a point; in place."""
+    _move(robot, q, pin.SE3(R, about - R @ about))
 
 
-def _rotation_between(a: Array, b: Array) -> Array:
-    """The smallest rotation that takes unit vector a to unit vector b, shape (3, 3)."""
+def _move(robot: CheckedModel, q: Array, X: pin.SE3) -> None:
+    """Displace the base, floating or planar, by X in W; in place."""
+    if robot.floating:
+        q[:7] = pin.SE3ToXYZQUAT(X * pin.XYZQUATToSE3(q[:7]))
+        return
+    (x, y, c, s), P = q[:4], robot.model.jointPlacements[1]
+    moved = P.actInv(X * P * pin.SE3(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, 0.0])))
+    q[:4] = *moved.translation[:2], *moved.rotation[:2, 0]
+
+
+def _rotation_between(a: Array, b: Array, axis: Array | None) -> Array:
+    """The smallest rotation that takes unit vector a to unit vector b, shape (3, 3); half a turn is about the axis, or x."""
     cross, cos = np.cross(a, b), float(a @ b)
     if np.linalg.norm(cross) < 1e-15 and cos > 0.0:
         return np.eye(3)
     if cos < -1.0 + 1e-12:
-        return pin.exp3(np.pi * np.array([1.0, 0.0, 0.0]))
+        return pin.exp3(np.pi * (np.array([1.0, 0.0, 0.0]) if axis is None else axis))
     return pin.exp3(cross / np.linalg.norm(cross) * np.arctan2(np.linalg.norm(cross), cos))
-
-
-TOGETHER = 1e-6
-"""Feet that are nearer to each other along the plane are one support [m]."""
-AXES = {"xz": np.eye(3)[[0, 2]], "yz": np.eye(3)[[1, 2]]}
-"""The axes of W along an upright plane, the second of them up."""
-
-
-def stand_upright(robot: CheckedModel, q: Array, feet: Sequence[Contact]) -> Array:
-    """Q with its base turned in its plane so that its feet are level, and moved so that the lowest is on z = 0.
-
-    Feet that are one point of the plane, as two point feet side by side, have no level: about them the robot is turned until
-    its centre of mass is over them along gravity, where gravity presses it on level ground.
-
-    Args:
-        robot: Its base slides in "xz" or "yz".
-        q: Configuration, shape (nq,).
-        feet: Soles or points.
-    """
-    q, axes = q.copy(), AXES[robot.plane or "xz"]
-    lean = _lean(State(robot, q), feet, axes)
-    if lean is not None:
-        _turn_in_plane(q, -lean, q[:2].copy())
-    else:
-        for _ in range(20):  # one turn is exact for a rigid robot; the second is rounding
-            state = State(robot, q)
-            at = axes @ corner_points(state, feet).mean(axis=0)
-            arm, up = axes @ state.com - at, -axes @ robot.gravity
-            if not up[1] > LEAST_FALL * np.linalg.norm(robot.gravity) or not np.linalg.norm(arm) > TOGETHER:
-                break
-            angle = math.atan2(arm[0] * up[1] - arm[1] * up[0], arm @ up)  # from the arm to up, counter-clockwise
-            if abs(angle) < 1e-15:
-                break
-            _turn_in_plane(q, angle, at)
-    q[1] -= float(corner_points(State(robot, q), feet)[:, 2].min())
-    return q
-
-
-def _lean(state: State, feet: Sequence[Contact], axes: Array) -> float | None:
-    """By which angle in the plane the feet are not level; None where they are one point of it."""
-    patches = [patch for foot in feet if len(foot.corners) > 1 and (patch := foot.rows(state).patch) is not None]
-    if patches:
-        up = axes @ np.mean([patch.axes[:, 2] for patch in patches], axis=0)
-        return math.atan2(-up[0], up[1]) if np.linalg.norm(up) > TOGETHER else 0.0
-    points = corner_points(state, feet) @ axes.T
-    spread = points - points.mean(axis=0)
-    along = np.linalg.svd(spread)[2][0]
-    if float(np.abs(spread @ along).max()) < TOGETHER:
-        return None
-    along = along if along[0] >= 0.0 else -along
-    return math.atan2(along[1], along[0])
-
-
-def _turn_in_plane(q: Array, angle: float, about: Array) -> None:
-    """Turn the base by an angle about a point of the plane; in place."""
-    c, s = math.cos(angle), math.sin(angle)
-    R = np.array([[c, -s], [s, c]])
-    q[:2] = about + R @ (q[:2] - about)
-    q[2:4] = R @ q[2:4]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import pickle
 from collections.abc import Iterable, Mapping
+from dataclasses import replace
 from types import MappingProxyType
 from typing import Any
 
@@ -29,7 +30,7 @@ from rbd.robots.diagnosis import ModelReport
 from rbd.robots.feet import contacts_of
 from rbd.robots.loop_file import Root
 from rbd.robots.loops import Mechanism, read_postures
-from rbd.robots.posture import settled, stand, stand_upright, warn_of_gaps
+from rbd.robots.posture import settled, stand, warn_of_gaps
 from rbd.robots.rotors import file_damping, file_springs, rotors_of
 
 
@@ -95,7 +96,7 @@ class Robot(ShapedRobot):
             return Recipe(self.known.build, (*self.known.parts, *travelling.numbers_and_versions(self._as_made)))
         numbers = packed(self._as_made), pin.__version__
         parts = (
-            travelling.sent_source(self.source),
+            replace(self.source, srdf=None),  # its postures are sent
             self.root,
             sorted(self.passive),
             self.limits,
@@ -184,7 +185,7 @@ class Robot(ShapedRobot):
         if not self.floating:
             placed = self.at() if name is None else self.at(self.posture(name))
             upright = self.plane in ("xz", "yz") and self.source.feet
-            return self._settled(stand_upright(self, placed.q, self.feet(friction=None))) if upright else placed
+            return self._settled(stand(self, placed.q, self.feet(friction=None))) if upright else placed
         feet = self.feet(friction=None)
         if name is None and not self.postures:
             return self._settled(stand(self, self.neutral(), feet))
@@ -306,10 +307,10 @@ class Robot(ShapedRobot):
         return self.at(known) if known is None or not self.source.feet else self.standing(known)
 
 
-def _robot_again(model: bytes, version: str, source: travelling.SentSource, *rest: Any) -> Robot:
+def _robot_again(model: bytes, version: str, source: catalogue.RobotSource, *rest: Any) -> Robot:
     """A robot of a file in another process."""
     root, passive, limits, closed, leave_out, postures, text, meshes, report, sound, springs = rest
-    out = Robot(unpacked(model, version), travelling.source_again(source), root, passive, limits, closed, leave_out, postures)
+    out = Robot(unpacked(model, version), source, root, passive, limits, closed, leave_out, postures)
     out._text, out._mesh_names, out.report, out.sound, out.springs = text, meshes, report, sound, springs
     return out
 

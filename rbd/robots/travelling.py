@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
 import pinocchio as pin
@@ -15,12 +13,10 @@ from rbd.installation import VERSION
 from rbd.model.checked_model import CheckedModel
 from rbd.model.pickling import numbers_digest
 from rbd.robots import catalogue
-from rbd.robots.catalogue import DATA, Foot, RobotSource
+from rbd.robots.catalogue import DATA, RobotSource
 from rbd.robots.loop_file import ENDING, LoopFile
 from rbd.robots.loops import Mechanism
 
-SentSource = tuple[str, str, tuple[str, ...], tuple[Foot, ...], dict[str, dict[str, float]], str | None]
-"""Name, file, folders of meshes, feet, postures and standing posture; paths as text."""
 OWN = "rbd"
 
 
@@ -72,19 +68,6 @@ def check_same(robot: CheckedModel, digest: str, versions: str) -> None:
             f"{robot.name} is another robot here than where it was pickled: its model has other numbers or names. There: "
             f"{versions}; here: {_versions()}. Install the same versions in both environments."
         )
-
-
-def sent_source(source: RobotSource) -> SentSource:
-    """A source with its paths as text; the semantic file is left out, as its postures are sent."""
-    folders = tuple(str(folder) for folder in source.package_dirs)
-    postures = {name: dict(angles) for name, angles in source.postures.items()}
-    return source.name, os.fspath(source.urdf), folders, source.feet, postures, source.posture
-
-
-def source_again(sent: SentSource) -> RobotSource:
-    """The source of `sent_source`. Its files need not be there."""
-    name, urdf, folders, feet, postures, posture = sent
-    return RobotSource(name, Path(urdf), None, tuple(Path(folder) for folder in folders), feet, postures, posture)
 
 
 def texts_of(text: str, mechanism: Mechanism) -> dict[str, Any]:

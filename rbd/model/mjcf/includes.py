@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ElementTree
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from rbd.model.input_files import FileLimits, read_xml
+from rbd.model.input_files import FileLimits, is_file, read_xml
 from rbd.model.urdf import Complaints
 
 Element = ElementTree.Element
@@ -59,12 +59,9 @@ class _Includer:
         """The included file; its name is relative to the including file's folder, else to the main file's."""
         name = element.get("file", "")
         for start in (file.parent, self.main.parent):
-            try:
-                place = (start / name).resolve()
-                if not place.is_file():
-                    continue
-            except (OSError, ValueError, RuntimeError):
+            if not is_file(start / name):
                 continue
+            place = (start / name).resolve()
             if not any(place.is_relative_to(folder) for folder in self.inside):
                 self.wrong.stop(
                     f"<include> names the file {name!r:.200}, outside the folder of {self.wrong.file}. Copy it "
