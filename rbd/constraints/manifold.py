@@ -16,11 +16,12 @@ from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, inertia_factor, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, anchored, is_carried, rows_of, with_loops
+from rbd.constraints.descent import Residual, Space, descend
 from rbd.constraints.loop import LoopRows, rows_function
 from rbd.errors import InputError
 from rbd.errors.inputs import check_different
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State
+from rbd.model.state import State, checked
 from rbd.problem.cones import Free, FreeLine
 from rbd.problem.rows import Rows
 
@@ -138,21 +139,19 @@ class StackedRows:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearisedRows:
+class LinearisedRows(Residual):
     """The constraints at one configuration, dimensionless.
 
     Attributes:
-        q: The configuration.
-        J: Jacobian with respect to z, shape (m, nv).
-        error: Position errors, shape (m,); zero in rows that constrain velocity alone.
+        error: Position errors of the rows that have one.
+        J: Jacobian of these with respect to z, shape (k, nv).
+        A: That of all rows, of those that constrain velocity alone too, shape (m, nv).
     """
 
-    q: Array
-    J: Array
-    error: Array
+    A: Array
 
 
-class ConstraintManifold:
+class ConstraintManifold(Space[LinearisedRows]):
     """Bilateral constraints on a robot: the configurations that satisfy them, and the velocities that they allow.
 
     Args:
@@ -163,12 +162,9 @@ class ConstraintManifold:
             whose lengths are rounded, where singular values count as zero below ten times that.
 
     Attributes:
-        robot: The robot.
         constraints: Those that have rows.
         q: The configuration of the state.
-        n: Number of velocities.
-        length: The robot's length [m].
-        scale: D, unit of each velocity, shape (nv,).
+        n: Number of velocities; their units `scale` are D.
         zero: Singular values count as zero at this fraction of the largest.
 
     Raises:
@@ -184,14 +180,14 @@ class ConstraintManifold:
         tolerance: float = CLOSED,
         loops: bool = True,
     ) -> None:
-        if not isinstance(state, State):
-            raise InputError(f"a State of a robot was expected first, got {state!r:.80}. Make one: rbd.State(robot, q).")
-        at_rest = state.with_velocity(state.robot.zero_v)
+        at_rest = checked(state).with_velocity(state.robot.zero_v)
         given = own_or(state.robot, constraints, loops)
         rows = rows_of(at_rest, given)
         kept = [anchored(c, r, at_rest) if is_bilateral(r) else c for c, r in zip(given, rows, strict=True) if len(r)]
         self._set(at_rest, kept, tolerance)
         _check(self._start.rows)
+
+    longest = 0.5
 
     @classmethod
     def unchecked(
@@ -218,11 +214,11 @@ class ConstraintManifold:
     def _set(
         self, state: State, constraints: Sequence[Constraint], tolerance: float, carried: Sequence[bool] | None = None
     ) -> None:
-        self.robot: CheckedModel = state.robot
+        super().__init__(state.robot)
         self.q, self.constraints, self._carried = state.q, tuple(constraints), carried
         self.tolerance, self.zero = tolerance, max(RANK, 10.0 * tolerance)
+        self.cut = 1e-12 if tolerance <= CLOSED else self.zero
         self._state, self.n = state, state.robot.nv
-        self.length, self.scale = state.robot.joints.length, state.robot.joints.scale
         self._rows = rows_function(state.robot, self.constraints)
 
     def rows(self, state: State) -> StackedRows:
@@ -262,7 +258,7 @@ class ConstraintManifold:
                 there = self._scaled(q, np.ones(self.m))
             except InputError:  # a constraint may be undefined there
                 continue
-            norms = np.maximum(norms, np.linalg.norm(there.J, axis=1))
+            norms = np.maximum(norms, np.linalg.norm(there.A, axis=1))
         most = float(norms.max(initial=0.0))
         # A row of rounding errors gets scale one: normalised it would count.
         return 1.0 / np.maximum(norms, 1e-6 * most) if most > 0.0 else np.ones(self.m)
@@ -279,45 +275,16 @@ class ConstraintManifold:
         found = self.rows(State(self.robot, q))
         if [len(r) for r in found.rows] != self._sizes:
             raise InputError(f"constraints of {self.robot.name} change their rows near the state (there {self._sizes}).")
-        return LinearisedRows(found.state.q, (found.J * self.scale) * weights[:, None], found.error * weights)
-
-    def move(self, q: Array, z: Array) -> Array:
-        """The configuration reached from q by the displacement z, shape (nv,), dimensionless."""
-        return pin.normalize(self.robot.model, pin.integrate(self.robot.model, q, self.scale * z))
-
-    def displacement(self, start: Array, end: Array) -> Array:
-        """The displacement z from one configuration to another, shape (nv,), dimensionless."""
-        return pin.difference(self.robot.model, start, end) / self.scale
+        A, here = (found.J * self.scale) * weights[:, None], self.placed
+        return LinearisedRows(found.state, (found.error * weights)[here], A[here], A)
 
     def rank(self, J: Array, zero: float | None = None) -> int:
         """Rank of a dimensionless Jacobian; singular values count as zero at a fraction of the largest."""
         return self.n - null_space(J, self.zero if zero is None else zero)[0].shape[1]
 
-    def project(self, q: Array, *, iterations: int = ITERATIONS, within: float = 1e-14) -> LinearisedRows:
-        """The point nearest to the constraints that Levenberg-Marquardt steps reach; check its `error`.
-
-        The damping is |error|^2: quadratic convergence where the errors grow with the distance, also for redundant
-        rows and at changes of rank [YamashitaFukushima2001]; slower where they grow only with its square.
-        """
-        at = self.at(q)
-        here = self.placed
-        cut = 1e-12 if self.tolerance <= CLOSED else self.zero
-        for _ in range(iterations):
-            size = max_abs(at.error)
-            if size <= within:
-                break
-            U, s, Vt = np.linalg.svd(at.J[here], full_matrices=False)
-            s = np.where(s > cut * max(1.0, float(s.max(initial=0.0))), s, 0.0)
-            z = -(Vt.T * (s / (s * s + max(size * size, 1e-28)))) @ (U.T @ at.error[here])
-            step = float(np.linalg.norm(z))
-            try:
-                nearer = self.at(self.move(at.q, z if step <= 0.5 else z * (0.5 / step)))
-            except InputError:  # a constraint may be undefined there
-                break
-            if max_abs(nearer.error) > 0.999 * size and step < 1e-9:  # rounding
-                break
-            at = nearer
-        return at
+    def project(self, q: Array) -> LinearisedRows:
+        """The point nearest to the constraints that Levenberg-Marquardt steps reach; check its `error`."""
+        return descend(self, self.at(q), tolerance=1e-14, most=ITERATIONS).at
 
     def check_assembled(self) -> LinearisedRows:
         """The constraints at the state.
@@ -327,9 +294,9 @@ class ConstraintManifold:
         """
         at = self.at(self.q)
         if max_abs(at.error) > self.tolerance:
-            worst = int(np.argmax(np.abs(at.error)))
+            worst = int(np.flatnonzero(self.placed)[np.argmax(np.abs(at.error))])
             name, row = self.names[worst]
-            off = abs(float(at.error[worst])) / float(self.weights[worst])
+            off = max_abs(at.error) / float(self.weights[worst])
             raise InputError(
                 f"{self.robot.name} is not assembled: row {row} of {name!r:.80} is off by {off:.3g} (m or rad). "
                 "Close it first, with rbd.mechanism.assemble."

@@ -10,6 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_float, check_flag, check_seed, check_whole, max_abs
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.descent import Descent, descend, displacement, minimise
 from rbd.displayed import Displayed
 from rbd.errors import CannotAssemble, InputError
 from rbd.mechanism.constraint_error import (
@@ -20,8 +21,7 @@ from rbd.mechanism.constraint_error import (
     independent_columns,
     position_residual,
 )
-from rbd.mechanism.descent import Descent, descend, minimise
-from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, displacement, distance, draw, joints_in_words
+from rbd.mechanism.poses import LimitViolation, beyond_limits, canonical, distance, draw, joints_in_words
 from rbd.model.state import State, checked
 from rbd.problem.rows import Rows
 
@@ -83,7 +83,7 @@ def assemble(
 ) -> Assembly:
     """A configuration on the constraints near that of a state, with its residual.
 
-    Levenberg-Marquardt steps on the manifold of configurations; see `rbd.mechanism.descent`. Redundant rows
+    Levenberg-Marquardt steps on the manifold of configurations; see `rbd.constraints.descent`. Redundant rows
     do no harm. From far away it can end on another branch than intended: check `moved`, or give `within`.
 
     Args:
@@ -200,7 +200,7 @@ def _other_starts(closure: Closure, tolerance: float, most: int) -> tuple[Array 
     rng, least = np.random.default_rng(0), math.inf
     for _ in range(STARTS if len(closure.free) else 0):
         try:
-            found = descend(closure, closure.at(closure.pin(draw(closure.robot, rng))), tolerance=tolerance, most=most)
+            found = descend(closure, closure.at(closure.inside(draw(closure.robot, rng))), tolerance=tolerance, most=most)
         except InputError:  # a constraint may be undefined at a start
             continue
         if found.closed:
@@ -368,7 +368,7 @@ def branches(
     closed = last_new = 0
     for i in range(tries):
         try:
-            start = closure.at(closure.pin(draw(robot, rng)))
+            start = closure.at(closure.inside(draw(robot, rng)))
             found = descend(closure, start, tolerance=tolerance, most=max_iterations)
         except InputError as error:  # of this draw, or of all draws: then the arguments are wrong
             refusal = refusal or error
@@ -409,7 +409,7 @@ def _is_singular(closure: Closure, at: ConstraintResidual, tolerance: float, mos
     for there in around(closure, at, tolerance=tolerance, most=most):
         if np.linalg.norm(closure.way(at.q, there.q)) < 0.3 * ASIDE:
             continue
-        free = closure.names(independent_columns(there.J))
+        free = closure.coordinate_names(independent_columns(there.J))
         held = f" with {', '.join(map(repr, closure.fixed))} fixed"[:200] if closure.fixed else ""
         raise InputError(
             f"{closure.robot.name} can still move: {len(free)} degree{'s' * (len(free) != 1)} of freedom left{held}, so its "

@@ -9,12 +9,12 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, check_finite, check_flag, check_whole, max_abs
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.descent import descend
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.assembly import TOLERANCE, assemble, check_descent
 from rbd.mechanism.constraint_error import Closure
 from rbd.mechanism.continuation import ArcStep, Drive, Point, PoseCurve
-from rbd.mechanism.descent import descend
 from rbd.mechanism.poses import LimitViolation, beyond_limits, distance, measured
 from rbd.model.checked_model import FARTHEST
 from rbd.model.joints import ANGLE

@@ -1,4 +1,4 @@
-"""Errors of constraints with some joints fixed, as `rbd.mechanism.descent` brings them to zero, and bilateral velocities."""
+"""Errors of constraints with some joints fixed, as `rbd.constraints.descent` brings them to zero, and bilateral velocities."""
 
 from __future__ import annotations
 
@@ -7,18 +7,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import pinocchio as pin
 
 from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
+from rbd.constraints.descent import Residual, Space, descend
 from rbd.constraints.joint import joint_limits
 from rbd.constraints.manifold import CLOSED, StackedRows, own_or, rank_of as rank_at
 from rbd.errors import InputError
 from rbd.errors.inputs import check_different
-from rbd.mechanism.descent import Residual, descend
-from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State, checked, with_values
+from rbd.model.state import State, checked
 from rbd.problem.cones import Bounds, NonNegative
 from rbd.problem.rows import Rows
 
@@ -36,7 +34,7 @@ class ConstraintResidual(Residual):
     Attributes:
         rows: All rows, in the constraints' order.
         error: Position errors, shape (m,) [m, rad]; of unilateral rows, only violations.
-        J: Jacobian of these over the free velocities, in units of `Closure.metric`, shape (m, free).
+        J: Jacobian of these over the free velocities, in units of `Closure.scale`, shape (m, free).
     """
 
     rows: tuple[Rows, ...]
@@ -57,7 +55,7 @@ class ConstraintResidual(Residual):
         return self.svd[2][self.rank :]
 
 
-class Closure:
+class Closure(Space[ConstraintResidual]):
     """Constraints on a robot, some of its joints fixed.
 
     Args:
@@ -68,11 +66,6 @@ class Closure:
         one_sided: Include violations of joint limits; if not, only bilateral constraints.
 
     Attributes:
-        fixed: {joint: value} as given.
-        free: Which velocities are free, indices, shape (free,).
-        metric: Unit of each free velocity, shape (free,): the robot's length for translations, else one.
-        angular: Which of these are angular, shape (free,).
-        length: The robot's length [m].
         skipped: Why some constraints are skipped, one sentence each; filled at the first evaluation.
 
     Raises:
@@ -95,25 +88,12 @@ class Closure:
     ) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
-        self.robot, self.model = robot, robot.model
-        self.fixed = {} if fixed is None else fixed
-        self._target = with_values(robot, pin.neutral(self.model), self.fixed, argument="fixed")
-        held = np.zeros(robot.nv, bool)
-        self._pinned = np.zeros(robot.nq, bool)
-        for joint in self.fixed:
-            held[robot.joints[joint].v] = True
-            self._pinned[robot.joints[joint].q] = True
-        self.free = np.flatnonzero(~held)
-        self.held = held
-        self.metric, self.length = robot.joints.scale[self.free], robot.joints.length
-        self.angular = robot.joints.angular[self.free]
-        self._endless = np.full(len(self.free), -math.inf), np.full(len(self.free), math.inf)
-        given = own_or(robot, constraints, loops)
+        super().__init__(robot, fixed)
+        self.unit_error = robot.joints.length
+        self._given, self._one_sided = own_or(robot, constraints, loops), one_sided
         self._limits = tuple(joint_limits(robot)) if within_limits else ()
         self.constraints: tuple[Constraint, ...] | None = None
-        self._given, self._one_sided = given, one_sided
         self.skipped: tuple[str, ...] = ()
-        self._all_free = len(self.free) == robot.nv and bool(np.all(self.metric == 1.0))
 
     def start(self, q0: Array) -> ConstraintResidual:
         """The residual at q0 with the fixed joints at their values; the constraints are checked here.
@@ -122,7 +102,7 @@ class Closure:
             InputError: q0 is invalid, an object is not a constraint, or no constraint determines a position.
             DuplicateName: two constraints with the same name.
         """
-        state = State(self.robot, self.pin(self.robot.check_q(q0)))
+        state = State(self.robot, self.inside(self.robot.check_q(q0)))
         rows = rows_of(state, self._given) + rows_of(state, self._limits)
         self._check(rows)
         self.constraints = (*self._given, *self._limits)
@@ -135,33 +115,6 @@ class Closure:
         state = State(self.robot, q)
         return self._residual(state, tuple([c.rows(state) for c in self.constraints]))
 
-    def pin(self, q: Array) -> Array:
-        """A copy of q with the fixed joints at their values."""
-        return np.where(self._pinned, self._target, q)
-
-    def move(self, q: Array, z: Array) -> Array:
-        """The configuration reached by the displacement z of the free velocities, in units of `metric`."""
-        if self._all_free:
-            return np.asarray(pin.integrate(self.model, q, z))
-        dq = np.zeros(self.robot.nv)
-        dq[self.free] = self.metric * z
-        q = np.asarray(pin.integrate(self.model, q, dq))
-        return self.pin(q) if self.fixed else q
-
-    displaced = move
-
-    def room(self, q: Array) -> tuple[Array, Array]:  # noqa: ARG002  joint limits are among the errors
-        """No limits, shapes (free,)."""
-        return self._endless
-
-    def way(self, q: Array, to: Array) -> Array:
-        """The displacement of the free velocities from one configuration to another, in units of `metric`."""
-        return displacement(self.robot, q, to)[self.free] / self.metric
-
-    def names(self, which: Array | list[int]) -> list[str]:
-        """Names of some of the free velocities."""
-        return [self.robot.joints.velocities[i].name for i in self.free[which]]
-
     def _residual(self, state: State, rows: tuple[Rows, ...]) -> ConstraintResidual:
         errors, Js = [], []
         for r in rows:
@@ -172,8 +125,7 @@ class Closure:
         if not errors:
             return ConstraintResidual(state, np.zeros(0), np.zeros((0, len(self.free))), rows)
         J = np.concatenate(Js) if len(Js) > 1 else Js[0]
-        if not self._all_free:
-            J = J[:, self.free] * self.metric
+        J = J[:, self.free] * self.scale
         return ConstraintResidual(state, np.concatenate(errors) if len(errors) > 1 else errors[0], J, rows)
 
     def _check(self, rows: list[Rows]) -> None:
@@ -222,7 +174,7 @@ def rank_of(s: Array) -> int:
 
 
 ASIDE = 0.02
-"""Step along a direction that J allows in the test for a finite motion, in units of `Closure.metric`."""
+"""Step along a direction that J allows in the test for a finite motion, in units of `Closure.scale`."""
 
 
 def branches_meet(closure: Closure, at: ConstraintResidual) -> bool:

@@ -18,9 +18,9 @@ import numpy as np
 from scipy.optimize import brentq
 
 from rbd.arrays import Array
+from rbd.constraints.descent import descend
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.constraint_error import Closure, ConstraintResidual, branches_meet, independent_columns
-from rbd.mechanism.descent import descend
 
 _LEAST_STEP = 1e-6
 _MOST_TURN = 0.2
@@ -33,9 +33,9 @@ class Point:
 
     Attributes:
         at: Residual of the constraints there.
-        tangent: Unit direction of the curve, shape (free,), in units of `Closure.metric`.
+        tangent: Unit direction of the curve, shape (free,), in units of `Closure.scale`.
         rows: Orthonormal combinations of the constraints' rows, shape (m, free - 1).
-        columns: Orthonormal directions of the free velocities, shape (free, free - 1), in units of `Closure.metric`.
+        columns: Orthonormal directions of the free velocities, shape (free, free - 1), in units of `Closure.scale`.
         sigma: Singular values of J, shape (free - 1,): J = rows diag(sigma) columns^T.
         singular: Whether J has lost rank there.
     """
@@ -76,7 +76,7 @@ class PoseCurve:
     Args:
         closure: The constraints.
         tolerance: Largest entry of the errors.
-        longest: Longest step, in units of `Closure.metric`.
+        longest: Longest step, in units of `Closure.scale`.
     """
 
     def __init__(self, closure: Closure, tolerance: float, longest: float) -> None:
@@ -234,7 +234,7 @@ class Drive:
 
     def change(self, q: Array, to: Array) -> float:
         """Displacement of the joint between two near poses."""
-        return float(self.closure.way(q, to)[self.column] * self.closure.metric[self.column])
+        return float(self.closure.way(q, to)[self.column] * self.closure.scale[self.column])
 
     def rate(self, p: Point) -> float:
         """Rate of the joint along the curve."""

@@ -254,9 +254,9 @@ def mobility(
     tolerance, seed = check_positive("tolerance", tolerance, 1e-2), check_seed(seed)
     held = ConstraintManifold(state, constraints, tolerance=tolerance, loops=loops)
     at = held.check_assembled()
-    N, s = null_space(at.J, held.zero)
+    N, s = null_space(at.A, held.zero)
     rank = held.n - N.shape[1]
-    redundant, stresses = _redundant(held, at.J, rank)
+    redundant, stresses = _redundant(held, at.A, rank)
     found = finite_motion(held, at, seed)
     return Mobility(
         count(held, state, seed), held.n, held.m, rank, s, held.zero, found, redundant, stresses, not held.placed.all(), seed
@@ -341,7 +341,7 @@ def plane_normal(state: State) -> Array | None:
 def _generic_rank(held: ConstraintManifold, rows: slice, seed: int) -> int:
     rng, most = np.random.default_rng(seed), 0
     for _ in range(3):
-        J = held.at(held.move(held.q, rng.normal(size=held.n))).J[rows]
+        J = held.at(held.move(held.q, rng.normal(size=held.n))).A[rows]
         most = max(most, held.rank(J, RANK))
     return most
 
@@ -414,7 +414,7 @@ def finite_motion(held: ConstraintManifold, at: LinearisedRows, seed: int) -> Fi
     """
     rng = np.random.default_rng(seed)
     placed, loose = held.placed, ~held.placed
-    N, _ = null_space(at.J, held.zero)
+    N, _ = null_space(at.A, held.zero)
     rank = held.n - N.shape[1]
     here = LocalBranch(N.shape[1], at.q, N, rank)
     if rank == held.m or N.shape[1] == 0:  # by the implicit function theorem, or without rows
@@ -427,14 +427,14 @@ def finite_motion(held: ConstraintManifold, at: LinearisedRows, seed: int) -> Fi
         if near is None:
             continue
         points.append(near)
-        chord = held.displacement(at.q, near.q)
+        chord = held.way(at.q, near.q)
         if any(b.dimension == 1 and abs(float(b.tangent[:, 0] @ chord)) > _KNOWN * np.linalg.norm(chord) for b in branches):
             continue
         analysed += 1
         point, tangent = _regular(held, near, rng) if placed.any() else (near, np.eye(held.n))
         if loose.any():
-            tangent = tangent @ null_space(point.J[loose] @ tangent, held.zero)[0]
-        found = LocalBranch(tangent.shape[1], point.q, tangent, _rank(held, point.J))
+            tangent = tangent @ null_space(point.A[loose] @ tangent, held.zero)[0]
+        found = LocalBranch(tangent.shape[1], point.q, tangent, _rank(held, point.A))
         if found.dimension and not any(_same(found, other) for other in branches):
             branches.append(found)
         if analysed == _POINTS or found.dimension == here.dimension:
@@ -465,13 +465,13 @@ def neighbours(
     held: ConstraintManifold, at: LinearisedRows, step: float, rng: np.random.Generator, directions: int
 ) -> Iterator[LinearisedRows | None]:
     """For each direction of the kernel tried, the point found about one step away, or None."""
-    K, _ = null_space(at.J[held.placed], held.zero)
+    K, _ = null_space(at.J, held.zero)
     for _ in range(min(K.shape[1], 1) if K.shape[1] < 2 else (directions + 1) // 2):
         # At random: on the axes of a symmetric linkage the points are singular.
         z = _unit(rng, K)
         for start in (step * z, -step * z):
             found = held.project(held.move(at.q, start))
-            moved = float(np.linalg.norm(held.displacement(at.q, found.q)))
+            moved = float(np.linalg.norm(held.way(at.q, found.q)))
             yield found if max_abs(found.error) <= held.tolerance and _MOVED * step <= moved <= 3.0 * step else None
 
 
@@ -480,8 +480,8 @@ def _regular(held: ConstraintManifold, at: LinearisedRows, rng: np.random.Genera
     step = NEAR
     for _ in range(2):
         tangent, around = _tangent(held, at, step, rng)
-        best = max(around, key=lambda p: _rank(held, p.J), default=at)
-        if _rank(held, best.J) <= _rank(held, at.J):
+        best = max(around, key=lambda p: _rank(held, p.A), default=at)
+        if _rank(held, best.A) <= _rank(held, at.A):
             break
         at, step = best, 0.25 * step
     return at, tangent
@@ -495,7 +495,7 @@ def _tangent(
     held: ConstraintManifold, at: LinearisedRows, step: float, rng: np.random.Generator
 ) -> tuple[Array, list[LinearisedRows]]:
     """Orthonormal basis of the directions to the constraints' points around one of them, and these points."""
-    K, _ = null_space(at.J[held.placed], held.zero)
+    K, _ = null_space(at.J, held.zero)
     d = K.shape[1]
     around: list[LinearisedRows] = []
     if d == 0:
@@ -505,7 +505,7 @@ def _tangent(
         z = K[:, i] if i < d else _unit(rng, K)
         found = held.project(held.move(at.q, step * z))
         if max_abs(found.error) <= held.tolerance:
-            chords[i] = held.displacement(at.q, found.q) / step
+            chords[i] = held.way(at.q, found.q) / step
             around.append(found)
     _, s, Vt = np.linalg.svd(chords @ K)
     return K @ Vt[: int((s > _MOVED * np.sqrt(len(chords))).sum())].T, around

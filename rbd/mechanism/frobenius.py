@@ -244,12 +244,12 @@ def _drawn(state: State, constraints: Sequence[Constraint], seed: int) -> list[t
 
 def _look(held: ConstraintManifold, at: LinearisedRows, tolerance: float) -> PointReport:
     """The growth vector at one configuration."""
-    B, _ = null_space(at.J)
+    B, _ = null_space(at.A)
     rank, n = held.n - B.shape[1], held.n
-    kept = np.sort(qr(at.J.T, mode="r", pivoting=True)[1][:rank])
+    kept = np.sort(qr(at.A.T, mode="r", pivoting=True)[1][:rank])
 
     def D(q: Array) -> Array:
-        return _projected(held.at(q).J[kept], B)
+        return _projected(held.at(q).A[kept], B)
 
     growth, span, least, most = [B.shape[1]], B, np.inf, 0.0
     newest: Fields = D
@@ -282,14 +282,14 @@ def _look(held: ConstraintManifold, at: LinearisedRows, tolerance: float) -> Poi
 
 def _regular(held: ConstraintManifold, at: LinearisedRows) -> bool:
     """Whether the rank is the same at two configurations nearby that satisfy the rows that have positions."""
-    B, _ = null_space(at.J)
+    B, _ = null_space(at.A)
     if not B.shape[1]:
         return True
     rng = np.random.default_rng(0)
     for _ in range(2):
         z = B @ rng.normal(size=B.shape[1])
         near = held.project(held.move(at.q, 0.05 * z / np.linalg.norm(z)))
-        if null_space(near.J)[0].shape[1] < B.shape[1]:
+        if null_space(near.A)[0].shape[1] < B.shape[1]:
             return False
     return True
 

@@ -1,6 +1,6 @@
 """`find_pose`: inverse kinematics of contacts, frames and the centre of mass, within joint limits and near a posture.
 
-Levenberg-Marquardt steps within the limits (`rbd.mechanism.descent`) converge from the posture to the targets, down to
+Levenberg-Marquardt steps within the limits (`rbd.constraints.descent`) converge from the posture to the targets, down to
 rounding; if they end at a minimum above zero, further starts follow. Then steps that minimise |W d|^2, with d the displacement
 from the posture, over the motions that the targets and limits allow.
 
@@ -18,10 +18,10 @@ import pinocchio as pin
 
 from rbd.arrays import Array, largest_first, max_abs
 from rbd.constraints.constraint import Constraint, with_loops
+from rbd.constraints.descent import Residual, Space, StationaryPoint, descend, minimise
 from rbd.displayed import Displayed
 from rbd.errors import CannotReach, InputError, ModelError
 from rbd.mechanism.constraint_error import position_residual
-from rbd.mechanism.descent import Bounded, Residual, StationaryPoint, descend, minimise
 from rbd.mechanism.pose_targets import (
     CentreOfMass,
     Miss,
@@ -179,7 +179,7 @@ def find_pose(
         raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
     asked, place = read_targets(robot, targets), read_com(com)
     search = _PoseSearch(robot, asked, place, with_loops(robot, (), loops))
-    q0 = search.bounded.inside(_posture(robot, posture))
+    q0 = search.inside(_posture(robot, posture))
     proof = out_of_reach(robot, asked)
     tried = [search.descend(q0)]
     if search.met(tried[0]):
@@ -212,7 +212,7 @@ def _posture(robot: CheckedModel, posture: object) -> Array:
         return neutral
 
 
-class _PoseSearch:
+class _PoseSearch(Space[Residual]):
     """A search for a pose: targets of a robot, and its loops.
 
     Args:
@@ -224,7 +224,6 @@ class _PoseSearch:
         shift: Added to the loops' errors, shape (m,): their multipliers over the weight's square; None for zero.
 
     Attributes:
-        bounded: The errors of all, within the limits.
         tolerance: Of the targets [m, rad].
     """
 
@@ -238,17 +237,18 @@ class _PoseSearch:
         stiff: float = 1.0,
         shift: Array | None = None,
     ) -> None:
-        self.robot, self.targets, self.com, self.loops = robot, tuple(targets), com, tuple(loops)
+        super().__init__(robot, limited=True)
+        self.targets, self.com, self.loops = tuple(targets), com, tuple(loops)
         self._parts: tuple[Target | CentreOfMass, ...] = self.targets if com is None else (*self.targets, com)
         self._stiff, self._shift, self._length = stiff, shift, robot.joints.length
-        self.bounded = Bounded(robot, self._errors)
         far = max([robot.joints.reach, *(max_abs(t.point) for t in self.targets if t.point is not None)])
         self.tolerance = MET * max(1.0, 0.1 * far)
         roots = [joint for joint in robot.joints.values() if robot.model.parents[joint.id] == 0]
         self._bases = [joint for joint in roots if joint.kind in ("FreeFlyer", "Planar")]
 
-    def _errors(self, state: State) -> tuple[Array, Array]:
-        errors, rows = [], []
+    def at(self, q: Array) -> Residual:
+        """The errors at a configuration, without units."""
+        state, errors, rows = State(self.robot, q), [], []
         for part in self._parts:
             e, J = part.errors(state)
             lengths = len(e) - part.angles
@@ -260,7 +260,7 @@ class _PoseSearch:
             e, J = self._open(state)
             errors.append(self._stiff * (e if self._shift is None else e + self._shift))
             rows.append(self._stiff * J)
-        return np.concatenate(errors), np.concatenate(rows)
+        return Residual(state, np.concatenate(errors), np.concatenate(rows) * self.scale)
 
     def _open(self, state: State) -> tuple[Array, Array]:
         """Errors of the loops, and their Jacobian [m, rad]."""
@@ -269,7 +269,7 @@ class _PoseSearch:
 
     def descend(self, q: Array, most: int = _STEPS) -> Residual:
         """The end of the descent from a configuration, down to rounding."""
-        return descend(self.bounded, self.bounded.at(q), tolerance=0.02 * MET, most=most).at
+        return descend(self, self.at(q), tolerance=0.02 * MET, most=most).at
 
     def misses(self, q: Array) -> dict[str, Miss]:
         """{target: error}."""
@@ -291,8 +291,8 @@ class _PoseSearch:
     def other_start(self, q0: Array, rng: np.random.Generator, i: int) -> Array:
         """Further initial configurations: around the posture, farther each time, then anywhere within the limits."""
         if 2 * i < STARTS:
-            return self.bounded.move(q0, rng.normal(size=self.robot.nv) * (0.1 + 1.8 * i / STARTS))
-        q = self.bounded.inside(draw(self.robot, rng))
+            return self.move(q0, rng.normal(size=self.robot.nv) * (0.1 + 1.8 * i / STARTS))
+        q = self.inside(draw(self.robot, rng))
         for base in self._bases:  # at the same place, in another orientation
             place = slice(base.q.start, base.q.start + (3 if base.kind == "FreeFlyer" else 2))
             q[place] = q0[place]
@@ -301,7 +301,7 @@ class _PoseSearch:
     def found(self, q0: Array, reached: Residual, starts: int) -> FoundPose:
         """The result, after steps along the targets that reduce the displacement from the posture."""
         state = self._nearer(q0, reached).state
-        d = self.bounded.way(q0, state.q)
+        d = self.way(q0, state.q)
         for base in self._bases:
             d[base.v] = 0.0
         limits = np.flatnonzero(self._at_limit(state.q) & ~self._at_limit(q0))
@@ -310,20 +310,20 @@ class _PoseSearch:
 
     def _at_limit(self, q: Array) -> Array:
         """Which coordinates are at a limit, shape (nv,), bool."""
-        lower, upper = self.bounded.room(q)
+        lower, upper = self.room(q)
         return np.minimum(-lower, upper) < 1e-9
 
     def _nearer(self, q0: Array, reached: Residual) -> Residual:
         weight = self._weight(q0)
-        at, d = reached, weight @ self.bounded.way(q0, reached.state.q)
+        at, d = reached, weight @ self.way(q0, reached.state.q)
         for _ in range(_NEARER):
             rows = at.J * (_HOLD / max(1e-300, float(np.linalg.norm(at.J, 2))))
             A, b = np.concatenate([rows, weight]), np.append(np.zeros(len(rows)), -d)
-            z = within(A, b, *self.bounded.room(at.state.q))
+            z = within(A, b, *self.room(at.state.q))
             z *= min(1.0, 0.5 / max(1e-300, max_abs(z)))
             for _ in range(_HALVINGS):
-                there = self.descend(self.bounded.move(at.state.q, z), _BACK)
-                way = weight @ self.bounded.way(q0, there.state.q)
+                there = self.descend(self.move(at.state.q, z), _BACK)
+                way = weight @ self.way(q0, there.state.q)
                 if way @ way < d @ d and self.met(there):
                     break
                 z = 0.5 * z
@@ -348,14 +348,14 @@ class _PoseSearch:
     def minimum(self, nearest: Residual) -> StationaryPoint[Residual]:
         """The minimum of the targets' distance; with loops, by the method of multipliers."""
         if not self.loops:
-            return minimise(self.bounded, nearest)
+            return minimise(self, nearest)
         q, shift = nearest.state.q, 0.0 * self._open(nearest.state)[0]
         for _ in range(_ROUNDS):
             stiff = _PoseSearch(self.robot, self.targets, self.com, self.loops, stiff=_STIFF, shift=shift)
-            end = minimise(stiff.bounded, stiff.descend(q))
+            end = minimise(stiff, stiff.descend(q))
             q, shift = end.at.state.q, shift + stiff._open(end.at.state)[0]
         # The slope over |J| |e| of the targets alone: the weight of the loops increases that of all.
-        alone = _PoseSearch(self.robot, self.targets, self.com, ()).bounded.at(q)
+        alone = _PoseSearch(self.robot, self.targets, self.com, ()).at(q)
         return replace(end, slope=end.slope * end.at.scale / max(1e-300, alone.scale))
 
     def failure(self, end: StationaryPoint[Residual], others: int, proof: OutOfReach | None) -> CannotReach:

@@ -10,6 +10,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, max_abs
+from rbd.constraints.descent import displacement
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import ANGLE, Piece
 
@@ -67,15 +68,6 @@ def joints_in_words(robot: CheckedModel, q: Array, without: Collection[str] = ()
         place, turned = (", ".join(f"{x:.4g}" for x in np.round(each, 6) + 0.0) for each in (data.M.translation, turn))
         out.append(f"{joint.name} at ({place}) m, turned by ({turned}) deg")
     return tuple(out)
-
-
-def displacement(robot: CheckedModel, q: Array, to: Array) -> Array:
-    """The velocity that leads from one pose to another in unit time, by the shorter way round, shape (nv,)."""
-    d = np.asarray(pin.difference(robot.model, q, to))
-    periodic = robot.joints.periodic
-    if periodic.any():
-        d[periodic] = np.remainder(d[periodic] + math.pi, 2.0 * math.pi) - math.pi
-    return d
 
 
 def distance(robot: CheckedModel, q: Array, to: Array) -> float:

@@ -22,7 +22,6 @@ from rbd.constraints.manifold import RANK, ConstraintManifold, LinearisedRows, r
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.mechanism.degrees_of_freedom import FAR, ROUGH, neighbours
-from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, checked
 
@@ -232,7 +231,7 @@ class _Matrices:
 
     def __init__(self, held: ConstraintManifold, inputs: Sequence[str], outputs: str | Sequence[str]) -> None:
         self.held = held
-        self.of: dict[str, Callable[[LinearisedRows], Array]] = {"configuration": lambda p: p.J}
+        self.of: dict[str, Callable[[LinearisedRows], Array]] = {"configuration": lambda p: p.A}
         self.columns = {"configuration": np.arange(held.n)}
         driven = _columns(held, "inputs", inputs)
         if len(driven):
@@ -240,9 +239,9 @@ class _Matrices:
         if isinstance(outputs, str):
             frame, robot = outputs, held.robot
             robot.frame_id(frame)
-            scale = np.r_[np.full(3, 1.0 / held.length), np.ones(3)]
+            scale = np.r_[np.full(3, 1.0 / robot.joints.length), np.ones(3)]
             self.columns["input"] = np.arange(held.n)
-            self.of["input"] = lambda p: np.vstack([p.J, scale[:, None] * _frame_jacobian(robot, p.q, frame) * held.scale])
+            self.of["input"] = lambda p: np.vstack([p.A, scale[:, None] * _frame_jacobian(robot, p.q, frame) * held.scale])
         else:
             moved = _columns(held, "outputs", outputs)
             if len(moved):
@@ -254,7 +253,7 @@ class _Matrices:
             what = "inputs" if kind == "output" else "outputs"
             raise InputError(f"all joints are among the {what}; expected some beside them.")
         self.columns[kind] = rest
-        self.of[kind] = lambda p: p.J[:, rest]
+        self.of[kind] = lambda p: p.A[:, rest]
 
     def judge(self, kind: str, point: LinearisedRows, rank: int, tolerance: float, at: float = 0.0) -> Singularity:
         """The singularity of one kind at a configuration, given the usual rank."""
@@ -325,8 +324,7 @@ def _refined(
         i = min(int(t), len(along) - 2)
         if i < 0 or t == int(t):
             return along[int(t)]
-        z = displacement(held.robot, along[i].q, along[i + 1].q) / held.scale  # an angle by the shorter way round
-        return held.project(held.move(along[i].q, (t - i) * z))
+        return held.project(held.move(along[i].q, (t - i) * held.way(along[i].q, along[i + 1].q)))
 
     ratio = 0.5 * (np.sqrt(5.0) - 1.0)
     a, b = float(low), float(high)

@@ -176,7 +176,7 @@ def classify(
     rolling = {name for (name, _), placed in zip(held.names, held.placed, strict=True) if not placed}
     graph = Graph(robot, [c for c in held.constraints if c.name not in rolling])
     looked = _configurations(held, seed)
-    mobility = min((null_space(p.J, ROUGH)[0].shape[1] for p in looked), default=None)
+    mobility = min((null_space(p.A, ROUGH)[0].shape[1] for p in looked), default=None)
     ends: tuple[EndPoint, ...] = ()
     if mobility is not None:
         ends = tuple(_end_point(held, looked, frame, graph) for frame in frames)
@@ -276,9 +276,9 @@ def _end_point(held: ConstraintManifold, looked: list[LinearisedRows], frame: st
     body, ranks = held.robot.site(frame)[0], []
     chain = held.robot.joints.carrying(body) > 0.0
     for point in looked:
-        N, _ = null_space(point.J, ROUGH)
+        N, _ = null_space(point.A, ROUGH)
         J = State(held.robot, point.q).frame(frame).J.reshape(6, -1) * held.scale
-        J[:3] /= held.length
+        J[:3] /= held.robot.joints.length
         ranks.append([rank_of(np.linalg.svd(part @ N, compute_uv=False)) for part in (J[:3], J, np.eye(held.n)[chain])])
     position, pose, mobility = np.max(ranks, axis=0).tolist()
     return EndPoint(frame, position, pose, mobility, graph.legs(body), ranks[0][:2] != [position, pose])

@@ -51,7 +51,7 @@ def test_what_is_projected_is_on_the_constraints(four_bar: rbd.Robot):
     off = manifold.move(state.q, np.array([0.0, 0.1, -0.05]))
     found = manifold.project(off)
     assert np.abs(manifold.at(off).error).max() > 1e-2 and np.abs(found.error).max() < 1e-14
-    assert np.linalg.norm(manifold.displacement(off, found.q)) < 0.2
+    assert np.linalg.norm(manifold.way(off, found.q)) < 0.2
     assert np.array_equal(manifold.project(found.q).q, found.q)
     with pytest.raises(rbd.InputError, match="is not assembled: row 1 of 'coupler_pin' is off by 0.154"):
         ConstraintManifold(rbd.State(four_bar, off)).check_assembled()
@@ -69,7 +69,7 @@ def test_rows_are_measured_at_three_poses_nearby(four_bar: rbd.Robot):
     q = four_bar.at("assembled").q
     poses = list(poses_nearby(four_bar, q))
     manifold = ConstraintManifold(four_bar.at("assembled"))
-    assert [np.linalg.norm(manifold.displacement(q, p)) for p in poses] == pytest.approx([0.5] * 3)
+    assert [np.linalg.norm(manifold.way(q, p)) for p in poses] == pytest.approx([0.5] * 3)
     assert all(np.array_equal(a, b) for a, b in zip(poses, poses_nearby(four_bar, q), strict=True))
     norms = [np.linalg.norm(manifold.at(p).J, axis=1) for p in [q, *poses]]
     assert np.max(norms, axis=0) == pytest.approx(np.ones(2))

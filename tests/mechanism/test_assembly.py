@@ -23,10 +23,10 @@ from planar_models import (
 from states import at_neutral
 
 import rbd
+from rbd.constraints.descent import descend
 from rbd.errors import CannotAssemble
 from rbd.mechanism import assemble
 from rbd.mechanism.constraint_error import Closure
-from rbd.mechanism.descent import descend
 from rbd.model.checked_model import CheckedModel
 
 URDF = Path(__file__).parents[2] / "urdf"

@@ -12,6 +12,7 @@ from planar_models import bar, checked, four_bar, six_bar
 from states import at_neutral
 
 import rbd
+from rbd.constraints.descent import displacement, minimise
 from rbd.constraints.manifold import ConstraintManifold
 from rbd.errors import CannotAssemble, InputError, NoSolution
 from rbd.mechanism import (
@@ -29,8 +30,7 @@ from rbd.mechanism import (
 from rbd.mechanism.constraint_error import Closure
 from rbd.mechanism.continuation import PoseCurve
 from rbd.mechanism.degrees_of_freedom import plane_normal
-from rbd.mechanism.descent import minimise
-from rbd.mechanism.poses import beyond_limits, displacement
+from rbd.mechanism.poses import beyond_limits
 
 CRANK_ROCKER = (1.0, 3.0, 2.5, 3.0)
 START = np.array([0.7, -0.03, 1.5])
@@ -223,7 +223,7 @@ def test_what_is_no_state_is_refused_by_name(what: str):
         "trace": lambda it: trace(it, loops, joint="crank", values=(0.7, 1.0)),
         "project": lambda it: project_velocity(it, loops),
     }
-    with pytest.raises(InputError, match=r"a State .*expected first, got .*Make one: rbd.State\(robot, q\)"):
+    with pytest.raises(InputError, match=r"a State .*expected first, got .*Make one: rbd.State\(robot, q"):
         calls[what]("four bar")
     with pytest.raises(InputError, match="known is 3; expected a mapping"):
         velocity_partition(state, loops, 3)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +13,8 @@ from planar_models import IDENTITY, at, bar, checked
 from scipy.optimize import minimize
 
 import rbd
+from rbd.constraints.descent import Residual, Space, minimise
 from rbd.errors import CannotReach, DuplicateName, FrameNotFound, InputError
-from rbd.mechanism.descent import Bounded, minimise
 from rbd.mechanism.pose_targets import Target, read_targets
 from rbd.model.checked_model import CheckedModel
 
@@ -103,7 +104,7 @@ def test_from_a_saddle_the_search_goes_down() -> None:
 def test_a_descent_that_is_cut_short_claims_no_minimum() -> None:
     """One Newton step from a bent pose is not the bottom, sixty are."""
     robot = arm()
-    bounded = Bounded(robot, lengths_and_angles(robot, {"fore_tip": (1.0, 0.0, 0.0)}))
+    bounded = Within(robot, lengths_and_angles(robot, {"fore_tip": (1.0, 0.0, 0.0)}))
     start = bounded.at(np.array([1.0, 0.7]))
     assert not minimise(bounded, start, most=1).minimum and minimise(bounded, start).minimum
     saddle = bounded.at(np.array([math.pi, 0.0]))
@@ -270,7 +271,7 @@ def test_draws_out_of_reach_are_certified(g1: rbd.Robot) -> None:
 
 def check_certificate(robot: rbd.Robot, targets: dict, error: CannotReach) -> None:
     """Differences of the distance give the multipliers of the limits and zero elsewhere; drawn motions never reduce it."""
-    bounded = Bounded(robot, lengths_and_angles(robot, targets))
+    bounded = Within(robot, lengths_and_angles(robot, targets))
     least = bounded.at(error.q).size2
     lower, upper = bounded.room(error.q)
     rng = np.random.default_rng(3)
@@ -288,6 +289,20 @@ def check_certificate(robot: rbd.Robot, targets: dict, error: CannotReach) -> No
         target = next(t for t in read_targets(robot, targets) if t.name == name)
         X_WP = robot.at(error.q).frame(target.frame).X_WF * target.X_FP
         assert abs(float(np.linalg.norm(X_WP.translation - target.point)) - miss.distance) < 1e-12
+
+
+class Within(Space[Residual]):
+    """Errors of a robot's configurations within the limits of its joints, by a function of the state."""
+
+    def __init__(self, robot: rbd.Robot, errors: Callable[[rbd.State], tuple[np.ndarray, np.ndarray]]) -> None:
+        super().__init__(robot, limited=True)
+        self.errors = errors
+
+    def at(self, q: np.ndarray) -> Residual:
+        """The errors at a configuration."""
+        state = rbd.State(self.robot, q)
+        e, J = self.errors(state)
+        return Residual(state, e, J * self.scale)
 
 
 def lengths_and_angles(robot: CheckedModel, targets: dict):
@@ -353,7 +368,7 @@ def test_the_pose_is_near_the_posture(talos: rbd.Robot) -> None:
     right = [talos.joints[f"arm_right_{i}_joint"].q.start for i in range(1, 8)]
     assert np.abs(found.q[right] - standing.q[right]).max() < 1e-6
     # An independent optimiser finds little to gain: the joints' way and the base's tilt, the rest of the base next to free.
-    bounded = Bounded(talos, lengths_and_angles(talos, {**stay, HANDS["talos"][0]: (0.4, 0.3, 1.1)}))
+    bounded = Within(talos, lengths_and_angles(talos, {**stay, HANDS["talos"][0]: (0.4, 0.3, 1.1)}))
     weight = np.diag(np.concatenate([[0.03, 0.03, 0.03, 1.0, 1.0, 0.03], np.ones(32)]))
 
     def squared_way(z: np.ndarray) -> float:

@@ -244,7 +244,7 @@ def projections(
 def _keeps_its_rank(manifold: ConstraintManifold) -> bool:
     """Whether the state is on the constraints, and the rank of its rows is the same at configurations nearby on them."""
     here = manifold.at(manifold.q)
-    rank = manifold.rank(here.J[manifold.placed], RANK)
+    rank = manifold.rank(here.J, RANK)
     return max_abs(here.error) <= CLOSED and set(ranks_nearby(manifold)) <= {rank}
 
 
@@ -253,8 +253,7 @@ def ranks_nearby(manifold: ConstraintManifold) -> Iterator[int]:
 
     A rank above that of the state says that it is singular: motions branch there.
     """
-    here, held = manifold.at(manifold.q), manifold.placed
-    free, _ = null_space(here.J[held], RANK)
+    free, _ = null_space(manifold.at(manifold.q).J, RANK)
     rng = np.random.default_rng(0)
     for along in (free @ rng.normal(size=free.shape[1]) for _ in range(2)):
         for side in (AHEAD, -AHEAD) if along.any() else ():
@@ -263,4 +262,4 @@ def ranks_nearby(manifold: ConstraintManifold) -> Iterator[int]:
             except InputError:  # a constraint may be undefined there
                 continue
             if max_abs(there.error) <= CLOSED:
-                yield manifold.rank(there.J[held], SAME)
+                yield manifold.rank(there.J, SAME)

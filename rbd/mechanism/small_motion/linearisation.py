@@ -207,7 +207,7 @@ def _check_rank(state: State, manifold: ConstraintManifold) -> None:
         NotDifferentiable: naming the ranks.
     """
     placed = manifold.placed
-    rank = manifold.rank(manifold.at(state.q).J[placed], RANK) if placed.any() else 0
+    rank = manifold.rank(manifold.at(state.q).J, RANK) if placed.any() else 0
     if rank == int(placed.sum()):
         return
     most = max(ranks_nearby(manifold), default=rank)

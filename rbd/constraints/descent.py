@@ -15,19 +15,19 @@ second order, the least eigenvalue of the Hessian over the free coordinates.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import math
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Generic, Protocol, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, max_abs
 from rbd.errors import InputError
-from rbd.mechanism.poses import displacement
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import UNLIMITED
-from rbd.model.state import State
+from rbd.model.state import State, with_values
 from rbd.problem.programs import within
 
 _START, _LEAST, _MOST = 0.5, 1e-6, 1e8
@@ -73,33 +73,91 @@ class Residual:
 
 
 R = TypeVar("R", bound=Residual)
-R_co = TypeVar("R_co", bound=Residual, covariant=True)
 
 
-class Space(Protocol[R_co]):
-    """Configurations with errors, in coordinates of unit size.
+class Space(Generic[R]):
+    """Configurations of a robot with errors, in coordinates of unit size; some joints fixed, others within their limits.
+
+    Args:
+        robot: The robot.
+        fixed: {joint: value}.
+        limited: Whether joints stay within the limits of the robot's file.
 
     Attributes:
-        angular: Which coordinates are angles, shape (n,).
-        length: The error that a translation by one makes, in the errors' unit.
+        robot: The robot.
+        fixed: As given.
+        free: Which velocities are free, indices, shape (n,).
+        held: Which are not, shape (nv,), bool.
+        scale: Unit of each free velocity, shape (n,): the robot's length for translations, else one.
+        angular: Which of these are angles, shape (n,).
+        unit_error: The error that a translation by one makes, in the errors' unit.
         longest: Largest entry of one step.
+        cut: Singular values below this fraction of the largest do not count in a step.
+
+    Raises:
+        InputError: values of a wrong size.
+        JointNotFound: an unknown fixed joint.
     """
 
-    angular: Array
-    length: float
-    longest: float
+    unit_error, longest, cut = 1.0, 1.0, 1e-13
 
-    def at(self, q: Array) -> R_co:
+    def __init__(self, robot: CheckedModel, fixed: Mapping[str, object] | None = None, *, limited: bool = False) -> None:
+        self.robot, self.fixed, joints, model = robot, {} if fixed is None else fixed, robot.joints, robot.model
+        self._target = with_values(robot, pin.neutral(model), self.fixed, argument="fixed")
+        self.held, self._pinned = np.zeros(robot.nv, bool), np.zeros(robot.nq, bool)
+        for joint in self.fixed:
+            self.held[joints[joint].v] = True
+            self._pinned[joints[joint].q] = True
+        self.free = np.flatnonzero(~self.held)
+        self.scale, self.angular = joints.scale[self.free], joints.angular[self.free]
+        numbers = [p for p in joints.pieces if p.kind == "number" and limited]
+        self._q, self._v = (np.array([getattr(p, name) for p in numbers], int) for name in ("q", "v"))
+        low, high = model.lowerPositionLimit[self._q], model.upperPositionLimit[self._q]
+        self._low, self._high = np.where(low < -UNLIMITED, -np.inf, low), np.where(high > UNLIMITED, np.inf, high)
+
+    def at(self, q: Array) -> R:
         """The errors at a configuration; an InputError where they are not defined."""
+        raise NotImplementedError
 
-    def move(self, q: Array, z: Array) -> Array:
-        """The configuration reached by the displacement z, shape (n,)."""
+    def inside(self, q: Array) -> Array:
+        """A copy of q with the fixed joints at their values, and joints beyond their limits moved onto them."""
+        out = np.where(self._pinned, self._target, q)
+        out[self._q] = np.minimum(np.maximum(out[self._q], self._low), self._high)
+        return out
 
     def room(self, q: Array) -> tuple[Array, Array]:
         """Distance of each coordinate to its lower and upper limit, shapes (n,)."""
+        lower, upper = np.full(self.robot.nv, -np.inf), np.full(self.robot.nv, np.inf)
+        unit = self.robot.joints.scale[self._v]
+        lower[self._v], upper[self._v] = (self._low - q[self._q]) / unit, (self._high - q[self._q]) / unit
+        return lower[self.free], upper[self.free]
+
+    def move(self, q: Array, z: Array) -> Array:
+        """The configuration reached by the displacement z, shape (n,), exactly on the limits that it reaches."""
+        return self.inside(np.asarray(pin.normalize(self.robot.model, self.displaced(q, z))))
 
     def displaced(self, q: Array, z: Array) -> Array:
-        """As `move`, also beyond limits."""
+        """The configuration reached by the displacement z, also beyond limits."""
+        dq = np.zeros(self.robot.nv)
+        dq[self.free] = self.scale * z
+        return np.asarray(pin.integrate(self.robot.model, q, dq))
+
+    def way(self, q: Array, to: Array) -> Array:
+        """The displacement from one configuration to another, by the shorter way round, shape (n,)."""
+        return displacement(self.robot, q, to)[self.free] / self.scale
+
+    def coordinate_names(self, which: Array | list[int]) -> list[str]:
+        """Names of some of the coordinates."""
+        return [self.robot.joints.velocities[i].name for i in self.free[which]]
+
+
+def displacement(robot: CheckedModel, q: Array, to: Array) -> Array:
+    """The velocity that leads from one pose to another in unit time, by the shorter way round, shape (nv,)."""
+    d = np.asarray(pin.difference(robot.model, q, to))
+    periodic = robot.joints.periodic
+    if periodic.any():
+        d[periodic] = np.remainder(d[periodic] + math.pi, 2.0 * math.pi) - math.pi
+    return d
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,9 +221,9 @@ def _step(space: Space[R], at: R, mu: float) -> Array:
     size = float(np.sqrt(at.size2))
     lower, upper = space.room(at.q)
     # Far away, translations may be as long as the error; angles may not.
-    far = np.where(space.angular, 1.0, max(1.0, size / space.length))
+    far = np.where(space.angular, 1.0, max(1.0, size / space.unit_error))
     U, s, Vt = np.linalg.svd(at.J * far, full_matrices=False)
-    kept = s > 1e-13 * max(1e-300, float(s.max(initial=0.0)))
+    kept = s > space.cut * max(1e-300, float(s.max(initial=0.0)))
     U, s, Vt = U[:, kept], s[kept], Vt[kept]
     z = -far * ((s / (s * s + mu * at.size2) * (at.error @ U)) @ Vt)
     if ((z >= lower) & (z <= upper) & (np.abs(z) <= space.longest * far)).all():
@@ -269,59 +327,3 @@ def _lower(space: Space[R], at: R, z: Array, slope: float) -> R | None:
                 return there
         z = 0.5 * z
     return None
-
-
-Errors = Callable[[State], tuple[Array, Array]]
-"""(e (m,), J (m, nv)) at a state, without units; J^T e is the exact gradient of 1/2 |e|^2."""
-
-
-class Bounded:
-    """Errors of a robot's configurations, within the limits of its joints.
-
-    Args:
-        robot: The robot.
-        errors: See `Errors`.
-
-    Attributes:
-        scale: Unit of each velocity, shape (nv,): the robot's length for translations, else one.
-    """
-
-    length, longest = 1.0, 1.0
-
-    def __init__(self, robot: CheckedModel, errors: Errors) -> None:
-        self.robot, self.errors, self.scale, self.angular = robot, errors, robot.joints.scale, robot.joints.angular
-        model, numbers = robot.model, [p for p in robot.joints.pieces if p.kind == "number"]
-        self._q, self._v = (np.array([getattr(p, name) for p in numbers], int) for name in ("q", "v"))
-        low, high = model.lowerPositionLimit[self._q], model.upperPositionLimit[self._q]
-        self._low, self._high = np.where(low < -UNLIMITED, -np.inf, low), np.where(high > UNLIMITED, np.inf, high)
-
-    def at(self, q: Array) -> Residual:
-        """The errors at a configuration."""
-        state = State(self.robot, q)
-        e, J = self.errors(state)
-        return Residual(state, e, J * self.scale)
-
-    def inside(self, q: Array) -> Array:
-        """The configuration with joints beyond their limits moved onto them."""
-        out = q.copy()
-        out[self._q] = np.minimum(np.maximum(out[self._q], self._low), self._high)
-        return out
-
-    def room(self, q: Array) -> tuple[Array, Array]:
-        """Distance of each coordinate to its lower and upper limit, shapes (nv,), in units of `scale`."""
-        lower, upper = np.full(self.robot.nv, -np.inf), np.full(self.robot.nv, np.inf)
-        unit = self.scale[self._v]
-        lower[self._v], upper[self._v] = (self._low - q[self._q]) / unit, (self._high - q[self._q]) / unit
-        return lower, upper
-
-    def move(self, q: Array, z: Array) -> Array:
-        """The configuration reached by the displacement z, exactly on the limits that it reaches."""
-        return self.inside(np.asarray(pin.normalize(self.robot.model, self.displaced(q, z))))
-
-    def displaced(self, q: Array, z: Array) -> Array:
-        """The configuration reached by the displacement z, also beyond limits."""
-        return np.asarray(pin.integrate(self.robot.model, q, self.scale * z))
-
-    def way(self, q: Array, to: Array) -> Array:
-        """The displacement from one configuration to another, by the shorter way round."""
-        return displacement(self.robot, q, to) / self.scale
