@@ -497,7 +497,7 @@ def test_a_user_can_leave_out_what_the_equation_has_no_term_for(write) -> None:
     assert robot.nu == 2 and np.isinf(robot.effort_limit).all() and robot.joint_springs() == []
     assert mjcf_twin.differences(robot, mjcf_twin.compiled(path), motors=False) == []
     for wrong in ("springs", ["spring"], 3, [None]):
-        with pytest.raises(InputError, match="leave_out has .* expected a list of some of 'actuators'"):
+        with pytest.raises(InputError, match="leave_out .* (e|E)xpected (a list of some|one) of '?actuators"):
             rbd.load_robot(path, leave_out=wrong)  # type: ignore[arg-type]
 
 

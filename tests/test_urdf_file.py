@@ -282,7 +282,7 @@ def test_the_text_that_pinocchio_reads_is_the_file(file: str, floating: bool) ->
     assert whole == ours
     assert [frame.name for frame in whole.frames] == [frame.name for frame in ours.frames]
     assert whole.nv == checked.freedoms + 6 * floating
-    assert abs(read(path, base=6 * floating).mass - pin.computeTotalMass(whole)) < 1e-9
+    assert abs(read(path, base=6 * floating).content.mass - pin.computeTotalMass(whole)) < 1e-9
 
 
 ATTACKS: dict[str, Callable[[ElementTree.Element], str]] = {}

@@ -165,16 +165,13 @@ class CheckedModel(Travelling, Displayed):
 
     def _recipe(self) -> Recipe:
         """Of the model's numbers."""
-        return Recipe(_remade, (packed(self._as_made), pin.__version__, sorted(self.passive), self.name, self.sound))
+        return Recipe(_remade, (packed(self._as_made), pin.__version__, sorted(self.passive), self.name))
 
     def _content(self) -> str:
-        return repr((self.name, sorted(self.passive), self.sound))
+        return repr((self.name, sorted(self.passive)))
 
     def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> Any:
-        out = CheckedModel(model, passive=self.passive, name=self.name)
-        out.sound = self.sound
-        out._take_motors(self.motor_data)
-        return out
+        return CheckedModel(model, passive=self.passive, name=self.name)
 
     def is_like(self, other: CheckedModel) -> bool:
         """Whether another robot is this one, or has the same model and motors, as one from another process has.
@@ -452,10 +449,11 @@ class CheckedModel(Travelling, Displayed):
         return torque_use(np.zeros(self.nu) if tau is None else tau, *self.limits_at(v))
 
     def _extras(self) -> tuple[Any, ...]:
-        return tuple(self.motor_data.items())
+        return self.sound, *self.motor_data.items()
 
     def _take_extras(self, extras: tuple[Any, ...]) -> None:
-        self._take_motors(dict(extras))
+        self.sound, *motors = extras
+        self._take_motors(dict(motors))
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, nq={self.nq}, nv={self.nv}, nu={self.nu}, mass={self.mass:.3f} kg)"
@@ -496,10 +494,8 @@ def _as_slice(indices: Array) -> slice | Array:
     return indices
 
 
-def _remade(model: bytes, version: str, passive: list[str], name: str, sound: bool) -> CheckedModel:
-    out = CheckedModel(unpacked(model, version), passive=passive, name=name)
-    out.sound = sound
-    return out
+def _remade(model: bytes, version: str, passive: list[str], name: str) -> CheckedModel:
+    return CheckedModel(unpacked(model, version), passive=passive, name=name)
 
 
 def _check_order(model: pin.Model) -> None:

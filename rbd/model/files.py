@@ -11,16 +11,13 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.errors import InputError, ModelError
-from rbd.model import mjcf
 from rbd.model.input_files import FileLimits, file_bytes, parse_xml
-from rbd.model.mjcf import Mjcf, carry_out_includes, read_mjcf
-from rbd.model.mjcf.loops_and_motors import Equality
+from rbd.model.mjcf import Mjcf, build, carry_out_includes, read_mjcf
 from rbd.model.urdf import BASE_JOINT, Complaints, UrdfFile, check_shapes, check_urdf
 from rbd.model.world import Plane, turn_base
 
@@ -36,31 +33,21 @@ class RobotFile:
 
     Attributes:
         path: Where it is.
-        kind: "urdf" or "mjcf".
-        urdf: Its links and joints; None for an MJCF.
-        mjcf: Its bodies, joints and motors; None for a URDF.
-        bodies: Names of its links or bodies.
-        mass: That of the moving links [kg].
+        element: Its first element, includes of an MJCF carried out.
+        content: Its links and joints; bodies, joints and motors of an MJCF.
         remarks: (kind, where, text) of contents of the file that the model ignores.
         meshes: (as named, where it may be relative to a folder) of each mesh, once.
-        equalities: Loops of an MJCF, between its bodies, sites and joints.
-        element: Its first element, includes of an MJCF carried out.
     """
 
     path: Path
-    kind: Literal["urdf", "mjcf"]
-    urdf: UrdfFile | None
-    mjcf: Mjcf | None
-    bodies: tuple[str, ...]
-    mass: float
+    element: ElementTree.Element
+    content: UrdfFile | Mjcf
     remarks: tuple[tuple[str, str, str], ...]
     meshes: tuple[tuple[str, str], ...]
-    equalities: tuple[Equality, ...] = ()
-    element: ElementTree.Element | None = None
 
     def collision_meshes(self) -> tuple[tuple[str, str], ...]:
         """Those of `meshes` that the collision shapes of a URDF use; all of an MJCF, whose masses need them too."""
-        if self.urdf is None or self.element is None:
+        if isinstance(self.content, Mjcf):
             return self.meshes
         used = {mesh.get("filename", "") for mesh in self.element.iterfind("link/collision/geometry/mesh")}
         return tuple((name, place) for name, place in self.meshes if name in used)
@@ -102,7 +89,10 @@ def read(
     data = file_bytes(path, limits.max_bytes) if data is None else data
     element = parse_xml(path.name, data, limits)
     if element.tag == "mujoco":
-        return _read_mjcf(path, element, data, limits, folders, leave_out)
+        text = None if element.find(".//include") is not None else data.decode()
+        carry_out_includes(path, element, limits, folders)
+        mjcf = read_mjcf(path, element, limits, folders, leave_out, text=text)
+        return RobotFile(path, element, mjcf, mjcf.remarks, tuple(mjcf.meshes.items())[:MOST_MESHES])
     if element.tag != "robot":
         raise ModelError(f"{path.name} is no robot: its first element is <{element.tag:.80}>; expected <robot> or <mujoco>.")
     urdf = check_urdf(path, element, floating=base > 0, known=known)
@@ -110,25 +100,7 @@ def read(
     check_shapes(shapes, element)
     shapes.refuse()
     check_freedoms(path, urdf.freedoms + base, limits)
-    mass = sum(link.mass for link in urdf.links.values() if base or link.name not in urdf.base)
-    return RobotFile(
-        path, "urdf", urdf, None, tuple(urdf.links), mass, tuple(_remarks(urdf, element)), _urdf_meshes(element), (), element
-    )
-
-
-def _read_mjcf(
-    path: Path,
-    element: ElementTree.Element,
-    data: bytes,
-    limits: FileLimits,
-    folders: tuple[Path, ...],
-    leave_out: Collection[str],
-) -> RobotFile:
-    includes = element.find(".//include") is not None
-    carry_out_includes(path, element, limits, folders)
-    mjcf = read_mjcf(path, element, limits, folders, leave_out, text=None if includes else data.decode())
-    meshes = tuple(mjcf.meshes.items())[:MOST_MESHES]
-    return RobotFile(path, "mjcf", None, mjcf, mjcf.bodies[1:], mjcf.mass, mjcf.remarks, meshes, mjcf.equalities, element)
+    return RobotFile(path, element, urdf, tuple(_remarks(urdf, element)), _urdf_meshes(element))
 
 
 def check_freedoms(path: Path, nv: int, limits: FileLimits) -> None:
@@ -193,32 +165,32 @@ def build_model(file: RobotFile, root: str, plane: Plane = "xy", order: Sequence
         InputError: a root that this file does not take.
         ModelError: Pinocchio cannot build it.
     """
-    path = file.path
-    if file.mjcf is not None and root == "planar":
+    path, content, own = file.path, file.content, isinstance(file.content, Mjcf)
+    if own and root == "planar":
         raise InputError(
             f"root='planar' is for URDF files; {path.name} says itself how it moves: give its body two slides and a hinge."
         )
-    if file.mjcf is not None and order:
+    if own and order:
         raise InputError(f"a loop file's order is for URDF files; the joints of {path.name} are in the order of that file.")
     try:
-        if file.mjcf is not None:
-            model = mjcf.build(file.mjcf)
-        else:
-            assert file.urdf is not None
-            base = {"planar": pin.JointModelPlanar, "free_flyer": pin.JointModelFreeFlyer}.get(root)
-            model = pin.buildModelFromXML(file.urdf.text, *((base(), BASE_JOINT) if base else ()))
-            balls = [joint.name for joint in file.urdf.joints.values() if joint.kind == "spherical"]
-            model = remade(model, balls, order)
-            _add_rotors(model, file.urdf)
-            if root == "planar":
-                turn_base(model, plane)
+        model = build(content) if isinstance(content, Mjcf) else _of_urdf(content, root, plane, order)
     except (ValueError, RuntimeError, IndexError) as error:
         reason = str(error).strip().split("\n")[0].rstrip(".")
         raise ModelError(
             f"Pinocchio cannot build {path.name}: {reason:.400}. What its parser printed on stderr says more."
         ) from None
-    if file.mjcf is not None and root == "fixed" and any(j.shortname() == "JointModelFreeFlyer" for j in model.joints):
+    if own and root == "fixed" and any(j.shortname() == "JointModelFreeFlyer" for j in model.joints):
         raise InputError(f"root='fixed' cannot weld {path.name}, whose own freejoint lets it float. Remove it from the file.")
+    return model
+
+
+def _of_urdf(urdf: UrdfFile, root: str, plane: Plane, order: Sequence[str]) -> pin.Model:
+    base = {"planar": pin.JointModelPlanar, "free_flyer": pin.JointModelFreeFlyer}.get(root)
+    model = pin.buildModelFromXML(urdf.text, *((base(), BASE_JOINT) if base else ()))
+    model = remade(model, [joint.name for joint in urdf.joints.values() if joint.kind == "spherical"], order)
+    _add_rotors(model, urdf)
+    if root == "planar":
+        turn_base(model, plane)
     return model
 
 

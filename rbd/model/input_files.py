@@ -193,15 +193,15 @@ def find_mesh(name: str, base: Path, folders: Iterable[Path]) -> Path:
         try:
             real = place.resolve(strict=True)
         except (OSError, RuntimeError, ValueError):  # not there, a loop of links, a folder that is not ours, a zero byte
-            inside |= _inside(place, real_folders)
+            inside |= is_inside(place, real_folders)
             continue
-        if _inside(real, real_folders):
+        if is_inside(real, real_folders):
             return real
         there = True
     raise ModelError(MISSING if inside and not there else OUTSIDE)
 
 
-def _inside(path: Path, real_folders: Iterable[Path]) -> bool:
+def is_inside(path: Path, real_folders: Iterable[Path]) -> bool:
     """Whether a path is in one of the folders, links and dots resolved as far as it exists."""
     try:
         real = path.resolve()
@@ -280,7 +280,7 @@ def _check_materials(data: bytes, path: Path, folders: Iterable[Path]) -> None:
     for line in _MATERIALS.findall(data):
         words = line.decode("utf-8", "replace").strip()
         for name in {words, *words.split()}:
-            if not _inside(path.parent / name, real_folders):
+            if not is_inside(path.parent / name, real_folders):
                 raise ModelError("names a material file outside the package folders")
 
 

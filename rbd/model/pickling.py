@@ -85,11 +85,13 @@ class Travelling:
     def __copy__(self) -> Self:
         out = self._with_model(self.model, None)
         out._as_made = self._as_made
+        out._take_extras(self._extras())
         return out
 
     def __deepcopy__(self, memo: dict[int, object]) -> Self:
         out = self._with_model(self._as_made.copy(), memo)
         memo[id(self)] = out
+        out._take_extras(self._extras())
         if not self._is_as_made():
             put_numbers(out.model, packed(self.model))
         return out
@@ -114,7 +116,7 @@ class Travelling:
         raise NotImplementedError
 
     def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> Self:
-        """The same robot with another model; its parts copied with the memo of a deep copy, or shared."""
+        """The same robot with another model, without extras; its parts copied with the memo of a deep copy, or shared."""
         raise NotImplementedError
 
     def _content(self) -> str:
@@ -122,7 +124,7 @@ class Travelling:
         raise NotImplementedError
 
     def _extras(self) -> tuple[Any, ...]:
-        """What the user changed besides the model; comparable."""
+        """What is put on again after the robot is made: whether its inertia is sound, what the user changed; comparable."""
         return ()
 
     def _take_extras(self, extras: tuple[Any, ...]) -> None:

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
-from typing import NoReturn
+from typing import ClassVar, NoReturn
 from xml.sax.saxutils import quoteattr
 
 from rbd.errors import ModelError, nearest
@@ -67,18 +67,21 @@ class UrdfFile:
     """A URDF file whose tree, names and numbers are in order.
 
     Attributes:
-        name: Of the robot.
         links: {name: link}.
         joints: {name: joint}.
-        base: Links fixed to the root link, itself included: a welded base takes their mass out of the motion.
+        mass: Of the links that move [kg]: a welded base takes those fixed to the root link out of the motion.
         text: What Pinocchio is to read.
     """
 
-    name: str
     links: dict[str, UrdfLink]
     joints: dict[str, UrdfJoint]
-    base: frozenset[str]
+    mass: float
     text: str
+
+    equalities = ()
+    """It has no loops, no joints that are said to have no motor, and no springs, as an MJCF can have."""
+    undriven = ()
+    springs: ClassVar[Mapping[str, tuple[float, float]]] = {}
 
     @property
     def freedoms(self) -> int:
@@ -112,7 +115,8 @@ def check_urdf(path: Path, robot: ElementTree.Element, *, floating: bool, known:
     _check_mimics(wrong, joints, known=known)
     wrong.refuse()
     text = "".join([f"<robot name={quoteattr(name)}>", *(x.text for x in (*links.values(), *joints.values())), "</robot>"])
-    return UrdfFile(name, links, joints, _base(links, joints), text)
+    fixed = set() if floating else _base(links, joints)
+    return UrdfFile(links, joints, sum(link.mass for link in links.values() if link.name not in fixed), text)
 
 
 @dataclass(frozen=True)
@@ -346,13 +350,14 @@ def _check_mimics(wrong: Complaints, joints: dict[str, UrdfJoint], *, known: boo
             seen.add(other.name)
 
 
-def _base(links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> frozenset[str]:
+def _base(links: dict[str, UrdfLink], joints: dict[str, UrdfJoint]) -> set[str]:
+    """Links fixed to the root link, itself included."""
     moved = {joint.child for joint in joints.values()}
     welded: dict[str, list[str]] = {}
     for joint in joints.values():
         if joint.kind == "fixed":
             welded.setdefault(joint.parent, []).append(joint.child)
-    return frozenset(chain.from_iterable(hanging([link for link in links if link not in moved], welded)))
+    return set(chain.from_iterable(hanging([link for link in links if link not in moved], welded)))
 
 
 SMALLEST = 1e-9

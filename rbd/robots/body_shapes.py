@@ -44,7 +44,6 @@ class ShapedRobot(CheckedModel):
 
     def _keep_text(self, file: RobotFile) -> None:
         """Keep the text of a user's file, compressed, and the names of the meshes of its collision shapes."""
-        assert file.element is not None
         self._text = zlib.compress(ElementTree.tostring(file.element), 6)
         self._mesh_names = file.collision_meshes()
 
@@ -175,7 +174,6 @@ class ShapedRobot(CheckedModel):
     def _share_shapes(self, out: ShapedRobot) -> None:
         """Give a copy of this robot its text, its meshes, and copies of the shapes that were read."""
         out._text, out._mesh_names, out._mesh_files = self._text, self._mesh_names, self._mesh_files
-        out._pairs = self._touching_pairs()
         if (found := self.__dict__.get("_collision")) is not None:
             out.__dict__["_collision"] = replace(found, model=found.model.copy())
         if (drawn := self.__dict__.get("visual_model")) is not None:

@@ -13,10 +13,10 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError
-from rbd.model import mjcf
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import RobotFile
 from rbd.model.joints import AT_LIMIT
+from rbd.model.mjcf import Mjcf
 from rbd.model.state import State
 from rbd.robots.rotors import rotors_of
 
@@ -135,8 +135,8 @@ class ModelReport(Displayed):
 
 def examine(robot: CheckedModel, file: RobotFile, postures: Mapping[str, Array], package_dirs: Sequence[Path]) -> ModelReport:
     """The report on a model and its file, already read."""
-    errors = [*_bad_numbers(robot), *_lost(robot, file)]
     bodies = BodyFaults.of(file)
+    errors = [*_bad_numbers(robot), *_lost(robot, bodies.names, file.content.mass)]
     weightless = [] if errors else list(_weightless(robot, tries=TRIES if bodies.physical else TRIES_STRANGE))
     errors += [issue for issue, everywhere in weightless if everywhere]
     warnings = [
@@ -169,7 +169,7 @@ def with_rotors(report: ModelReport, robot: CheckedModel) -> ModelReport:
 
 def _undriven(robot: CheckedModel, file: RobotFile) -> Iterator[ModelIssue]:
     """Joints of an MJCF without an actuator."""
-    for name in () if file.mjcf is None else mjcf.passive(file.mjcf):
+    for name in file.content.undriven:
         if name in robot.passive:
             yield ModelIssue("passive", name, "the file has no actuator at it: it is passive, and has no entry in tau")
 
@@ -216,15 +216,15 @@ def _bad_numbers(robot: CheckedModel) -> Iterator[ModelIssue]:
         yield ModelIssue("name", name, f"two joints are called {name!r}; expected different names.")
 
 
-def _lost(robot: CheckedModel, file: RobotFile) -> Iterator[ModelIssue]:
+def _lost(robot: CheckedModel, bodies: list[str], mass: float) -> Iterator[ModelIssue]:
     """Bodies and mass that are in the file and not in the model."""
     frames = set(robot.frames())
-    for name in file.bodies:
+    for name in bodies:
         if name not in frames:
             yield ModelIssue("body", name, f"body {name!r} of the file is not in the model that Pinocchio made of it.")
-    lost, rounding = file.mass - robot.mass, 1e-9 * max(1.0, file.mass)
+    lost, rounding = mass - robot.mass, 1e-9 * max(1.0, mass)
     if abs(lost) > rounding:
-        text = f"the moving links of the file weigh {file.mass:.9g} kg, and the model {robot.mass:.9g} kg"
+        text = f"the moving links of the file weigh {mass:.9g} kg, and the model {robot.mass:.9g} kg"
         yield ModelIssue("mass", robot.name, f"{text}: mass was lost between them.")
 
 
@@ -278,11 +278,10 @@ class BodyFaults:
     @classmethod
     def of(cls, file: RobotFile) -> BodyFaults:
         """The bodies of a file."""
-        if file.urdf is None:
-            assert file.mjcf is not None
-            model = file.mjcf.model
-            return cls("body", list(file.bodies), model.body_mass[1:], np.sort(model.body_inertia[1:], axis=1))
-        links = list(file.urdf.links.values())
+        if isinstance(file.content, Mjcf):
+            model = file.content.model
+            return cls("body", list(file.content.bodies[1:]), model.body_mass[1:], np.sort(model.body_inertia[1:], axis=1))
+        links = list(file.content.links.values())
         tensors = np.array([link.inertia for link in links])[:, _ENTRIES].reshape(-1, 3, 3)
         moments = np.linalg.eigvalsh(tensors)
         return cls("link", [link.name for link in links], np.array([link.mass for link in links]), moments)

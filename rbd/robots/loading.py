@@ -11,10 +11,10 @@ from typing import Any
 from rbd.arrays import Array, check_flag
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.errors import InputError, ModelError, ModelWarning
-from rbd.model import mjcf
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import build_model, check_freedoms, read
 from rbd.model.input_files import FileLimits, parse_xml
+from rbd.model.mjcf import Mjcf, check_leave_out
 from rbd.model.pickling import Recipe
 from rbd.model.world import STANDARD, Plane, checked_gravity, checked_plane, is_standard
 from rbd.robots import catalogue, travelling
@@ -97,7 +97,7 @@ def load_robot(
     if limits is not None and not isinstance(limits, FileLimits):
         raise InputError(f"limits is {limits!r:.80}; expected rbd.model.FileLimits(max_dof=...).")
     limits = FileLimits() if limits is None else limits
-    mjcf.check_leave_out(leave_out)
+    check_leave_out(leave_out)
     fall = None if gravity is None else checked_gravity(gravity)
     check_flag("rotors", rotors)
     source, data = _source(name_or_path, text, package_dirs, limits)
@@ -167,7 +167,7 @@ def _loaded(
 ) -> Robot:
     """The robot of a file and its report, whatever is in that."""
     closing = loop_file_of(source, loops)
-    root = root or (closing.root if closing else None) or "free_flyer"
+    root = root or closing.root or "free_flyer"
     file = read(
         source.place,
         limits,
@@ -177,17 +177,17 @@ def _loaded(
         leave_out=leave_out,
         data=data,
     )
-    plane = closing.plane if plane is None and closing and root == "planar" else plane
-    model = build_model(file, root, checked_plane(plane, root), closing.order if closing else ())
-    if file.mjcf is not None:
-        passive = tuple(joined(passive, mjcf.passive(file.mjcf)))
+    plane = closing.plane if plane is None and root == "planar" else plane
+    model = build_model(file, root, checked_plane(plane, root), closing.order)
+    if isinstance(file.content, Mjcf):
+        passive = tuple(joined(passive, file.content.undriven))
         root = "free_flyer" if model.nv and model.joints[1].shortname() == "JointModelFreeFlyer" else "fixed"
     check_freedoms(source.urdf, model.nv, limits)
     if model.nv == 0:
         raise ModelError(f"nothing moves in {source.urdf.name}: it has no joints, and its root is fixed.")
-    closed = mechanism(model, source.urdf.name, closing, file.equalities if loops else ())
+    closed = mechanism(model, source.urdf.name, closing, file.content.equalities if loops else ())
     robot = Robot(model, source, root, passive, limits, closed, leave_out)
-    robot.springs = mjcf.springs(file.mjcf) if file.mjcf is not None and "springs" not in leave_out else {}
+    robot.springs = {} if "springs" in leave_out else file.content.springs
     if not source.known:
         robot._keep_text(file)
     robot.report = examine(robot, file, robot.postures, source.package_dirs)

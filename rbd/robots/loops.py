@@ -75,7 +75,7 @@ class Mechanism:
                     q[robot.joints[joint].q] = robot.joints[joint].target(joint, np.array(numbers))
         return out
 
-def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: Iterable[Equality] = ()) -> Mechanism:
+def mechanism(model: pin.Model, name: str, file: LoopFile, equalities: Iterable[Equality] = ()) -> Mechanism:
     """The loop closures of a loop file and an MJCF's equalities; their frames are added to the model.
 
     Args:
@@ -87,7 +87,7 @@ def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: It
     Raises:
         ModelError: a link or a joint that is not there, a frame under a name that is taken, two constraints under one.
     """
-    file, file_name = (LoopFile(), name) if file is None else (file, file.name)
+    file_name = file.name or name
     for named in file.frames:
         _add_named(model, file_name, named)
     joints = list(model.names)[1:]
@@ -102,18 +102,14 @@ def mechanism(model: pin.Model, name: str, file: LoopFile | None, equalities: It
     return Mechanism(file, read, file_name)
 
 
-def loop_file_of(source: catalogue.RobotSource, loops: str | os.PathLike[str] | LoopFile | bool | None) -> LoopFile | None:
-    """The loop file that is named or given; if `loops` is true, that beside the robot's file; None if there is none."""
+def loop_file_of(source: catalogue.RobotSource, loops: str | os.PathLike[str] | LoopFile | bool | None) -> LoopFile:
+    """The loop file that is named or given; if `loops` is true, that beside the robot's file; empty if there is none."""
     if isinstance(loops, LoopFile):
         return loops
-    if source.in_memory and (loops is None or isinstance(loops, bool)):
-        return None
-    path = source.urdf
-    if loops is None or isinstance(loops, bool):
-        found = beside(path) if loops else None
-    else:
-        found = catalogue.file_path(loops, "loops")
-    return None if found is None else read_loop_file(found)
+    if not (loops is None or isinstance(loops, bool)):
+        return read_loop_file(catalogue.file_path(loops, "loops"))
+    found = beside(source.urdf) if loops and not source.in_memory else None
+    return LoopFile() if found is None else read_loop_file(found)
 
 
 def read_postures(robot: CheckedModel, source: catalogue.RobotSource, mechanism: Mechanism) -> dict[str, Array]:

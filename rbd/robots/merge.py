@@ -62,11 +62,11 @@ class RobotPair(CheckedModel):
 
     def _recipe(self) -> Recipe:
         """The two robots."""
-        return Recipe(_pair_again, (*self.members, self.placement, self.prefixes, self.sound))
+        return Recipe(RobotPair, (*self.members, self.placement, self.prefixes))
 
     def _content(self) -> str:
         members = [robot.digest for robot in self.members]
-        return repr((members, self.placement.homogeneous.tolist(), self.prefixes, self.sound))
+        return repr((members, self.placement.homogeneous.tolist(), self.prefixes))
 
     def _is_as_made(self) -> bool:
         return super()._is_as_made() and all(robot._is_as_made() for robot in self.members)
@@ -74,10 +74,8 @@ class RobotPair(CheckedModel):
     def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> RobotPair:
         members = self.members if memo is None else copy.deepcopy(self.members, memo)
         out = RobotPair(*members, self.placement, self.prefixes)
-        out.sound = self.sound
         if memo is None:
             out.model, out.pool = model, DataPool(model)
-        out._take_motors(self.motor_data)
         return out
 
     def with_gravity(self, gravity: Sequence[float] | Array) -> RobotPair:
@@ -258,14 +256,6 @@ def merge_robots(
             stacklevel=2,
         )
     return RobotPair(first, second, rigid_placement("placement of the second robot", placement), prefixes)
-
-
-def _pair_again(
-    first: CheckedModel, second: CheckedModel, placement: pin.SE3, prefixes: tuple[str, str], sound: bool
-) -> RobotPair:
-    out = RobotPair(first, second, placement, prefixes)
-    out.sound = sound
-    return out
 
 
 def _checked_names(names: Sequence[str]) -> tuple[str, str]:

@@ -103,7 +103,7 @@ class Robot(ShapedRobot):
             self.mechanism,
             sorted(self.leave_out),
         )
-        kept = dict(self.postures), self._text, self._mesh_names, self.report, self.sound, dict(self.springs)
+        kept = dict(self.postures), self._text, self._mesh_names, self.report, dict(self.springs)
         return Recipe(_robot_again, (*numbers, *parts, *kept))
 
     def _content(self) -> str:
@@ -115,9 +115,8 @@ class Robot(ShapedRobot):
     def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> Robot:
         closed = self.mechanism if memo is None else copy.deepcopy(self.mechanism, memo)
         out = Robot(model, self.source, self.root, self.passive, self.limits, closed, self.leave_out, self.postures)
-        out.known, out.report, out.sound, out.springs = self.known, self.report, self.sound, self.springs
+        out.known, out.report, out.springs = self.known, self.report, self.springs
         self._share_shapes(out)
-        out._take_motors(self.motor_data)
         return out
 
     def neutral(self) -> Array:
@@ -309,9 +308,9 @@ class Robot(ShapedRobot):
 
 def _robot_again(model: bytes, version: str, source: catalogue.RobotSource, *rest: Any) -> Robot:
     """A robot of a file in another process."""
-    root, passive, limits, closed, leave_out, postures, text, meshes, report, sound, springs = rest
+    root, passive, limits, closed, leave_out, postures, text, meshes, report, springs = rest
     out = Robot(unpacked(model, version), source, root, passive, limits, closed, leave_out, postures)
-    out._text, out._mesh_names, out.report, out.sound, out.springs = text, meshes, report, sound, springs
+    out._text, out._mesh_names, out.report, out.springs = text, meshes, report, springs
     return out
 
 

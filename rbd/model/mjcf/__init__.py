@@ -1,11 +1,11 @@
 """MJCF files, read by MuJoCo; what cannot be expressed is refused or reported by name."""
 
 from rbd.model.mjcf.includes import carry_out_includes
-from rbd.model.mjcf.pinocchio_model import build, passive, pose, springs
+from rbd.model.mjcf.pinocchio_model import build, pose
 from rbd.model.mjcf.reading import LEAVABLE, Mjcf, check_leave_out, read_mjcf
 from rbd.modules import submodule as _submodule
 
-__all__ = ["LEAVABLE", "Mjcf", "build", "carry_out_includes", "check_leave_out", "passive", "pose", "read_mjcf", "springs"]
+__all__ = ["LEAVABLE", "Mjcf", "build", "carry_out_includes", "check_leave_out", "pose", "read_mjcf"]
 
 
 def __getattr__(name: str) -> object:

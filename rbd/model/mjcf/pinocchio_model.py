@@ -54,25 +54,6 @@ def build(mjcf: Mjcf) -> pin.Model:
     return model
 
 
-def passive(mjcf: Mjcf) -> tuple[str, ...]:
-    """Joints without a motor; a floating base has none anyway."""
-    if mjcf.motors is None:
-        return ()
-    driven = {motor.joint for motor in mjcf.motors}
-    return tuple(n for j, n in enumerate(mjcf.joints) if j not in driven and mjcf.model.jnt_type[j] != FREE)
-
-
-def springs(mjcf: Mjcf) -> dict[str, tuple[float, float]]:
-    """{joint: (stiffness [N m/rad, N/m], coordinate at rest [rad, m])}; the latter 0 of a ball joint: its drawn orientation."""
-    m = mjcf.model
-    if is_off(m, "SPRING"):
-        return {}
-    rest = [
-        0.0 if kind in (FREE, BALL) else float(m.qpos_spring[at]) for kind, at in zip(m.jnt_type, m.jnt_qposadr, strict=True)
-    ]
-    return {name: (float(k), at) for name, k, at in zip(mjcf.joints, m.jnt_stiffness, rest, strict=True) if k != 0.0}
-
-
 def _add_joint(model: pin.Model, mjcf: Mjcf, j: int, parent: int, X: pin.SE3, frame: int) -> tuple[int, int]:
     """(joint, its frame), hung from a parent joint at the pose X that the body has there when the joint has not moved."""
     m = mjcf.model

@@ -21,7 +21,8 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelError
-from rbd.model.input_files import MISSING, OUTSIDE, FileLimits, find_mesh, mesh_bytes
+from rbd.errors.inputs import check_choice
+from rbd.model.input_files import MISSING, OUTSIDE, FileLimits, find_mesh, is_inside, mesh_bytes
 from rbd.model.mjcf.loops_and_motors import (
     BALL,
     FREE,
@@ -90,6 +91,23 @@ class Mjcf:
         for i, parent in enumerate(self.model.body_parentid):  # parents come first
             moves[i] |= moves[parent]
         return float(self.model.body_mass[moves].sum())
+
+    @property
+    def undriven(self) -> tuple[str, ...]:
+        """Joints without a motor; a floating base has none anyway."""
+        if self.motors is None:
+            return ()
+        driven = {motor.joint for motor in self.motors}
+        return tuple(name for j, name in enumerate(self.joints) if j not in driven and self.model.jnt_type[j] != FREE)
+
+    @property
+    def springs(self) -> dict[str, tuple[float, float]]:
+        """{joint: (stiffness [N m/rad, N/m], coordinate at rest [rad, m])}; the latter 0 of a ball joint: its drawn pose."""
+        m, out = self.model, {}
+        for name, stiffness, kind, at in zip(self.joints, m.jnt_stiffness, m.jnt_type, m.jnt_qposadr, strict=True):
+            if stiffness != 0.0 and not is_off(m, "SPRING"):
+                out[name] = float(stiffness), 0.0 if kind in (FREE, BALL) else float(m.qpos_spring[at])
+        return out
 
 
 def read_mjcf(
@@ -179,12 +197,10 @@ def check_leave_out(leave_out: Collection[str]) -> None:
     Raises:
         InputError: naming the first of them, with those that can.
     """
-    try:
-        wrong = [each for each in leave_out if each not in LEAVABLE] if not isinstance(leave_out, str) else [leave_out]
-    except TypeError:
-        wrong = [leave_out]  # type: ignore[list-item]
-    if wrong:
-        raise InputError(f"leave_out has {wrong[0]!r:.80}; expected a list of some of {', '.join(map(repr, LEAVABLE))}.")
+    if isinstance(leave_out, str) or not np.iterable(leave_out):
+        raise InputError(f"leave_out is {leave_out!r:.80}; expected a list of some of {', '.join(map(repr, LEAVABLE))}.")
+    for each in leave_out:
+        check_choice("what leave_out has", each, LEAVABLE)
 
 
 # --------------------------------------------------------------------------------------------------------- before MuJoCo reads
@@ -213,11 +229,7 @@ def _size(element: Element) -> float:
 
 def _contained(wrong: Complaints, tag: str, name: str, place: str, folder: Path, folders: tuple[Path, ...]) -> None:
     """Refuse a file outside the folders, opened or not."""
-    try:
-        inside = any((folder / place).resolve().is_relative_to(each.resolve()) for each in (folder, *folders))
-    except (OSError, ValueError, RuntimeError):
-        inside = False
-    if not inside:
+    if not is_inside(folder / place, [each.resolve() for each in (folder, *folders)]):
         wrong.stop(f"<{tag}> names the file {name!r:.200}, outside the folder of {wrong.file}. {_ELSEWHERE}.")
 
 
