@@ -33,9 +33,10 @@ from rbd.arrays import RANK, Array, block_diagonal, identity, max_abs
 from rbd.errors import NotDifferentiable
 from rbd.problem.answer import Answer
 from rbd.problem.cones import Cone
+from rbd.problem.conic import ConeSet
 from rbd.problem.gauss_problem import GaussProblem
-from rbd.problem.programs import linear_program
 from rbd.problem.rows import Rows
+from rbd.solvers.conic_newton import solve_conic
 
 CONSISTENT = 1e-6
 """Largest residual of redundant rows after a change, over its largest entry."""
@@ -266,36 +267,35 @@ def _centripetal_change(rows: Rows, u: Array) -> Array:
 def _check_room(answer: Answer, modes: Modes, kernel: Array) -> None:
     """Refuse unless some weights, with the same motion, satisfy the modes' inequalities strictly.
 
-    A linear program, with tangent planes added where circular cones are violated.
+    The largest slack that all can have, over their units, is a conic program in internal forces and that slack.
     """
-    start = np.array(modes.start)
-    room = _room(modes.needs, start)
+    start, needs, d = np.array(modes.start), modes.needs, kernel.shape[1]
+    room = _room(needs, start)
     if room.min(initial=1.0) > RESOLUTION:
         return
-    worst = modes.needs[int(np.argmin(room))]
-    planes, shift = [_plane(need, start) for need in modes.needs], kernel * max(need.unit for need in modes.needs)
-    for _ in range(40 if kernel.shape[1] else 0):
-        rows, levels = np.array([plane.row for plane in planes]), np.array([plane.level for plane in planes])
-        found = linear_program(
-            np.r_[np.zeros(kernel.shape[1]), -1.0],
-            np.column_stack([-rows @ shift, np.ones(len(rows))]),
-            rows @ start + levels,
-            bounds=[(None, None)] * kernel.shape[1] + [(None, 1.0)],
-        )
+    if d:
+        shift = kernel * max(need.unit for need in needs)
+        rows, cones = [need for need in needs if not need.cone], [need for need in needs if need.cone]
+        sign, unit = np.array([need.sign for need in rows]), np.array([need.unit for need in rows])
+        at = np.array([need.active for need in rows], int)
+        most = np.append(np.zeros(d), -1.0)  # the slack is one at most
+        A = np.vstack([np.column_stack([(sign / unit)[:, None] * shift[at], -np.ones(len(rows))]), most])
+        b = np.append(-(sign * start[at] + [need.level for need in rows]) / unit, -1.0)
+        of_cones = np.array([need.active for need in cones], int)[:, None] + np.arange(3)
+        mu, scale = np.array([need.sign for need in cones]), np.array([need.unit for need in cones])
+        C = np.concatenate([shift[of_cones], np.zeros((len(cones), 3, 1))], axis=2) / scale[:, None, None]
+        C[:, 2, d] = -1.0 / mu
+        inside = ConeSet(A, b, C, start[of_cones] / scale[:, None], mu)
+        found = solve_conic(inside.program(np.zeros((d + 1, d + 1)), most), newton=False)
         if not found.solved:
             raise NotDifferentiable(
                 "whether the forces lie strictly inside their sets, without which there are no derivatives, was not decided: a "
-                f"linear program gave up after {found.pivots} pivots. Move q, tau or the push a little."
+                f"conic program gave up after {found.iterations} steps. Move q, tau or the push a little."
             )
-        s = start + shift @ found.x[:-1]
-        room, most = _room(modes.needs, s), float(found.x[-1])
+        room = _room(needs, start + shift @ found.x[:d])
         if room.min() > RESOLUTION:
             return
-        if most <= RESOLUTION:
-            worst = planes[int(np.argmin(found.lower))].need
-            break
-        planes += [_plane(need, s) for need, r in zip(modes.needs, room, strict=True) if need.cone and r < most]
-    _refuse(answer, modes, worst)
+    _refuse(answer, modes, needs[int(np.argmin(room))])
 
 
 def _room(needs: list[Need], s: Array) -> Array:
@@ -306,26 +306,6 @@ def _room(needs: list[Need], s: Array) -> Array:
         given = need.sign * s[k + 2] - np.hypot(s[k], s[k + 1]) if need.cone else need.sign * s[k] + need.level
         out[i] = given / need.unit
     return out
-
-
-@dataclass(frozen=True, eq=False)
-class _ContactPlane:
-    """row . s + level: the slack of an inequality over its unit; for a cone, an upper bound that is exact at one s."""
-
-    row: Array
-    level: float
-    need: Need
-
-
-def _plane(need: Need, s: Array) -> _ContactPlane:
-    row, at = np.zeros(len(s)), need.active
-    if need.cone:
-        t = float(np.hypot(s[at], s[at + 1]))
-        row[at : at + 2] = -s[at : at + 2] / t if t else 0.0
-        row[at + 2] = need.sign
-    else:
-        row[at] = need.sign
-    return _ContactPlane(row / need.unit, need.level / need.unit, need)
 
 
 def _refuse(answer: Answer, modes: Modes, need: Need) -> None:
