@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Sequence
 from functools import lru_cache
 from typing import Generic, TypeAlias, TypeVar, overload
@@ -107,15 +108,34 @@ def as_float(value: object) -> float:
         return math.nan
 
 
-def check_positive(what: str, value: float, most: float) -> float:
-    """A number in (0, most].
+def check_positive(what: str, value: float, most: float, unit: str = "") -> float:
+    """A number in (0, most]; its unit is for the message.
 
     Raises:
         InputError: it is none.
     """
     found = as_float(value)
     if not 0.0 < found <= most:
-        raise InputError(f"{what} is {value!r:.80}; expected a number above 0, at most {most:g}.")
+        raise InputError(f"{what} is {value!r:.80}; expected a number above 0, at most {most:g}{unit and f' [{unit}]'}.")
+    return found
+
+
+def check_number(what: str, value: float, least: float, most: float = sys.float_info.max, *, expected: str) -> float:
+    """A number within bounds.
+
+    Args:
+        what: What it is, for the message.
+        value: The number.
+        least: The least that it may be.
+        most: The most that it may be.
+        expected: What was expected, in words.
+
+    Raises:
+        InputError: it is none.
+    """
+    found = as_float(value)
+    if not least <= found <= most:
+        raise InputError(f"{what} is {value!r:.80}; expected {expected}.")
     return found
 
 

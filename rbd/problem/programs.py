@@ -73,11 +73,9 @@ CONE_REFINEMENTS = 60
 CERTIFICATE_SETS = 1000
 """Sets of constraints, or of rows, that are tried in the search for a contradiction smaller than what was found."""
 CERTIFICATE_PROGRAMS = 100
-"""Linear programs that are solved in that search."""
+"""Programs that are solved in that search."""
 CERTIFICATE_LEFT_OUT = 300
-"""Linear programs that may be solved in all to see which members of a contradiction can be left out."""
-CERTIFICATE_CUTS = 30
-"""Rounds of refinement of circular cones in a contradiction."""
+"""Programs that may be solved in all to see which members of a contradiction can be left out."""
 MODE_NODES = 5000
 """Nodes of the tree of contact modes of points that already slide."""
 MODE_WORK = 5e9

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 from scipy.optimize import brentq
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array, as_float, check_flag, check_number
 from rbd.control.schedules import INSTANT
 from rbd.displayed import Displayed
 from rbd.errors import BadEvent, InputError, Reason, UnknownName, nearest
@@ -67,8 +67,7 @@ class Switch(Displayed):
         both = sorted(set(self.on) & set(self.off))
         if both:
             raise InputError(f"a Switch has {both[0]!r:.80} both on and off; give it once.")
-        if not isinstance(self.impact, bool):
-            raise InputError(f"impact of a Switch is {self.impact!r:.80}; expected True or False.")
+        check_flag("impact of a Switch", self.impact)
 
 
 Then: TypeAlias = Switch | Callable[[State, float], Switch | None]
@@ -152,10 +151,8 @@ class StateEvent(Displayed):
             )
         for what in ("while_on", "while_off"):
             put(self, what, names_of(f"{what} of event {name!r:.80}", getattr(self, what)))
-        if not 0.0 <= as_float(self.zero) < np.inf:
-            raise InputError(f"zero of event {name!r:.80} is {self.zero!r:.80}; expected a number from 0.")
-        if not isinstance(self.required, bool):
-            raise InputError(f"required of event {name!r:.80} is {self.required!r:.80}; expected True or False.")
+        check_number(f"zero of event {name!r:.80}", self.zero, 0.0, expected="a number from 0")
+        check_flag(f"required of event {name!r:.80}", self.required)
         put(self, "_timed", _takes_time(f))
 
     @classmethod

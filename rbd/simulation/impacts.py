@@ -16,12 +16,12 @@ import numpy as np
 
 from rbd.answers.analysis.uniqueness import Uniqueness
 from rbd.answers.solution import Solution
-from rbd.arrays import Array, as_float, lazy, max_abs
+from rbd.arrays import Array, check_number, lazy, max_abs
 from rbd.constraints.constraint import Constraint, member, rows_of, with_loops
 from rbd.constraints.contact_points import sources_of
 from rbd.constraints.distance_warnings import warn_of_distant
 from rbd.displayed import Displayed
-from rbd.errors import InputError, NoSolution, UnknownName, nearest
+from rbd.errors import NoSolution, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.model.dynamics import kinetic_energy
 from rbd.model.state import State, checked
@@ -259,8 +259,7 @@ def impact(
     check_different(names, "constraints")
     e = restitution_of(restitution, names)
     kind = slip_law(law).kind
-    if not 0.0 <= as_float(plastic_below) < np.inf:
-        raise InputError(f"plastic_below is {plastic_below!r:.80}; expected a speed from 0 [m/s].")
+    check_number("plastic_below", plastic_below, 0.0, expected="a speed from 0 [m/s]")
     warn_of_distant(state.robot, rows, stacklevel=3)
     return impact_of(state, given, e, law=kind, plastic=float(plastic_below))
 
@@ -276,15 +275,14 @@ def restitution_of(given: float | Mapping[str, float], names: Sequence[str]) -> 
         UnknownName: it names no constraint.
         InputError: a coefficient outside 0 to 1.
     """
-    out = dict(given) if isinstance(given, Mapping) else dict.fromkeys(names, given)
-    for name, e in out.items():
+    expected = "a number from 0 (plastic) to 1 (elastic)"
+    if not isinstance(given, Mapping):
+        return dict.fromkeys(names, check_number("restitution", given, 0.0, 1.0, expected=expected))
+    for name, e in given.items():
         if name not in names:
             raise UnknownName(f"restitution names {name!r:.80}, which is no constraint; {nearest(name, names)}.")
-        if not 0.0 <= as_float(e) <= 1.0:
-            raise InputError(f"restitution of {name!r} is {e!r:.80}; expected a number from 0 (plastic) to 1 (elastic).")
-    if not isinstance(given, Mapping) and not 0.0 <= as_float(given) <= 1.0:
-        raise InputError(f"restitution is {given!r:.80}; expected a number from 0 (plastic) to 1 (elastic).")
-    return out
+        check_number(f"restitution of {name!r}", e, 0.0, 1.0, expected=expected)
+    return dict(given)
 
 
 def impact_of(

@@ -6,6 +6,7 @@ begins, and event detection.
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,11 +17,11 @@ from typing import ClassVar
 import numpy as np
 from scipy.integrate import DOP853
 
-from rbd.arrays import Array, as_float, max_abs, zeros
+from rbd.arrays import Array, check_flag, check_number, check_positive, check_whole, max_abs, zeros
 from rbd.constraints.constraint import Constraint, ground_of, member, rows_of
 from rbd.control.schedules import INSTANT, sample_at
 from rbd.displayed import Displayed
-from rbd.errors import InputError, NoSolution
+from rbd.errors import NoSolution
 from rbd.model.state import State
 from rbd.simulation.event_detection import EventDetection
 from rbd.simulation.event_samples import crossed_in_step, crossed_smoothly
@@ -132,15 +133,10 @@ class DormandPrince8(Displayed):
     most_steps: int = 20_000
 
     def __post_init__(self) -> None:
-        if not 1e-13 <= as_float(self.rtol) <= 1e-2:
-            raise InputError(f"rtol of DormandPrince8 is {self.rtol!r:.80}; expected a number from 1e-13 to 1e-2.")
-        if not 1e-18 <= as_float(self.atol) <= 1e-2:
-            raise InputError(f"atol of DormandPrince8 is {self.atol!r:.80}; expected a number from 1e-18 to 1e-2.")
-        if not as_float(self.longest) > 0.0:
-            raise InputError(f"longest of DormandPrince8 is {self.longest!r:.80}; expected a time above 0 [s], or inf.")
-        most = self.most_steps
-        if isinstance(most, bool) or not isinstance(most, int | np.integer) or most < 1:
-            raise InputError(f"most_steps of DormandPrince8 is {most!r:.80}; expected a whole number from 1.")
+        check_number("rtol of DormandPrince8", self.rtol, 1e-13, 1e-2, expected="a number from 1e-13 to 1e-2")
+        check_number("atol of DormandPrince8", self.atol, 1e-18, 1e-2, expected="a number from 1e-18 to 1e-2")
+        check_positive("longest of DormandPrince8", self.longest, math.inf, "s")
+        check_whole("most_steps of DormandPrince8", self.most_steps, 10**12)
 
     def reason_unsupported(self, motion: SimulatedMotion, state: State) -> str | None:
         """Names the first constraint that can break or slip, or that the start violates; None if it can run."""
@@ -298,17 +294,12 @@ class TimeStepping(Displayed):
     touch_tolerance: float | None = None
 
     def __post_init__(self) -> None:
-        if not 0.0 < as_float(self.impact_speed) <= 1e3:
-            raise InputError(f"impact_speed is {self.impact_speed!r:.80}; expected a speed above 0 [m/s].")
-        if isinstance(self.impacts, bool) or not isinstance(self.impacts, int | np.integer) or not 0 <= self.impacts <= 10_000:
-            raise InputError(f"impacts is {self.impacts!r:.80}; expected a whole number from 0.")
-        if not isinstance(self.extrapolate, bool):
-            raise InputError(f"extrapolate is {self.extrapolate!r:.80}; expected True or False.")
-        if self.touch_tolerance is not None and not 0.0 < as_float(self.touch_tolerance) <= 1.0:
-            raise InputError(
-                f"touch_tolerance is {self.touch_tolerance!r:.80}; expected a gap above 0 [m], at most 1, or None for 1e-12 of "
-                "the size of the bodies."
-            )
+        check_positive("impact_speed", self.impact_speed, 1e3, "m/s")
+        check_whole("impacts", self.impacts, 10_000, least=0)
+        check_flag("extrapolate", self.extrapolate)
+        if self.touch_tolerance is not None:
+            expected = "a gap above 0 [m], at most 1, or None for 1e-12 of the size of the bodies"
+            check_number("touch_tolerance", self.touch_tolerance, 1e-300, 1.0, expected=expected)
 
     def reason_unsupported(self, motion: SimulatedMotion, state: State) -> str | None:
         """Names the first ground that accelerates, or tilts under a contact that can break; all others are accepted."""

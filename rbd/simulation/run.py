@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, is_finite
+from rbd.arrays import Array, check_flag, check_positive, check_whole, is_finite
 from rbd.constraints.constraint import Constraint, anchored, rows_of, with_loops
 from rbd.constraints.distance_warnings import check_start, distant, warn_of_distant, warn_of_limits
 from rbd.constraints.stabilisation import Baumgarte
@@ -127,10 +127,9 @@ def simulate(
     """
     if not isinstance(state, State):
         raise InputError(f"simulate wants a State first, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
-    every = _record_every(record_every)
-    for what, given in (("may_sink", may_sink), ("progress", progress)):
-        if not isinstance(given, bool):
-            raise InputError(f"{what} is {given!r:.80}; expected True or False.")
+    every = check_whole("record_every", record_every, 10**12)
+    check_flag("may_sink", may_sink)
+    check_flag("progress", progress)
     times = _times(duration, step)
     motion = _motion(
         state, with_loops(state.robot, constraints, loops), controller, external, law, restitution, stabilisation, every,
@@ -310,22 +309,14 @@ def _motion(
 
 
 def _times(duration: float, step: float) -> list[float]:
-    if not 0.0 < as_float(duration) < 1e9:
-        raise InputError(f"duration is {duration!r:.80}; expected a time above 0 [s], less than 1e9.")
-    if not 0.0 < as_float(step) < 1e9:
-        raise InputError(f"step is {step!r:.80}; expected a time above 0 [s], less than 1e9.")
+    check_positive("duration", duration, 1e9, "s")
+    check_positive("step", step, 1e9, "s")
     if duration / step > MOST_STEPS:
         raise InputError(f"{duration:g} s by {step:g} s are {duration / step:.3g} steps; expected at most {MOST_STEPS:,}.")
     whole = round(duration / step)
     if abs(whole * step - duration) <= 1e-9 * max(duration, step) and whole > 0:
         return [k * step for k in range(whole)] + [float(duration)]
     return [k * step for k in range(math.floor(duration / step) + 1)] + [float(duration)]
-
-
-def _record_every(given: int) -> int:
-    if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 1:
-        raise InputError(f"record_every is {given!r:.80}; expected a whole number from 1.")
-    return int(given)
 
 
 def _plastic(chosen: Integrator) -> float:

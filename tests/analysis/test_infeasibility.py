@@ -14,7 +14,7 @@ import pytest
 
 import rbd
 from rbd.answers.analysis.conditions import conditions_of, smallest_violation
-from rbd.answers.analysis.infeasibility import Contradiction, _polished, contradiction, split
+from rbd.answers.analysis.infeasibility import Contradiction, _balanced, contradiction, split
 from rbd.arrays import Array, cross_matrix
 from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.problem.conic import Conic, ConicAnswer
@@ -418,19 +418,24 @@ def test_a_search_that_ends_at_its_limit_does_not_claim_the_smallest(monkeypatch
     assert found is not None and not found.smallest and "A smaller set was not excluded." in str(found)
 
 
-def test_a_linear_program_that_gives_up_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Without a pivot no certificate is found; None, not a wrong one."""
-    monkeypatch.setattr("rbd.problem.programs.PROGRAM_PIVOTS", 0)
-    monkeypatch.setattr("rbd.problem.programs.PROGRAM_SECONDS", 0.0)
+def given_up(program: Conic, *, newton: bool = True) -> ConicAnswer:
+    """In place of `solve_conic`: zeros, and that nothing was found."""
+    x, y, z = np.zeros(len(program.g)), np.zeros(len(program.b)), np.zeros(len(program.C))
+    return ConicAnswer(program, Outcome.NOT_FOUND, x, y, z, "none", 0)
+
+
+def test_a_program_that_gives_up_proves_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """No certificate is found; None, not a wrong one."""
+    monkeypatch.setattr("rbd.answers.analysis.conditions.solve_conic", given_up)
     assert contradiction(ladder_of_stops(3)) is None
 
 
 def test_forces_of_the_wrong_sign_leave_a_certificate() -> None:
     """Three stops on one line, 1 + 1e-5, 1 and 1e-6: balance would make the third pull, so the first two are left, even."""
     P = problem(*(rows(n, [[s]], [-1.0], rbd.problem.NonNegative(1)) for n, s in (("a", 1.0), ("b", -1.0), ("c", 1.0))))
-    z = _polished(conditions_of(P, CONVEX).fan(), np.array([1.0 + 1e-5, 1.0, 1e-6]), 1.0)
+    z = _balanced(conditions_of(P, CONVEX), np.array([1.0 + 1e-5, 1.0, 1e-6]), 1.0)
     assert z[2] == 0.0 and z[0] == pytest.approx(1.0 + 5e-6, abs=1e-12) and abs(z[0] - z[1]) < 1e-15
-    assert not _polished(conditions_of(P, CONVEX).fan(), np.array([1.0, 0.0, 0.0]), 1.0).any()  # one force cannot balance
+    assert not _balanced(conditions_of(P, CONVEX), np.array([1.0, 0.0, 0.0]), 1.0).any()  # one force cannot balance
 
 
 def test_a_law_that_is_none_is_refused() -> None:
@@ -610,11 +615,7 @@ def test_a_violation_is_judged_by_its_own_conditions(monkeypatch: pytest.MonkeyP
     expected, miss = smallest_violation(P, CONVEX)
     assert miss < 1e-9
 
-    def zeros(program: Conic) -> ConicAnswer:
-        x, y, z = np.zeros(len(program.g)), np.zeros(len(program.b)), np.zeros(len(program.C))
-        return ConicAnswer(program, Outcome.NOT_FOUND, x, y, z, "none", 0)
-
-    monkeypatch.setattr("rbd.answers.analysis.conditions.solve_conic", zeros)
+    monkeypatch.setattr("rbd.answers.analysis.conditions.solve_conic", given_up)
     s, optimality = smallest_violation(P, CONVEX)
     assert optimality > 1e-6 and np.abs(s - expected).max() <= 10.0 * optimality
 

@@ -312,7 +312,7 @@ def test_wrong_arguments_are_refused():
     box = rbd.testing.box(mass=4.0)
     tip = rbd.PointContact("tip", "box", friction=0.5, on=0.0)
     state = rbd.State(box, [0, 0, 0, 0, 0, 0, 1], [0, 0, -1.0, 0, 0, 0])
-    with pytest.raises(InputError, match="restitution of 'tip' is 1.5"):
+    with pytest.raises(InputError, match="restitution is 1.5; expected a number from 0"):
         rbd.impact(state, [tip], restitution=1.5)
     with pytest.raises(UnknownName, match="'tap'.*'tip'"):
         rbd.impact(state, [tip], restitution={"tap": 0.5})

@@ -27,8 +27,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, block_diagonal, max_abs
 from rbd.errors import InputError, nearest
-from rbd.problem.cones import project_cones
-from rbd.problem.conic import Conic
+from rbd.problem.conic import Conic, ConicAnswer
 from rbd.problem.force_set import Element, ForceSet
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.rows import Rows
@@ -52,40 +51,18 @@ class ConditionMember:
 
 
 @dataclass(frozen=True, eq=False)
-class RoundCondition:
-    """A point under a circular friction cone: y = A a + b (tangent, tangent, normal) must obey |y_t| <= y_n / mu.
-
-    Attributes:
-        member: Its number among the members.
-        force: Row forces of unit forces on the point, shape (m, 3).
-        A: Shape (3, nv).
-        b: Shape (3,).
-        mu: Friction coefficient.
-    """
-
-    member: int
-    force: Array
-    A: Array
-    b: Array
-    mu: float
-
-    def sunk(self, a: Array) -> Array:
-        """The force in the friction cone with negative power on y: its norm is y's distance to the dual cone, shape (3,)."""
-        return project_cones(-(self.A @ a + self.b)[None], np.array([self.mu]))[0]
-
-
-@dataclass(frozen=True, eq=False)
 class Conditions:
-    """k scalar conditions y = A a + b, and conic conditions in `rounds`.
+    """k conditions y = A a + b: y = 0, y >= 0, or of the three of a circular cone (tangent, tangent, normal) |y_t| <= y_n / mu.
 
     Attributes:
         force: Row forces of unit multipliers, shape (m, k).
         A: Shape (k, nv).
         b: Shape (k,) [m/s2, rad/s2].
-        holds: y = 0 where true, y >= 0 elsewhere, shape (k,).
+        holds: Where y = 0, shape (k,).
         push: Unit force on a point with friction (tangent, tangent, normal), shape (k, 3); zero for scalar rows.
         member: Number of the member that each belongs to, shape (k,).
-        rounds: Points under circular cones.
+        cones: The three conditions of each circular cone, shape (r, 3).
+        mu: Their friction coefficients, shape (r,).
         members: The members, by their numbers.
         span: For each member, rows that span its conditions, shape (1 or 3, nv); none for a member
             without conditions.
@@ -97,43 +74,34 @@ class Conditions:
     holds: Array
     push: Array
     member: Array
-    rounds: tuple[RoundCondition, ...]
+    cones: Array
+    mu: Array
     members: tuple[ConditionMember, ...]
     span: tuple[Array, ...]
 
     def only(self, kept: frozenset[int]) -> Conditions:
         """The conditions of some members."""
-        rounds = tuple(r for r in self.rounds if r.member in kept)
-        return replace(self._of(np.isin(self.member, list(kept))), rounds=rounds)
-
-    def _of(self, at: Array) -> Conditions:
+        at = np.isin(self.member, list(kept))
+        number, round_ = np.cumsum(at) - 1, at[self.cones[:, 0]]
         return replace(
             self, force=self.force[:, at], A=self.A[at], b=self.b[at], holds=self.holds[at], push=self.push[at],
-            member=self.member[at],
+            member=self.member[at], cones=number[self.cones[round_]], mu=self.mu[round_],
         )  # fmt: skip
 
-    def with_rays(self, rays: list[tuple[RoundCondition, Array]]) -> Conditions:
-        """With one more condition r . y >= 0 for each ray r of a round's cone, a unit vector, shape (3,)."""
-        if not rays:
-            return self
-        return replace(
-            self,
-            force=np.column_stack([self.force, *[c.force @ r for c, r in rays]]),
-            A=np.vstack([self.A, *[r @ c.A for c, r in rays]]),
-            b=np.r_[self.b, [r @ c.b for c, r in rays]],
-            holds=np.r_[self.holds, [False] * len(rays)],
-            push=np.vstack([self.push, *[r for _, r in rays]]),
-            member=np.r_[self.member, [c.member for c, _ in rays]],
-        )
+    def violation(self, weights: Array) -> tuple[ConicAnswer, Array, float]:
+        """(the answer of the dual program in z over a scale, the violation s, shape (m,), that scale: max(1, |b|)).
 
-    def fan(self) -> Conditions:
-        """With a first fan of nine rays for each circular cone."""
-        turn = np.arange(8) * (math.pi / 4.0)
-        rays = []
-        for c in self.rounds:
-            around = np.vstack([c.mu * np.cos(turn), c.mu * np.sin(turn), np.ones(8)]) / math.hypot(c.mu, 1.0)
-            rays += [(c, r) for r in around.T] + [(c, np.array([0.0, 0.0, 1.0]))]
-        return self.with_rays(rays)
+        Args:
+            weights: Diagonal of W, shape (m,).
+        """
+        rate, G = max(1.0, max_abs(self.b)), self.force / weights[:, None]
+        lower, upper = np.where(self.holds, -math.inf, 0.0), np.full(len(self.b), math.inf)
+        lower[self.cones] = -math.inf
+        program = Conic.of(
+            G.T @ G, self.b / rate, self.A.T, np.zeros(self.A.shape[1]), lower, upper, self.cones, self.mu
+        )  # fmt: skip
+        found = solve_conic(program, newton=False)  # forces that balance are not unique
+        return found, rate * (G @ found.x) / weights, rate
 
 
 def conditions_of(problem: GaussProblem, law: Law) -> Conditions:
@@ -145,7 +113,7 @@ def conditions_of(problem: GaussProblem, law: Law) -> Conditions:
     """
     P, T = problem, problem.force_set_of(law)
     generators = block_diagonal([r.cone.generators()[0] for r in P.rows])
-    members, span, rounds = [], [], []
+    members, span, cones, mu = [], [], [], []
     force, b, pushes = [np.zeros((P.m, 0))], [np.zeros(0)], [np.zeros((0, 3))]
     holds: list[bool] = []
     member: list[int] = []
@@ -153,11 +121,11 @@ def conditions_of(problem: GaussProblem, law: Law) -> Conditions:
         r = P.rows[e.rows]
         members.append(ConditionMember(r.name, _words(r, e, generators[P.slices[r.name], e.source])))
         if e.is_cone and law.kind != "coulomb":
-            H = T.H[:, e.columns]
-            rounds.append(RoundCondition(number, H, H.T @ P.J, H.T @ P.offset + T.offset[e.columns], e.mu))
-            span.append(rounds[-1].A)
-            continue
-        H, offset, push, bounded_below, bounded_above = _asked(T, e)
+            H, offset, push, bounded_below, bounded_above = T.H[:, e.columns], T.offset[e.columns], np.eye(3), True, False
+            cones.append(len(member) + np.arange(3))
+            mu.append(e.mu)
+        else:
+            H, offset, push, bounded_below, bounded_above = _asked(T, e)
         if bounded_below and bounded_above:  # any acceleration is allowed
             span.append(np.zeros((0, P.nv)))
             continue
@@ -171,7 +139,7 @@ def conditions_of(problem: GaussProblem, law: Law) -> Conditions:
     F = np.hstack(force)
     return Conditions(
         F, F.T @ P.J, np.concatenate(b), np.array(holds, bool), np.vstack(pushes), np.array(member, int),
-        tuple(rounds), tuple(members), tuple(span),
+        np.array(cones, int).reshape(-1, 3), np.array(mu), tuple(members), tuple(span),
     )  # fmt: skip
 
 
@@ -216,22 +184,7 @@ def smallest_violation(P: GaussProblem, law: Law, weights: Array | None = None) 
         law: As `Answer.law`.
         weights: Diagonal of W, shape (m,); ones if not given.
     """
-    W = np.ones(P.m) if weights is None else weights
-    asked = conditions_of(P, law)
-    rate, k = max(1.0, max_abs(P.offset)), len(asked.b)
-    F = np.hstack([asked.force, *[c.force for c in asked.rounds]])
-    G = F / W[:, None]
-    n = F.shape[1]
-    lower = np.full(n, -math.inf)
-    lower[:k] = np.where(asked.holds, -math.inf, 0.0)
-    mu = np.array([c.mu for c in asked.rounds])
-    b = np.concatenate([asked.b, *[c.b for c in asked.rounds]]) / rate
-    program = Conic.of(
-        G.T @ G, b, np.vstack([asked.A, *[c.A for c in asked.rounds]]).T, np.zeros(P.nv), lower, np.full(n, math.inf),
-        np.arange(k, n).reshape(-1, 3), mu,
-    )  # fmt: skip
-    found = solve_conic(program)
-    s = rate * (G @ found.x) / W
+    found, s, rate = conditions_of(P, law).violation(np.ones(P.m) if weights is None else weights)
     if max_abs(s) <= ROUNDING * rate:
         return np.zeros(P.m), found.miss
     return np.where(np.abs(s) > 1e-15 * rate, s, 0.0), found.miss

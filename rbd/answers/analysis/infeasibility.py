@@ -6,8 +6,9 @@ bilateral rows, only if) there are forces f in K with
     J^T f = 0     and     f . offset = -1 :
 
 forces whose sum on every body is zero, with f . offset not zero. Then f . y = -1 for every a, while f . y >= 0
-for all y in K*: whatever the motion, some row is violated by at least 1 / sum |f_i|. Minimal such forces are the vertices of a
-polyhedron, and their supports are the irreducible contradictions [GleesonRyan1990]; linear programs (HiGHS) find them.
+for all y in K*: whatever the motion, some row is violated by at least 1 / sum |f_i|. The forces of the least violation
+(`rbd.answers.analysis.conditions`) are such ones. Minimal such forces are the vertices of a polyhedron, and their supports are
+the irreducible contradictions [GleesonRyan1990]: rows are left out one after another as long as a violation is left.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from rbd.arrays import RANK, Array, largest_first, max_abs, null_space, range_of
 from rbd.displayed import Displayed
 from rbd.problem.force_set import at_rest
 from rbd.problem.gauss_problem import CONVEX, GaussProblem, Law, checked
-from rbd.problem.programs import CERTIFICATE_CUTS, CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS, linear_program
+from rbd.problem.programs import CERTIFICATE_LEFT_OUT, CERTIFICATE_PROGRAMS, CERTIFICATE_SETS
 
 CONTRADICTS = 1e-8
 """Rows that can be satisfied to this, over max(1, |offset|), do not contradict each other: that is rounding."""
@@ -198,10 +199,10 @@ class _Farkas:
 
 
 class _ConflictSearch:
-    """Certificates of subsets of the members; rays of circular cones are added as needed, for all subsets."""
+    """Certificates of subsets of the members."""
 
     def __init__(self, asked: Conditions) -> None:
-        self.asked = asked.fan()
+        self.asked = asked
         self.longest = float(np.linalg.norm(self.asked.A, axis=1).max(initial=0.0))
         self.tried: dict[frozenset[int], _Farkas | None] = {}
         self.programs = 0
@@ -255,27 +256,12 @@ class _ConflictSearch:
         return float(np.linalg.svd(stacked / length[:, None], compute_uv=False)[-1]) > 1e-6
 
     def _solved(self, members: frozenset[int]) -> _Farkas | None:
-        C, found = self.asked.only(members), None
-        for _ in range(CERTIFICATE_CUTS):
-            program = _least(C, self.longest)
-            self.programs += 1
-            if program is None:
-                self.complete = False
-                break
-            z, a = program
-            found = self._verified(C, z)
-            # Rays of circular cones that this motion violates most; rays without force are left out again.
-            sunk = [(c, c.sunk(a)) for c in C.rounds]
-            lengths = [float(np.linalg.norm(r)) for _, r in sunk]
-            enough = 1.001 * found.violation if found else CONTRADICTS * max(1.0, max_abs(C.b))
-            if max(lengths, default=0.0) <= enough:
-                break
-            C = C.with_rays([(c, r / n) for (c, r), n in zip(sunk, lengths, strict=True) if n > enough])
-        return found
-
-    def _verified(self, C: Conditions, z: Array) -> _Farkas | None:
-        """The certificate near z, exact to rounding with every condition checked; None if there is none."""
-        z = _polished(C, z, self.longest)
+        """The certificate that the least violation is, made exact to rounding, with every condition checked."""
+        C = self.asked.only(members)
+        self.programs += 1
+        answer, _, _ = C.violation(np.ones(len(C.force)))
+        self.complete = self.complete and answer.solved
+        z = _balanced(C, answer.x, self.longest)
         work = float(C.b @ z)
         if not work < 0.0:
             return None
@@ -293,46 +279,36 @@ class _ConflictSearch:
         return _Farkas(C.force @ z, {i: f / -work for i, f in push.items()}, violation, unbalanced)
 
 
-def _least(C: Conditions, longest: float) -> tuple[Array, Array] | None:
-    """(z, a) of: minimise b . z over A^T z = 0, sum |z| <= 1, z >= 0 for inequalities.
+def _balanced(C: Conditions, z: Array, longest: float) -> Array:
+    """The nearest z with A^T z = 0 on the same support and the same edges of cones; what changes its sign is left out.
 
-    -b . z is then the least violation t of y >= -t, and a, its multipliers, a motion with that violation; None if HiGHS finds
-    neither.
+    Args:
+        C: The conditions.
+        z: Multipliers, shape (k,).
+        longest: Norm of the longest row of all conditions.
     """
-    k, nv = C.A.shape
-    rate = max_abs(C.b)
-    if not k or rate == 0.0:
-        return np.zeros(k), np.zeros(nv)
-    # Rows of unit length, so that HiGHS's tolerances apply equally to all; lines as the difference of two.
-    length = np.linalg.norm(C.A, axis=1)
-    length[length <= RANK * longest] = longest or 1.0
-    A, b, size = C.A / length[:, None], C.b / (rate * length), length.min() / length
-    A, b, size = np.vstack([A, -A[C.holds]]), np.r_[b, -b[C.holds]], np.r_[size, size[C.holds]]
-    answer = linear_program(
-        b, size[None], np.ones(1), A.T, np.zeros(nv), bounds=(0.0, None), method="highs-ds", tolerance=1e-10
-    )
-    if not answer.solved:
-        return None
-    z = answer.x[:k].copy()
-    z[C.holds] -= answer.x[k:]
-    return z / length, -rate * answer.equal
-
-
-def _polished(C: Conditions, z: Array, longest: float) -> Array:
-    """The nearest z with A^T z = 0 on the same support; entries that change sign are left out."""
-    length = np.linalg.norm(C.A, axis=1)
+    most = 1e-7 * max_abs(z)
+    rays = np.eye(len(z))
+    pushed = np.linalg.norm(z[C.cones], axis=1)
+    edge = (pushed > most) & (C.mu * z[C.cones[:, 2]] - np.hypot(z[C.cones[:, 0]], z[C.cones[:, 1]]) < 1e-9 * pushed)
+    for cone in C.cones[edge]:  # the edge itself in place of the normal
+        rays[cone, cone[2]] = z[cone] / z[cone[2]]
+    inside = np.zeros(len(z), bool)
+    inside[C.cones[~edge]] = True
+    some = np.abs(z) > most
+    some[C.cones[:, :2]] = (~edge & (pushed > most))[:, None]
+    rows = rays.T @ C.A
+    length = np.linalg.norm(rows, axis=1)
     length[length <= RANK * longest] = longest or 1.0
     x = z * length
-    some = np.abs(x) > 1e-7 * max_abs(x)
     while some.any():
         out = np.zeros(len(z))
-        U = (C.A[some] / length[some, None]).T
-        N = null_space(U, unit=True)
+        N = null_space((rows[some] / length[some, None]).T, unit=True)
         for _ in range(2):  # twice is exact to rounding
             out[some] = N @ (N.T @ x[some])
         out[np.abs(out) <= 1e-12 * max_abs(out)] = 0.0
-        wrong = ~C.holds & (out < 0.0)
+        wrong = ~C.holds & ~inside & (out < 0.0)
         if not wrong.any():
-            return out / length
+            return np.asarray(rays @ (out / length))
         some &= ~wrong
     return np.zeros(len(z))

@@ -24,11 +24,11 @@ from rbd.answers.many.many_answers import (
 )
 from rbd.answers.many.states import Friction, ManyExternal, ManyStates
 from rbd.answers.solution import Solution, solution_of
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array, check_number
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.distance_warnings import moves
 from rbd.displayed import Displayed
-from rbd.errors import InputError, RbdError
+from rbd.errors import RbdError
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.answer import StateStatus
 from rbd.problem.contact_motion import REST_SPEED
@@ -90,8 +90,7 @@ def solve_many(
                [-0.342, -0.03 ,  0.575]])
     """
     asked = COULOMB if law is None else slip_law(law)
-    if not 0.0 <= as_float(rest_speed) < 1e100:
-        raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
+    check_number("rest_speed", rest_speed, 0.0, 1e100, expected="a speed of 0 or more [m/s, rad/s]")
     states = ManyStates.of(robot, q, v, constraints, external=external, friction=friction, tau=tau, loops=loops)
     sheet = Sheet(states)
     sheet.refuse_bad_input()
