@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from typing import Protocol
 
 from rbd.control.schedules import INSTANT
 from rbd.model.state import State
@@ -43,27 +44,38 @@ def _crossed(
     return False
 
 
-def crossed_smoothly(
-    smooth: SmoothMotion,
-    since: float,
-    end: SmoothStage,
-    at: Callable[[float], SmoothStage],
-    state_at: Callable[[float], State] | None = None,
-) -> Generator[Sample, None, bool]:
+class SmoothStep(Protocol):
+    """Protocol of a step of smooth motion.
+
+    Attributes:
+        end: The stage at its end, on the constraints.
+        next: Guess of the next step [s]; None: none.
+    """
+
+    end: SmoothStage
+    next: float | None
+
+    def at(self, t: float) -> SmoothStage:
+        """The stage at a time within the step, on the constraints."""
+
+    def state_at(self, t: float) -> State:
+        """The state of that stage, perhaps without its acceleration."""
+
+
+def crossed_smoothly(smooth: SmoothMotion, since: float, end: SmoothStage, step: SmoothStep) -> Generator[Sample, None, bool]:
     """The samples at events of smooth motion until a stage; returns whether the last interrupts the motion.
 
     Args:
         smooth: The motion.
         since: Beginning of the interval [s].
         end: The stage at its end.
-        at: The stage at a time in it.
-        state_at: The state there, if that is cheaper.
+        step: The step in which the interval is.
     """
     search = smooth.motion.search
     if not search:
         return False
-    zeros = search.between(end.t, end.state, state_at or (lambda t: at(t).state))
-    return (yield from _crossed(search, zeros, since, end.t, lambda t: smooth.sample(at(t))))
+    zeros = search.between(end.t, end.state, step.state_at)
+    return (yield from _crossed(search, zeros, since, end.t, lambda t: smooth.sample(step.at(t))))
 
 
 def crossed_in_step(

@@ -7,11 +7,10 @@ begins, and event detection.
 from __future__ import annotations
 
 import math
-from bisect import bisect_left
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import pairwise
 from typing import ClassVar
 
 import numpy as np
@@ -24,7 +23,7 @@ from rbd.displayed import Displayed
 from rbd.errors import NoSolution
 from rbd.model.state import State
 from rbd.simulation.event_detection import EventDetection
-from rbd.simulation.event_samples import crossed_in_step, crossed_smoothly
+from rbd.simulation.event_samples import SmoothStep, crossed_in_step, crossed_smoothly
 from rbd.simulation.instant import HalfStep, touches_of
 from rbd.simulation.recording import constraint_forces, least_forces
 from rbd.simulation.simulated_motion import Event, Sample, SimulatedMotion, stored
@@ -68,38 +67,99 @@ class RungeKutta4(Displayed):
         Raises:
             NoSolution: a step without an acceleration, or beyond all bounds.
         """
-        smooth = SmoothMotion(motion, state)
-        lengths = _lengths(times)
-        stage = smooth.start(state, times[0], lengths[0])
-        motion.watch(stage.state, times[0])
-        yield smooth.sample(stage)
-        for (t, end), h in zip(pairwise(times), lengths[1:], strict=True):
-            reached = _kutta_step(smooth, stage, t, end)
-            if motion.search and (yield from crossed_smoothly(smooth, t, reached, partial(_kutta_step, smooth, stage, t))):
+        return _smooth_samples(motion, state, times, _KuttaStep, _next_sample)
+
+
+def _next_sample(t: float, times: Sequence[float], every: float | None) -> float:
+    """Time of the sample after t [s]; of the last one its own."""
+    return times[min(bisect_right(times, t), len(times) - 1)]
+
+
+class _KuttaStep:
+    """One step of Kutta's method, to a given time.
+
+    Attributes:
+        end: The stage at its end, on the constraints.
+        next: None: no guess of the next step.
+    """
+
+    next: float | None = None
+
+    def __init__(self, smooth: SmoothMotion, start: SmoothStage, stop: float, h: float | None) -> None:
+        self._smooth, self._start = smooth, start
+        self.end = self.at(stop)
+
+    def at(self, t: float) -> SmoothStage:
+        """A stage within the step, by a shorter one."""
+        smooth, first, h, v, a = self._smooth, self._start, t - self._start.t, self._start.state.v, self._start.a
+        chart = smooth.charts.at(first.state.q)
+        rates, accelerations, powers, rate = [v], [a], [smooth.powers(first, first)], v
+        for part in (0.5, 0.5, 1.0):
+            xi, w = part * h * rate, v + part * h * a
+            stage = smooth.at(chart.q(xi), w, first.t + part * h)
+            a, rate = stage.a, chart.rate(xi, stage.state.v)
+            rates.append(rate)
+            accelerations.append(a)
+            powers.append(smooth.powers(first, stage))
+        xi, dv, work = (h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3]) for k in (rates, accelerations, powers))
+        return smooth.worked(first, smooth.landed(chart.q(xi), v + dv, t), work)
+
+    def state_at(self, t: float) -> State:
+        """The state of `at`."""
+        return self.at(t).state
+
+
+def _smooth_samples(
+    motion: SimulatedMotion,
+    state: State,
+    times: Sequence[float],
+    step_of: Callable[[SmoothMotion, SmoothStage, float, float | None], SmoothStep],
+    stop_of: Callable[[float, Sequence[float], float | None], float],
+    longest: float = math.inf,
+    most_steps: float = math.inf,
+) -> Iterator[Sample]:
+    """The samples of smooth motion, by steps.
+
+    Args:
+        motion: The motion.
+        state: Its start.
+        times: Of the samples [s].
+        step_of: Gives the step from a stage, at most to a time, with a guess of its length.
+        stop_of: Gives the time that a step must not pass, from the time at which it begins, `times` and the time between the
+            controller's samples [s].
+        longest: Longest step [s].
+        most_steps: Number of steps between two samples at which the motion is given up.
+
+    Raises:
+        NoSolution: a step without an acceleration, out of all bounds, or shorter than rounding; more than `most_steps`.
+    """
+    smooth = SmoothMotion(motion, state)
+    stop = stop_of(times[0], times, motion.sample_period)
+    stage = smooth.start(state, times[0], min(longest, stop - times[0]))
+    motion.watch(stage.state, times[0])
+    yield smooth.sample(stage)
+    at, h, taken = 1, None, 0
+    while at < len(times):
+        if taken == most_steps:
+            raise NoSolution(
+                f"{taken:,} steps since the last sample have come to t = {stage.t:.9g} s, not to {times[at]:.6g} s. "
+                "Take rbd.TimeStepping(), which takes stiff springs and dampers implicitly; or a larger most_steps."
+            )
+        taken += 1
+        step, since = step_of(smooth, stage, stop, h), stage.t
+        while at < len(times) and times[at] < step.end.t:
+            inside = step.at(times[at])
+            if motion.search and (yield from crossed_smoothly(smooth, since, inside, step)):
                 return
-            stage = smooth.begun(reached, h)
+            yield smooth.sample(inside)
+            at, since, taken = at + 1, times[at], 0
+        if motion.search and (yield from crossed_smoothly(smooth, since, step.end, step)):
+            return
+        stop, h, length = stop_of(step.end.t, times, motion.sample_period), step.next, step.end.t - stage.t
+        stage = smooth.begun(step.end, min(longest, stop - step.end.t) or length)
+        if at < len(times) and times[at] == stage.t:
             yield smooth.sample(stage)
-
-
-def _lengths(times: Sequence[float]) -> list[float]:
-    """Length of the step that begins at each of the times [s]; at the last, of the one before."""
-    lengths = [end - t for t, end in pairwise(times)]
-    return lengths + (lengths[-1:] or [0.0])
-
-
-def _kutta_step(smooth: SmoothMotion, first: SmoothStage, t: float, end: float) -> SmoothStage:
-    h, v, a = end - t, first.state.v, first.a
-    chart = smooth.charts.at(first.state.q)
-    rates, accelerations, powers, rate = [v], [a], [smooth.powers(first, first)], v
-    for part in (0.5, 0.5, 1.0):
-        xi, w = part * h * rate, v + part * h * a
-        stage = smooth.at(chart.q(xi), w, t + part * h)
-        a, rate = stage.a, chart.rate(xi, stage.state.v)
-        rates.append(rate)
-        accelerations.append(a)
-        powers.append(smooth.powers(first, stage))
-    xi, dv, work = (h / 6.0 * (k[0] + 2.0 * k[1] + 2.0 * k[2] + k[3]) for k in (rates, accelerations, powers))
-    return smooth.worked(first, smooth.landed(chart.q(xi), v + dv, end), work)
+            at, taken = at + 1, 0
 
 
 @dataclass(frozen=True)
@@ -148,33 +208,7 @@ class DormandPrince8(Displayed):
         Raises:
             NoSolution: a step without an acceleration, out of all bounds, or shorter than rounding; more than `most_steps`.
         """
-        smooth = SmoothMotion(motion, state)
-        stop = _next_stop(times[0], times, motion.sample_period)
-        stage = smooth.start(state, times[0], min(self.longest, stop - times[0]))
-        motion.watch(stage.state, times[0])
-        yield smooth.sample(stage)
-        at, h, taken = 1, None, 0
-        while at < len(times):
-            if taken == self.most_steps:
-                raise NoSolution(
-                    f"{taken:,} steps since the last sample have come to t = {stage.t:.9g} s, not to {times[at]:.6g} s. "
-                    "Take rbd.TimeStepping(), which takes stiff springs and dampers implicitly; or a larger most_steps."
-                )
-            taken += 1
-            step, since = _AdaptiveStep(smooth, stage, self, stop, h), stage.t
-            while at < len(times) and times[at] < step.end.t:
-                inside = step.at(times[at])
-                if motion.search and (yield from crossed_smoothly(smooth, since, inside, step.at, step.state_at)):
-                    return
-                yield smooth.sample(inside)
-                at, since, taken = at + 1, times[at], 0
-            if motion.search and (yield from crossed_smoothly(smooth, since, step.end, step.at, step.state_at)):
-                return
-            stop, h, length = _next_stop(step.end.t, times, motion.sample_period), step.next, step.end.t - stage.t
-            stage = smooth.begun(step.end, min(self.longest, stop - step.end.t) or length)
-            if at < len(times) and times[at] == stage.t:
-                yield smooth.sample(stage)
-                at, taken = at + 1, 0
+        return _smooth_samples(motion, state, times, partial(_AdaptiveStep, self), _next_stop, self.longest, self.most_steps)
 
 
 def _next_stop(t: float, times: Sequence[float], every: float | None) -> float:
@@ -191,9 +225,9 @@ class _AdaptiveStep:
     """One step.
 
     Args:
+        by: Tolerances.
         smooth: The motion.
         start: The stage at its beginning.
-        by: Tolerances.
         last: Time that must not be passed [s]: the motion's end, or the controller's next sample.
         h: First guess of the step [s]; None for SciPy's.
 
@@ -202,7 +236,7 @@ class _AdaptiveStep:
         next: Guess of the next step [s].
     """
 
-    def __init__(self, smooth: SmoothMotion, start: SmoothStage, by: DormandPrince8, last: float, h: float | None) -> None:
+    def __init__(self, by: DormandPrince8, smooth: SmoothMotion, start: SmoothStage, last: float, h: float | None) -> None:
         self._smooth, self._start = smooth, start
         self._chart, self._n = smooth.charts.at(start.state.q), len(start.state.v)
         # The last entries are work, of motors and of force elements, in which no error is controlled.
@@ -225,7 +259,7 @@ class _AdaptiveStep:
                 f"no step is short enough at t = {start.t:.6g} s for rtol {by.rtol:g} and atol {by.atol:g}: {said} Is there a "
                 "jump in the torques, or a singular pose with several motions?"
             )
-        self.next = float(self._code.h_abs)
+        self.next: float | None = float(self._code.h_abs)
         self._between: Callable[[float], Array] | None = None
         self.end = self._landed(float(self._code.t), self._code.y)
 

@@ -142,16 +142,18 @@ def simulate(
     if stiff:
         warnings.warn(f"{state.robot.name} has {stiff}", InaccurateWarning, stacklevel=2)
     recording, passed, k = Recording(motion), list[Event](), 0
-    phases = Phases(replace(motion, plastic=_plastic(chosen)), off, state, times)
+    plastic = float(getattr(chosen, "impact_speed", 0.0))
+    phases = Phases(replace(motion, plastic=plastic), off, state, times)
     floors = () if may_sink else Floor.of(state, motion.constraints)
     t, here, interrupted, ended, sunk = 0.0, state, "", Reason.NONE, ""
     with progress_of(times, shown=progress) as shown:
         try:
             motion.start()
             for sample in phases.run(chosen):
-                _check(sample)
+                if not is_finite(sample.a):  # q and v were checked by their State
+                    raise NoSolution(f"the acceleration at t = {sample.t:.6g} s is not finite.")
                 t, here = sample.t, sample.state
-                passed += sample.events  # an end of contact can be dated in the step before
+                passed += sample.events
                 if motion.recorded(k, times) if sample.found is None else sample.found.recorded:
                     recording.add(sample)
                 k += sample.found is None
@@ -169,35 +171,26 @@ def simulate(
                 raise
             kept, why, ended = None, f"stopped at t = {t:.6g} s", _reason(error)
             if len(recording):
-                kept = Trajectory.of(motion, recording, _in_order(passed), chosen, step, why, ended)
+                kept = Trajectory.of(motion, recording, passed, chosen, step, why, ended)
             if explicit and ended == Reason.STOPPED_NO_SOLUTION:
                 stiff = stiff or too_stiff(motion, here, step, t, adaptive=adaptive)
             raise _stopped(error, motion, here, t, kept, ended, stiff, chosen) from error
     if phases.ended:
         interrupted, ended = f"ended by event {phases.ended[0]!r} at t = {t:.6g} s", Reason.EVENT
-    missing, why = motion.search.missing() if motion.search and ended in (Reason.NONE, Reason.EVENT) else ("", ended)
+    missing, reason = motion.search.missing() if motion.search and ended in (Reason.NONE, Reason.EVENT) else ("", ended)
     if sunk or missing:
-        interrupted, ended = f"stopped at t = {t:.6g} s", Reason.STOPPED_SINKS if sunk else why
-    trajectory = Trajectory.of(motion, recording, _in_order(passed), chosen, step, interrupted, ended)
+        interrupted, ended = f"stopped at t = {t:.6g} s", Reason.STOPPED_SINKS if sunk else reason
+    trajectory = Trajectory.of(motion, recording, passed, chosen, step, interrupted, ended)
     inaccurate = _inaccurate(trajectory, chosen, stiff)
-    if sunk:
-        raise SimulationStopped(
-            f"at t = {t:.6g} s {sunk}. `error.trajectory` and `error.state` have what was reached."
-            + "".join(f" Before that, {said}" for said in inaccurate),
-            state=here, t=t, names=tuple(c.name for c in motion.constraints), trajectory=trajectory, reason=ended,
-        )  # fmt: skip
-    if missing:
-        raise SimulationStopped(
-            f"{missing} `error.trajectory` has the whole motion.",
-            state=here, t=t, names=motion.names, trajectory=trajectory, reason=ended,
-        )  # fmt: skip
+    if sunk or missing:
+        why = f"{missing} `error.trajectory` has the whole motion."
+        if sunk:
+            why = f"at t = {t:.6g} s {sunk}. `error.trajectory` and `error.state` have what was reached."
+            why += "".join(f" Before that, {said}" for said in inaccurate)
+        raise SimulationStopped(why, state=here, t=t, names=motion.names, trajectory=trajectory, reason=ended)
     for said in inaccurate:
         warnings.warn(said, InaccurateWarning, stacklevel=2)
     return trajectory
-
-
-def _in_order(events: list[Event]) -> list[Event]:
-    return sorted(events, key=lambda e: e.t)
 
 
 def _inaccurate(trajectory: Trajectory, by: Integrator, stiff: str) -> list[str]:
@@ -243,9 +236,8 @@ def _stopped(
     stiff: str,
     by: Integrator,
 ) -> SimulationStopped:
-    names = tuple(c.name for c in motion.constraints)
     known = error.problem if isinstance(error, NoSolution) else None
-    active = names if known is None else tuple(r.name for r in known.rows if len(r))
+    active = motion.names if known is None else tuple(r.name for r in known.rows if len(r))
     if isinstance(error, RbdError | np.linalg.LinAlgError):
         what = f"the step of {motion.robot.name} after t = {t:.6g} s has no solution: {error}"
     else:
@@ -260,12 +252,6 @@ def _stopped(
         + "".join(f" Before that, {said}" for said in inaccurate),
         state=state, t=t, names=active, trajectory=kept, cause=error, reason=reason,
     )  # fmt: skip
-
-
-def _check(sample: Sample) -> None:
-    """Refuse an acceleration that is not finite; q and v were checked by their State."""
-    if not is_finite(sample.a):
-        raise NoSolution(f"the acceleration at t = {sample.t:.6g} s is not finite.")
 
 
 def _motion(
@@ -314,14 +300,9 @@ def _times(duration: float, step: float) -> list[float]:
     if duration / step > MOST_STEPS:
         raise InputError(f"{duration:g} s by {step:g} s are {duration / step:.3g} steps; expected at most {MOST_STEPS:,}.")
     whole = round(duration / step)
-    if abs(whole * step - duration) <= 1e-9 * max(duration, step) and whole > 0:
-        return [k * step for k in range(whole)] + [float(duration)]
-    return [k * step for k in range(math.floor(duration / step) + 1)] + [float(duration)]
-
-
-def _plastic(chosen: Integrator) -> float:
-    """Speed below which impacts are plastic [m/s]: that of the integrator, if it has one."""
-    return float(getattr(chosen, "impact_speed", 0.0))
+    if abs(whole * step - duration) > 1e-9 * max(duration, step) or not whole:
+        whole = math.floor(duration / step) + 1
+    return [k * step for k in range(whole)] + [float(duration)]
 
 
 def _integrator(given: Integrator | None, motion: SimulatedMotion, state: State, inactive: Sequence[str] = ()) -> Integrator:

@@ -195,7 +195,7 @@ class Trajectory(Displayed):
         Args:
             motion: The motion simulated.
             samples: In order of time; a `Recording` of them takes a hundredth of the memory.
-            events: All of them, those between the recorded samples too.
+            events: All of them, in any order, those between the recorded samples too.
             integrator: The integrator.
             step: Its step [s].
             interrupted: When it ended early.
@@ -216,7 +216,7 @@ class Trajectory(Displayed):
         return cls(
             robot=motion.robot,
             **recording.fields(),
-            events=tuple(events),
+            events=tuple(sorted(events, key=_time)),  # an end of contact can be dated in the step before
             absent=motion.search.absent if motion.search else (),
             integrator=integrator if isinstance(integrator, str) else repr(integrator),
             law=motion.law,

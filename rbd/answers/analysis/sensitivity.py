@@ -9,7 +9,7 @@ of patches on ground at rest, d(J^T f) and d(J a + J_dot v), are Pinocchio's ana
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -17,7 +17,7 @@ import pinocchio as pin
 
 from rbd.answers.analysis.active_set import CONSISTENT, ActiveSet, HeldRows
 from rbd.answers.analysis.parameters import ParameterDerivatives, by_parameter, checked_parameters
-from rbd.answers.analysis.state_changes import STEP, Change, derivatives_of, projections, slope
+from rbd.answers.analysis.state_changes import Change, derivatives_of, projections, slopes
 from rbd.arrays import RANK, Array
 from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
 from rbd.constraints.loop import rows_function
@@ -230,12 +230,8 @@ class _Chain:
         """Changes of the terms with q and with v."""
         changes = self._of_fixed()
         if self.others:
-            state, robot, nv = self.origin.state, self.robot, self.nv
-            model, q, v = robot.model, state.q, state.v
-            by_q = self._differences(lambda i, h: State(robot, pin.integrate(model, q, _along(nv, i, h)), v), STEP, "q")
-            by_v = self._differences(lambda i, h: State(robot, q, v + _along(nv, i, h)), 10.0 * STEP, "v")
-            for change, more in zip(changes, (by_q, by_v), strict=True):
-                change.add(more)
+            for change, by in zip(changes, slopes(self._sample, self.origin.state), strict=True):
+                change.add(self._of_others(by))
         return changes
 
     def _of_fixed(self) -> tuple[Change, Change]:
@@ -262,8 +258,8 @@ class _Chain:
         for i, more in enumerate(internal.T if self.fixed else ()):  # J^T f is linear in f
             other = state_derivatives(self.origin.state, self.answer.a, poses, given + applied(f + more))
             by_q.internal[:, i] = other.force_dq - found.force_dq
-        for change, slopes in zip((by_q, by_v), derivatives_of(self.origin.external, self.origin.state), strict=True):
-            change.force[:] += slopes
+        for change, more in zip((by_q, by_v), derivatives_of(self.origin.external, self.origin.state), strict=True):
+            change.force[:] += more
         return by_q, by_v
 
     def _sample(self, state: State) -> Array:
@@ -293,23 +289,12 @@ class _Chain:
             resultants.append(np.zeros(0) if r.resultant is None else r.resultant @ f[part])
         return np.concatenate([force, internal.ravel(), *c, *u, *resultants])
 
-    def _differences(self, moved: Callable[[int, float], State], step: float, what: str) -> Change:
-        """The change of the other constraints along each coordinate, by differences of samples.
-
-        Args:
-            moved: The state a distance away along a coordinate.
-            step: First distance tried.
-            what: Name of the coordinates, for messages.
-        """
-        here, nv, d, P = self._sample(self.origin.state), self.nv, self.active.internal.shape[1], self.answer.problem
-
-        def along(i: int) -> Array:
-            return slope(lambda h: self._sample(moved(i, h)), here, step, f"{what}[{i}]")
-
-        slopes = np.column_stack([along(i) for i in range(nv)])
-        out = Change.none(nv, self.m, d, slopes[:nv])
+    def _of_others(self, by: Array) -> Change:
+        """The change of the other constraints, by the slopes of `_sample`."""
+        nv, d, P = self.nv, self.active.internal.shape[1], self.answer.problem
+        out = Change.none(nv, self.m, d, by[:nv])
         m = sum(len(r) for _, r in self.others)
-        internal, c, u, rest = np.split(slopes[nv:], np.cumsum([nv * d, m, m]))
+        internal, c, u, rest = np.split(by[nv:], np.cumsum([nv * d, m, m]))
         out.internal[:] = internal.reshape(nv, d, nv)
         for _, r in self.others:
             span, k = P.slices[r.name], len(r)
@@ -340,13 +325,6 @@ class _Chain:
 
 
 _WORLD = np.eye(3)
-
-
-def _along(n: int, i: int, distance: float) -> Array:
-    """A vector along one coordinate, shape (n,)."""
-    out = np.zeros(n)
-    out[i] = distance
-    return out
 
 
 def _same_set(one: Cone, other: Cone) -> bool:

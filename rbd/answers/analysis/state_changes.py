@@ -117,7 +117,7 @@ def element_derivatives(element: ForceElement, state: State) -> tuple[Array, Arr
     nv = state.robot.nv
     own = getattr(element, "derivatives", None)
     if not callable(own):
-        return _differences(element, state)
+        return slopes(lambda there: applied(element, there)[0], state, f" (force element {element.name!r:.80})")
     found = own(state)
     if not isinstance(found, tuple) or len(found) != 2:
         raise InputError(f"derivatives(state) of {element.name!r:.80} is {found!r:.80}; expected (dtau/dq, dtau/dv).")
@@ -129,18 +129,26 @@ def element_derivatives(element: ForceElement, state: State) -> tuple[Array, Arr
     return found[0], found[1]
 
 
-def _differences(element: ForceElement, state: State) -> tuple[Array, Array]:
-    robot, q, v = state.robot, state.q, state.v
-    here, unit = applied(element, state)[0], np.eye(robot.nv)
+def slopes(sample: Callable[[State], Array], state: State, of: str = "") -> tuple[Array, Array]:
+    """(d/dq on the tangent space, d/dv) of a function of the state, by differences, shapes (k, nv).
+
+    Args:
+        sample: The function, whose values have shape (k,).
+        state: Where.
+        of: What it belongs to, for messages.
+
+    Raises:
+        NotDifferentiable: it has a kink here, or values of another shape on both sides.
+    """
+    robot, q, v, unit = state.robot, state.q, state.v, np.eye(state.robot.nv)
+    here, chart = sample(state), Charts(state.robot).at(state.q)
 
     def along(moved: Callable[[Array], State], step: float, what: str) -> Array:
         def by(i: int) -> Array:
-            text = f"{what}[{i}] (force element {element.name!r:.80})"
-            return slope(lambda h: applied(element, moved(h * unit[i]))[0], here, step, text)
+            return slope(lambda h: sample(moved(h * unit[i])), here, step, f"{what}[{i}]{of}")
 
         return np.column_stack([by(i) for i in range(robot.nv)])
 
-    chart = Charts(robot).at(q)
     by_q = along(lambda dq: State(robot, chart.q(dq), v), STEP, "q")
     return by_q, along(lambda dv: State(robot, q, v + dv), 10.0 * STEP, "v")
 
