@@ -162,7 +162,7 @@ def test_a_sole_held_at_four_points_cannot_turn(talos, turning):
         assert error.problem.m == 12 and isinstance(error.result, Solution)
         assert error.result.status is Status.INFEASIBLE and "SurfaceContact" in str(error)
         gaps = {name: np.abs(c).max() for name, c in error.result.accelerations.items()}
-        assert str(error).startswith(max(gaps, key=gaps.get))
+        assert gaps[str(error).split()[0]] == pytest.approx(max(gaps.values()), rel=1e-6)  # two corners miss by the same
     rbd.solve(turning, np.zeros(talos.nu), talos.soles(None)[:1])  # one surface: no contradiction
 
 

@@ -84,11 +84,11 @@ class Solution(Answer):
         """
         out = cls.__new__(cls)
         a, forces, weights, method, steps = found[:5]
-        own = out.__dict__
-        own["_assemble"], own["a"], own["multipliers"], own["weights"] = problem, a, forces, weights
-        own["law"], own["solver"], own["method"], own["iterations"] = law, "ContactDynamics", method, steps
-        own["seconds"], own["infeasible"], own["others"], own["reason"], own["redundant"] = seconds, False, (), "", False
-        own["chosen_corners"], own["choice"], own["status"] = None, "", Status.SOLVED
+        out.__dict__.update(
+            _assemble=problem, a=a, multipliers=forces, weights=weights, law=law, solver="ContactDynamics", method=method,
+            iterations=steps, seconds=seconds, infeasible=False, others=(), reason="", redundant=False, chosen_corners=None,
+            choice="", status=Status.SOLVED,
+        )  # fmt: skip
         return out
 
     def __getattr__(self, name: str) -> Any:
