@@ -112,30 +112,26 @@ class CollisionContacts(Displayed):
                 f"friction of {name!r:.80} is None; expected a number >= 0: contacts found from shapes are unilateral."
             )
         check_friction(friction, facets)
-        put = object.__setattr__
-        put(self, "name", name)
-        put(self, "robot", robot)
-        put(self, "friction", float(friction))
-        put(self, "facets", int(facets))
-        put(self, "on", plane_of(name, on))
-        if self.on.velocity is not None or self.on.acceleration is not None:
+        plane_on = plane_of(name, on)
+        if plane_on.velocity is not None or plane_on.acceleration is not None:
             raise InputError(
                 f"the ground of {name!r:.80} moves; expected one at rest. On moving ground give contacts at points."
             )
-        put(self, "margin", _checked_margin(name, margin))
-        shapes = CollisionShapes(name, robot)
+        margin, shapes = _checked_margin(name, margin), CollisionShapes(name, robot)
         low, both = shapes.on_ground(ground), shapes.pairs(pairs)
         if not low and not both:
             raise InputError(f"CollisionContacts {name!r:.80} has neither ground nor pairs: nothing can touch.")
-        put(self, "ground", ground if isinstance(ground, bool) else tuple(ground))
-        put(self, "pairs", pairs if isinstance(pairs, bool) else tuple(tuple(pair) for pair in pairs))
-        put(self, "_point", np.asarray(self.on.point))
-        put(self, "_axes", contact_axes(np.asarray(self.on.normal)))
-        put(self, "_turn", np.hstack([cross_matrix(e) for e in self._axes.T]))  # maps r to r x e of the three axes
-        plane = OnPlane(robot, low, self._axes, self._point) if low else None
+        point, axes = np.asarray(plane_on.point), contact_axes(np.asarray(plane_on.normal))
+        plane = OnPlane(robot, low, axes, point) if low else None
         first = len(plane.points.body) if plane is not None else 0
-        put(self, "_finder", _Finder(plane, Between(robot, TouchingShapes(robot), both, first) if both else None))
-        put(self, "_cone", _cone(self.friction, self.facets))
+        finder = _Finder(plane, Between(robot, TouchingShapes(robot), both, first) if both else None)
+        self.__dict__.update(
+            name=name, robot=robot, friction=float(friction), facets=int(facets), on=plane_on, margin=margin,
+            ground=ground if isinstance(ground, bool) else tuple(ground),
+            pairs=pairs if isinstance(pairs, bool) else tuple(tuple(pair) for pair in pairs),
+            _point=point, _axes=axes, _turn=np.hstack([cross_matrix(e) for e in axes.T]),  # maps r to r x e of the three axes
+            _finder=finder, _cone=_cone(float(friction), int(facets)),
+        )  # fmt: skip
 
     def with_margin(self, margin: float) -> CollisionContacts:
         """The same contacts with another margin.

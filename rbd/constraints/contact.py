@@ -128,20 +128,16 @@ class Contact(Displayed):
         if isinstance(surface, Body) and surface.frame == frame:
             raise InputError(f"contact {name!r} is between {frame!r} and itself; expected a frame of another body.")
         X_S0 = anchor_of(name, anchor, point=len(points) == 1)
-        put = object.__setattr__
-        for key, value in {"name": name, "frame": frame, "friction": friction, "facets": facets, "on": surface}.items():
-            put(self, key, value)
-        put(self, "corners", points)
-        put(self, "placement", X_FP)
-        put(self, "anchor", X_S0.translation if X_S0 is not None and len(points) == 1 else X_S0)
-        put(self, "cone", cone_of(name, points, friction, int(facets)))
-        put(self, "_touched", Counterpart(name, surface, X_S0))
-        put(self, "plane", self._measured_from(X_S0))
-        put(self, "_against", surface.frame if isinstance(surface, Body) else None)
-        # Without a bound if corners are off the contact's plane.
-        put(self, "_reach", np.inf if points[:, 2].any() else float(np.linalg.norm(points, axis=1).max()))
-        put(self, "_axes", contact_axes(UP if self.normal is None else self.normal))
-        put(self, "_upright", bool(np.array_equal(self._axes, np.eye(3))))
+        self.__dict__.update(
+            name=name, frame=frame, friction=friction, facets=facets, on=surface, corners=points, placement=X_FP,
+            anchor=X_S0.translation if X_S0 is not None and len(points) == 1 else X_S0,
+            cone=cone_of(name, points, friction, int(facets)), _touched=Counterpart(name, surface, X_S0),
+            _against=surface.frame if isinstance(surface, Body) else None,
+            # Without a bound if corners are off the contact's plane.
+            _reach=np.inf if points[:, 2].any() else float(np.linalg.norm(points, axis=1).max()),
+        )  # fmt: skip
+        axes = contact_axes(UP if self.normal is None else self.normal)
+        self.__dict__.update(plane=self._measured_from(X_S0), _axes=axes, _upright=bool(np.array_equal(axes, np.eye(3))))
 
     @property
     def normal(self) -> Array | None:

@@ -18,12 +18,12 @@ from typing import Any, Protocol, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, block_diagonal, check_finite
+from rbd.arrays import Array, as_array, as_finite, block_diagonal
 from rbd.constraints.constraint import Constraint, anchored, member, rows_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.state import State
-from rbd.problem.cones import Cone, Free, FreeLine
+from rbd.problem.cones import Cone, Free
 from rbd.problem.rows import Rows
 
 ALWAYS = -np.inf
@@ -299,23 +299,21 @@ def _checked(owner: str, found: ContactPoints, nv: int) -> ContactPoints:
             'forces for each point, e.g. names=("toe",), cones=(rbd.problem.FrictionCone(0.5),).'
         )
     p = sum(dims)  # type: ignore[arg-type]  # whole numbers
-    arrays: dict[str, Array | None] = {}
-    for what, *shapes in (
-        ("positions", (k, 3)), ("axes", (3, 3), (k, 3, 3)), ("gaps", (k,)), ("J", (p, nv)), ("velocity", (p,)), ("bias", (p,)),
-        ("resultant", (3, p), (6, p)),
-    ):  # fmt: skip
-        value = getattr(found, what)
-        if what == "resultant" and value is None:
-            arrays[what] = None
-            continue
-        told = f"{what} of the points of {owner!r:.80}"
-        arrays[what] = array = as_array(told, value)
-        if array.shape not in shapes:
-            raise InputError(f"{told} has shape {array.shape}; expected {' or '.join(map(str, shapes))}.")
-        if what != "gaps":
-            check_finite(told, array)
-        elif np.isnan(array).any():
-            raise InputError(f"{told} is {array!r:.80}; expected distances [m], -inf for points that are always active.")
+    told = f"of the points of {owner!r:.80}"
+    gaps = as_array(f"gaps {told}", found.gaps)
+    if gaps.shape != (k,):
+        raise InputError(f"gaps {told} has shape {gaps.shape}; expected ({k},).")
+    if np.isnan(gaps).any():
+        raise InputError(f"gaps {told} is {gaps!r:.80}; expected distances [m], -inf for points that are always active.")
+    arrays: dict[str, Array | None] = {
+        what: as_finite(f"{what} {told}", getattr(found, what), *shapes)
+        for what, *shapes in (
+            ("positions", (k, 3)), ("axes", (3, 3), (k, 3, 3)), ("J", (p, nv)), ("velocity", (p,)), ("bias", (p,)),
+        )
+    }  # fmt: skip
+    arrays |= {"gaps": gaps, "resultant": None}
+    if found.resultant is not None:
+        arrays["resultant"] = as_finite(f"resultant {told}", found.resultant, (3, p), (6, p))
     return ContactPoints(names, cones=cones, **arrays)  # type: ignore[arg-type]  # only the resultant may be None
 
 
@@ -330,7 +328,9 @@ class FromRows:
     def at(self, state: State, t: float) -> Measured:
         """Its rows."""
         (rows,) = rows_of(state, (self.constraint,))
-        local, structure = _structure(rows.name, rows.cone)
+        structure = _whole(rows.name, rows.cone)
+        parts = _pieces(structure)
+        structure, local = (structure, None) if parts is None else parts[:2]
         error = np.zeros(len(rows)) if rows.error is None else rows.error
         J, velocity, bias = rows.J, rows.velocity, rows.bias
         to_world = rows.resultant
@@ -360,14 +360,9 @@ def _places(rows: Rows, k: int) -> tuple[Array | None, Array | None]:
 
 
 @lru_cache(maxsize=512)
-def _structure(name: str, cone: Cone) -> tuple[Array | None, Structure]:
-    """(G if rows are not the points' rows, the points) of a set."""
-    G, parts = cone.generators()
-    if all(isinstance(part, FreeLine) for part in parts):
-        return None, Structure((name,), (0,), (Free(cone.dim),)) if cone.dim else Structure((), (), ())
-    cones = tuple(part.alone() for part in parts)
-    same = G.shape[0] == G.shape[1] and np.array_equal(G, np.eye(len(G)))
-    return None if same else G, Structure((name,) * len(cones), tuple(range(len(cones))), cones)
+def _whole(name: str, cone: Cone) -> Structure:
+    """All rows of a set as one point; no point without rows."""
+    return Structure((name,), (0,), (Free(cone.dim) if cone.bilateral else cone,)) if cone.dim else Structure((), (), ())
 
 
 @lru_cache(maxsize=512)
