@@ -10,13 +10,13 @@ import numpy as np
 
 from rbd.answers.analysis.admissible_forces import Admissible, admissible
 from rbd.answers.analysis.conditions import relaxed, row_weights, smallest_violation
+from rbd.answers.analysis.contact_modes import feedback_acceleration
 from rbd.answers.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE, metric, shortest
 from rbd.answers.analysis.infeasibility import Contradiction, contradiction
 from rbd.answers.analysis.sensitivity import Derivatives
 from rbd.answers.analysis.uniqueness import Uniqueness, motion_freedom, uniqueness_of
 from rbd.answers.prepared.contact_dynamics import FoundForces
 from rbd.arrays import Array, lazy, max_abs, without_lazies
-from rbd.constraints.stabilisation import feedback_acceleration
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution, Unsupported
 from rbd.problem.answer import Answer, Status, corner_split, corners_of
@@ -248,7 +248,7 @@ class Solution(Answer):
 
         Through the active rows as they are: a less this is the motion that they alone would make.
         """
-        return feedback_acceleration(self.problem, self.weights, self.law)
+        return feedback_acceleration(self)
 
     def derivatives(self, parameters: Sequence[str] = ()) -> Derivatives:
         """Derivatives of a and the forces by q, v, tau and external forces, for fixed contact modes; see `Derivatives`.

@@ -1,23 +1,16 @@
-"""Baumgarte's stabilisation: feedback that corrects constraint drift, and the acceleration that it adds."""
+"""Baumgarte's stabilisation: feedback that corrects constraint drift."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-import numpy as np
-from scipy.linalg import blas
-
-from rbd.arrays import RANK, Array, as_float, zeros
+from rbd.arrays import Array, as_float, zeros
 from rbd.constraints.constraint import Constraint, frames_of, made
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.dynamics import constraint_hessian
 from rbd.model.state import State
-from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.rows import Rows
-
-CARRIES = 1e-9
-"""A weight is active above this, times the largest weight (at least 1 N)."""
 
 
 @dataclass(frozen=True)
@@ -134,57 +127,3 @@ class Stabilised:
         if rows.error is None or (rows.holonomic is not None and not rows.holonomic.any()):
             return f"velocity alone: the rows of {self.name!r:.80} give no error, so position drift remains"
         return "position and velocity"
-
-
-def feedback_acceleration(problem: GaussProblem, weights: Array | None, law: Law) -> Array:
-    """The change of a by the feedback through the active rows, shape (nv,) [m/s2, rad/s2].
-
-        da = M^-1 J^T G dw      with      H^T (J da + feedback) = 0
-
-    over the columns of the sets whose weights can change: all of bilateral rows, rays and half-lines that are loaded,
-    weights between their bounds, second-order cones that stick; for a contact that slips, one column along its force, its
-    direction fixed. Where the active rows are the same without the feedback, a - da is exactly the acceleration
-    without it, except for slipping circular cones, whose direction turns.
-
-    Args:
-        problem: The problem.
-        weights: As `Answer.weights`; None where all rows are bilateral.
-        law: The law of the answer.
-    """
-    P = problem
-    if not any(r.stabilised for r in P.rows):
-        return np.zeros(P.nv)
-    fed = P.offset - P.bias
-    if not fed.any():
-        return np.zeros(P.nv)
-    G, H = _active(P, weights, law)
-    B = P.whitened @ G
-    if H is G:  # least squares in the inertia metric, where feedback is contradictory
-        moved = np.linalg.lstsq(B.T, -G.T @ fed, rcond=RANK)[0]
-    else:
-        moved = B @ np.linalg.lstsq((P.whitened @ H).T @ B, -H.T @ fed, rcond=RANK)[0]
-    return np.asarray(blas.dtrsv(P.factor, moved, lower=1, trans=1))
-
-
-def _active(P: GaussProblem, weights: Array | None, law: Law) -> tuple[Array, Array]:
-    """(G, H) of the columns whose weights can change."""
-    if weights is None:
-        one = np.eye(P.m)
-        return one, one
-    small = CARRIES * max(1.0, float(np.abs(weights).max(initial=0.0)))
-    T, found = P.force_set_of(law), [(np.zeros((P.m, 0)), np.zeros((P.m, 0)))]
-    for e in T.elements:
-        G, H, w = T.G[:, e.columns], T.H[:, e.columns], weights[e.columns]
-        if not e.is_cone:
-            free = (w > T.lower[e.columns] + small) & (w < T.upper[e.columns] - small)
-            found.append((G[:, free], H[:, free]))
-        elif w[2] > small:
-            used = float(np.hypot(w[0], w[1]))
-            if used < e.mu * w[2] - small:  # sticks
-                found.append((G, H))
-                continue
-            along = G @ np.array([[e.mu * w[0] / used], [e.mu * w[1] / used], [1.0]])
-            # A slipping point has no acceleration along its normal (Coulomb's law), or along its force (convex law).
-            found.append((along, H[:, 2:] if law.kind == "coulomb" else along))
-    G = np.hstack([g for g, _ in found])
-    return G, G if T.H is T.G and law.kind != "coulomb" else np.hstack([h for _, h in found])

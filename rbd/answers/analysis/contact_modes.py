@@ -17,8 +17,9 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
+from scipy.linalg import blas
 
-from rbd.arrays import Array
+from rbd.arrays import RANK, Array
 from rbd.problem.answer import Answer
 from rbd.problem.cones import Free, Interval
 from rbd.problem.force_set import Element, ForceSet, at_rest
@@ -170,3 +171,27 @@ def _cone(modes: Modes, element: Element, still: Array, unit: float, coulomb: bo
     modes.needs.append(Need(element, k, 1.0, 0.0, unit))
     modes.slips.append(Slip(slice(at, at + 2), e, mu / t, k))
     return "slips"
+
+
+def feedback_acceleration(answer: Answer) -> Array:
+    """The change of a by the feedback through the active rows, shape (nv,) [m/s2, rad/s2].
+
+        da = M^-1 J^T G dw      with      H^T (J da + feedback) = 0
+
+    over the columns whose weights can change, G of the forces and H of the accelerations that stay zero: all of bilateral rows,
+    rays and half-lines that press, weights between their bounds, second-order cones that stick; for a contact that slips, one
+    column along its force, its direction fixed. Where the active rows are the same without the feedback, a - da is exactly the
+    acceleration without it, except for slipping circular cones, whose direction turns.
+    """
+    P = answer.problem
+    fed = P.offset - P.bias
+    if not any(r.stabilised for r in P.rows) or not fed.any():
+        return np.zeros(P.nv)
+    modes = modes_of(answer)
+    G, H = (X @ np.reshape(x, (-1, X.shape[1])).T for X, x in ((modes.sets.G, modes.phi), (modes.sets.H, modes.psi)))
+    B = P.whitened @ G
+    if np.array_equal(G, H):  # least squares in the inertia metric, where feedback is contradictory
+        moved = np.linalg.lstsq(B.T, -G.T @ fed, rcond=RANK)[0]
+    else:
+        moved = B @ np.linalg.lstsq((P.whitened @ H).T @ B, -H.T @ fed, rcond=RANK)[0]
+    return np.asarray(blas.dtrsv(P.factor, moved, lower=1, trans=1))

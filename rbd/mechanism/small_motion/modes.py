@@ -228,22 +228,19 @@ class Spectrum:
 
     Attributes:
         S: Orthonormal basis of the positions on which nothing depends, shape (n, s), in scaled coordinates.
-        symmetric: Eigenvalues on S, shape (s,) [1/s].
         values: The other eigenvalues, shape (n - s,), by descending real part [1/s].
         right: Eigenvectors x of unit length without their parts along S, columns, shape (n, n - s).
         whole: The same eigenvectors with their parts along S; these parts are zero where they do not exist (Jordan blocks).
-        left: y with y^H A = lambda y^H, columns, shape (n, n - s), y^H x = 1.
         P: Orthonormal basis of what is perpendicular to S, shape (n, n - s).
         reduced: A_p, shape (n - s, n - s).
-        condition: |y| |x|: how much an error of A changes the eigenvalue, shape (n - s,).
+        condition: |y| |x|, of left and right eigenvectors with y^H x = 1: how much an error of A changes the eigenvalue,
+            shape (n - s,).
     """
 
     S: Array
-    symmetric: Array
     values: Array
     right: Array
     whole: Array
-    left: Array
     P: Array
     reduced: Array
     condition: Array
@@ -284,9 +281,8 @@ def spectrum_of(A: Array, C: Array, known: Array | None = None) -> Spectrum:
         if S.shape[1] and np.linalg.svd(shifted, compute_uv=False)[-1] > INVARIANT * size:
             along[:, k] = np.linalg.solve(shifted, A_sp @ vectors[:, k])
     right = P @ vectors
-    symmetric = np.linalg.eigvals(A_s).astype(complex) if len(A_s) else np.zeros(0, complex)
     condition = np.linalg.norm(left, axis=0) * np.linalg.norm(vectors, axis=0)
-    return Spectrum(S, symmetric, values, right, right + S @ along, P @ left, P, A_p, condition)
+    return Spectrum(S, values, right, right + S @ along, P, A_p, condition)
 
 
 def _kernel(A: Array, size: float) -> Array:
