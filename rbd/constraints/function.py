@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, is_finite
+from rbd.arrays import Array, as_array, as_finite, is_finite
 from rbd.constraints.surface import check_state
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
@@ -189,17 +189,9 @@ def matrix_of(name: str, what: str, f: Callable[..., Any] | None, q: Array, shap
     Raises:
         InputError: the function raises, returns another type, or numbers that are not finite.
     """
-    out = _called(name, what, f, (q,))
+    out, m = _called(name, what, f, (q,)), "m" if shape[0] is None else shape[0]
     out = out[None] if out.ndim == 1 else out
-    m, nv = shape
-    if out.ndim != 2 or out.shape[1] != nv or (m is not None and len(out) != m):
-        raise InputError(
-            f"{what} of {name!r:.80} gave an array of shape {out.shape}; expected ({'m' if m is None else m}, {nv}), one "
-            "column an entry of v."
-        )
-    if not is_finite(out):
-        raise InputError(f"{what} of {name!r:.80} is not finite; expected finite numbers.")
-    return out
+    return as_finite(f"{what} of {name!r:.80}", out, (m, shape[1]), meaning=", one column an entry of v")
 
 
 def _called(name: str, what: str, f: Callable[..., Any] | None, given: tuple[Array, ...]) -> Array:

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_finite
+from rbd.arrays import Array, as_finite, as_float
 from rbd.constraints.constraint import PerRobot
 from rbd.constraints.contact_points import Group, Measured, Structure
 from rbd.constraints.surface import check_number, check_state, check_words
@@ -233,10 +233,7 @@ class JointFriction(Displayed):
 
 
 def _vector(name: str, what: str, value: float | Sequence[float] | Array) -> Array:
-    out = np.atleast_1d(as_array(f"{what} of {name!r:.80}", value))
-    if out.ndim != 1:
-        raise InputError(f"{what} of {name!r:.80} has shape {out.shape}; expected a number, or the joint's part of q.")
-    check_finite(f"{what} of {name!r:.80}", out)
+    out = np.atleast_1d(as_finite(f"{what} of {name!r:.80}", value, (), ("n",), meaning=": a number, or the joint's part of q"))
     out.flags.writeable = False
     return out
 

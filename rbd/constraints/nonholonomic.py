@@ -23,7 +23,7 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite, cross_matrix
+from rbd.arrays import Array, as_finite, as_float, as_vector3, cross_matrix
 from rbd.constraints.function import check_function, hessian_by_rates, matrix_of, rate, vector_of
 from rbd.constraints.surface import (
     HERE,
@@ -94,13 +94,9 @@ class VelocityConstraint(Displayed):
         check_function(self.name, "A", self.A if callable(self.A) else None, optional=True)
         check_function(self.name, "bias", self.bias, optional=True)
         if not callable(self.A):
-            A = as_array(f"A of {self.name!r:.80}", self.A)
+            what = f"A of {self.name!r:.80}"
+            A = as_finite(what, self.A, ("m", "nv"), ("nv",), meaning=", or a function of q that gives it")
             A = A[None] if A.ndim == 1 else A
-            if A.ndim != 2 or not A.shape[1]:
-                raise InputError(
-                    f"A of {self.name!r:.80} has shape {A.shape}; expected (m, nv), or a function of q that gives it."
-                )
-            check_finite(f"A of {self.name!r:.80}", A)
             A.flags.writeable = False
             object.__setattr__(self, "A", A)
 

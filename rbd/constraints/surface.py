@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite, cross_matrix, is_finite, lazy, zeros
+from rbd.arrays import Array, as_array, as_finite, as_float, as_vector3, cross_matrix, is_finite, lazy, zeros
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative
@@ -267,10 +267,9 @@ def anchor_of(name: str, anchor: pin.SE3 | Sequence[float] | Array | None, *, po
 
 def corners_of(name: str, corners: object, X_FP: pin.SE3) -> tuple[Array, pin.SE3]:
     """(corners from the centre, shape (k, 3), the placement of the centre): W's axes for a point, x along an edge."""
-    given = as_array(f"corners of contact {name!r}", corners)
-    if given.ndim != 2 or given.shape[1] not in (2, 3) or not len(given):
-        raise InputError(f"corners of contact {name!r} have shape {given.shape}; expected (k, 2) or (k, 3) with k >= 1.")
-    check_finite(f"corners of contact {name!r}", given)
+    given = as_finite(f"corners of contact {name!r}", corners, ("k", 2), ("k", 3))
+    if not len(given):
+        raise InputError(f"contact {name!r} has no corners; expected one or more, shape (k, 2) or (k, 3).")
     out = np.zeros((len(given), 3))
     out[:, : given.shape[1]] = given
     if len(out) == 1:

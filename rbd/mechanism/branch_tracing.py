@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_finite, check_flag, check_whole, max_abs
+from rbd.arrays import Array, as_finite, as_float, check_flag, check_whole, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.descent import descend
 from rbd.displayed import Displayed
@@ -127,10 +127,9 @@ def _found(motion: DrivenMotion, moved: float) -> Trace:
 
 def _wanted(values: Sequence[float] | Array, steps: int) -> Array:
     """The values to visit."""
-    wanted = as_array("values", values)
-    if wanted.ndim != 1 or len(wanted) < 2:
-        raise InputError(f"values have shape {wanted.shape}; expected (start, stop), or more values in order.")
-    check_finite("values", wanted)
+    wanted = as_finite("values", values, ("n",), meaning=": (start, stop), or more values in order")
+    if len(wanted) < 2:
+        raise InputError(f"values are {wanted!r:.80}; expected (start, stop), or more values in order.")
     if max_abs(wanted) > FARTHEST:
         raise InputError(f"values reach {max_abs(wanted):.3g}; at most {FARTHEST:g} is taken [rad, m].")
     return np.linspace(wanted[0], wanted[1], steps + 1) if len(wanted) == 2 else wanted

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
+from rbd.arrays import Array, as_finite, lazy, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.descent import Residual, Space, descend
 from rbd.constraints.joint import joint_limits
@@ -266,10 +266,9 @@ class BilateralVelocities:
         mask, out = np.zeros(self.state.robot.nv, bool), np.zeros(self.state.robot.nv)
         for name, value in known.items():
             at = self.joints.velocity(name)
-            given = np.atleast_1d(as_array(f"known {what} of {name!r:.80}", value))
-            if given.shape != (at.stop - at.start,):
-                raise InputError(f"known {what} of {name!r:.80} has shape {given.shape}; expected ({at.stop - at.start},).")
-            check_finite(f"known {what} of {name!r:.80}", given)
+            size = at.stop - at.start
+            shapes = [(size,), ()] if size == 1 else [(size,)]
+            given = as_finite(f"known {what} of {name!r:.80}", value, *shapes)
             if mask[at].any():
                 raise InputError(f"known {what} of {name!r:.80} is given twice: once for the joint, once for a part of it.")
             mask[at], out[at] = True, given

@@ -24,7 +24,7 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, check_finite, lazy, max_abs
+from rbd.arrays import Array, as_finite, lazy, max_abs
 from rbd.constraints.constraint import Constraint, frames_of, loop_dof, rows_of
 from rbd.constraints.manifold import own_or
 from rbd.displayed import Displayed
@@ -409,10 +409,8 @@ def link_rates(state: State, rates: Sequence[float] | Array | None = None) -> di
         -4.1209
     """
     angles = link_angles(state)
-    given = state.v if rates is None else as_array("rates", rates)
-    if given.shape != (state.robot.nv,):
-        raise InputError(f"rates have shape {given.shape}; expected ({state.robot.nv},): one for each velocity of the robot.")
-    check_finite("rates", given)
+    one_each = ": one for each velocity of the robot"
+    given = state.v if rates is None else as_finite("rates", rates, (state.robot.nv,), meaning=one_each)
     turning = _turning(state)
     bodies = {name: state.robot.site(name)[0] for name in angles}
     return {name: float((state.robot.joints.carrying(joint) * turning) @ given) for name, joint in bodies.items()}

@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite, cross_matrix
+from rbd.arrays import Array, as_finite, as_float, as_vector3, check_finite, cross_matrix
 from rbd.constraints.constraint import made, member
 from rbd.constraints.contact import Contact
 from rbd.errors import FrameNotFound, InputError, nearest
@@ -181,11 +181,7 @@ def read_com(com: object) -> CentreOfMass | None:
     """
     if com is None:
         return None
-    place = as_array("com", com)
-    if place.shape not in ((2,), (3,)):
-        raise InputError(f"com has shape {place.shape}; expected (x, y) or (x, y, z) in W [m].")
-    check_finite("com", place)
-    return CentreOfMass(_near("com", place))
+    return CentreOfMass(_near("com", as_finite("com", com, (2,), (3,), meaning=": (x, y) or (x, y, z) in W [m]")))
 
 
 def _of_contact(contact: Contact, where: object) -> Target:

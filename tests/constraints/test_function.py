@@ -269,7 +269,7 @@ def test_a_phi_that_is_no_function_of_q_is_refused(phi, words):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"jacobian": lambda q: np.eye(2)}, r"jacobian of 'f' gave an array of shape \(2, 2\); expected \(1, 2\)"),
+        ({"jacobian": lambda q: np.eye(2)}, r"jacobian of 'f' has shape \(2, 2\); expected \(1, 2\)"),
         ({"jacobian": lambda q: [math.nan, 0.0]}, "jacobian of 'f' is not finite"),
         ({"jacobian": lambda q: [abs(q[0] - 0.3), 0.0]}, "jacobian of 'f' has no derivative here"),
         ({"bias": lambda q, v: v}, r"bias of 'f' gave an array of shape \(2,\); expected \(1,\)"),

@@ -130,5 +130,5 @@ def test_a_determinant_needs_a_square_j2(talos: rbd.Robot) -> None:
             link_jacobians(state, [other], known=["crank"])
     with pytest.raises(InputError, match="'root_joint' of .* neither turns about y nor slides"):
         link_jacobians(talos.standing(), [], known=[])
-    with pytest.raises(InputError, match=r"rates have shape \(2,\); expected \(3,\)"):
+    with pytest.raises(InputError, match=r"rates has shape \(2,\); expected \(3,\)"):
         link_rates(state, [1.0, 2.0])

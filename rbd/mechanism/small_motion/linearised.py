@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, check_finite, lazy
+from rbd.arrays import Array, as_finite, lazy
 from rbd.displayed import Displayed, drawing
-from rbd.errors import InputError, Unsupported
+from rbd.errors import Unsupported
 from rbd.mechanism.small_motion.modes import (
     INVARIANT,
     Mode,
@@ -235,10 +235,7 @@ class Linearised(Displayed):
         Raises:
             InputError: wrong size, not finite.
         """
-        given = as_array("x", x)
-        if given.shape != (self.n,):
-            raise InputError(f"x has shape {given.shape}; expected ({self.n},): {', '.join(self.positions)}, then velocities.")
-        check_finite("x", given)
+        given = as_finite("x", x, (self.n,), meaning=f": {', '.join(self.positions)}, then velocities")
         robot, change = self.state.robot, self.space.basis @ given
         q = pin.integrate(robot.model, self.state.q, change[: robot.nv])
         return State(robot, pin.normalize(robot.model, q), self.state.v + change[robot.nv :])
