@@ -267,7 +267,7 @@ WRONG_NAMES = [
     ),
     ("postures: {p: {crank: 1}}", "posture 'p': no joint 'crank' in bar; nearest: 'crank_joint'"),
     ("postures: {p: {crank_joint: [1, 2, 3]}}", "posture 'p': .*has 3 numbers; expected an angle"),
-    ("postures: {p: {crank_joint: [1, 1]}}", "posture 'p': .*unit circle .* has norm 1.41"),
+    ("postures: {p: {crank_joint: [1, 1]}}", "posture 'p': .*unit circle .* of norm 1.41"),
     ("postures: {p: {root_joint: 1}}", "posture 'p': .*has 1 numbers; expected 7 numbers"),
 ]
 

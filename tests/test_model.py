@@ -224,7 +224,7 @@ def test_a_quaternion_off_the_unit_sphere_is_refused(talos: rbd.Robot, scale: fl
     """Norms further off than 1e-6 are mistakes: Pinocchio would shear the robot (det R = 1.05) and say nothing."""
     q = talos.standing().q.copy()
     q[3:7] *= scale
-    with pytest.raises(InputError, match=r"q\[3:7\] is the quaternion .* norm .*; expected norm 1 to 1e-06"):
+    with pytest.raises(InputError, match=r"q\[3:7\] has the quaternion .* norm .*; expected norm 1 to 1e-06"):
         rbd.State(talos, q)
 
 

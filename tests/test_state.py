@@ -384,7 +384,7 @@ class TestJointsByName:
             ({"arm_left_4_joint": np.nan}, InputError, "value of joint 'arm_left_4_joint' is not finite"),
             ({"arm_left_4_joint": [[0.1]]}, InputError, "a number, or its part of q"),
             ({"root_joint": 0.1}, InputError, "expected 7 numbers"),
-            ({"root_joint": np.ones(7)}, InputError, "quaternion .* has norm 2"),
+            ({"root_joint": np.ones(7)}, InputError, "quaternion .* of norm 2"),
             ([("arm_left_4_joint", 0.1)], InputError, "expected a mapping"),
         ],
     )

@@ -22,7 +22,7 @@ from rbd.errors import FrameNotFound, InputError, ModelError, nearest
 from rbd.installation import check_whole
 from rbd.model.data_pool import DataPool
 from rbd.model.joint_table import Joints
-from rbd.model.joints import FORCE_OF, UNIT_TOLERANCE, Coordinate
+from rbd.model.joints import FORCE_OF, UNIT_TOLERANCE, Coordinate, normalise
 from rbd.model.motors import Motor, Motors, TorqueLines, checked_motors, motors_of_plain, put_motors, torque_use
 from rbd.model.pickling import Recipe, Travelling, packed, unpacked
 from rbd.model.world import Plane, base_turn, checked_gravity, plane_of_base
@@ -272,16 +272,7 @@ class CheckedModel(Travelling, Displayed):
         q = self._vector("q", q, self.nq, "nq", FARTHEST)
         blocks = self._unit_blocks if self._circles is None or not self._put_on_circles(q, self._circles) else self._spheres
         for begin, end in blocks:
-            block = q[begin:end]
-            norm = math.hypot(*block.tolist())
-            if not abs(norm - 1.0) <= UNIT_TOLERANCE:
-                what = "quaternion (x, y, z, w)" if end - begin == 4 else "unit circle (cos, sin)"
-                raise InputError(
-                    f"q[{begin}:{end}] is the {what} {np.round(block, 9).tolist()} of norm {norm:.9g}; expected norm 1 to "
-                    f"{UNIT_TOLERANCE:g}. Divide it by its norm, or build q with robot.model's pinocchio.integrate."
-                )
-            if abs(norm - 1.0) > 4e-16:  # two roundings
-                block /= norm
+            normalise(f"q[{begin}:{end}]", q[begin:end])
         return q
 
     def _has_state(self, q: Array, v: Array) -> bool:

@@ -22,7 +22,7 @@ constant axes a vector x changes besides by the turn of the body: d(R x) = R (dx
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
@@ -49,11 +49,9 @@ class Charts:
 
     def __init__(self, robot: CheckedModel) -> None:
         self.model = robot.model
-        self.pieces = [(p.kind, p.v) for p in robot.joints.pieces if p.kind in ("sphere", "plane", "space")]
-        curved = [range(p.v, p.v + p.nv) for p in robot.joints.pieces if p.kind in ("sphere", "plane", "space")]
-        turns = {"sphere": (0, 1, 2), "plane": (2,), "space": (3, 4, 5)}
-        self.turning = np.array([at + i for kind, at in self.pieces for i in turns[kind]], dtype=int)
-        self.curved = np.array([i for span in curved for i in span], dtype=int)
+        self.pieces = [piece for piece in robot.joints.pieces if piece.kind in _RATES]
+        self.curved = np.array([i for piece in self.pieces for i in range(piece.v, piece.v + piece.nv)], dtype=int)
+        self.turning = self.curved[robot.joints.angular[self.curved]]
 
     def at(self, q0: Array) -> Chart:
         """The chart about a configuration."""
@@ -77,13 +75,9 @@ class Chart:
             return v
         if max_abs(xi[self._charts.turning]) < _NEAR:
             out, x, u = v.copy(), xi.tolist(), v.tolist()
-            for kind, at in self._charts.pieces:
-                if kind == "space":
-                    out[at : at + 6] = _space_rate(x[at : at + 6], u[at : at + 6])
-                elif kind == "sphere":
-                    out[at : at + 3] = _turn_rate(x[at : at + 3], u[at : at + 3], *_coefficients(x[at : at + 3]))
-                else:
-                    out[at : at + 2] = _plane_rate(x[at : at + 3], u[at : at + 3])
+            for piece in self._charts.pieces:
+                own = slice(piece.v, piece.v + piece.nv)
+                out[own] = _RATES[piece.kind](x[own], u[own])
             return out
         T = pin.dIntegrate(model, self.q0, xi, pin.ARG1)
         out = v.copy()
@@ -101,14 +95,13 @@ def _coefficients(turn: Sequence[float]) -> tuple[float, float]:
     return 1.0 / 12.0 + s * c, c + s * slope
 
 
-def _turn_rate(x: Sequence[float], w: Sequence[float], c: float, _: float = 0.0) -> Vector:
+def _turn_rate(x: Sequence[float], w: Sequence[float]) -> Sequence[float]:
     """T^-1 w of a rotation."""
-    first = _cross(x, w)
-    second = _cross(x, first)
-    return tuple(a + 0.5 * b + c * d for a, b, d in zip(w, first, second, strict=True))  # type: ignore[return-value]  # three
+    first, (c, _) = _cross(x, w), _coefficients(x)
+    return [a + 0.5 * b + c * d for a, b, d in zip(w, first, _cross(x, first), strict=True)]
 
 
-def _space_rate(xi: Sequence[float], u: Sequence[float]) -> tuple[float, ...]:
+def _space_rate(xi: Sequence[float], u: Sequence[float]) -> Sequence[float]:
     """T^-1 u of a pose, linear then angular: its upper right block is the derivative of the rotations' along the shift."""
     shift, turn, v, w = xi[:3], xi[3:], u[:3], u[3:]
     c, slope = _coefficients(turn)
@@ -120,19 +113,28 @@ def _space_rate(xi: Sequence[float], u: Sequence[float]) -> tuple[float, ...]:
     return *linear, *(a + 0.5 * b + c * d for a, b, d in zip(w, turned, again, strict=True))
 
 
-def _plane_rate(xi: Sequence[float], u: Sequence[float]) -> tuple[float, float]:
-    """The linear part of T^-1 u of a pose in the plane, (x, y, angle); the angular part is that of u."""
+def _plane_rate(xi: Sequence[float], u: Sequence[float]) -> Sequence[float]:
+    """T^-1 u of a pose in the plane, (x, y, angle)."""
     x, y, turn = xi
     vx, vy, w = u
     c = _coefficients((0.0, 0.0, turn))[0] * turn
     return (
         vx + 0.5 * (w * y - turn * vy) + c * (w * x - turn * vx),
         vy + 0.5 * (turn * vx - w * x) + c * (w * y - turn * vy),
+        w,
     )
 
 
 def _cross(a: Sequence[float], b: Sequence[float]) -> Vector:
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+_RATES: dict[str, Callable[[Sequence[float], Sequence[float]], Sequence[float]]] = {
+    "sphere": _turn_rate,
+    "plane": _plane_rate,
+    "space": _space_rate,
+}
+"""Of the pieces of joints whose velocities are no derivatives of coordinates."""
 
 
 @dataclass(frozen=True, eq=False)

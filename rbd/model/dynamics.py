@@ -7,7 +7,6 @@ tau_ext is the force of the surroundings except constraints: a push, a load, win
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -16,7 +15,7 @@ from scipy.linalg import lapack
 from rbd.arrays import Array, inertia_factor, zeros
 from rbd.errors import InputError
 from rbd.model.external import External, generalised
-from rbd.model.inertial import Regressor, body_names, inertial_parameters, regressor
+from rbd.model.inertial import HasRows, Regressor, body_names, check_rows, inertial_parameters, regressor
 from rbd.model.state import State, checked
 
 __all__ = [
@@ -37,17 +36,6 @@ __all__ = [
     "regressor",
 ]
 """What users call; the rest serves the package."""
-
-
-class HasRows(Protocol):
-    """Protocol: gives rows at a state."""
-
-    @property
-    def name(self) -> str:
-        """Its name."""
-
-    def rows(self, state: State) -> Any:
-        """Its `rbd.Rows`."""
 
 
 def mass_matrix(state: State) -> Array:
@@ -144,9 +132,7 @@ def constraint_hessian(state: State, constraint: HasRows) -> Array:
                [0., 0., 1.]]))
     """
     nv = checked(state).robot.nv
-    if not callable(getattr(constraint, "rows", None)) or isinstance(constraint, type):
-        raise InputError(f"{constraint!r:.80} is no constraint: it has no rows(state). Give a contact, e.g. robot.soles()[0].")
-    own = getattr(constraint, "hessian", None)
+    own = getattr(check_rows(constraint), "hessian", None)
     if callable(own):
         return np.asarray(own(state))
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -31,8 +31,15 @@ COLUMNS = ("inertia", "rotor_inertia", "damping", "dry_friction")
 """What a regressor can have columns for."""
 
 
-class _GivesRows(Protocol):
-    def rows(self, state: State) -> object: ...
+class HasRows(Protocol):
+    """Protocol: gives rows at a state."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    def rows(self, state: State) -> Any:
+        """Its `rbd.Rows`."""
 
 
 def body_names(robot: CheckedModel) -> tuple[str, ...]:
@@ -108,7 +115,7 @@ class Regressor(Displayed):
 def regressor(
     state: State,
     a: Array,
-    contacts: Sequence[_GivesRows] = (),
+    contacts: Sequence[HasRows] = (),
     *,
     columns: Sequence[str] = ("inertia",),
 ) -> Regressor:
@@ -210,14 +217,23 @@ def joint_velocities(robot: CheckedModel) -> Array:
     return np.flatnonzero(own)
 
 
-def free_of_forces(state: State, contacts: Sequence[_GivesRows]) -> Array:
+def free_of_forces(state: State, contacts: Sequence[HasRows]) -> Array:
     """Combinations of the equations of motion without the forces of some constraints, shape (k, nv), with orthonormal rows."""
     if not isinstance(contacts, Sequence):
         raise InputError(f"contacts is {contacts!r:.80}; expected a list of contacts, e.g. robot.soles().")
     rows = []
     for contact in contacts:
-        if not callable(getattr(contact, "rows", None)) or isinstance(contact, type):
-            raise InputError(f"{contact!r:.80} is no contact: it has no rows(state). Give e.g. robot.soles().")
-        rows.append(np.asarray(contact.rows(state).J))  # type: ignore[attr-defined]
+        rows.append(np.asarray(check_rows(contact).rows(state).J))
     J = np.concatenate([np.zeros((0, state.robot.nv)), *rows])
     return null_space(J).T
+
+
+def check_rows(constraint: HasRows) -> HasRows:
+    """What gives rows.
+
+    Raises:
+        InputError: it has no method `rows`, or is a class.
+    """
+    if not callable(getattr(constraint, "rows", None)) or isinstance(constraint, type):
+        raise InputError(f"{constraint!r:.80} is no constraint: it has no rows(state). Give a contact, e.g. robot.soles()[0].")
+    return constraint

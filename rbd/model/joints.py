@@ -18,6 +18,23 @@ UNIT_TOLERANCE = 1e-6
 """How far a quaternion's norm may be from one before it is refused."""
 
 
+def normalise(what: str, block: Array) -> None:
+    """Give a quaternion or unit circle norm one, in place; none of another size.
+
+    Raises:
+        InputError: its norm is off one by more than `UNIT_TOLERANCE`.
+    """
+    norm = math.hypot(*block.tolist()) if len(block) else 1.0
+    if not abs(norm - 1.0) <= UNIT_TOLERANCE:
+        kind = "quaternion (x, y, z, w)" if len(block) == 4 else "unit circle (cos, sin)"
+        raise InputError(
+            f"{what} has the {kind} {np.round(block, 9).tolist()} of norm {norm:.9g}; expected norm 1 to {UNIT_TOLERANCE:g}. "
+            "Divide it by its norm, or build q with robot.model's pinocchio.integrate."
+        )
+    if abs(norm - 1.0) > 4e-16:  # two roundings
+        block /= norm
+
+
 def position_error(kind: str, target: Array, q: Array, v: Array) -> tuple[Array, Array, Array]:
     """(error, J, J_dot v) of a `Piece` of a joint at q, from its target.
 
@@ -227,13 +244,8 @@ class Joint(Displayed):
             raise InputError(f"position of {name!r:.80} has {len(position)} numbers; expected {expected}.")
         out = position.copy()
         for piece in self.pieces:
-            block = out[at : at + piece.nq][piece.unit]
+            normalise(f"position of {name!r:.80}", out[at : at + piece.nq][piece.unit])
             at += piece.nq
-            norm = float(np.linalg.norm(block)) if len(block) else 1.0
-            if not abs(norm - 1.0) <= UNIT_TOLERANCE:
-                what = "quaternion (x, y, z, w)" if len(block) == 4 else "unit circle (cos, sin)"
-                raise InputError(f"position of {name!r:.80}: its {what} has norm {norm:.9g}; expected 1 to {UNIT_TOLERANCE:g}.")
-            block /= norm
         return out
 
     @property

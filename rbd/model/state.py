@@ -279,10 +279,15 @@ def state_at(robot: CheckedModel, q: Array, v: Array) -> State:
         InputError: as of `State`.
     """
     if robot._has_state(q, v):
-        state = State.__new__(State)
-        state._begin(robot, q, v)
-        return state
+        return _of_arrays(robot, q, v)
     return State(robot, q, v)
+
+
+def _of_arrays(robot: CheckedModel, q: Array, v: Array) -> State:
+    """The state that keeps these arrays, which are in order."""
+    state = State.__new__(State)
+    state._begin(robot, q, v)
+    return state
 
 
 def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object], *, argument: str = "values") -> Array:
@@ -337,9 +342,7 @@ def _check_is_mapping(argument: str, values: object, what: str) -> None:
 
 def _again(robot: CheckedModel, q: bytes, v: bytes | None) -> State:
     """A state from another one's data: q is not normalised again, which could change its last bit."""
-    state = State.__new__(State)
-    state._begin(robot, np.frombuffer(q).copy(), robot.zero_v if v is None else np.frombuffer(v).copy())
-    return state
+    return _of_arrays(robot, np.frombuffer(q).copy(), robot.zero_v if v is None else np.frombuffer(v).copy())
 
 
 def checked(state: State) -> State:

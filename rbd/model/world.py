@@ -21,7 +21,8 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_vector3
-from rbd.errors import InputError, nearest
+from rbd.errors import InputError
+from rbd.errors.inputs import check_choice
 from rbd.model.urdf import BASE_JOINT
 
 STANDARD = (0.0, 0.0, -9.81)
@@ -110,11 +111,10 @@ def checked_plane(plane: str | None, root: str) -> Plane:
     """
     if plane is None:
         return "xy"
-    if not isinstance(plane, str) or plane not in PLANES:
-        raise InputError(f"plane is {plane!r:.80}; expected {', '.join(map(repr, PLANES))}; {nearest(plane, PLANES)}.")
+    known: Plane = check_choice("plane", plane, PLANES)  # type: ignore[assignment]  # one of them
     if root != "planar":
         raise InputError(f"plane={plane!r} came with root={root!r}; it is of a base that slides: root='planar'.")
-    return plane
+    return known
 
 
 def turn_base(model: pin.Model, plane: Plane) -> None:

@@ -54,7 +54,8 @@ def soles_at(robot: CheckedModel, collision: Geometry, frames: Sequence[str], at
     """
     if isinstance(frames, str) or not np.iterable(frames):
         raise InputError(f"frames is {frames!r:.80}; expected a list of frames' names, one a foot.")
-    return tuple(_of_underside(frame, sole_of(robot, collision, frame, at)) for frame in frames)
+    soles = {frame: sole_of(robot, collision, frame, at) for frame in frames}
+    return tuple(_foot(frame, frame, sole.X_FP, sole.corners) for frame, sole in soles.items())
 
 
 def registered(robot: CheckedModel, collision: Geometry, feet: Sequence[str | Contact], at: State) -> tuple[Foot, ...]:
@@ -93,32 +94,26 @@ def registered(robot: CheckedModel, collision: Geometry, feet: Sequence[str | Co
 
 def _of_frame(robot: CheckedModel, collision: Geometry, frame: str, at: State) -> Foot:
     found = underside_of(robot, collision, frame, at)
-    if len(found.corners) == 1:
-        x, y, z = found.X_FP.act(np.array([*found.corners[0], 0.0])).tolist()
-        return Foot(frame, frame, "point", (x, y, z))
     if len(found.corners) == 2:
         raise ModelError(
             f"the body of frame {frame!r:.80} of {robot.name} stands on an edge. Give its foot as a contact: "
             "rbd.SurfaceContact(name, frame, corners=..., placement=...)."
         )
-    return _of_underside(frame, found)
-
-
-def _of_underside(frame: str, sole: Underside) -> Foot:
-    return _sole(frame, frame, sole.X_FP, sole.corners)
+    return _foot(frame, frame, found.X_FP, found.corners)
 
 
 def _of_contact(robot: CheckedModel, contact: Contact) -> Foot:
     robot.site(contact.frame)
     if len(contact.corners) == 2:
         raise InputError(f"foot {contact.name!r:.80} is an edge; expected rbd.SurfaceContact or rbd.PointContact.")
-    if len(contact.corners) == 1:
-        x, y, z = contact.placement.act(np.array(contact.corners[0])).tolist()
-        return Foot(contact.name, contact.frame, "point", (x, y, z))
-    return _sole(contact.name, contact.frame, contact.placement, contact.corners)
+    return _foot(contact.name, contact.frame, contact.placement, contact.corners)
 
 
-def _sole(name: str, frame: str, X_FP: pin.SE3, corners: np.ndarray) -> Foot:
+def _foot(name: str, frame: str, X_FP: pin.SE3, corners: Array) -> Foot:
+    """A foot of some corners in the axes of its patch, shape (k, 2) or (k, 3): a point, or a sole."""
+    if len(corners) == 1:
+        x, y, z = X_FP.act(np.pad(corners[0], (0, 3 - corners.shape[1]))).tolist()
+        return Foot(name, frame, "point", (x, y, z))
     x, y, z = X_FP.translation.tolist()
     roll, pitch, yaw = pin.rpy.matrixToRpy(X_FP.rotation).tolist()
     return Foot(name, frame, "sole", (x, y, z), (roll, pitch, yaw), tuple(tuple(corner) for corner in corners.tolist()))

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, check_whole
+from rbd.arrays import Array, check_whole
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_choice
@@ -301,13 +301,8 @@ def lengths(what: str, **given: object) -> list[float]:
     Raises:
         InputError: one that is not a finite number above zero.
     """
-    out = []
-    for name, value in given.items():
-        number = as_float(value)
-        if not 1e-6 <= number <= 1e4:
-            raise InputError(f"{name} of {what} is {value!r:.80}; expected a number from 1e-6 to 1e4, in metres or kilograms.")
-        out.append(number)
-    return out
+    unit = "in metres or kilograms"
+    return [checked_number(f"{name} of {what}, {unit},", value, least=1e-6, most=1e4) for name, value in given.items()]
 
 
 def radius(*sizes: float) -> float:

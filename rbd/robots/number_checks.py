@@ -100,15 +100,15 @@ def checked_entry(
     return {key: checks[key](f"{key}{of}", each) for key, each in entry.items()}
 
 
-def checked_number(what: str, value: object, *, least: float = -LARGEST, most: float = LARGEST) -> float:
+def checked_number(what: str, value: object, *, least: float | None = None, most: float = LARGEST) -> float:
     """A finite number within bounds.
 
     Raises:
         InputError: what is none.
     """
     number = as_float(value)
-    if not least <= number <= most:
-        bounds = f"a finite number from {least:g} to {most:g}" if least > -LARGEST else f"a finite number, at most {most:g}"
+    if not (-most if least is None else least) <= number <= most:
+        bounds = f"a finite number, at most {most:g}" if least is None else f"a finite number from {least:g} to {most:g}"
         raise InputError(f"{what} is {shown(value)}; expected {bounds}.")
     return number + 0.0  # no negative zero in files
 

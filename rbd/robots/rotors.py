@@ -79,37 +79,27 @@ def _of_transmissions(robot: Element, name: str) -> Iterator[Rotor]:
         parts = {part.tag.rpartition("}")[2].rpartition(":")[2]: part for part in (*transmission, *driven[0], *motors[0])}
         for inertia, gear in _INERTIA.items():
             if inertia in parts:
-                joint = driven[0].get("name", "")
-                what = f"the transmission of joint {joint!r:.80}"
-                yield Rotor(joint, *_checked(Complaints(name), what, parts[inertia], parts.get(gear)), name)
+                both = ElementTree.Element("rotor")  # of ROS the numbers are texts of elements; no gear is a direct drive
+                for key, element in (("inertia", parts[inertia]), ("gear", parts.get(gear))):
+                    both.set(key, "1" if element is None else (element.get("value") or element.text or "").strip())
+                yield _rotor(name, "transmission", driven[0].get("name", ""), both, ("inertia", "gear"))
 
 
 def _of_srdf(robot: Element, name: str) -> Iterator[Rotor]:
-    for entry in robot.iterfind("rotor_params/joint"):
-        joint = entry.get("name", "")
-        wrong, what = Complaints(name), f"the rotor_params of joint {joint!r:.80}"
-        # Pinocchio's name for the inertia is "mass".
-        inertia, gear = (wrong.numbers(what, entry, key)[0] for key in ("mass", "gear_ratio"))
-        _check(wrong, what, inertia, gear)
-        yield Rotor(joint, inertia, gear, name)
+    for entry in robot.iterfind("rotor_params/joint"):  # Pinocchio's name for the inertia is "mass"
+        yield _rotor(name, "rotor_params", entry.get("name", ""), entry, ("mass", "gear_ratio"))
 
 
-def _checked(wrong: Complaints, what: str, inertia: Element, gear: Element | None) -> tuple[float, float]:
-    """(inertia, gear) of elements with a value or a text; no gear is a direct drive."""
-    both = ElementTree.Element("rotor")
-    for key, element in (("inertia", inertia), ("gear", gear)):
-        both.set(key, "1" if element is None else (element.get("value") or element.text or "").strip())
-    values = wrong.numbers(what, both, "inertia")[0], wrong.numbers(what, both, "gear")[0]
-    _check(wrong, what, *values)
-    return values
-
-
-def _check(wrong: Complaints, what: str, inertia: float, gear: float) -> None:
+def _rotor(file: str, part: str, joint: str, element: Element, keys: tuple[str, str]) -> Rotor:
+    """The rotor whose inertia and gear are attributes of an element."""
+    wrong, what = Complaints(file), f"the {part} of joint {joint!r:.80}"
+    inertia, gear = (wrong.numbers(what, element, key)[0] for key in keys)
     if inertia < 0.0:
         wrong.add(f"{what} has a rotor inertia of {inertia:g} kg m2; expected zero or more.")
     if inertia and gear == 0.0:
         wrong.add(f"{what} has a gear of 0; expected turns of the rotor for a turn of the joint.")
     wrong.refuse()
+    return Rotor(joint, inertia, gear, file)
 
 
 def file_damping(robot: CheckedModel) -> JointDamping:
@@ -130,11 +120,10 @@ def file_damping(robot: CheckedModel) -> JointDamping:
     return JointDamping(found)
 
 
-def file_springs(springs: Mapping[str, tuple[float, float]], prefix: str = "") -> list[JointSpring]:
+def file_springs(springs: Mapping[str, tuple[float, float]]) -> list[JointSpring]:
     """Springs of joints as force elements.
 
     Args:
         springs: {joint: (stiffness [N m/rad, N/m], rest [rad, m])}; of a ball joint the rest is 0: its drawn orientation.
-        prefix: Before the names of joints.
     """
-    return [JointSpring(prefix + joint, stiffness=k, rest=rest) for joint, (k, rest) in springs.items()]
+    return [JointSpring(joint, stiffness=k, rest=rest) for joint, (k, rest) in springs.items()]

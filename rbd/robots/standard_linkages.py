@@ -6,9 +6,10 @@ import math
 import os
 from collections.abc import Sequence
 
-from rbd.arrays import as_float
+from rbd.arrays import check_whole
 from rbd.errors import InputError
 from rbd.robots.linkage import Link, Linkage, bar_masses, lengths, meeting, radius, wrapped
+from rbd.robots.number_checks import checked_number
 from rbd.robots.robot import Robot
 
 MOST = 99
@@ -67,9 +68,7 @@ def four_bar(
         raise InputError(missing)
     sizes = {"crank": a, "coupler": b, "rocker": c}
     kg = bar_masses("the four-bar", sizes, masses, mass_per_length)
-    th2 = _four_bar_angle(a, b, c, d) if crank_angle is None else as_float(crank_angle)
-    if not abs(th2) < 1e6:
-        raise InputError(f"crank_angle is {crank_angle!r:.80}; expected an angle [rad].")
+    th2 = _four_bar_angle(a, b, c, d) if crank_angle is None else checked_number("crank_angle [rad]", crank_angle, most=1e6)
     postures = {}
     for name, side in (("assembled", 1.0), ("crossed", -1.0)):
         th3, th4 = meeting((a * math.cos(th2), a * math.sin(th2)), b, (d, 0.0), c, side)
@@ -111,8 +110,7 @@ def n_four_bar(n: int, *, length: float = 1.0, mass: float = 1.0, path: str | os
         >>> rbd.mechanism.mobility(robot.at("assembled")).finite
         1
     """
-    if not isinstance(n, int) or isinstance(n, bool) or not 1 <= n <= MOST:
-        raise InputError(f"n is {n!r:.80}; expected a whole number from 1 to {MOST}.")
+    check_whole("n", n, MOST)
     L, m = lengths("the N-four-bar", length=length, mass=mass)
     ground = tuple((i * L, 0.0) for i in range(n + 1))
     cranks = [
@@ -187,9 +185,7 @@ def slider_crank(
         1.732051
     """
     crank, rod = lengths("the slider-crank", crank=crank, rod=rod)
-    height = as_float(offset)
-    if not abs(height) <= 1e4:
-        raise InputError(f"offset of the slider-crank is {offset!r:.80}; expected a length [m], at most 1e4.")
+    height = checked_number("offset of the slider-crank", offset, most=1e4)
     if abs(height) > crank + rod:
         raise InputError(
             f"a crank of {crank:g} and a rod of {rod:g} m cannot close: the slider's line is {abs(height):g} m away, "
@@ -197,9 +193,8 @@ def slider_crank(
         )
     sizes = {"crank": crank, "rod": rod, "slider": crank}
     kg = bar_masses("the slider-crank", sizes, masses, mass_per_length)
-    th = _slider_crank_angle(crank, rod, height) if crank_angle is None else as_float(crank_angle)
-    if not abs(th) < 1e6:
-        raise InputError(f"crank_angle is {crank_angle!r:.80}; expected an angle [rad].")
+    default = _slider_crank_angle(crank, rod, height)
+    th = default if crank_angle is None else checked_number("crank_angle [rad]", crank_angle, most=1e6)
     x, z = crank * math.cos(th), crank * math.sin(th)
     if abs(height - z) > rod * (1.0 + 1e-12):
         raise InputError(

@@ -267,7 +267,7 @@ class TestLock:
         ("joint", "position", "said"),
         [
             ("ball", [0.0, 0.0, 0.0], "has 3 numbers; expected 4"),
-            ("ball", [0.0, 0.0, 0.0, 1.1], r"quaternion \(x, y, z, w\) has norm 1.1"),
+            ("ball", [0.0, 0.0, 0.0, 1.1], r"quaternion \(x, y, z, w\) .* of norm 1.1"),
             ("base", 0.0, "has 1 numbers; expected 7"),
             ("turntable", [1.0, 1.0], "unit circle"),
             ("turntable", [1.0, 0.0, 0.0], "expected an angle"),

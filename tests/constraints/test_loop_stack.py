@@ -107,8 +107,8 @@ def test_circles_of_many_joints_are_normalised_together() -> None:
     norms = np.linalg.norm(robot.check_q(q).reshape(-1, 2), axis=1)
     assert np.abs(norms - 1.0).max() < 3e-16
     q[8:10] *= 1.001
-    with pytest.raises(rbd.InputError, match=r"q\[8:10\] is the unit circle \(cos, sin\)"):
+    with pytest.raises(rbd.InputError, match=r"q\[8:10\] has the unit circle \(cos, sin\)"):
         robot.check_q(q)
     q[8:10] = 0.0
-    with pytest.raises(rbd.InputError, match=r"q\[8:10\] is the unit circle \(cos, sin\) .* of norm 0"):
+    with pytest.raises(rbd.InputError, match=r"q\[8:10\] has the unit circle \(cos, sin\) .* of norm 0"):
         robot.check_q(q)

@@ -50,7 +50,7 @@ def test_contact_forces_are_eliminated(talos: rbd.Robot, rng: np.random.Generato
     np.testing.assert_allclose(found.P @ found.P.T, np.eye(26), atol=1e-12)
     np.testing.assert_allclose(found.P @ solution.problem.J.T, 0.0, atol=1e-12)
     np.testing.assert_allclose(found.Y @ found.theta, found.P @ talos.actuation.T @ tau, atol=1e-8)
-    with pytest.raises(rbd.InputError, match="is no contact"):
+    with pytest.raises(rbd.InputError, match="is no constraint"):
         rbd.dynamics.regressor(state, solution.a, [3])  # type: ignore[list-item]
 
 

@@ -167,7 +167,7 @@ BAD = [0, -1, 0.0, float("nan"), float("inf"), "1", None, True, [1], 1e5, 1e-9, 
 @pytest.mark.parametrize("which", "abcd")
 def test_a_length_is_a_number_above_zero(which: str, bad: Any) -> None:
     """Zero, negative, not finite, no number: named by its letter."""
-    with pytest.raises(InputError, match=f"{which} of the four-bar is .*expected a number from 1e-6"):
+    with pytest.raises(InputError, match=f"{which} of the four-bar, in metres.* is .*expected a finite number from 1e-06"):
         four_bar(**({"a": 1.0, "b": 1.0, "c": 1.0, "d": 1.0} | {which: bad}))
 
 
@@ -188,13 +188,13 @@ def test_lengths_that_cannot_close_tell_what_is_missing() -> None:
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
-        ({"crank_angle": float("nan")}, "crank_angle is nan"),
-        ({"crank_angle": "40"}, "crank_angle is '40'"),
+        ({"crank_angle": float("nan")}, "crank_angle .rad. is nan"),
+        ({"crank_angle": "40"}, "crank_angle .rad. is '40'"),
         ({"masses": (1, 2)}, r"masses of the four-bar is \(1, 2\); expected 3 numbers .*: crank, coupler, rocker"),
-        ({"masses": (1, 2, -3)}, "mass of the rocker of the four-bar is -3"),
+        ({"masses": (1, 2, -3)}, "mass of the rocker of the four-bar, .* is -3"),
         ({"masses": 3}, "masses of the four-bar is 3"),
         ({"masses": "123"}, "masses of the four-bar is '123'"),
-        ({"mass_per_length": 0}, "mass_per_length of the four-bar is 0"),
+        ({"mass_per_length": 0}, "mass_per_length of the four-bar, .* is 0"),
         ({"path": 3}, "the path is 3"),
         ({"path": "four_bar.txt"}, "expected one that ends in .urdf"),
         ({"path": "no/such/folder/four_bar.urdf"}, "four_bar.urdf' cannot be written: there is no folder .*No such file"),
@@ -278,7 +278,7 @@ def test_n_is_a_whole_number(bad: Any) -> None:
     """From 1 to 99."""
     with pytest.raises(InputError, match="expected a whole number from 1 to 99"):
         n_four_bar(bad)
-    with pytest.raises(InputError, match="length of the N-four-bar is -1"):
+    with pytest.raises(InputError, match="length of the N-four-bar, in metres or kilograms, is -1"):
         n_four_bar(2, length=-1)
 
 

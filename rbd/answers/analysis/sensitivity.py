@@ -24,8 +24,8 @@ from rbd.constraints.loop import rows_function
 from rbd.displayed import Displayed
 from rbd.errors import NotDifferentiable, Unsupported
 from rbd.model.derivatives import FixedPose, state_derivatives
-from rbd.model.dynamics import HasRows
 from rbd.model.external import External, ExternalForce
+from rbd.model.inertial import HasRows
 from rbd.model.state import State
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Cone

@@ -21,8 +21,8 @@ from rbd.arrays import RANK, Array, as_array, check_finite, max_abs
 from rbd.constraints.manifold import ConstraintManifold, null_space
 from rbd.errors import InputError, NotDifferentiable
 from rbd.model.derivatives import Charts
-from rbd.model.dynamics import HasRows
 from rbd.model.external import External, ForceElement, applied, elements_of
+from rbd.model.inertial import HasRows
 from rbd.model.state import State
 
 SMOOTH = 1e-7
