@@ -166,29 +166,15 @@ class StateEvent(Displayed):
         Raises:
             InputError: it is neither.
         """
-        if isinstance(given, cls):
-            return replace(given, name=f"event {number}") if given.name in _NAMELESS else given
-        if isinstance(given, type) or not callable(given):
-            raise InputError(
-                f"event {number} is {given!r:.80}; expected a function of the state, e.g. lambda state: state.q[2], or an "
-                "rbd.simulation.StateEvent."
-            )
-        name = getattr(given, "name", None) or getattr(given, "__name__", type(given).__name__)
-        if name in _NAMELESS:
-            name = f"event {number}"
-        terminal = getattr(given, "terminal", False)
-        return cls(
-            given,
-            name,
-            direction=getattr(given, "direction", 0),
-            terminal=terminal,
-            then=getattr(given, "then", None),
-        )
-
-    @property
-    def ends_at(self) -> int:
-        """The how manieth zero ends the motion; zero for none."""
-        return int(self.terminal)
+        if not isinstance(given, cls):
+            if isinstance(given, type) or not callable(given):
+                raise InputError(
+                    f"event {number} is {given!r:.80}; expected a function of the state, e.g. lambda state: state.q[2], or an "
+                    "rbd.simulation.StateEvent."
+                )
+            named = {"name": getattr(given, "name", None) or None, "direction": getattr(given, "direction", 0)}
+            given = cls(given, **named, terminal=getattr(given, "terminal", False), then=getattr(given, "then", None))
+        return replace(given, name=f"event {number}") if given.name in _NAMELESS else given
 
     def value(self, state: State, t: float) -> float:
         """F at a state and a time [s].
@@ -468,7 +454,7 @@ class EventSearch:
     def ends(self, event: StateEvent) -> bool:
         """Whether the last zero of an event ends the motion."""
         course = next(c for c in self._courses if c.event is event)
-        return bool(event.ends_at) and course.count >= event.ends_at
+        return 0 < event.terminal <= course.count
 
     @property
     def absent(self) -> tuple[str, ...]:

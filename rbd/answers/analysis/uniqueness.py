@@ -276,7 +276,7 @@ class _Asker:
                 assert rows.patch is not None
                 contacts[rows.name] = self._contact(rows.name, rows.patch, None if total is None else vertical / total)
         others = {
-            name: tuple(self._range(self._stacked({i: 1.0})) for i in range(span.start, span.stop))
+            name: tuple(self._range(function) for function in np.eye(len(self.returned))[span])
             for name, span in adm.spans.items()
             if name not in adm.has_corners and span.stop > span.start
         }
@@ -287,13 +287,6 @@ class _Asker:
             self.law, P.m, adm.rank, adm.active_rank, row_freedom, self.reach.dimension, choice, contacts, others,
             motion_freedom, not self.reach.thin, found,
         )  # fmt: skip
-
-    def _stacked(self, entries: Mapping[int, float]) -> Array:
-        """A linear function of the stacked corner forces."""
-        out = np.zeros(len(self.returned))
-        for i, value in entries.items():
-            out[i] = value
-        return out
 
     def _along(self, name: str, direction: Array) -> Array:
         """The function that maps the stacked corner forces to a contact's net force along a world direction."""
