@@ -30,11 +30,25 @@ def progress_of(times: Sequence[float], *, shown: bool = True, doing: str = "sim
     if not shown or len(times) < 2 or not can_show():
         yield _nothing
         return
-    bar = _Bar(float(times[0]), float(times[-1]), doing)
+    start, total, began = float(times[0]), float(times[-1]) - float(times[0]), time.perf_counter()
+    due, bar, task = began + PATIENCE, None, None
+
+    def reached(t: float) -> None:
+        nonlocal due, bar, task
+        now = time.perf_counter()
+        if now < due:
+            return
+        if bar is None:
+            bar, task = _opened(doing, total)
+        bar.update(task, completed=t - start, pace=(t - start) / (now - began))
+        bar.refresh()
+        due = time.perf_counter() + PACE
+
     try:
-        yield bar
-    finally:
-        bar.stop()
+        yield reached
+    finally:  # the cursor is restored too
+        if bar is not None:
+            bar.stop()
 
 
 def _nothing(t: float) -> None:
@@ -62,38 +76,12 @@ def bar_of(*columns: Any) -> Any:
     return Progress(*first, *columns, console=Console(stderr=True), auto_refresh=False, transient=True)
 
 
-class _Bar:
-    """The progress bar, created only after a delay."""
+def _opened(doing: str, total: float) -> tuple[Any, Any]:
+    """(the bar, its task), drawn for the first time."""
+    from rich.progress import TextColumn, TimeRemainingColumn
 
-    def __init__(self, start: float, end: float, doing: str) -> None:
-        self._start, self._end, self._doing = start, end, doing
-        self._began = time.perf_counter()
-        self._next = self._began + PATIENCE
-        self._progress: Any = None
-        self._task: Any = None
-
-    def __call__(self, t: float) -> None:
-        """Draw, if enough time has passed."""
-        now = time.perf_counter()
-        if now < self._next:
-            return
-        if self._progress is None:
-            self._open()
-        done = t - self._start
-        self._progress.update(self._task, completed=done, pace=done / (now - self._began))
-        self._progress.refresh()
-        self._next = time.perf_counter() + PACE
-
-    def stop(self) -> None:
-        """Remove the bar and restore the cursor."""
-        if self._progress is not None:
-            self._progress.stop()
-
-    def _open(self) -> None:
-        from rich.progress import TextColumn, TimeRemainingColumn
-
-        pace = "{task.completed:.3f} of {task.total:g} s, {task.fields[pace]:.3g} x real time, left"
-        text = TextColumn(pace if self._doing == "simulating" else "{task.percentage:.0f} %, left")
-        self._progress = bar_of(text, TimeRemainingColumn())
-        self._task = self._progress.add_task(self._doing, total=self._end - self._start, pace=0.0)
-        self._progress.start()
+    pace = "{task.completed:.3f} of {task.total:g} s, {task.fields[pace]:.3g} x real time, left"
+    bar = bar_of(TextColumn(pace if doing == "simulating" else "{task.percentage:.0f} %, left"), TimeRemainingColumn())
+    task = bar.add_task(doing, total=total, pace=0.0)
+    bar.start()
+    return bar, task

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple, Protocol, TypeAlias, cast
 
 import numpy as np
@@ -354,13 +354,9 @@ class Sample(Displayed):
 
     def but(self, **changed: Any) -> Sample:
         """The same with other attributes, at the same state."""
-        return Sample.of(self.t, self.state, self.a, self.tau, self.constraint_forces, **{**self._more, **changed})
-
-    @property
-    def _more(self) -> dict[str, Any]:
-        """Attributes after `constraint_forces`."""
-        names = [f.name for f in fields(self)]
-        return {name: getattr(self, name) for name in names[names.index("constraint_forces") + 1 :]}
+        out = replace(self, **changed)
+        out.__dict__["state"] = self.state
+        return out
 
     def __repr__(self) -> str:
         return f"Sample({self.robot.name!r}, t={self.t:g})"
