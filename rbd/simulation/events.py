@@ -172,8 +172,13 @@ class StateEvent(Displayed):
                     f"event {number} is {given!r:.80}; expected a function of the state, e.g. lambda state: state.q[2], or an "
                     "rbd.simulation.StateEvent."
                 )
-            named = {"name": getattr(given, "name", None) or None, "direction": getattr(given, "direction", 0)}
-            given = cls(given, **named, terminal=getattr(given, "terminal", False), then=getattr(given, "then", None))
+            given = cls(
+                given,
+                getattr(given, "name", None) or None,
+                direction=getattr(given, "direction", 0),
+                terminal=getattr(given, "terminal", False),
+                then=getattr(given, "then", None),
+            )
         return replace(given, name=f"event {number}") if given.name in _NAMELESS else given
 
     def value(self, state: State, t: float) -> float:
