@@ -18,7 +18,7 @@ import math
 import os
 import re
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -34,7 +34,9 @@ from rbd.planar.bodies import Shapes, bodies_of, refuse_symbols
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.equations_of_motion import Dynamics
 from rbd.robots import catalogue
-from rbd.robots.linkage import COLORS, GRAVITY
+from rbd.robots.building import Cylinder, RobotBuilder, Rod, Sphere
+from rbd.robots.building.solids import Solid
+from rbd.robots.linkage import GRAVITY
 from rbd.robots.loading import load_robot
 from rbd.robots.robot import Robot
 
@@ -43,8 +45,8 @@ END = "end"
 """The frame at the end point."""
 FARTHEST_TURN = 1e4
 """Limits of the joints [rad]: 1,591 turns."""
-_AXES = {"xz": "0 -1 0", "xy": "0 0 1"}
-_DISCS = {"xz": f"{math.pi / 2:.12g} 0 0", "xy": "0 0 0"}  # turns a cylinder's axis z into the joint's
+_AXES = {"xz": (0.0, -1.0, 0.0), "xy": (0.0, 0.0, 1.0)}
+_DISCS = {"xz": (math.pi / 2.0, 0.0, 0.0), "xy": (0.0, 0.0, 0.0)}  # turns a cylinder's axis z into the joint's
 _LINKS = ("orange", "blue", "green", "red", "violet")
 
 
@@ -239,53 +241,35 @@ def _known(dyn: Dynamics, values: Mapping[Any, Any] | None) -> Dynamics:
 def _urdf(name: str, plane: str, lengths: Array, masses: Array, centres: Array, inertias: Array) -> str:
     r = 0.03 * float(lengths.mean())  # of the rods as drawn
     effort = 100.0 * GRAVITY * float(masses.sum()) * float(lengths.sum())  # far beyond the torques that hold it stretched out
-    head = f"A planar chain of {len(lengths)} links in the {plane} plane of W, its base at the origin."
-    out = [f'<?xml version="1.0"?>\n<!-- {head} Written by rbd.planar. -->\n<robot name="{name}">\n']
-    out += [f'  <material name="{color}"><color rgba="{COLORS[color]}"/></material>\n' for color in ("grey", "steel", *_LINKS)]
-    disc = f'<cylinder radius="{2.0 * r:.5g}" length="{1.6 * r:.5g}"/>'
-    out.append(f'  <link name="base">\n{_shape("0 0 0", _DISCS[plane], disc, "grey")}  </link>\n')
-    parent, at = "base", 0.0
+    head = f"A planar chain of {len(lengths)} links in the {plane} plane of W, its base at the origin. Written by rbd.planar."
+    out = RobotBuilder(name, root="fixed", about=head)
+    out.body("base", Cylinder(2.0 * r, 1.6 * r, rpy=_DISCS[plane], color="grey", collides=False))
+    parent, at = "base", (0.0, 0.0, 0.0)
     for i, (ell, m, d, inertia) in enumerate(zip(lengths, masses, centres, inertias, strict=True), start=1):
-        out.append(_link(i, plane, float(ell), float(m), float(d), float(inertia), r))
-        out.append(
-            f'  <joint name="joint_{i}" type="revolute">\n    <parent link="{parent}"/>\n    <child link="link_{i}"/>\n'
-            f'    <origin xyz="{at!r} 0 0"/>\n    <axis xyz="{_AXES[plane]}"/>\n'
-            f'    <limit lower="{-FARTHEST_TURN}" upper="{FARTHEST_TURN}" effort="{effort:.4g}" velocity="1000"/>\n  </joint>\n'
-        )
-        parent, at = f"link_{i}", float(ell)
-    out.append(
-        f'  <link name="{END}"/>\n  <joint name="{END}_joint" type="fixed">\n    <parent link="{parent}"/>\n'
-        f'    <child link="{END}"/>\n    <origin xyz="{at!r} 0 0"/>\n  </joint>\n</robot>\n'
-    )
-    return "".join(out)
+        # Not above I_i, so that the largest principal moment is never more than the sum of the others.
+        along = min(m * r**2 / 2.0, inertia)
+        drawn = _drawn(_LINKS[(i - 1) % len(_LINKS)], plane, ell, d, r)
+        out.body(f"link_{i}", *drawn, mass=m, com=(d, 0.0, 0.0), inertia=(along, inertia, inertia))
+        out.joint(
+            f"joint_{i}", parent, f"link_{i}", at=at, axis=_AXES[plane], limits=(-FARTHEST_TURN, FARTHEST_TURN), motor=True,
+            effort=float(f"{effort:.4g}") or None, speed=1000.0,
+        )  # fmt: skip
+        parent, at = f"link_{i}", (float(ell), 0.0, 0.0)
+    out.frame(END, parent, at)
+    return out.urdf()
 
 
-def _link(i: int, plane: str, ell: float, m: float, d: float, inertia: float, r: float) -> str:
-    color = _LINKS[(i - 1) % len(_LINKS)]
-    # Not above I_i, so that the largest principal moment is never more than the sum of the others.
-    along = min(m * r**2 / 2.0, inertia)
-    shapes = [
-        _rod(0.0, ell, r, color),
-        ("0 0 0", _DISCS[plane], f'<cylinder radius="{1.6 * r:.5g}" length="{2.4 * r:.5g}"/>', "steel"),
-        (f"{d:.8g} 0 0", "0 0 0", f'<sphere radius="{1.8 * r:.5g}"/>', color),
-    ]
-    if not 0.0 <= d <= ell:  # a counterweight needs a support
-        shapes.append(_rod(min(0.0, d), max(0.0, d), r / 2.0, "grey"))
-    return (
-        f'  <link name="link_{i}">\n    <inertial>\n      <origin xyz="{d!r} 0 0"/>\n      <mass value="{m!r}"/>\n'
-        f'      <inertia ixx="{along!r}" ixy="0" ixz="0" iyy="{inertia!r}" iyz="0" izz="{inertia!r}"/>\n    </inertial>\n'
-        f"{''.join(_shape(*shape) for shape in shapes)}  </link>\n"
-    )
+def _drawn(color: str, plane: str, ell: float, d: float, r: float) -> Iterator[Solid]:
+    """A link of a length, its centre of mass at d: a rod, its joint and a ball; a counterweight has a support."""
+    yield _rod(0.0, ell, r, color)
+    yield Cylinder(1.6 * r, 2.4 * r, rpy=_DISCS[plane], color="steel", collides=False)
+    yield Sphere(1.8 * r, at=(d, 0.0, 0.0), color=color, collides=False)
+    if not 0.0 <= d <= ell:
+        yield _rod(min(0.0, d), max(0.0, d), r / 2.0, "grey")
 
 
-def _rod(start: float, end: float, r: float, color: str) -> tuple[str, str, str, str]:
-    rod = f'<cylinder radius="{r:.5g}" length="{end - start:.8g}"/>'
-    return f"{(start + end) / 2.0:.8g} 0 0", f"0 {math.pi / 2:.12g} 0", rod, color
-
-
-def _shape(xyz: str, rpy: str, geometry: str, color: str) -> str:
-    origin = f'<origin xyz="{xyz}" rpy="{rpy}"/>'
-    return f'    <visual>{origin}<geometry>{geometry}</geometry><material name="{color}"/></visual>\n'
+def _rod(start: float, end: float, r: float, color: str) -> Solid:
+    return Rod((start, 0.0, 0.0), (end, 0.0, 0.0), radius=r, color=color, collides=False)
 
 
 def _write(path: Path, text: str) -> None:

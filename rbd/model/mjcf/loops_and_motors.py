@@ -10,6 +10,7 @@ from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
+from rbd.model.motors import Motor
 from rbd.model.urdf import LONGEST_NAME, Complaints
 
 WORLD = "world"
@@ -97,23 +98,6 @@ def is_off(model: Any, flag: str) -> bool:
     return bool(model.opt.disableflags & int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag}")))
 
 
-@dataclass(frozen=True)
-class MjcfMotor:
-    """A motor at a joint.
-
-    Attributes:
-        name: Its name, or its joint's.
-        joint: Index of the joint.
-        effort: Largest torque or force either way [N m, N]; None where there is no limit.
-        armature: Its rotor inertia, seen at the joint [kg m2, kg].
-    """
-
-    name: str
-    joint: int
-    effort: float | None
-    armature: float
-
-
 def check_actuators(wrong: Complaints, mujoco: Any, spec: Any, leave_out: Collection[str]) -> None:
     """Takes out those that are left out; refuses muscles, whose lengths MuJoCo would first search by simulation.
 
@@ -132,8 +116,8 @@ def check_actuators(wrong: Complaints, mujoco: Any, spec: Any, leave_out: Collec
             key.ctrl = key.act = []
 
 
-def read_motors(wrong: Complaints, model: Any, joints: Sequence[str]) -> tuple[tuple[MjcfMotor, ...], list[Remark]]:
-    """The motors in the order of the file, and remarks about them.
+def read_motors(wrong: Complaints, model: Any, joints: Sequence[str]) -> tuple[dict[int, Motor], list[Remark]]:
+    """The motors by the indices of their joints, in the order of the file, and remarks about them.
 
     MuJoCo's control goes through a gain and a gear; here tau is the torque at the joint itself. So a gear is in the limits of
     tau alone, and a servo is a motor whose own control law is left out.
@@ -147,7 +131,7 @@ def read_motors(wrong: Complaints, model: Any, joints: Sequence[str]) -> tuple[t
         ModelError: an actuator that is no torque at one hinge or slide, or a second one there.
     """
     remarks: list[Remark] = []
-    motors: dict[int, MjcfMotor] = {}
+    motors: dict[int, Motor] = {}
     if model.nu and is_off(model, "ACTUATION"):
         wrong.stop("<flag>: actuation is disabled, so that no motor turns; it is not read. Take it or the <actuator> out.")
     for i in range(model.nu):
@@ -167,9 +151,9 @@ def read_motors(wrong: Complaints, model: Any, joints: Sequence[str]) -> tuple[t
             fault = "the gear 0; expected another" if gear == 0.0 else f"armature {armature:g}; expected zero or more"
             wrong.stop(f"{what} has {fault}.")
         effort, told = _effort(wrong, model, i, joint, gear, f"{what} gives joint {joints[joint]!r:.80}")
-        motors[joint] = MjcfMotor(name, joint, effort, armature * gear * gear)
+        motors[joint] = Motor(limit=effort, gear=gear, rotor_inertia=armature)
         remarks += [(kind, name, text) for kind, text in told]
-    return tuple(motors.values()), remarks
+    return motors, remarks
 
 
 def _effort(

@@ -81,10 +81,10 @@ def _set_properties(model: pin.Model, mjcf: Mjcf) -> None:
     for j in range(m.njnt):
         if m.jnt_type[j] not in (FREE, BALL):
             low[m.jnt_qposadr[j]], high[m.jnt_qposadr[j]] = m.jnt_range[j] if limited[j] else (-np.inf, np.inf)
-    for motor in mjcf.motors or ():
-        at = m.jnt_dofadr[motor.joint]
-        armature[at] += motor.armature
-        effort[at] = np.inf if motor.effort is None else motor.effort
+    for joint, motor in (mjcf.motors or {}).items():
+        at = m.jnt_dofadr[joint]
+        armature[at] += motor.inertia
+        effort[at] = np.inf if motor.limit is None else motor.limit
     model.lowerPositionLimit, model.upperPositionLimit = low, high
     model.armature, model.damping = armature, m.dof_damping * (not is_off(m, "DAMPER"))
     friction = m.dof_frictionloss * (not is_off(m, "FRICTIONLOSS"))

@@ -28,13 +28,13 @@ from rbd.model.mjcf.loops_and_motors import (
     FREE,
     WORLD,
     Equality,
-    MjcfMotor,
     Remark,
     check_actuators,
     equalities,
     is_off,
     read_motors,
 )
+from rbd.model.motors import Motor
 from rbd.model.urdf import FARTHEST, LARGEST, LIGHTEST, LONGEST_NAME, Complaints
 
 Element = ElementTree.Element
@@ -63,7 +63,7 @@ class Mjcf:
         model: `mujoco.MjModel`: bodies, joints and shapes with their numbers; the world is body 0.
         bodies: Names of the bodies.
         joints: Names of the joints, in the order of q.
-        motors: In the order of the file; None where the actuators are left out.
+        motors: {index of the joint: its motor}, in the order of the file; None where the actuators are left out.
         keys: {name: qpos in MuJoCo's order, shape (nq,)}.
         equalities: Those that are read.
         remarks: (kind, where, text) of ignored contents.
@@ -76,7 +76,7 @@ class Mjcf:
     model: Any
     bodies: tuple[str, ...]
     joints: tuple[str, ...]
-    motors: tuple[MjcfMotor, ...] | None
+    motors: Mapping[int, Motor] | None
     keys: Mapping[str, Array]
     equalities: tuple[Equality, ...]
     remarks: tuple[Remark, ...]
@@ -97,8 +97,7 @@ class Mjcf:
         """Joints without a motor; a floating base has none anyway."""
         if self.motors is None:
             return ()
-        driven = {motor.joint for motor in self.motors}
-        return tuple(name for j, name in enumerate(self.joints) if j not in driven and self.model.jnt_type[j] != FREE)
+        return tuple(name for j, name in enumerate(self.joints) if j not in self.motors and self.model.jnt_type[j] != FREE)
 
     @property
     def springs(self) -> dict[str, tuple[float, float]]:

@@ -35,8 +35,9 @@ def urdf_text(
     out = ['<?xml version="1.0"?>\n', f"<!-- {escape(told)} -->\n" if told else "", f"<robot name={quoteattr(name)}>\n"]
     for color, rgba in (*COLORS.items(), *((mark, rgba) for rgba, mark in own.items())):
         out.append(f'  <material name="{color}"><color rgba="{rgba}"/></material>\n')
-    out += [*(text for body in bodies for text in _body(body, own)), *map(_frame, frames)]
-    return "".join([*out, *(text for joint in joints for text in _joint(joint)), "</robot>\n"])
+    out += [text for body in bodies for text in _body(body, own)]
+    out += [text for joint in joints for text in _joint(joint)]
+    return "".join([*out, *map(_frame, frames), "</robot>\n"])
 
 
 def _body(body: BuilderBody, own: Mapping[str, str]) -> Iterator[str]:
