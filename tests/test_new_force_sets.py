@@ -8,7 +8,7 @@ import pytest
 
 import rbd
 from rbd.problem import Cone, EllipticCone, FrictionCone, NonNegative
-from rbd.problem.cones import Interval
+from rbd.problem.cones import HalfLine, Interval
 from rbd.visual.marks.contacts import contact_marks, shown_forces
 from rbd.visual.marks.mark import Sizes
 
@@ -251,3 +251,60 @@ class TestMistakes:
         assert ellipse.friction_used(x) == pytest.approx(1.0, abs=1e-7)
         for other in ellipse.rim() * x[2]:
             assert (y - x) @ (other - x) < 1e-7
+
+
+class GroovedPad(Cone):
+    """`|f_x| <= mu_x f_n`, `|f_y| <= mu_y f_n`: a polyhedron of four rays."""
+
+    dim = 3
+
+    def __init__(self, mu_x: float, mu_y: float) -> None:
+        self.mu_x, self.mu_y = mu_x, mu_y
+
+    def generators(self):
+        """Its four edges."""
+        rays = [[x * self.mu_x, y * self.mu_y, 1.0] for x in (-1, 1) for y in (-1, 1)]
+        return np.array(rays).T, (HalfLine(),) * 4
+
+
+class PartsThatAreSets(GroovedPad):
+    """Sets in place of the parts of sets."""
+
+    def generators(self):
+        """Four sets."""
+        return super().generators()[0], (NonNegative(1),) * 4
+
+
+class TooFewColumns(GroovedPad):
+    """Three rays for four parts."""
+
+    def generators(self):
+        """A column less."""
+        G, parts = super().generators()
+        return G[:, :3], parts
+
+
+def test_a_polyhedron_holds_up_to_its_faces(box):
+    """A box of 98.1 N on a pad with mu_x = 0.8 and mu_y = 0.3 withstands 78 N along x and 29 N along y, and no more."""
+    for direction, most in ((0, 0.8 * MASS * G), (1, 0.3 * MASS * G)):
+        for share in (0.99, 1.01):
+            push = np.zeros(3)
+            push[direction] = share * most
+            answer = rbd.solve(state(box), [], [sole(GroovedPad(0.8, 0.3))], external=pushed(*push))
+            assert (np.abs(answer.a).max() < 1e-9) == (share < 1.0)
+
+
+def test_a_polyhedron_that_slides_is_refused_by_name(box):
+    """Half-lines do not say which force opposes a motion; it is not an impact."""
+    with pytest.raises(rbd.InputError, match="'sole' slides at 0.3 m/s, and its set of forces, .*half-lines alone"):
+        rbd.solve(state(box, [0.3, 0.0, 0.0, 0.0, 0.0, 0.0]), [], [sole(GroovedPad(0.8, 0.3))])
+    with pytest.warns(rbd.errors.OpeningContactWarning, match="'sole' at up to 0.1 m/s"):
+        lifts = rbd.solve(state(box, [0.3, 0.0, 0.1, 0.0, 0.0, 0.0]), [], [sole(GroovedPad(0.8, 0.3))])
+    assert not lifts.forces["sole"].any()
+
+
+@pytest.mark.parametrize(("wrong", "words"), [(PartsThatAreSets, "gives a part"), (TooFewColumns, r"expected \(3, 4\)")])
+def test_generators_that_fit_no_set_are_refused_by_name(box, wrong, words):
+    """The class is named, and what was expected."""
+    with pytest.raises(rbd.InputError, match=rf"{wrong.__name__}.generators\(\) .*{words}"):
+        rbd.solve(state(box), [], [sole(wrong(0.8, 0.3))])

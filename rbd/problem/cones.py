@@ -11,11 +11,12 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, block_diagonal
+from rbd.arrays import Array, as_array, as_finite, as_float, block_diagonal
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 
@@ -80,7 +81,8 @@ Part: TypeAlias = FreeLine | HalfLine | Interval | SecondOrderCone
 class Cone(Displayed):
     """A closed convex set of forces: what a new one inherits from, with `dim` and `generators` of its own.
 
-    Sets are hashable and never change, so that what follows from them is computed once.
+    Sets are hashable and never change, so that what follows from them is computed once. A set of half-lines alone is a
+    polyhedron; a point whose set it is may stick or break, and is refused where it already slides.
 
     Attributes:
         dim: Number of force components.
@@ -165,6 +167,23 @@ class Cone(Displayed):
             return np.zeros((0, 3))
         found = np.column_stack([mu * np.cos(turn), mu * np.sin(turn), np.ones(48)]) @ points[:, :first].T
         return found[found[:, 2] > 0.0]
+
+
+@lru_cache(maxsize=512)
+def checked_generators(cone: Cone) -> tuple[Array, tuple[Part, ...]]:
+    """(G, parts) of a set, whose class may be a user's.
+
+    Raises:
+        InputError: parts that are none, a G of another shape or with numbers that are not finite.
+    """
+    kind = type(cone).__name__
+    G, parts = cone.generators()
+    if odd := [part for part in parts if not isinstance(part, Part)]:
+        raise InputError(
+            f"{kind}.generators() gives a part {odd[0]!r:.80}; expected FreeLine, HalfLine, Interval or SecondOrderCone of "
+            "rbd.problem.cones. The parts of another set are the second of its own generators()."
+        )
+    return as_finite(f"G of {kind}.generators()", G, (cone.dim, sum(part.dim for part in parts))), parts
 
 
 def _of_parts(parts: Sequence[Part], w: Array) -> Array:

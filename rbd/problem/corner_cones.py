@@ -9,7 +9,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, block_diagonal, cross_matrix, is_finite, lazy
 from rbd.errors import InputError, NoSolution
-from rbd.problem.cones import Cone, FrictionCone, HalfLine, Part, check_friction, pushed_out, pyramid
+from rbd.problem.cones import Cone, FrictionCone, HalfLine, Part, check_friction, checked_generators, pushed_out, pyramid
 from rbd.problem.programs import nonnegative
 
 
@@ -33,12 +33,12 @@ class _AtCorners(Cone):
     @lazy
     def at_points(self) -> Array:
         """The corners' forces, shape (3k, p); without friction of normal forces alone."""
-        G = np.eye(3)[:, 2:] if not self.mu else self.point.generators()[0]
+        G = np.eye(3)[:, 2:] if not self.mu else checked_generators(self.point)[0]
         return np.kron(np.eye(len(self.corners)), G)
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """The corner map, and the parts of each corner; without friction, its normal columns and half-lines."""
-        parts = (HalfLine(),) if not self.mu else self.point.generators()[1]
+        parts = (HalfLine(),) if not self.mu else checked_generators(self.point)[1]
         return self.corner_map @ self.at_points, parts * len(self.corners)
 
     def project(self, force: Array) -> Array:

@@ -20,7 +20,8 @@ from itertools import accumulate, pairwise
 import numpy as np
 
 from rbd.arrays import Array, block_diagonal, lazy
-from rbd.problem.cones import Cone, Part, project_cones, pyramid
+from rbd.errors import InputError
+from rbd.problem.cones import Cone, HalfLine, Part, checked_generators, project_cones, pyramid
 from rbd.problem.contact_motion import REST_SPEED, MotionJudge, Opening, Sliding
 from rbd.problem.programs import between
 from rbd.problem.rows import Rows
@@ -350,7 +351,7 @@ def at_rest(*cones: Cone) -> ForceSet:
 
 def _stacked(cones: Sequence[Cone], names: Sequence[str], velocities: Sequence[Array | None], rest_speed: float) -> ForceSet:
     """The stacked sets of several constraints with the velocities of their rows; None where they are at rest."""
-    sources = [cone.generators() for cone in cones]
+    sources = [checked_generators(cone) for cone in cones]
     B = block_diagonal([local for local, _ in sources])
     u, inward = np.zeros(B.shape[1]), np.zeros(B.shape[1])
     judge, at = MotionJudge(rest_speed), 0
@@ -358,10 +359,13 @@ def _stacked(cones: Sequence[Cone], names: Sequence[str], velocities: Sequence[A
     bounds: list[tuple[float, float]] = []
     push, pull, blocks = [_NO_POINTS], [np.zeros((0, 0))], [np.zeros((0, 0))]
     for i, (cone, (local, shapes), velocity) in enumerate(zip(cones, sources, velocities, strict=True)):
+        own = slice(at, at + local.shape[1])
         if velocity is not None:
-            own = slice(at, at + local.shape[1])
             u[own], inward[own] = local.T @ velocity, cone.inward(velocity)
         points, start = cone.at_points, at
+        rays = points is not None and 3 * len(shapes) > len(points) and all(isinstance(shape, HalfLine) for shape in shapes)
+        if rays and velocity is not None and points is not None:
+            u[own] = _speeds_of_rays(names[i], cone, points, u[own], rest_speed)
         for number, shape in enumerate(shapes):
             source, first = slice(at, at + shape.dim), len(bounds)
             given, felt, lower, upper = judge.judge((names[i], number, len(shapes)), shape, u[source], first)
@@ -391,6 +395,34 @@ def _stacked(cones: Sequence[Cone], names: Sequence[str], velocities: Sequence[A
         tuple(judge.openings),
         judge.impact,
     )
+
+
+def _speeds_of_rays(name: str, cone: Cone, points: Array, u: Array, rest_speed: float) -> Array:
+    """Velocities along half-lines, of points whose forces are those of rays alone: the normal speed of each point.
+
+    Args:
+        name: Of the rows.
+        cone: Their set.
+        points: Its forces at points, shape (3k, p).
+        u: Velocities along its generators, shape (p,).
+        rest_speed: Up to this speed a point is at rest [m/s].
+
+    Raises:
+        InputError: a point slides: rays do not say which force opposes its motion.
+    """
+    out = u.copy()
+    for forces in points.reshape(-1, 3, len(u)):
+        acts = forces.any(axis=0)
+        velocity = np.linalg.lstsq(forces[:, acts].T, u[acts], rcond=None)[0]
+        speed = float(np.hypot(*velocity[:2]))
+        if speed > rest_speed >= abs(velocity[2]):
+            raise InputError(
+                f"{name!r:.80} slides at {speed:.3g} m/s, and its set of forces, {type(cone).__name__}, is made of half-lines "
+                "alone: these do not say which of its forces opposes the motion. Expected a SecondOrderCone among its parts, "
+                "as rbd.problem.FrictionCone and EllipticCone have."
+            )
+        out[acts] = velocity[2]
+    return out
 
 
 _rays, _ONE, _NO_POINTS = lru_cache(maxsize=64)(pyramid), np.ones((1, 1)), np.zeros((0, 3))
