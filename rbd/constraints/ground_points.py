@@ -62,20 +62,10 @@ def _axes_at(contact: Any, ground: Ground | None, X_WP: pin.SE3) -> Array:
         axes: Array = contact._axes  # of its normal
         return axes
     if ground is not None and ground.normal is not None and (ground.point is not None or len(contact.corners) > 2):
-        return _axes_on(np.asarray(ground.normal), X_WP.rotation[:, 0])
+        return contact_axes(np.asarray(ground.normal), X_WP.rotation[:, 0])
     if contact.normal is not None:
         return contact_axes(contact.normal)
     return (contact.anchor if isinstance(contact.anchor, pin.SE3) else X_WP).rotation.copy()
-
-
-def _axes_on(n: Array, along: Array) -> Array:
-    """Axes of a plane, the first along the projection of a direction."""
-    x = along - float(along @ n) * n
-    length = float(np.linalg.norm(x))
-    if length < 0.1:
-        return contact_axes(n)
-    x = x / length
-    return np.column_stack([x, cross_matrix(n) @ x, n])
 
 
 class Grounds:

@@ -68,20 +68,15 @@ class StackedRows:
             self.J, self.offset, self.velocity, self.error, self.placed = rows.J, rows.bias, rows.velocity, rows.error, None
             return
         carried = carried or [False] * len(rows)
-        if len(rows) == 1:
-            self.J, self.offset, self.velocity = rows[0].J, rows[0].bias, velocity_of(rows[0], state)
-        elif rows:
-            self.J = np.concatenate([r.J for r in rows])
-            self.offset = np.concatenate([r.bias for r in rows])
-            self.velocity = np.concatenate([velocity_of(r, state) for r in rows])
-        else:
-            self.J, self.offset, self.velocity = np.zeros((0, len(state.v))), zeros(0), zeros(0)
+        self.J = np.concatenate([np.zeros((0, len(state.v))), *[r.J for r in rows]])
+        self.offset = self.bias
+        self.velocity = np.concatenate([zeros(0), *[velocity_of(r, state) for r in rows]])
         if any([r.stabilised for r in rows]):
             self.offset = self.offset + np.concatenate([r.feedback for r in rows])
         masks = [_placed(r, state, c) for r, c in zip(rows, carried, strict=True)]
         if all([mask is None for mask in masks]):
             self.placed = None
-            self.error = np.concatenate([r.error for r in rows]) if rows else zeros(0)
+            self.error = np.concatenate([zeros(0), *[r.error for r in rows]])
         else:
             self.placed = np.concatenate([np.ones(len(r), bool) if p is None else p for r, p in zip(rows, masks, strict=True)])
             errors = np.concatenate([zeros(len(r)) if r.error is None else r.error for r in rows])

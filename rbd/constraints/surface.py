@@ -187,9 +187,13 @@ def check_state(state: State, name: str) -> None:
         raise InputError(f"rows of {name!r:.80} want a State, got {type(state).__name__}. Make one: rbd.State(robot, q, v).")
 
 
-def contact_axes(normal: Array) -> Array:
-    """R_WP with the normal as third column, the first along the projection of W's x (of W's y for a normal along x)."""
-    along = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
+def contact_axes(normal: Array, along: Array | None = None) -> Array:
+    """R_WP with the normal as third column, the first along the projection of a direction.
+
+    Without one, or where it is within 6 degrees of the normal, along that of W's x (of W's y for a normal along x).
+    """
+    if along is None or float(np.linalg.norm(along - (along @ normal) * normal)) < 0.1:
+        along = np.array([1.0, 0.0, 0.0]) if abs(normal[0]) < 0.9 else np.array([0.0, 1.0, 0.0])
     t1 = along - (along @ normal) * normal
     t1 /= np.linalg.norm(t1)
     return np.column_stack([t1, np.cross(normal, t1), normal])

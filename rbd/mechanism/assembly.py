@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -187,11 +188,8 @@ def check_descent(tolerance: float, max_iterations: int, what: str = "max_iterat
 
 def distances(at: ConstraintResidual, tolerance: float) -> dict[str, float]:
     """{constraint: length of its error}, of the violated ones, the largest first [m, rad]."""
-    out = {}
-    for r in at.rows:
-        error, _ = position_residual(r)
-        if max_abs(error) > tolerance:
-            out[r.name] = float(np.linalg.norm(error))
+    errors = {r.name: position_residual(r)[0] for r in at.rows}
+    out = {name: float(np.linalg.norm(error)) for name, error in errors.items() if max_abs(error) > tolerance}
     return dict(sorted(out.items(), key=lambda item: -item[1]))
 
 
@@ -361,8 +359,7 @@ def branches(
     robot = checked(state).robot
     closure = Closure(robot, constraints, fixed, within_limits=within_limits, loops=loops)
     poses: list[ConstraintResidual] = []
-    hits: list[int] = []
-    singular: list[bool] = []
+    hits, singular = Counter[int](), list[bool]()
     nearest: ConstraintResidual | None = None
     refusal: InputError | None = None
     closed = last_new = 0
@@ -378,24 +375,22 @@ def branches(
                 nearest = found.at
             continue
         closed += 1
-        same = [k for k, pose in enumerate(poses) if distance(robot, pose.q, found.at.q) < SAME]
-        if same:
-            hits[same[0]] += 1
-            continue
-        poses.append(found.at)
-        singular.append(_is_singular(closure, found.at, tolerance, max_iterations))
-        hits.append(1)
-        last_new = i
+        known = next((k for k, pose in enumerate(poses) if distance(robot, pose.q, found.at.q) < SAME), len(poses))
+        hits[known] += 1
+        if known == len(poses):
+            poses.append(found.at)
+            singular.append(_is_singular(closure, found.at, tolerance, max_iterations))
+            last_new = i
     if not poses:
         if nearest is None:
             assert refusal is not None  # a draw that is not refused ends on the constraints, or near them
             raise refusal
         raise _no_start_closes(closure, nearest, tries, tolerance)
     out = []
-    for pose, n, flat in zip(poses, hits, singular, strict=True):
+    for k, (pose, flat) in enumerate(zip(poses, singular, strict=True)):
         q = canonical(robot, pose.q, closure.held)
         words = joints_in_words(robot, q, without=closure.fixed)
-        out.append(Branch(q, n, pose.residual, flat, beyond_limits(robot, q), words))
+        out.append(Branch(q, hits[k], pose.residual, flat, beyond_limits(robot, q), words))
     out.sort(key=lambda b: tuple(np.round(b.q, 5) + 0.0))
     return Branches(tuple(out), tries, closed, tries - 1 - last_new, seed, closure.skipped)
 

@@ -298,10 +298,10 @@ def out_of_reach(robot: CheckedModel, targets: Sequence[Target]) -> OutOfReach |
     ends = [(t.name, *_end(robot, t), t.point) for t in targets if t.point is not None]
     worst: OutOfReach | None = None
     for i, (name, joint, offset, point) in enumerate(ends):
-        base = robot.model.joints[_chain(robot, joint)[-1]] if joint else None
+        base = robot.model.joints[_chain(robot, joint)[0]] if joint else None
         found = []
         if base is not None and base.shortname() != "JointModelFreeFlyer":
-            root = _chain(robot, joint)[-1]
+            root = _chain(robot, joint)[0]
             origin = np.array(robot.model.jointPlacements[root].translation)
             longest = _length(robot, [j for j in _chain(robot, joint) if j != root]) + _stroke(robot, root)
             found.append(OutOfReach((name,), float(np.linalg.norm(point - origin)), longest + float(np.linalg.norm(offset))))
@@ -328,12 +328,8 @@ def _end(robot: CheckedModel, target: Target) -> tuple[int, Array]:
 
 
 def _chain(robot: CheckedModel, joint: int) -> list[int]:
-    """The joints from one up to the root of its tree."""
-    out = []
-    while joint:
-        out.append(joint)
-        joint = int(robot.model.parents[joint])
-    return out
+    """The joints from the root of a joint's tree to itself."""
+    return list(robot.model.supports[joint])[1:]
 
 
 def _length(robot: CheckedModel, joints: Sequence[int]) -> float:

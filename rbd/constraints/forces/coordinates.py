@@ -24,7 +24,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, add_wrench, as_vector3, cross_matrix, lazy
+from rbd.arrays import Array, add_wrench, as_vector3, cross_matrix, cross_rows, lazy
 from rbd.errors import InputError
 from rbd.model.checked_model import FARTHEST
 from rbd.model.state import State
@@ -149,7 +149,8 @@ class Pair:
         for lin, ang, _, _ in self._ends(np.zeros(12)):
             beyond_lin, beyond_ang = (lin * v) @ deeper, (ang * v) @ deeper  # of the joints that coordinate i carries
             before = (ang * v) @ ~deeper
-            parts += [_cross(ang, beyond_lin) + _cross(before, lin), _cross(ang, beyond_ang)]
+            turned = cross_rows(ang.T, beyond_lin.T) + cross_rows(before.T, lin.T)
+            parts += [turned.T, cross_rows(ang.T, beyond_ang.T).T]
         return np.concatenate(parts)
 
     def _ends(self, w: Array) -> list[tuple[Array, Array, Array, Array]]:
@@ -163,11 +164,6 @@ def _moving(state: State, place: Place) -> tuple[pin.SE3, Array, Array]:
         return X, np.zeros((6, state.robot.nv)), np.zeros(6)
     X_WP, J, u, _ = state.moving(place.frame, X, pin.LOCAL_WORLD_ALIGNED)
     return X_WP, J, u
-
-
-def _cross(a: Array, b: Array) -> Array:
-    """Products of the columns, shape (3, n)."""
-    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
 
 
 SHORTEST = 1e-9

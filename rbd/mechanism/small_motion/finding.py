@@ -131,17 +131,9 @@ def find_equilibrium(
         True, ...
     """
     robot = checked(state).robot
-    free, torques = _torques(state, tau)
-    start, kept, _ = _started(state.with_velocity(robot.zero_v), fixed, None)
     given = own_or(robot, constraints, loops)
-    positions = np.flatnonzero(~kept)
-    held = tuple(held_together(c) for c in given)
-    search = Search(held, ConstraintManifold.about(start, held), external, positions, np.zeros(0, int), free)
-    found = search.run(start, torques)
-    _check(found, "equilibrium")
-    torques = found.tau
-    if free:
-        torques = hold(found.state, given, external=external).tau
+    found, free = _search(state.with_velocity(robot.zero_v), given, fixed, None, (), tau, external)
+    torques = hold(found.state, given, external=external).tau if free else found.tau
     return _answer(state, found, torques, given, external)
 
 
@@ -188,20 +180,35 @@ def find_steady_motion(
         >>> print(found.state.v.round(6), f"{found.residual < 1e-9}")
         [...] True
     """
-    robot = checked(state).robot
-    free, torques = _torques(state, tau)
-    start, kept, still = _started(state, fixed, speeds)
-    given = own_or(robot, constraints, loops)
+    given = own_or(checked(state).robot, constraints, loops)
     if not isinstance(conditions, list | tuple) or not all(map(callable, conditions)):
         raise InputError(
             f"conditions are {conditions!r:.80}; expected functions of the state, e.g. [lambda state: state.q[2] - 1]."
         )
-    held = tuple(held_together(c) for c in given)
-    manifold = ConstraintManifold.about(start, held)
-    search = Search(held, manifold, external, np.flatnonzero(~kept), np.flatnonzero(~still), free, tuple(conditions))
-    found = search.run(start, torques)
-    _check(found, "steady motion")
+    found, _ = _search(state, given, fixed, {} if speeds is None else speeds, conditions, tau, external)
     return _answer(state, found, found.tau, given, external)
+
+
+def _search(
+    state: State,
+    constraints: Sequence[Constraint],
+    fixed: Mapping[str, object] | None,
+    speeds: Mapping[str, float] | None,
+    conditions: Sequence[Condition],
+    tau: Array | Sequence[float] | str | None,
+    external: External,
+) -> tuple[FoundState, bool]:
+    """(the steady state that the search ends in, whether its torques were free); an equilibrium where `speeds` is None."""
+    free, torques = _torques(state, tau)
+    start, kept, still = _started(state, fixed, speeds)
+    held = tuple(held_together(c) for c in constraints)
+    moving, manifold = np.flatnonzero(~still), ConstraintManifold.about(start, held)
+    search = Search(
+        held, manifold, external, np.flatnonzero(~kept), moving[:0] if speeds is None else moving, free, tuple(conditions)
+    )
+    found = search.run(start, torques)
+    _check(found, "equilibrium" if speeds is None else "steady motion")
+    return found, free
 
 
 def _torques(state: State, tau: Array | Sequence[float] | str | None) -> tuple[bool, Array]:
