@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_float, cross_matrix
-from rbd.constraints.contact_kinematics import Between, OnPlane, Touching, TouchingShapes, joined
+from rbd.constraints.contact_kinematics import Between, OnPlane, Touching, joined
 from rbd.constraints.contact_points import MARGIN, ContactPoints, Measured, Structure
 from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape
 from rbd.constraints.surface import check_state, contact_axes
@@ -124,7 +124,7 @@ class CollisionContacts(Displayed):
         point, axes = np.asarray(plane_on.point), contact_axes(np.asarray(plane_on.normal))
         plane = OnPlane(robot, low, axes, point) if low else None
         first = len(plane.points.body) if plane is not None else 0
-        finder = _Finder(plane, Between(robot, TouchingShapes(robot), both, first) if both else None)
+        finder = _Finder(plane, Between(robot, both, first) if both else None)
         self.__dict__.update(
             name=name, robot=robot, friction=float(friction), facets=int(facets), on=plane_on, margin=margin,
             ground=ground if isinstance(ground, bool) else tuple(ground),
@@ -279,7 +279,7 @@ class CollisionPoints:
 
     def __init__(self, contacts: CollisionContacts) -> None:
         self.contacts = contacts
-        self._numbers, self._count = np.zeros(0, int), 0  # by the contacts' number, -1 before it appears
+        self._numbers: dict[int, int] = {}  # by the contacts' number
         self._seen: dict[bytes, Structure] = {}
 
     def at(self, state: State, t: float) -> Measured:
@@ -298,7 +298,7 @@ class CollisionPoints:
 
     def label(self, number: int) -> str:
         """The name of a point, which begins with its link, by its number in this motion."""
-        return self.contacts._finder.label(int(np.flatnonzero(self._numbers == number)[0]))
+        return self.contacts._finder.label(list(self._numbers)[number])
 
     def _structure(self, points: Array) -> Structure:
         """The same object for the same points."""
@@ -308,18 +308,9 @@ class CollisionPoints:
             if len(self._seen) >= _MOST_STRUCTURES:
                 self._seen.clear()
             contacts, k = self.contacts, len(points)
-            known = self._seen[key] = Structure((contacts.name,) * k, self._own(points), (contacts._cone,) * k)
+            own = tuple(self._numbers.setdefault(n, len(self._numbers)) for n in points.tolist())
+            known = self._seen[key] = Structure((contacts.name,) * k, own, (contacts._cone,) * k)
         return known
-
-    def _own(self, points: Array) -> tuple[int, ...]:
-        """The numbers of points in this motion."""
-        beyond = points.max(initial=-1) + 1 - len(self._numbers)
-        if beyond > 0:
-            self._numbers = np.concatenate([self._numbers, np.full(beyond + len(self._numbers), -1)])
-        new = points[self._numbers.take(points) < 0]
-        self._numbers[new] = self._count + np.arange(len(new))
-        self._count += len(new)
-        return tuple(self._numbers.take(points).tolist())
 
 
 def _made(name: str, robot: CheckedModel, given: dict[str, object]) -> CollisionContacts:

@@ -25,6 +25,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,25 +89,6 @@ def joined(parts: Sequence[Touching], label: Callable[[int], str], nv: int) -> T
     return Touching(numbers, label, positions, axes, gaps, J, velocity, bias)
 
 
-class TouchingShapes:
-    """Motions of bodies by joint index."""
-
-    def __init__(self, robot: CheckedModel) -> None:
-        self._marks: dict[int, tuple[str, pin.SE3]] = {}
-        for frame in robot.frames():
-            joint, X_JF = robot.site(frame)
-            self._marks.setdefault(joint, (frame, X_JF.inverse()))
-        nv = robot.nv
-        self._world = BodyMotion(pin.SE3.Identity(), np.zeros((6, nv)), np.zeros(6), np.zeros(6))
-
-    def at(self, state: State, joint: int) -> BodyMotion:
-        """The motion of a joint's body; the world for joint 0."""
-        if joint == 0:
-            return self._world
-        frame, X_FJ = self._marks[joint]
-        return BodyMotion(*state.moving(frame, X_FJ, pin.LOCAL_WORLD_ALIGNED))
-
-
 _PRECISE = 1e-5
 """Coal's distances are right to this [m], by far."""
 
@@ -119,15 +101,14 @@ class Between:
 
     Args:
         robot: The robot.
-        bodies: Its bodies.
         pairs: The pairs of shapes.
         first_number: Points are numbered from here on, in the order in which their names first occur.
     """
 
-    def __init__(
-        self, robot: CheckedModel, bodies: TouchingShapes, pairs: Sequence[tuple[ConvexShape, ConvexShape]], first_number: int
-    ) -> None:
-        self.bodies, self.pairs, self.model, self.first_number = bodies, tuple(pairs), robot.model, first_number
+    def __init__(self, robot: CheckedModel, pairs: Sequence[tuple[ConvexShape, ConvexShape]], first_number: int) -> None:
+        self.pairs, self.model, self.first_number = tuple(pairs), robot.model, first_number
+        #: A frame of each joint's body, and the joint from there.
+        self._frames = {joint: (frame, X.inverse()) for frame in robot.frames()[::-1] for joint, X in (robot.site(frame),)}
         shapes = list({id(s): s for pair in pairs for s in pair}.values())
         number = {id(s): i for i, s in enumerate(shapes)}
         self.shapes = shapes
@@ -147,12 +128,10 @@ class Between:
         self._gap, self._turned, self._placed = np.full(n, -np.inf), np.zeros((n, 3, 3)), np.zeros((n, 3))
         #: Names so far; of points with the same name at the same time, how many there were before.
         self._known: dict[tuple[str, int], int] = {}
-        self._names: list[str] = []
 
     def another(self) -> Between:
         """The same with data of its own."""
-        out = object.__new__(Between)
-        out.__dict__.update(self.__dict__)
+        out = copy(self)
         out._prepare()
         return out
 
@@ -176,7 +155,7 @@ class Between:
             met = meeting_at(near, one, X[one.joint], other, X[other.joint], margin)
             for joint in (one.joint, other.joint):
                 if joint not in motions:
-                    motions[joint] = self.bodies.at(state, joint)
+                    motions[joint] = self._motion(state, joint)
             numbers = np.array([self._number(at.name, times) for at in met.crossings])
             found.append(_pair(met, (one, other), (motions[one.joint], motions[other.joint]), numbers, self.label))
         return found
@@ -195,15 +174,19 @@ class Between:
 
     def label(self, number: int) -> str:
         """The name of a point."""
-        return self._names[number - self.first_number]
+        return list(self._known)[number - self.first_number][0]
+
+    def _motion(self, state: State, joint: int) -> BodyMotion:
+        """The motion of a joint's body; the world for joint 0."""
+        if joint == 0:
+            return BodyMotion(pin.SE3.Identity(), np.zeros((6, len(state.v))), np.zeros(6), np.zeros(6))
+        frame, X_FJ = self._frames[joint]
+        return BodyMotion(*state.moving(frame, X_FJ, pin.LOCAL_WORLD_ALIGNED))
 
     def _number(self, name: str, times: Counter[str]) -> int:
         key = name, times[name]
         times[name] += 1
-        number = self._known.setdefault(key, self.first_number + len(self._names))
-        if number == self.first_number + len(self._names):
-            self._names.append(name)
-        return number
+        return self._known.setdefault(key, self.first_number + len(self._known))
 
 
 def _pair(
@@ -332,8 +315,8 @@ class OnPlane:
 
     def another(self) -> OnPlane:
         """The same with data of its own."""
-        out = object.__new__(OnPlane)
-        out.__dict__.update(self.__dict__ | {"points": self.points.another()})
+        out = copy(self)
+        out.points = self.points.another()
         out._prepare()
         return out
 

@@ -12,8 +12,6 @@ from __future__ import annotations
 from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
-from itertools import repeat
-from operator import is_
 from typing import Any, Protocol, TypeAlias
 
 import numpy as np
@@ -104,12 +102,9 @@ class Structure:
     normals: Array = field(init=False)
 
     def __post_init__(self) -> None:
-        if len(self.cones) and all(map(is_, self.cones, repeat(self.cones[0]))):
-            sets, which = self.cones[:1], np.zeros(len(self.cones), int)
-        else:
-            different = {id(c): c for c in self.cones}
-            place = {key: i for i, key in enumerate(different)}
-            sets, which = tuple(different.values()), np.array([place[id(c)] for c in self.cones], int)
+        different = {id(c): c for c in self.cones}
+        place = {key: i for i, key in enumerate(different)}
+        sets, which = tuple(different.values()), np.array([place[id(c)] for c in self.cones], int)
         widths = np.array([c.dim for c in sets], int)[which]
         for name, value in (("sets", sets), ("which", which), ("widths", widths), ("normals", np.cumsum(widths) - 1)):
             object.__setattr__(self, name, value)
