@@ -17,10 +17,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from rbd.answers.analysis.active_set import ActiveSet, HeldRows
 from rbd.arrays import Array, as_array, largest_first
 from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
@@ -107,32 +108,6 @@ class ParameterDerivatives(Displayed):
         return f"ParameterDerivatives({self})"
 
 
-class AnswerEquations(Protocol):
-    """Protocol: the equations of an answer, `HeldRows` or `ActiveSet`."""
-
-    def derivative(self, r: Array, c: Array, u: Array) -> tuple[Array, Array]:
-        """(da, df) by changes of forces and rows."""
-
-    def by_friction(self, names: Sequence[str]) -> tuple[Array, Array]:
-        """(da, df) by friction coefficients."""
-
-    @property
-    def internal(self) -> Array:
-        """Row forces that cause no motion, shape (m, d)."""
-
-
-class ParameterOrigin(Protocol):
-    """Protocol: what a problem was assembled from."""
-
-    @property
-    def state(self) -> State:
-        """The robot at (q, v)."""
-
-    @property
-    def external(self) -> External:
-        """External forces."""
-
-
 def checked_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
     """Names of parameters, each once.
 
@@ -150,14 +125,15 @@ def checked_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
 
 
 def by_parameter(
-    name: str, origin: ParameterOrigin, answer: Answer, equations: AnswerEquations, not_unique: Sequence[str]
+    name: str, state: State, external: External, answer: Answer, equations: HeldRows | ActiveSet, not_unique: Sequence[str]
 ) -> ParameterDerivatives:
     """Derivatives of an answer by one kind of parameter.
 
     Args:
         name: A member of `PARAMETERS`.
-        origin: What the problem was assembled from.
-        answer: Its answer.
+        state: The robot at (q, v).
+        external: External forces.
+        answer: The answer there.
         equations: Those of the answer, factorised.
         not_unique: Constraints whose forces are not unique.
 
@@ -170,7 +146,7 @@ def by_parameter(
         labels = tuple(r.name for r in P.rows if any(getattr(part, "mu", 0.0) for part in r.cone.generators()[1]))
         da, df = equations.by_friction(labels)
     else:
-        columns = _added_forces(name, origin, answer)
+        columns = _added_forces(name, state, external, answer.a)
         labels = tuple(columns)
         force = np.column_stack([np.zeros((P.nv, 0)), *columns.values()])
         da, df = equations.derivative(force, *[np.zeros((P.m, len(labels)))] * 2)
@@ -181,9 +157,8 @@ def by_parameter(
     return ParameterDerivatives(name, labels, da, None if equations.internal.size else df, forces)
 
 
-def _added_forces(name: str, origin: ParameterOrigin, answer: Answer) -> dict[str, Array]:
+def _added_forces(name: str, state: State, external: External, a: Array) -> dict[str, Array]:
     """{label: generalised force that a unit of the parameter adds at fixed a and f, shape (nv,)}."""
-    state, a = origin.state, answer.a
     robot = state.robot
     if name in ("mass", "inertia"):
         columns = -inertia_columns(state, a)
@@ -197,13 +172,13 @@ def _added_forces(name: str, origin: ParameterOrigin, answer: Answer) -> dict[st
     if name == "gravity":
         return dict(zip("xyz", state.centroidal()[0][:3], strict=True))
     out: dict[str, Array] = {}
-    for element in elements_of(origin.external):
+    for element in elements_of(external):
         for label, force in _of_element(element, state, name).items():
             if label in out:
                 raise InputError(f"two force elements are named {label!r:.80}; give each its own name.")
             out[label] = force
     if not out:
-        names = [element.name for element in elements_of(origin.external)]
+        names = [element.name for element in elements_of(external)]
         raise InputError(
             f"no {name} to differentiate by: external has {', '.join(names) or 'no springs or dampers'}. Give force elements "
             f"that have one, e.g. external=[rbd.JointSpring('knee', {name}=...)]."

@@ -145,7 +145,7 @@ class StateOrigin:
         found = chain.derivatives()
         if not asked:
             return found
-        by = {name: by_parameter(name, self, answer, chain.active, found.not_unique) for name in asked}
+        by = {name: by_parameter(name, self.state, self.external, answer, chain.active, found.not_unique) for name in asked}
         return replace(found, parameters=by)
 
     def __reduce__(self) -> tuple[type[LeftBehind], tuple[()]]:
