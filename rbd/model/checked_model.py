@@ -22,7 +22,7 @@ from rbd.errors import FrameNotFound, InputError, ModelError, nearest
 from rbd.installation import check_whole
 from rbd.model.data_pool import DataPool
 from rbd.model.joint_table import Joints
-from rbd.model.joints import FORCE_OF, UNIT_TOLERANCE, Coordinate, normalise
+from rbd.model.joints import FORCE_OF, ROUNDED, UNIT_TOLERANCE, Coordinate, normalise
 from rbd.model.motors import Motor, Motors, TorqueLines, checked_motors, motors_of_plain, put_motors, torque_use
 from rbd.model.pickling import Recipe, Travelling, packed, unpacked
 from rbd.model.world import Plane, base_turn, checked_gravity, plane_of_base
@@ -272,14 +272,16 @@ class CheckedModel(Travelling, Displayed):
         q = self._vector("q", q, self.nq, "nq", FARTHEST)
         blocks = self._unit_blocks if self._circles is None or not self._put_on_circles(q, self._circles) else self._spheres
         for begin, end in blocks:
-            normalise(f"q[{begin}:{end}]", q[begin:end])
+            block = q[begin:end]
+            if not abs(math.hypot(*block.tolist()) - 1.0) <= ROUNDED:
+                normalise(f"q[{begin}:{end}]", block)
         return q
 
     def _has_state(self, q: Array, v: Array) -> bool:
         """Whether arrays of the right sizes are a checked configuration and velocity, to rounding: a quick test."""
         if not (q.dot(q) < FARTHEST * FARTHEST and v.dot(v) < FARTHEST * FARTHEST):
             return False
-        return all([abs(math.hypot(*q[begin:end].tolist()) - 1.0) <= 4e-16 for begin, end in self._unit_blocks])
+        return all([abs(math.hypot(*q[begin:end].tolist()) - 1.0) <= ROUNDED for begin, end in self._unit_blocks])
 
     def check_v(self, v: Array, what: str = "v") -> Array:
         """A velocity, an acceleration or a generalised force, copied, shape (nv,).
@@ -306,7 +308,7 @@ class CheckedModel(Travelling, Displayed):
         off = np.abs(norms - 1.0)
         if not off.max() <= UNIT_TOLERANCE:
             return False
-        far = off > 4e-16  # two roundings
+        far = off > ROUNDED
         q[circles[:, far]] = points[:, far] / norms[far]
         return True
 

@@ -8,7 +8,7 @@ from typing import Protocol, TypeAlias, TypeGuard
 
 import numpy as np
 
-from rbd.arrays import Array, add_wrench, as_array, as_finite, as_vector3
+from rbd.arrays import Array, add_wrench, as_array, as_finite, as_vector3, is_finite
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_different
@@ -171,8 +171,8 @@ def applied(element: ForceElement, state: State) -> tuple[Array, Array]:
         raise InputError(f"generalised(state) of {element.name!r:.80} is {found!r:.80}; expected (tau (nv,), wrench (6,)).")
     parts = []
     for what, value, size in (("tau", found[0], state.robot.nv), ("wrench", found[1], 6)):
-        what = f"{what} of {element.name!r:.80}"
-        parts.append(as_finite(what, value, (size,)))
+        sound = type(value) is np.ndarray and value.dtype == float and value.shape == (size,) and is_finite(value)
+        parts.append(value if sound else as_finite(f"{what} of {element.name!r:.80}", value, (size,)))
     return parts[0], parts[1]
 
 

@@ -16,6 +16,8 @@ from rbd.model.world import TURN_RATES, Plane, plane_of_base
 
 UNIT_TOLERANCE = 1e-6
 """How far a quaternion's norm may be from one before it is refused."""
+ROUNDED = 4e-16
+"""A norm this near to one is one: two roundings."""
 
 
 def normalise(what: str, block: Array) -> None:
@@ -31,7 +33,7 @@ def normalise(what: str, block: Array) -> None:
             f"{what} has the {kind} {np.round(block, 9).tolist()} of norm {norm:.9g}; expected norm 1 to {UNIT_TOLERANCE:g}. "
             "Divide it by its norm, or build q with robot.model's pinocchio.integrate."
         )
-    if abs(norm - 1.0) > 4e-16:  # two roundings
+    if abs(norm - 1.0) > ROUNDED:
         block /= norm
 
 
