@@ -59,8 +59,8 @@ def main(show: bool = True) -> Result:
     path = solve_ivp(rate, (0.0, 2.0), np.concatenate([START, np.zeros(2)]), "DOP853", times, rtol=1e-12, atol=1e-12).y.T
     robot = rbd.planar.to_robot(rods)
     coordinates = rbd.planar.robot_coordinates(metre)
-    way = rbd.simulate(robot.at(coordinates.to_robot(START)), duration=2.0, step=5e-4)
-    by_robot = coordinates.from_robot(way.q[::20])
+    way = rbd.simulate(robot.at(coordinates(START)), duration=2.0, step=5e-4)
+    by_robot = coordinates.inverse(way.q[::20])
     energy = rods.function(rods.energy)(path[:, :2], path[:, 2:])
     print(f"Two rods of 1 m and 1 kg, released at ({', '.join(f'{x:.0f}' for x in np.degrees(START))}) deg from the vertical:")
     for k in (0, 50, 100, 150, 200):

@@ -283,8 +283,8 @@ def problem_4() -> Path:
     plane(sketch, "angles from the downward vertical")
     rods = rbd.planar.dynamics(pendulum, bodies="rods", masses=(1, 1), gravity=9.81)
     coordinates = rbd.planar.robot_coordinates(pendulum)
-    way = rbd.simulate(rbd.planar.to_robot(rods).at(coordinates.to_robot(np.radians([60.0, 60.0]))), duration=0.9, step=1e-3)
-    plot_sticks(swing, pendulum, coordinates.from_robot(way.q), count=10)
+    way = rbd.simulate(rbd.planar.to_robot(rods).at(coordinates(np.radians([60.0, 60.0]))), duration=0.9, step=1e-3)
+    plot_sticks(swing, pendulum, coordinates.inverse(way.q), count=10)
     swing.set_title("released at 60°, 0.1 s apart", loc="left")
     return save(figure, "planar_problem_4")
 

@@ -25,7 +25,7 @@ from rbd.planar.kinematics import Split, jacobian
 from rbd.planar.numeric import Ellipse
 from rbd.planar.path_following import InversePath, MinimumJerk, Peaks, inverse_path, minimum_jerk
 from rbd.planar.planned_motion import PlanarMotion, endpoint_motion, joint_motion
-from rbd.planar.robot_file import RobotCoordinates, robot_coordinates, to_robot, to_urdf
+from rbd.planar.robot_file import robot_coordinates, to_robot, to_urdf
 
 __all__ = [
     "AngleMap",
@@ -42,7 +42,6 @@ __all__ = [
     "PlanarModes",
     "Peaks",
     "PlanarMotion",
-    "RobotCoordinates",
     "Split",
     "classify",
     "constrained",

@@ -107,6 +107,17 @@ class AngleMap(Displayed):
             return self.matrix * self._column(values)
         return samples("angles", values, self.matrix.rows) @ self.floats[0].T
 
+    def forces(self, values: Any) -> Array:
+        """Generalised forces in the other convention [N m], A^-T tau: their power is the same.
+
+        Args:
+            values: Forces of the angles given, as motor torques, shape (n,) or (samples, n).
+
+        Raises:
+            InputError: on another shape, or numbers that are not finite.
+        """
+        return samples("tau", values, self.matrix.rows) @ self.inverse.floats[0]
+
     @lazy
     def floats(self) -> tuple[Array, Array]:
         """The matrix (n, n) and the offset (n,) [rad] as arrays."""

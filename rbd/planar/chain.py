@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -20,11 +21,13 @@ from rbd.arrays import Array, as_float, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.planar import expressions
-from rbd.planar.angles import JOINT, AngleMap, Symbols, angle_map, check_convention
+from rbd.planar.angles import JOINT, AngleMap, Symbols, angle_map, check_convention, to_segments
 from rbd.planar.expressions import Compiled, compile_expression
-from rbd.planar.kinematics import Links, Split
+from rbd.planar.kinematics import Split, check_joint, total, unit_rate
 from rbd.planar.numeric import ChainNumbers, Ellipse
 
+MOST_MINORS = 6
+"""Links up to which a determinant is written in sines of angles between links."""
 MOST_LINKS = 50
 """Largest number of links; expressions of longer chains fill pages."""
 SHORTEST, LONGEST = 1e-30, 1e30
@@ -99,11 +102,13 @@ class Chain(Displayed):
     @lazy
     def segment_angles(self) -> Symbols:
         """Angle of every link from x [rad], shape (n, 1): psi = A q + b, see `rbd.planar.angles`."""
-        return self._links.psi
+        matrix, offset = to_segments(self.n, self.angles)
+        return (matrix * self.q + offset).as_immutable()
 
     @lazy
-    def _links(self) -> Links:
-        return Links(self.lengths, self.q, self.angles)
+    def _moved_by(self) -> Symbols:
+        """A of psi = A q + b, shape (n, n): which angles turn which link."""
+        return to_segments(self.n, self.angles)[0]
 
     @property
     def is_numeric(self) -> bool:
@@ -150,59 +155,121 @@ class Chain(Displayed):
 
     def position(self, i: int | None = None) -> Symbols:
         """Position of joint i [m], shape (2, 1): r = sum_k ell_k (cos psi_k, sin psi_k) over the links before it."""
-        return self._links.motion(i, 0)
+        return self._motion(i, 0)
 
     def velocity(self, i: int | None = None) -> Symbols:
         """Velocity of joint i by differentiation [m/s], shape (2, 1), one term per link."""
-        return self._links.motion(i, 1)
+        return self._motion(i, 1)
 
     def acceleration(self, i: int | None = None) -> Symbols:
         """Acceleration of joint i by differentiation [m/s^2], shape (2, 1), one term per link."""
-        return self._links.motion(i, 2)
+        return self._motion(i, 2)
 
     def jerk(self, i: int | None = None) -> Symbols:
         """Jerk of joint i by differentiation [m/s^3], shape (2, 1), one term per link."""
-        return self._links.motion(i, 3)
+        return self._motion(i, 3)
 
     def jacobian(self, i: int | None = None) -> Symbols:
         """Jacobian J of joint i [m], shape (2, n): J[a, j] = d r_a / d theta_j, so that v = J qd."""
-        return self._links.jacobian(i, 0)
+        return self._jacobian(i, 0)
 
     def jacobian_rate(self, i: int | None = None) -> Symbols:
         """Time derivative of the Jacobian of joint i [m/s], shape (2, n)."""
-        return self._links.jacobian(i, 1)
+        return self._jacobian(i, 1)
 
     def velocity_by_jacobian(self, i: int | None = None) -> Symbols:
         """J qd [m/s], shape (2, 1): the velocity again, its terms grouped by angle."""
-        return self._links.by_jacobian(i, 1)
+        return self._by_jacobian(i, 1)
 
     def acceleration_by_jacobian(self, i: int | None = None) -> Symbols:
         """Jd qd + J qdd [m/s^2], shape (2, 1): the acceleration again, its terms grouped by angle."""
-        return self._links.by_jacobian(i, 2)
+        return self._by_jacobian(i, 2)
 
     def jerk_by_jacobian(self, i: int | None = None) -> Symbols:
         """Jdd qd + 2 Jd qdd + J qddd [m/s^3], shape (2, 1): the jerk again, its terms grouped by angle."""
-        return self._links.by_jacobian(i, 3)
+        return self._by_jacobian(i, 3)
 
     def determinant(self) -> sympy.Expr:
         """Determinant of the end-point Jacobian, or of J J^T; zero where it is singular.
 
         Two links: det J = ell_1 ell_2 sin theta_2 [m^2]. More: det(J J^T) [m^4], the sum of its squared 2 x 2 minors. One
         link: det(J^T J) = ell_1^2 [m^2], since J J^T of a column is always singular.
+
+        A minor of columns i < j is sum ell_k ell_l sin(psi_l - psi_k), over the pairs of a link k that joint i moves and
+        a link l that joint j moves; pairs that both joints move cancel. By Cauchy and Binet det(J J^T) is the sum of their
+        squares. Their number grows with n^4; beyond 6 links it is left as |J_x|^2 |J_y|^2 - (J_x . J_y)^2, the rows of J.
         """
-        return self._links.determinant()
+        if self.n == 1:
+            return self.lengths[0] ** 2
+        if self.n > MOST_MINORS:
+            J = self.jacobian()
+            xx, yy, xy = (sympy.Add(*(J[a, j] * J[b, j] for j in range(self.n))) for a, b in ((0, 0), (1, 1), (0, 1)))
+            return xx * yy - xy**2
+        minors = [self._minor(i, j) for i, j in combinations(range(self.n), 2)]
+        return minors[0] if self.n == 2 else sympy.Add(*(minor**2 for minor in minors))
 
     def singular_configurations(self) -> tuple[sympy.Eq, ...]:
         """Conditions that make the end-point Jacobian lose rank, all of them at once: every link on one line.
 
-        sin(psi_{k+1} - psi_k) = 0 for k = 1..n-1: each link continues the one before it or folds back on it. A single link
-        has none: its end point always moves along the circle.
+        sin(psi_{k+1} - psi_k) = 0 for k = 1..n-1: each link continues the one before it or folds back on it, since
+        J = [ell_k (-sin, cos)(psi_k)] A with A invertible has the rank of the links' directions. A single link has none: its
+        end point always moves along the circle.
         """
-        return self._links.singular_configurations()
+        psi = self.segment_angles
+        return tuple(sympy.Eq(sympy.sin(psi[k + 1] - psi[k]), 0) for k in range(self.n - 1))
 
     def split(self, i: int | None = None) -> Split[Symbols]:
         """Acceleration of joint i in tangential, centripetal and Coriolis parts [m/s^2]; see `rbd.planar.kinematics`."""
-        return self._links.split(i)
+        last, moved_by, qd = check_joint(self.n, i), self._moved_by, self.qd
+        inward = [-vector for vector in self._segments(0)[:last]]
+
+        def second_derivative(j: int, k: int) -> Symbols:
+            return total([vector for m, vector in enumerate(inward) if moved_by[m, j] and moved_by[m, k]])
+
+        return Split(
+            tangential=self.jacobian(last) * self.qdd,
+            centripetal=total([second_derivative(j, j) * qd[j] ** 2 for j in range(self.n)]),
+            coriolis=total([second_derivative(j, k) * (2 * qd[j] * qd[k]) for j, k in combinations(range(self.n), 2)]),
+            angles=self.angles,
+        )
+
+    def _segments(self, order: int, *, turned: bool = False) -> list[Symbols]:
+        """What every link adds: the `order`-th time derivative of ell_k (cos, sin)(psi_k), one (2, 1) per link.
+
+        Turned, of ell_k (-sin, cos)(psi_k), its derivative by psi_k.
+        """
+        unit, names = unit_rate(order, turned)
+        out = []
+        for length, psi in zip(self.lengths, self.segment_angles, strict=True):
+            rates = [psi.diff(self.t, k) if k else psi for k in range(order + 1)]
+            out.append(length * unit.xreplace(dict(zip(names, rates, strict=False))))
+        return out
+
+    def _motion(self, i: int | None, order: int) -> Symbols:
+        """Position of joint i (order 0), velocity (1), acceleration (2) or jerk (3), shape (2, 1) [m, m/s, ...]."""
+        return total(self._segments(order)[: check_joint(self.n, i)])
+
+    def _jacobian(self, i: int | None, order: int) -> Symbols:
+        """Jacobian of joint i (order 0) or its first or second time derivative, shape (2, n).
+
+        Column j is sum_k A_kj ell_k (-sin, cos)(psi_k), as psi = A q + b.
+        """
+        last = check_joint(self.n, i)
+        turned = self._segments(order, turned=True)
+        columns = [total([turned[k] for k in range(last) if self._moved_by[k, j]]) for j in range(self.n)]
+        return sympy.ImmutableMatrix(sympy.Matrix.hstack(*columns))
+
+    def _by_jacobian(self, i: int | None, order: int) -> Symbols:
+        """The derivatives of J qd by Leibniz's rule: velocity, acceleration or jerk of joint i, shape (2, 1)."""
+        rates = (self.qd, self.qdd, self.qddd)
+        terms = [sympy.binomial(order - 1, k) * self._jacobian(i, k) * rates[order - 1 - k] for k in range(order)]
+        return total(terms)
+
+    def _minor(self, i: int, j: int) -> sympy.Expr:
+        psi, ell, moved_by = self.segment_angles, self.lengths, self._moved_by
+        first = [k for k in range(self.n) if moved_by[k, i] and not moved_by[k, j]]
+        second = [k for k in range(self.n) if moved_by[k, j]]
+        return sympy.Add(*(ell[k] * ell[m] * sympy.sin(psi[m] - psi[k]) for k in first for m in second))
 
     # Numbers and formulas
 

@@ -25,21 +25,17 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from functools import lru_cache
-from itertools import combinations
 from typing import Any, Generic, TypeVar
 
 import numpy as np
 import sympy
-from sympy.physics.mechanics import dynamicsymbols
 
-from rbd.arrays import Array, lazy
+from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.planar import expressions
-from rbd.planar.angles import JOINT, Symbols, to_segments
+from rbd.planar.angles import JOINT, Symbols
 
-MOST_MINORS = 6
-"""Links up to which a determinant is written in sines of angles between links."""
 EXAMPLE = "jacobian([x**2 * y, 5*x + sympy.sin(y)], [x, y])"
 Value = TypeVar("Value", Symbols, Array)
 
@@ -100,128 +96,8 @@ class Split(Generic[Value], Displayed):
         return expressions.in_dollars(expressions.latex(self))
 
 
-@dataclass(frozen=True, eq=False)
-class Links:
-    """Links hinged end to end, the first at the origin, in symbols.
-
-    Attributes:
-        lengths: ell_k [m].
-        q: Their angles theta_k(t), shape (n, 1) [rad].
-        angles: How they are measured; see `rbd.planar.angles`.
-    """
-
-    lengths: tuple[sympy.Expr, ...]
-    q: Symbols
-    angles: str
-
-    @property
-    def n(self) -> int:
-        """Number of links."""
-        return len(self.lengths)
-
-    @lazy
-    def moved_by(self) -> Symbols:
-        """A of psi = A q + b, shape (n, n): which angles turn which link."""
-        return to_segments(self.n, self.angles)[0]
-
-    @lazy
-    def psi(self) -> Symbols:
-        """Angle of every link from x, psi = A q + b, shape (n, 1) [rad]."""
-        matrix, offset = to_segments(self.n, self.angles)
-        return (matrix * self.q + offset).as_immutable()
-
-    def rate(self, order: int) -> Symbols:
-        """The `order`-th time derivative of the angles q, shape (n, 1)."""
-        return self.q.diff(dynamicsymbols._t, order)
-
-    def segment_vectors(self, order: int, *, turned: bool = False) -> list[Symbols]:
-        """What every link adds: the `order`-th time derivative of ell_k (cos, sin)(psi_k), one (2, 1) per link.
-
-        Turned, of ell_k (-sin, cos)(psi_k), its derivative by psi_k.
-        """
-        unit, names = _unit(order, turned)
-        out = []
-        for length, psi in zip(self.lengths, self.psi, strict=True):
-            rates = [psi.diff(dynamicsymbols._t, k) if k else psi for k in range(order + 1)]
-            out.append(length * unit.xreplace(dict(zip(names, rates, strict=False))))
-        return out
-
-    def motion(self, i: int | None, order: int) -> Symbols:
-        """Position of joint i (order 0), velocity (1), acceleration (2) or jerk (3), shape (2, 1) [m, m/s, ...].
-
-        Raises:
-            InputError: if i is not in 0..n; also below.
-        """
-        return _total(self.segment_vectors(order)[: check_joint(self.n, i)])
-
-    def jacobian(self, i: int | None, order: int = 0) -> Symbols:
-        """Jacobian of joint i (order 0) or its first or second time derivative, shape (2, n).
-
-        Column j is sum_k A_kj ell_k (-sin, cos)(psi_k), as psi = A q + b.
-        """
-        last = check_joint(self.n, i)
-        turned = self.segment_vectors(order, turned=True)
-        columns = [_total([turned[k] for k in range(last) if self.moved_by[k, j]]) for j in range(self.n)]
-        return sympy.ImmutableMatrix(sympy.Matrix.hstack(*columns))
-
-    def by_jacobian(self, i: int | None, order: int) -> Symbols:
-        """Velocity J qd, acceleration Jd qd + J qdd, or jerk Jdd qd + 2 Jd qdd + J qddd of joint i, shape (2, 1).
-
-        Leibniz's rule for the derivatives of J qd.
-        """
-        terms = []
-        for k in range(order):
-            terms.append(sympy.binomial(order - 1, k) * self.jacobian(i, k) * self.rate(order - k))
-        return _total(terms)
-
-    def split(self, i: int | None) -> Split[Symbols]:
-        """The acceleration of joint i in its three parts, in symbols [m/s^2]."""
-        last, qd = check_joint(self.n, i), self.rate(1)
-        turned_again = [-vector for vector in self.segment_vectors(0)[:last]]
-
-        def second_derivative(j: int, k: int) -> Symbols:
-            return _total([vector for m, vector in enumerate(turned_again) if self.moved_by[m, j] and self.moved_by[m, k]])
-
-        return Split(
-            tangential=self.jacobian(last) * self.rate(2),
-            centripetal=_total([second_derivative(j, j) * qd[j] ** 2 for j in range(self.n)]),
-            coriolis=_total([second_derivative(j, k) * (2 * qd[j] * qd[k]) for j, k in combinations(range(self.n), 2)]),
-            angles=self.angles,
-        )
-
-    def determinant(self) -> sympy.Expr:
-        """The determinant of J for two links, det(J J^T) of more, det(J^T J) of one; zero where the chain is singular.
-
-        A 2 x 2 minor of columns i < j is sum ell_k ell_l sin(psi_l - psi_k), over the pairs of a link k that joint i moves and
-        a link l that joint j moves; pairs that both joints move cancel. By Cauchy and Binet det(J J^T) is the sum of their
-        squares. Their number grows with n^4; beyond 6 links it is left as |J_x|^2 |J_y|^2 - (J_x . J_y)^2, the rows of J.
-        """
-        if self.n == 1:
-            return self.lengths[0] ** 2
-        if self.n > MOST_MINORS:
-            J = self.jacobian(None)
-            xx, yy, xy = (sympy.Add(*(J[a, j] * J[b, j] for j in range(self.n))) for a, b in ((0, 0), (1, 1), (0, 1)))
-            return xx * yy - xy**2
-        minors = [self._minor(i, j) for i, j in combinations(range(self.n), 2)]
-        return minors[0] if self.n == 2 else sympy.Add(*(minor**2 for minor in minors))
-
-    def _minor(self, i: int, j: int) -> sympy.Expr:
-        psi, ell, moved_by = self.psi, self.lengths, self.moved_by
-        first = [k for k in range(self.n) if moved_by[k, i] and not moved_by[k, j]]
-        second = [k for k in range(self.n) if moved_by[k, j]]
-        return sympy.Add(*(ell[k] * ell[m] * sympy.sin(psi[m] - psi[k]) for k in first for m in second))
-
-    def singular_configurations(self) -> tuple[sympy.Eq, ...]:
-        """sin(psi_{k+1} - psi_k) = 0 for every neighbouring pair: all links on one line, stretched or folded.
-
-        J = [ell_k (-sin, cos)(psi_k)] A with A invertible, so its rank is that of the segments' directions.
-        """
-        psi = self.psi
-        return tuple(sympy.Eq(sympy.sin(psi[k + 1] - psi[k]), 0) for k in range(self.n - 1))
-
-
 @lru_cache(maxsize=8)
-def _unit(order: int, turned: bool) -> tuple[Symbols, tuple[sympy.Expr, ...]]:
+def unit_rate(order: int, turned: bool) -> tuple[Symbols, tuple[sympy.Expr, ...]]:
     """Derivative of the unit vector of a segment, or of that vector turned by 90 degrees, in symbols to be replaced.
 
     (cos, sin)(psi(t)) is differentiated `order` times and its rates collected as factors of the sine and the cosine.
@@ -235,7 +111,7 @@ def _unit(order: int, turned: bool) -> tuple[Symbols, tuple[sympy.Expr, ...]]:
     return flat.applyfunc(lambda x: sympy.collect(sympy.expand(x), sides)).as_immutable(), names
 
 
-def _total(vectors: list[Symbols]) -> Symbols:
+def total(vectors: list[Symbols]) -> Symbols:
     """Sum of vectors (2, 1), the zero vector if there are none: summed at once, as SymPy's `+` copies what it has."""
     return sympy.ImmutableMatrix([sympy.Add(*(vector[axis] for vector in vectors)) for axis in range(2)])
 

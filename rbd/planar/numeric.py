@@ -1,7 +1,8 @@
 """A chain's motion in numbers, for many samples at once: linear in the number of links, no symbols.
 
-Written from the structure, as the recursion over segments: absolute rates are running sums of joint rates, one sine and one
-cosine per segment, and every sum over links is a product with the lengths. Samples go in blocks, links along the first axis.
+Written from the structure, as the recursion over segments, points as complex numbers x + i y: a segment is ell e^(i psi), its
+absolute rates are running sums of joint rates, and every sum over links is a product with the lengths. Samples go in blocks,
+links along the first axis.
 What it computes equals the symbols of `rbd.planar.kinematics`; a test compares them.
 
 How freely the end point moves in each direction, how strongly it pushes: joint velocities of |qd| <= 1 rad/s make end-point
@@ -32,7 +33,6 @@ ROUND_OFF = 8 * float(np.finfo(float).eps)
 """A point this near an edge of what the chain can reach, relative to its length, is on it: the point is no more accurate."""
 CELLS = 8192
 """Numbers per array of a block: a dozen of them stay in the cache."""
-Block = Callable[..., Array]
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,105 +136,46 @@ class ChainNumbers:
 
     def positions(self, q: Any) -> Array:
         """Positions of all joints from the base to the end point [m], shape (n + 1, 2) or (samples, n + 1, 2)."""
-        n = self.n
-
-        def block(out: Array, q: Array) -> None:
-            s, c = self._directions(q)
-            out[:, 0] = 0.0
-            out[:, 1:, 0] = _running(self.ell[:, None] * c).T
-            out[:, 1:, 1] = _running(self.ell[:, None] * s).T
-
-        return self._run(block, (n + 1, 2), (q,))
+        ends = np.tril(np.ones((self.n + 1, self.n)), -1) * self.ell  # which links lead to which joint
+        return self._run(lambda q: ends @ self._directions(q), (q,))
 
     def position(self, q: Any, i: int | None = None) -> Array:
         """Position of joint i [m], shape (2,) or (samples, 2)."""
-        ell = self._up_to(i)
-
-        def block(out: Array, q: Array) -> None:
-            s, c = self._directions(q)
-            out[:, 0], out[:, 1] = ell @ c, ell @ s
-
-        return self._run(block, (2,), (q,))
+        return self._motion(i, q)
 
     def velocity(self, q: Any, qd: Any, i: int | None = None) -> Array:
         """Velocity of joint i [m/s], shape (2,) or (samples, 2)."""
-        ell = self._up_to(i)
-
-        def block(out: Array, q: Array, qd: Array) -> None:
-            s, c = self._directions(q)
-            w = self._rates(qd)
-            out[:, 0], out[:, 1] = -(ell @ (w * s)), ell @ (w * c)
-
-        return self._run(block, (2,), (q, qd))
+        return self._motion(i, q, qd)
 
     def acceleration(self, q: Any, qd: Any, qdd: Any, i: int | None = None) -> Array:
         """Acceleration of joint i [m/s^2], shape (2,) or (samples, 2)."""
-        ell = self._up_to(i)
-
-        def block(out: Array, q: Array, qd: Array, qdd: Array) -> None:
-            s, c = self._directions(q)
-            w2, alpha = self._rates(qd) ** 2, self._rates(qdd)
-            out[:, 0], out[:, 1] = -(ell @ (alpha * s + w2 * c)), ell @ (alpha * c - w2 * s)
-
-        return self._run(block, (2,), (q, qd, qdd))
+        return self._motion(i, q, qd, qdd)
 
     def jerk(self, q: Any, qd: Any, qdd: Any, qddd: Any, i: int | None = None) -> Array:
         """Jerk of joint i [m/s^3], shape (2,) or (samples, 2)."""
-        ell = self._up_to(i)
-
-        def block(out: Array, q: Array, qd: Array, qdd: Array, qddd: Array) -> None:
-            s, c = self._directions(q)
-            w = self._rates(qd)
-            along, across = 3.0 * w * self._rates(qdd), self._rates(qddd) - w * w * w  # NumPy's w**3 is fifty times as slow
-            out[:, 0], out[:, 1] = -(ell @ (along * c + across * s)), ell @ (across * c - along * s)
-
-        return self._run(block, (2,), (q, qd, qdd, qddd))
+        return self._motion(i, q, qd, qdd, qddd)
 
     def jacobian(self, q: Any, i: int | None = None) -> Array:
         """Jacobian of joint i [m], shape (2, n) or (samples, 2, n): v = J qd."""
-        ell = self._up_to(i)[:, None]
-
-        def block(out: Array, q: Array) -> None:
-            s, c = self._directions(q)
-            out[:, 0], out[:, 1] = self._columns(-ell * s).T, self._columns(ell * c).T
-
-        return self._run(block, (2, self.n), (q,))
+        return self._slope(i, q)
 
     def jacobian_rate(self, q: Any, qd: Any, i: int | None = None) -> Array:
         """Time derivative of the Jacobian of joint i [m/s], shape (2, n) or (samples, 2, n)."""
-        ell = self._up_to(i)[:, None]
-
-        def block(out: Array, q: Array, qd: Array) -> None:
-            s, c = self._directions(q)
-            w = ell * self._rates(qd)
-            out[:, 0], out[:, 1] = self._columns(-w * c).T, self._columns(-w * s).T
-
-        return self._run(block, (2, self.n), (q, qd))
+        return self._slope(i, q, qd)
 
     def jacobian_second_rate(self, q: Any, qd: Any, qdd: Any, i: int | None = None) -> Array:
         """Second time derivative of the Jacobian of joint i [m/s^2], shape (2, n) or (samples, 2, n)."""
-        ell = self._up_to(i)[:, None]
-
-        def block(out: Array, q: Array, qd: Array, qdd: Array) -> None:
-            s, c = self._directions(q)
-            along, across = ell * self._rates(qdd), ell * self._rates(qd) ** 2
-            out[:, 0], out[:, 1] = self._columns(across * s - along * c).T, self._columns(-along * s - across * c).T
-
-        return self._run(block, (2, self.n), (q, qd, qdd))
+        return self._slope(i, q, qd, qdd)
 
     def split(self, q: Any, qd: Any, qdd: Any, i: int | None = None) -> Split[Array]:
         """Acceleration of joint i in its three parts [m/s^2], each of shape (2,) or (samples, 2)."""
         ell = self._up_to(i)
 
-        def block(out: Array, q: Array, qd: Array, qdd: Array) -> None:
-            s, c = self._directions(q)
-            alpha = self._rates(qdd)
-            own, mixed = self._squares(qd)
-            out[:, 0, 0], out[:, 0, 1] = -(ell @ (alpha * s)), ell @ (alpha * c)
-            out[:, 1, 0], out[:, 1, 1] = -(ell @ (own * c)), -(ell @ (own * s))
-            out[:, 2, 0], out[:, 2, 1] = -(ell @ (mixed * c)), -(ell @ (mixed * s))
+        def block(q: Array, qd: Array, qdd: Array) -> Array:
+            u, (own, mixed) = self._directions(q), self._squares(qd)
+            return np.stack([ell @ (1j * self._rates(qdd) * u), -(ell @ (own * u)), -(ell @ (mixed * u))])
 
-        parts = self._run(block, (3, 2), (q, qd, qdd))
+        parts = self._run(block, (q, qd, qdd))
         return Split(parts[..., 0, :], parts[..., 1, :], parts[..., 2, :], self.angles)
 
     def ellipse(self, q: Sequence[float] | Array, kind: str, i: int | None = None) -> Ellipse:
@@ -292,20 +233,43 @@ class ChainNumbers:
         ell[check_joint(self.n, i) :] = 0.0
         return ell
 
+    def _motion(self, i: int | None, *given: Any) -> Array:
+        """The position of joint i, or its derivative by time as often as rates are given."""
+        ell = self._up_to(i)
+        return self._run(lambda *x: ell @ self._vectors(*x), given)
+
+    def _slope(self, i: int | None, *given: Any) -> Array:
+        """The Jacobian of joint i, or its derivative: joint j turns every link after it (or that of segment j alone)."""
+        ell = 1j * self._up_to(i)[:, None]
+
+        def block(*x: Array) -> Array:
+            segments = ell * self._vectors(*x)
+            return _running(segments[::-1])[::-1] if self.angles == JOINT else segments
+
+        return np.swapaxes(self._run(block, given), -1, -2)
+
+    def _vectors(self, q: Array, *rates: Array) -> Array:
+        """Derivatives of e^(i psi) by time, as many as there are rates, (n, samples)."""
+        u = self._directions(q)
+        if not rates:
+            return u
+        w, *higher = (self._rates(x) for x in rates)
+        if not higher:
+            return 1j * w * u
+        if len(higher) == 1:
+            return (1j * higher[0] - w * w) * u
+        return (1j * (higher[1] - w * w * w) - 3.0 * w * higher[0]) * u  # NumPy's w**3 is fifty times as slow
+
     def _rates(self, rates: Array) -> Array:
         """Rates of the segments' absolute angles, (n, samples)."""
         return _running(rates) if self.angles == JOINT else rates
 
-    def _directions(self, q: Array) -> tuple[Array, Array]:
-        """Sine and cosine of the segments' absolute angles, (n, samples) each."""
-        if self.angles == VERTICAL:  # psi = q - pi/2, exactly
-            return -np.cos(q), np.sin(q)
-        psi = self._rates(q)
-        return np.sin(psi), np.cos(psi)
-
-    def _columns(self, segments: Array) -> Array:
-        """Columns of the Jacobian out of the segments' shares: joint j moves every link after it."""
-        return _running(segments[::-1])[::-1] if self.angles == JOINT else segments
+    def _directions(self, q: Array) -> Array:
+        """Unit vectors along the segments, e^(i psi), (n, samples)."""
+        psi = q if self.angles == VERTICAL else self._rates(q)
+        out = np.empty(psi.shape, complex)
+        out.real, out.imag = np.cos(psi), np.sin(psi)
+        return -1j * out if self.angles == VERTICAL else out  # psi = q - pi/2, exactly
 
     def _squares(self, qd: Array) -> tuple[Array, Array]:
         """Each segment's squared rate as its squares and its mixed products, (n, samples) each.
@@ -318,21 +282,14 @@ class ChainNumbers:
         before[1:] = _running(qd[:-1])
         return _running(qd**2), 2.0 * _running(qd * before)
 
-    def _run(self, block: Callable[..., None], shape: tuple[int, ...], given: tuple[Any, ...]) -> Array:
-        """Check, cut into blocks of (n, samples), fill."""
-        n = self.n
-        checked = check_motion(n, given, len(given))
-        if checked[0].ndim == 1:
-            one = np.empty((1, *shape))
-            block(one, *(x[:, None] for x in checked))
-            return one[0]
-        rows = [x.reshape(-1, n) for x in checked]
-        out = np.empty((len(rows[0]), *shape))
-        step = max(1, CELLS // n)
-        for start in range(0, len(out), step):
-            part = slice(start, start + step)
-            block(out[part], *(np.ascontiguousarray(x[part].T) for x in rows))
-        return out.reshape(checked[0].shape[:-1] + shape)
+    def _run(self, block: Callable[..., Array], given: tuple[Any, ...]) -> Array:
+        """X and y of a function's complex numbers (..., samples) over blocks of (n, samples), shape (samples, ..., 2)."""
+        checked = check_motion(self.n, given, len(given))
+        rows, step = [x.reshape(-1, self.n) for x in checked], max(1, CELLS // self.n)
+        starts = range(0, max(1, len(rows[0])), step)
+        parts = [block(*[np.ascontiguousarray(x[k : k + step].T) for x in rows]).T for k in starts]
+        z = np.ascontiguousarray(parts[0] if len(parts) == 1 else np.concatenate(parts))
+        return z.view(float).reshape(*checked[0].shape[:-1], *z.shape[1:], 2)
 
 
 def _running(rows: Array) -> Array:

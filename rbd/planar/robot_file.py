@@ -18,18 +18,14 @@ import math
 import os
 import re
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Literal
 
-import numpy as np
-
 from rbd.arrays import Array
-from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, ModelWarning
 from rbd.model.output_files import new_folder, write_text
-from rbd.planar.angles import JOINT, AngleMap, samples
+from rbd.planar.angles import JOINT, AngleMap
 from rbd.planar.bodies import Shapes, bodies_of, refuse_symbols
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.equations_of_motion import Dynamics
@@ -50,74 +46,22 @@ _DISCS = {"xz": (math.pi / 2.0, 0.0, 0.0), "xy": (0.0, 0.0, 0.0)}  # turns a cyl
 _LINKS = ("orange", "blue", "green", "red", "violet")
 
 
-@dataclass(frozen=True, eq=False)
-class RobotCoordinates(Displayed):
-    """Between a chain's angles and those of its robot, which are measured from the previous link: q_robot = A q + b.
+def robot_coordinates(chain: Chain) -> AngleMap:
+    """The map from a chain's angles to those of its robot, which are measured from the previous link; its `inverse` leads back.
 
-    Rates and accelerations go with A; forces the other way, tau = A^T tau_robot, so that their power is the same.
-
-    Attributes:
-        map: A and b.
-
-    Example:
-        >>> chain = rbd.planar.Chain(2, lengths=[1.0, 1.0], angles="vertical")
-        >>> maps = rbd.planar.robot_coordinates(chain)
-        >>> maps.to_robot([0.3, 0.5]).round(4), maps.rates_to_robot([1.0, 1.0]), maps.torques_to_robot([1.0, 1.0])
-        (array([-1.2708,  0.2   ]), array([1., 0.]), array([2., 1.]))
-    """
-
-    map: AngleMap
-
-    def to_robot(self, q: Sequence[float] | Array) -> Array:
-        """The robot's q [rad], from the chain's, shape (n,) or (samples, n).
-
-        Raises:
-            InputError: another shape, numbers that are not finite.
-        """
-        return self.map(q)
-
-    def rates_to_robot(self, qd: Sequence[float] | Array) -> Array:
-        """The robot's v [rad/s], or its accelerations, from the chain's, shape (n,) or (samples, n); raises as `to_robot`."""
-        return self.map.rates(qd)
-
-    def torques_to_robot(self, tau: Sequence[float] | Array) -> Array:
-        """Motor torques [N m] from the forces tau of the chain's angles, A^-T tau; raises as `to_robot`."""
-        return samples("tau", tau, len(self._matrix)) @ self._inverse
-
-    def from_robot(self, q: Sequence[float] | Array) -> Array:
-        """Angles of the chain [rad], from the robot's q; raises as `to_robot`."""
-        offset = np.array(self.map.offset, dtype=float).ravel()
-        return (samples("q", q, len(self._matrix)) - offset) @ self._inverse.T
-
-    def rates_from_robot(self, v: Sequence[float] | Array) -> Array:
-        """Rates of the chain [rad/s], or its accelerations, from the robot's; raises as `to_robot`."""
-        return samples("v", v, len(self._matrix)) @ self._inverse.T
-
-    def torques_from_robot(self, tau: Sequence[float] | Array) -> Array:
-        """Forces of the chain's angles [N m] from motor torques, A^T tau; raises as `to_robot`."""
-        return samples("tau", tau, len(self._matrix)) @ self._matrix
-
-    @property
-    def _matrix(self) -> Array:
-        return np.array(self.map.matrix, dtype=float)
-
-    @property
-    def _inverse(self) -> Array:
-        return np.linalg.inv(self._matrix).round()  # of whole numbers with determinant 1
-
-
-def robot_coordinates(chain: Chain) -> RobotCoordinates:
-    """The maps between a chain's angles and those of its robot.
+    It maps angles when called, rates and accelerations by `rates`, motor torques by `forces`.
 
     Raises:
         InputError: not a chain.
 
     Example:
-        >>> maps = rbd.planar.robot_coordinates(rbd.planar.Chain(2, angles="vertical"))
-        >>> maps.to_robot([0.0, 0.0]).round(4)  # it hangs down
-        array([-1.5708,  0.    ])
+        >>> to_robot = rbd.planar.robot_coordinates(rbd.planar.Chain(2, lengths=[1.0, 1.0], angles="vertical"))
+        >>> to_robot([0.3, 0.5]).round(4), to_robot.rates([1.0, 1.0]), to_robot.forces([1.0, 1.0])
+        (array([-1.2708,  0.2   ]), array([1., 0.]), array([2., 1.]))
+        >>> to_robot.inverse([-np.pi / 2, 0.0])  # it hangs down
+        array([0., 0.])
     """
-    return RobotCoordinates(check_chain(chain).angle_map(JOINT))
+    return check_chain(chain).angle_map(JOINT)
 
 
 def to_urdf(

@@ -42,25 +42,25 @@ def test_lagranges_equations_are_pinocchios(n: int, angles: str, plane: str, exh
     gravity, _ = PLANES[plane]
     dyn = dynamics(Chain(n, lengths=rng.uniform(0.2, 1.5, n).round(3), angles=angles), gravity=gravity, **drawn(n, rng))
     made, to = to_robot(dyn), robot_coordinates(dyn.chain)
-    A = to.rates_to_robot(np.eye(n)).T
+    A = to.rates(np.eye(n)).T
     terms = (dyn.M, dyn.C, dyn.christoffel, dyn.g, dyn.T, dyn.V)
     M, C, G, g, T, V = (dyn.function(term) for term in terms)
     weight = float(made.mass * 9.81)  # of one metre: what zero is measured against
     for _ in range(4):
         q, qd, qdd, tau = rng.uniform(-3.0, 3.0, (4, n))
-        state = made.at(to.to_robot(q), to.rates_to_robot(qd))
+        state = made.at(to(q), to.rates(qd))
         tensor = np.einsum("ijk,ia,jb,kc->abc", rbd.dynamics.coriolis_tensor(state), A, A, A)
         speed = np.abs(qd).max()
         assert differ(M(q), A.T @ state.M @ A) < 1e-12
         assert differ(C(q, qd), A.T @ rbd.dynamics.coriolis_matrix(state) @ A, speed * made.mass) < 1e-12
         assert differ(G(q), tensor, made.mass) < 1e-12
-        assert differ(g(q), to.torques_from_robot(-rbd.dynamics.gravity_torque(state)), weight) < 1e-12
+        assert differ(g(q), to.inverse.forces(-rbd.dynamics.gravity_torque(state)), weight) < 1e-12
         assert differ(T(q, qd), rbd.dynamics.kinetic_energy(state)) < 1e-12
         assert differ(V(q) * np.ones(()), rbd.dynamics.potential_energy(state) if gravity else 0.0, weight) < 1e-12
-        moved = rbd.dynamics.inverse_dynamics(state, to.rates_to_robot(qdd))
-        assert differ(dyn.inverse(q, qd, qdd), to.torques_from_robot(moved)) < 1e-12
-        free = rbd.dynamics.free_acceleration(state, to.torques_to_robot(tau))
-        assert differ(dyn.forward(q, qd, tau), to.rates_from_robot(free)) < 1e-12 * np.linalg.cond(state.M)
+        moved = rbd.dynamics.inverse_dynamics(state, to.rates(qdd))
+        assert differ(dyn.inverse(q, qd, qdd), to.inverse.forces(moved)) < 1e-12
+        free = rbd.dynamics.free_acceleration(state, to.forces(tau))
+        assert differ(dyn.forward(q, qd, tau), to.inverse.rates(free)) < 1e-12 * np.linalg.cond(state.M)
 
 
 @pytest.mark.parametrize("plane", PLANES)
@@ -70,7 +70,7 @@ def test_the_frame_end_is_the_end_point(angles: str, plane: str):
     chain = Chain(3, lengths=[0.5, 0.4, 0.3], angles=angles)
     made, to = to_robot(chain, masses=[1, 1, 1], plane=plane), robot_coordinates(chain)
     q, qd = np.random.default_rng(2).uniform(-3.0, 3.0, (2, 3))
-    state, (_, axes) = made.at(to.to_robot(q), to.rates_to_robot(qd)), PLANES[plane]
+    state, (_, axes) = made.at(to(q), to.rates(qd)), PLANES[plane]
     assert differ(state.frame("end").X_WF.translation[axes], chain.numeric.position(q)) < 1e-14
     assert differ(state.frame("end").v[axes], chain.numeric.velocity(q, qd)) < 1e-14
     for i in (0, 1, 2):
@@ -84,14 +84,14 @@ def test_a_swinging_pendulum_is_that_of_rbd_simulate():
     chain = Chain(2, lengths=[1.0, 0.8], angles="vertical")
     dyn = dynamics(chain, masses=[1.0, 0.7], bodies="rods", gravity=9.81)
     to, start = robot_coordinates(chain), np.array([1.2, -0.6, 0.3, -1.0])
-    state = to_robot(dyn).at(to.to_robot(start[:2]), to.rates_to_robot(start[2:]))
+    state = to_robot(dyn).at(to(start[:2]), to.rates(start[2:]))
     moved = rbd.simulate(state, duration=1.0, step=5e-4, integrator=rbd.RungeKutta4(), record_every=200, progress=False)
     exact = solve_ivp(
         lambda t, x: np.concatenate([x[2:], dyn.forward(x[:2], x[2:])]),
         (0.0, 1.0), start, method="DOP853", rtol=1e-12, atol=1e-12, t_eval=moved.t,
     )  # fmt: skip
-    assert np.abs(to.from_robot(moved.q) - exact.y[:2].T).max() < 1e-9
-    assert np.abs(to.rates_from_robot(moved.v) - exact.y[2:].T).max() < 1e-9
+    assert np.abs(to.inverse(moved.q) - exact.y[:2].T).max() < 1e-9
+    assert np.abs(to.inverse.rates(moved.v) - exact.y[2:].T).max() < 1e-9
     energy = dyn.function(dyn.energy)(exact.y[:2].T, exact.y[2:].T)
     assert np.ptp(energy) < 1e-9 * np.abs(energy).max()
 
@@ -101,8 +101,8 @@ def test_rbd_solve_gives_the_accelerations_of_forward_dynamics():
     chain = Chain(2, lengths=[0.5, 0.5], angles="segment")
     dyn, to = dynamics(chain, masses=[2.0, 1.0], bodies="rods", gravity=9.81), robot_coordinates(chain)
     q, qd, tau = np.array([0.3, 1.2]), np.array([1.0, -2.0]), np.array([3.0, 0.5])
-    solution = rbd.solve(to_robot(dyn).at(to.to_robot(q), to.rates_to_robot(qd)), to.torques_to_robot(tau))
-    assert differ(to.rates_from_robot(solution.a), dyn.forward(q, qd, tau)) < 1e-12
+    solution = rbd.solve(to_robot(dyn).at(to(q), to.rates(qd)), to.forces(tau))
+    assert differ(to.inverse.rates(solution.a), dyn.forward(q, qd, tau)) < 1e-12
 
 
 def test_holding_torques_carry_the_links_less_what_pushes_at_the_end_point():
@@ -112,9 +112,9 @@ def test_holding_torques_carry_the_links_less_what_pushes_at_the_end_point():
     for q in np.random.default_rng(4).uniform(-3.0, 3.0, (4, 3)):
         f, m = np.array([-35.0, 448.0]), 12.0
         ground = rbd.ExternalForce("end", force=(f[0], 0.0, f[1]), moment=(0.0, -m, 0.0))  # z up, x right: y is away from us
-        held = rbd.hold(to_robot(dyn).at(to.to_robot(q)), [], external=ground)
+        held = rbd.hold(to_robot(dyn).at(to(q)), [], external=ground)
         expected = dyn.function(dyn.g)(q) - chain.numeric.jacobian(q).T @ f - m * np.ones(3)
-        assert differ(to.torques_from_robot(held.tau), expected) < 1e-12
+        assert differ(to.inverse.forces(held.tau), expected) < 1e-12
 
 
 @pytest.mark.parametrize("angles", ANGLES)
@@ -122,12 +122,12 @@ def test_coordinates_go_there_and_back(angles: str):
     """q, rates and torques; the power is the same on both sides."""
     to = robot_coordinates(Chain(4, angles=angles))
     q, qd, tau = np.random.default_rng(3).normal(size=(3, 6, 4))
-    assert differ(to.from_robot(to.to_robot(q)), q) < 1e-15
-    assert differ(to.rates_from_robot(to.rates_to_robot(qd)), qd) < 1e-15
-    assert differ(to.torques_from_robot(to.torques_to_robot(tau)), tau) < 1e-15
-    assert differ((to.torques_to_robot(tau) * to.rates_to_robot(qd)).sum(axis=1), (tau * qd).sum(axis=1)) < 1e-14
+    assert differ(to.inverse(to(q)), q) < 1e-15
+    assert differ(to.inverse.rates(to.rates(qd)), qd) < 1e-15
+    assert differ(to.inverse.forces(to.forces(tau)), tau) < 1e-15
+    assert differ((to.forces(tau) * to.rates(qd)).sum(axis=1), (tau * qd).sum(axis=1)) < 1e-14
     if angles == "vertical":
-        assert to.to_robot(np.zeros(4)).tolist() == [-np.pi / 2, 0.0, 0.0, 0.0]
+        assert to(np.zeros(4)).tolist() == [-np.pi / 2, 0.0, 0.0, 0.0]
 
 
 def test_the_robot_is_sound_and_its_q_are_angles():
@@ -230,9 +230,9 @@ def test_robots_fall_with_the_gravity_of_their_dynamics():
 
 @pytest.mark.parametrize("values", [[0.0], [0.0, np.nan], "ab", np.zeros((2, 2, 2))])
 def test_coordinates_of_other_shapes_are_refused(values):
-    """All six maps check shape and numbers."""
+    """All six ways check shape and numbers."""
     to = robot_coordinates(Chain(2))
-    maps = (to.to_robot, to.rates_to_robot, to.torques_to_robot, to.from_robot, to.rates_from_robot, to.torques_from_robot)
+    maps = (to, to.rates, to.forces, to.inverse, to.inverse.rates, to.inverse.forces)
     for convert in maps:
         with pytest.raises(InputError):
             convert(values)
@@ -243,7 +243,7 @@ def test_dynamics_know_their_masses_and_their_plane():
     dyn = dynamics(Chain(2, lengths=[0.5, 0.5], angles="segment"), masses=[1.0, 2.0], bodies="points", gravity=0)
     flat = to_robot(dyn, name="two")
     assert flat.name == "two" and rbd.dynamics.gravity_torque(flat.at([0.1, 0.2])).tolist() == [0.0, 0.0]
-    assert robot_coordinates(dyn.chain).to_robot([0.5, 1.5]).tolist() == [0.5, 1.0]
+    assert robot_coordinates(dyn.chain)([0.5, 1.5]).tolist() == [0.5, 1.0]
     for given in ({"masses": [1, 1]}, {"lengths": [1, 1]}, {"bodies": "rods"}, {"plane": "xz"}):
         with pytest.raises(InputError, match=f"{next(iter(given))} came with dynamics"):
             to_robot(dyn, **given)

@@ -352,7 +352,7 @@ def _played(motion: PlanarMotion) -> Iterator[Any]:
             # It has no mass on purpose: then no centre of mass is drawn, of masses that were not given.
             warnings.simplefilter("ignore", ModelWarning)
             robot = load_robot(file, root="fixed")
-        played = _Played(robot, motion.t, coordinates.to_robot(motion.q), coordinates.rates_to_robot(motion.qd))
+        played = _Played(robot, motion.t, coordinates(motion.q), coordinates.rates(motion.qd))
         checked(played)
         yield played
 
