@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
@@ -112,28 +113,78 @@ def cubic_rate(t: Array, x: Array, rate: Array, times: Array) -> Array:
     return np.asarray(begin + s * (2.0 * (3.0 * slope - 2.0 * begin - end) + 3.0 * s * (begin + end - 2.0 * slope)))
 
 
+def flat_coordinates(robot: CheckedModel, q: Array) -> Array:
+    """Positions and continuous angles of configurations, shape (n, nv): those that v are rates of; zero for rotations in space.
+
+    Positions of a body are in the world's axes, not in its own as v.
+    """
+    x = np.zeros((len(q), robot.nv))
+    for p in robot.joints.pieces:
+        k = p.unit.start
+        x[:, p.v : p.v + k] = q[:, p.q : p.q + k]
+        if p.kind in ("circle", "plane"):
+            x[:, p.v + k] = np.unwrap(np.arctan2(q[:, p.q + k + 1], q[:, p.q + k]))
+    return x
+
+
+def from_flat(robot: CheckedModel, x: Array, turns: Sequence[Array]) -> Array:
+    """The inverse of `flat_coordinates`, shape (n, nq), with quaternions for each of `quaternions`."""
+    q = np.empty((len(x), robot.nq))
+    for p in robot.joints.pieces:
+        k = p.unit.start
+        q[:, p.q : p.q + k] = x[:, p.v : p.v + k]
+        if p.kind in ("circle", "plane"):
+            q[:, p.q + k], q[:, p.q + k + 1] = np.cos(x[:, p.v + k]), np.sin(x[:, p.v + k])
+    for (at, _), turn in zip(quaternions(robot), turns, strict=True):
+        q[:, at] = turn
+    return q
+
+
+def quaternions(robot: CheckedModel) -> list[tuple[slice, slice]]:
+    """(its place in q, that of its spin in v) of each rotation in space."""
+    turning = [p for p in robot.joints.pieces if p.kind in ("sphere", "space")]
+    return [(slice(p.q + p.nq - 4, p.q + p.nq), slice(p.v + p.nv - 3, p.v + p.nv)) for p in turning]
+
+
+def to_world(robot: CheckedModel, q: Array, x: Array, *, inverse: bool = False) -> Array:
+    """Rates, shape (n, nv), those of bodies' positions turned from their own axes into the world's, or back."""
+    out = x.copy()
+    for p in robot.joints.pieces:
+        if p.kind == "space":
+            R = q[:, p.q + 3 : p.q + 7]
+            out[:, p.v : p.v + 3] = rotated(conjugate(R) if inverse else R, x[:, p.v : p.v + 3])
+        elif p.kind == "plane":
+            c, s, u = q[:, p.q + 2, None], q[:, p.q + 3, None], x[:, p.v : p.v + 2]
+            out[:, p.v : p.v + 2] = c * u + (-s if inverse else s) * _left_of(u)
+    return out
+
+
+def spin_terms(robot: CheckedModel, v: Array) -> Array:
+    """What a classical acceleration has beyond the rate of a velocity's own components: w x v of bodies, shape (n, nv)."""
+    out = np.zeros_like(v)
+    for p in robot.joints.pieces:
+        if p.kind == "space":
+            out[:, p.v : p.v + 3] = np.cross(v[:, p.v + 3 : p.v + 6], v[:, p.v : p.v + 3])
+        elif p.kind == "plane":
+            out[:, p.v : p.v + 2] = v[:, p.v + 2, None] * _left_of(v[:, p.v : p.v + 2])
+    return out
+
+
+def own_rates(robot: CheckedModel, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
+    """(v, a) along bodies' own axes, of first and second derivatives of positions in the world's, shapes (n, nv)."""
+    v = to_world(robot, q, v, inverse=True)
+    return v, to_world(robot, q, a, inverse=True) - spin_terms(robot, v)
+
+
+def _left_of(u: Array) -> Array:
+    """Vectors of a plane turned by a right angle, shape (n, 2)."""
+    return np.stack([-u[:, 1], u[:, 0]], axis=1)
+
+
 def interpolated_q(robot: CheckedModel, t: Array, q: Array, v: Array, times: Array) -> Array:
     """Configurations at times within t, shape (m, nq): to the fourth order in the time step, with continuous velocity."""
-    out = np.empty((len(times), robot.nq))
-    numbers = [(p.q, p.v) for p in robot.joints.pieces if p.kind == "number"]
-    if numbers:
-        at_q, at_v = (list(x) for x in zip(*numbers, strict=True))
-        out[:, at_q] = cubic(t, q[:, at_q], v[:, at_v], times)
-    for p in robot.joints.pieces:
-        own, rate = q[:, p.q : p.q + p.nq], v[:, p.v : p.v + p.nv]
-        to = out[:, p.q : p.q + p.nq]
-        if p.kind in ("circle", "plane"):
-            angle = cubic(t, np.unwrap(np.arctan2(own[:, -1], own[:, -2]))[:, None], rate[:, -1:], times)
-            to[:, -2:] = np.concatenate([np.cos(angle), np.sin(angle)], axis=1)
-            if p.kind == "plane":
-                c, s = own[:, 2, None], own[:, 3, None]
-                world = c * rate[:, :2] + s * np.stack([-rate[:, 1], rate[:, 0]], axis=1)
-                to[:, :2] = cubic(t, own[:, :2], world, times)
-        elif p.kind in ("sphere", "space"):
-            to[:, -4:] = _turned(t, own[:, -4:], rate[:, -3:], times)
-            if p.kind == "space":
-                to[:, :3] = cubic(t, own[:, :3], rotated(own[:, 3:], rate[:, :3]), times)
-    return out
+    x = cubic(t, flat_coordinates(robot, q), to_world(robot, q, v), times)
+    return from_flat(robot, x, [_turned(t, q[:, at], v[:, spin], times) for at, spin in quaternions(robot)])
 
 
 def _turned(t: Array, x: Array, w: Array, times: Array) -> Array:

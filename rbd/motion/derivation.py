@@ -18,7 +18,7 @@ from rbd.arrays import Array, as_array, as_float, check_finite, check_positive
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.sampled_motion import conjugate, logarithm, product, rotated
+from rbd.model.sampled_motion import conjugate, flat_coordinates, logarithm, own_rates, product, quaternions
 
 Method: TypeAlias = Literal["local polynomial", "low-pass"]
 NEARLY_UNIT = 0.05
@@ -288,50 +288,12 @@ class _Part(NamedTuple):
 
 def _derived(robot: CheckedModel, q: Array, part: _Part) -> tuple[Array, Array]:
     """(v, a) of the rows of a part, from the configurations near it."""
-    windows, count = part.windows, part.rows.stop - part.rows.start
-    v, a = np.empty((count, robot.nv)), np.empty((count, robot.nv))
-
-    def fitted(x: Array) -> tuple[Array, Array]:
-        """First and second derivatives of values in the windows, (i, w, k)."""
-        return np.einsum("iw,iwk->ik", part.once, x), np.einsum("iw,iwk->ik", part.twice, x)
-
-    numbers = [(p.q, p.v) for p in robot.joints.pieces if p.kind == "number"]
-    if numbers:
-        at_q, at_v = (list(x) for x in zip(*numbers, strict=True))
-        v[:, at_v], a[:, at_v] = fitted(q[:, at_q][windows])
-    for p in robot.joints.pieces:
-        if p.kind == "number":
-            continue
-        own, out = q[:, p.q : p.q + p.nq], slice(p.v, p.v + p.nv)
-        if p.kind in ("circle", "plane"):
-            angle = np.unwrap(np.arctan2(own[:, -1], own[:, -2]))
-            turn = fitted(angle[windows][:, :, None])
-        else:
-            turn = fitted(logarithm(product(conjugate(own[part.own, -4:])[:, None], own[:, -4:][windows])))
-        slide = fitted(own[:, : p.nq - (2 if p.kind == "plane" else 4)][windows]) if p.kind in ("plane", "space") else turn
-        v[:, out], a[:, out] = own_rates(p.kind, own[part.own], slide, turn)
-    return v, a
-
-
-def own_rates(kind: str, q: Array, slide: tuple[Array, Array], turn: tuple[Array, Array]) -> tuple[Array, Array]:
-    """(v, a) of an elementary joint, along its own axes.
-
-    Args:
-        kind: Its kind, a member of `rbd.model.joints.Piece`.
-        q: Its part of q, shape (n, nq of it).
-        slide: First and second derivative of its position in its parent's axes; not used by kinds that only turn.
-        turn: The same of its rotation, about its own axes.
-    """
-    if kind not in ("plane", "space"):
-        return turn
-    if kind == "space":
-        inverse = conjugate(q[:, 3:])
-        speed, rise = rotated(inverse, slide[0]), rotated(inverse, slide[1]) - np.cross(turn[0], rotated(inverse, slide[0]))
-    else:
-        c, s = q[:, 2, None], q[:, 3, None]
-        speed, rise = (c * x + s * np.stack([x[:, 1], -x[:, 0]], axis=1) for x in slide)
-        rise = rise - turn[0] * np.stack([-speed[:, 1], speed[:, 0]], axis=1)  # components along turning axes: less w x v
-    return np.concatenate([speed, turn[0]], axis=1), np.concatenate([rise, turn[1]], axis=1)
+    x = flat_coordinates(robot, q)[part.windows]
+    v, a = (np.einsum("iw,iwk->ik", weights, x) for weights in (part.once, part.twice))
+    for at, spin in quaternions(robot):
+        turns = logarithm(product(conjugate(q[part.own, at])[:, None], q[:, at][part.windows]))
+        v[:, spin], a[:, spin] = (np.einsum("iw,iwk->ik", weights, turns) for weights in (part.once, part.twice))
+    return own_rates(robot, q[part.own], v, a)
 
 
 def _parts(t: Array, frames: int, order: int) -> Iterator[_Part]:
@@ -376,8 +338,3 @@ def _response(dt: float, frames: int, order: int, smoother: float | None) -> tup
     left = -(np.cos(2.0 * math.pi * f[:, None] * times) @ twice) / (2.0 * math.pi * f) ** 2
     below = np.flatnonzero(left < 0.5)
     return math.sqrt(once @ once), math.sqrt(twice @ twice), float(f[below[0]] if len(below) else f[-1])
-
-
-def method_of(cutoff: float | None) -> Method:
-    """The method that a cut-off, or none, chooses."""
-    return "local polynomial" if cutoff is None else "low-pass"

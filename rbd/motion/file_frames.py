@@ -13,6 +13,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_float, check_finite, check_flag
 from rbd.errors import InputError, RbdError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.sampled_motion import flat_coordinates
 from rbd.motion.derivation import NEARLY_UNIT, Derivation, unit_blocks
 from rbd.robots.robot import Robot
 
@@ -298,12 +299,7 @@ def single_step(x: Array) -> float:
 
 def joint_values(robot: CheckedModel, q: Array, names: Sequence[str]) -> Array:
     """Positions of joints with one degree of freedom [rad, m], shape (n, k)."""
-    out = np.empty((len(q), len(names)))
-    for k, name in enumerate(names):
-        joint = robot.joints[name]
-        own = q[:, joint.q]
-        out[:, k] = np.unwrap(np.arctan2(own[:, 1], own[:, 0])) if joint.is_continuous else own[:, 0]
-    return out
+    return np.asarray(flat_coordinates(robot, q)[:, [robot.joints[name].v.start for name in names]])
 
 
 def check_shape(what: str, x: Array, shape: tuple[int, ...], most: float = np.inf) -> None:

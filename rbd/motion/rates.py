@@ -17,8 +17,16 @@ from scipy.ndimage import median_filter
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.joints import Piece
-from rbd.model.sampled_motion import conjugate, exponential, logarithm, product, rotated
+from rbd.model.sampled_motion import (
+    conjugate,
+    flat_coordinates,
+    logarithm,
+    product,
+    quaternions,
+    rotated,
+    spin_terms,
+    to_world,
+)
 
 SHARE = 0.1
 """Share of a velocity by which it may be off: 50 Hz taken for 60 are off by 0.17, a lag of 8 ms at 2 Hz by 0.1."""
@@ -138,7 +146,7 @@ def checked_rates(robot: CheckedModel, t: Array, q: Array, v: Array, a: Array | 
         notes.append(_note("velocities", *axes))
     if a is None:
         return Rates(v, None, tuple(notes))
-    rises, spins = np.diff(x, axis=0), joints.spins(v)
+    rises, spins = np.diff(x, axis=0), spin_terms(robot, v)
     forms = {"own": joints.out(a + spins), "world": joints.into(a), "classical": joints.out(a)}
     # Those of light links are off by what is small beside the others.
     angular, sizes = robot.joints.angular, _rms(a)
@@ -161,43 +169,29 @@ def turning_error(robot: CheckedModel, t: Array, q: Array, v: Array) -> float:
 
 
 class _Joints:
-    """A robot's elementary joints along configurations, with positions of bases turned into world axes and back."""
+    """A robot's coordinates along configurations, positions of bodies turned into world axes and back."""
 
     def __init__(self, robot: CheckedModel, q: Array) -> None:
         self.robot, self.q = robot, q
         pieces = robot.joints.pieces
-        self.numbers = [p for p in pieces if p.kind == "number"]
-        self.others = [p for p in pieces if p.kind != "number"]
-        self.bodies = [(p, self._turn(p)) for p in pieces if p.kind in ("plane", "space")]
-        self.linear = [i for p, _ in self.bodies for i in range(p.v, p.v + _slides(p))]
-        self.turning = [i for p, _ in self.bodies if p.kind == "space" for i in range(p.v + 3, p.v + 6)]
-
-    def _turn(self, p: Piece) -> Array:
-        """The rotation of a body as quaternions."""
-        own = self.q[:, p.q : p.q + p.nq]
-        if p.kind == "space":
-            return own[:, 3:]
-        return exponential(np.arctan2(own[:, 3:], own[:, 2:3]) * [0.0, 0.0, 1.0])
+        self.linear = [i for p in pieces if p.kind in ("plane", "space") for i in range(p.v, p.v + p.unit.start)]
+        self.bodies = [p for p in pieces if p.kind == "space"]
+        self.turning = [i for p in self.bodies for i in range(p.v + 3, p.v + 6)]
 
     def steps(self) -> Array:
         """Steps of q from frame to frame, positions in world axes, rotations about the body's own, shape (n - 1, nv)."""
-        out = np.empty((len(self.q) - 1, self.robot.nv))
-        out[:, [p.v for p in self.numbers]] = np.diff(self.q[:, [p.q for p in self.numbers]], axis=0)
-        for p in self.others:
-            own, k = self.q[:, p.q : p.q + p.nq], _slides(p)
-            out[:, p.v : p.v + k] = np.diff(own[:, :k], axis=0)
-            if p.kind in ("circle", "plane"):
-                turn = np.diff(np.unwrap(np.arctan2(own[:, -1:], own[:, -2:-1]), axis=0), axis=0)
-            else:
-                turn = logarithm(product(conjugate(own[:-1, -4:]), own[1:, -4:]))
-            out[:, p.v + k : p.v + p.nv] = turn
+        out = np.diff(flat_coordinates(self.robot, self.q), axis=0)
+        for at, spin in quaternions(self.robot):
+            out[:, spin] = logarithm(product(conjugate(self.q[:-1, at]), self.q[1:, at]))
         return out
 
     def misfit(self, t: Array, steps: Array, x: Array) -> Misfit:
         """That of velocities; turns that are ambiguous are not compared."""
         steps, given = steps.copy(), 0.5 * np.diff(t)[:, None] * (x[1:] + x[:-1])
-        for p in self.others:
-            at = slice(p.v + _slides(p), p.v + p.nv)
+        for p in self.robot.joints.pieces:
+            if p.kind == "number":
+                continue
+            at = slice(p.v + p.unit.start, p.v + p.nv)
             far = np.maximum(np.linalg.norm(given[:, at], axis=1), np.linalg.norm(steps[:, at], axis=1))
             far = far > (TUMBLE if p.kind in ("sphere", "space") else HALF_TURN)
             steps[far, at] = given[far, at]
@@ -218,42 +212,18 @@ class _Joints:
 
     def out(self, x: Array) -> Array:
         """Rates in axes of bodies, positions turned into world axes; rotations as they are."""
-        return self._turned(x, 0, lambda R, p: rotated(R, p))
+        return to_world(self.robot, self.q, x)
 
     def back(self, x: Array) -> Array:
         """The inverse of `out`."""
-        return self._turned(x, 0, lambda R, p: rotated(conjugate(R), p))
+        return to_world(self.robot, self.q, x, inverse=True)
 
     def into(self, x: Array) -> Array:
         """Rates in world axes, rotations turned into the body's own; positions as they are."""
-        return self._turned(x, 3, lambda R, p: rotated(conjugate(R), p))
-
-    def _turned(self, x: Array, begin: int, turn: Callable[[Array, Array], Array]) -> Array:
         out = x.copy()
-        for p, R in self.bodies:
-            at = slice(p.v + begin, p.v + (_slides(p) if not begin else p.nv))
-            if p.kind == "space" or not begin:
-                out[:, at] = turn(R, _spatial(x[:, at]))[:, : at.stop - at.start]
+        for p in self.bodies:
+            out[:, p.v + 3 : p.v + 6] = rotated(conjugate(self.q[:, p.q + 3 : p.q + 7]), x[:, p.v + 3 : p.v + 6])
         return out
-
-    def spins(self, v: Array) -> Array:
-        """What a classical acceleration has beyond the rate of a velocity's own components: w x v, shape (n, nv)."""
-        out = np.zeros_like(v)
-        for p, _ in self.bodies:
-            k = _slides(p)
-            w = v[:, p.v + k : p.v + p.nv] * ([0.0, 0.0, 1.0] if p.kind == "plane" else 1.0)
-            out[:, p.v : p.v + k] = np.cross(w, _spatial(v[:, p.v : p.v + k]))[:, :k]
-        return out
-
-
-def _slides(p: Piece) -> int:
-    """How many of its velocities are of a position."""
-    return {"plane": 2, "space": 3}.get(p.kind, 0)
-
-
-def _spatial(x: Array) -> Array:
-    """Vectors in a plane as those of space, shape (n, 3)."""
-    return np.pad(x, ((0, 0), (0, 3 - x.shape[1])))
 
 
 def _clearest(found: Mapping[str, Misfit], at: list[int], clearer: float, start: str) -> str:

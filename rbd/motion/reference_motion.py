@@ -14,7 +14,18 @@ from rbd.arrays import Array, as_array, as_float, check_flag
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import FARTHEST, CheckedModel
-from rbd.model.sampled_motion import conjugate, cubic, exponential, interpolated_q, logarithm, product
+from rbd.model.sampled_motion import (
+    conjugate,
+    cubic,
+    exponential,
+    flat_coordinates,
+    from_flat,
+    interpolated_q,
+    logarithm,
+    own_rates,
+    product,
+    quaternions,
+)
 from rbd.model.state import State
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.derivation import (
@@ -26,8 +37,6 @@ from rbd.motion.derivation import (
     derived_again,
     is_uniform,
     low_passed,
-    method_of,
-    own_rates,
     stencil_derivatives,
 )
 from rbd.motion.file_conventions import order_base
@@ -170,7 +179,9 @@ class Motion(Displayed):
                     f"{source}: times are {t[0]:g}, {t[1]:g}, {t[2]:g}, ...: these count frames. Expected seconds: "
                     "t = numpy.arange(n) / rate; or trust=True of a motion with one frame a second."
                 )
-            v, a, how = derivatives(robot, t, q, **settings, method=method_of(cutoff), cutoff=cutoff, noise=noise)
+            v, a, how = derivatives(
+                robot, t, q, **settings, method="local polynomial" if cutoff is None else "low-pass", cutoff=cutoff, noise=noise
+            )
         else:
             if not trust:
                 rates = checked_rates(robot, t, q, v, a, str(source))
@@ -475,24 +486,13 @@ def minimum_jerk(
     way = s**3 * (10.0 + s * (6.0 * s - 15.0))
     speed = 30.0 * (s * (1.0 - s)) ** 2 / h
     rise = 60.0 * s * (1.0 - s) * (1.0 - 2.0 * s) / h**2
-    out, v, a = np.empty((len(at), robot.nq)), np.empty((len(at), robot.nv)), np.empty((len(at), robot.nv))
-    for p in robot.joints.pieces:
-        own = q[:, p.q : p.q + p.nq]
-        begin, end = own[i], own[i + 1]
-        to, rates = out[:, p.q : p.q + p.nq], slice(p.v, p.v + p.nv)
-        slides = {"number": 1, "plane": 2, "space": 3}.get(p.kind, 0)
-        step = end[:, :slides] - begin[:, :slides]
-        to[:, :slides] = begin[:, :slides] + way * step
-        slide = turn = (speed * step, rise * step)
-        if p.kind in ("circle", "plane"):
-            angle = np.arctan2(begin[:, -1:], begin[:, -2:-1])
-            change = np.arctan2(end[:, -1:], end[:, -2:-1]) - angle
-            change = np.remainder(change + np.pi, 2.0 * np.pi) - np.pi
-            to[:, -2:] = np.concatenate([np.cos(angle + way * change), np.sin(angle + way * change)], axis=1)
-            turn = (speed * change, rise * change)
-        elif p.kind in ("sphere", "space"):
-            vector = logarithm(product(conjugate(begin[:, -4:]), end[:, -4:]))
-            to[:, -4:] = product(begin[:, -4:], exponential(way * vector))
-            turn = (speed * vector, rise * vector)
-        v[:, rates], a[:, rates] = own_rates(p.kind, to, slide, turn)
+    x, turns = flat_coordinates(robot, q), []
+    change = x[i + 1] - x[i]
+    v, a = speed * change, rise * change
+    for own, spin in quaternions(robot):
+        vector = logarithm(product(conjugate(q[i, own]), q[i + 1, own]))
+        turns.append(product(q[i, own], exponential(way * vector)))
+        v[:, spin], a[:, spin] = speed * vector, rise * vector
+    out = from_flat(robot, x[i] + way * change, turns)
+    v, a = own_rates(robot, out, v, a)
     return Motion.of_arrays(robot, at, out, v, a, source="minimum jerk", ground=ground, quaternion="xyzw", trust=True)
