@@ -11,7 +11,7 @@ import pinocchio as pin
 import rbd
 from rbd.model.inertial import inertial_parameters
 from rbd.motion.identification import MeasuredMotion
-from rbd.motion.identification.possible import central, parameters_of, pseudo_inertia
+from rbd.motion.identification.possible import pseudo_inertia
 
 
 def with_other_inertias(robot: rbd.Robot, seed: int = 1, size: float = 0.1) -> rbd.Robot:
@@ -20,7 +20,7 @@ def with_other_inertias(robot: rbd.Robot, seed: int = 1, size: float = 0.1) -> r
     for i, theta in enumerate(inertial_parameters(robot)):
         L = np.linalg.cholesky(pseudo_inertia(theta))
         A = np.eye(4) + size * rng.normal(size=(4, 4))
-        out.model.inertias[i + 1] = pin.Inertia(*central(parameters_of(L @ A @ A.T @ L.T)))
+        out.model.inertias[i + 1] = pin.PseudoInertia.FromMatrix(L @ A @ A.T @ L.T).toInertia()
     return out
 
 

@@ -226,11 +226,45 @@ class Equations:
     rest: float
     count: int
 
-    def condition(self, unit: Array) -> float:
-        """Largest over smallest singular value of R in changes of the base parameters over `unit`; inf where it is singular."""
-        s = np.linalg.svd(self.R * unit, compute_uv=False)
-        least = float(s[-1]) if len(s) == len(unit) and len(s) else 0.0
-        return float(s[0]) / least if least > UNTOLD * (float(s[0]) if len(s) else 1.0) else float("inf")
+    def spectrum(self, unit: Array) -> EquationSpectrum:
+        """What they tell of changes of the base parameters over `unit`, shape (r,)."""
+        U, s, Vt = np.linalg.svd(self.R * unit)
+        return EquationSpectrum(U, np.concatenate([s, np.zeros(len(unit) - len(s))]), Vt.T)
+
+
+@dataclass(frozen=True, eq=False)
+class EquationSpectrum:
+    """Singular values of equations, with their vectors.
+
+    Attributes:
+        U: Of the equations, shape (k, k).
+        s: Singular values, shape (r,), descending.
+        V: Of the changes, as columns, shape (r, r).
+    """
+
+    U: Array
+    s: Array
+    V: Array
+
+    @property
+    def rank(self) -> int:
+        """How many directions they tell."""
+        return int((self.s > UNTOLD * self.s[0]).sum()) if len(self.s) and self.s[0] > 0.0 else 0
+
+    @property
+    def condition(self) -> float:
+        """Largest over smallest singular value; inf where some direction is not told."""
+        return float(self.s[0] / self.s[-1]) if len(self.s) and self.rank == len(self.s) else float("inf")
+
+    @property
+    def told(self) -> Array:
+        """Basis of the directions that they tell, orthonormal, shape (r, rank)."""
+        return self.V[:, : self.rank]
+
+
+def is_told(told: Array, change: Array) -> bool:
+    """Whether a change, shape (r,), is in the directions that are told, orthonormal columns."""
+    return bool(np.linalg.norm(change - told @ (told.T @ change)) <= 1e-6 * np.linalg.norm(change))
 
 
 def _triangle(parts: list[Array]) -> Array:

@@ -15,7 +15,16 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.inertial import body_names, checked_columns, inertial_parameters, joint_velocities
 from rbd.model.state import State
 from rbd.motion.identification.combinations import BaseParameters, base_parameters
-from rbd.motion.identification.data import EXACT, UNTOLD, Equations, MeasuredMotion, StackedMotions, measured_motions
+from rbd.motion.identification.data import (
+    EXACT,
+    UNTOLD,
+    Equations,
+    EquationSpectrum,
+    MeasuredMotion,
+    StackedMotions,
+    is_told,
+    measured_motions,
+)
 from rbd.motion.identification.possible import Prior, is_possible, made_possible, minimise, size_of
 from rbd.motion.identification.result import Identification
 from rbd.motion.sensor_noise import SensorNoise, checked_noise
@@ -175,7 +184,6 @@ def identify(
             f"{equations.count} equations of {sum(x.frames for x in given)} frames for {base.rank} base parameters of "
             f"{robot.name}: too few samples. Give more frames."
         )
-    excitation = equations.condition(unit)
     plain = equations
     if noise is None:
         equations = _weighed(data, equations, unit)
@@ -183,7 +191,7 @@ def identify(
     _refuse_other_torques(posed, plain)
     _warn_dead_motors(given)
     found = minimise(equations.R @ base.B, equations.z, posed.prior)
-    result = Identification.of(given, data, equations, base, posed.prior, found, unit, asked, excitation, spread)
+    result = Identification.of(given, data, equations, base, posed.prior, found, unit, asked, plain, spread)
     _warn(result, spread)
     _warn_unexplained(result, data.scale)
     return result
@@ -197,10 +205,7 @@ def _refuse_missing_forces(posed: IdentificationSetup, equations: Equations) -> 
         return
     beta, k = _least_squares(equations, posed.unit), total[base.columns]
     mass, model = float(k @ beta), float(total @ posed.prior.theta)
-    _, s, Vt = np.linalg.svd(equations.R * posed.unit)
-    relative = k * posed.unit
-    told = Vt[: len(s)][s > UNTOLD * s[0]] if len(s) else Vt[:0]
-    if np.linalg.norm(relative - told.T @ (told @ relative)) < 1e-6 * np.linalg.norm(relative) and mass < TOO_LIGHT * model:
+    if is_told(equations.spectrum(posed.unit).told, k * posed.unit) and mass < TOO_LIGHT * model:
         raise InputError(
             f"the data ask for a total mass of {mass:.3g} kg, and the model of {robot.name} has {model:.4g} kg: a force that "
             "carried it is not given. Give the contacts that touched (contacts=), or their measured forces (forces=)."
@@ -323,9 +328,8 @@ class Excitation(Displayed):
 
     Attributes:
         base: The base parameters.
-        singular_values: Of the equations, each over its `rbd.motion.sensor_noise.force_scale`, in relative changes of the base
-            parameters, shape (r,), descending.
-        directions: The relative changes that belong to them, as columns, shape (r, r).
+        spectrum: Of the equations, each over its `rbd.motion.sensor_noise.force_scale`, in relative changes of the base
+            parameters.
         equations: How many there are.
 
     Example:
@@ -340,28 +344,30 @@ class Excitation(Displayed):
     """
 
     base: BaseParameters
-    singular_values: Array
-    directions: Array
+    spectrum: EquationSpectrum
     equations: int
+
+    @property
+    def singular_values(self) -> Array:
+        """Of the equations, each over its `force_scale`, in relative changes of the base parameters, shape (r,), descending."""
+        return self.spectrum.s
 
     @property
     def rank(self) -> int:
         """How many combinations are told."""
-        s = self.singular_values
-        return int((s > UNTOLD * s[0]).sum()) if len(s) and s[0] > 0.0 else 0
+        return self.spectrum.rank
 
     @property
     def condition(self) -> float:
         """Largest over smallest singular value; inf where some combination is not told."""
-        s = self.singular_values
-        return float(s[0] / s[-1]) if len(s) and self.rank == self.base.rank else float("inf")
+        return self.spectrum.condition
 
     @property
     def weakest(self) -> tuple[str, ...]:
         """Labels of the base parameters in the combinations that are told least, the largest first."""
         s = self.singular_values
         least = s <= (max(s[-1] * (1.0 + 1e-6), UNTOLD * s[0]) if len(s) else 0.0)
-        part = np.linalg.norm(self.directions[:, least], axis=1)  # of their space: single directions in it are arbitrary
+        part = np.linalg.norm(self.spectrum.V[:, least], axis=1)  # of their space: single directions in it are arbitrary
         return tuple(self.base.labels[i] for i in largest_first(part)[:_LISTED] if part[i] > 0.1)
 
     def __str__(self) -> str:
@@ -400,7 +406,4 @@ def excitation(motions: object, *, columns: Sequence[str] = ("inertia",)) -> Exc
     )
     posed = IdentificationSetup.of(given, asked, 1.0, None)
     found = posed.data.compressed()
-    _, s, Vt = np.linalg.svd(found.R * posed.unit)
-    values = np.zeros(posed.base.rank)
-    values[: len(s)] = s
-    return Excitation(posed.base, values, Vt.T, found.count)
+    return Excitation(posed.base, found.spectrum(posed.unit), found.count)

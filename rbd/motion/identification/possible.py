@@ -22,49 +22,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import pinocchio as pin
 from scipy.linalg import solve_triangular
 
 from rbd.arrays import Array, null_space
 from rbd.errors import NoSolution
 
-_SYMMETRIC = ((0, 1), (0, 2), (1, 2))
 THIN = 1e-3
 """Where a model's body is impossible, its second moments are raised to this share of the largest."""
 
 
-def _basis() -> Array:
-    """P of a unit of each parameter, shape (10, 4, 4)."""
-    out = np.zeros((10, 4, 4))
-    out[0, 3, 3] = 1.0
-    for i in range(3):
-        out[1 + i, i, 3] = out[1 + i, 3, i] = 1.0
-    places = {(0, 0): 4, (0, 1): 5, (1, 1): 6, (0, 2): 7, (1, 2): 8, (2, 2): 9}
-    for (i, j), k in places.items():
-        if i == j:
-            out[k, :3, :3] = 0.5 * np.eye(3)
-            out[k, i, i] -= 1.0
-        else:
-            out[k, i, j] = out[k, j, i] = -1.0
-    return out
-
-
-BASIS = _basis()
+BASIS = np.array([pin.PseudoInertia.FromDynamicParameters(each).toMatrix() for each in np.eye(10)])
 """P = sum of theta_k BASIS[k], shape (10, 4, 4)."""
 
 
 def pseudo_inertia(theta: Array) -> Array:
     """P of ten parameters, shape (..., 4, 4)."""
     return np.asarray(np.tensordot(theta, BASIS, axes=1))
-
-
-def central(theta: Array) -> tuple[float, Array, Array]:
-    """(mass, centre of mass (3,), inertia about it (3, 3)) of ten parameters; a mass above zero.
-
-    In the axes of the joint's frame.
-    """
-    m, c = float(theta[0]), theta[1:4] / theta[0]
-    I = np.array([[theta[4], theta[5], theta[7]], [theta[5], theta[6], theta[8]], [theta[7], theta[8], theta[9]]])
-    return m, c, I - m * (c @ c * np.eye(3) - np.outer(c, c))
 
 
 def is_possible(theta: Array) -> bool:
@@ -85,14 +59,7 @@ def made_possible(theta: Array) -> Array:
     P[:3, :3] = (axes * np.maximum(moments, least)) @ axes.T + m * np.outer(c, c)
     P[3, :3] = P[:3, 3] = m * c
     P[3, 3] = m
-    return parameters_of(P)
-
-
-def parameters_of(P: Array) -> Array:
-    """The ten parameters of a pseudo-inertia matrix, shape (10,)."""
-    Sigma = P[:3, :3]
-    I = np.trace(Sigma) * np.eye(3) - Sigma
-    return np.array([P[3, 3], *P[:3, 3], I[0, 0], I[0, 1], I[1, 1], I[0, 2], I[1, 2], I[2, 2]])
+    return np.asarray(pin.PseudoInertia.FromMatrix(P).toDynamicParameters())
 
 
 def size_of(theta: Array) -> Array:
@@ -140,7 +107,6 @@ def mass_interval(theta: Array, kept: Array, body: int, bodies: int) -> tuple[fl
         unit[own] = 1.0 / np.linalg.norm(whitened_basis(pseudo_inertia(theta[own])).reshape(10, 16), axis=1)
     unit[10 * bodies :] = 1.0
     free = np.flatnonzero(unit)
-    Z = np.zeros((len(theta), 0))
     scaled = kept[:, free] * unit[free]
     basis = null_space(scaled / np.maximum(np.linalg.norm(scaled, axis=1), 1e-300)[:, None])
     Z = np.zeros((len(theta), basis.shape[1]))

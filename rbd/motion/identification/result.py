@@ -15,8 +15,8 @@ from rbd.errors import InputError, UnknownName, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.inertial import body_names
 from rbd.motion.identification.combinations import BaseParameters
-from rbd.motion.identification.data import UNTOLD, Equations, MeasuredMotion, StackedMotions, measured_motions
-from rbd.motion.identification.possible import Minimum, Prior, central, mass_interval, pseudo_inertia
+from rbd.motion.identification.data import Equations, MeasuredMotion, StackedMotions, is_told, measured_motions
+from rbd.motion.identification.possible import Minimum, Prior, mass_interval, pseudo_inertia, whitened_basis
 
 _LISTED = 6
 
@@ -144,25 +144,23 @@ class Identification(Displayed):
         found: Minimum,
         unit: Array,
         columns: tuple[str, ...],
-        excitation: float,
+        plain: Equations,
         believed: float,
     ) -> Identification:
-        """The record of an answer; see `identify`."""
-        U, s, Vt = np.linalg.svd(equations.R * unit)
-        good = s > UNTOLD * s[0] if len(s) and s[0] > 0.0 else np.zeros(len(s), bool)
-        rank = int(good.sum())
-        V, open_ = Vt[:rank].T, Vt[rank:].T
+        """The record of an answer; see `identify`. `plain` are the equations before they were weighed by residuals."""
+        seen = equations.spectrum(unit)
+        rank, V, s = seen.rank, seen.told, seen.s[: seen.rank]
         start = base.values(prior.theta)
-        least = start + unit * (V @ ((U.T @ (equations.z - equations.R @ start))[:rank] / s[:rank]))
-        spread = (V / s[:rank]) @ (V / s[:rank]).T
-        untold = np.linalg.norm(open_, axis=1)
+        least = start + unit * (V @ ((seen.U.T @ (equations.z - equations.R @ start))[:rank] / s))
+        spread = (V / s) @ (V / s).T
+        untold = np.linalg.norm(seen.V[:, rank:], axis=1)
         relative = np.sqrt(np.maximum(np.diag(spread), 0.0) + (believed * untold) ** 2)
         values = base.values(found.theta)
         eigenvalues = [np.inf]
         for b in prior.bodies:
             own = slice(10 * b, 10 * b + 10)
-            L = np.linalg.inv(np.linalg.cholesky(pseudo_inertia(prior.theta[own])))
-            eigenvalues.append(float(np.linalg.eigvalsh(L @ pseudo_inertia(found.theta[own]) @ L.T)[0]))
+            beside_model = np.tensordot(found.theta[own], whitened_basis(pseudo_inertia(prior.theta[own])), axes=1)
+            eigenvalues.append(float(np.linalg.eigvalsh(beside_model)[0]))
         return cls(
             motions[0].robot,
             columns,
@@ -178,7 +176,7 @@ class Identification(Displayed):
             data.sigma.copy(),
             data.residuals(values)[0],
             data.residuals(base.values(prior.theta))[0],
-            IdentificationCertificate(found.decrement, min(eigenvalues), equations.count, rank, excitation),
+            IdentificationCertificate(found.decrement, min(eigenvalues), equations.count, rank, plain.spectrum(unit).condition),
             V,
             unit,
         )
@@ -205,7 +203,8 @@ class Identification(Displayed):
         for i, name in enumerate(body_names(self.model) if "inertia" in self.columns else ()):
             theta = self.theta[10 * i : 10 * i + 10]
             if theta[0] > 0.0:
-                out[name] = BodyInertia(name, *central(theta), name not in self.open_bodies)
+                found = pin.Inertia.FromDynamicParameters(theta)
+                out[name] = BodyInertia(name, found.mass, found.lever, found.inertia, name not in self.open_bodies)
         return out
 
     @property
@@ -225,14 +224,9 @@ class Identification(Displayed):
     def _deviation(self, combination: Array) -> float:
         """Standard deviation of a combination of the parameters, shape (p,)."""
         k = combination[self.base.columns]
-        if not combination.any() or not self.base.reaches(combination) or not self._is_told(k):
+        if not combination.any() or not self.base.reaches(combination) or not is_told(self.told, k * self.unit):
             return float("inf")
         return float(np.sqrt(max(0.0, k @ self.covariance @ k)))
-
-    def _is_told(self, k: Array) -> bool:
-        """Whether the data tell a combination of the base parameters."""
-        relative = k * self.unit
-        return bool(np.linalg.norm(relative - self.told @ (self.told.T @ relative)) <= 1e-6 * np.linalg.norm(relative))
 
     @lazy
     def open_bodies(self) -> tuple[str, ...]:
@@ -241,7 +235,9 @@ class Identification(Displayed):
         for i, name in enumerate(body_names(self.model) if "inertia" in self.columns else ()):
             own = np.zeros(p)
             own[10 * i] = 1.0
-            if self.theta[10 * i] > 0.0 and not (self.base.reaches(own) and self._is_told(own[self.base.columns])):
+            if self.theta[10 * i] > 0.0 and not (
+                self.base.reaches(own) and is_told(self.told, own[self.base.columns] * self.unit)
+            ):
                 out.append(name)
         return tuple(out)
 
@@ -274,8 +270,7 @@ class Identification(Displayed):
         if "inertia" in self.columns:
             for i, theta in enumerate(self.theta[: 10 * len(body_names(out))].reshape(-1, 10)):
                 if theta[0] > 0.0:
-                    m, c, I = central(theta)
-                    out.model.inertias[i + 1] = pin.Inertia(m, c, I)
+                    out.model.inertias[i + 1] = pin.Inertia.FromDynamicParameters(theta)
         if "rotor_inertia" in self.columns:
             rotors = np.array(out.model.armature, float)
             for i, coordinate in enumerate(out.joints.velocities):
