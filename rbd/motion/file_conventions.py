@@ -246,26 +246,25 @@ def order_base(robot: CheckedModel, t: Array, q: Array, v: Array | None, given: 
     """
     if given == "xyzw" or not robot.floating:
         return []
+    notes = [] if given else _seen_as_wxyz(robot, t, q, v, source)
+    if given or notes:
+        q[:, 3:7] = q[:, [4, 5, 6, 3]]
+    return [f"{note} Else give quaternion='xyzw'." for note in notes]
+
+
+def _seen_as_wxyz(robot: CheckedModel, t: Array, q: Array, v: Array | None, source: str) -> list[str]:
+    """Why quaternions must be w, x, y, z; nothing where they need not be."""
     turn = q[:, 3:7]
-    other = turn[:, [1, 2, 3, 0]]
-    if given is None:
-        if v is not None and len(t) > 1:
-            own, swapped = (turning_error(robot, t, np.hstack([q[:, :3], x, q[:, 7:]]), v) for x in (turn, other))
-            if max(own, swapped) > max(REST_RATE, TELLING * min(own, swapped)):
-                if own < swapped:
-                    return []
-                told = f"angular velocities fit to {swapped:.2g} rad/s, in the other order to {own:.2g}"
-                q[:, 3:7] = other
-                return [f"quaternions were taken as w, x, y, z: {told}. Else give quaternion='xyzw'."]
-        if not isinstance(robot, Robot) or not (robot.source.posture or robot.source.feet):
-            return []
-        found, notes = chosen_order(robot, turn, None, source)
-        if found is turn:
-            return []
-        q[:, 3:7] = found
-        return [f"{note} Else give quaternion='xyzw'." for note in notes]
-    q[:, 3:7] = other
-    return []
+    if v is not None and len(t) > 1:
+        orders = (turn, turn[:, [1, 2, 3, 0]])
+        own, swapped = (turning_error(robot, t, np.hstack([q[:, :3], x, q[:, 7:]]), v) for x in orders)
+        if max(own, swapped) > max(REST_RATE, TELLING * min(own, swapped)):
+            told = f"angular velocities fit to {swapped:.2g} rad/s, in the other order to {own:.2g}"
+            return [f"quaternions were taken as w, x, y, z: {told}."] if swapped < own else []
+    if not isinstance(robot, Robot) or not (robot.source.posture or robot.source.feet):
+        return []
+    found, notes = chosen_order(robot, turn, None, source)
+    return [] if found is turn else notes
 
 
 def chosen_order(robot: CheckedModel, turn: Array, given: str | None, file: str) -> tuple[Array, list[str]]:

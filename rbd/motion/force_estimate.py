@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import RANK, Array, add_wrench, lazy, null_space
+from rbd.arrays import RANK, Array, lazy, null_space
 from rbd.displayed import Displayed
 from rbd.errors import NoSolution
 from rbd.model.state import State
@@ -31,6 +31,7 @@ from rbd.problem.conic import Conic
 from rbd.problem.force_set import Element, ForceSet
 from rbd.problem.rows import Rows
 from rbd.solvers.conic_newton import newton_steps, solve_conic
+from rbd.statics.zero_moment_point import wrench_map
 
 DETERMINED = 1e-7
 """A force component with a smaller share in what the data leave open is determined by them."""
@@ -149,16 +150,12 @@ class ForceEstimate(Displayed):
     @lazy
     def net(self) -> Array:
         """Wrench of all contacts with the surroundings about the centre of mass, world axes, shape (6,) [N, N m]."""
-        total = [0.0] * 6
-        for r in self._outside:
-            assert r.patch is not None
-            add_wrench(total, self.forces[r.name].tolist(), r.patch.point.tolist(), self.state.com.tolist())
-        return np.array(total)
+        return np.asarray(self._net_map @ self.row_forces)
 
-    @property
-    def _outside(self) -> list[Rows]:
-        """Contacts that are not between two bodies of the robot."""
-        return [r for r in self.rows if r.patch is not None and r.patch.against is None]
+    @lazy
+    def _net_map(self) -> Array:
+        """Map from row forces to `net`, shape (6, m)."""
+        return wrench_map(self.rows, np.eye(len(self.row_forces)), self.state.com)
 
     # ------------------------------------------------------------------------------------------------ what the data leave open
 
@@ -234,15 +231,7 @@ class ForceEstimate(Displayed):
         """Covariance of `net`, shape (6, 6), as `covariance`; None without noise."""
         if self.row_covariance is None:
             return None
-        T = np.zeros((6, len(self.row_forces)))
-        for r in self._outside:
-            assert r.patch is not None
-            maps = _in_world(r)
-            for column in range(len(r)):
-                total = [0.0] * 6
-                add_wrench(total, maps[:, column].tolist(), r.patch.point.tolist(), self.state.com.tolist())
-                T[:, self.slices[r.name].start + column] = total
-        return np.asarray(T @ self.row_covariance @ T.T)
+        return np.asarray(self._net_map @ self.row_covariance @ self._net_map.T)
 
     @property
     def chi_square(self) -> float:

@@ -77,15 +77,14 @@ def estimate_forces(
         need -= generalised(state, external)[0]
     if tau is not None:
         need[robot.motors] -= tau
-    fitting = Fitting(state, rows, need, tau)
     if noise is None:
-        return fitting.estimate(None)
+        return fitted(state, rows, need, tau)
     torques = tau is not None
-    first = fitting.estimate(noise.covariance(state, a, None, torques=torques))
+    first = fitted(state, rows, need, tau, noise.covariance(state, a, None, torques=torques))
     if not np.any(noise.of("q", robot.nv)):
         return first
     acting = _acting(given, rows, first.row_forces, external)
-    return fitting.estimate(noise.covariance(state, a, acting, torques=torques))
+    return fitted(state, rows, need, tau, noise.covariance(state, a, acting, torques=torques))
 
 
 def _acting(given: Sequence[Constraint], rows: Sequence[Rows], f: Array, external: External) -> Callable[[State], Array]:
@@ -106,44 +105,34 @@ def _acting(given: Sequence[Constraint], rows: Sequence[Rows], f: Array, externa
     return at
 
 
-@dataclass(frozen=True, eq=False)
-class Fitting:
-    """Contact forces that shall explain a generalised force.
+def fitted(
+    state: State, rows: Sequence[Rows], need: Array, tau: Array | None, covariance: Array | None = None
+) -> ForceEstimate:
+    """Contact forces that explain a generalised force.
 
-    Attributes:
+    Args:
         state: The measured state.
         rows: Rows of the contacts.
         need: The generalised force, shape (nv,) [N, N m].
         tau: Measured torques, shape (nu,), or None.
+        covariance: Of the generalised force, shape (nv, nv), which gives the weights; None: equal ones.
 
     Raises:
         InputError: no equation is without unknown torques.
     """
-
-    state: State
-    rows: Sequence[Rows]
-    need: Array
-    tau: Array | None
-
-    def __post_init__(self) -> None:
-        check_measured(self.state.robot, self.tau)
-
-    def estimate(self, covariance: Array | None) -> ForceEstimate:
-        """The forces, weighted by a covariance of the generalised force, shape (nv, nv), or equally."""
-        state, rows = self.state, self.rows
-        robot = state.robot
-        measured = np.ones(robot.nv, bool)
-        if self.tau is None:
-            measured[robot.actuated] = False
-        sets: ForceSet = at_rest(*[r.cone for r in rows])
-        J = np.concatenate([np.zeros((0, robot.nv)), *[r.J for r in rows]])
-        E = (J.T @ sets.G)[measured]
-        scale = force_scale(state)[measured]
-        W = whitening(None if covariance is None else covariance[np.ix_(measured, measured)], scale)
-        unit = robot.force_unit
-        fit = fit_forces(E, self.need[measured], W, sets, unit)
-        of_rows = None if covariance is None else sets.G @ fit.covariance(E, W) @ sets.G.T
-        return ForceEstimate(state, tuple(rows), measured, self.need.copy(), sets, fit, of_rows, self.tau)
+    robot = state.robot
+    check_measured(robot, tau)
+    measured = np.ones(robot.nv, bool)
+    if tau is None:
+        measured[robot.actuated] = False
+    sets: ForceSet = at_rest(*[r.cone for r in rows])
+    J = np.concatenate([np.zeros((0, robot.nv)), *[r.J for r in rows]])
+    E = (J.T @ sets.G)[measured]
+    scale = force_scale(state)[measured]
+    W = whitening(None if covariance is None else covariance[np.ix_(measured, measured)], scale)
+    fit = fit_forces(E, need[measured], W, sets, robot.force_unit)
+    of_rows = None if covariance is None else sets.G @ fit.covariance(E, W) @ sets.G.T
+    return ForceEstimate(state, tuple(rows), measured, need.copy(), sets, fit, of_rows, tau)
 
 
 def check_measured(robot: CheckedModel, tau: object) -> None:
@@ -272,24 +261,39 @@ def estimate_forces_along(
     """
     given, frames = with_loops(motion.robot, contacts, loops), len(motion.t)
     accelerations = frame_rows("a", getattr(motion, "a", None) if a is None else a, frames, motion.robot.nv)
-    torques = None if tau is None else frame_rows("tau", tau, frames, motion.robot.nu)
-    touching = checked_touches(touches, frames, contacts, given)
+
+    def estimate(i: int, state: State, acting: Sequence[Constraint], torque: Array | None) -> ForceEstimate:
+        return estimate_forces(state, accelerations[i], acting, torque, noise=noise, external=external, loops=False)
+
+    return history_of(motion, tau, checked_touches(touches, frames, contacts, given), given, estimate)
+
+
+def history_of(
+    motion: SampledMotion,
+    tau: Array | None,
+    touching: Array,
+    contacts: Sequence[Constraint],
+    estimate: Callable[[int, State, Sequence[Constraint], Array | None], ForceEstimate],
+) -> ForceHistory:
+    """Contact forces frame by frame.
+
+    Args:
+        motion: Its robot, t, q and v are read.
+        tau: Measured torques, shape (n, nu), or None.
+        touching: Which contacts touch when, shape (n, k).
+        contacts: All of them.
+        estimate: Gives those of a frame, by its number, state, touching contacts and torques.
+
+    Raises:
+        InputError: sizes that do not fit.
+    """
+    frames, robot = len(motion.t), motion.robot
+    torques = None if tau is None else frame_rows("tau", tau, frames, robot.nu)
     out = []
     for i in range(frames):
-        acting = [c for c, yes in zip(given, touching[i], strict=True) if yes]
-        state = State(motion.robot, motion.q[i], motion.v[i])
-        out.append(
-            estimate_forces(
-                state,
-                accelerations[i],
-                acting,
-                None if torques is None else torques[i],
-                noise=noise,
-                external=external,
-                loops=False,
-            )
-        )
-    return ForceHistory(np.array(motion.t), tuple(out), tuple(c.name for c in given), touching)
+        acting = [c for c, yes in zip(contacts, touching[i], strict=True) if yes]
+        out.append(estimate(i, State(robot, motion.q[i], motion.v[i]), acting, None if torques is None else torques[i]))
+    return ForceHistory(np.array(motion.t), tuple(out), tuple(c.name for c in contacts), touching)
 
 
 def frame_rows(what: str, value: object, frames: int, size: int) -> Array:

@@ -30,7 +30,7 @@ from rbd.model.external import External, generalised
 from rbd.model.sampled_motion import SampledMotion
 from rbd.model.state import State, checked
 from rbd.motion.force_estimate import ForceEstimate
-from rbd.motion.measured import Fitting, ForceHistory, check_measured, checked_touches, frame_rows
+from rbd.motion.measured import ForceHistory, check_measured, checked_touches, fitted, history_of
 from rbd.motion.sensor_noise import SensorNoise, checked_noise
 from rbd.problem.rows import Rows
 from rbd.statics.force_balance import contact_rows
@@ -152,7 +152,7 @@ class MomentumObserver(Displayed):
         rows = self._delayed(now, rows)
         covariance = None if self.noise is None else self._covariance(state, self.noise, now)
         self._t = now
-        return Fitting(state, rows, self._r, given).estimate(covariance)
+        return fitted(state, rows, self._r, given, covariance)
 
     def run(
         self,
@@ -171,16 +171,13 @@ class MomentumObserver(Displayed):
         Raises:
             InputError: sizes that do not fit; and as `update`.
         """
-        frames = len(motion.t)
-        torques = None if tau is None else frame_rows("tau", tau, frames, self.robot.nu)
-        touching = checked_touches(touches, frames, self._given, self.contacts)
+        touching = checked_touches(touches, len(motion.t), self._given, self.contacts)
         self.reset()
-        out = []
-        for i in range(frames):
-            acting = [c for c, yes in zip(self.contacts, touching[i], strict=True) if yes]
-            state = State(self.robot, motion.q[i], motion.v[i])
-            out.append(self.update(motion.t[i], state, None if torques is None else torques[i], contacts=WithLoops(acting)))
-        return ForceHistory(np.array(motion.t), tuple(out), tuple(c.name for c in self.contacts), touching)
+
+        def estimate(i: int, state: State, acting: Sequence[Constraint], torque: Array | None) -> ForceEstimate:
+            return self.update(motion.t[i], state, torque, contacts=WithLoops(acting))
+
+        return history_of(motion, tau, touching, self.contacts, estimate)
 
     def _advance(self, t: float, state: State, tau: Array | None, external: External) -> None:
         """Put r forward to a sample."""

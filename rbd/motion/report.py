@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_flag, largest_first
+from rbd.arrays import Array, as_array, as_float, check_flag, largest_first, lazy
 from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, Reason
 from rbd.installation import VERSION
@@ -18,7 +18,6 @@ from rbd.model.joints import FORCE_OF
 from rbd.model.motors import torque_use
 from rbd.model.output_files import write_file
 from rbd.modules import xarray_or_error
-from rbd.motion import report
 from rbd.motion.causes import CAUSES, torque_bounds
 from rbd.motion.contact_detection import fitted_ground
 from rbd.motion.contact_timeline import ContactTimeline
@@ -38,6 +37,13 @@ if TYPE_CHECKING:
 
 THRESHOLDS = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
 """Shares of the weight at which the summary reads the curve."""
+_SPATIAL = ["x", "y", "z", "about_x", "about_y", "about_z"]
+_SIZES = {
+    "sinks": (1e3, "mm below the floor"),
+    "slides": (1e3, "mm/s"),
+    **dict.fromkeys(("floats", "friction", "tips"), (1e2, "% of the weight missing")),
+}
+"""{cause: (factor, words) with which the size of its worst frame is told}."""
 
 
 @dataclass(frozen=True)
@@ -157,12 +163,12 @@ class MotionReport(Displayed):
         """The share of possible frames, 0 to 1."""
         return float(self.possible.mean())
 
-    @property
+    @lazy
     def used_torque(self) -> Array:
         """`|tau|` over what the motors have at their speeds, shape (n, nu); zero where there is no limit."""
         return torque_use(self.tau, *self.torque_bounds)
 
-    @property
+    @lazy
     def torque_bounds(self) -> tuple[Array, Array]:
         """(least, most) torques of each frame, shapes (n, nu): the limits, less where torque-speed lines limit driving."""
         return torque_bounds(self.motion.robot, self.motion.v, self.settings.torque_limits, self.settings.torque_speed)
@@ -195,17 +201,16 @@ class MotionReport(Displayed):
         return frames[largest_first(self._badness(cause)[frames])][: int(most)]
 
     def _badness(self, cause: str) -> Array:
-        if cause == "sinks":
-            return -self.lanes.heights.min(axis=1, initial=0.0)
-        if cause == "slides":
-            return np.where(self.lanes.slides, self.lanes.speeds, 0.0).max(axis=1, initial=0.0)
-        if cause == "motor":
-            return self.excess.max(axis=1, initial=0.0)
-        if cause == "torque-speed":
-            return np.where(np.isfinite(self.used_torque), self.used_torque, np.inf).max(axis=1, initial=0.0)
-        if cause in ("floats", "friction", "tips"):
-            return self.missing_scaled
-        return np.zeros(self.n)
+        """By how much each frame is impossible, for a cause, shape (n,); zero where a frame has it or not."""
+        lanes, missing = self.lanes, self.missing_scaled
+        sizes = {
+            "sinks": -lanes.heights.min(axis=1, initial=0.0),
+            "slides": np.where(lanes.slides, lanes.speeds, 0.0).max(axis=1, initial=0.0),
+            "motor": self.excess.max(axis=1, initial=0.0),
+            "torque-speed": np.where(np.isfinite(self.used_torque), self.used_torque, np.inf).max(axis=1, initial=0.0),
+            **dict.fromkeys(("floats", "friction", "tips"), missing),
+        }
+        return sizes.get(cause, np.zeros(self.n))
 
     def on_line(self, frame: int) -> str:
         """The motor that is furthest beyond its torque-speed line in a frame: its torque, its speed, and what that leaves."""
@@ -304,7 +309,7 @@ class MotionReport(Displayed):
 
     def arrays(self) -> dict[str, Array]:
         """All arrays by name."""
-        return report.arrays_of(self)
+        return {"t": self.motion.t} | {name: x for name, x, *_ in self._variables()}
 
     def to_xarray(self) -> xarray.Dataset:
         """The report with named dimensions, labels and units.
@@ -312,7 +317,24 @@ class MotionReport(Displayed):
         Raises:
             InputError: xarray is not installed.
         """
-        return report.dataset_of(self)
+        xr, robot, motors = xarray_or_error(), self.motion.robot, self.motion.robot.motor_coordinates
+        variables: dict[str, Any] = {}
+        for name, x, dims, unit, meaning in self._variables():
+            variables[name] = (["time", *dims], x, {"long_name": meaning} | ({"units": unit} if unit else {}))
+        coords: dict[str, Any] = {
+            "time": ("time", self.motion.t, {"units": "s"}),
+            "cause": np.array(CAUSES),
+            "position": [c.name for c in robot.joints.positions],
+            "velocity": [c.name for c in robot.joints.velocities],
+            "motor": np.array([c.name for c in motors], str),
+            "motor_unit": ("motor", np.array([FORCE_OF[c.unit] for c in motors], str)),
+            "point": np.array(self.lanes.names, str),
+            "contact": np.array([c.name for c in self.lanes.contacts], str),
+            "axis": _SPATIAL[:3],
+            "spatial": _SPATIAL,
+        }
+        about = {"title": f"check of a motion of {robot.name}", "rbd": VERSION, "report": self._json()}
+        return xr.Dataset(variables, coords, about)
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Write it as .npz (arrays by name) or .nc (netCDF), whole or not at all.
@@ -320,7 +342,19 @@ class MotionReport(Displayed):
         Raises:
             InputError: another ending, a folder that is not there, or xarray is not installed (.nc).
         """
-        report.save(self, path)
+        place = a_trajectory_path(path)
+        if place.suffix == ".npz":
+            words = {"cause": np.array(CAUSES), "point": np.array(self.lanes.names, str), "report": np.array(self._json())}
+            write_file(place, lambda file: np.savez(file, allow_pickle=False, **self.arrays(), **words))
+            return
+        whole = self.to_xarray()
+        dataset = whole.drop_vars([name for name, x in whole.variables.items() if not x.size])  # netCDF 3 has no empty arrays
+        flags = {name: x.astype(np.int8) for name, x in dataset.data_vars.items() if x.dtype == bool}
+        content = dataset.assign(flags).to_netcdf(engine="scipy", format="NETCDF3_64BIT")
+        write_file(place, lambda file: file.write(content))
+
+    def _json(self) -> str:
+        return json.dumps(self.summary(), allow_nan=False)
 
     def summary(self) -> dict[str, Any]:
         """The main numbers as plain data, for JSON and for ranking."""
@@ -363,138 +397,78 @@ class MotionReport(Displayed):
     def __repr__(self) -> str:
         return f"MotionReport({self.motion.source!r}, {self.n} frames, {100 * self.share_possible:.1f} % possible)"
 
+    def _variables(self) -> list[tuple[str, Array, list[str], str, str]]:
+        """Name, array, dimensions after time, unit and meaning."""
+        m, lanes = self.motion, self.lanes
+        return [
+            ("q", m.q, ["position"], "", "configuration"),
+            ("v", m.v, ["velocity"], "", "velocity"),
+            ("a", m.a, ["velocity"], "", "acceleration"),
+            ("possible", self.possible, [], "", "whether a frame has no cause"),
+            ("causes", self.causes, ["cause"], "", "why a frame is not possible"),
+            ("missing", self.missing, ["spatial"], "N, then N m", "least wrench missing on the base, about its centre of mass"),
+            ("missing_scaled", self.missing_scaled, [], "1", "the same over the weight, moments over 0.3 m"),
+            ("open", self.open, [], "1", "its standard deviation by noise of the accelerations"),
+            ("touches", lanes.touches, ["point"], "", "whether a point touches the floor"),
+            ("slides", lanes.slides, ["point"], "", "whether it slides there"),
+            ("heights", lanes.heights, ["point"], "m", "height of a point above the floor"),
+            ("speeds", lanes.speeds, ["point"], "m/s", "speed of a point along the floor; NaN where it does not touch"),
+            ("points", lanes.places, ["point", "axis"], "m", "points in W"),
+            ("forces", self.forces, ["point", "axis"], "N", "force on the robot at each point, in W"),
+            ("tau", self.tau, ["motor"], "", "motor torques"),
+            ("excess", self.excess, ["motor"], "1", "torque beyond its limit, over the limit"),
+            ("used_torque", self.used_torque, ["motor"], "1", "torque over its limit"),
+            ("used_friction", self.used_friction, ["contact"], "1", "tangential force over the largest; NaN without load"),
+            ("edge_margin", self.edge_margin, ["contact"], "m", "centre of pressure to the sole's edge; NaN without load"),
+            ("nearest_a", self.nearest_a, ["velocity"], "", "nearest possible acceleration"),
+        ]  # fmt: skip
+
     def __str__(self) -> str:
-        return report.table(self)
+        m, before = self.motion, self.before
+        share = _beside(100 * self.share_possible, None if before is None else 100 * before.share_possible)
+        score = _beside(self.score, None if before is None else before.score)
+        lines = [
+            f"{m.source}: {m.n} frames of {m.robot.name}, {m.duration:.2f} s at {m.rate:.4g} Hz",
+            f"  possible   {share} % of the frames, score {score} of 100",
+        ]
+        for i, cause in enumerate(CAUSES):
+            count, was = int(self.causes[:, i].sum()), None if before is None else int(before.causes[:, i].sum())
+            if count or was:
+                lines.append(f"  {cause:<15}{_beside(count, was, 0)} frames{self._worst(cause)}")
+        over = ", ".join(f"{100 * level:g} %: {100 * x:.1f}" for level, x in zip(THRESHOLDS, self.share_over(), strict=True))
+        lines.append(f"  missing wrench over a share of the weight, % of the frames:  {over}")
+        lines.append(
+            f"  median missing {100 * float(np.median(self.missing_scaled)):.2g} % of the weight; noise of the accelerations "
+            f"explains {100 * float(np.median(self.open)):.2g} %"
+        )
+        if m.derivation is not None:
+            lines.append(f"  accelerations: {m.derivation}")
+        s = self.settings
+        floor = f"floor at z = {self.lanes.ground:.4g} m"
+        lines.append(f"  friction {s.friction:g}, {floor}, threshold {100 * s.threshold:g} % of the weight")
+        return "\n".join(lines + [f"  note: {note}" for note in (*m.notes, *self.lanes.notes)])
 
-
-_SPATIAL = ["x", "y", "z", "about_x", "about_y", "about_z"]
-
-
-def _variables(report: Any) -> list[tuple[str, Array, list[str], str, str]]:
-    """Name, array, dimensions after time, unit and meaning."""
-    m, lanes = report.motion, report.lanes
-    return [
-        ("q", m.q, ["position"], "", "configuration"),
-        ("v", m.v, ["velocity"], "", "velocity"),
-        ("a", m.a, ["velocity"], "", "acceleration"),
-        ("possible", report.possible, [], "", "whether a frame has no cause"),
-        ("causes", report.causes, ["cause"], "", "why a frame is not possible"),
-        ("missing", report.missing, ["spatial"], "N, then N m", "least wrench missing on the base, about its centre of mass"),
-        ("missing_scaled", report.missing_scaled, [], "1", "the same over the weight, moments over 0.3 m"),
-        ("open", report.open, [], "1", "its standard deviation by noise of the accelerations"),
-        ("touches", lanes.touches, ["point"], "", "whether a point touches the floor"),
-        ("slides", lanes.slides, ["point"], "", "whether it slides there"),
-        ("heights", lanes.heights, ["point"], "m", "height of a point above the floor"),
-        ("speeds", lanes.speeds, ["point"], "m/s", "speed of a point along the floor; NaN where it does not touch"),
-        ("points", lanes.places, ["point", "axis"], "m", "points in W"),
-        ("forces", report.forces, ["point", "axis"], "N", "force on the robot at each point, in W"),
-        ("tau", report.tau, ["motor"], "", "motor torques"),
-        ("excess", report.excess, ["motor"], "1", "torque beyond its limit, over the limit"),
-        ("used_torque", report.used_torque, ["motor"], "1", "torque over its limit"),
-        ("used_friction", report.used_friction, ["contact"], "1", "tangential over largest tangential force; NaN without load"),
-        ("edge_margin", report.edge_margin, ["contact"], "m", "centre of pressure to the sole's edge; NaN without load"),
-        ("nearest_a", report.nearest_a, ["velocity"], "", "nearest possible acceleration"),
-    ]  # fmt: skip
-
-
-def arrays_of(report: Any) -> dict[str, Array]:
-    """All arrays by name."""
-    return {"t": report.motion.t} | {name: x for name, x, *_ in _variables(report)}
-
-
-def dataset_of(report: Any) -> xarray.Dataset:
-    """The report with named dimensions, labels and units."""
-    xr, robot = xarray_or_error(), report.motion.robot
-    variables: dict[str, Any] = {}
-    for name, x, dims, unit, meaning in _variables(report):
-        variables[name] = (["time", *dims], x, {"long_name": meaning} | ({"units": unit} if unit else {}))
-    coords: dict[str, Any] = {
-        "time": ("time", report.motion.t, {"units": "s"}),
-        "cause": np.array(CAUSES),
-        "position": [c.name for c in robot.joints.positions],
-        "velocity": [c.name for c in robot.joints.velocities],
-        "motor": np.array([c.name for c in robot.motor_coordinates], str),
-        "motor_unit": ("motor", np.array([FORCE_OF[c.unit] for c in robot.motor_coordinates], str)),
-        "point": np.array(report.lanes.names, str),
-        "contact": np.array([c.name for c in report.lanes.contacts], str),
-        "axis": _SPATIAL[:3],
-        "spatial": _SPATIAL,
-    }
-    return xr.Dataset(
-        variables, coords, {"title": f"check of a motion of {robot.name}", "rbd": VERSION, "report": _json(report)}
-    )
-
-
-def save(report: Any, path: str | os.PathLike[str]) -> None:
-    """Write .npz or .nc; see `MotionReport.save`."""
-    place = a_trajectory_path(path)
-    if place.suffix == ".npz":
-        words = {"cause": np.array(CAUSES), "point": np.array(report.lanes.names, str), "report": np.array(_json(report))}
-        write_file(place, lambda file: np.savez(file, allow_pickle=False, **arrays_of(report), **words))
-        return
-    dataset = dataset_of(report)
-    for name in [name for name, x in dataset.variables.items() if not x.size]:  # netCDF 3 has no empty arrays
-        dataset = dataset.drop_vars([name])
-    for name in [name for name, x in dataset.data_vars.items() if x.dtype == bool]:
-        dataset[name] = dataset[name].astype(np.int8)
-    content = dataset.to_netcdf(engine="scipy", format="NETCDF3_64BIT")
-    write_file(place, lambda file: file.write(content))
-
-
-def _json(report: Any) -> str:
-    return json.dumps(report.summary(), allow_nan=False)
-
-
-def table(report: Any) -> str:
-    """The printed report: what is possible, causes with their worst frames, the curve, the noise."""
-    m, before = report.motion, report.before
-    share = _beside(100 * report.share_possible, None if before is None else 100 * before.share_possible)
-    lines = [
-        f"{m.source}: {m.n} frames of {m.robot.name}, {m.duration:.2f} s at {m.rate:.4g} Hz",
-        f"  possible   {share} % of the frames, score {_beside(report.score, None if before is None else before.score)} of 100",
-    ]
-    for i, cause in enumerate(CAUSES):
-        count, was = int(report.causes[:, i].sum()), None if before is None else int(before.causes[:, i].sum())
-        if count or was:
-            lines.append(f"  {cause:<15}{_beside(count, was, 0)} frames{_worst(report, cause)}")
-    levels = (0.01, 0.02, 0.05, 0.1, 0.2, 0.5)
-    over = ", ".join(f"{100 * level:g} %: {100 * x:.1f}" for level, x in zip(levels, report.share_over(levels), strict=True))
-    lines.append(f"  missing wrench over a share of the weight, % of the frames:  {over}")
-    lines.append(
-        f"  median missing {100 * float(np.median(report.missing_scaled)):.2g} % of the weight; noise of the accelerations "
-        f"explains {100 * float(np.median(report.open)):.2g} %"
-    )
-    if m.derivation is not None:
-        lines.append(f"  accelerations: {m.derivation}")
-    s = report.settings
-    floor = f"floor at z = {report.lanes.ground:.4g} m"
-    lines.append(f"  friction {s.friction:g}, {floor}, threshold {100 * s.threshold:g} % of the weight")
-    return "\n".join(lines + [f"  note: {note}" for note in (*m.notes, *report.lanes.notes)])
+    def _worst(self, cause: str) -> str:
+        """The worst frames of a cause, and how bad the first of them is."""
+        frames, t = self.worst(cause, 3), self.motion.t
+        if not len(frames):
+            return ""
+        f = int(frames[0])
+        told = f", worst {', '.join(f'{int(i)} ({t[i]:.2f} s)' for i in frames)}"
+        if cause in _SIZES:
+            factor, words = _SIZES[cause]
+            return f"{told}: {factor * self._badness(cause)[f]:.0f} {words}"
+        if cause == "motor":
+            j = int(self.excess[f].argmax())
+            return f"{told}: {self.motion.robot.actuated_names[j]} {100 * self.excess[f, j]:.0f} % beyond its limit"
+        if cause == "torque-speed":
+            return f"{told}: {self.on_line(f)}"
+        if cause == "self-collision" and self.collisions is not None:
+            pairs = [" and ".join(pair) for pair, at in self.collisions.pairs.items() if f in at]
+            return f"{told}: {', '.join(pairs)}"
+        return told
 
 
 def _beside(now: float, was: float | None, digits: int = 1) -> str:
     text = f"{now:.{digits}f}"
     return text if was is None else f"{was:.{digits}f} -> {text}"
-
-
-def _worst(report: Any, cause: str) -> str:
-    frames = report.worst(cause, 3)
-    if not len(frames):
-        return ""
-    f, t = int(frames[0]), report.motion.t
-    at = ", ".join(f"{int(i)} ({t[i]:.2f} s)" for i in frames)
-    told = f", worst {at}"
-    if cause == "sinks":
-        told += f": {1000 * -report.lanes.heights[f].min():.0f} mm below the floor"
-    elif cause == "slides":
-        told += f": {1000 * np.where(report.lanes.slides[f], report.lanes.speeds[f], 0.0).max():.0f} mm/s"
-    elif cause == "motor":
-        j = int(report.excess[f].argmax())
-        told += f": {report.motion.robot.actuated_names[j]} {100 * report.excess[f, j]:.0f} % beyond its limit"
-    elif cause == "torque-speed":
-        told += f": {report.on_line(f)}"
-    elif cause in ("floats", "friction", "tips"):
-        told += f": {100 * report.missing_scaled[f]:.0f} % of the weight missing"
-    elif cause == "self-collision" and report.collisions is not None:
-        told += ": " + ", ".join(" and ".join(pair) for pair, at_ in report.collisions.pairs.items() if f in at_)
-    return told
