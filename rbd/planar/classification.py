@@ -36,21 +36,6 @@ MEANINGS = {
 
 
 @dataclass(frozen=True)
-class Word:
-    """A term, its value for this chain, and its meaning.
-
-    Attributes:
-        word: The term.
-        value: Its value: a number or a phrase.
-        meaning: One line.
-    """
-
-    word: str
-    value: int | str
-    meaning: str
-
-
-@dataclass(frozen=True)
 class ChainClass(Displayed):
     """Classification of a planar chain, with its mobility; ranks are generic: singular poses do not count.
 
@@ -84,10 +69,8 @@ class ChainClass(Displayed):
         """Mobility less the degrees of freedom of the end point."""
         return self.mobility - self.end_dof
 
-    @property
-    def table(self) -> tuple[Word, ...]:
-        """All terms with their values and meanings."""
-        values: dict[str, int | str] = {
+    def __str__(self) -> str:
+        values = {
             "base": self.base,
             "end point": self.end_point,
             "open or closed": "closed" if self.closed else "open",
@@ -97,12 +80,8 @@ class ChainClass(Displayed):
             "degrees of freedom of the end point": self.end_dof,
             "redundancy": self.redundancy,
         }
-        return tuple(Word(word, value, MEANINGS[word]) for word, value in values.items())
-
-    def __str__(self) -> str:
-        rows = [(row.word, str(row.value), row.meaning) for row in self.table]
-        first, second = (max(len(row[k]) for row in rows) for k in (0, 1))
-        lines = [f"{word:<{first}}  {value:<{second}}  {meaning}" for word, value, meaning in rows]
+        first, second = max(map(len, values)), max(len(str(value)) for value in values.values())
+        lines = [f"{word:<{first}}  {value!s:<{second}}  {MEANINGS[word]}" for word, value in values.items()]
         return "\n".join([*lines, self.note] if self.note else lines)
 
 

@@ -105,11 +105,6 @@ class ConstrainedChain(Displayed):
         return sympy.ImmutableMatrix(len(remaining), len(angles), [entry for row in rows for entry in row])
 
     @property
-    def is_solved(self) -> bool:
-        """Whether all relations were solved, so that q is a function of the free angles."""
-        return not self.reduced.remaining
-
-    @property
     def q(self) -> Symbols:
         """All angles as functions of the coordinates, shape (n, 1) [rad]."""
         return self.reduced.q

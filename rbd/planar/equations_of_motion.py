@@ -153,14 +153,9 @@ class Dynamics(Displayed):
         return self.T + self.V
 
     @property
-    def mass_rate(self) -> Symbols:
-        """Mdot, by differentiating M, shape (n, n) [kg m2/s]."""
-        return self.M.diff(self.chain.t)
-
-    @property
     def skew(self) -> Symbols:
         """N = Mdot - 2 C, shape (n, n): N = -N^T, and so x^T N x = 0: Coriolis forces do no work but Mdot's."""
-        return self.mass_rate - 2 * self.C
+        return self.M.diff(self.chain.t) - 2 * self.C
 
     @property
     def unknowns(self) -> tuple[sp.Symbol, ...]:

@@ -130,7 +130,7 @@ class TestAnyRelation:
     def test_an_end_point_on_a_line_moves_along_it(self):
         """Y held: the second row of the reduced Jacobian is zero, though no angle could be solved for."""
         reduced = constrained(EQUAL, EQUAL.position()[1] - ELL / 2)
-        assert not reduced.is_solved and reduced.mobility == 1 and reduced.jacobian()[1] == 0
+        assert reduced.reduced.remaining and reduced.mobility == 1 and reduced.jacobian()[1] == 0
         assert sympy.simplify(reduced.reduced.regular - ELL * cos(TH1 + TH2)) == 0
 
     def test_a_branch_solves_for_an_angle(self):
