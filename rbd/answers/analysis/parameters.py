@@ -149,7 +149,8 @@ def by_parameter(
         columns = _added_forces(name, state, external, answer.a)
         labels = tuple(columns)
         force = np.column_stack([np.zeros((P.nv, 0)), *columns.values()])
-        da, df = equations.derivative(force, *[np.zeros((P.m, len(labels)))] * 2)
+        nothing = np.zeros((P.m, len(labels)))
+        da, df = equations.derivative(force, nothing, nothing)
     forces: dict[str, Array | None] = {}
     for r in P.rows:
         part = df[P.slices[r.name]]
