@@ -132,12 +132,14 @@ if _TYPE_CHECKING:
     from rbd.statics.equilibrium import (
         hold as hold,
     )
+    from rbd.studies.draws import (
+        sample as sample,
+    )
     from rbd.studies.running import (
         study as study,
     )
-    from rbd.studies.sampling.draws import (
+    from rbd.studies.samples import (
         grid as grid,
-        sample as sample,
     )
 
 __version__ = _VERSION
@@ -177,8 +179,9 @@ _NAMES = {
     "rbd.solvers.proxqp": "ProxQP",
     "rbd.statics.actuation": "Actuation",
     "rbd.statics.equilibrium": "hold",
-    "rbd.studies.sampling.draws": "grid sample",
+    "rbd.studies.draws": "sample",
     "rbd.studies.running": "study",
+    "rbd.studies.samples": "grid",
 }
 """Top-level names by module; the imports above are the same for type checkers."""
 _HOME = {name: module for module, names in _NAMES.items() for name in names.split()}

@@ -178,7 +178,7 @@ def check_running(
     if out is not None and (there := is_stored(out)) and not resume:
         raise InputError(f"--out is {str(out)!r:.300}, which is there. Go on with it by --resume, or give another name.")
     if out is not None and not there:
-        check_outputs({"--out": (out, (".zarr", ".nc"))})
+        check_outputs({"--out": (out, (".zarr",))})
 
 
 def run_sweep(

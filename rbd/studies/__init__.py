@@ -3,13 +3,13 @@
 from rbd.answers.comparison import LawComparison, SolverComparison, compare_laws, compare_solvers
 from rbd.modules import submodule as _submodule
 from rbd.statics.push_functions import move_under_push, withstand_push
-from rbd.studies.outputs.fields import kept_names
+from rbd.studies.draws import sample
+from rbd.studies.processes import Workers
+from rbd.studies.results import kept_names
 from rbd.studies.running import study
-from rbd.studies.sampling.draws import grid, sample
-from rbd.studies.sampling.samples import Samples
-from rbd.studies.sampling.tables import table
+from rbd.studies.samples import Samples, grid
 from rbd.studies.stores import open_study
-from rbd.studies.workers.own_processes import Workers
+from rbd.studies.tables import table
 
 __all__ = [
     "LawComparison",

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from dataclasses import replace
+from contextlib import contextmanager, suppress
+from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,13 +18,14 @@ import numpy as np
 from rbd.arrays import check_flag
 from rbd.errors import InputError, RbdError, StudyStopped, StudyWarning
 from rbd.errors.warned import stacklevel_of_user
-from rbd.studies.outputs.output_selection import Keep
-from rbd.studies.provenance.study_attributes import attributes_of
-from rbd.studies.sampling.samples import Samples
-from rbd.studies.sampling.tables import samples_of
+from rbd.simulation.progress_bar import progress_of
+from rbd.studies.evaluation import Evaluation, WarningCounts, bound
+from rbd.studies.processes import Chunks, Crew, Here, Workers, check_executor, sent_columns, sent_of
+from rbd.studies.provenance import attributes_of
+from rbd.studies.results import Keep, OutputSelection
+from rbd.studies.samples import Samples
 from rbd.studies.stores import Store, checked_path
-from rbd.studies.workers.evaluation import Evaluation, bound
-from rbd.studies.workers.filling import Interruption, check_all, fill
+from rbd.studies.tables import samples_of
 
 if TYPE_CHECKING:
     import xarray
@@ -55,7 +59,7 @@ def study(
             function}, or both; None: what its type says, with its certificate.
         executor: None: spawned processes, one a core; n: that many; 0: this process; or an executor of `concurrent.futures`,
             e.g. `dask.distributed`'s `client.get_executor()`, which is left open.
-        out: A path that ends in .zarr, or in .nc for a small study: what is finished is written there within a second, or 5 s
+        out: A path that ends in .zarr: what is finished is written there within a second, or 5 s
             where a writing takes more than 0.05 s; a process that is killed loses what it has not written yet, and the chunks
             under way. The same call goes on with what is missing. None: in memory only.
         seed: Root of the seeds of all samples.
@@ -72,8 +76,8 @@ def study(
         InputError: before work starts: samples, names, executors, functions that cannot be sent or, with `out`,
             counted, a store of another study; at the first result: what cannot be kept; later: a result of another
             shape. What was finished stays stored.
-        StudyStopped: a full disk, a chunk that ends each process that computes it, or a warning where the filters make errors
-            of warnings; with what was finished.
+        StudyStopped: a full disk, ten samples of which two processes died each, or a warning where the filters make errors of
+            warnings; with what was finished.
 
     Example:
         >>> box = rbd.testing.box()
@@ -89,70 +93,155 @@ def study(
     """
     check_flag("batched", batched)
     check_flag("progress", progress)
-    path, found = checked_path(out), samples_of(samples)
-    evaluation = Evaluation(bound(function, found), keep, _seed(seed), bool(batched))
+    path, found, kept = checked_path(out), samples_of(samples), OutputSelection(keep)
+    if isinstance(seed, bool) or not isinstance(seed, int | np.integer) or seed < 0:
+        raise InputError(f"seed is {seed!r:.80}; expected a whole number from 0.")
+    evaluation = Evaluation(bound(function, found), kept, int(seed), bool(batched))
     check_all(evaluation, executor, chunk, found)
-    attributes = attributes_of(
-        function, found, keep=keep, seed=evaluation.seed, batched=evaluation.batched, stored=path is not None
-    )
+    attributes = attributes_of(function, found, (kept.text, kept.functions), int(seed), batched, stored=path is not None)
     store = Store(path, found, attributes)
-    with Interruption() as interruption:
+    with counted_interrupts() as pressed:
         try:
-            _tell(store, progress)
-            if store.done.all():
-                return store.dataset()
-            return _filled(store, evaluation, found, interruption, executor=executor, chunk=chunk, progress=progress)
+            done, n = int(np.count_nonzero(store.done)), len(found)
+            if done and progress and sys.stderr is not None:
+                going = "nothing is left to compute" if done == n else "going on"
+                sys.stderr.write(f"{done:,} of {n:,} samples were done; {going}.\n")
+            if 0 < done < n and "; then " in str(store.attributes["versions"]):
+                told = str(store.attributes["versions"]).replace("; then ", ", and the rest with ")
+                text = f"A part was computed with {told}. Results may differ in their last bits."
+                warnings.warn(text, StudyWarning, stacklevel=stacklevel_of_user())
+            filling = Filling(store, evaluation, found, pressed, chunk)
+            return filling.dataset(executor, progress=progress)
         finally:
-            with interruption.counted():
-                store.close()
+            store.close()
 
 
-def _filled(store: Store, evaluation: Evaluation, samples: Samples, interruption: Interruption, **how: Any) -> xarray.Dataset:
-    """The dataset of a store after what is missing was computed. Ctrl-C while it is made does not lose it."""
+def check_all(
+    evaluation: Evaluation, executor: Executor | int | None, chunk: int | None, samples: Samples | None = None
+) -> None:
+    """Refuse before work starts what could not be done: chunks, executors, functions and samples that cannot be sent.
+
+    Raises:
+        InputError: names it, and what to try.
+    """
+    if chunk is not None and (isinstance(chunk, bool) or not isinstance(chunk, int | np.integer) or chunk < 1):
+        raise InputError(f"chunk is {chunk!r:.80}; expected a whole number of samples from 1, or None: about a second each.")
+    check_executor(executor)
+    if sent_of(evaluation, executor) and samples is not None:
+        sent_columns({each.name: each.values.tolist() for each in samples.given if each.dim and each.values.dtype == object})
+
+
+@contextmanager
+def counted_interrupts() -> Iterator[list[int]]:
+    """A list that grows when Ctrl-C is pressed, which raises KeyboardInterrupt as always.
+
+    So that functions that end early by it, as `rbd.simulate` does, end the study too. Handlers of the user's own, and those of
+    other threads, stay as they are.
+    """
+    pressed = list[int]()
+
+    def note(number: int, frame: FrameType | None) -> None:
+        pressed.append(number)
+        raise KeyboardInterrupt
+
+    main = threading.current_thread() is threading.main_thread()
+    ours = main and signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    if ours:
+        signal.signal(signal.SIGINT, note)
     try:
-        filled = fill(store, evaluation, samples, interruption=interruption, **how)
-        stopped, cause = filled.stopped, filled.cause
-        with interruption.counted():
-            found = None if stopped else store.dataset()
-            if found is not None and interruption.asked and not filled.interrupted:
-                filled = replace(filled, interrupted=f"Ctrl-C after all {filled.total:,} samples")
+        yield pressed
+    finally:
+        if ours:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
+class Filling:
+    """What a store lacks, evaluated and put there; Ctrl-C ends it in order, a second one at once.
+
+    Args:
+        store: Filled.
+        evaluation: What is computed.
+        samples: The samples, in the store's numbering.
+        pressed: Grows when Ctrl-C is pressed.
+        chunk: Samples that are sent at a time; None: about a second's.
+
+    Attributes:
+        interrupted: "Ctrl-C after 340 of 1,000 samples"; empty where it was not interrupted.
+        warned: The warnings of the function.
+    """
+
+    def __init__(
+        self, store: Store, evaluation: Evaluation, samples: Samples, pressed: list[int], chunk: int | None = None
+    ) -> None:
+        self.store, self.evaluation, self.samples, self.pressed = store, evaluation, samples, pressed
+        self.warned, self.interrupted = WarningCounts(), ""
+        self._chunks = Chunks(store.done, chunk, batched=evaluation.batched)
+
+    @property
+    def so_far(self) -> str:
+        """How much is done."""
+        return f"{np.count_nonzero(self.store.done):,} of {len(self.samples):,} samples"
+
+    def run(self, executor: Executor | int | None, *, progress: bool = True) -> None:
+        """Evaluate, until all is done or it ends. Chunks that are under way when it ends are lost.
+
+        Raises:
+            InputError: results that cannot be kept.
+            StudyStopped: the store cannot be written, or the executor computes no more.
+        """
+
+        def check() -> None:
+            if self.pressed:
+                raise KeyboardInterrupt
+
+        own = executor if isinstance(executor, Executor) else Workers(executor) if executor != 0 else Here(check)
+        crew = Crew(own, self.evaluation, self.samples, self._chunks)
+        try:
+            with progress_of((0.0, float(len(self.samples))), shown=progress, doing="studying") as draw:
+                for finished in crew.results():
+                    if finished is not None:
+                        self.store.put(finished.block)
+                        for kind, counted in finished.warned.found.items():
+                            self.warned.add(kind, *counted)
+                    draw(float(np.count_nonzero(self.store.done)))
+                    check()
+        except KeyboardInterrupt:
+            if len(self.pressed) > 1:
+                raise
+            self.interrupted = f"Ctrl-C after {self.so_far}"
+        finally:
+            crew.end()
+            if own is not executor:
+                own.shutdown()
+
+    def dataset(self, executor: Executor | int | None, *, progress: bool = True) -> xarray.Dataset:
+        """The dataset after `run`. Ctrl-C while it is made does not lose it.
+
+        Raises:
+            StudyStopped: it ended early, or a warning is an error; with what is done.
+        """
+        found: xarray.Dataset | None = None
+        try:
+            self.run(executor, progress=progress)
             try:
-                filled.warn()
-            except Warning as error:  # by the filters of warnings
-                made = f"a warning is an error here, by Python's filters: {error}. This error's `dataset` has the results."
-                stopped, cause = stopped or made, cause or error
-            if found is not None and not stopped:
-                return found
-    except StudyStopped as error:
-        with interruption.counted():
-            error.dataset = _of_stopped(store)
-        raise
-    with interruption.counted():
-        kept = _of_stopped(store)
-    raise StudyStopped(stopped, dataset=kept) from cause
+                found = self.store.dataset()
+            except KeyboardInterrupt:
+                if len(self.pressed) > 1:
+                    raise
+                self.interrupted, found = f"Ctrl-C after all {self.so_far}", self.store.dataset()
+            self.warn()
+        except Warning as error:  # by the filters of warnings
+            told = f"a warning is an error here, by Python's filters: {error}. This error's `dataset` has the results."
+            raise StudyStopped(told, dataset=found) from error
+        except StudyStopped as error:
+            with suppress(RbdError, OSError):
+                error.dataset = self.store.kept()
+            raise
+        return found
 
-
-def _of_stopped(store: Store) -> xarray.Dataset | None:
-    """What is kept of a study that stopped; None where it cannot be read."""
-    try:
-        return store.kept()
-    except (RbdError, OSError):
-        return None
-
-
-def _tell(store: Store, progress: bool) -> None:
-    """What a stored study has: on stderr how much, as a warning what else computed it."""
-    done, n = int(np.count_nonzero(store.done)), len(store.done)
-    if not done:
-        return
-    if progress and sys.stderr is not None:
-        going = "nothing is left to compute" if done == n else "going on"
-        sys.stderr.write(f"{done:,} of {n:,} samples were done; {going}.\n")
-    if done < n and store.others:
-        warnings.warn(f"{store.others} Results may differ in their last bits.", StudyWarning, stacklevel=stacklevel_of_user())
-
-
-def _seed(given: object) -> int:
-    if isinstance(given, bool) or not isinstance(given, int | np.integer) or given < 0:
-        raise InputError(f"seed is {given!r:.80}; expected a whole number from 0.")
-    return int(given)
+    def warn(self) -> None:
+        """Issue the function's warnings, one of each kind, and one of an interruption."""
+        self.warned.warn(len(self.samples))
+        if self.interrupted:
+            left = "none is missing" if self.store.done.all() else "the others have the reason not_run"
+            warnings.warn(f"{self.interrupted}; {left}.", StudyWarning, stacklevel=stacklevel_of_user())

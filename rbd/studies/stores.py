@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 import fcntl
-import io
 import itertools
 import json
 import math
 import os
-import re
 import shutil
 import time
 import warnings
-import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import replace
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,147 +20,95 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError, StudyStopped
-from rbd.model.output_files import check_place, write_file
+from rbd.errors.reasons import Reason
+from rbd.model.output_files import check_place
 from rbd.modules import xarray_or_error, zarr_or_error
-from rbd.simulation.trajectory_file import BytesReadOnce
-from rbd.studies.dataset import LAYOUT, block_of, empty_dataset, filled, netcdf, outcome_of, restored
-from rbd.studies.outputs.fields import REASON, Block, joined
-from rbd.studies.outputs.layout import Layout
-from rbd.studies.provenance.study_attributes import check_same, continued, finished, format_of, others_of
-from rbd.studies.sampling.draws import grid
-from rbd.studies.sampling.samples import ONE, Samples
+from rbd.records import Variable
+from rbd.studies.provenance import check_format, continued, now, storable
+from rbd.studies.results import REASON, Block, Layout, joined
+from rbd.studies.samples import ONE, RESERVED, Samples
 
 if TYPE_CHECKING:
     import xarray
 
-ZARR, NETCDF = ".zarr", ".nc"
-PARTS, PART, OF = ".parts", ".part", "study"
-"""Endings of the folder with the parts of a study and of its files, and the file with its samples and attributes."""
-FIRST, FILES = "first", "rbd_files"
-"""Attributes: of a part where its variables first came, of a zarr store how many files it has."""
+ZARR, PARTS, PART, OF = ".zarr", ".parts", ".part", "study"
+"""Endings of a store, of the folder with its parts and of its files, and the file with its samples and attributes."""
+FILES = "rbd_files"
+"""Attribute of a store: how many files it has, as zarr reads a missing one as missing values."""
 OFTEN, SELDOM, SHARE = 1.0, 5.0, 20.0
 """The shortest and the longest time between two writings [s]; between them it is so many times as long as a writing takes."""
+DIMS = "rbd_dims"
+"""Attribute of the samples of a study: their dimensions, as JSON."""
 LOADED = 1_000_000_000
 """Datasets up to so many bytes are read into memory, larger ones as they are used."""
-LARGEST = 200_000_000
-"""Bytes of the largest study that is written as netCDF, which is written whole."""
 SLAB = 100_000_000
-"""Bytes of the results that are in memory at once while a finished zarr store is written."""
+"""Bytes of the results that are in memory at once while a finished store is written."""
 
 
-class Parts:
-    """What is done of a study: blocks in memory, and files of a folder, each with some samples, written whole or not at all.
+def filled(
+    coords: Mapping[str, Any], dims: Mapping[str, int], attributes: Mapping[str, Any], variables: Mapping[str, Variable]
+) -> xarray.Dataset:
+    """What is kept, over the dimensions of the samples.
 
     Args:
-        empty: The samples' coordinates, and the study's attributes.
-        layout: The variables so far.
-        folder: Where the files are; None: in memory only.
-
-    Attributes:
-        done: Which samples are finished, shape (n,), truth values.
+        coords: Coordinates of the samples.
+        dims: {dimension of the samples: its length}.
+        attributes: Of the dataset.
+        variables: Results of all samples.
     """
-
-    def __init__(self, empty: xarray.Dataset, layout: Layout, folder: Path | None) -> None:
-        self.empty, self.layout, self.folder = empty, layout, folder
-        self.dims: dict[str, int] = json.loads(empty.attrs[LAYOUT])["dims"]
-        self.done = np.zeros(math.prod(self.dims.values()), bool)
-        self.blocks: list[Block] = []
-        self.files: dict[Path, tuple[int, int]] = {}
-
-    def load(self) -> list[Path]:
-        """Find the files of the folder; those that cannot be read are returned."""
-        damaged = []
-        for file in sorted(self.folder.glob("*" + PART)) if self.folder else ():
-            try:
-                part = _read_part(file)
-                block = block_of(part)
-                self.layout.begin(block, json.loads(part.attrs[FIRST]))
-            except (OSError, ValueError, KeyError, TypeError, zlib.error):
-                damaged.append(file)
-                continue
-            self._found(file, block)
-            self.empty.attrs["finished"] = max(part.attrs["finished"], self.empty.attrs.get("finished", ""))
-        return damaged
-
-    def write(self) -> None:
-        """Write the blocks in memory, as one file."""
-        assert self.folder is not None
-        numbers = np.sort(np.concatenate([each.numbers for each in self.blocks]))
-        numbers = numbers[np.append(np.diff(numbers) > 0, True)]  # batches that are computed again overlap
-        block = joined(numbers, self.blocks, self.layout.forms)
-        attributes = {FIRST: json.dumps(self.layout.first), "finished": self.empty.attrs.get("finished", "")}
-        empty = xarray_or_error().Dataset(coords={ONE: numbers.astype(float)}, attrs=attributes)
-        content = netcdf(filled(empty, {ONE: len(numbers)}, block))
-        file = self.folder / f"{len(self.files):06}-{time.time_ns():x}{PART}"
-        write_file(file, lambda out: out.write(zlib.compress(content, 0)), StudyStopped)
-        self._found(file, block)
-        self.blocks = []
-
-    def _found(self, file: Path, block: Block) -> None:
-        self.files[file] = int(block.numbers[0]), int(block.numbers[-1])
-        self.done[block.numbers] = True
-
-    def dataset(self, rows: slice = slice(None)) -> xarray.Dataset:
-        """The dataset of what is done, all of it or some places along the first dimension."""
-        n = next(iter(self.dims.values()))
-        start, stop = (k * (len(self.done) // n) for k in rows.indices(n)[:2])
-        files = [file for file, (low, high) in self.files.items() if low < stop and high >= start]
-        blocks = itertools.chain((block_of(_read_part(file)) for file in files), self.blocks)
-        return filled(self.empty, self.dims, joined(np.arange(start, stop), blocks, self.layout.forms), rows)
-
-    def whole(self) -> xarray.Dataset:
-        """The dataset as a user gets it: of all samples, with how many have a result."""
-        found = restored(self.dataset().assign_attrs(self._attributes()))
-        return found.assign_attrs(outcome_of(found[REASON].values))
-
-    def finish(self, path: Path) -> None:
-        """Write the dataset to a path; then the parts go."""
-        assert self.folder is not None
-        made = self.folder / "whole"
-        if path.suffix == NETCDF:
-            found = self.dataset().assign_attrs(self._attributes())
-            content = netcdf(found.assign_attrs(outcome_of(found[REASON].values)))
-            write_file(made, lambda file: file.write(content), StudyStopped)
-        else:
-            shutil.rmtree(made, ignore_errors=True)
-            self._write_zarr(made)
-        os.sync()
-        os.replace(made, path)
-        shutil.rmtree(self.folder, ignore_errors=True)
-
-    def _write_zarr(self, made: Path) -> None:
-        """The dataset as a folder, written some rows at a time, so that it need not fit into memory."""
-        import zarr
-        from zarr.codecs import ZstdCodec
-
-        first, n = next(iter(self.dims.items()))
-        each = 100 + sum(v.values[:1].nbytes for block in self.blocks for v in block.variables.values())
-        step, reasons = max(1, SLAB * n // (len(self.done) * each)), list[Array]()
-        for k in range(0, n, step):
-            slab = self.dataset(slice(k, k + step))
-            reasons.append(slab[REASON].values.ravel())
-            if k:
-                slab = slab.drop_vars([name for name, x in slab.coords.items() if first not in x.dims])
-                slab.to_zarr(made, append_dim=first, consolidated=False)
-            else:
-                how = {"compressors": ZstdCodec(level=1, checksum=True)}
-                slab.to_zarr(made, zarr_format=3, consolidated=False, encoding=dict.fromkeys(slab.variables, how))
-        attributes = {**self._attributes(), **outcome_of(np.concatenate(reasons)), FILES: len(list(made.rglob("*")))}
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the list of arrays is not in the specification of zarr 3 yet
-            zarr.open_group(made).attrs.put(attributes)
-            zarr.consolidate_metadata(made)
-
-    def _attributes(self) -> dict[str, Any]:
-        layout = {**json.loads(self.empty.attrs[LAYOUT]), "order": list(self.layout.forms)}
-        return {**self.empty.attrs, LAYOUT: json.dumps(layout)}
+    labels = {dim: ((dim,), _stored(np.asarray(x))) for v in variables.values() for dim, x in v.labels.items()}
+    values = {
+        name: ((*dims, *v.dims), v.values.reshape(*dims.values(), *v.values.shape[1:]), v.attributes)
+        for name, v in variables.items()
+    }
+    made: xarray.Dataset = xarray_or_error().Dataset(values, {**coords, **labels}, attributes)
+    return made
 
 
-def _read_part(file: Path) -> xarray.Dataset:
-    found: xarray.Dataset = xarray_or_error().load_dataset(
-        io.BytesIO(zlib.decompress(file.read_bytes())), engine="scipy", decode_times=False
-    )
-    return found
+def outcome_of(reason: Array) -> dict[str, str]:
+    """`summary`, how many samples have a result, from the codes of all; and `interrupted` where some were not computed."""
+    codes, counts = np.unique(reason, return_counts=True)
+    found = dict(zip(codes.tolist(), counts.tolist(), strict=True))
+    n, not_run, good = reason.size, found.pop(Reason.NOT_RUN.code, 0), found.pop(Reason.NONE.code, 0)
+    failed = sorted(found.items(), key=lambda pair: (-pair[1], pair[0]))
+    parts = [f"{good:,} ok", *(f"{count:,} {Reason.of_code(code)}" for code, count in failed)]
+    parts += [f"{not_run:,} not run"] if not_run else []
+    told = {"summary": f"{n:,} sample{'s' if n > 1 else ''}: {'; '.join(parts)}"}
+    return told | ({"interrupted": f"{n - not_run:,} of {n:,} samples are done"} if not_run else {})
+
+
+def _write(file: Path, dataset: xarray.Dataset) -> None:
+    """Write a dataset as one file, a zip of zarr's: whole, or not at all."""
+    import zarr
+
+    made = file.with_name(f".{file.name}")
+    with _without_remarks(), zarr.storage.ZipStore(made, mode="w") as store:
+        dataset.to_zarr(store, zarr_format=3, consolidated=False)
+    with open(made, "rb") as written:
+        os.fsync(written.fileno())
+    os.replace(made, file)
+
+
+def _read(file: Path) -> xarray.Dataset:
+    import zarr
+
+    with zarr.storage.ZipStore(file, mode="r") as store:
+        return _plain(xarray_or_error().open_zarr(store, consolidated=False, chunks=None).load())
+
+
+def _plain(dataset: xarray.Dataset) -> xarray.Dataset:
+    """A dataset that was read, as it was in memory."""
+    text = {name: (x.dims, x.values.astype(object), x.attrs) for name, x in dataset.variables.items() if x.dtype.kind in "UT"}
+    coords = {name: x for name, x in text.items() if name in dataset.coords}
+    return dataset.assign_coords(coords).assign({name: x for name, x in text.items() if name not in coords}).drop_encoding()
+
+
+@contextmanager
+def _without_remarks() -> Iterator[None]:
+    """Without zarr's warnings of what is not in the specification of its format 3 yet: text, the list of arrays."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        yield
 
 
 class Store:
@@ -174,91 +119,120 @@ class Store:
     folder is removed. A process that is killed, or a machine without power, loses what was finished since the last writing.
 
     Args:
-        path: Ends in .zarr or .nc; None: in memory.
+        path: Ends in .zarr; None: in memory.
         samples: The samples.
         attributes: Provenance, which stands in the dataset.
 
     Attributes:
         done: Which samples are finished, shape (n,), truth values.
-        others: A sentence on other versions that computed a part of it; empty where there are none.
 
     Raises:
         InputError: the path has the store of another study, a damaged one, or something else; or another study fills it now.
     """
 
+    path: Path | None
+    folder: Path | None
+    attributes: dict[str, Any]
+    done: Array
+
     def __init__(self, path: Path | None, samples: Samples, attributes: Mapping[str, Any]) -> None:
-        self.path, self.samples, self.others = path, samples, ""
-        folder = None if path is None else Path(f"{path}{PARTS}")
-        self.parts = Parts(empty_dataset(samples, attributes), Layout(samples.taken), folder)
-        self.done = self.parts.done
-        self._failed: StudyStopped | None = None
-        self._last, self._pause, self._held = time.monotonic() - OFTEN, OFTEN, -1
+        coords = {name: (dims, _stored(x), attrs) for name, (dims, x, attrs) in samples.coords().items()}
+        self._begin(path, coords, samples.dims, attributes)
+        folder = self.folder
         if path is not None and path.exists():
-            self._check_same(read(path).attrs)
+            self.attributes = continued(read(path).attrs, self.attributes, str(path))
             self.done[:] = True
         elif folder is not None:
-            self._open(folder)
+            folder.mkdir(exist_ok=True)
+            self._held = _locked(folder)
+            try:
+                if (folder / OF).exists():
+                    self.attributes = continued(_read(folder / OF).attrs, self.attributes, str(path))
+                    for damaged in self.load():
+                        damaged.unlink()
+                elif any(folder.iterdir()):
+                    told = f"{str(folder)!r:.300} has other files than the parts of a study"
+                    raise InputError(f"{told}. Give another path as out=.")
+                _write(folder / OF, filled(coords, self.dims, {**self.attributes, DIMS: json.dumps(self.dims)}, {}))
+            except BaseException as error:
+                self._end()
+                if isinstance(error, InputError) or not isinstance(error, Exception):
+                    raise
+                raise InputError(f"out {str(path)!r:.300} cannot be written, or is damaged: {error!s:.300}.") from error
 
-    def _open(self, folder: Path) -> None:
-        """Take over the parts that are there, or begin."""
-        folder.mkdir(exist_ok=True)
-        self._held, file = _locked(folder), folder / OF
-        try:
-            if file.exists():
-                self._check_same(_read_part(file).attrs)
-                for damaged in self.parts.load():
-                    damaged.unlink()
-            elif any(folder.iterdir()):
-                raise InputError(f"{str(folder)!r:.300} has other files than the parts of a study. Give another path as out=.")
-            content = netcdf(self.parts.empty)
-            write_file(file, lambda out: out.write(zlib.compress(content, 0)), StudyStopped)
-        except (OSError, ValueError, KeyError, TypeError, zlib.error, StudyStopped) as error:
-            self._end()
-            raise InputError(f"out {str(self.path)!r:.300} cannot be written, or is damaged: {error!s:.300}.") from error
-        except BaseException:
-            self._end()
-            raise
+    def _begin(
+        self, path: Path | None, coords: Mapping[str, Any], dims: Mapping[str, int], attributes: Mapping[str, Any]
+    ) -> None:
+        self.path, self.coords, self.dims, self.attributes = path, coords, dict(dims), dict(attributes)
+        self.done, self.blocks = np.zeros(math.prod(dims.values()), bool), list[Block]()
+        self.layout = Layout({*coords, *(dim for x in coords.values() for dim in x[0])})
+        self.folder = None if path is None else Path(f"{path}{PARTS}")
+        self.files, self._held = dict[Path, tuple[int, int]](), -1
+        self._failed: StudyStopped | None = None
+        self._last, self._pause = time.monotonic() - OFTEN, OFTEN
 
-    def _check_same(self, old: Mapping[str, Any]) -> None:
-        """Refuse another study; of this one remember what else computed it."""
-        new = self.parts.empty.attrs
-        check_same(old, new, str(self.path))
-        self.others = others_of(old, new)
-        self.parts.empty.attrs = continued(old, new)
+    def load(self) -> list[Path]:
+        """Find the files of the folder; those that cannot be read are returned."""
+        damaged = []
+        for file in sorted(self.folder.glob(f"[!.]*{PART}")) if self.folder else ():
+            try:
+                block = _block_in(file)
+                self.layout.add(block, "the store")
+                self._found(file, block)
+            except Exception:  # whatever a damaged file makes zarr raise
+                damaged.append(file)
+        return damaged
+
+    def _found(self, file: Path, block: Block) -> None:
+        self.files[file] = int(block.numbers[0]), int(block.numbers[-1])
+        self.done[block.numbers] = True
 
     def put(self, block: Block) -> None:
         """Keep a finished block; a store on disk writes it within a second, in 5 s where writing takes long, or at the end.
 
         Raises:
-            InputError: a variable that does not agree with that of earlier samples; a study too large for netCDF.
+            InputError: a variable that does not agree with that of earlier samples.
             StudyStopped: it cannot be written.
         """
-        self.parts.layout.check(block)
-        kept = {name: v for name, v in block.variables.items() if v.values.size}  # no torques of a robot without motors
-        size = sum(v.values[:1].nbytes for v in kept.values())
-        if self.path is not None and self.path.suffix == NETCDF and size * len(self.done) > LARGEST:
-            raise InputError(
-                f"{len(self.done):,} samples of {size:,} bytes each are too large for {str(self.path)!r:.200}, which is "
-                f"written whole (at most {LARGEST:,} bytes). Give out= a path that ends in .zarr."
-            )
-        self.parts.blocks.append(replace(block, variables=kept))
+        self.layout.add(block)
+        some = {name: v for name, v in block.variables.items() if v.values.size}  # no torques of a robot without motors
+        self.blocks.append(replace(block, variables=some))
         self.done[block.numbers] = True
-        self.parts.empty.attrs = finished(self.parts.empty.attrs)
+        self.attributes["finished"] = now()
         if time.monotonic() - self._last >= self._pause:
             self.write()
 
     def write(self) -> None:
-        """Write what is not yet written.
+        """Write what is not yet written, as one file.
 
         Raises:
             StudyStopped: it cannot be.
         """
-        if self.path is None or not self.parts.blocks:
+        if self.folder is None or not self.blocks:
             return
         began = time.monotonic()
-        self._tried(self.parts.write)
-        self._last = time.monotonic()
+        numbers = np.unique(np.concatenate([each.numbers for each in self.blocks]))  # batches computed again overlap
+        block = joined(numbers, self.blocks, self.layout.forms)
+        file = self.folder / f"{len(self.files):06}-{time.time_ns():x}{PART}"
+        with self._tried():
+            _write(file, filled({ONE: numbers}, {ONE: len(numbers)}, {}, block.variables))
+        self._found(file, block)
+        self.blocks, self._last = [], time.monotonic()
         self._pause = min(SELDOM, max(OFTEN, SHARE * (self._last - began)))
+
+    @contextmanager
+    def _tried(self) -> Iterator[None]:
+        if self._failed is not None:
+            raise self._failed
+        try:
+            yield
+        except OSError as error:
+            stored = int(np.count_nonzero(self.done)) - sum(len(each.numbers) for each in self.blocks)
+            self._failed = StudyStopped(
+                f"{str(self.path)!r:.300} cannot be written: {error.strerror or error}. {stored:,} of {len(self.done):,} "
+                "samples are stored; make room, and the same call goes on from there."
+            )
+            raise self._failed from error
 
     def dataset(self) -> xarray.Dataset:
         """All that is kept; what is not done has `Reason.NOT_RUN`.
@@ -266,16 +240,55 @@ class Store:
         Raises:
             StudyStopped: what is not yet written cannot be written.
         """
-        path = self.path
-        if path is not None and not path.exists():
+        if self.path is not None and not self.path.exists():
             self.write()
             if self.done.all():
-                self._tried(lambda: self.parts.finish(path))
+                with self._tried():
+                    self._finish(self.path)
         return self.kept()
 
     def kept(self) -> xarray.Dataset:
         """The same without writing: of a store that cannot be written, what is there."""
-        return self.parts.whole() if self.path is None or not self.path.exists() else read(self.path)
+        if self.path is not None and self.path.exists():
+            return read(self.path)
+        found = self._rows(0, next(iter(self.dims.values())))
+        return found.assign_attrs(outcome_of(found[REASON].values))
+
+    def _rows(self, start: int, stop: int) -> xarray.Dataset:
+        """The dataset of some places along the first dimension."""
+        first, n = next(iter(self.dims.items()))
+        low, high = start * (len(self.done) // n), stop * (len(self.done) // n)
+        files = [file for file, (a, b) in self.files.items() if a < high and b >= low]
+        block = joined(np.arange(low, high), itertools.chain(map(_block_in, files), self.blocks), self.layout.forms)
+        coords = {name: (x[0], x[1][start:stop], x[2]) if first in x[0][:1] else x for name, x in self.coords.items()}
+        return filled(coords, {**self.dims, first: stop - start}, self.attributes, block.variables)
+
+    def _finish(self, path: Path) -> None:
+        """Write the dataset to the path, some rows at a time, so that it need not fit into memory; then the parts go."""
+        import zarr
+        from zarr.codecs import ZstdCodec
+
+        assert self.folder is not None
+        made, (first, n) = self.folder / "whole", next(iter(self.dims.items()))
+        shutil.rmtree(made, ignore_errors=True)
+        each = 100 + sum(v.values[:1].nbytes for v in self.layout.forms.values())
+        step, reasons = max(1, SLAB * n // (len(self.done) * each)), list[Array]()
+        with _without_remarks():
+            for k in range(0, n, step):
+                slab = self._rows(k, min(k + step, n))
+                reasons.append(slab[REASON].values.ravel())
+                how: dict[str, Any] = {"append_dim": first}
+                if not k:
+                    codecs = {"compressors": ZstdCodec(level=1, checksum=True)}
+                    how = {"zarr_format": 3, "encoding": dict.fromkeys(slab.variables, codecs)}
+                fixed = [name for name, x in slab.coords.items() if k and first not in x.dims]
+                slab.drop_vars(fixed).to_zarr(made, consolidated=False, **how)
+            outcome = outcome_of(np.concatenate(reasons))
+            zarr.open_group(made).attrs.update({**outcome, FILES: len(list(made.rglob("*")))})
+            zarr.consolidate_metadata(made)
+        os.sync()
+        os.replace(made, path)
+        shutil.rmtree(self.folder, ignore_errors=True)
 
     def close(self) -> None:
         """Write what is not yet written, and give the store free; one in which nothing is done is removed."""
@@ -285,26 +298,35 @@ class Store:
             self._end()
 
     def _end(self) -> None:
-        if self._held < 0:
-            return
-        if self.parts.folder is not None and not self.done.any():
-            shutil.rmtree(self.parts.folder, ignore_errors=True)
-        os.close(self._held)
-        self._held = -1
+        if self._held >= 0:
+            if self.folder is not None and not self.done.any():
+                shutil.rmtree(self.folder, ignore_errors=True)
+            os.close(self._held)
+            self._held = -1
 
-    def _tried(self, write: Callable[[], None]) -> None:
-        if self._failed is not None:
-            raise self._failed
-        try:
-            write()
-        except (OSError, StudyStopped) as error:
-            cause = error if isinstance(error, OSError) else error.__cause__
-            stored = int(np.count_nonzero(self.done)) - sum(len(each.numbers) for each in self.parts.blocks)
-            self._failed = StudyStopped(
-                f"{str(self.path)!r:.300} cannot be written: {getattr(cause, 'strerror', None) or error}. {stored:,} of "
-                f"{len(self.done):,} samples are stored; make room, and the same call goes on from there."
-            )
-            raise self._failed from error
+
+def _stored(values: Array) -> Array:
+    """Values as xarray has them in memory, and zarr on disk: dates in seconds, text as objects, which has any length."""
+    if values.dtype.kind in "mM" and np.datetime_data(values.dtype)[0] in ("Y", "M", "W", "D", "h", "m"):
+        return values.astype(f"{values.dtype.kind}8[s]")
+    if values.dtype.kind not in "OUT":
+        return values
+    found = values.astype(object)
+    found.ravel()[:] = [storable(x) if isinstance(x, str) else x for x in found.flat]
+    return found
+
+
+def _block_in(file: Path) -> Block:
+    """The block of a part."""
+    dataset = _read(file)
+    found: dict[str, Variable] = {}
+    for name, x in dataset.data_vars.items():
+        dims = tuple(str(dim) for dim in x.dims[1:])
+        labels = {dim: tuple(dataset[dim].values.tolist()) for dim in dims if dim in dataset.coords}
+        flags = zip(x.attrs.get("flag_values", ()), str(x.attrs.get("flag_meanings", "")).split(), strict=False)
+        units, about = (str(x.attrs.get(key, "")) for key in ("units", "long_name"))
+        found[str(name)] = Variable(x.values, dims, units, about, labels, dict(flags))
+    return Block(dataset[ONE].values, found)
 
 
 def _locked(folder: Path) -> int:
@@ -330,26 +352,19 @@ def checked_path(out: object) -> Path | None:
     """The path of a store, after a check that one can be there; None without one.
 
     Raises:
-        InputError: no path that ends in .zarr or .nc; no folder to hold it, no right to write there, a file where a folder must
-            be, or the reverse; xarray or zarr are not installed.
+        InputError: no path that ends in .zarr; a file; no folder to hold it, no right to write there; xarray or zarr are not
+            installed.
     """
-    xarray_or_error()
-    _import_all()
+    xarray_or_error().Dataset()
     if out is None:
         return None
     path = _store_path(out)
     place = Path(os.path.realpath(path))
-    if path.suffix == ZARR and place.exists() and not place.is_dir():
+    if place.is_file():
         raise InputError(f"out {str(path)!r:.300} is a file; a .zarr is a folder. Give another path, or move it away.")
-    if path.suffix == NETCDF or not place.exists():
+    if not place.exists():
         check_place(place, what="out")
     return path
-
-
-@cache
-def _import_all() -> None:
-    """Make a dataset: xarray imports dask, among others, when the first one is made; it is to fail before work."""
-    Store(None, grid(x=[0.0]), {}).dataset()
 
 
 def is_stored(path: Path) -> bool:
@@ -358,24 +373,21 @@ def is_stored(path: Path) -> bool:
 
 
 def _store_path(given: object) -> Path:
-    """A path that ends in .zarr or .nc, "~" resolved, and what it needs.
+    """A path that ends in .zarr, "~" resolved, and what it needs.
 
     Raises:
         InputError: it does not; or zarr is not installed.
     """
-    text = os.fspath(given) if isinstance(given, str | os.PathLike) else None
-    if not isinstance(text, str) or not text or "\0" in text:
-        raise InputError(f"out is {given!r:.80}; expected the path of a store, e.g. 'push.zarr'.")
-    if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", text) and not Path(Path(text).parts[0]).is_dir():
-        raise InputError(
-            f"out is {text!r:.200}, a URL; expected a path in a file system. Give one of this machine, or a mounted one, and "
-            "copy the store when the study is done."
-        )
+    text = os.fspath(given) if isinstance(given, str | os.PathLike) else ""
+    if not isinstance(text, str) or not text or "\0" in text or "://" in text:
+        raise InputError(f"out is {given!r:.200}; expected the path of a store in a file system, e.g. 'push.zarr'; no URL.")
     path = Path(os.path.expanduser(text))
-    if path.suffix not in (ZARR, NETCDF):
-        raise InputError(f"out is {text!r:.200}; expected a path that ends in .zarr, or in .nc for a small study as netCDF.")
-    if path.suffix == ZARR:
-        zarr_or_error()
+    if path.suffix != ZARR:
+        raise InputError(
+            f"out is {text!r:.200}; expected a path that ends in .zarr. The dataset that rbd.study returns is written in other "
+            "formats by xarray: dataset.to_netcdf('push.nc')."
+        )
+    zarr_or_error()
     return path
 
 
@@ -409,32 +421,28 @@ def read(path: Path) -> xarray.Dataset:
     Raises:
         InputError: no store of a study, or a damaged one.
     """
-    xarray, folder = xarray_or_error(), Path(f"{path}{PARTS}")
+    folder, known = Path(f"{path}{PARTS}"), False
     try:
         if not path.exists() and folder.is_dir():
-            found = _read_part(folder / OF)
-        elif path.suffix == NETCDF:
-            found = xarray.load_dataset(BytesReadOnce(path.read_bytes()), engine="scipy", decode_times=False)
-        else:
-            format_of(json.loads((path / "zarr.json").read_bytes())["attributes"], str(path))
-            found = xarray.open_zarr(path, chunks=None, consolidated=True)
+            begun = _read(folder / OF)
+            check_format(begun.attrs, str(path))
+            store, coords = Store.__new__(Store), {str(name): (x.dims, x.values, x.attrs) for name, x in begun.coords.items()}
+            store._begin(path, coords, json.loads(begun.attrs.pop(DIMS)), begun.attrs)
+            store.load()
+            return store.kept()
+        attributes = json.loads((path / "zarr.json").read_bytes())["attributes"]
+        check_format(attributes, str(path))
+        known = FILES in attributes
+        if not known:
+            raise ValueError("it was written by xarray, which reads it, and is no store that rbd.study wrote as out=")
+        found: xarray.Dataset = xarray_or_error().open_zarr(path, chunks=None, consolidated=True)
+        if not set(RESERVED) <= set(found.data_vars):
+            raise ValueError(f"it lacks {', '.join(RESERVED)}")
+        if lacks := found.attrs.pop(FILES) - len(list(path.rglob("*"))):
+            raise ValueError(f"{lacks} of its files are missing")
+        return _plain(found.load() if found.nbytes <= LOADED else found)
     except InputError:
         raise
     except Exception as error:  # readers can raise any exception on invalid bytes
-        raise InputError(
-            f"{str(path)!r:.300} is no store of a study, or a damaged one: {error!s:.200}. Give another path, or move it away."
-        ) from error
-    format_of(found.attrs, str(path))
-    try:
-        if not path.exists():
-            parts = Parts(found, Layout(), folder)
-            parts.load()
-            return parts.whole()
-        if path.suffix == ZARR:
-            lacks = found.attrs.pop(FILES) - len(list(path.rglob("*")))
-            if lacks:
-                raise ValueError(f"{lacks} of its files are missing")
-            found = found.load() if found.nbytes <= LOADED else found
-        return restored(found)
-    except (RuntimeError, ValueError, OSError, KeyError, TypeError) as error:
-        raise InputError(f"{str(path)!r:.300} is damaged: {error!s:.200}. Delete it, or give another path.") from error
+        told = "is damaged" if known else "is no store of a study, or a damaged one"
+        raise InputError(f"{str(path)!r:.300} {told}: {error!s:.200}. Delete it, or give another path.") from error

@@ -11,8 +11,8 @@ import pytest
 import studied
 
 import rbd
-from rbd.studies.workers.evaluation import Evaluation
-from rbd.studies.workers.filling import check_all
+from rbd.studies.evaluation import Evaluation
+from rbd.studies.running import check_all
 
 distributed = pytest.importorskip("distributed")
 dask = pytest.importorskip("dask")

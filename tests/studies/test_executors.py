@@ -16,7 +16,6 @@ from concurrent.futures import Executor, ProcessPoolExecutor, ThreadPoolExecutor
 from contextlib import redirect_stderr
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import hypothesis
 import hypothesis.strategies as st
@@ -25,27 +24,39 @@ import pytest
 import studied
 
 import rbd
-from rbd.studies.outputs.fields import Block, joined
-from rbd.studies.sampling.draws import grid
-from rbd.studies.sampling.samples import Samples
+from rbd.errors import Reason
+from rbd.studies.evaluation import BATCH, Evaluation
+from rbd.studies.processes import Chunks, Workers, sent_columns
+from rbd.studies.results import Block, OutputSelection, joined
+from rbd.studies.running import Filling, check_all, counted_interrupts
+from rbd.studies.samples import Samples, grid
 from rbd.studies.stores import Store
-from rbd.studies.workers.evaluation import BATCH, Evaluation
-from rbd.studies.workers.executors import Chunks, Lost
-from rbd.studies.workers.filling import Filled, Progress, _of_lost, check_all, counted, fill
-from rbd.studies.workers.own_processes import Workers, sent_columns
 
 GRID = {"x": np.arange(12.0), "y": np.linspace(0.0, 1.0, 9)}
 
 
-def filled(evaluation: Evaluation, samples: Samples, executor: Executor | int | None, **kwargs: Any) -> tuple[Store, Filled]:
+def fill(
+    store: Store, evaluation: Evaluation, samples: Samples, executor: Executor | int | None, chunk: int | None = None
+) -> Filling:
+    """What a store lacks, computed."""
+    check_all(evaluation, executor, chunk, samples)
+    with counted_interrupts() as pressed:
+        filling = Filling(store, evaluation, samples, pressed, chunk)
+        filling.run(executor, progress=False)
+        return filling
+
+
+def filled(
+    evaluation: Evaluation, samples: Samples, executor: Executor | int | None, chunk: int | None = None
+) -> tuple[Store, Filling]:
     """A store in memory, filled."""
     store = Store(None, samples, {})
-    return store, fill(store, evaluation, samples, executor=executor, progress=False, **kwargs)
+    return store, fill(store, evaluation, samples, executor, chunk)
 
 
 def kept_of(store: Store) -> Block:
     """All that is kept."""
-    return joined(np.arange(len(store.done)), store.parts.blocks, store.parts.layout.forms)
+    return joined(np.arange(len(store.done)), store.blocks, store.layout.forms)
 
 
 def messages_of(block: Block) -> dict[int, str]:
@@ -135,15 +146,15 @@ def test_a_function_of_keep_that_raises_for_one_sample_of_a_batch_loses_no_other
             raise rbd.InputError("y is 9.")
         return np.sqrt(y)
 
-    store, told = filled(Evaluation(square, keep={"root": root}, batched=True), grid(x=np.arange(20.0)), 0)
-    assert messages_of(kept_of(store)) == {3: "y is 9."} and list(told.told.first.values()) == [0]
+    store, told = filled(Evaluation(square, keep=OutputSelection({"root": root}), batched=True), grid(x=np.arange(20.0)), 0)
+    assert messages_of(kept_of(store)) == {3: "y is 9."} and [first for _, first, _ in told.warned.found.values()] == [0]
 
 
 def test_an_exit_in_a_sample_is_a_row(workers):
     """Of `sys.exit`, in this process and others, as any other exception."""
     for executor in (0, workers):
-        store, told = filled(Evaluation(studied.ends_at_three), grid(x=np.arange(6.0)), executor)
-        assert store.done.all() and messages_of(kept_of(store)) == {3: "SystemExit: no case of mine"} and not told.stopped
+        store, _ = filled(Evaluation(studied.ends_at_three), grid(x=np.arange(6.0)), executor)
+        assert store.done.all() and messages_of(kept_of(store)) == {3: "SystemExit: no case of mine"}
 
 
 def test_an_unfinished_store_is_filled_batch_by_batch():
@@ -151,10 +162,10 @@ def test_an_unfinished_store_is_filled_batch_by_batch():
     samples, evaluation = grid(x=np.arange(1300.0)), Evaluation(studied.sizes, batched=True)
     first, _ = filled(evaluation, samples, 0)
     store = Store(None, samples, {})
-    store.put(evaluation.block(0, samples.columns(0, BATCH)))
+    store.put(evaluation.run(0, samples.columns(0, BATCH)).block)
     store.done[100:] = False
-    told = fill(store, evaluation, samples, executor=0, progress=False)
-    assert same(store, first) and told.done == told.total == 1300
+    fill(store, evaluation, samples, 0)
+    assert same(store, first) and store.done.all()
 
 
 def test_processes_have_one_blas_thread_and_stay(workers):
@@ -171,37 +182,35 @@ def test_processes_have_one_blas_thread_and_stay(workers):
 def test_a_killed_process_is_replaced(workers, tmp_path):
     """What it computed is computed again; its chunk is not lost, nor others."""
     function = partial(studied.killed_once, mark=str(tmp_path / "killed"))
-    store, told = filled(Evaluation(function), grid(x=np.arange(30.0)), workers)
-    assert (tmp_path / "killed").exists() and told.stopped == ""
+    store, _ = filled(Evaluation(function), grid(x=np.arange(30.0)), workers)
+    assert (tmp_path / "killed").exists()
     assert np.array_equal(kept_of(store).variables["value"].values, np.arange(30.0))
 
 
-def test_a_sample_that_kills_its_processes_is_named(workers):
-    """After two processes the others go on without it; where nothing else is left, the study ends."""
-    store, told = filled(Evaluation(studied.killed_at_seven), grid(x=np.arange(30.0)), workers)
-    assert "each process that computed sample 7 was ended by signal 9" in told.stopped and "29 of 30" in told.stopped
-    assert "chunk=1" not in told.stopped  # it is one sample already
-    assert np.array_equal(np.flatnonzero(~store.done), [7])
-    again = fill(store, Evaluation(studied.killed_at_seven), grid(x=np.arange(30.0)), executor=workers, chunk=4, progress=False)
-    assert again.done == 29 and "sample 7 " in again.stopped
+@pytest.mark.parametrize("chunk", [None, 4, 30])
+def test_a_sample_that_kills_its_processes_costs_itself_only(workers, chunk):
+    """After two processes it is a row that says so; all others have their results."""
+    store, _ = filled(Evaluation(studied.killed_at_seven), grid(x=np.arange(30.0)), workers, chunk)
+    kept = kept_of(store)
+    assert np.array_equal(np.flatnonzero(~kept.ok), [7]) and kept.variables["reason"].values[7] == Reason.OTHER_ERROR.code
+    assert "ProcessDied: was ended by signal 9 (SIGKILL), as the system does where memory runs out" in messages_of(kept)[7]
+    assert np.array_equal(np.delete(kept.variables["value"].values, 7), np.delete(np.arange(30.0), 7))
 
 
-def test_smaller_chunks_are_advised_where_they_say_more():
-    """Not of one sample, nor of the batch that is the least."""
-    lost = [Lost(4, 8, "ended"), Lost(512, 1024, "ended")]
-    assert "computed samples 4 to 7 or samples 512 to 1023 ended." in _of_lost(lost, "", 1) and "chunk=1 says" in _of_lost(
-        lost, "", 1
-    )
-    assert "samples 512 to 1023" in _of_lost(lost[1:], "", BATCH) and "chunk=1" not in _of_lost(lost[1:], "", BATCH)
+def test_a_function_of_which_every_process_dies_ends_the_study():
+    """After ten samples, with what is done."""
+    with pytest.raises(rbd.errors.StudyStopped, match="10 samples, or batches, have ended their processes") as caught:
+        rbd.study(studied.killed, grid(x=np.arange(30.0)), executor=2, chunk=1, progress=False)
+    assert 0 < (caught.value.dataset.reason == Reason.OTHER_ERROR.code).sum() < 10
 
 
 def test_another_executor_that_breaks_ends_the_study():
     """It cannot be repaired here: what is done is kept; the next call refuses it before work."""
     samples = grid(x=np.arange(30.0))
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        store, told = filled(Evaluation(studied.killed_at_seven), samples, pool, chunk=1)
-        assert told.stopped.startswith("the executor broke") and told.cause is not None
-        assert told.done == store.done.sum() < 30
+        with pytest.raises(rbd.errors.StudyStopped, match="the executor computes no more, as it broke") as caught:
+            rbd.study(studied.killed_at_seven, samples, executor=pool, chunk=1, progress=False)
+        assert caught.value.__cause__ is not None and caught.value.dataset.ok.sum() < 30
         with pytest.raises(rbd.InputError, match="takes no work"):
             check_all(Evaluation(studied.sums), pool, None)
 
@@ -238,7 +247,7 @@ def test_what_numpy_does_about_a_division_by_zero_does_not_depend_on_the_process
         for executor in (0, workers):
             store, told = filled(Evaluation(studied.inverse), grid(x=[0.0, 2.0]), executor)
             assert kept_of(store).variables["value"].values.tolist() == [np.inf, 0.5]
-            assert [name for _, name in told.told.counts] == ["RuntimeWarning"]
+            assert [name for _, name in told.warned.found] == ["RuntimeWarning"]
 
 
 def test_one_sample_is_no_samples():
@@ -299,7 +308,7 @@ def test_what_cannot_be_sent_is_named(tmp_path):
 
     cases = [
         (writes, r"file is a _io.TextIOWrapper, which only this process has"),
-        (reads, r"read is a _io.TextIOWrapper, .*cannot pickle the open file '.*log'"),
+        (reads, r"read is a _io.TextIOWrapper"),
         (says, r"told is a _io.TextIOWrapper"),
         (partial(studied.killed_once, mark=LOCK), r"mark.* is a _thread.lock"),
         (Box().value, r"drawing is a builtins.generator"),
@@ -310,7 +319,7 @@ def test_what_cannot_be_sent_is_named(tmp_path):
         assert "cannot be sent to other processes" in str(caught.value) and "executor=0" in str(caught.value)
         check_all(Evaluation(function), 0, None)
     with pytest.raises(rbd.InputError, match="keep|file"):
-        check_all(Evaluation(studied.sums, keep={"wrote": writes}), 2, None)
+        check_all(Evaluation(studied.sums, keep=OutputSelection({"wrote": writes})), 2, None)
     file.close()
     read.close()
 
@@ -528,37 +537,27 @@ def test_a_function_that_swallows_ctrl_c_does_not_keep_its_result():
         told.warn()
 
 
-def test_ctrl_c_waits_while_a_block_is_stored_but_not_a_second_one():
-    """A store is not left half written; who presses it twice wants the end."""
+@pytest.mark.parametrize("when", ["before", "after"])
+def test_ctrl_c_while_a_block_is_stored_loses_nothing(when):
+    """What is stored then is there, or is computed again; who presses it twice wants the end."""
 
     class Slow(Store):
         presses = 1
 
         def put(self, block):
+            if when == "after":
+                super().put(block)
             for _ in range(self.presses):
                 signal.raise_signal(signal.SIGINT)
             super().put(block)
 
     store = Slow(None, grid(x=np.arange(5.0)), {})
-    told = fill(store, Evaluation(studied.warned), grid(x=np.arange(5.0)), executor=0, chunk=2, progress=False)
-    assert store.done.sum() == 2 and told.interrupted
-    store.presses = 2
-    with pytest.raises(KeyboardInterrupt):
-        fill(store, Evaluation(studied.warned), grid(x=np.arange(5.0)), executor=0, chunk=2, progress=False)
+    told = fill(store, Evaluation(studied.warned), grid(x=np.arange(5.0)), 0, 2)
+    assert store.done.sum() == (2 if when == "after" else 0) and told.interrupted
+    store.presses = 0
+    fill(store, Evaluation(studied.warned), grid(x=np.arange(5.0)), 0, 2)
+    assert kept_of(store).variables["value"].values.tolist() == [0.0, 1.0, 2.0, 3.0, 4.0]
     assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-
-
-def test_progress_tells_counts_rate_and_time_left(capsys):
-    """In words; nothing is drawn where there is no terminal."""
-    progress = Progress(10_000, 1_000, drawn=False)
-    assert progress.told(1.0) == "1,000 of 10,000, starting"
-    progress.add(1_000, 30)
-    assert progress.told(10.0) == "2,000 of 10,000, 30 without a result, 100 a second, left 01:20"
-    assert progress.told(1000.0).endswith("1 a second, left 2:13:20")
-    with counted(10, 0, shown=True) as counts:
-        counts._next = 0.0
-        counts.draw()
-    assert capsys.readouterr() == ("", "")
 
 
 class Terminal(io.StringIO):
@@ -573,11 +572,8 @@ def test_progress_is_drawn_on_a_terminal(monkeypatch):
     """On stderr, from a second on; the cursor is given back."""
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "120")
-    with redirect_stderr(Terminal()) as screen, counted(100, 0, shown=True) as counts:
-        counts.draw()
+    with redirect_stderr(Terminal()) as screen:
+        rbd.study(studied.warned, grid(x=[0.0]), executor=0)
         assert screen.getvalue() == ""
-        counts._began -= 2.0
-        counts._next = 0.0
-        counts.add(50, 2)
-        counts.draw()
-    assert "50 of 100, 2 without a result" in screen.getvalue() and screen.getvalue().count("\x1b[?25h") == 1
+        rbd.study(lambda x: time.sleep(0.6) or x, grid(x=np.arange(3.0)), executor=0, chunk=1)
+    assert "studying" in screen.getvalue() and screen.getvalue().count("\x1b[?25h") == 1

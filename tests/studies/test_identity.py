@@ -17,9 +17,8 @@ from scipy.interpolate import BSpline, CubicSpline, make_interp_spline
 
 import rbd
 from rbd.errors import InputError, StudyWarning
-from rbd.studies import open_study
-from rbd.studies.provenance import study_attributes
-from rbd.studies.provenance.identity import function_hash
+from rbd.model.content_hash import digest
+from rbd.studies import open_study, provenance
 
 LOG: list[float] = []
 
@@ -96,23 +95,23 @@ def b_spline(height: float) -> BSpline:
 )
 def test_what_a_function_takes_along_is_counted(one: Any, same: Any, other: Any):
     """Private attributes, objects among attributes, robots, class attributes, splines and collections, whatever is appended."""
-    assert function_hash(one) == function_hash(same) != function_hash(other)
+    assert digest(one) == digest(same) != digest(other)
 
 
 def test_a_class_attribute_that_is_set_later_is_counted(monkeypatch: pytest.MonkeyPatch):
     """The source of the class is the same."""
-    before = function_hash(Push().push)
+    before = digest(Push().push)
     monkeypatch.setattr(Push, "scale", 3.0)
-    assert function_hash(Push().push) != before
+    assert digest(Push().push) != before
 
 
 def test_a_list_of_the_module_counts_by_what_it_holds_at_the_start(monkeypatch: pytest.MonkeyPatch):
     """So a function that fills it in this process is another one afterwards."""
     f = around(1.0)
     monkeypatch.setitem(globals(), "LOG", [])
-    before = function_hash(f)
+    before = digest(f)
     LOG.append(1.0)
-    assert function_hash(f) != before
+    assert digest(f) != before
 
 
 def test_functions_among_samples_count_as_those_of_studies(monkeypatch: pytest.MonkeyPatch):
@@ -127,9 +126,9 @@ def test_what_is_computed_when_it_is_read_is_not_counted():
     """A state's frames, a contact's rows: they follow from what is counted."""
     state = rbd.State(rbd.testing.box(), [0, 0, 0, 0, 0, 0, 1])
     f = around((state, rbd.PointContact("p", "box", friction=0.5)))
-    before = function_hash(f)
+    before = digest(f)
     _ = state.M, state.com if hasattr(state, "com") else None
-    assert function_hash(f) == before
+    assert digest(f) == before
 
 
 class Holding:
@@ -189,11 +188,11 @@ def test_an_identity_is_the_same_in_another_process(tmp_path: Path):
         import sys
         sys.path.insert(0, {str(Path(__file__).parent)!r})
         import test_identity as t
-        from rbd.studies.provenance.identity import function_hash
+        from rbd.model.content_hash import digest
         typed = {{}}
         exec("def f(x): return x in {{'a', 'b', 'c', 'd'}}", typed)
         for f in (t.Push().push, t.around(t.b_spline(1.0)), t.around({{"a", "b", ("c", 1)}}), typed["f"]):
-            print(function_hash(f))
+            print(digest(f))
     """
     call = [sys.executable, "-c", textwrap.dedent(code)]
     found = {
@@ -223,7 +222,7 @@ def test_other_modules_of_the_user_are_counted(study: str, edit: str, tmp_path: 
         with monkeypatch.context() as patch:
             patch.syspath_prepend(folder.parent)
             function = importlib.import_module("mine.push").f
-            found.append((function_hash(function), function(3.0)))
+            found.append((digest(function), function(3.0)))
             for name in [name for name in sys.modules if name.partition(".")[0] == "mine"]:
                 del sys.modules[name]
     assert found[0] == found[1] and found[0][0] != found[2][0] and found[2][1] == 6.0
@@ -242,7 +241,7 @@ def test_whether_arithmetic_was_compiled_stands_in_the_store(tmp_path: Path, mon
     with pytest.warns(StudyWarning, match="Ctrl-C"):
         rbd.study(ends_at_two, samples, executor=0, out=out, chunk=1)
     monkeypatch.setenv("RBD_TEST_GOES_ON", "1")
-    monkeypatch.setattr(study_attributes, "in_use", lambda: False)
-    with pytest.warns(StudyWarning, match="with compiled arithmetic.*with not compiled arithmetic"):
+    monkeypatch.setattr(provenance, "in_use", lambda: False)
+    with pytest.warns(StudyWarning, match="compiled arithmetic, and the rest with .*not compiled arithmetic"):
         whole = rbd.study(ends_at_two, samples, executor=0, out=out)
     assert "compiled arithmetic; then" in whole.attrs["versions"]

@@ -1,4 +1,4 @@
-"""What a function, or a value, is: a hash of its content, with all that it would take along to another process."""
+"""`digest`: a hash of what a value is or a function computes, the same in every process; what has no content is refused."""
 
 from __future__ import annotations
 
@@ -10,20 +10,28 @@ import inspect
 import struct
 import sys
 import textwrap
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields, is_dataclass
 from enum import Enum
-from types import CellType, CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
-from typing import Any, Protocol
+from types import CodeType, FunctionType, MappingProxyType, MethodType, ModuleType
+from typing import Any
 
 import numpy as np
 
 from rbd.errors import InputError
 from rbd.model.pickling import Travelling
 
-UTF = ("utf-8", "surrogatepass")
-OF_CLASSES = {"__dict__", "__weakref__", "__doc__", "_abc_impl"}
-"""What Python puts into classes, that computes nothing."""
+_UTF = ("utf-8", "surrogatepass")
+_OF_CLASSES = {"__dict__", "__weakref__", "__doc__", "_abc_impl"}
+_MADE_OF: dict[type, tuple[str, ...]] = {
+    MethodType: ("__self__", "__func__"),
+    functools.partial: ("func", "args", "keywords"),
+    property: ("fget", "fset", "fdel"),
+    functools.cached_property: ("func",),
+    staticmethod: ("__wrapped__",),
+    classmethod: ("__wrapped__",),
+}
+"""{kind of what is made of functions: the attributes that it consists of}."""
 
 
 class NoContent(InputError):
@@ -43,26 +51,6 @@ class NoContent(InputError):
         )
 
 
-class Hash(Protocol):
-    """What takes bytes, such as `hashlib.sha256()`."""
-
-    def update(self, data: bytes, /) -> None:
-        """Add bytes."""
-        ...
-
-
-def add(found: Hash, value: object, path: str) -> None:
-    """Add a value's content to a hash, as `function_hash` counts it; `path` is its name in messages.
-
-    Numbers count by value (0.5 of NumPy is 0.5 of Python), arrays by type, shape and entries in little-endian order, mappings
-    and sets without their order, members of an Enum by name. Addresses never count.
-
-    Raises:
-        InputError: an object that has no content to read, such as an open file or a lock.
-    """
-    found.update(_Walk().digest(value, path).encode())
-
-
 def name_of(function: Any) -> str:
     """Module and name of a function, e.g. "push_study.push"; of a `functools.partial`, that of its function."""
     while isinstance(function, functools.partial):
@@ -72,22 +60,24 @@ def name_of(function: Any) -> str:
     return f"{function.__module__}.{function.__qualname__}"
 
 
-def function_hash(function: Callable[..., Any]) -> str:
-    """A hash that is the same in every process for the same function, and differs where it computes something else.
+def digest(value: Any, path: str = "") -> str:
+    """A hash of a value's content, the same in every process, that differs where a function computes something else.
 
-    It covers what pickling by value would send: the source without comments and docstrings, defaults, values in closures, bound
-    arguments, the object of a method, with all attributes, functions and classes that are used, with class attributes, and the
-    values of modules that are used, as they are now. Robots count by their digests, other objects by what `pickle` sends of
-    them, less what is computed when it is read. What is installed, and `rbd` itself, counts by name: versions stand beside
-    results.
+    Of a function it covers what pickling by value would send: the source without comments and docstrings, defaults, values in
+    closures, bound arguments, the object of a method, with all attributes, functions and classes that are used, with class
+    attributes, and the values of modules that are used, as they are now. Robots count by their digests, other objects by what
+    `pickle` sends of them, less what is computed when it is read. What is installed, and `rbd` itself, counts by name: versions
+    stand beside results. Numbers count by value (0.5 of NumPy is 0.5 of Python), arrays by type, shape and entries in
+    little-endian order, mappings and sets without their order, members of an Enum by name. Addresses never count.
 
     Args:
-        function: What is called with the values of a sample.
+        value: A function, or a value.
+        path: Its name in messages; empty: that of the function.
 
     Raises:
         InputError: it uses what has no content, such as a lock or an open file; names the way to it.
     """
-    return _Walk().digest(function, name_of(function).rpartition(".")[2])
+    return _Walk().digest(value, path or name_of(value).rpartition(".")[2])
 
 
 class _Walk:
@@ -109,36 +99,33 @@ class _Walk:
             return f"again {self._above.index(id(x))}"
         self._above.append(id(x))
         self._alive.append(x)  # so that no other object gets its id
-        found = self._known[id(x)] = _hash(*[part.encode(*UTF) for part in self._parts(x, path)])
+        found = self._known[id(x)] = _hash(*[part.encode(*_UTF) for part in self._parts(x, path)])
         self._above.pop()
         return found
 
     def _parts(self, x: Any, path: str) -> Iterator[str]:
         """The kind of an object, and digests of what it is made of."""
+        kind = type(x)
+        wrapped = (
+            ("__wrapped__",) if isinstance(getattr(x, "__wrapped__", None), FunctionType) else ()
+        )  # functools.cache, Numba
         if isinstance(x, FunctionType):
             yield from self._function(x, path)
         elif isinstance(x, type):
             yield from self._class(x, path)
-        elif isinstance(x, MethodType):
-            yield from ("method", self.digest(x.__self__, f"{path}.self"), self.digest(x.__func__, path))
-        elif isinstance(x, staticmethod | classmethod) or isinstance(getattr(x, "__wrapped__", None), FunctionType):
-            yield from (f"wrapped by {name_of(type(x))}", self.digest(x.__wrapped__, path))  # functools.cache, Numba
-        elif isinstance(x, property):
-            yield from ("property", *(self.digest(f, path) for f in (x.fget, x.fset, x.fdel)))
-        elif isinstance(x, functools.cached_property):
-            yield from ("cached property", self.digest(x.func, path))
-        elif isinstance(x, functools.partial):
-            yield from ("partial", self.digest(x.func, path), *self._each(x.args, path), *self._named(x.keywords, path))
-        elif isinstance(x, dict | MappingProxyType) and type(x) in (dict, MappingProxyType):
+        elif names := next((names for each, names in _MADE_OF.items() if isinstance(x, each)), wrapped):
+            yield name_of(kind)
+            yield from self._named({name.strip("_"): getattr(x, name) for name in names}, path)
+        elif kind in (dict, MappingProxyType):
             yield from ("mapping", *self._items(x, path))
-        elif type(x) in (list, tuple):
-            yield from (type(x).__name__, *self._each(x, path))
+        elif kind in (list, tuple):
+            yield from (kind.__name__, *self._each(x, path))
         elif isinstance(x, set | frozenset):
-            yield from (name_of(type(x)), *sorted(self._each(x, path)), *self._named(getattr(x, "__dict__", {}), path))
+            yield from (name_of(kind), *sorted(self._each(x, path)))
         elif isinstance(x, np.ndarray):
             yield from ("objects", f"{x.dtype} {x.shape}", *self._each(x.ravel().tolist(), path))
-        elif is_dataclass(x) and _by_name(type(x)) and type(x).__reduce__ is object.__reduce__:
-            yield from (name_of(type(x)), *self._named({f.name: getattr(x, f.name) for f in fields(x)}, path))
+        elif is_dataclass(x) and _by_name(kind) and kind.__reduce__ is object.__reduce__:
+            yield from (name_of(kind), *self._named({f.name: getattr(x, f.name) for f in fields(x)}, path))
         else:
             yield from self._object(x, path)
 
@@ -146,8 +133,7 @@ class _Walk:
         yield from (self.digest(value, f"{path}[{i}]") for i, value in enumerate(values))
 
     def _items(self, x: Mapping[Any, Any], path: str) -> Iterator[str]:
-        keyed = sorted(((self.digest(key, path), key) for key in x), key=lambda pair: pair[0])
-        for key_digest, key in keyed:
+        for key_digest, key in sorted(((self.digest(key, path), key) for key in x), key=lambda pair: pair[0]):
             yield from (key_digest, self.digest(x[key], f"{path}[{key!r:.40}]"))
 
     def _named(self, x: Mapping[str, Any], path: str) -> Iterator[str]:
@@ -156,10 +142,6 @@ class _Walk:
 
     def _object(self, x: Any, path: str) -> Iterator[str]:
         """What `pickle` sends of an object: the function that makes it, arguments, state, entries."""
-        for name in ("stdout", "stderr"):
-            if x is getattr(sys, name):
-                yield name
-                return
         kind = type(x)
         try:
             registered: Any = copyreg.dispatch_table.get(kind)
@@ -185,13 +167,11 @@ class _Walk:
         if _by_name(x) and "<" not in x.__qualname__:
             return
         yield from (self.digest(x.__defaults__, path), self.digest(x.__kwdefaults__, path))
-        for name, cell in zip(x.__code__.co_freevars, x.__closure__ or (), strict=True):
-            yield from (name, self.digest(cell.cell_contents, f"{path}.{name}") if _is_set(cell) else "empty")
+        yield from self._named(inspect.getclosurevars(x).nonlocals, path)
         yield from self._named(vars(x), path)  # what it wraps, and what it keeps as attributes
-        if _by_name(x):
-            return
-        yield self._source(x)
-        yield from self._used(x.__globals__, set(_names(x.__code__)), path, ())
+        if not _by_name(x):
+            yield self._source(x)
+            yield from self._used(x.__globals__, set(_names(x.__code__)), path, ())
 
     def _used(self, has: Mapping[str, Any], names: set[str], path: str, inside: tuple[ModuleType, ...]) -> Iterator[str]:
         """What of a module's values a code names; of the user's modules among them, what it names of these."""
@@ -204,16 +184,15 @@ class _Walk:
 
     def _class(self, x: type, path: str) -> Iterator[str]:
         yield f"class {name_of(x)}"
-        if _by_name(x):
-            return
-        yield from (self.digest(base, path) for base in x.__bases__)
-        members = {
-            name: value
-            for name, value in vars(x).items()
-            if name not in OF_CLASSES and not inspect.isgetsetdescriptor(value) and not inspect.ismemberdescriptor(value)
-            and (name[:2] != "__" or isinstance(value, FunctionType))
-        }  # fmt: skip
-        yield from self._named(members, path)
+        if not _by_name(x):
+            yield from (self.digest(base, path) for base in x.__bases__)
+            members = {
+                name: value
+                for name, value in vars(x).items()
+                if name not in _OF_CLASSES and not inspect.isgetsetdescriptor(value)
+                and not inspect.ismemberdescriptor(value) and (name[:2] != "__" or isinstance(value, FunctionType))
+            }  # fmt: skip
+            yield from self._named(members, path)
 
     def _source(self, function: FunctionType) -> str:
         try:
@@ -229,44 +208,36 @@ class _Walk:
 
 def _leaf(x: Any) -> tuple[bytes, ...] | None:
     """Kind and content of what is a value, or counts by its digest or name; None of what holds other objects."""
-    if isinstance(x, Enum):
-        return b"enum", f"{name_of(type(x))}.{x.name}".encode(*UTF)
     if isinstance(x, np.generic) and x.dtype.kind in "biufcSU":
-        return _leaf(x.item())
+        x = x.item()
+    kind = type(x).__name__.encode()
+    if isinstance(x, Enum):
+        return b"enum", f"{name_of(type(x))}.{x.name}".encode(*_UTF)
     if type(x) in (bool, int, str, type(None)):
-        return type(x).__name__.encode(), str(x).encode(*UTF)
+        return kind, str(x).encode(*_UTF)
     if type(x) in (float, complex):
         parts = [np.nan if part != part else part for part in (np.real(x), np.imag(x))]  # every NaN is the same
-        return type(x).__name__.encode(), struct.pack("<dd", *parts)
+        return kind, struct.pack("<dd", *parts)
     if isinstance(x, bytes | bytearray):
         return b"bytes", bytes(x)
     if isinstance(x, np.ndarray | np.generic) and x.dtype.kind in "biufcSUmM":
-        kind = x.dtype.newbyteorder("<")
-        return b"array", f"{kind.str} {x.shape}".encode(), np.ascontiguousarray(x, kind).tobytes()
+        little = x.dtype.newbyteorder("<")
+        return b"array", f"{little.str} {x.shape}".encode(), np.ascontiguousarray(x, little).tobytes()
     if isinstance(x, Travelling):
         return b"robot", x.digest.encode()
+    if x is sys.stdout or x is sys.stderr:
+        return b"stream", x.name.encode()
     return (b"module", x.__name__.encode()) if isinstance(x, ModuleType) else None
 
 
 def _hash(*parts: bytes) -> str:
     """The SHA-256 hash of parts, with their lengths, 64 hexadecimal digits."""
-    found = hashlib.sha256()
-    for part in parts:
-        found.update(b"%d:" % len(part) + part)
-    return found.hexdigest()
+    return hashlib.sha256(b"".join(b"%d:" % len(part) + part for part in parts)).hexdigest()
 
 
 def _is_computed(kind: type, name: str) -> bool:
     """Whether an attribute is computed when it is first read."""
     return isinstance(inspect.getattr_static(kind, name, None), functools.cached_property)
-
-
-def _is_set(cell: CellType) -> bool:
-    try:
-        cell.cell_contents  # noqa: B018  an empty cell raises
-    except ValueError:
-        return False
-    return True
 
 
 def _by_name(x: Any) -> bool:
@@ -296,14 +267,9 @@ def _plain(source: str, *, lambda_only: bool = False) -> str:
     """
     tree: ast.AST = ast.parse(textwrap.dedent(source))
     if lambda_only:
-        lambdas = [node for node in ast.walk(tree) if isinstance(node, ast.Lambda)]
-        if len(lambdas) != 1:
-            raise ValueError(f"{len(lambdas)} lambdas")
-        tree = lambdas[0]
+        (tree,) = [node for node in ast.walk(tree) if isinstance(node, ast.Lambda)]
     for node in ast.walk(tree):
-        if (
-            isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
-            and ast.get_docstring(node, clean=False) is not None
-        ):
-            node.body = node.body[1:] or [ast.Pass()]
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+            documented = ast.get_docstring(node, clean=False) is not None
+            node.body = (node.body[1:] or [ast.Pass()]) if documented else node.body
     return ast.unparse(tree)

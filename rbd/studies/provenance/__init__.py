@@ -1,1 +1,0 @@
-"""What a study is of, and what computed it: hashes of values and functions, versions, machine."""

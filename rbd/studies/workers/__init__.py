@@ -1,1 +1,0 @@
-"""Where and how samples are evaluated: functions checked and sent, chunks, processes, executors, Ctrl-C, progress."""
