@@ -14,6 +14,7 @@ import pytest
 import rbd
 from rbd.errors import NonUniqueMotionWarning
 from rbd.model.checked_model import CheckedModel
+from rbd.problem.conic import Block
 from rbd.problem.residuals import residuals_of
 from rbd.statics.least_friction import BRACKET, Balance, rounded_up as enough
 from rbd.testing import ConstraintWrong, box, check_constraint
@@ -156,7 +157,7 @@ class TestFriction:
         assert one_cone(push).least() == pytest.approx(push, rel=1e-5, abs=0.0)
 
     def test_newtons_step_is_proved_by_a_program_just_below_it(self, monkeypatch):
-        """A push of 0.3 of the weight: within a millionth in ten linear programs; halving the bracket takes twenty."""
+        """A push of 0.3 of the weight: within a millionth in ten programs; halving the bracket takes twenty."""
         monkeypatch.setattr("rbd.problem.programs.FRICTION_PROGRAMS", 10)
         assert one_cone(0.3).least() == pytest.approx(0.3, rel=BRACKET, abs=0.0)
 
@@ -165,7 +166,7 @@ class TestFriction:
         assert [enough(mu) for mu in (0.0, 0.25, 0.123412, 3.0001)] == ["0", "0.25", "0.1235", "3.001"]
 
     def test_a_search_cut_short_says_so(self, monkeypatch):
-        """One linear program is not enough."""
+        """One program is not enough."""
         monkeypatch.setattr("rbd.problem.programs.FRICTION_PROGRAMS", 1)
         robot = box(MASS)
         external = rbd.ExternalForce("box", (0.3 * WEIGHT, 0.1 * WEIGHT, 0.0), offset=(0.0, 0.0, -0.1))
@@ -179,10 +180,8 @@ class TestFriction:
 
 def one_cone(push: float) -> Balance:
     """A body of unit weight on one frictionless point whose coefficient may grow, pushed along the ground."""
-    return Balance(
-        np.eye(3), np.array([push, 0.0, 1.0]), np.zeros((0, 3)), np.zeros(0), np.zeros(3), np.full(3, np.inf), np.array([0]),
-        np.zeros(1), np.ones(1, bool),
-    )  # fmt: skip
+    forces = Block(3, 0.0, 0.0, np.full(3, -np.inf), np.full(3, np.inf), np.array([[0, 1, 2]]), np.zeros(1))
+    return Balance(np.eye(3), np.array([push, 0.0, 1.0]), np.zeros((0, 3)), np.zeros(0), forces, np.ones(1, bool))
 
 
 def replaced(contact: rbd.PointContact, friction: float) -> rbd.PointContact:

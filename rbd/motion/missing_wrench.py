@@ -10,7 +10,7 @@ from rbd.arrays import Array
 from rbd.motion.contact_timeline import FloorPoints
 from rbd.motion.frame_terms import FrameTerms, wrench_scale
 from rbd.problem.cones import project_cones
-from rbd.problem.conic import Conic
+from rbd.problem.conic import Block, Conic
 from rbd.solvers.cone_least_squares import ConeFits, Stage, nearest_in_cones, staged_fits
 from rbd.solvers.conic_newton import solve_conic
 
@@ -139,25 +139,24 @@ def _one_frame(stacked: Array, aim: Array, bounded: Array, mu: float, other: Arr
     flat = stacked[:, touching].reshape(len(stacked), -1)
     A, T, t = flat[:6], flat[6:], aim[6:]
     limited = np.flatnonzero(bounded[6:])
-    n, q = flat.shape[1], len(limited)
-    H = np.zeros((n + q, n + q))
-    H[:n, :n] = T.T @ T + FORCES * np.eye(n)
-    H[n:, n:] = STEEP * np.eye(q)
-    C = np.vstack([np.hstack([T[limited], -np.eye(q)]), np.hstack([T[limited], np.eye(q)])])
-    wide = np.full(q, np.inf)
-    found = solve_conic(
-        Conic.of(
-            H / STEEP, np.concatenate([-T.T @ t, np.zeros(q)]) / STEEP,
-            np.hstack([A, np.zeros((6, q))]), A @ other[touching].ravel(),
-            np.concatenate([np.full(n, -np.inf), np.zeros(q)]), np.full(n + q, np.inf), np.arange(n).reshape(-1, 3),
-            np.full(len(touching), mu), C, np.concatenate([-wide, t[limited] - 1.0]), np.concatenate([t[limited] + 1.0, wide]),
-        ),
-        newton=False, tolerance=1e-6,
-    )  # fmt: skip
+    n, I = flat.shape[1], np.eye(len(limited))
+    squares, cones = (T.T @ T + FORCES * np.eye(n)) / STEEP, np.arange(n).reshape(-1, 3)
+    program = Conic.of(
+        {
+            "forces": Block(n, squares, -T.T @ t / STEEP, cones=cones, mu=np.full(len(touching), mu)),
+            "excess": Block(len(limited), 1.0, lower=0.0),
+        },
+        [({"forces": A}, A @ other[touching].ravel())],
+        [
+            ({"forces": T[limited], "excess": -I}, -np.inf, t[limited] + 1.0),
+            ({"forces": T[limited], "excess": I}, t[limited] - 1.0, np.inf),
+        ],
+    )
+    found = solve_conic(program, newton=False, tolerance=1e-6)
     if not found.solved:
         return other
     out = np.zeros_like(other)
-    out[touching] = project_cones(found.x[:n].reshape(-1, 3), mu)
+    out[touching] = project_cones(found["forces"].reshape(-1, 3), mu)
     return out
 
 

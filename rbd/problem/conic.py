@@ -13,30 +13,44 @@ with r = -A^T y - C^T z, H and g left out, is a certificate if
     y . b + least of z . s over s in [low, high] + least of r . x over x in X  >  0 :
 
 y . A x + z . C x + r . x is zero for every x, and an x that meets the program would make it larger than zero.
-`rbd.solvers.conic_newton` solves it.
-
-Newton's method on the dual, where weights are diagonal (`least_squares`):
-
-    minimise sum_i (1/2 d_i y_i^2 + c_i y_i)     subject to     R y = b ,  lower <= y <= upper ,  cones
-
-With few equations and many unknowns (a hundred contacts on one robot) the dual is small: y follows from one multiplier an
-equation, y = P(D^-1 (R^T lam - c)), P the projection on bounds and cones, and lam solves R y = b. The left side has
-symmetric, positive semidefinite derivatives, so Newton's method with a line search on the dual value terminates wherever
-the set has an interior. The result is exact: y is in the set to rounding, and no other point with R y = b is smaller. Source:
-[Qi1993] for Newton's method on semismooth maps.
+Programs are put together from named blocks of unknowns, `Conic.of`; `rbd.solvers.conic_newton` solves them.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import NamedTuple, Self
 
 import numpy as np
-from scipy.linalg import lapack
 
-from rbd.arrays import Array, is_finite, lazy, max_abs
-from rbd.problem.cones import project_cones, projection
-from rbd.problem.programs import Outcome, Work
+from rbd.arrays import Array, is_finite, lazy
+from rbd.problem.cones import project_cones
+from rbd.problem.programs import Outcome
+
+
+class Block(NamedTuple):
+    """Unknowns of a program that belong together.
+
+    Attributes:
+        size: How many, n.
+        squares: Their part of H: shape (n, n), or its diagonal, a number or shape (n,).
+        linear: Their part of g, a number or shape (n,).
+        lower: A number or shape (n,); -inf where there is none, and for the columns of cones.
+        upper: Likewise, inf.
+        cones: Columns (tangent, tangent, normal) of the cones within the block, shape (k, 3).
+        mu: Their coefficients, above zero, shape (k,).
+    """
+
+    size: int
+    squares: Array | float = 0.0
+    linear: Array | float = 0.0
+    lower: Array | float = -math.inf
+    upper: Array | float = math.inf
+    cones: Array = np.zeros((0, 3), int)  # noqa: RUF012  nobody writes to it
+    mu: Array = np.zeros(0)  # noqa: RUF012
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +69,7 @@ class Conic:
         upper: Likewise, inf.
         cones: Columns (tangent, tangent, normal) of the cones, shape (k, 3).
         mu: Their coefficients, above zero, shape (k,).
+        spans: {block: its columns}, of a program of named blocks.
     """
 
     H: Array
@@ -68,19 +83,49 @@ class Conic:
     upper: Array
     cones: Array
     mu: Array
+    spans: Mapping[str, slice] = field(default_factory=dict)
 
     @classmethod
     def of(
-        cls, H: Array, g: Array, A: Array, b: Array, lower: Array, upper: Array, cones: Array, mu: Array,
-        C: Array | None = None, low: Array | None = None, high: Array | None = None,
-    ) -> Conic:  # fmt: skip
-        """A program, perhaps without rows between bounds."""
-        n = len(g)
-        q = 0 if C is None else len(C)
+        cls,
+        blocks: Mapping[str, Block],
+        equations: Sequence[tuple[Mapping[str, Array], Array]] = (),
+        between: Sequence[tuple[Mapping[str, Array], Array | float, Array | float]] = (),
+    ) -> Self:
+        """A program of named blocks of unknowns.
+
+        Args:
+            blocks: {name: unknowns}, in the order of their columns.
+            equations: ({block: matrix}, b): the sum of matrices times blocks is b, row by row.
+            between: ({block: matrix}, low, high): rows between bounds, likewise.
+        """
+        ends = np.cumsum([0, *[block.size for block in blocks.values()]]).tolist()
+        spans = {name: slice(*span) for name, span in zip(blocks, pairwise(ends), strict=True)}
+        n = ends[-1]
+        H, g, lower, upper = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n)
+        for name, block in blocks.items():
+            span = spans[name]
+            square = block.squares if np.ndim(block.squares) == 2 else np.diag(np.broadcast_to(block.squares, block.size))
+            H[span, span], g[span], lower[span], upper[span] = square, block.linear, block.lower, block.upper
+
+        def stacked(parts: Sequence[Mapping[str, Array]]) -> Array:
+            sizes = [len(next(iter(part.values()))) for part in parts]
+            out, at = np.zeros((sum(sizes), n)), 0
+            for part, size in zip(parts, sizes, strict=True):
+                for name, matrix in part.items():
+                    out[at : at + size, spans[name]] = matrix
+                at += size
+            return out
+
+        def sides(which: int) -> Array:
+            each = [np.broadcast_to(rows[which], len(next(iter(rows[0].values())))) for rows in between]
+            return np.concatenate([np.zeros(0), *each])
+
+        cones = [spans[name].start + block.cones for name, block in blocks.items()]
         return cls(
-            H, g, A, b, np.zeros((0, n)) if C is None else C,
-            np.full(q, -math.inf) if low is None else low, np.full(q, math.inf) if high is None else high,
-            lower, upper, cones, mu,
+            H, g, stacked([parts for parts, _ in equations]), np.concatenate([np.zeros(0), *[b for _, b in equations]]),
+            stacked([parts for parts, _, _ in between]), sides(1), sides(2), lower, upper, np.concatenate(cones),
+            np.concatenate([block.mu for block in blocks.values()]), spans,
         )  # fmt: skip
 
     def project(self, x: Array) -> Array:
@@ -208,6 +253,10 @@ class ConicAnswer:
     iterations: int
     certificate: Certificate | None = None
 
+    def __getitem__(self, block: str) -> Array:
+        """The unknowns of a block, at x."""
+        return self.x[self.program.spans[block]]
+
     @property
     def solved(self) -> bool:
         """Whether x is the minimiser."""
@@ -217,159 +266,3 @@ class ConicAnswer:
     def miss(self) -> float:
         """`Conic.miss` of it."""
         return self.program.miss(self.x, self.y, self.z)
-
-
-_STEPS = 60
-_DONE = 1e-13
-"""Largest |R y - b|, over its terms, at a solution."""
-_LARGEST = 1e4
-"""Largest terms of R^T lam, over those of the objective's gradient, at a solution: rounding then stays below 1e-12."""
-_DAMPED = 1e-14
-"""Added to the derivative's diagonal, over its largest entry."""
-
-
-@dataclass(frozen=True, eq=False)
-class Separable:
-    """A quadratic program with diagonal weights, bounds and circular cones.
-
-    Attributes:
-        d: Weights > 0, shape (n,); equal within a cone.
-        c: Shape (n,).
-        R: Shape (r, n).
-        b: Shape (r,).
-        lower: Bounds, shape (n,); -inf where there is none, and for the columns of cones.
-        upper: Upper bounds, shape (n,); inf where there is none, and for the columns of cones.
-        cones: Columns (tangent, tangent, normal) of the cones, shape (k, 3).
-        mu: Their friction coefficients > 0, shape (k,).
-    """
-
-    d: Array
-    c: Array
-    R: Array
-    b: Array
-    lower: Array
-    upper: Array
-    cones: Array
-    mu: Array
-
-    def at(self, lam: Array) -> tuple[Array, Array]:
-        """(y, the point that is projected to it)."""
-        p = (lam @ self.R - self.c) / self.d
-        y = np.minimum(np.maximum(p, self.lower), self.upper)
-        if len(self.mu):
-            y[self.cones] = project_cones(p[self.cones], self.mu)
-        return y, p
-
-    def value(self, lam: Array, y: Array) -> float:
-        """The dual value, which is maximised."""
-        return float(lam @ self.b + 0.5 * (self.d * y) @ y + self.c @ y - lam @ (self.R @ y))
-
-    def derivative(self, p: Array) -> Array:
-        """Derivative of R y with respect to lam, shape (r, r)."""
-        inside = (p > self.lower) & (p < self.upper)
-        inside[self.cones.ravel()] = False
-        J = (self.R[:, inside] / self.d[inside]) @ self.R[:, inside].T
-        if not len(self.mu):
-            return np.asarray(J)
-        V = projection(p[self.cones].T, self.mu).slopes(self.mu) / self.d[self.cones[:, :1], None]
-        columns = self.R[:, self.cones]  # (r, k, 3)
-        turned = np.einsum("rki,kij->rkj", columns, V).reshape(len(self.b), -1)
-        return np.asarray(J + turned @ columns.reshape(len(self.b), -1).T)
-
-
-def least_squares(problem: Separable, lam: Array | None = None, work: Work | None = None) -> tuple[Array, Array] | None:
-    """(y, lam): the minimiser, shape (n,), and its multipliers, shape (r,).
-
-    None where Newton's method does not converge, or multipliers grow so large that rounding dominates: in a set without an
-    interior, or an empty one; and where no work is left.
-
-    Args:
-        problem: The problem.
-        lam: Multipliers to start from, shape (r,); zeros if not given.
-        work: Limit of the cost; unlimited if not given.
-    """
-    P = problem
-    lam = np.zeros(len(P.b)) if lam is None else lam
-    y, p = P.at(lam)
-    magnitude, top = np.abs(P.R), float((P.R**2 / P.d).sum(axis=1).max(initial=0.0))
-    if not top < 1e150:
-        return None
-    value, cost = P.value(lam, y), float(len(P.b) + 3) * P.R.size + 1e5
-    for _ in range(_STEPS):
-        missed = P.b - P.R @ y
-        if max_abs(missed) <= _DONE * max(max_abs(magnitude @ np.abs(y)), max_abs(P.b)):
-            # In a set without an interior lam diverges, and rounding of lam R dominates what is projected.
-            size = max(max_abs(P.c), max_abs(P.d * y))
-            return (y, lam) if max_abs(np.abs(lam) @ magnitude) <= _LARGEST * size else None
-        if work is not None and not work.spend(cost):
-            return None
-        J = P.derivative(p)
-        # Where many bounds are active the derivative is singular, or zero: the damping then gives an ascent step.
-        J.flat[:: len(J) + 1] += max(_DAMPED, min(1e-3, 1e-3 * max_abs(missed) / (1.0 + max_abs(P.b)))) * top
-        _, step, info = lapack.dposv(J, missed)
-        if info != 0:
-            return None
-        slope, t = float(missed @ step), 1.0
-        for _ in range(30):
-            ahead = lam + t * step
-            new, q = P.at(ahead)
-            found = P.value(ahead, new)
-            # Near convergence the value's change is rounding; then the residual of the equations decides.
-            if found >= value + 1e-4 * t * slope or max_abs(P.b - P.R @ new) <= 0.5 * max_abs(missed):
-                break
-            t *= 0.5
-        else:
-            return None
-        lam, y, p, value = ahead, new, q, found
-    return None
-
-
-@dataclass(frozen=True, eq=False)
-class ConeSet:
-    """z with A z >= b, and u = C z + at of each cone with |(u_0, u_1)| <= mu (u_2 + widened).
-
-    Attributes:
-        A: Shape (q, z).
-        b: Shape (q,).
-        C: Shape (k, 3, z): tangent, tangent, normal.
-        at: Shape (k, 3).
-        mu: Shape (k,).
-    """
-
-    A: Array
-    b: Array
-    C: Array
-    at: Array
-    mu: Array
-
-    def slack(self, z: Array) -> tuple[Array, Array, Array]:
-        """(A z - b, u, mu u_2 - |u_t|)."""
-        u = self.C @ z + self.at
-        return self.A @ z - self.b, u, self.mu * u[:, 2] - np.hypot(u[:, 0], u[:, 1])
-
-    def margin(self, z: Array) -> float:
-        """The smallest slack of z; not positive outside."""
-        s, _, cone = self.slack(z)
-        return float(min(s.min(initial=math.inf), cone.min(initial=math.inf)))
-
-    def widened(self, by: float) -> ConeSet:
-        """The set with every bound and cone moved out."""
-        at = self.at.copy()
-        at[:, 2] += by / self.mu if len(self.mu) else 0.0
-        return replace(self, b=self.b - by, at=at)
-
-    def boxed(self, side: float) -> ConeSet:
-        """The set within |z_i| <= side."""
-        I = np.eye(self.A.shape[1])
-        return replace(self, A=np.vstack([self.A, I, -I]), b=np.concatenate([self.b, np.full(2 * len(I), -side)]))
-
-    def program(self, P: Array, q: Array) -> Conic:
-        """Of 1/2 z . P z + q . z over the set, in x = (z, u)."""
-        n, k = self.A.shape[1], 3 * len(self.mu)
-        H, free = np.zeros((n + k, n + k)), np.full(n + k, math.inf)
-        H[:n, :n] = P
-        return Conic(
-            H, np.concatenate([q, np.zeros(k)]), np.hstack([self.C.reshape(k, n), -np.eye(k)]), -self.at.ravel(),
-            np.hstack([self.A, np.zeros((len(self.b), k))]), self.b, np.full(len(self.b), math.inf), -free, free,
-            n + np.arange(k).reshape(-1, 3), self.mu,
-        )  # fmt: skip

@@ -62,7 +62,7 @@ FORCE_CHOICE_WORK = 4e9
 """Multiplications for the forces of minimum norm, about 1.5 s on one core. A hundred contacts need a hundredth of it."""
 
 FRICTION_PROGRAMS = 400
-"""Linear programs in the search for the least coefficient of friction for static equilibrium. Two soles need some fifty."""
+"""Conic programs in the search for the least coefficient of friction for static equilibrium. Two soles need about ten."""
 
 POLYGON_PROGRAMS = 400
 """Programs for one polygon of centres of mass. Two soles need eight; a hand on a wall, to a square centimetre, some fifty."""

@@ -21,12 +21,13 @@ from rbd.arrays import Array, block_diagonal, max_abs, range_of
 from rbd.errors import InputError
 from rbd.problem.answer import Answer
 from rbd.problem.cones import pyramid
-from rbd.problem.conic import Separable, least_squares
+from rbd.problem.conic import Block, Conic
 from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import CONVEX, COULOMB, GaussProblem, Law, checked
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
 from rbd.solvers import Solver, checked_solver
 from rbd.solvers.admm import ConeSolver
+from rbd.solvers.conic_newton import by_dual
 from rbd.solvers.kkt import KKT, constrained
 from rbd.solvers.proxqp import ProxQP, eased
 
@@ -186,9 +187,9 @@ def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None,
     if max_abs(inside - out) <= _ROUNDING * max_abs(out):
         return inside, True
     size = max(1.0, max_abs(convex.multipliers))
-    n, free = len(columns), np.full(len(columns), np.inf)
     cones = np.arange(3 * int(still.sum())).reshape(-1, 3)
-    found = least_squares(Separable(np.ones(n), np.zeros(n), G, left / size, -free, free, cones, T.mu[still]))
+    weights = Block(len(columns), 1.0, cones=cones, mu=T.mu[still])
+    found = by_dual(Conic.of({"weights": weights}, [({"weights": G}, left / size)]))
     if found is None:
         return None, False
     out[columns] = size * found[0]

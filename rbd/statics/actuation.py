@@ -20,7 +20,7 @@ from rbd.model.dynamics import free_force
 from rbd.model.external import External
 from rbd.model.state import State
 from rbd.problem.answer import ACCELERATION, CERTIFICATE, FORCES, Answer, ContactForce, Status, corners_of
-from rbd.problem.conic import Conic
+from rbd.problem.conic import Block, Conic
 from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import COULOMB, GaussProblem
 from rbd.problem.motion_forces import given_weights
@@ -352,33 +352,25 @@ def _has_inside(program: Conic) -> bool:
     if not n:
         return True
     # Largest s <= 1 with cones, bounds and rows held with a margin of s: their normal, or value, less s.
-    down, up = np.isfinite(program.lower), np.isfinite(program.upper)
-    fixed = program.lower == program.upper
+    fixed, one = program.lower == program.upper, np.ones((n, 1))
     shift = np.zeros((n, 1))
     shift[program.cones[:, 2]] = 1.0  # x = x' + s n: x' in the cone, x inside it
-    low, high = np.isfinite(program.low), np.isfinite(program.high)
-    C = np.hstack([program.C, program.C @ shift])
-    bounds = [(down & ~fixed, program.lower, -1.0), (up & ~fixed, program.upper, 1.0)]
-    E, level = [np.zeros((0, n + 1))], [np.zeros(0)]
-    for which, value, sign in bounds:
-        rows = np.hstack([np.eye(n)[which], np.full((int(which.sum()), 1), sign)])
-        E.append(-sign * rows)
-        level.append(-sign * value[which])
-    for which, value, sign in ((low, program.low, -1.0), (high, program.high, 1.0)):
-        rows = C[which].copy()
-        rows[:, -1] += sign
-        E.append(-sign * rows)
-        level.append(-sign * value[which])
-    D, d = np.concatenate(E), np.concatenate(level)
-    lower, upper = (
-        np.append(np.where(fixed, program.lower, -math.inf), -1.0),
-        np.append(np.where(fixed, program.upper, math.inf), 1.0),
-    )
+    free, own = np.flatnonzero(~fixed), program.C @ shift
+    lower, upper = np.where(fixed, program.lower, -math.inf), np.where(fixed, program.upper, math.inf)
     found = solve_conic(
-        Conic(
-            np.zeros((n + 1, n + 1)), np.append(np.zeros(n), -1.0), np.hstack([program.A, program.A @ shift]), program.b,
-            D, d, np.full(len(d), math.inf), lower, upper, program.cones, program.mu,
+        Conic.of(
+            {
+                "x": Block(n, 0.0, 0.0, lower, upper, program.cones, program.mu),
+                "margin": Block(1, 0.0, -1.0, -1.0, 1.0),
+            },
+            [({"x": program.A, "margin": program.A @ shift}, program.b)],
+            [
+                ({"x": np.eye(n)[free], "margin": -one[free]}, program.lower[free], math.inf),
+                ({"x": np.eye(n)[free], "margin": one[free]}, -math.inf, program.upper[free]),
+                ({"x": program.C, "margin": own - 1.0}, program.low, math.inf),
+                ({"x": program.C, "margin": own + 1.0}, -math.inf, program.high),
+            ],
         ),
         newton=False, tolerance=1e-8,
     )  # fmt: skip
-    return found.solved and float(found.x[-1]) > _INSIDE
+    return found.solved and float(found["margin"][0]) > _INSIDE

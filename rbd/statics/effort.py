@@ -119,8 +119,8 @@ class Effort(Displayed):
             out[span] = self.forces.get(r.name, FORCE_WEIGHT)
         return out
 
-    def rows(self, loads: ForceBalance) -> tuple[Array, Array, Array]:
-        """(C, low, high): what the contacts must keep to beside their cones, of weights over the unit.
+    def rows(self, loads: ForceBalance) -> tuple[dict[str, Array], Array, Array]:
+        """({"forces": C}, low, high): what the contacts must keep to beside their cones, of weights over the unit.
 
         Raises:
             UnknownName: a name that no contact has.
@@ -139,27 +139,18 @@ class Effort(Displayed):
                 C.append(rows)
                 low += [0.0] * len(rows)
                 high += [math.inf] * len(rows)
-        return np.concatenate(C), np.array(low), np.array(high)
+        return {"forces": np.concatenate(C)}, np.array(low), np.array(high)
 
     def program(self, loads: ForceBalance) -> Conic:
         """Least effort: the rows between bounds are those of `rows`, then the torques of the limited motors."""
-        T, t = loads.T, loads.t
         p = 1.0 if self.torques is _ALIKE else self.torque_weights(loads.state.robot.actuated_names)
-        weighed = T.T * p
-        H = 2.0 * (weighed @ T)
+        weighed, limited, (low, high) = loads.T.T * p, loads.limited, loads.within
+        H = 2.0 * (weighed @ loads.T)
         H.flat[:: len(H) + 1] += 2.0 * (self.forces if isinstance(self.forces, float) else self.force_weights(loads))
-        limited = loads.limited
-        lower, upper = loads.bounds
-        if not limited.all():
-            T, t, lower, upper = T[limited], t[limited], lower[limited], upper[limited]
-        low, high = t - upper, t - lower
-        if self.normal_force or self.edge_margin:
-            C, least, most = self.rows(loads)
-            T, low, high = np.vstack([C, T]), np.concatenate([least, low]), np.concatenate([most, high])
-        sets = loads.sets
-        return Conic(
-            H, -2.0 * (weighed @ loads.t), loads.A, loads.b, T, low, high, loads.lower, loads.upper, sets.cone_columns, sets.mu
-        )
+        forces = loads.block()._replace(squares=H, linear=-2.0 * (weighed @ loads.t))
+        between = [self.rows(loads)] if self.normal_force or self.edge_margin else []
+        between.append(({"forces": loads.T[limited]}, low[limited], high[limited]))
+        return Conic.of({"forces": forces}, [({"forces": loads.A}, loads.b)], between)
 
 
 DEFAULT = Effort()

@@ -20,6 +20,7 @@ from rbd.errors.inputs import check_different
 from rbd.model.checked_model import FARTHEST
 from rbd.model.joints import Joint
 from rbd.model.state import State, checked
+from rbd.problem.conic import Block
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.motion_forces import narrowed
 from rbd.problem.rows import Rows
@@ -166,6 +167,12 @@ class ForceBalance:
         return self.need[self.state.robot.motors] / self.limit
 
     @lazy
+    def within(self) -> tuple[Array, Array]:
+        """(low, high) of T x at torques within their bounds, shapes (nu,)."""
+        least, most = self.bounds
+        return self.t - most, self.t - least
+
+    @lazy
     def lower(self) -> Array:
         """Lower bounds of weights over the unit, shape (p,)."""
         return self.sets.lower / self.unit
@@ -174,6 +181,16 @@ class ForceBalance:
     def upper(self) -> Array:
         """Upper bounds, likewise."""
         return self.sets.upper / self.unit
+
+    def block(self, squares: float = 0.0) -> Block:
+        """The weights over the unit as unknowns of a program."""
+        sets = self.sets
+        return Block(sets.size, squares, 0.0, self.lower, self.upper, sets.cone_columns, sets.mu)
+
+    def columns(self, forces: Array) -> tuple[Array, Array]:
+        """(in rows without motors, in torques over limits): further generalised forces, shape (nv, k) [N, N m]."""
+        robot = self.state.robot
+        return forces[robot.unactuated] / (self.unit * self.row_size)[:, None], forces[robot.motors] / self.limit[:, None]
 
     def torques(self, w: Array) -> tuple[Array, Array]:
         """(tau, left): motor torques beside the weights w [N], and what is left where no motor is, shapes (nu,) and (e,).

@@ -4,10 +4,10 @@ With coefficients mu equilibrium asks for weights w of simple sets and of cones 
 
     A w = b        |t - T w| <= 1        lower <= w <= upper ,
 
-at unactuated coordinates, at motors, and for weights outside cones. A linear program over some rays of each cone minimises
-s = |A w - b|_1 + the torques' excess over their limits. Its multipliers price all other rays of the circular cone: the best
-one, along the multiplier's tangent, is added where it would lower s. Either s reaches zero, and forces inside the
-circular cones balance; or no ray lowers it, and the multipliers separate: none does. Bisection in mu brackets the least one.
+at unactuated coordinates, at motors, and for weights outside cones. A conic program minimises s = |A w - b|_1 + the torques'
+excess over their limits. Either s reaches zero, and forces inside the circular cones balance; or its multipliers separate: none
+does. Bisection in mu brackets the least one; where s is above zero Newton's step is shorter, as its multipliers also tell how s
+falls with mu: by |r_t| w_n of each cone, r what the cone answers with.
 """
 
 from __future__ import annotations
@@ -19,7 +19,8 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.problem import programs
-from rbd.problem.programs import linear_program
+from rbd.problem.conic import Block, Conic
+from rbd.solvers.conic_newton import solve_conic
 
 MOST = 10.0
 """Coefficients above this are not searched."""
@@ -30,27 +31,7 @@ MET = 1e-8
 
 
 class LimitReached(Exception):  # noqa: N818  it becomes a message, not raised to a user
-    """The search took more than `rbd.problem.programs.FRICTION_PROGRAMS` linear programs, or one of them was not solved."""
-
-
-@dataclass(frozen=True, eq=False)
-class _Miss:
-    """Least imbalance of the forces.
-
-    Attributes:
-        miss: The least sum s of violations.
-        price: Decrease of s per unit of each weight, shape (p,).
-        slope: Decrease of s per unit of the coefficient, to first order.
-    """
-
-    miss: float
-    price: Array
-    slope: float
-
-    @property
-    def met(self) -> bool:
-        """Whether s is zero."""
-        return self.miss <= MET
+    """The search took more than `rbd.problem.programs.FRICTION_PROGRAMS` conic programs, or one of them was not solved."""
 
 
 def rounded_up(mu: float) -> str:
@@ -70,24 +51,17 @@ class Balance:
         b: Their required sum, shape (e,).
         T: Generalised forces of unit weights at the motors, shape (n, p).
         t: Load of the motors without contact forces, shape (n,).
-        lower: Bounds of the weights, shape (p,); ignored for cones' columns.
-        upper: Upper bounds of the weights, shape (p,); ignored for cones' columns.
-        cone_at: First columns of the cones (tangent, tangent, normal), shape (k,).
-        mu: Their given coefficients, shape (k,).
-        yields: Which of them may take a larger one, shape (k,), of truth values.
+        forces: The weights as unknowns of a program; `mu` are the given coefficients.
+        yields: Which of the cones may take a larger one, shape (k,), of truth values.
     """
 
     A: Array
     b: Array
     T: Array
     t: Array
-    lower: Array
-    upper: Array
-    cone_at: Array
-    mu: Array
+    forces: Block
     yields: Array
-    _rays: list[tuple[int, Array]] = field(default_factory=list, init=False)
-    _left: int = field(default=0, init=False)
+    _left: int = field(default=programs.FRICTION_PROGRAMS, init=False)
 
     def least(self) -> float | None:
         """The least coefficient that balances, at all cones that take a larger one; None if none up to `MOST` does.
@@ -97,23 +71,23 @@ class Balance:
         Raises:
             LimitReached: where it is not found within the limits.
         """
-        self._left, self._rays = programs.FRICTION_PROGRAMS, self._first_rays()
-        low = float(self.mu[self.yields].min()) if self.yields.any() else 0.0  # below, the result is the same
-        high = float(min(MOST, self.mu.max(initial=1.0)))
-        if self._balances(low).met:
+        self._left, given = programs.FRICTION_PROGRAMS, self.forces.mu
+        low = float(given[self.yields].min()) if self.yields.any() else 0.0  # below, the result is the same
+        high = float(min(MOST, given.max(initial=1.0)))
+        if self._missed(low)[0] <= MET:
             return low
-        while not self._balances(high).met:
+        while self._missed(high)[0] > MET:
             if high >= MOST:
                 return None
             low, high = high, min(MOST, 2.0 * high)
         guess, by_newton = 0.5 * (low + high), False
         while high - low > BRACKET * high and high > 1e-6:
-            found = self._balances(guess)
-            if found.met:  # after Newton's step, a point slightly below proves that it is the least
+            missed, slope = self._missed(guess)
+            if missed <= MET:  # after Newton's step, a point slightly below proves that it is the least
                 high, guess, by_newton = guess, guess * (1.0 - 0.9 * BRACKET) if by_newton else low, False
             else:  # slightly beyond Newton's step, as s falls with mu
                 low, by_newton = guess, True
-                guess += found.miss / found.slope + 0.4 * BRACKET * guess if found.slope > 0.0 else high
+                guess += missed / slope + 0.4 * BRACKET * guess if slope > 0.0 else high
             if not low < guess < high:
                 guess, by_newton = 0.5 * (low + high), False
         return high
@@ -124,61 +98,33 @@ class Balance:
         Raises:
             LimitReached: where it is not found within the limits.
         """
-        self._left, self._rays = programs.FRICTION_PROGRAMS, self._first_rays()
-        return self._balances(0.0).met
+        self._left = programs.FRICTION_PROGRAMS
+        return self._missed(0.0)[0] <= MET
 
-    def _first_rays(self) -> list[tuple[int, Array]]:
-        """Eight initial rays around each cone: (which cone, unit vector of the ray's tangent)."""
-        return [(i, np.array([np.cos(x), np.sin(x)])) for i in range(len(self.mu)) for x in np.arange(8) * (np.pi / 4.0)]
-
-    def _balances(self, mu: float) -> _Miss:
-        """Least imbalance with this coefficient, under the circular cones."""
-        coefficients = np.where(self.yields, np.maximum(mu, self.mu), self.mu)
-        grows = self.yields & (mu >= self.mu)  # those that a larger coefficient than mu would change
-        while self._left > 0:
-            self._left -= 1
-            found = self._program(coefficients, grows)
-            if found.met:
-                return found
-            better = []
-            for i, at in enumerate(self.cone_at.tolist()):
-                q = found.price[at : at + 3]
-                size = float(np.hypot(q[0], q[1]))
-                # A newton along the best ray of the cone lowers the miss by this much.
-                gain = coefficients[i] * size + float(q[2])
-                if size > 0.0 and gain > max(1e-6 * found.miss, 1e-9):  # smaller gains are rounding of HiGHS
-                    better.append((i, q[:2] / size))
-            new = [(i, d) for i, d in better if not any(j == i and d @ e > 1.0 - 1e-14 for j, e in self._rays)]
-            if not new:
-                return found
-            self._rays += new
-        raise LimitReached
-
-    def _program(self, mu: Array, grows: Array) -> _Miss:
-        """Least imbalance over the rays in use."""
-        p, e, n = len(self.lower), len(self.b), len(self.t)
-        loose = np.ones(p, bool)
-        for at in self.cone_at.tolist():
-            loose[at : at + 3] = False
-        rays = np.zeros((p, len(self._rays)))
-        for k, (i, d) in enumerate(self._rays):
-            at = int(self.cone_at[i])
-            rays[at : at + 3, k] = mu[i] * d[0], mu[i] * d[1], 1.0
-        C = np.hstack([np.eye(p)[:, loose], rays])
-        A_eq = np.hstack([self.A @ C, np.eye(e), -np.eye(e), np.zeros((e, n))])
-        TC, none, over = self.T @ C, np.zeros((n, 2 * e)), np.eye(n)
-        A_ub = np.vstack([np.hstack([TC, none, -over]), np.hstack([-TC, none, -over])])
-        positive = [(0.0, None)] * (len(self._rays) + 2 * e + n)
-        bounds = [*zip(self.lower[loose], self.upper[loose], strict=True), *positive]
-        cost = np.r_[np.zeros(C.shape[1]), np.ones(2 * e + n)]
-        reach = np.r_[1.0 + self.t, 1.0 - self.t]
-        answer = linear_program(cost, A_ub, reach, A_eq, self.b, bounds=bounds, tolerance=1e-10)
-        if not answer.solved:
+    def _missed(self, mu: float) -> tuple[float, float]:
+        """(the least s with this coefficient, its decrease per unit of the coefficient, to first order)."""
+        self._left -= 1
+        given, cones = self.forces.mu, self.forces.cones
+        coefficients = np.where(self.yields, np.maximum(mu, given), given)
+        rubs = coefficients > 0.0
+        lower, upper = self.forces.lower.copy(), self.forces.upper.copy()  # type: ignore[union-attr]
+        smooth = cones[~rubs]
+        lower[smooth], upper[smooth[:, :2]] = 0.0, 0.0
+        forces = Block(len(lower), 0.0, 0.0, lower, upper, cones[rubs], coefficients[rubs])
+        left, excess = Block(len(self.b), linear=1.0, lower=0.0), Block(len(self.t), linear=1.0, lower=0.0)
+        I, over = np.eye(len(self.b)), np.eye(len(self.t))
+        program = Conic.of(
+            {"forces": forces, "less": left, "more": left, "excess": excess},
+            [({"forces": self.A, "less": I, "more": -I}, self.b)],
+            [
+                ({"forces": self.T, "excess": over}, self.t - 1.0, math.inf),
+                ({"forces": self.T, "excess": -over}, -math.inf, self.t + 1.0),
+            ],
+        )
+        found = solve_conic(program, newton=False, tolerance=MET) if self._left >= 0 else None
+        if found is None or program.outside(found.x) > MET or program.excess(found.x, found.y, found.z) > MET:
             raise LimitReached
-        y, z = answer.equal, answer.lower
-        price, loads = self.A.T @ y + self.T.T @ (z[:n] - z[n:]), answer.x[C.shape[1] - len(self._rays) : C.shape[1]]
-        slope = 0.0
-        for (i, d), load in zip(self._rays, loads.tolist(), strict=True):
-            at = int(self.cone_at[i])
-            slope += load * float(d @ price[at : at + 2]) * bool(grows[i])
-        return _Miss(answer.value, price, slope)
+        # Those that a larger coefficient than mu would change.
+        grows = cones[self.yields & (mu >= given) & rubs]
+        r = program.answer_of_X(found.x, found.y, found.z)[grows]
+        return program.value(found.x), float(np.hypot(r[:, 0], r[:, 1]) @ found.x[grows[:, 2]])

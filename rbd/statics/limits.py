@@ -25,7 +25,7 @@ import numpy as np
 from rbd.arrays import Array, lazy
 from rbd.displayed import Displayed
 from rbd.problem import programs
-from rbd.problem.conic import Certificate, Conic
+from rbd.problem.conic import Block, Certificate, Conic
 from rbd.problem.force_set import Element, ForceSet, at_rest
 from rbd.problem.programs import Outcome
 from rbd.solvers.conic_newton import solve_conic
@@ -142,25 +142,15 @@ class Relaxable:
         """Find any torques and forces, some limits relaxed."""
         loads, robot = self.loads, self.loads.state.robot
         more = [self.columns[limit] for limit in relaxed if limit in self.columns]
-        X = np.hstack([np.zeros((robot.nv, 0)), *more])
-        n, k = loads.sets.size, X.shape[1]
-        C, low, high = self.effort.rows(loads) if self.effort.normal_force or self.effort.edge_margin else _none(n)
-        if any(limit.kind == "normal force" for limit in relaxed):
-            C, low, high = _none(n)
+        X, at_motors = loads.columns(np.hstack([np.zeros((robot.nv, 0)), *more]))
         gone = {limit.name for limit in relaxed if limit.kind == "motor"}
         kept = loads.limited & np.array([name not in gone for name in robot.actuated_names], bool)
-        T = np.hstack([loads.T, X[robot.motors] / loads.limit[:, None]])[kept]
-        t = loads.t[kept]
-        least, most = (each[kept] for each in loads.bounds)
-        A = np.hstack([loads.A, X[robot.unactuated] / (loads.unit * loads.row_size)[:, None]])
-        wide = np.full(k, math.inf)
-        return Conic(
-            np.zeros((n + k, n + k)), np.zeros(n + k), A, loads.b,
-            np.vstack([np.hstack([C, np.zeros((len(C), k))]), T]),
-            np.concatenate([low, t - most]), np.concatenate([high, t - least]),
-            np.concatenate([loads.lower, -wide]), np.concatenate([loads.upper, wide]),
-            loads.sets.cone_columns, loads.sets.mu,
-        )  # fmt: skip
+        low, high = loads.within
+        between = [({"forces": loads.T[kept], "relaxed": at_motors[kept]}, low[kept], high[kept])]
+        if not any(limit.kind == "normal force" for limit in relaxed):
+            between.insert(0, self.effort.rows(loads))
+        blocks = {"forces": loads.block(), "relaxed": Block(X.shape[1])}
+        return Conic.of(blocks, [({"forces": loads.A, "relaxed": X}, loads.b)], between)
 
     def refuted(self, relaxed: Collection[Limit] = ()) -> Certificate | None:
         """The proof that there are none, or None where there are, or where it was not found."""
@@ -205,7 +195,3 @@ def _pushes(full: ForceSet, element: Element) -> bool:
     """Whether an element of one column is a point that only pushes."""
     lower, upper = full.lower[element.columns], full.upper[element.columns]
     return bool(lower[0] == 0.0 and upper[0] == math.inf)
-
-
-def _none(n: int) -> tuple[Array, Array, Array]:
-    return np.zeros((0, n)), np.zeros(0), np.zeros(0)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,7 @@ from scipy.linalg import blas
 
 from rbd.arrays import Array, cross_matrix, inertia_factor, max_abs
 from rbd.displayed import Displayed
-from rbd.problem.conic import Conic, ConicAnswer
+from rbd.problem.conic import Block, Conic, ConicAnswer
 from rbd.problem.programs import Outcome
 from rbd.solvers.conic_newton import solve_conic
 from rbd.statics.effort import POSSIBLE, Effort
@@ -104,22 +104,15 @@ def missing(loads: ForceBalance, effort: Effort) -> Missing | None:
                 columns.append(column)
                 passive.append((joint.name, k))
     H = np.hstack(columns)
-    n, k = loads.sets.size, H.shape[1]
-    if not k:
+    if not H.shape[1]:
         return Missing({}, {}, L, 0.0)
-    A = np.hstack([loads.A, H[robot.unactuated] / (unit * loads.row_size)[:, None]])
-    C, low, high = effort.rows(loads)
-    wide = np.full(k, math.inf)
-    squares = np.concatenate([np.full(n, _ANY), np.ones(k)])
+    blocks = {"forces": loads.block(_ANY), "missing": Block(H.shape[1], 1.0)}
     found = solve_conic(
-        Conic(
-            np.diag(squares), np.zeros(n + k), A, loads.b, np.hstack([C, np.zeros((len(C), k))]), low, high,
-            np.concatenate([loads.lower, -wide]), np.concatenate([loads.upper, wide]), loads.sets.cone_columns, loads.sets.mu,
-        )
-    )  # fmt: skip
+        Conic.of(blocks, [({"forces": loads.A, "missing": loads.columns(H)[0]}, loads.b)], [effort.rows(loads)])
+    )
     if not found.solved:
         return None
-    u = found.x[n:] * unit
+    u = found["missing"] * unit
     scale = np.array([1.0, 1.0, 1.0, L, L, L])
     wrenches = {name: u[6 * i : 6 * i + 6] * scale for i, name in enumerate(names)}
     torques = dict[str, list[float]]()
@@ -154,28 +147,22 @@ class Excess(NamedTuple):
 def excess(loads: ForceBalance, effort: Effort) -> Excess | None:
     """The least excess of torques over their limits; None where no forces balance."""
     limited = np.flatnonzero(loads.limited)
-    n, k = loads.sets.size, len(limited)
-    C, low, high = effort.rows(loads)
-    T, I = loads.T[limited], np.eye(k)
-    t = loads.t[limited]
-    least, most = (each[limited] for each in loads.bounds)
-    wide = np.full(k, math.inf)
-    rows = np.vstack([np.hstack([C, np.zeros((len(C), k))]), np.hstack([T, I]), np.hstack([T, -I])])
-    found = solve_conic(
-        Conic(
-            np.diag(np.concatenate([np.full(n, _ANY), np.zeros(k)])), np.concatenate([np.zeros(n), np.ones(k)]),
-            np.hstack([loads.A, np.zeros((len(loads.b), k))]), loads.b, rows,
-            np.concatenate([low, t - most, np.full(k, -math.inf)]), np.concatenate([high, np.full(k, math.inf), t - least]),
-            np.concatenate([loads.lower, np.zeros(k)]), np.concatenate([loads.upper, wide]),
-            loads.sets.cone_columns, loads.sets.mu,
-        ),
-        newton=False, tolerance=1e-8,
-    )  # fmt: skip
+    T, I, (low, high) = loads.T[limited], np.eye(len(limited)), loads.within
+    program = Conic.of(
+        {"forces": loads.block(_ANY), "excess": Block(len(limited), linear=1.0, lower=0.0)},
+        [({"forces": loads.A}, loads.b)],
+        [
+            effort.rows(loads),
+            ({"forces": T, "excess": I}, low[limited], math.inf),
+            ({"forces": T, "excess": -I}, -math.inf, high[limited]),
+        ],
+    )
+    found = solve_conic(program, newton=False, tolerance=1e-8)
     if not (found.solved or _is_near(found)):
         return None
     out, tau = np.zeros(len(loads.limited)), np.zeros(len(loads.limited))
-    out[limited] = found.x[n:]
-    tau[limited] = (t - T @ found.x[:n]) * loads.limit[limited]
+    out[limited] = found["excess"]
+    tau[limited] = (loads.t[limited] - T @ found["forces"]) * loads.limit[limited]
     return Excess(out, tau)
 
 
@@ -206,31 +193,25 @@ def nearest_possible(
     # a' = a + L^-T s size: then 1/2 |a' - a|_M^2 = 1/2 size^2 |s|^2.
     back = blas.dtrsm(size, factor, np.eye(robot.nv), lower=1, trans_a=1)
     Ma, Mb = M @ a - rhs, M @ back
-    n, k = loads.sets.size, robot.nv
-    per_weight, un, mo = loads.per_weight * unit, robot.unactuated, robot.motors
-    rows = np.hstack([Mb[un], -per_weight[un]])
-    level = -Ma[un]
-    moves = np.hstack([still @ back, np.zeros((len(still), n))])
-    level = np.concatenate([level, -(still @ a + offset)])
-    A = np.vstack([rows, moves])
-    top = np.maximum(np.abs(A).max(axis=1, initial=0.0), 1e-300)
-    live = top > 1e-12
-    A, level = A[live] / top[live, None], level[live] / top[live]
-    limited = loads.limited
-    D = (np.hstack([Mb[mo], -per_weight[mo]]) / loads.limit[:, None])[limited]  # tau / limit = D x + d
-    d = (Ma[mo] / loads.limit)[limited]
-    least, most = (each[limited] for each in loads.bounds)
-    C, low, high = effort.rows(loads)
-    H = np.diag(np.concatenate([np.ones(k), np.full(n, _ANY)]))
-    found = solve_conic(
-        Conic(
-            H, np.zeros(k + n), A, level, np.vstack([np.hstack([np.zeros((len(C), k)), C]), D]),
-            np.concatenate([low, least - d]), np.concatenate([high, most - d]),
-            np.concatenate([np.full(k, -math.inf), loads.lower]), np.concatenate([np.full(k, math.inf), loads.upper]),
-            loads.sets.cone_columns + k, loads.sets.mu,
-        ),
-        newton=False, tolerance=1e-8,
+    per_weight, un, mo = loads.per_weight * unit, robot.unactuated, robot.actuated[loads.limited]
+    (least, most), limit = loads.bounds, loads.limit[loads.limited]
+    d = Ma[mo] / limit  # of torques over limits, at a
+    program = Conic.of(
+        {"motion": Block(robot.nv, 1.0), "forces": loads.block(_ANY)},
+        [({"motion": Mb[un], "forces": -per_weight[un]}, -Ma[un]), ({"motion": still @ back}, -(still @ a + offset))],
+        [
+            effort.rows(loads),
+            (
+                {"motion": Mb[mo] / limit[:, None], "forces": -per_weight[mo] / limit[:, None]},
+                least[loads.limited] - d, most[loads.limited] - d,
+            ),
+        ],
     )  # fmt: skip
+    top = np.maximum(np.abs(program.A).max(axis=1, initial=0.0), 1e-300)
+    live = top > 1e-12
+    found = solve_conic(
+        replace(program, A=program.A[live] / top[live, None], b=program.b[live] / top[live]), newton=False, tolerance=1e-8
+    )
     if not (found.solved or _is_near(found)):
         return found.outcome
-    return a + back @ found.x[:k], found.x[k:] * unit
+    return a + back @ found["motion"], found["forces"] * unit

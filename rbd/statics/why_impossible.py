@@ -13,6 +13,7 @@ from rbd.constraints.convex.polygons import convex_hull, inside_distance
 from rbd.errors import CannotHold, CannotMove, Reason
 from rbd.model.checked_model import on_its_line
 from rbd.model.world import LEAST_FALL, along_gravity, is_along_z
+from rbd.problem.conic import Block
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import CONIC_STEPS, FRICTION_PROGRAMS
 from rbd.statics.actuation import Actuation
@@ -152,7 +153,7 @@ class Refusal:
             return self._more_friction()
         except LimitReached:
             return "", (
-                f"whether more friction would do was not found within {FRICTION_PROGRAMS} linear programs. "
+                f"whether more friction would do was not found within {FRICTION_PROGRAMS} conic programs. "
                 "Try friction=10.0 at its contacts."
             )
 
@@ -203,7 +204,7 @@ class Refusal:
         T, t, limit = per_weight[robot.actuated][limited], L.t[limited], L.limit[limited]
         return Balance(
             per_weight[robot.unactuated] / L.unit, L.need[robot.unactuated] / L.unit, T / limit[:, None], t,
-            P.lower / L.unit, P.upper / L.unit, P.cone_at, own, yields,
+            Block(P.size, 0.0, 0.0, P.lower / L.unit, P.upper / L.unit, P.cone_columns, own), yields,
         )  # fmt: skip
 
 

@@ -403,14 +403,14 @@ class TestOtherWays:
         s = many_legs(friction)
         monkeypatch.setattr("rbd.answers.analysis.force_choice.least_distance", lambda *_: None)
         assert normals(s.with_forces()) == pytest.approx([250, 100, 50, 0], abs=1e-6)
-        monkeypatch.setattr("rbd.answers.analysis.force_choice.least_squares", lambda *_: None)
+        monkeypatch.setattr("rbd.answers.analysis.force_choice.by_dual", lambda *_: None)
         assert normals(s.with_forces()) == pytest.approx([250, 100, 50, 0], abs=1e-5)
 
     def test_without_the_dimension_of_the_set_nothing_is_chosen(self, monkeypatch):
         """No linear program, and no dual: the forces stay as they were, and say so."""
         s = many_legs(0.5)
         monkeypatch.setattr("rbd.answers.analysis.force_choice._least_distance", lambda *_: None)
-        monkeypatch.setattr("rbd.answers.analysis.force_choice.least_squares", lambda *_: None)
+        monkeypatch.setattr("rbd.answers.analysis.force_choice.by_dual", lambda *_: None)
         monkeypatch.setattr("rbd.problem.programs.PROGRAM_PIVOTS", 0)
         monkeypatch.setattr("rbd.problem.programs.PROGRAM_SECONDS", 0.0)
         kept = s.with_forces()
@@ -423,7 +423,7 @@ class TestOtherWays:
         state, push = rbd.State(box(), np.array([0, 0, 0.1, 0, 0, 0, 1.0])), 0.6 * 98.1
         force = rbd.ExternalForce("box", (push, 0.0, 0.0))
         s = rbd.solve(state, np.zeros(0), feet, external=force, solver=rbd.ConeSolver(law="coulomb"))
-        monkeypatch.setattr("rbd.answers.analysis.force_choice.least_squares", lambda *_: None)
+        monkeypatch.setattr("rbd.answers.analysis.force_choice.by_dual", lambda *_: None)
         for name, sign in (("front", 1.0), ("back", -1.0)):
             N = 0.5 * 98.1 + sign * push * 0.1 / 0.4
             assert s.with_forces().forces[name] == pytest.approx([-0.6 * N, 0.0, N], abs=1e-6)

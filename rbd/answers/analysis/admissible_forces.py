@@ -24,7 +24,7 @@ import numpy as np
 from rbd.arrays import Array, block_diagonal, lazy, null_space, rank_of
 from rbd.problem.answer import corner_map
 from rbd.problem.cones import project_cones
-from rbd.problem.conic import Separable
+from rbd.problem.conic import Block, Conic
 from rbd.problem.force_set import Element, at_rest
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED, Scales
@@ -106,7 +106,7 @@ class Admissible:
         """Columns of the circular cones, shape (k, 3)."""
         return self.cone_at[:, None] + np.arange(3)
 
-    def separable(self, squares: Array, linear: Array) -> Separable | None:
+    def separable(self, squares: Array, linear: Array) -> Conic | None:
         """1/2 y . squares y + linear . y over the set, y = x / size, where bounds and weights are of single columns.
 
         Args:
@@ -114,7 +114,7 @@ class Admissible:
             linear: Shape (n,).
 
         Returns:
-            The problem; None where squares is not diagonal, or differs within a cone, or where pyramids bound several columns.
+            The program; None where squares is not diagonal, or differs within a cone, or where pyramids bound several columns.
         """
         d = squares.diagonal()
         of_cones = d[self.cone_columns]
@@ -124,7 +124,8 @@ class Admissible:
             return None
         lower, upper = self.bounds
         y, R = self.start / self.size, null_space(self.null.T).T
-        return Separable(d, linear, R, R @ y, lower / self.size, upper / self.size, self.cone_columns, self.mu)
+        block = Block(len(y), d, linear, lower / self.size, upper / self.size, self.cone_columns, self.mu)
+        return Conic.of({"y": block}, [({"y": R}, R @ y)])
 
     @lazy
     def bounds(self) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 """Ranges of linear functions over the set of admissible forces.
 
 First by proximal steps, y_next = argmin |y - y_now|^2 / (2 t) - function, each a small dual problem of
-`rbd.problem.conic` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the maximum. Where they do
+`rbd.solvers.conic_newton` [Rockafellar1976]; a dual bound proves when they are within `EXACT` of the maximum. Where they do
 not converge (sets without an interior, unbounded functions), by linear programs, and where cones are circular by an
 interior-point method. Extreme values are attained.
 
@@ -19,9 +19,9 @@ from scipy.sparse import csr_array, hstack, identity
 from rbd.answers.analysis.admissible_forces import Admissible
 from rbd.arrays import Array, lazy, max_abs, null_space
 from rbd.problem.cones import pyramid
-from rbd.problem.conic import ConeSet, Separable, least_squares
+from rbd.problem.conic import Block, Conic
 from rbd.problem.programs import LinearAnswer, Work, linear_program
-from rbd.solvers.conic_newton import interior_point, settled
+from rbd.solvers.conic_newton import by_dual, interior_point, settled
 
 EXACT = 1e-10
 """Accuracy of an extreme value, over the size of the forces."""
@@ -136,8 +136,8 @@ class Reach:
         self.work.spend(1e6 + 10.0 * found.pivots * (len(self.normals) + len(self.start)) * max(1, len(self._across)))
 
     @lazy
-    def _rays(self) -> tuple[Array, Separable]:
-        """(T, problem): the set as x = T y with y between bounds or in circular cones, pyramids by their rays."""
+    def _rays(self) -> tuple[Array, Array, Conic]:
+        """(T, start, program): the set as x = T y with y between bounds or in circular cones, pyramids by their rays."""
         adm, n = self.adm, len(self.start)
         columns: list[Array] = []
         lower: list[float] = []
@@ -163,22 +163,19 @@ class Reach:
         T = np.hstack(columns) if columns else np.zeros((n, 0))
         across = null_space(adm.null.T).T
         cones = np.array([place[int(at)] for at in adm.cone_at], int)[:, None] + np.arange(3)
-        R, none = across @ T, np.zeros(len(lower))
-        return T, Separable(
-            none + 1.0, np.array(y), R, across @ self.start, np.array(lower) / adm.size, np.array(upper) / adm.size,
-            cones.reshape(-1, 3), adm.mu,
-        )  # fmt: skip
+        low, high = np.array(lower) / adm.size, np.array(upper) / adm.size
+        rays = Block(len(y), 1.0, 0.0, low, high, cones.reshape(-1, 3), adm.mu)
+        return T, np.array(y), Conic.of({"rays": rays}, [({"rays": across @ T}, across @ self.start)])
 
     def _by_proximal_steps(self, function: Array) -> Array | None:
         """Where the function is largest; None where a dual bound does not prove convergence."""
-        T, P = self._rays
+        T, y, program = self._rays
         q = function @ T
         scale = max_abs(q)
         q = q / scale
-        y, lam = P.c, np.zeros(len(P.b))
+        lam = np.zeros(len(program.b))
         for t in _PROXIMAL:
-            step = replace(P, d=np.full(len(q), 1.0 / t), c=-q - y / t)
-            found = least_squares(step, lam, self.work)
+            found = by_dual(replace(program, H=np.eye(len(q)) / t, g=-q - y / t), lam, self.work)
             if found is None or not max_abs(found[0]) <= _FAR:
                 return None
             moved, (y, lam) = found[0] - y, found
@@ -244,16 +241,16 @@ class Reach:
             found = self._along(self.basis @ q / scale)
             return -found.value > 1e-9 if found.solved else None
         on = self._cone_set
-        away = ConeSet(on.A, np.zeros_like(on.b), on.C, np.zeros_like(on.at), on.mu).boxed(1.0).widened(EXACT)
-        far = least(np.zeros((len(q), len(q))), -q / scale, away, self.work, 1e-6)
+        away = _boxed(widened(replace(on, b=np.zeros_like(on.b), low=np.zeros_like(on.low)), EXACT), 1.0)
+        far = least(0.0, -q / scale, away, self.work, 1e-6)
         return None if far is None else float(q @ far) > 1e-4 * scale
 
     def _farthest(self, q: Array) -> Array | None:
         """Where q . z is largest, shape (z,); None where it was not found."""
         scale = max_abs(q)
         if len(self.adm.mu):
-            inside = self._cone_set if self.closed else self._cone_set.boxed(_FAR)
-            return least(np.zeros((len(q), len(q))), -q / scale, inside, self.work)
+            inside = self._cone_set if self.closed else _boxed(self._cone_set, _FAR)
+            return least(0.0, -q / scale, inside, self.work)
         across = self._across
         found = linear_program(
             -self.basis @ (q / scale), csr_array(-self.normals), -self.offsets, csr_array(across), across @ self.start,
@@ -266,51 +263,87 @@ class Reach:
         return _on_planes(A, b, self.basis.T @ (found.x - self.start))
 
     @lazy
-    def _cone_set(self) -> ConeSet:
+    def _cone_set(self) -> Conic:
         """The set with its circular cones; widened by `EXACT` where it has no interior."""
-        adm, B = self.adm, self.basis
-        kept, D = self.open_cones, adm.D[~self.shut[: len(adm.d)]]
-        d = adm.d[~self.shut[: len(adm.d)]] / adm.size
-        felt = np.abs(D @ B).max(axis=1, initial=0.0) > 1e-9
-        C, at = B[adm.cone_columns[kept]], self.start[adm.cone_columns[kept]]
-        on = ConeSet(D[felt] @ B, (d - D @ self.start)[felt], C, at, adm.mu[kept])
+        on, n = self._within(self.basis), self.basis.shape[1]
         # The largest margin tau <= 1: A z - tau >= b, |u_t| <= mu u_2 - tau.
-        n = B.shape[1]
-        with_margin = np.concatenate([on.C, np.zeros((len(on.mu), 3, 1))], axis=2)
-        with_margin[:, 2, n] = -1.0 / on.mu
-        rows = np.hstack([on.A, -np.ones((len(on.b), 1))])
-        cap = np.append(np.zeros(n), -1.0)
-        inner = ConeSet(np.vstack([rows, cap]), np.append(on.b, -1.0), with_margin, on.at, on.mu)
-        deep = least(np.zeros((n + 1, n + 1)), cap, inner.boxed(_FAR), self.work)
+        margin = Block(1, upper=1.0, lower=-_FAR)
+        down = np.zeros((len(on.b), 1))
+        down[2::3, 0] = -1.0 / on.mu
+        blocks = {"z": Block(n, lower=-_FAR, upper=_FAR), "margin": margin, "u": _cones(on.mu)}
+        equations = [({"z": on.A[:, :n], "u": on.A[:, n:], "margin": down}, on.b)]
+        rows = {"z": on.C[:, :n], "margin": -np.ones((len(on.low), 1))}
+        inner = Conic.of(blocks, equations, [(rows, on.low, math.inf)])
+        deep = least(0.0, np.append(np.zeros(n), -1.0), inner, self.work)
         self.thin = deep is None or bool(deep[n] <= _NO_INTERIOR)
-        return on.widened(EXACT) if self.thin else on
+        return widened(on, EXACT) if self.thin else on
+
+    def _within(self, B: Array) -> Conic:
+        """The set along directions B: z, and the forces u of its circular cones."""
+        adm, open_rows, kept = self.adm, ~self.shut[: len(self.adm.d)], self.open_cones
+        D, d = adm.D[open_rows], adm.d[open_rows] / adm.size
+        felt = np.abs(D @ self.basis).max(axis=1, initial=0.0) > 1e-9
+        at = adm.cone_columns[kept]
+        return cone_program(D[felt] @ B, (d - D @ self.start)[felt], B[at], self.start[at], adm.mu[kept])
 
     @property
-    def cone_set(self) -> ConeSet:
-        """`_cone_set` over all `directions`, the unbounded ones last."""
-        on, loose = self._cone_set, self.loose.shape[1]
-        A = np.hstack([on.A, np.zeros((len(on.b), loose))])
-        C = np.concatenate([on.C, np.zeros((len(on.mu), 3, loose))], axis=2)
-        return replace(on, A=A, C=C)
+    def cone_set(self) -> Conic:
+        """The set with its circular cones over all `directions`, the unbounded ones last; widened where it has no interior."""
+        on = self._cone_set
+        return replace(self._within(self.directions), b=on.b, low=on.low)
 
 
-def least(P: Array, q: Array, inside: ConeSet, work: Work, gap: float = _PROVED) -> Array | None:
+def cone_program(A: Array, b: Array, C: Array, at: Array, mu: Array) -> Conic:
+    """Any z with A z >= b, and with u = C z + at in circular cones; the unknowns are z, then u.
+
+    Args:
+        A: Shape (q, z).
+        b: Shape (q,).
+        C: Shape (k, 3, z): tangent, tangent, normal.
+        at: Shape (k, 3).
+        mu: Shape (k,).
+    """
+    k, n = 3 * len(mu), A.shape[1]
+    blocks = {"z": Block(n), "u": _cones(mu)}
+    return Conic.of(blocks, [({"z": C.reshape(k, n), "u": -np.eye(k)}, -at.ravel())], [({"z": A}, b, math.inf)])
+
+
+def _cones(mu: Array) -> Block:
+    return Block(3 * len(mu), cones=np.arange(3 * len(mu)).reshape(-1, 3), mu=mu)
+
+
+def widened(inside: Conic, by: float) -> Conic:
+    """A `cone_program` with every bound and cone moved out."""
+    b = inside.b.copy()
+    b[2::3] -= by / inside.mu
+    return replace(inside, b=b, low=inside.low - by)
+
+
+def _boxed(inside: Conic, side: float) -> Conic:
+    """A `cone_program` within |z_i| <= side."""
+    lower, upper, z = inside.lower.copy(), inside.upper.copy(), inside.spans["z"]
+    lower[z], upper[z] = -side, side
+    return replace(inside, lower=lower, upper=upper)
+
+
+def least(P: Array | float, q: Array, inside: Conic, work: Work, gap: float = _PROVED) -> Array | None:
     """Where 1/2 z . P z + q . z is least over a set, by Clarabel; None where that was not found, or no work is left.
 
     Args:
-        P: Positive semidefinite, shape (z, z).
+        P: Positive semidefinite, shape (z, z), or zero.
         q: Shape (z,).
-        inside: The set.
+        inside: The set; its first unknowns are z.
         work: Limit of the cost.
         gap: Largest excess of the value, by the multipliers, and largest distance from the set.
     """
-    program = inside.program(P, q)
+    program, n = replace(inside, H=np.zeros_like(inside.H), g=np.zeros_like(inside.g)), len(q)
+    program.H[:n, :n], program.g[:n] = P, q
     if not work.spend(_INTERIOR_STEPS * len(program.g) ** 2 * (len(program.g) / 3.0 + len(program.low)) + 1e5):
         return None
     found = interior_point(program)  # the set is not empty: no proof of that need be looked for
     found = settled(program, found, EXACT) or found
     met = found.solved or (program.outside(found.x) <= gap and program.excess(found.x, found.y, found.z) <= gap)
-    return found.x[: len(q)] if met else None
+    return found.x[:n] if met else None
 
 
 def _on_planes(A: Array, b: Array, z: Array) -> Array:

@@ -4,9 +4,8 @@
 
 with T the identity or the user's weights. The minimiser is unique in s, as the norm is strictly convex there. Over bounds and
 facets it is a least-distance program, exact by nonnegative least squares [LawsonHanson1974], chapter 23; over circular cones
-Newton's method on its dual (`rbd.problem.conic`), exact too; where that does not converge (sets without an interior
-or weights that mix the corners), Clarabel's interior-point method, then Newton's method on the modes found (inside, on the
-edge, at the apex).
+Newton's method on its dual (`rbd.solvers.conic_newton`), exact too; where that does not converge (sets without an interior
+or weights that mix the corners), Clarabel's interior-point method, then Newton's method from its point.
 """
 
 from __future__ import annotations
@@ -16,11 +15,11 @@ from collections.abc import Mapping
 import numpy as np
 
 from rbd.answers.analysis.admissible_forces import Admissible
-from rbd.answers.analysis.extent import Reach, least
+from rbd.answers.analysis.extent import Reach, cone_program, least
 from rbd.arrays import Array, as_array, block_diagonal, is_finite
 from rbd.errors import InputError, UnknownName, nearest
-from rbd.problem.conic import ConeSet, least_squares
 from rbd.problem.programs import FORCE_CHOICE_WORK, Work, least_distance
+from rbd.solvers.conic_newton import by_dual
 
 MINIMUM_NORM = "minimum norm of the corner forces [N]"
 UNIQUE = "unique"
@@ -28,7 +27,6 @@ GIVEN_WEIGHT = "minimum of the given weight"
 
 _EVEN = 1e-5
 """Smallest accepted ratio of two square roots of weights."""
-_TOUCHES = 3e-7
 _EXACT = 1e-12
 
 
@@ -106,7 +104,7 @@ def _by_dual(adm: Admissible, E: Array, e: Array) -> Array | None:
     P = adm.separable(E.T @ E, E.T @ (e - E @ (adm.start / adm.size)))  # e is the value at the start, not at zero
     if P is None:
         return None
-    found = least_squares(P)
+    found = by_dual(P)
     return None if found is None else adm.kept(adm.size * found[0])
 
 
@@ -146,11 +144,9 @@ def _within_cones(adm: Admissible, E: Array, e: Array) -> Array | None:
         return adm.kept(adm.start)
     H = E @ B
     if not len(adm.mu):
-        on = ConeSet(adm.D @ B, (adm.d - adm.D @ adm.start) / adm.size, np.zeros((0, 3, B.shape[1])), np.zeros((0, 3)), adm.mu)
-        on = on.widened(1e-10)
+        none = np.zeros((0, 3, B.shape[1]))
+        on = cone_program(adm.D @ B, (adm.d - adm.D @ adm.start) / adm.size - 1e-10, none, none[..., 0], adm.mu)
     else:
         on = reach.cone_set
     z = least(H.T @ H, H.T @ e, on, work)
-    if z is None:
-        return None
-    return adm.kept(adm.start + adm.size * (B @ z))
+    return None if z is None else adm.kept(adm.start + adm.size * (B @ z))
