@@ -13,17 +13,18 @@ import numpy as np
 from rbd.arrays import Array, check_finite, is_finite, lazy, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.control.motion_limits import Limits, joints_at_bounds
-from rbd.control.step_program import StepProgram
+from rbd.control.step_program import Relaxed, StepProgram, relaxed
 from rbd.control.task_terms import Task, TaskTerms, checked_tasks
 from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
 from rbd.model.external import External, generalised
 from rbd.model.state import State
 from rbd.problem.answer import Status
+from rbd.problem.conic import Block, Conic
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.residuals import SOLVED, USABLE
-from rbd.problem.rows import Rows
+from rbd.problem.rows import Rows, by_rows
 from rbd.records import Field
 from rbd.statics.actuation import Actuation
 from rbd.statics.effort import checked_bounds
@@ -223,10 +224,9 @@ class StepProblem:
         terms: Of the tasks.
         stacked: (A, wanted) of all tasks of accelerations.
         unit: The body weight [N]; 1 without gravity.
-        program: In (a, w / unit).
+        program: In (w / unit, a).
         torques: Least and largest torques, shapes (nu,).
         limited: Joints' coordinates with a bound, shape (j,).
-        joint_rows: Their rows between bounds in the program.
     """
 
     state: State
@@ -245,7 +245,6 @@ class StepProblem:
     program: StepProgram
     torques: tuple[Array, Array]
     limited: Array
-    joint_rows: slice
 
     @classmethod
     def of(
@@ -295,48 +294,34 @@ class StepProblem:
         limited = np.flatnonzero((least > -np.inf) | (most < np.inf))
         W_n, low_n, high_n = _normal_forces(normal_force, rows, sets, unit)
         W_n, low_n, high_n, upper = _without_zeros(W_n, low_n, high_n, lower, upper)
-        n, r, j = robot.nu, len(low_n), len(limited)
-        T, W = np.zeros((n + r + j, nv)), np.zeros((n + r + j, sets.size))
-        T[:n] = M[motors] / size[:, None]
-        W[:n] = per_weight[motors] * (-unit / size)[:, None]
-        W[n : n + r] = W_n
-        T[range(n + r, n + r + j), limited] = 1.0
-        own = need[motors] / size
-        program = StepProgram(
-            H,
-            -(Aw @ wanted),
-            K,
-            k,
-            np.concatenate([M[idle] / unit, J]),
-            np.concatenate([-per_weight[idle], np.zeros((len(J), sets.size))]),
-            np.concatenate([need[idle] / -unit, -offset]),
-            T,
-            W,
-            np.concatenate([torques[0] / size - own, low_n, least[limited]]),
-            np.concatenate([torques[1] / size - own, high_n, most[limited]]),
-            lower,
-            upper,
-            slice(n, n + r),
-        )
+        own, (lightest, heaviest) = need[motors] / size, torques
+        conic = Conic.of(
+            {"forces": Block(sets.size, K, k, lower, upper), "accelerations": Block(nv, H, -(Aw @ wanted))},
+            [
+                ({"forces": -per_weight[idle], "accelerations": M[idle] / unit}, need[idle] / -unit),
+                ({"accelerations": J}, -offset),
+            ],
+            [
+                (
+                    {"forces": per_weight[motors] * (-unit / size)[:, None], "accelerations": M[motors] / size[:, None]},
+                    lightest / size - own, heaviest / size - own,
+                ),
+                ({"forces": W_n}, low_n, high_n),
+                ({"accelerations": np.eye(nv)[limited]}, least[limited], most[limited]),
+            ],
+        )  # fmt: skip
+        first, last = robot.nu + len(low_n), robot.nu + len(low_n) + len(limited)
+        contacts_at = slice(len(conic.b) - len(J), len(conic.b))
+        program = StepProgram(conic, sets.size, contacts_at, slice(robot.nu, first), slice(first, last))
         return cls(
             state, contacts, external, limits, rows, feedback, sets, J, per_weight, need, terms, (A, wanted), unit, program,
-            torques, limited, slice(n + r, n + r + j),
+            torques, limited,
         )  # fmt: skip
 
-    @property
-    def contact_rows(self) -> slice:
-        """The equations of the program that are of contacts."""
-        return slice(len(self.program.e) - len(self.J), len(self.program.e))
-
-    @property
-    def contact_sizes(self) -> Array:
-        """What accelerations of contacts are multiplied by in a violation: 1, and `LENGTH` of rotations, shape (m,)."""
-        return np.concatenate([_NONE, *[_sizes(r) for r in self.rows]])
-
-    @property
-    def joint_sizes(self) -> Array:
-        """The same of joints, shape (j,)."""
-        return np.where(self.state.robot.joints.angular[self.limited], LENGTH, 1.0)
+    def relaxed(self) -> Relaxed | None:
+        """The program with the least violation, rotations counting at a lever arm of `LENGTH`; None where it was not found."""
+        joint_sizes = np.where(self.state.robot.joints.angular[self.limited], LENGTH, 1.0)
+        return relaxed(self.program, np.concatenate([_NONE, *[_sizes(r) for r in self.rows]]), joint_sizes)
 
     def missed(self, a: Array, w: Array) -> dict[str, Array]:
         """{task: wanted less reached}, of accelerations and weights [N]."""
@@ -353,12 +338,9 @@ class StepProblem:
 
     def loads(self, a: Array, feedback: Array) -> ForceBalance:
         """The equations of motion, the contacts as still as the step wants them."""
-        rows, at = [], 0
-        for r in self.rows:
-            rows.append(r.kept_still(feedback[at : at + len(r)]))
-            at += len(r)
+        rows = tuple([r.kept_still(part) for r, part in by_rows(self.rows, feedback)])
         stacked = self.J, np.concatenate([_NONE, *[r.bias for r in rows]]) + feedback
-        loads = ForceBalance(self.state, tuple(rows), self.sets, self.state.M @ a + self.need, stacked)
+        loads = ForceBalance(self.state, rows, self.sets, self.state.M @ a + self.need, stacked)
         loads.__dict__.update(J=self.J, per_weight=self.per_weight)
         return loads
 
@@ -367,12 +349,7 @@ class StepProblem:
 
         Constraints and joints that miss no more than `seen` are left out.
         """
-        contacts, at = {}, 0
-        for r in self.rows:
-            part = missed[at : at + len(r)]
-            at += len(r)
-            if max_abs(part) > seen:
-                contacts[r.name] = part
+        contacts = {r.name: part for r, part in by_rows(self.rows, missed) if max_abs(part) > seen}
         names = {joint.v.start: name for name, joint in self.state.robot.joints.items()}
         each = zip(self.limited.tolist(), passed.tolist(), strict=True)
         return Violation(contacts, {names[i]: x for i, x in each if x > seen})
@@ -458,13 +435,11 @@ def _resultant(asked_by: str, name: str, rows: Sequence[Rows], sets: ForceSet) -
         UnknownName: a contact that was not given, with the nearest names.
         InputError: a constraint without one.
     """
-    at = 0
-    for r in rows:
+    for r, G in by_rows(rows, sets.G):
         if r.name == name:
             if r.resultant is None or not len(r):
                 raise InputError(f"{asked_by} is about {name!r:.80}, which has no force in world axes.")
-            return np.asarray(r.resultant @ sets.G[at : at + len(r)])
-        at += len(r)
+            return np.asarray(r.resultant @ G)
     raise UnknownName(f"{asked_by} is about {name!r:.80}, which is no contact here; {nearest(name, [r.name for r in rows])}.")
 
 

@@ -1,13 +1,10 @@
 """`StepProgram`, the quadratic program of a step of whole-body control: its minimiser, or its least violation.
 
-    minimise    1/2 a^T H a + g^T a + 1/2 w^T K w + k^T w
-    subject to  E a + F w = e                       equations of motion without motors; contacts, loops
-                low <= T a + W w <= high            torques over their limits, normal forces, joint limits
-                lower <= w <= upper                 weights of the contact forces
+    minimise    1/2 x . H x + g . x         x = (w, a): weights of the contact forces, bounded, and accelerations
+    subject to  A x = b                     equations of motion without motors; contacts, loops
+                low <= C x <= high          torques over their limits, normal forces, joint limits
 
-`rbd.control.step_program` solves it.
-
-DAQP solves the program in x = (w, a): first without limits of torques and with few of joints, then with all, if that answer
+DAQP solves the program: first without limits of torques and with few of joints, then with all, if that answer
 passes one. Every answer is judged by `StepProgram.optimality`; where it is none, equations
 that depend on others are left out, and the optimality conditions are solved on DAQP's active set; then ProxSuite likewise.
 
@@ -31,6 +28,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rbd.arrays import Array, max_abs
+from rbd.problem.conic import Conic
 from rbd.problem.residuals import SOLVED
 from rbd.solvers.qp import POLICY, attempts, independent_rows, solve_strict
 
@@ -39,73 +37,54 @@ class StepPoint(NamedTuple):
     """A point of a `StepProgram`, with multipliers that are positive at lower bounds.
 
     Attributes:
-        a: Accelerations, shape (nv,).
-        w: Weights of forces, shape (p,).
+        x: Weights of forces and accelerations, shape (p + nv,).
         y: Of the equations, shape (m,).
-        t: Of the rows between bounds, shape (q,).
-        z: Of the bounds of w, shape (p,).
+        z: Of the rows between bounds, shape (q,).
+        bounds: Of the bounds of weights, shape (p,).
         iterations: Of the method.
         method: "DAQP" or "ProxSuite".
     """
 
-    a: Array
-    w: Array
+    x: Array
     y: Array
-    t: Array
     z: Array
+    bounds: Array
     iterations: int
     method: str
 
 
 @dataclass(frozen=True, eq=False)
 class StepProgram:
-    """The quadratic program of a step; numbers around one.
+    """The quadratic program of a step.
 
     Attributes:
-        H: Shape (nv, nv), positive definite.
-        g: Shape (nv,).
-        K: Shape (p, p), positive definite.
-        k: Shape (p,).
-        E: Shape (m, nv).
-        F: Shape (m, p).
-        e: Shape (m,).
-        T: Shape (q, nv).
-        W: Shape (q, p).
-        low: Shape (q,); -inf where there is none.
-        high: Shape (q,); inf where there is none.
-        lower: Shape (p,); -inf where there is none.
-        upper: Shape (p,); inf where there is none.
-        of_forces: Which of the rows between bounds are of w alone: they are kept always.
+        conic: In (w, a), without cones; numbers around one, H positive definite; only weights have bounds of their own.
+        p: How many weights there are.
+        contacts: Which equations are of contacts and loops; those before are of motion.
+        forces: Which of the rows between bounds are of w alone: they are kept always. Those before are of motors.
+        joints: Which of them are limits of joints, the last ones.
     """
 
-    H: Array
-    g: Array
-    K: Array
-    k: Array
-    E: Array
-    F: Array
-    e: Array
-    T: Array
-    W: Array
-    low: Array
-    high: Array
-    lower: Array
-    upper: Array
-    of_forces: slice
+    conic: Conic
+    p: int
+    contacts: slice
+    forces: slice
+    joints: slice
 
     def optimality(self, point: StepPoint) -> float:
         """How far a point is from the minimiser: the worst equation, bound, gradient and complementarity, scaled."""
-        a, w, y, t, z, _, _ = point
-        Ha, Kw, Ey, Fy = self.H @ a, self.K @ w, y @ self.E, y @ self.F
-        size = max(1.0, max_abs(Ha), max_abs(self.g), max_abs(Kw), max_abs(Ey), max_abs(Fy))
-        moving = max(1.0, max_abs(a), max_abs(self.e))
-        gradient = np.concatenate([Ha + self.g - Ey - t @ self.T, Kw + self.k - Fy - t @ self.W - z])
-        missed = self.E @ a + self.F @ w - self.e
+        P, p = self.conic, self.p
+        Hx, Ay = P.H @ point.x, point.y @ P.A
+        size = max(1.0, max_abs(Hx), max_abs(P.g[p:]), max_abs(Ay))
+        moving = max(1.0, max_abs(point.x[p:]), max_abs(P.b))
+        gradient = Hx + P.g - Ay - point.z @ P.C
+        gradient[:p] -= point.bounds
+        missed = P.A @ point.x - P.b
         if not math.isfinite(np.vdot(gradient, gradient) + np.vdot(missed, missed)):
             return math.inf
-        rows = self.T @ a + self.W @ w
-        below, above = np.concatenate([rows - self.low, w - self.lower]), np.concatenate([self.high - rows, self.upper - w])
-        multipliers = np.concatenate([t, z])
+        rows, w = P.C @ point.x, point.x[:p]
+        below, above = np.concatenate([rows - P.low, w - P.lower[:p]]), np.concatenate([P.high - rows, P.upper[:p] - w])
+        multipliers = np.concatenate([point.z, point.bounds])
         held = multipliers.nonzero()[0]
         pushes = multipliers[held]
         room = np.where(pushes > 0.0, below[held], above[held])
@@ -149,15 +128,17 @@ def minimiser(program: StepProgram, *, possible: bool = False) -> tuple[StepPoin
 
 
 def _attempts(program: StepProgram, *, possible: bool) -> Iterator[StepPoint]:
-    few = _near(program)
-    first, found = few.by_daqp()
+    near = np.minimum(-program.conic.low, program.conic.high) < _NEAR  # those that are likely to bind; others are judged
+    near[: program.forces.start] = False  # torques
+    near[program.forces] = True
+    first, found = PartialProgram(program, between=near.nonzero()[0]).by_daqp()
     if found:
         yield first
-    if found and not few.complete:
-        first, found = WholeProgram(program).by_daqp()
+    if found and not near.all():
+        first, found = PartialProgram(program).by_daqp()
         if found:
             yield first
-    whole = WholeProgram(program, independent=True)
+    whole = PartialProgram(program, independent=True)
     second, solved = whole.by_daqp()
     if solved:
         yield second
@@ -169,16 +150,8 @@ def _attempts(program: StepProgram, *, possible: bool) -> Iterator[StepPoint]:
         yield whole.on_active_set(third)
 
 
-def _near(program: StepProgram) -> WholeProgram:
-    """With the rows between bounds that are likely to bind: bounds near zero; others are judged when it is solved."""
-    near = np.minimum(-program.low, program.high) < _NEAR
-    near[: program.of_forces.start] = False  # torques
-    near[program.of_forces] = True
-    return WholeProgram(program, between=near.nonzero()[0])
-
-
-class WholeProgram:
-    """A program in x = (w, a), with some of its equations and of its rows between bounds; weights that are fixed are left out.
+class PartialProgram:
+    """A program with some of its equations and of its rows between bounds; weights that are fixed are left out.
 
     DAQP takes fixed weights for equations, and where these and the others determine everything it may find no answer.
 
@@ -189,30 +162,24 @@ class WholeProgram:
     """
 
     def __init__(self, program: StepProgram, *, independent: bool = False, between: Array | None = None) -> None:
-        P, nv, m = program, len(program.g), len(program.e)
-        self.program = P
+        P, p = program.conic, program.p
+        self.program = program
         self.between: Array | slice = slice(None) if between is None else between
-        self.low, self.high = P.low[self.between], P.high[self.between]
-        self.complete = len(self.low) == len(P.low)
-        self.lower, self.upper, K, k, F, W, e = P.lower, P.upper, P.K, P.k, P.F, P.W, P.e
         fixed = P.lower == P.upper
-        self.w, self.free = np.where(fixed, P.lower, 0.0), slice(None) if not fixed.any() else np.flatnonzero(~fixed)
+        self.free: Array | slice = np.flatnonzero(~fixed) if fixed.any() else slice(None)
+        self.x = np.where(fixed, P.lower, 0.0)
+        rows, C, b, g, self.low, self.high = P.A, P.C[self.between], P.b, P.g, P.low[self.between], P.high[self.between]
         if not isinstance(self.free, slice):
-            free, away = self.free, (W @ self.w)[self.between]
-            self.lower, self.upper, self.low, self.high = P.lower[free], P.upper[free], self.low - away, self.high - away
-            K, k, F, W, e = K[free][:, free], (k + K @ self.w)[free], F[:, free], W[:, free], e - F @ self.w
-        p = self.p = len(k)
-        self.H, self.g = np.zeros((p + nv, p + nv)), np.concatenate([k, P.g])
-        self.H[:p, :p], self.H[p:, p:] = K, P.H
-        rows = np.empty((m + len(self.low), p + nv))
-        rows[:m, :p], rows[:m, p:] = F, P.E
-        rows[m:, :p], rows[m:, p:] = W[self.between], P.T[self.between]
-        self.kept: Array | slice = slice(None)
-        if independent:
-            self.kept = independent_rows(rows[:m])
-            rows = np.concatenate([rows[self.kept], rows[m:]])
-        self.rows, self.b = rows, e[self.kept]
-        self.A, self.C = rows[: len(self.b)], rows[len(self.b) :]
+            away = C @ self.x
+            b, g, self.low, self.high = b - rows @ self.x, g + P.H @ self.x, self.low - away, self.high - away
+            rows, C = rows[:, self.free], C[:, self.free]
+        self.H, self.g = P.H[self.free][:, self.free], g[self.free]
+        self.lower, self.upper = (bounds[:p][~fixed[:p]] for bounds in (P.lower, P.upper))
+        self.p = len(self.lower)
+        self.kept: Array | slice = independent_rows(rows) if independent else slice(None)
+        self.b = b[self.kept]
+        self.rows = np.concatenate([rows[self.kept], C])
+        self.A, self.C = self.rows[: len(self.b)], self.rows[len(self.b) :]
 
     def by_daqp(self) -> tuple[StepPoint, bool]:
         """(where DAQP ends, whether that is an answer)."""
@@ -222,20 +189,23 @@ class WholeProgram:
 
     def by_proxsuite(self) -> Iterator[StepPoint]:
         """One point a setting."""
-        C = np.concatenate([np.eye(self.p, len(self.g)), self.C])
-        low, high = np.concatenate([self.lower, self.low]), np.concatenate([self.upper, self.high])
+        C, low, high = self._all_rows()
         for found in attempts(self.H, self.g, self.A, self.b, C, low, high, policy=POLICY[:_SETTINGS]):
             y = np.concatenate([found.y, found.z[self.p :]])
             yield self._point(found.x, found.z[: self.p], y, found.iterations, "ProxSuite")
 
+    def _all_rows(self) -> tuple[Array, Array, Array]:
+        """(C, low, high) with the bounds of weights as the first rows."""
+        C = np.concatenate([np.eye(self.p, len(self.g)), self.C])
+        return C, np.concatenate([self.lower, self.low]), np.concatenate([self.upper, self.high])
+
     def on_active_set(self, point: StepPoint) -> StepPoint:
         """The solution of the optimality conditions with the active set of a point, which is corrected where it is wrong."""
         p, m, n = self.p, len(self.b), len(self.g)
-        rows = np.concatenate([np.eye(p, n), self.C])
-        low, high = np.concatenate([self.lower, self.low]), np.concatenate([self.upper, self.high])
-        pushes = np.concatenate([point.z[self.free], point.t[self.between]])
+        rows, low, high = self._all_rows()
+        pushes = np.concatenate([point.bounds[self._free_weights], point.z[self.between]])
         side = np.where(low == high, 1.0, np.sign(pushes))
-        x, y = np.concatenate([point.w[self.free], point.a]), np.zeros(m + len(side))
+        x, y = point.x[self.free], np.zeros(m + len(side))
         for _ in range(_CORRECTIONS):
             held = side.nonzero()[0]
             B = np.concatenate([self.A, rows[held]])
@@ -255,17 +225,19 @@ class WholeProgram:
         y[m:][(y[m:] * side < 0.0) & (low < high)] = 0.0
         return self._point(x, y[m : m + p], np.concatenate([y[:m], y[m + p :]]), point.iterations, point.method)
 
-    def _point(self, x: Array, z: Array, y: Array, iterations: int, method: str) -> StepPoint:
-        P, p, m = self.program, self.p, len(self.b)
-        of_equations, t = np.zeros(len(P.e)), np.zeros(len(P.low))
-        of_equations[self.kept], t[self.between] = y[:m], y[m:]
-        if isinstance(self.free, slice):
-            return StepPoint(x[p:], x[:p], of_equations, t, z, iterations, method)
-        w = self.w.copy()
-        w[self.free] = x[:p]
-        pull = P.K @ w + P.k - of_equations @ P.F - t @ P.W  # what holds the fixed weights
-        pull[self.free] = z
-        return StepPoint(x[p:], w, of_equations, t, pull, iterations, method)
+    @property
+    def _free_weights(self) -> Array | slice:
+        return self.free if isinstance(self.free, slice) else self.free[: self.p]
+
+    def _point(self, x: Array, bounds: Array, both: Array, iterations: int, method: str) -> StepPoint:
+        P, m = self.program.conic, len(self.b)
+        whole, y, z = self.x.copy(), np.zeros(len(P.b)), np.zeros(len(P.low))
+        whole[self.free], y[self.kept], z[self.between] = x, both[:m], both[m:]
+        if not isinstance(self.free, slice):
+            pull = (P.H @ whole + P.g - y @ P.A - z @ P.C)[: self.program.p]  # what holds the fixed weights
+            pull[self._free_weights] = bounds
+            bounds = pull
+        return StepPoint(whole, y, z, bounds, iterations, method)
 
 
 _PROXIMAL = 1e-10
@@ -298,45 +270,41 @@ class Relaxed(NamedTuple):
         return max(max_abs(self.contacts), max_abs(self.joints)) > self.seen
 
 
-def relaxed(program: StepProgram, contacts: slice, contact_sizes: Array, joints: slice, joint_sizes: Array) -> Relaxed | None:
+def relaxed(step: StepProgram, contact_sizes: Array, joint_sizes: Array) -> Relaxed | None:
     """The program with the least violation; None where it was not found.
 
     Args:
-        program: Of a step: its first equations, and its first rows between bounds, are the equations of motion.
-        contacts: Which of its equations are of contacts and loops.
-        contact_sizes: What their accelerations are multiplied by, shape (m,).
-        joints: Which of its rows between bounds are limits of joints.
-        joint_sizes: Likewise, shape (j,).
+        step: The program.
+        contact_sizes: What accelerations of contacts are multiplied by, shape (m,).
+        joint_sizes: Likewise of joints, shape (j,).
     """
-    idle, p, j = contacts.start, len(program.k), joints.stop - joints.start
-    motors, forces = slice(0, len(program.g) - idle), program.of_forces
-    n = motors.stop + p + j  # torques less their own part, weights, what joints pass
-    right = np.zeros((len(program.g), 1 + n))
-    right[:idle, 0] = program.e[:idle]
-    right[range(idle, len(right)), range(1, 1 + motors.stop)] = 1.0
-    right[:, 1 + motors.stop : 1 + motors.stop + p] = -np.concatenate([program.F[:idle], program.W[motors]])
+    P, p, nv, contacts, joints = step.conic, step.p, len(step.conic.g) - step.p, step.contacts, step.joints
+    idle, motors, j = contacts.start, step.forces.start, joints.stop - joints.start
+    n = motors + p + j  # torques less their own part, weights, what joints pass
+    right = np.zeros((nv, 1 + n))
+    right[:idle, 0] = P.b[:idle]
+    right[range(idle, nv), range(1, 1 + motors)] = 1.0
+    right[:, 1 + motors : 1 + motors + p] = -np.concatenate([P.A[:idle, :p], P.C[:motors, :p]])
     try:
-        found = np.linalg.solve(np.concatenate([program.E[:idle], program.T[motors]]), right)
+        found = np.linalg.solve(np.concatenate([P.A[:idle, p:], P.C[:motors, p:]]), right)
     except np.linalg.LinAlgError:  # a singular inertia
         return None
     a_0, B = found[:, 0], found[:, 1:]
-    J, wanted = program.E[contacts], program.e[contacts]
+    J, wanted = P.A[contacts, p:], P.b[contacts]
     A = contact_sizes[:, None] * (J @ B)
     H, g = A.T @ A, A.T @ (contact_sizes * (J @ a_0 - wanted))
     H.flat[(n - j) * (n + 1) :: n + 1] = 1.0
     r = _PROXIMAL * max(1.0, float(H.diagonal().max()))
     H.flat[:: n + 1] += r
-    at = program.T[joints]
+    at = P.C[joints, p:]
     passes = at @ B
     passes[:, n - j :] = np.diag(1.0 / joint_sizes)
     own = at @ a_0
-    C = np.zeros((forces.stop - forces.start, n))
-    C[:, motors.stop : motors.stop + p] = program.W[forces]
+    C = np.zeros((step.forces.stop - motors, n))
+    C[:, motors : motors + p] = P.C[step.forces, :p]
     C = np.concatenate([C, passes])
-    low = np.concatenate([program.low[forces], program.low[joints] - own])
-    high = np.concatenate([program.high[forces], program.high[joints] - own])
-    lower = np.concatenate([program.low[motors], program.lower])
-    upper = np.concatenate([program.high[motors], program.upper])
+    low, high = (np.concatenate([side[step.forces], side[joints] - own]) for side in (P.low, P.high))
+    lower, upper = np.concatenate([P.low[:motors], P.lower[:p]]), np.concatenate([P.high[:motors], P.upper[:p]])
     x = np.zeros(n)
     for _ in range(_STEPS):
         answer = solve_strict(H, g - r * x, lower, upper, C, low, high)
@@ -346,31 +314,29 @@ def relaxed(program: StepProgram, contacts: slice, contact_sizes: Array, joints:
         if r * moved <= _STILL * max(1.0, max_abs(g)):
             break
     a = a_0 + B @ x
-    w, k = x[motors.stop : motors.stop + p], motors.stop
     missed, values = J @ a - wanted, at @ a
-    passed = np.maximum(0.0, np.maximum(program.low[joints] - values, values - program.high[joints]))
+    passed = np.maximum(0.0, np.maximum(P.low[joints] - values, values - P.high[joints]))
     seen = SEEN * max(1.0, max_abs(a))
-    t = np.concatenate([answer.z[:k], answer.y])
-    t[joints] = np.where(passed > seen, 1.0, t[joints])
-    return Relaxed(_on_face(program, a, w, t, answer.z[k : k + p]), missed, passed, seen)
+    z = np.concatenate([answer.z[:motors], answer.y])
+    z[joints] = np.where(passed > seen, 1.0, z[joints])
+    face = _on_face(P, np.concatenate([x[motors : motors + p], a]), z, answer.z[motors : motors + p])
+    return Relaxed(replace(step, conic=face), missed, passed, seen)
 
 
-def _on_face(program: StepProgram, a: Array, w: Array, t: Array, z: Array) -> StepProgram:
-    """The program on all points with the violation of (a, w): what has a multiplier is an equation, or fixed.
+def _on_face(P: Conic, x: Array, z: Array, bounds: Array) -> Conic:
+    """The program on all points with the violation of x: what has a multiplier is an equation, or fixed.
 
     Right-hand sides are those of this point, so that rounding leaves it possible.
     """
-    rows = program.T @ a + program.W @ w
-    held = np.abs(t) > _HELD
-    lower, upper = program.lower.copy(), program.upper.copy()
-    upper[z > _HELD], lower[z < -_HELD] = lower[z > _HELD], upper[z < -_HELD]
+    rows, held = P.C @ x, np.abs(z) > _HELD
+    lower, upper, p = P.lower.copy(), P.upper.copy(), len(bounds)
+    upper[:p][bounds > _HELD], lower[:p][bounds < -_HELD] = lower[:p][bounds > _HELD], upper[:p][bounds < -_HELD]
     return replace(
-        program,
-        E=np.concatenate([program.E, program.T[held]]),
-        F=np.concatenate([program.F, program.W[held]]),
-        e=np.concatenate([program.E @ a + program.F @ w, rows[held]]),
-        low=np.where(held, -np.inf, np.minimum(program.low, rows)),
-        high=np.where(held, np.inf, np.maximum(program.high, rows)),
+        P,
+        A=np.concatenate([P.A, P.C[held]]),
+        b=np.concatenate([P.A @ x, rows[held]]),
+        low=np.where(held, -np.inf, np.minimum(P.low, rows)),
+        high=np.where(held, np.inf, np.maximum(P.high, rows)),
         lower=lower,
         upper=upper,
     )

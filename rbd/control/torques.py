@@ -6,15 +6,16 @@ from collections.abc import Sequence
 
 from rbd.answers.many.states import Friction, ManyExternal, ManyStates
 from rbd.arrays import Array
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, with_loops
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External
 from rbd.model.state import State, checked
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.statics.actuation import Actuation
-from rbd.statics.actuations import Actuations, Asked, actuations_of
+from rbd.statics.actuations import Actuations, actuations_of
 from rbd.statics.effort import Effort
-from rbd.statics.wanted_motion import MARGIN, WantedMotion, checked_margin
+from rbd.statics.wanted_motion import MARGIN, Choice, WantedMotion, checked_margin
+from rbd.statics.why_impossible import actuation_of
 
 
 def inverse_dynamics(
@@ -72,8 +73,9 @@ def inverse_dynamics(
     """
     robot = checked(state).robot
     a = robot.check_v(a, "a")
-    wanted = WantedMotion.of(state, a, contacts, external, objective, friction, rest_speed, loops, holds=False, stacklevel=3)
-    return wanted.actuation(checked_margin(margin), stacklevel=3)
+    choice = Choice.of(objective, friction, checked_margin(margin), rest_speed, holds=False)
+    wanted = WantedMotion.of(state, a, with_loops(robot, contacts, loops), external, choice, stacklevel=3)
+    return actuation_of(wanted, stacklevel=3)
 
 
 def inverse_dynamics_many(
@@ -127,6 +129,6 @@ def inverse_dynamics_many(
         >>> wanted.forces["front_left"][:, 2].round(3), list(wanted.reasons)  # the last would need feet that pull
         (array([6.698, 6.131,   nan]), [2])
     """
-    asked = Asked.of(objective, friction, margin, rest_speed, holds=False)
+    choice = Choice.of(objective, friction, checked_margin(margin), rest_speed, holds=False)
     states = ManyStates.of(robot, q, v, contacts, external=external, friction=coefficients, a=a, loops=loops)
-    return actuations_of(states, asked, stacklevel=2)
+    return actuations_of(states, choice, stacklevel=2)

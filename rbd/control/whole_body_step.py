@@ -22,7 +22,7 @@ from rbd.arrays import Array, as_float, max_abs
 from rbd.constraints.constraint import Constraint, with_loops
 from rbd.control.motion_limits import Limits
 from rbd.control.step_problem import StepCertificate, StepProblem, TaskActuation
-from rbd.control.step_program import Relaxed, StepPoint, minimiser, relaxed
+from rbd.control.step_program import Relaxed, StepPoint, minimiser
 from rbd.control.task_terms import Task
 from rbd.errors import InaccurateWarning, InputError, NoSolution, RbdWarning, RelaxedLimitsWarning
 from rbd.model.external import External
@@ -137,7 +137,7 @@ def silent_step(
     point, miss = minimiser(problem.program)
     eased = None
     if point is None or miss > SOLVED:
-        found = relaxed(problem.program, problem.contact_rows, problem.contact_sizes, problem.joint_rows, problem.joint_sizes)
+        found = problem.relaxed()
         if found is not None and found.violated:
             eased = found
             point, miss = minimiser(eased.program, possible=True)
@@ -173,9 +173,9 @@ def complaints(found: TaskActuation) -> list[tuple[type[RbdWarning], str]]:
 
 def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased: Relaxed | None) -> TaskActuation:
     """Torques and forces at a point of the program, with their certificate."""
-    program, unit, (least, most) = problem.program, problem.unit, problem.torques
-    limit = problem.limits.torques(problem.state.robot)
-    a, w = point.a, np.minimum(np.maximum(point.w, program.lower), program.upper) * unit
+    conic, unit, (least, most) = problem.program.conic, problem.unit, problem.torques
+    limit, p, bounded = problem.limits.torques(problem.state.robot), problem.program.p, problem.program.joints
+    a, w = point.x[p:], conic.project(point.x)[:p] * unit
     feedback = problem.feedback if eased is None else problem.feedback - eased.contacts
     loads = problem.loads(a, feedback)
     tau, left = loads.torques(w)
@@ -184,12 +184,12 @@ def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased:
     if over.any():
         over &= np.abs(tau - inside) <= SOLVED * limit
         tau[over] = inside[over]
-    joints = program.T[problem.joint_rows] @ a
-    passed = np.maximum(program.low[problem.joint_rows] - joints, joints - program.high[problem.joint_rows])
+    joints = conic.C[bounded] @ point.x
+    passed = np.maximum(conic.low[bounded] - joints, joints - conic.high[bounded])
     if eased is not None:
         passed = passed - eased.joints
     excess = np.maximum(np.maximum(least - tau, tau - most), 0.0)
-    moves = max(1.0, max_abs(a), max_abs(program.e))
+    moves = max(1.0, max_abs(a), max_abs(conic.b))
     forces = max(unit, max_abs(loads.need), max_abs(w))
     values = (
         max_abs(left),

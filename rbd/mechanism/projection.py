@@ -35,6 +35,7 @@ from rbd.errors import InputError, SingularInertia
 from rbd.errors.inputs import check_different
 from rbd.model.state import State, checked
 from rbd.problem.cones import Bounds
+from rbd.problem.rows import by_rows
 from rbd.solvers.kkt import independent_factor
 
 ZERO = 1e-9
@@ -253,10 +254,7 @@ def project_acceleration(
     nearest = _nearest(stack, given, -stack.offset, "acceleration", "m/s2 (rad/s2)")
     pushed = state.M @ (nearest - given)
     f = np.linalg.lstsq(stack.W, blas.dtrsv(stack.L, pushed, lower=1), rcond=ZERO)[0]
-    forces, at = {}, 0
-    for r in stack.rows:
-        forces[r.name] = f[at : at + len(r)]
-        at += len(r)
+    forces = {r.name: part for r, part in by_rows(stack.rows, f)}
     residual, missed = max_abs(pushed - stack.J.T @ f), max_abs(stack.J @ nearest + stack.offset)
     return ProjectedAcceleration(nearest, forces, residual, missed)
 

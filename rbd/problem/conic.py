@@ -21,8 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
-from typing import NamedTuple, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
@@ -99,34 +98,49 @@ class Conic:
             equations: ({block: matrix}, b): the sum of matrices times blocks is b, row by row.
             between: ({block: matrix}, low, high): rows between bounds, likewise.
         """
-        ends = np.cumsum([0, *[block.size for block in blocks.values()]]).tolist()
-        spans = {name: slice(*span) for name, span in zip(blocks, pairwise(ends), strict=True)}
-        n = ends[-1]
-        H, g, lower, upper = np.zeros((n, n)), np.zeros(n), np.zeros(n), np.zeros(n)
+        spans, n = dict[str, slice](), 0
         for name, block in blocks.items():
-            span = spans[name]
-            square = block.squares if np.ndim(block.squares) == 2 else np.diag(np.broadcast_to(block.squares, block.size))
-            H[span, span], g[span], lower[span], upper[span] = square, block.linear, block.lower, block.upper
+            spans[name] = slice(n, n + block.size)
+            n += block.size
+        H, g, lower, upper = np.zeros((n, n)), np.empty(n), np.empty(n), np.empty(n)
+        for block, span in zip(blocks.values(), spans.values(), strict=True):
+            if isinstance(block.squares, np.ndarray) and block.squares.ndim == 2:
+                H[span, span] = block.squares
+            else:
+                H[range(span.start, span.stop), range(span.start, span.stop)] = block.squares
+            g[span], lower[span], upper[span] = block.linear, block.lower, block.upper
 
-        def stacked(parts: Sequence[Mapping[str, Array]]) -> Array:
-            sizes = [len(next(iter(part.values()))) for part in parts]
-            out, at = np.zeros((sum(sizes), n)), 0
-            for part, size in zip(parts, sizes, strict=True):
-                for name, matrix in part.items():
-                    out[at : at + size, spans[name]] = matrix
+        def stacked(given: Sequence[tuple[Any, ...]], ends: int) -> list[Array]:
+            """[matrix, sides]: (parts, side, ...) below each other, `ends` sides each."""
+            sizes = [len(next(iter(parts.values()))) for parts, *_ in given]
+            out = [np.zeros((sum(sizes), n)), *[np.empty(sum(sizes)) for _ in range(ends)]]
+            at = 0
+            for (parts, *sides), size in zip(given, sizes, strict=True):
+                for name, matrix in parts.items():
+                    out[0][at : at + size, spans[name]] = matrix
+                for column, side in zip(out[1:], sides, strict=True):
+                    column[at : at + size] = side
                 at += size
             return out
 
-        def sides(which: int) -> Array:
-            each = [np.broadcast_to(rows[which], len(next(iter(rows[0].values())))) for rows in between]
-            return np.concatenate([np.zeros(0), *each])
+        cones = np.concatenate([spans[name].start + block.cones for name, block in blocks.items()])
+        mu = np.concatenate([block.mu for block in blocks.values()])
+        (A, b), (C, low, high) = stacked(equations, 1), stacked(between, 2)
+        return cls(H, g, A, b, C, low, high, lower, upper, cones, mu, spans)
 
-        cones = [spans[name].start + block.cones for name, block in blocks.items()]
-        return cls(
-            H, g, stacked([parts for parts, _ in equations]), np.concatenate([np.zeros(0), *[b for _, b in equations]]),
-            stacked([parts for parts, _, _ in between]), sides(1), sides(2), lower, upper, np.concatenate(cones),
-            np.concatenate([block.mu for block in blocks.values()]), spans,
-        )  # fmt: skip
+    def missed(self) -> Conic:
+        """The program of the least sum of what equations and rows miss: any x in X is possible, and none misses less.
+
+        Its first unknowns are x; its rows between bounds are the lower, then the upper bounds of this one's.
+        """
+        (e, n), q = self.A.shape, len(self.low)
+        I, over, some = np.eye(e), np.eye(q), Block(e, linear=1.0, lower=0.0)
+        x = Block(n, 0.0, 0.0, self.lower, self.upper, self.cones, self.mu)
+        return Conic.of(
+            {"x": x, "less": some, "more": some, "passed": Block(q, linear=1.0, lower=0.0)},
+            [({"x": self.A, "less": I, "more": -I}, self.b)],
+            [({"x": self.C, "passed": over}, self.low, math.inf), ({"x": self.C, "passed": -over}, -math.inf, self.high)],
+        )
 
     def project(self, x: Array) -> Array:
         """The nearest point of X."""

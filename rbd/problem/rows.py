@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import hypot, inf
 
@@ -216,6 +217,14 @@ class Rows(Displayed):
     def speed(self) -> float:
         """Largest entry of `|velocity|`."""
         return float(np.abs(self.velocity).max(initial=0.0))
+
+
+def by_rows(rows: Sequence[Rows], stacked: Array) -> Iterator[tuple[Rows, Array]]:
+    """(rows, part): each constraint's rows, with its part of what is stacked over all of them along the first axis."""
+    at = 0
+    for r in rows:
+        yield r, stacked[at : at + len(r)]
+        at += len(r)
 
 
 def _vector(name: str, what: str, value: object, m: int) -> Array:

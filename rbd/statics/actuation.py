@@ -25,7 +25,7 @@ from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import COULOMB, GaussProblem
 from rbd.problem.motion_forces import given_weights
 from rbd.problem.residuals import Residuals
-from rbd.problem.rows import Rows
+from rbd.problem.rows import Rows, by_rows
 from rbd.records import Axis, Field, Variable
 from rbd.solvers.conic_newton import solve_conic
 from rbd.statics.effort import Effort
@@ -231,10 +231,8 @@ class Actuation(Displayed):
     @lazy
     def solution(self) -> Solution:
         """`answer`, with all that can be said of it: `Solution.uniqueness()` is of the forces under these torques."""
-        corners, at, f, sets = dict[str, Array](), 0, self.answer.multipliers, self.loads.sets
-        for i, r in enumerate(self.rows):
-            part = f[at : at + len(r)]
-            at += len(r)
+        corners, sets = dict[str, Array](), self.loads.sets
+        for i, (r, part) in enumerate(by_rows(self.rows, self.answer.multipliers)):
             if r.patch is not None:
                 corners[r.name] = corners_of(r, part, sets, self.weights, i)
         return replace(Solution.of(self.answer), chosen_corners=corners, choice=CHOICE)

@@ -19,47 +19,15 @@ from rbd.answers.many.many_answers import INACCURATE, LIMIT, OPENED, SPEED, Many
 from rbd.answers.many.states import ManyStates
 from rbd.answers.prepared.many_states import BLOCK, BlockAnswer, ContactBlocks, prepared_blocks
 from rbd.arrays import Array, zeros
-from rbd.constraints.constraint import rows_of
 from rbd.displayed import Displayed
 from rbd.errors import CannotHold, CannotMove, RbdError
-from rbd.model.external import generalised
 from rbd.problem.answer import ACCELERATION, StateStatus, Status
 from rbd.problem.residuals import SOLVED
 from rbd.records import Field
 from rbd.statics.actuation import CHOICE, CHOSEN, TORQUES, Actuation
-from rbd.statics.effort import DEFAULT, Effort
-from rbd.statics.force_balance import refuse_motion
-from rbd.statics.wanted_motion import MARGIN, WantedMotion, check_choice, checked_margin
-
-
-@dataclass(frozen=True, eq=False)
-class Asked:
-    """What torques and forces are chosen by, at every state.
-
-    Attributes:
-        effort: What is made least.
-        friction: "cone" or "inscribed".
-        margin: Of friction; None: `MARGIN` where that is possible, else none.
-        rest_speed: As of `rbd.solve`.
-        holds: Whether poses are to be held, at rest.
-    """
-
-    effort: Effort
-    friction: str
-    margin: float | None
-    rest_speed: float
-    holds: bool
-
-    @classmethod
-    def of(cls, objective: Effort | None, friction: str, margin: float | None, rest_speed: float, *, holds: bool) -> Asked:
-        """Checked.
-
-        Raises:
-            InputError: an objective that is none, an unknown word, a margin or a speed that is none.
-        """
-        effort = DEFAULT if objective is None else objective
-        check_choice(effort, friction, rest_speed)
-        return cls(effort, friction, None if margin is None else checked_margin(margin), rest_speed, holds)
+from rbd.statics.effort import Effort
+from rbd.statics.wanted_motion import Choice, WantedMotion
+from rbd.statics.why_impossible import actuation_of
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -86,7 +54,7 @@ class Actuations(ManyAnswers, Displayed):
         tau: Motor torques, shape (n, nu) [N, N m]; NaN where the motion is not possible.
         margin: How far friction of points that keep still was kept from its limit, shape (n,).
         least: Whether the effort is the least, to nine digits, shape (n,), truth values.
-        asked: What they are chosen by.
+        choice: What they are chosen by.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -101,7 +69,7 @@ class Actuations(ManyAnswers, Displayed):
     tau: Array
     margin: Array
     least: Array
-    asked: Asked
+    choice: Choice
 
     fields: ClassVar[tuple[Field, ...]] = (
         *(line for line in ManyAnswers.fields if line.name not in ("a", "tau")),
@@ -124,30 +92,26 @@ class Actuations(ManyAnswers, Displayed):
             CannotMove: there are no such torques and forces: its limits, with the proof and what is missing.
             IndexError: there is no such state.
         """
-        wanted, asked = wanted_at(self.states, self.index(i), self.asked), self.asked
-        if asked.margin is not None:
-            return wanted.actuation(asked.margin, stacklevel=2)
-        preferred = wanted.possible(MARGIN, stacklevel=2)
-        return wanted.actuation(0.0, stacklevel=2) if preferred is None else preferred
+        return actuation_of(wanted_at(self.states, self.index(i), self.choice), stacklevel=2)
 
     def __iter__(self) -> Iterator[Actuation]:
         return (self[i] for i in range(len(self)))
 
 
-def actuations_of(states: ManyStates, asked: Asked, *, stacklevel: int) -> Actuations:
+def actuations_of(states: ManyStates, choice: Choice, *, stacklevel: int) -> Actuations:
     """Torques and forces of least effort at each state.
 
     Args:
         states: With the wanted accelerations as `vectors["a"]`, unless poses are held.
-        asked: What they are chosen by.
+        choice: What they are chosen by.
         stacklevel: Of warnings: 2 for the line that called this.
     """
     sheet, n = Sheet(states), len(states)
     tau, margin, least = np.full((n, states.robot.nu), np.nan), np.full(n, np.nan), np.zeros(n, bool)
     sheet.refuse_bad_input()
-    for i in _by_blocks(sheet, asked, tau, margin, least).tolist():
+    for i in _by_blocks(sheet, choice, tau, margin, least).tolist():
         try:
-            found = _one(sheet, i, asked)
+            found = _one(sheet, i, choice)
         except RbdError as error:
             sheet.refuse(i, error)
             continue
@@ -155,35 +119,35 @@ def actuations_of(states: ManyStates, asked: Asked, *, stacklevel: int) -> Actua
             tau[i], margin[i], least[i] = found.tau, found.margin, found.least
     sheet.column("warned", LIMIT)[:] = beyond_limits(states) & (sheet.status != StateStatus.BAD_INPUT)
     sheet.column("warned", INACCURATE)[:] = sheet.status == StateStatus.INACCURATE
-    if not asked.holds:
+    if not choice.holds:
         sheet.column("warned", SPEED)[:] = states.robot.too_fast(states.v).any(axis=1) & (sheet.status != StateStatus.BAD_INPUT)
     for array in (tau, margin, least):
         array.flags.writeable = False
-    out = Actuations(**sheet.fields(), tau=tau, margin=margin, least=least, asked=asked)
+    out = Actuations(**sheet.fields(), tau=tau, margin=margin, least=least, choice=choice)
     warn(out, stacklevel=stacklevel + 1)
     return out
 
 
-def _by_blocks(sheet: Sheet, asked: Asked, tau: Array, margin: Array, least: Array) -> Array:
+def _by_blocks(sheet: Sheet, choice: Choice, tau: Array, margin: Array, least: Array) -> Array:
     """Answer the states whose least effort is inside all limits; the numbers of those that are left."""
     states, left = sheet.states, np.ones(len(sheet.states), bool)
     left[list(states.refused)] = False
-    effort, blocks = asked.effort, prepared_blocks(states.robot, states.constraints)
+    effort, blocks = choice.effort, prepared_blocks(states.robot, states.constraints)
     plain = (
-        asked.friction == "cone"
+        choice.friction == "cone"
         and not effort.normal_force
         and not effort.edge_margin
         and not isinstance(effort.forces, Mapping)
     )
     if blocks is None or not plain:
         return np.flatnonzero(left)
-    mu, kept = friction_of(states), MARGIN if asked.margin is None else asked.margin
+    mu, kept = friction_of(states), choice.margins[0]
     some = np.flatnonzero(left if mu is None else left & (mu > 0.0).all(axis=1))
     for start in range(0, len(some), BLOCK):
         part = some[start : start + BLOCK]
-        a = np.zeros((len(part), states.robot.nv)) if asked.holds else states.vectors["a"][part]
+        a = np.zeros((len(part), states.robot.nv)) if choice.holds else states.vectors["a"][part]
         own = None if mu is None else mu[part]
-        found = least_effort_of(blocks, states, part, states.external_of(part), a, own, effort, kept, asked.rest_speed)
+        found = least_effort_of(blocks, states, part, states.external_of(part), a, own, effort, kept, choice.rest_speed)
         write(sheet, part, found.answer, (CHOICE,))
         good = found.answer.found
         tau[part[good]], margin[part[good]], least[part[good]] = found.tau[good], kept, True
@@ -191,38 +155,34 @@ def _by_blocks(sheet: Sheet, asked: Asked, tau: Array, margin: Array, least: Arr
     return np.flatnonzero(left)
 
 
-def wanted_at(states: ManyStates, i: int, asked: Asked) -> WantedMotion:
+def wanted_at(states: ManyStates, i: int, choice: Choice) -> WantedMotion:
     """What is wanted at state i.
 
     Raises:
         InputError: it is no input.
         NotAtRest: a pose is to be held, and what a contact touches moves.
     """
-    state, given, external = states.state(i), states.constraints_at(i), states.external_at(i)
-    rows = tuple(rows_of(state, given))
-    if asked.holds:
-        refuse_motion(state, rows)
-    tau_ext = zeros(state.robot.nv) if external is None else generalised(state, external)[0]
-    a = zeros(state.robot.nv) if asked.holds else states.vectors["a"][i]
-    return WantedMotion(state, a, given, rows, tau_ext, external, asked.effort, asked.friction, asked.rest_speed, asked.holds)
+    a = zeros(states.robot.nv) if choice.holds else states.vectors["a"][i]
+    return WantedMotion.of(states.state(i), a, states.constraints_at(i), states.external_at(i), choice)
 
 
-def _one(sheet: Sheet, i: int, asked: Asked) -> Actuation | None:
+def _one(sheet: Sheet, i: int, choice: Choice) -> Actuation | None:
     """State i; None, and the reason on the sheet, where there is none.
 
     Raises:
         RbdError: the reason, where it is known without a search for it.
     """
-    wanted = wanted_at(sheet.states, i, asked)
+    wanted = wanted_at(sheet.states, i, choice)
     for what in of_rows(wanted.contacts, wanted.rows):
         sheet.column("warned", what)[i] = True
-    found, opens = wanted.sought(MARGIN if asked.margin is None else asked.margin)
-    if found is None and asked.margin is None:
-        found, opens = wanted.sought(0.0)
-    if opens:
+    for margin in choice.margins:
+        found = wanted.sought(margin)
+        if isinstance(found, Actuation):
+            break
+    if wanted.sets.openings:
         sheet.column("warned", OPENED)[i] = True
-    if found is None:
-        kind, does = (CannotHold, "be held") if asked.holds else (CannotMove, "move so")
+    if not isinstance(found, Actuation):
+        kind, does = (CannotHold, "be held") if choice.holds else (CannotMove, "move so")
         raise kind(f"{sheet.states.robot.name} cannot {does} within its limits; [{i}] raises which, with the proof.")
     sheet.write(i, found.answer, found.corner_forces)
     return found if found.status in (Status.SOLVED, Status.INACCURATE) else None

@@ -18,7 +18,7 @@ from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.displayed import Displayed
 from rbd.errors import InputError, JointNotFound, UnknownName, nearest
 from rbd.problem.conic import Conic
-from rbd.problem.rows import Rows
+from rbd.problem.rows import Rows, by_rows
 from rbd.statics.force_balance import ForceBalance
 
 FORCE_WEIGHT = 1e-4
@@ -128,14 +128,14 @@ class Effort(Displayed):
         C, low, high = [np.zeros((0, loads.sets.size))], list[float](), list[float]()
         for name in self.normal_force:
             _known("normal_force", name, [r for r in loads.rows if r.patch is not None])
-        for i, r in enumerate(loads.rows):
+        for r, G in by_rows(loads.rows, loads.sets.G):
             if r.name in self.normal_force:
                 least, most = (float(x) / loads.unit for x in self.normal_force[r.name])
-                C.append(_wrench(loads, i)[2:3])
+                C.append(_wrench(r, G)[2:3])
                 low.append(least)
                 high.append(most)
             if self.edge_margin and r.patch is not None and len(r.patch.corners) > 1:
-                rows = _inside(r, _wrench(loads, i), self.edge_margin)
+                rows = _inside(r, _wrench(r, G), self.edge_margin)
                 C.append(rows)
                 low += [0.0] * len(rows)
                 high += [math.inf] * len(rows)
@@ -144,13 +144,12 @@ class Effort(Displayed):
     def program(self, loads: ForceBalance) -> Conic:
         """Least effort: the rows between bounds are those of `rows`, then the torques of the limited motors."""
         p = 1.0 if self.torques is _ALIKE else self.torque_weights(loads.state.robot.actuated_names)
-        weighed, limited, (low, high) = loads.T.T * p, loads.limited, loads.within
+        weighed = loads.T.T * p
         H = 2.0 * (weighed @ loads.T)
         H.flat[:: len(H) + 1] += 2.0 * (self.forces if isinstance(self.forces, float) else self.force_weights(loads))
         forces = loads.block()._replace(squares=H, linear=-2.0 * (weighed @ loads.t))
         between = [self.rows(loads)] if self.normal_force or self.edge_margin else []
-        between.append(({"forces": loads.T[limited]}, low[limited], high[limited]))
-        return Conic.of({"forces": forces}, [({"forces": loads.A}, loads.b)], between)
+        return Conic.of({"forces": forces}, [({"forces": loads.A}, loads.b)], [*between, loads.torque_rows])
 
 
 DEFAULT = Effort()
@@ -163,12 +162,10 @@ def _known(what: str, name: str, rows: Sequence[Rows]) -> None:
         raise UnknownName(f"{what} speaks of {name!r:.80}, which is no contact here; {nearest(name, names)}.")
 
 
-def _wrench(loads: ForceBalance, i: int) -> Array:
+def _wrench(r: Rows, G: Array) -> Array:
     """Force and moment at a contact's point in contact axes, of unit weights, shape (3 or 6, p)."""
-    r = loads.rows[i]
     assert r.patch is not None and r.resultant is not None
-    at = sum(len(other) for other in loads.rows[:i])
-    W = r.resultant @ loads.sets.G[at : at + len(r)]
+    W = r.resultant @ G
     return np.concatenate([r.patch.axes.T @ part for part in np.split(W, len(W) // 3)])
 
 

@@ -6,16 +6,16 @@ from collections.abc import Sequence
 
 from rbd.answers.many.states import Friction, ManyExternal, ManyStates
 from rbd.arrays import Array, zeros
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, with_loops
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External
 from rbd.model.state import State, checked
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.statics.actuation import Actuation
-from rbd.statics.actuations import Actuations, Asked, actuations_of
+from rbd.statics.actuations import Actuations, actuations_of
 from rbd.statics.effort import Effort
-from rbd.statics.force_balance import refuse_motion
-from rbd.statics.wanted_motion import MARGIN, WantedMotion, checked_margin
+from rbd.statics.wanted_motion import Choice, WantedMotion
+from rbd.statics.why_impossible import actuation_of
 
 
 def hold(
@@ -62,15 +62,9 @@ def hold(
         (array([-0.401, -0.311,  0.632]), array([-1.707, -0.516,  7.621]))
     """
     robot = checked(state).robot
-    refuse_motion(state)
-    wanted = WantedMotion.of(
-        state, zeros(robot.nv), contacts, external, objective, friction, loops=loops, holds=True, stacklevel=3
-    )
-    refuse_motion(state, wanted.rows)
-    if margin is not None:
-        return wanted.actuation(checked_margin(margin), stacklevel=3)
-    preferred = wanted.possible(MARGIN, stacklevel=3)
-    return wanted.actuation(0.0, stacklevel=3) if preferred is None else preferred
+    choice = Choice.of(objective, friction, margin, REST_SPEED, holds=True)
+    given = with_loops(robot, contacts, loops)
+    return actuation_of(WantedMotion.of(state, zeros(robot.nv), given, external, choice, stacklevel=3), stacklevel=3)
 
 
 def hold_many(
@@ -116,6 +110,6 @@ def hold_many(
         array([[-0.31 , -0.012,  0.619],
                [-0.201, -0.012,  0.618]])
     """
-    asked = Asked.of(objective, friction, margin, REST_SPEED, holds=True)
+    choice = Choice.of(objective, friction, margin, REST_SPEED, holds=True)
     states = ManyStates.of(robot, q, None, contacts, external=external, friction=coefficients, loops=loops)
-    return actuations_of(states, asked, stacklevel=2)
+    return actuations_of(states, choice, stacklevel=2)

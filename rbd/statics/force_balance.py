@@ -23,7 +23,7 @@ from rbd.model.state import State, checked
 from rbd.problem.conic import Block
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.motion_forces import narrowed
-from rbd.problem.rows import Rows
+from rbd.problem.rows import Rows, by_rows
 
 _BEYOND = 1e-9
 """A torque beyond its limit by less, over the limit, is there by rounding."""
@@ -172,6 +172,12 @@ class ForceBalance:
         least, most = self.bounds
         return self.t - most, self.t - least
 
+    @property
+    def torque_rows(self) -> tuple[dict[str, Array], Array, Array]:
+        """({"forces": T}, low, high) of the motors with a stated limit: rows between bounds of a program."""
+        low, high = self.within
+        return {"forces": self.T[self.limited]}, low[self.limited], high[self.limited]
+
     @lazy
     def lower(self) -> Array:
         """Lower bounds of weights over the unit, shape (p,)."""
@@ -211,8 +217,6 @@ class ForceBalance:
 FRICTIONS = ("cone", "inscribed", "circumscribed")
 SMALLEST_GAP = 1e-6
 """Least area between an inner and an outer polygon that can be asked for [m2]: a hundred programs a square metre's edge."""
-_FELT = 1e-12
-"""A motor that feels less of a contact force as large as the robot's weight, over its limit, feels none."""
 
 
 def standing_loads(
@@ -296,42 +300,6 @@ def friction_words(sets: ForceSet) -> str:
     return f"pyramids of {' and '.join(map(str, facets))} facets" if facets else "no friction"
 
 
-@dataclass(frozen=True, eq=False)
-class TorqueRows:
-    """Torque limits as rows low <= C (x, p) <= high, of the motors whose limits matter.
-
-    Left out are those that feel neither contact forces nor parameters, and are within their limits.
-
-    Attributes:
-        motors: Their numbers, shape (q,).
-        C: Shape (q, p + k).
-        low: Shape (q,).
-        high: Shape (q,).
-        size: What each row of torques over limits was divided by, for numbers around one, shape (q,).
-    """
-
-    motors: Array
-    C: Array
-    low: Array
-    high: Array
-    size: Array
-
-    @classmethod
-    def of(cls, loads: ForceBalance, more: Array) -> TorqueRows:
-        """With parameters of which a unit carries so much torque over the limits, shape (nu, k)."""
-        C = np.hstack([loads.T, more])
-        top = np.abs(C).max(axis=1, initial=0.0)
-        motors = np.flatnonzero(loads.limited & ((top > _FELT) | (np.abs(loads.t) > 1.0)))
-        size, t = np.maximum(1.0, top[motors]), loads.t[motors]
-        return cls(motors, C[motors] / size[:, None], (t - 1.0) / size, (t + 1.0) / size, size)
-
-    @classmethod
-    def none(cls, loads: ForceBalance, parameters: int) -> TorqueRows:
-        """Without limits."""
-        no = np.zeros(0)
-        return cls(np.zeros(0, int), np.zeros((0, loads.sets.size + parameters)), no, no, no)
-
-
 def contact_forces(loads: ForceBalance, x: Array) -> dict[str, Array]:
     """{contact: force (3,) or wrench (6,) at the patch's centre, world axes}; row forces where rows have no resultant.
 
@@ -339,12 +307,8 @@ def contact_forces(loads: ForceBalance, x: Array) -> dict[str, Array]:
         loads: The loads.
         x: Weights over the unit, shape (p,).
     """
-    f, out, at = loads.sets.G @ x * loads.unit, {}, 0
-    for r in loads.rows:
-        part = f[at : at + len(r)]
-        at += len(r)
-        out[r.name] = part.copy() if r.resultant is None else np.asarray(r.resultant @ part)
-    return out
+    parts = by_rows(loads.rows, loads.sets.G @ x * loads.unit)
+    return {r.name: part.copy() if r.resultant is None else np.asarray(r.resultant @ part) for r, part in parts}
 
 
 def torques_left(loads: ForceBalance, x: Array, more: Array | None = None) -> tuple[Array, Array]:

@@ -13,13 +13,13 @@ falls with mu: by |r_t| w_n of each cone, r what the cone answers with.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from rbd.arrays import Array
 from rbd.problem import programs
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic
 from rbd.solvers.conic_newton import solve_conic
 
 MOST = 10.0
@@ -47,19 +47,11 @@ class Balance:
     """The equilibrium conditions on contact forces, in units of the body weight and of each motor's limit.
 
     Attributes:
-        A: Generalised forces of unit weights on unactuated coordinates, shape (e, p).
-        b: Their required sum, shape (e,).
-        T: Generalised forces of unit weights at the motors, shape (n, p).
-        t: Load of the motors without contact forces, shape (n,).
-        forces: The weights as unknowns of a program; `mu` are the given coefficients.
+        program: Any weights that balance, of which the cones' `mu` are the given coefficients; H = 0 and g = 0.
         yields: Which of the cones may take a larger one, shape (k,), of truth values.
     """
 
-    A: Array
-    b: Array
-    T: Array
-    t: Array
-    forces: Block
+    program: Conic
     yields: Array
     _left: int = field(default=programs.FRICTION_PROGRAMS, init=False)
 
@@ -71,7 +63,7 @@ class Balance:
         Raises:
             LimitReached: where it is not found within the limits.
         """
-        self._left, given = programs.FRICTION_PROGRAMS, self.forces.mu
+        self._left, given = programs.FRICTION_PROGRAMS, self.program.mu
         low = float(given[self.yields].min()) if self.yields.any() else 0.0  # below, the result is the same
         high = float(min(MOST, given.max(initial=1.0)))
         if self._missed(low)[0] <= MET:
@@ -104,27 +96,16 @@ class Balance:
     def _missed(self, mu: float) -> tuple[float, float]:
         """(the least s with this coefficient, its decrease per unit of the coefficient, to first order)."""
         self._left -= 1
-        given, cones = self.forces.mu, self.forces.cones
+        P, given = self.program, self.program.mu
         coefficients = np.where(self.yields, np.maximum(mu, given), given)
         rubs = coefficients > 0.0
-        lower, upper = self.forces.lower.copy(), self.forces.upper.copy()  # type: ignore[union-attr]
-        smooth = cones[~rubs]
+        lower, upper = P.lower.copy(), P.upper.copy()
+        smooth = P.cones[~rubs]
         lower[smooth], upper[smooth[:, :2]] = 0.0, 0.0
-        forces = Block(len(lower), 0.0, 0.0, lower, upper, cones[rubs], coefficients[rubs])
-        left, excess = Block(len(self.b), linear=1.0, lower=0.0), Block(len(self.t), linear=1.0, lower=0.0)
-        I, over = np.eye(len(self.b)), np.eye(len(self.t))
-        program = Conic.of(
-            {"forces": forces, "less": left, "more": left, "excess": excess},
-            [({"forces": self.A, "less": I, "more": -I}, self.b)],
-            [
-                ({"forces": self.T, "excess": over}, self.t - 1.0, math.inf),
-                ({"forces": self.T, "excess": -over}, -math.inf, self.t + 1.0),
-            ],
-        )
+        program = replace(P, lower=lower, upper=upper, cones=P.cones[rubs], mu=coefficients[rubs]).missed()
         found = solve_conic(program, newton=False, tolerance=MET) if self._left >= 0 else None
         if found is None or program.outside(found.x) > MET or program.excess(found.x, found.y, found.z) > MET:
             raise LimitReached
-        # Those that a larger coefficient than mu would change.
-        grows = cones[self.yields & (mu >= given) & rubs]
+        grows = P.cones[self.yields & (mu >= given) & rubs]  # those that a larger coefficient than mu would change
         r = program.answer_of_X(found.x, found.y, found.z)[grows]
         return program.value(found.x), float(np.hypot(r[:, 0], r[:, 1]) @ found.x[grows[:, 2]])

@@ -146,15 +146,15 @@ class Excess(NamedTuple):
 
 def excess(loads: ForceBalance, effort: Effort) -> Excess | None:
     """The least excess of torques over their limits; None where no forces balance."""
-    limited = np.flatnonzero(loads.limited)
-    T, I, (low, high) = loads.T[limited], np.eye(len(limited)), loads.within
+    limited, (rows, low, high) = np.flatnonzero(loads.limited), loads.torque_rows
+    I = np.eye(len(limited))
     program = Conic.of(
         {"forces": loads.block(_ANY), "excess": Block(len(limited), linear=1.0, lower=0.0)},
         [({"forces": loads.A}, loads.b)],
         [
             effort.rows(loads),
-            ({"forces": T, "excess": I}, low[limited], math.inf),
-            ({"forces": T, "excess": -I}, -math.inf, high[limited]),
+            (rows | {"excess": I}, low, math.inf),
+            (rows | {"excess": -I}, -math.inf, high),
         ],
     )
     found = solve_conic(program, newton=False, tolerance=1e-8)
@@ -162,7 +162,7 @@ def excess(loads: ForceBalance, effort: Effort) -> Excess | None:
         return None
     out, tau = np.zeros(len(loads.limited)), np.zeros(len(loads.limited))
     out[limited] = found["excess"]
-    tau[limited] = (loads.t[limited] - T @ found["forces"]) * loads.limit[limited]
+    tau[limited] = (loads.t - loads.T @ found["forces"])[limited] * loads.limit[limited]
     return Excess(out, tau)
 
 

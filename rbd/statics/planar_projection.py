@@ -20,11 +20,11 @@ from rbd.arrays import Array
 from rbd.constraints.convex.polygons import convex_hull, inside_distance, nearest_on_edge
 from rbd.errors import InaccurateWarning
 from rbd.model.state import State
-from rbd.problem.conic import Certificate
+from rbd.problem.conic import Certificate, Conic
 from rbd.problem.programs import POLYGON_PROGRAMS, Outcome, linear_program
 from rbd.records import Field
 from rbd.statics.force_balance import ForceBalance
-from rbd.statics.force_program import SAME, ForceProgram, Support
+from rbd.statics.force_program import SAME, Support, farthest, recession
 
 WITHIN_M = 10.0
 """A region is looked for so far around its contacts, and cut off there."""
@@ -155,7 +155,7 @@ class PlanarSet:
         return cls(outcome, nothing, nothing, nothing, (), programs, contradiction)
 
 
-def planar_set(program: ForceProgram, *, area_gap: float = 0.0, size: float = 1.0) -> PlanarSet:
+def planar_set(program: Conic, *, area_gap: float = 0.0, size: float = 1.0) -> PlanarSet:
     """The polygon of a program whose p is bounded.
 
     Args:
@@ -167,7 +167,7 @@ def planar_set(program: ForceProgram, *, area_gap: float = 0.0, size: float = 1.
     n, most = program.A.shape[1], POLYGON_PROGRAMS
     around: list[Support] = []
     for angle in _START + np.arange(3) * (2.0 * np.pi / 3.0):
-        found = program.farthest(np.concatenate([np.zeros(n - 2), [np.cos(angle), np.sin(angle)]]))
+        found = farthest(program, np.append(np.zeros(n - 2), [np.cos(angle), np.sin(angle)]))
         if found.outcome is not Outcome.SOLVED:
             return PlanarSet.none(found.outcome, len(around) + 1, found.contradiction)
         around.append(found)
@@ -180,7 +180,7 @@ def planar_set(program: ForceProgram, *, area_gap: float = 0.0, size: float = 1.
         if length <= SAME * size:
             open_[i] = 0.0
             continue
-        found = program.farthest(np.concatenate([np.zeros(n - 2), [along[1] / length, -along[0] / length]]))
+        found = farthest(program, np.append(np.zeros(n - 2), [along[1] / length, -along[0] / length]))
         if found.outcome is not Outcome.SOLVED:
             return PlanarSet.none(Outcome.NOT_FOUND, len(around) + 1)
         around.insert(i + 1, found)
@@ -193,7 +193,7 @@ def planar_set(program: ForceProgram, *, area_gap: float = 0.0, size: float = 1.
     return _polygons(tuple(around), size)
 
 
-def planar_region(program: ForceProgram, area_gap: float = 0.0) -> tuple[PlanarSet, Array, bool]:
+def planar_region(program: Conic, area_gap: float = 0.0) -> tuple[PlanarSet, Array, bool]:
     """(set, directions, cut): the polygon within `WITHIN_M`, directions without end (r, 2), and whether it goes on beyond.
 
     Args:
@@ -204,7 +204,7 @@ def planar_region(program: ForceProgram, area_gap: float = 0.0) -> tuple[PlanarS
     found = planar_set(program, area_gap=area_gap)
     if not len(found.inner) or np.abs(found.inner - middle).max() < WITHIN_M * (1.0 - 1e-6):
         return found, none, False
-    ends = planar_set(program.recession, area_gap=1e-4 if len(program.mu) else 0.0)
+    ends = planar_set(recession(program), area_gap=1e-4 if len(program.mu) else 0.0)
     if ends.outcome is not Outcome.SOLVED:
         return PlanarSet.none(Outcome.NOT_FOUND), none, True
     length = np.linalg.norm(ends.inner, axis=1)

@@ -14,11 +14,12 @@ from rbd.constraints.constraint import Constraint
 from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.model.state import State
+from rbd.problem.conic import Block, Conic
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import Outcome
 from rbd.records import Field
-from rbd.statics.force_balance import ForceBalance, TorqueRows, contact_forces, outside, place, standing_loads, torques_left
-from rbd.statics.force_program import ForceProgram, Support
+from rbd.statics.force_balance import ForceBalance, contact_forces, outside, place, standing_loads, torques_left
+from rbd.statics.force_program import Support, bound, farthest
 from rbd.statics.limits import Limit
 
 if TYPE_CHECKING:
@@ -270,9 +271,8 @@ class _PushSearch:
         robot = loads.state.robot
         self.loads, self.ways, self.most, self.programs = loads, ways, most, 0
         self.B = J.T[robot.unactuated] / loads.row_size[:, None]
-        self.P = J.T[robot.motors] * (loads.unit / loads.limit)[:, None]
-        self.torques = rows = TorqueRows.of(loads, self.P)
-        self.own = ForceProgram.of_loads(loads.A, loads.b, rows.C[:, :-3], rows.low, rows.high, loads)
+        self.P = (J.T[robot.motors] * (loads.unit / loads.limit)[:, None])[loads.limited]
+        self.own = Conic.of({"forces": loads.block()}, [({"forces": loads.A}, loads.b)], [loads.torque_rows])
         self.answers: dict[int, _Answer] = {}
         self.least: dict[int, _Answer] = {}
 
@@ -345,12 +345,13 @@ class _PushSearch:
     def _program(self, way: Array, gain: float) -> Support:
         """The push along a direction that is farthest, as a program over weights and its size."""
         self.programs += 1
-        own, rows = self.own, self.torques
-        program = ForceProgram.of_sets(
-            np.column_stack([own.A, self.B @ way]), own.b, np.column_stack([own.C, rows.C[:, -3:] @ way]), own.low,
-            own.high, np.append(own.lower, 0.0), np.append(own.upper, self.most), own.cones, own.mu,
-        )  # fmt: skip
-        return program.farthest(np.append(np.zeros(len(own.lower)), gain))
+        loads, (rows, low, high) = self.loads, self.loads.torque_rows
+        program = Conic.of(
+            {"forces": loads.block(), "push": Block(1, lower=0.0, upper=self.most)},
+            [({"forces": loads.A, "push": (self.B @ way)[:, None]}, loads.b)],
+            [(rows | {"push": (self.P @ way)[:, None]}, low, high)],
+        )
+        return farthest(program, np.append(np.zeros(loads.sets.size), gain))
 
     def _smallest(self, way: Array) -> _Answer:
         found, robot = self._program(way, -1.0), self.loads.state.robot
@@ -362,7 +363,7 @@ class _PushSearch:
         return _Answer(float(found.x[-1]), -found.value, found.x[:-1], np.zeros(robot.nv), none, 0.0)
 
     def _solved(self, way: Array) -> _Answer:
-        own, rows, loads, robot = self.own, self.torques, self.loads, self.loads.state.robot
+        own, loads, robot = self.own, self.loads, self.loads.state.robot
         found = self._program(way, 1.0)
         if found.outcome is not Outcome.SOLVED:
             raise NoSolution(f"{robot.name}: the largest push along {np.round(way, 3)} was not found.")
@@ -370,9 +371,9 @@ class _PushSearch:
         if size >= self.most - _SAME:  # nothing but the end of the search stops it
             return _Answer(self.most, self.most, found.x[:-1], motion, np.zeros(3), 0.0)
         motion[robot.unactuated] = -found.y / loads.row_size
-        motion[robot.actuated[rows.motors]] = -found.z / rows.size * loads.unit / loads.limit[rows.motors]
-        a = -(self.B.T @ found.y) - rows.C[:, -3:].T @ found.z
-        b = own.bound(np.zeros(len(own.lower)), found.y, found.z)
+        motion[robot.actuated[loads.limited]] = -found.z * loads.unit / loads.limit[loads.limited]
+        a = -(self.B.T @ found.y) - self.P.T @ found.z
+        b = bound(own, np.zeros(len(own.lower)), found.y, found.z)
         return _Answer(size, min(found.value, self.most), found.x[:-1], motion, a, b)
 
 

@@ -14,12 +14,11 @@ from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.model.world import along_gravity
-from rbd.problem.conic import Certificate
+from rbd.problem.conic import Block, Certificate, Conic
 from rbd.problem.programs import Outcome
 from rbd.records import Field
 from rbd.statics.force_balance import (
     ForceBalance,
-    TorqueRows,
     check_area_gap,
     contact_forces,
     friction_words,
@@ -28,7 +27,7 @@ from rbd.statics.force_balance import (
     standing_loads,
     torques_left,
 )
-from rbd.statics.force_program import ForceProgram
+from rbd.statics.force_program import around
 from rbd.statics.planar_projection import WITHIN_M, PlanarSet, Region, area_of, planar_region, warn_of_gap
 
 if TYPE_CHECKING:
@@ -189,9 +188,10 @@ class SupportRegion(Region, Displayed):
         """Motors without whose limits an empty region may not be empty."""
         if self.contradiction is None or not len(self.contradiction.z):
             return ()
-        rows, z = _torque_rows(self.loads), self.contradiction.z
-        share = np.abs(z) * np.maximum(np.abs(rows.low), np.abs(rows.high))
-        return tuple(self.state.robot.actuated_names[i] for i in rows.motors[share > _SHARE * self.contradiction.gap])
+        _, low, high = self.loads.torque_rows
+        share = np.abs(self.contradiction.z) * np.maximum(np.abs(low), np.abs(high))
+        motors = np.flatnonzero(self.loads.limited)[share > _SHARE * self.contradiction.gap]
+        return tuple(self.state.robot.actuated_names[i] for i in motors)
 
     def _corner(self, corner: int) -> int:
         if isinstance(corner, bool) or not isinstance(corner, int | np.integer) or not 0 <= corner < len(self.vertices):
@@ -254,10 +254,9 @@ def support_region(
     program = _program(loads, torque_limits)
     found, directions, cut = planar_region(program, gap if len(loads.sets.mu) else 0.0)
     if found.outcome is Outcome.INFEASIBLE:
-        contradiction = found.contradiction or program.contradiction()
-        if contradiction is None:
+        if found.contradiction is None:
             raise NoSolution(f"{state.robot.name}: whether the region is empty was not found.")
-        return _region(loads, friction, torque_limits, margin, found, np.zeros((0, 2)), contradiction, False)
+        return _region(loads, friction, torque_limits, margin, found, np.zeros((0, 2)), found.contradiction, False)
     if found.outcome is not Outcome.SOLVED:
         raise NoSolution(f"{state.robot.name}: a program of the support region was not solved. Use fewer contacts.")
     warn_of_gap(found, gap, stacklevel=3)
@@ -283,7 +282,7 @@ def _check_stands(state: State) -> None:
     along_gravity(g, np.zeros(3))  # refuses a gravity whose lines do not meet the plane
 
 
-def _program(loads: ForceBalance, limits: bool) -> ForceProgram:
+def _program(loads: ForceBalance, limits: bool) -> Conic:
     """X = (w, centre of mass): weight and forces balance.
 
     A centre of mass moved by d along z = 0 adds the moment d x m g to what gravity does on the base.
@@ -296,9 +295,12 @@ def _program(loads: ForceBalance, limits: bool) -> ForceProgram:
     shift[first + 3 : first + 6] = -R.T @ cross_matrix(down)[:, :2]  # d x down = -down x d
     shift /= loads.row_size[:, None]
     below = along_gravity(down, state.com)
-    torques = _torque_rows(loads) if limits else TorqueRows.none(loads, 2)
-    A, b = np.hstack([loads.A, shift]), loads.b + shift @ below
-    return ForceProgram.of_loads(A, b, torques.C, torques.low, torques.high, loads).around(_middle(loads), WITHIN_M)
+    program = Conic.of(
+        {"forces": loads.block(), "point": Block(2)},
+        [({"forces": loads.A, "point": shift}, loads.b + shift @ below)],
+        [loads.torque_rows] if limits else [],  # of the pose: a centre of mass loads no motor
+    )
+    return around(program, _middle(loads), WITHIN_M)
 
 
 def _middle(loads: ForceBalance) -> Array:
@@ -306,8 +308,3 @@ def _middle(loads: ForceBalance) -> Array:
     g = loads.state.robot.gravity
     points = [along_gravity(g, r.patch.corners_W) for r in loads.rows if r.patch is not None and len(r.patch.corners)]
     return np.asarray(np.concatenate([along_gravity(g, loads.state.com)[None], *points]).mean(axis=0))
-
-
-def _torque_rows(loads: ForceBalance) -> TorqueRows:
-    """A centre of mass loads no motor: the gravity torques are those of the pose."""
-    return TorqueRows.of(loads, np.zeros((loads.state.robot.nu, 2)))

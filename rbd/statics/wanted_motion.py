@@ -6,21 +6,18 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
 from rbd.arrays import Array, as_float, lazy, max_abs, zeros
-from rbd.constraints.constraint import Constraint, with_loops
-from rbd.constraints.distance_warnings import warn_of_opening
+from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotMove, ContactMoves, InaccurateWarning, InputError, NoSolution, Reason, SpeedLimitWarning
 from rbd.model.external import External, generalised
 from rbd.model.state import State
 from rbd.problem.answer import Status
 from rbd.problem.conic import Conic, ConicAnswer
-from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.motion_forces import Refused, allowed_forces, narrowed, refusal_words
 from rbd.problem.programs import CONIC_STEPS, Outcome
@@ -29,13 +26,53 @@ from rbd.problem.rows import Rows
 from rbd.solvers.conic_newton import solve_conic
 from rbd.statics.actuation import Actuation
 from rbd.statics.effort import DEFAULT, POSSIBLE, Effort
-from rbd.statics.force_balance import ForceBalance, contact_rows
+from rbd.statics.force_balance import ForceBalance, contact_rows, refuse_motion
 from rbd.statics.nearest_possible_motion import nearest_possible
-from rbd.statics.why_impossible import Refusal
 
 MARGIN = 0.05
 """How far friction of points that keep still is kept from its limit unless said otherwise, as a share of it."""
 FRICTIONS = ("cone", "inscribed")
+
+
+@dataclass(frozen=True, eq=False)
+class Choice:
+    """What torques and forces are chosen by.
+
+    Attributes:
+        effort: What is made least.
+        friction: "cone" or "inscribed".
+        margin: Friction of points that keep still stays within 1 - margin of its cone; None: `MARGIN` where that is possible,
+            else 0.
+        rest_speed: As of `rbd.solve`.
+        holds: Whether poses are to be held, at rest.
+    """
+
+    effort: Effort
+    friction: str
+    margin: float | None
+    rest_speed: float
+    holds: bool
+
+    @classmethod
+    def of(cls, objective: Effort | None, friction: str, margin: float | None, rest_speed: float, *, holds: bool) -> Choice:
+        """Checked.
+
+        Raises:
+            InputError: an objective that is none, an unknown word, a margin or a speed that is none.
+        """
+        effort = DEFAULT if objective is None else objective
+        if not isinstance(friction, str) or friction not in FRICTIONS:
+            raise InputError(f"friction is {friction!r:.80}; expected 'cone' or 'inscribed' (pyramids inside the cones).")
+        if not isinstance(effort, Effort):
+            raise InputError(f"objective is {effort!r:.80}; expected an rbd.statics.Effort, or None.")
+        if not 0.0 <= as_float(rest_speed) < 1e100:
+            raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
+        return cls(effort, friction, None if margin is None else checked_margin(margin), rest_speed, holds)
+
+    @property
+    def margins(self) -> tuple[float, ...]:
+        """The margins, in the order in which they are tried."""
+        return (MARGIN, 0.0) if self.margin is None else (self.margin,)
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +86,7 @@ class WantedMotion:
         rows: Their rows.
         tau_ext: Generalised force of the world, shape (nv,).
         external: The same as given.
-        effort: What is made least.
-        friction: "cone" or "inscribed".
-        rest_speed: As of `rbd.solve`.
-        holds: Whether it is a pose at rest, to be held.
+        choice: What torques and forces are chosen by.
     """
 
     state: State
@@ -61,116 +95,101 @@ class WantedMotion:
     rows: tuple[Rows, ...]
     tau_ext: Array
     external: External
-    effort: Effort
-    friction: str
-    rest_speed: float
-    holds: bool
+    choice: Choice
 
     @classmethod
     def of(
-        cls,
-        state: State,
-        a: Array,
-        contacts: Sequence[Constraint],
-        external: External,
-        effort: Effort | None,
-        friction: str,
-        rest_speed: float = REST_SPEED,
-        loops: bool = True,
-        *,
-        holds: bool,
-        stacklevel: int,
-    ) -> WantedMotion:
-        """Checked; a warning names contacts that are off their planes.
+        cls, state: State, a: Array, contacts: tuple[Constraint, ...], external: External, choice: Choice,
+        *, stacklevel: int | None = None,
+    ) -> WantedMotion:  # fmt: skip
+        """Checked; a warning names contacts that are off their planes, if a `stacklevel` is given.
 
         Raises:
-            InputError: of what is no constraint, no effort, no kind of friction.
+            NotAtRest: a pose is to be held, and the robot, or what a contact touches, moves.
             DuplicateName: two constraints of one name.
         """
-        given = with_loops(state.robot, contacts, loops)
-        rows = contact_rows(state, given, stacklevel=stacklevel + 1)
-        if not holds:
+        if choice.holds:
+            refuse_motion(state)
+        rows = contact_rows(state, contacts, stacklevel=None if stacklevel is None else stacklevel + 1)
+        if choice.holds:
+            refuse_motion(state, rows)
+        elif stacklevel is not None:
             _warn_of_speed(state, stacklevel + 1)
-        effort = DEFAULT if effort is None else effort
-        check_choice(effort, friction, rest_speed)
         tau_ext = zeros(state.robot.nv) if external is None else generalised(state, external)[0]
-        return cls(state, a, given, rows, tau_ext, external, effort, friction, rest_speed, holds)
+        return cls(state, a, contacts, rows, tau_ext, external, choice)
 
-    def actuation(self, margin: float, *, stacklevel: int) -> Actuation:
-        """The torques and forces of least effort.
+    def sought(self, margin: float) -> Actuation | ConicAnswer:
+        """The torques and forces of least effort; where there are none within tolerance, what the program ended with.
+
+        Near a limit, or where contacts are nearly redundant, the least may not be found; torques that are possible are.
 
         Args:
             margin: Friction of points that keep still stays within 1 - margin of its cone.
-            stacklevel: Of warnings.
 
         Raises:
             ContactMoves: the velocity is none that the contacts allow.
-            CannotMove: the acceleration is none that they allow, or there are no such torques and forces.
+            CannotMove: the acceleration is none that they allow.
         """
-        sets = self._sets()
-        warn_of_opening(self.state.robot, sets.openings, self.rest_speed, stacklevel=stacklevel)
-        still, y = self._accelerations(sets)
-        found = self._found(sets, y, still, margin, stacklevel + 1)
-        if found is not None:
-            return found
-        allowed, _ = self._allowed(sets, y, still, margin)
-        raise Refusal(
-            self._loads(allowed), self.a, self.contacts, self.effort, self.friction, margin, self.holds,
-            partial(WantedMotion.nearest, self, sets, margin), lambda: self._found(sets, y, still, 0.0, stacklevel) is not None,
-        ).error()  # fmt: skip
-
-    def possible(self, margin: float, *, stacklevel: int) -> Actuation | None:
-        """The same as `actuation` of a pose to be held, or None where there is none."""
-        sets = self._sets()
-        still, y = self._accelerations(sets)
-        return self._found(sets, y, still, margin, stacklevel + 1)
-
-    def sought(self, margin: float) -> tuple[Actuation | None, bool]:
-        """(what `actuation` finds, or None where it would search the reason; whether points leave), without warnings.
-
-        Raises:
-            ContactMoves: as `actuation`.
-            CannotMove: the acceleration is none that the contacts allow.
-        """
-        sets = self._sets()
-        still, y = self._accelerations(sets)
-        found = self._least(sets, y, still, margin)
-        return found if isinstance(found, Actuation) else None, bool(sets.openings)
-
-    def _found(self, sets: ForceSet, y: Array, still: Array, margin: float, stacklevel: int) -> Actuation | None:
-        found = self._least(sets, y, still, margin)
-        return warned(found, stacklevel + 1) if isinstance(found, Actuation) else None
-
-    def _least(self, sets: ForceSet, y: Array, still: Array, margin: float) -> Actuation | ConicAnswer:
-        allowed, refused = self._allowed(sets, y, still, margin)
+        allowed, refused = self._allowed(margin)
         if refused:
             name = self.state.robot.name
             raise CannotMove(
                 f"{name} cannot move so: {refusal_words(refused, [r.name for r in self.rows])} m/s2 (or rad/s2). Put the "
                 "acceleration onto the contacts, rbd.mechanism.project_acceleration(state, a, contacts), or leave out what "
                 "opens.",
-                nearest=partial(WantedMotion.nearest, self, sets, margin),
+                nearest=partial(WantedMotion.nearest, self, margin),
                 reason=Reason.CANNOT_MOVE_CONTACT,
             )
-        return least_effort(self._loads(allowed), self.a, self.contacts, self.external, self.effort, margin, self.rest_speed)
+        loads = self._loads(allowed)
+        program = self.choice.effort.program(loads)
+        found = solve_conic(program)
+        least = found.solved
+        if not least and found.certificate is None and program.outside(found.x) > POSSIBLE:
+            zero = np.zeros_like(program.H)
+            found = solve_conic(replace(program, H=zero, g=zero[:, 0]), newton=False, tolerance=POSSIBLE)
+        x = _balanced(program, found.x)
+        if not (found.solved or found.certificate is None and program.outside(x) <= POSSIBLE):
+            return found
+        return self._actuation(loads, x * loads.unit, margin, found.iterations, found.method, least=least)
+
+    def loads(self, margin: float) -> ForceBalance:
+        """The equations of motion, and the forces that the motion allows."""
+        return self._loads(self._allowed(margin)[0])
+
+    def _actuation(self, loads: ForceBalance, w: Array, margin: float, steps: int, method: str, *, least: bool) -> Actuation:
+        tau, _ = loads.torques(w)
+        choice = self.choice
+        return Actuation(
+            self.a, tau, w, loads, self.contacts, self.external, choice.effort, margin, choice.rest_speed, steps, method, least
+        )
 
     def _loads(self, sets: ForceSet) -> ForceBalance:
         state = self.state
         need = state.h - self.tau_ext
-        if self.holds:
+        if self.choice.holds:
             return ForceBalance(state, self.rows, sets, need, self._motion)
         terms = np.abs(state.M) @ np.abs(self.a) + np.abs(need)
         return ForceBalance(state, self.rows, sets, state.M @ self.a + need, self._motion, terms)
 
-    def _allowed(self, sets: ForceSet, y: Array, still: Array, margin: float) -> tuple[ForceSet, tuple[Refused, ...]]:
-        allowed, refused = (narrowed(sets, margin), ()) if self.holds else allowed_forces(sets, y, still, margin)
-        return (allowed.with_pyramids(inscribed=True) if self.friction == "inscribed" and len(allowed.mu) else allowed), refused
+    def _allowed(self, margin: float) -> tuple[ForceSet, tuple[Refused, ...]]:
+        if self.choice.holds:
+            return self._pyramids(narrowed(self.sets, margin)), ()
+        allowed, refused = allowed_forces(self.sets, *self._accelerations(), margin)
+        return self._pyramids(allowed), refused
 
-    def _sets(self) -> ForceSet:
-        """The force sets, velocities regarded."""
-        if self.holds:
+    def _pyramids(self, sets: ForceSet) -> ForceSet:
+        return sets.with_pyramids(inscribed=True) if self.choice.friction == "inscribed" and len(sets.mu) else sets
+
+    @lazy
+    def sets(self) -> ForceSet:
+        """The force sets, velocities regarded.
+
+        Raises:
+            ContactMoves: the velocity is none that the contacts allow.
+        """
+        if self.choice.holds:
             return at_rest(*[r.cone for r in self.rows])
-        rest_speed = self.rest_speed
+        rest_speed = self.choice.rest_speed
         sets = ForceSet.of(self.rows, rest_speed)
         if sets.impact:
             raise ContactMoves(
@@ -187,18 +206,19 @@ class WantedMotion:
                 )
         return sets
 
-    def _accelerations(self, sets: ForceSet) -> tuple[Array, Array]:
-        """(what counts as zero, accelerations) of the columns of the sets."""
-        if self.holds or not self.rows:
+    def _accelerations(self) -> tuple[Array, Array]:
+        """(accelerations, what counts as zero) of the columns of the sets."""
+        sets = self.sets
+        if not self.rows:
             return np.zeros(sets.size), np.zeros(sets.size)
         J, offset = self._motion
         y = sets.accelerations(J @ self.a + offset)
         if max_abs(y) <= SOLVED:  # the least that counts as zero: all points keep still
-            return np.full(len(y), SOLVED), y
+            return y, np.full(len(y), SOLVED)
         sizes = [np.abs(r.bias) + np.abs(r.feedback) for r in self.rows]
         terms = np.maximum(np.abs(J) @ np.abs(self.a) + np.concatenate(sizes), 1.0)
         along = np.abs(sets.H).T @ terms + np.abs(sets.offset)
-        return SOLVED * np.maximum(along, 1.0), y
+        return y, SOLVED * np.maximum(along, 1.0)
 
     @lazy
     def _motion(self) -> tuple[Array, Array]:
@@ -210,40 +230,26 @@ class WantedMotion:
             offset = offset + np.concatenate([r.feedback for r in self.rows])
         return np.concatenate([r.J for r in self.rows]), offset
 
-    def nearest(self, sets: ForceSet, margin: float) -> Actuation:
+    def nearest(self, margin: float) -> Actuation:
         """The nearest possible motion, contacts as they are.
 
         Raises:
             NoSolution: where there is none, or it was not found.
         """
-        kept = narrowed(sets, margin)
-        loads = self._loads(kept.with_pyramids(inscribed=True) if self.friction == "inscribed" and len(kept.mu) else kept)
+        sets = self.sets
+        loads = self._loads(self._pyramids(narrowed(sets, margin)))
         J, offset = self._motion
         live = sets.lower < sets.upper
-        H = sets.H[:, live].T
-        found = nearest_possible(loads, self.a, self.tau_ext - self.state.h, H @ J, H @ offset + sets.offset[live], self.effort)
+        H, at = sets.H[:, live].T, sets.offset[live]
+        found = nearest_possible(loads, self.a, self.tau_ext - self.state.h, H @ J, H @ offset + at, self.choice.effort)
         name = self.state.robot.name
         if found is Outcome.INFEASIBLE:
             raise NoSolution(f"{name} has no possible motion that keeps its contacts as they are.")
         if isinstance(found, Outcome):
             raise NoSolution(f"the nearest possible motion of {name} was not found within {CONIC_STEPS} steps.")
         a, w = found
-        moved = replace(self, a=a, holds=False)
-        at = moved._loads(loads.sets)
-        tau, _ = at.torques(w)
-        out = Actuation(
-            a,
-            tau,
-            w,
-            at,
-            self.contacts,
-            self.external,
-            self.effort,
-            margin,
-            self.rest_speed,
-            0,
-            "Clarabel",
-        )
+        moved = replace(self, a=a, choice=replace(self.choice, holds=False))
+        out = moved._actuation(moved._loads(loads.sets), w, margin, 0, "Clarabel", least=True)
         checked = warned(out, 4)
         if checked is None:
             raise NoSolution(
@@ -268,20 +274,6 @@ def _warn_of_speed(state: State, stacklevel: int) -> None:
         )
 
 
-def check_choice(effort: Effort, friction: str, rest_speed: float) -> None:
-    """Refuse what torques and forces cannot be chosen by.
-
-    Raises:
-        InputError: no effort, no kind of friction, no speed.
-    """
-    if not isinstance(friction, str) or friction not in FRICTIONS:
-        raise InputError(f"friction is {friction!r:.80}; expected 'cone' or 'inscribed' (pyramids inside the cones).")
-    if not isinstance(effort, Effort):
-        raise InputError(f"objective is {effort!r:.80}; expected an rbd.statics.Effort, or None.")
-    if not 0.0 <= as_float(rest_speed) < 1e100:
-        raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
-
-
 def checked_margin(margin: float) -> float:
     """A number from 0, below 1.
 
@@ -298,33 +290,6 @@ def checked_margin(margin: float) -> float:
 
 _EXACT = 1e-14
 """What is left of balance below this, of numbers around one, is rounding."""
-
-
-def least_effort(
-    loads: ForceBalance,
-    a: Array,
-    constraints: Sequence[Constraint],
-    external: External,
-    effort: Effort,
-    margin: float,
-    rest_speed: float,
-) -> Actuation | ConicAnswer:
-    """The actuation; where there is none within tolerance, what the program ended with.
-
-    Near a limit, or where contacts are nearly redundant, the least may not be found; torques that are possible are.
-    """
-    program = effort.program(loads)
-    found = solve_conic(program)
-    least = found.solved
-    if not least and found.certificate is None and program.outside(found.x) > POSSIBLE:
-        zero = np.zeros_like(program.H)
-        found = solve_conic(replace(program, H=zero, g=zero[:, 0]), newton=False, tolerance=POSSIBLE)
-    x = _balanced(program, found.x)
-    if not (found.solved or found.certificate is None and program.outside(x) <= POSSIBLE):
-        return found
-    w = x * loads.unit
-    tau, _ = loads.torques(w)
-    return Actuation(a, tau, w, loads, constraints, external, effort, margin, rest_speed, found.iterations, found.method, least)
 
 
 def warned(actuation: Actuation, stacklevel: int) -> Actuation | None:

@@ -2,76 +2,82 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
-from rbd.arrays import Array, largest_first
+from rbd.arrays import largest_first
 from rbd.constraints.constraint import Constraint, has_friction, rows_of
 from rbd.constraints.convex.polygons import convex_hull, inside_distance
+from rbd.constraints.distance_warnings import warn_of_opening
 from rbd.errors import CannotHold, CannotMove, Reason
 from rbd.model.checked_model import on_its_line
 from rbd.model.world import LEAST_FALL, along_gravity, is_along_z
-from rbd.problem.conic import Block
+from rbd.problem.conic import Block, Conic
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import CONIC_STEPS, FRICTION_PROGRAMS
 from rbd.statics.actuation import Actuation
-from rbd.statics.effort import Effort
 from rbd.statics.force_balance import ForceBalance
 from rbd.statics.least_friction import Balance, LimitReached, rounded_up
 from rbd.statics.limits import Limit, Relaxable
 from rbd.statics.nearest_possible_motion import Excess, Missing, excess, missing
+from rbd.statics.wanted_motion import WantedMotion, warned
 
 _NOTHING = 1e-7
 """What is missing below this, over the body weight, is nothing."""
 _TOLD = 8  # limits, contacts or joints that a message names
 
 
+def actuation_of(wanted: WantedMotion, *, stacklevel: int) -> Actuation:
+    """The torques and forces of least effort of a wanted motion; a warning names what opens, or is inaccurate.
+
+    Raises:
+        ContactMoves: the velocity is none that the contacts allow.
+        CannotMove: the acceleration is none that they allow, or there are no such torques and forces.
+    """
+    warn_of_opening(wanted.state.robot, wanted.sets.openings, wanted.choice.rest_speed, stacklevel=stacklevel)
+    for margin in wanted.choice.margins:
+        found = wanted.sought(margin)
+        if isinstance(found, Actuation) and (good := warned(found, stacklevel + 1)) is not None:
+            return good
+    raise Refusal(wanted, wanted.loads(margin), margin).error()
+
+
 @dataclass(frozen=True, eq=False)
 class Refusal:
-    """A question that was refused.
+    """A motion that is not possible.
 
     Attributes:
+        wanted: The motion, its contacts, and what its forces must keep to.
         loads: The equations of motion and the sets of forces.
-        a: The wanted acceleration.
-        contacts: The contacts and other constraints.
-        effort: What the forces must keep to.
-        friction: "cone" or "inscribed".
         margin: Of friction.
-        holds: Whether the robot was to be held still.
-        nearest: The nearest possible motion.
-        without_margin: Whether it would be possible with margin=0.
     """
 
+    wanted: WantedMotion
     loads: ForceBalance
-    a: Array
-    contacts: Sequence[Constraint]
-    effort: Effort
-    friction: str
     margin: float
-    holds: bool
-    nearest: Callable[[], Actuation]
-    without_margin: Callable[[], bool]
 
     def error(self) -> CannotMove:
         """What to raise."""
-        kind = CannotHold if self.holds else CannotMove
-        name, does = self.loads.state.robot.name, "be held" if self.holds else "move so"
-        relaxable = Relaxable(self.loads, self.effort)
+        holds, effort = self.wanted.choice.holds, self.wanted.choice.effort
+        kind = CannotHold if holds else CannotMove
+        name, does = self.loads.state.robot.name, "be held" if holds else "move so"
+        nearest, relaxable = partial(WantedMotion.nearest, self.wanted, self.margin), Relaxable(self.loads, effort)
         proof = relaxable.refuted()
         if proof is None:
             return kind(
                 f"{name}: whether it can {does} was not found within {CONIC_STEPS} steps of a conic program: it is within 1e-6 "
                 "of a limit, or its contacts are nearly redundant. Change the pose, the push or the friction a little.",
-                nearest=self.nearest,
+                nearest=nearest,
                 reason=self._reason("undecided"),
             )
         limits, irreducible = relaxable.irreducible(proof)
-        lack = missing(self.loads, self.effort)
+        lack = missing(self.loads, effort)
         beyond = None
         if lack is not None and lack.size <= _NOTHING * self.loads.unit:
-            beyond = excess(self.loads, self.effort)
+            beyond = excess(self.loads, effort)
         detail, why = self._why(limits if irreducible else (), lack, beyond)
         words = f"{name} cannot {does}{self._on()}: {why}"
         if limits:
@@ -79,16 +85,16 @@ class Refusal:
             words += f" {together}: {_listed([str(limit) for limit in limits])}."
         if lack is not None and lack.size > _NOTHING * self.loads.unit:
             words += f" {_capital(str(lack))}."
-        if not self.holds:
+        if not holds:
             words += " `error.nearest()` is the nearest acceleration that is possible with the contacts kept."
         return kind(
             words, limits=limits, irreducible=irreducible, certificate=proof, missing=lack,
-            excess=None if beyond is None else beyond.share, nearest=self.nearest,
+            excess=None if beyond is None else beyond.share, nearest=nearest,
             reason=self._reason(detail),
         )  # fmt: skip
 
     def _reason(self, detail: str) -> Reason:
-        return Reason(f"cannot_{'hold' if self.holds else 'move'}{detail and ': '}{detail}")
+        return Reason(f"cannot_{'hold' if self.wanted.choice.holds else 'move'}{detail and ': '}{detail}")
 
     def _on(self) -> str:
         return " on " + _listed([f"{r.name!r:.80}" for r in self.loads.rows], ", ") if self.loads.rows else ""
@@ -112,24 +118,24 @@ class Refusal:
         if asked := [repr(limit.name) for limit in limits if limit.kind == "normal force"]:
             at = _listed(asked, ", ")
             return "request", f"what the objective asks of normal forces or centres of pressure at {at} prevents it."
-        if self.margin and self.without_margin():
+        if self.margin and isinstance(without := self.wanted.sought(0.0), Actuation) and warned(without, 6) is not None:
             kept = f"{100 * self.margin:g} % from its limit"
             return "friction margin", f"friction is kept {kept}, and prevents it; with margin=0 it could."
-        if self.holds and (found := self._why_friction()) is not None:
+        if self.wanted.choice.holds and (found := self._why_friction()) is not None:
             return found
         if any(limit.kind == "friction" for limit in limits):
             return "friction", "friction prevents it."
         return "support", self._unbalanced()
 
     def _unbalanced(self) -> str:
-        state = self.loads.state
-        pushed = float(np.abs(self.loads.need - state.M @ self.a - state.h).max()) > 1e-9
+        state, holds = self.loads.state, self.wanted.choice.holds
+        pushed = float(np.abs(self.loads.need - state.M @ self.wanted.a - state.h).max()) > 1e-9
         x, y, _ = np.round(state.com, 3) + 0.0
-        what = "its weight" if self.holds else "this motion and its weight"
+        what = "its weight" if holds else "this motion and its weight"
         advice = "Push less, or move the centre of mass against the push." if pushed else "Move it over its feet."
         return (
             f"no forces that its contacts can give balance {what}{' and the external forces' if pushed else ''} "
-            f"(centre of mass at x = {x:.3f}, y = {y:.3f} m{self._outside()}).{f' {advice}' if self.holds else ''}"
+            f"(centre of mass at x = {x:.3f}, y = {y:.3f} m{self._outside()}).{f' {advice}' if holds else ''}"
         )
 
     def _outside(self) -> str:
@@ -147,7 +153,7 @@ class Refusal:
 
     def _why_friction(self) -> tuple[str, str] | None:
         """(detail, sentences): whether more friction would do, and how much; None where none would."""
-        if not any(has_friction(c) for c in self.contacts):
+        if not any(has_friction(c) for c in self.wanted.contacts):
             return None
         try:
             return self._more_friction()
@@ -158,7 +164,7 @@ class Refusal:
             )
 
     def _more_friction(self) -> tuple[str, str] | None:
-        inside = self.friction == "inscribed"
+        inside = self.wanted.choice.friction == "inscribed"
         if inside and self._circular(limits=True, as_given=True).holds():
             mu = self._least(limits=True, from_zero=True)
             enough = "" if mu is None else f" from a coefficient of {rounded_up(mu)} at every contact on"
@@ -179,9 +185,10 @@ class Refusal:
 
     def _told(self, mu: float) -> str:
         """In words; where it is in all its digits what is given, that it is above."""
-        given = min(c.friction for c in self.contacts if has_friction(c))  # type: ignore[attr-defined]
+        given = min(c.friction for c in self.wanted.contacts if has_friction(c))  # type: ignore[attr-defined]
         rounded = rounded_up(mu)
-        return f"of {rounded}" if float(rounded) > given or self.friction == "inscribed" else f"just above {rounded}"
+        above = float(rounded) > given or self.wanted.choice.friction == "inscribed"
+        return f"of {rounded}" if above else f"just above {rounded}"
 
     def _least(self, *, limits: bool, from_zero: bool = False) -> float | None:
         """The least coefficient that would do, the margin kept."""
@@ -190,22 +197,22 @@ class Refusal:
 
     def _circular(self, *, limits: bool, as_given: bool = False, from_zero: bool = False) -> Balance:
         """The same question under circular cones: as given, of coefficients to be found above those given, or from zero on."""
-        L, robot = self.loads, self.loads.state.robot
-        rows = rows_of(L.state, [c if as_given else _with_friction(c, 1.0) for c in self.contacts])
+        L, robot, contacts = self.loads, self.loads.state.robot, self.wanted.contacts
+        rows = rows_of(L.state, [c if as_given else _with_friction(c, 1.0) for c in contacts])
         P = at_rest(*[r.cone for r in rows])
         per_weight = np.concatenate([r.J for r in rows]).T @ P.G * L.unit
         own, yields = P.mu * (1.0 - self.margin), np.zeros(len(P.mu), bool)
-        for c, span in zip(self.contacts, P.slices, strict=True):
+        for c, span in zip(contacts, P.slices, strict=True):
             at = (span.start <= P.cone_at) & (P.cone_at < span.stop)
             if has_friction(c):
                 yields[at] = not as_given
                 own[at] = 0.0 if from_zero else c.friction * (1.0 - self.margin)  # type: ignore[attr-defined]
         limited = L.limited if limits else np.zeros_like(L.limited)
         T, t, limit = per_weight[robot.actuated][limited], L.t[limited], L.limit[limited]
-        return Balance(
-            per_weight[robot.unactuated] / L.unit, L.need[robot.unactuated] / L.unit, T / limit[:, None], t,
-            Block(P.size, 0.0, 0.0, P.lower / L.unit, P.upper / L.unit, P.cone_columns, own), yields,
-        )  # fmt: skip
+        forces = Block(P.size, 0.0, 0.0, P.lower / L.unit, P.upper / L.unit, P.cone_columns, own)
+        balance = {"forces": per_weight[robot.unactuated] / L.unit}, L.need[robot.unactuated] / L.unit
+        torques = {"forces": T / limit[:, None]}, t - 1.0, t + 1.0
+        return Balance(Conic.of({"forces": forces}, [balance], [torques]), yields)
 
 
 def _with_friction(contact: Constraint, mu: float) -> Constraint:

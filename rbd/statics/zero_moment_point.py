@@ -23,9 +23,10 @@ from rbd.errors import InputError, NoSolution
 from rbd.model.external import External, generalised
 from rbd.model.state import State, checked
 from rbd.model.world import along_gravity
+from rbd.problem.conic import Block, Conic
 from rbd.problem.ground import Ground, On, plane_of
 from rbd.problem.programs import Outcome
-from rbd.problem.rows import Rows
+from rbd.problem.rows import Rows, by_rows
 from rbd.statics.force_balance import (
     ForceBalance,
     check_area_gap,
@@ -35,7 +36,7 @@ from rbd.statics.force_balance import (
     given_rows,
     names_of,
 )
-from rbd.statics.force_program import ForceProgram
+from rbd.statics.force_program import around
 from rbd.statics.planar_projection import WITHIN_M, Region, area_of, planar_region, warn_of_gap
 
 if TYPE_CHECKING:
@@ -204,7 +205,7 @@ def zmp_region(
     rows = given_rows(state, contacts)
     loads = ForceBalance(state, rows, force_sets(rows, friction, margin), state.h)
     program = (_pendulum if pendular else _any_motion)(loads, ground)
-    found, ways, cut = planar_region(program.around(np.zeros(2), WITHIN_M), gap if len(loads.sets.mu) else 0.0)
+    found, ways, cut = planar_region(around(program, np.zeros(2), WITHIN_M), gap if len(loads.sets.mu) else 0.0)
     if found.outcome not in (Outcome.SOLVED, Outcome.INFEASIBLE):
         raise NoSolution(f"{state.robot.name}: a program of the region of zero-moment points was not solved.")
     warn_of_gap(found, gap, stacklevel=3)
@@ -223,10 +224,8 @@ def wrench_map(rows: Sequence[Rows], sets_G: Array, about: Array) -> Array:
         sets_G: Row forces of unit weights, shape (m, p).
         about: The point in W, shape (3,) [m].
     """
-    out, at = np.zeros((6, sets_G.shape[1])), 0
-    for r in rows:
-        G = sets_G[at : at + len(r)]
-        at += len(r)
+    out = np.zeros((6, sets_G.shape[1]))
+    for r, G in by_rows(rows, sets_G):
         if r.resultant is None or r.patch is None or r.patch.against is not None:
             continue
         wrench = r.resultant @ G
@@ -237,7 +236,7 @@ def wrench_map(rows: Sequence[Rows], sets_G: Array, about: Array) -> Array:
     return out
 
 
-def _pendulum(loads: ForceBalance, ground: Ground) -> ForceProgram:
+def _pendulum(loads: ForceBalance, ground: Ground) -> Conic:
     """X = (w, z - foot): M_c = 0, F_z = the weight's part along -z, and F along the line from z to c."""
     state, n = loads.state, np.asarray(ground.normal)
     height, g = float(ground.distances(state.com[None])[0]), state.robot.gravity
@@ -250,21 +249,18 @@ def _pendulum(loads: ForceBalance, ground: Ground) -> ForceProgram:
     if abs(height) < 1e-6:
         raise InputError("the plane of the zero-moment point goes through the centre of mass. Give another height.")
     W, E = wrench_map(loads.rows, loads.sets.G, state.com), _plane_axes(ground)
-    A = np.zeros((6, W.shape[1] + 2))
-    A[:3, :-2], A[3:, :-2] = W[3:], np.vstack([n, E.T]) @ W[:3]
-    A[4:, -2:] = down * np.eye(2) / height  # F_t / F_z = (c - z)_t / height
-    none = np.zeros((0, A.shape[1]))
-    return ForceProgram.of_loads(A, np.array([0.0, 0.0, 0.0, down, 0.0, 0.0]), none, np.zeros(0), np.zeros(0), loads)
+    along = {"forces": E.T @ W[:3], "point": down * np.eye(2) / height}  # F_t / F_z = (c - z)_t / height
+    equations = [({"forces": W[3:]}, np.zeros(3)), ({"forces": n[None] @ W[:3]}, np.array([down])), (along, np.zeros(2))]
+    return Conic.of({"forces": loads.block(), "point": Block(2)}, equations)
 
 
-def _any_motion(loads: ForceBalance, ground: Ground) -> ForceProgram:
+def _any_motion(loads: ForceBalance, ground: Ground) -> Conic:
     """X = (w, z - foot): F . n = the weight, and z = n x M_foot over it; larger forces have the same points."""
     n, foot = _foot(loads.state, ground)
     W, E = wrench_map(loads.rows, loads.sets.G, foot), _plane_axes(ground)
-    A = np.zeros((3, W.shape[1] + 2))
-    A[0, :-2], A[1:, :-2], A[1:, -2:] = n @ W[:3], E.T @ cross_matrix(n) @ W[3:], -np.eye(2)
-    none = np.zeros((0, A.shape[1]))
-    return ForceProgram.of_loads(A, np.array([1.0, 0.0, 0.0]), none, np.zeros(0), np.zeros(0), loads)
+    across = {"forces": E.T @ cross_matrix(n) @ W[3:], "point": -np.eye(2)}
+    equations = [({"forces": n[None] @ W[:3]}, np.ones(1)), (across, np.zeros(2))]
+    return Conic.of({"forces": loads.block(), "point": Block(2)}, equations)
 
 
 def _foot(state: State, ground: Ground) -> tuple[Array, Array]:

@@ -32,7 +32,7 @@ from rbd.control import (
     step_program,
 )
 from rbd.control.step_problem import StepProblem
-from rbd.control.step_program import WholeProgram, minimiser
+from rbd.control.step_program import PartialProgram, minimiser
 from rbd.errors import DistantContactWarning, DuplicateName, InputError, RelaxedLimitsWarning, UnknownName
 from rbd.solvers.qp import StrictAnswer
 from rbd.testing import box
@@ -146,14 +146,14 @@ def test_the_certificate_sees_every_wrong_number() -> None:
     problem = problem_of(state, tasks_of(state, np.random.default_rng(0)), moving.contacts, limits=Limits(torque=0.2))
     program = problem.program
     point, miss = minimiser(program)
-    assert point is not None and miss < 1e-10 and point.t.any()
-    for what in ("a", "w", "y", "t", "z"):
+    assert point is not None and miss < 1e-10 and point.z.any()
+    for what in ("x", "y", "z", "bounds"):
         value = getattr(point, what)
         for i in range(len(value)):
             moved = value.copy()
             moved[i] += 1e-4 * max(1.0, abs(value[i]))
             assert program.optimality(point._replace(**{what: moved})) > 1e-9, (what, i)
-    assert program.optimality(point._replace(a=np.full_like(point.a, np.nan))) == np.inf
+    assert program.optimality(point._replace(x=np.full_like(point.x, np.nan))) == np.inf
 
 
 def test_the_same_input_gives_the_same_bits() -> None:
@@ -180,11 +180,12 @@ def test_every_method_finds_the_same_step(name: str) -> None:
         program = problem_of(moving.state, tasks_of(moving.state, rng), moving.contacts, limits=Limits(torque=share)).program
         best, miss = minimiser(program)
         assert best is not None and miss < 1e-11
-        whole = WholeProgram(program, independent=True)
+        whole = PartialProgram(program, independent=True)
         second, solved = whole.by_daqp()
         assert solved
         for other in (second, whole.on_active_set(second), next(whole.by_proxsuite())):
-            assert relative(other.a, best.a) < 1e-7 and relative(other.w, best.w) < 1e-6
+            (w, a), (best_w, best_a) = (np.split(each.x, [program.p]) for each in (other, best))
+            assert relative(a, best_a) < 1e-7 and relative(w, best_w) < 1e-6
 
 
 # ------------------------------------------------------------------------------------------------ the least violation

@@ -13,12 +13,13 @@ from second_conic import Whole, by_scs, proof
 
 import rbd
 from rbd.arrays import Array
-from rbd.constraints.constraint import Constraint
+from rbd.constraints.constraint import Constraint, with_loops
 from rbd.errors import CannotHold, CannotMove, InputError, NoSolution
 from rbd.problem.conic import Conic
+from rbd.problem.contact_motion import REST_SPEED
 from rbd.statics import Effort, Limit
 from rbd.statics.limits import Relaxable
-from rbd.statics.wanted_motion import WantedMotion
+from rbd.statics.wanted_motion import Choice, WantedMotion
 from rbd.testing import box
 
 G = 9.81
@@ -34,11 +35,9 @@ def relaxable(
     effort: Effort | None = None,
 ) -> Relaxable:
     """The limits of a question, to be relaxed one by one."""
-    held = not (a.any() or state.v.any())
-    wanted = WantedMotion.of(state, a, contacts, external, effort, "cone", holds=held, stacklevel=2)
-    sets = wanted._sets()
-    still, y = wanted._accelerations(sets)
-    return Relaxable(wanted._loads(wanted._allowed(sets, y, still, margin)[0]), wanted.effort)
+    choice = Choice.of(effort, "cone", margin, REST_SPEED, holds=not (a.any() or state.v.any()))
+    wanted = WantedMotion.of(state, a, with_loops(state.robot, contacts, True), external, choice, stacklevel=2)
+    return Relaxable(wanted.loads(margin), choice.effort)
 
 
 def refused(call) -> CannotMove:

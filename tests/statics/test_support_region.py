@@ -334,23 +334,6 @@ def test_a_region_that_goes_far_is_cut_and_says_so():
     assert abs(np.abs(limited.vertices - limited.vertices.mean(axis=0)).max() - 10.0) < 1.0
 
 
-def test_what_the_conic_solver_leaves_is_solved_by_rays(talos, monkeypatch):
-    """Without the conic solver the same region comes of linear programs over rays; so does the proof that there is none."""
-    from rbd.statics.force_program import ForceProgram, Support
-
-    state, contacts = talos.standing(), [*talos.soles(0.7), hand()]
-    expected, steep = support_region(state, contacts), support_region(AT, chimney(0.5, 0.1)[:1])
-    nothing = Support(rbd.problem.programs.Outcome.NOT_FOUND, np.zeros(0), np.zeros(0), math.nan, np.zeros(0), np.zeros(0))
-    monkeypatch.setattr(ForceProgram, "_farthest_of_cones", lambda self, gain: nothing)
-    found = support_region(state, contacts, area_gap=1e-3)
-    for d in around(24):
-        assert reach(found.vertices, d) <= reach(expected.outer, d) + 1e-7
-        assert reach(expected.vertices, d) <= reach(found.outer, d) + 1e-7
-    assert found.residual < 1e-6 and found.area_gap <= 1e-3
-    empty = support_region(AT, chimney(0.5, 0.1)[:1])
-    assert steep.empty and empty.empty and empty.contradiction is not None and empty.contradiction.gap > 1e-3
-
-
 def test_an_area_that_was_not_reached_is_told(talos, monkeypatch):
     """After the last program the polygons stand, with their true gap, and a warning."""
     from rbd.statics import planar_projection
