@@ -12,19 +12,24 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import convex_hull, inside_distance, nearest_on_edge
-from rbd.errors import InaccurateWarning
+from rbd.displayed import drawing
+from rbd.errors import InaccurateWarning, InputError
 from rbd.model.state import State
 from rbd.problem.conic import Certificate, Conic
 from rbd.problem.programs import POLYGON_PROGRAMS, Outcome, linear_program
 from rbd.records import Field
-from rbd.statics.force_balance import ForceBalance
+from rbd.statics.force_balance import ForceBalance, contact_forces
 from rbd.statics.force_program import SAME, Support, farthest, recession
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
 
 WITHIN_M = 10.0
 """A region is looked for so far around its contacts, and cut off there."""
@@ -57,6 +62,7 @@ class Region:
 
     loads: ForceBalance
     vertices: Array
+    weights: Array
     directions: Array
     cut: bool
 
@@ -87,6 +93,25 @@ class Region:
     def inscribed_radius(self) -> float:
         """Radius of the largest circle inside [m]; infinite where the region has no end."""
         return inscribed_radius(self.vertices) if self.bounded else np.inf
+
+    @property
+    def area(self) -> float:
+        """Of the polygon of `vertices` [m2]: of one that is `cut`, less than the region's; infinite where it has no end."""
+        return area_of(self._outline[0]) if self.bounded else np.inf
+
+    def forces(self, corner: int) -> dict[str, Array]:
+        """{contact: force (3,) or wrench (6,) at the patch's centre}, world axes [N, N m], that prove a corner."""
+        return contact_forces(self.loads, self.weights[self._corner(corner)])
+
+    def plot(self, ax: Axes) -> list[Artist]:
+        """Draw it from above: see `rbd.visual.plot_region`."""
+        found: list[Artist] = drawing("plot_region")(ax, self)
+        return found
+
+    def _corner(self, corner: int) -> int:
+        if isinstance(corner, bool) or not isinstance(corner, int | np.integer) or not 0 <= corner < len(self.vertices):
+            raise InputError(f"corner is {corner!r:.80}; expected a whole number from 0 to {len(self.vertices) - 1}.")
+        return int(corner)
 
     def to_edge(self, at: Array) -> tuple[float, bool]:
         """(distance, known): from a place in the plane to the edge of the polygon [m], and whether that is the region's.

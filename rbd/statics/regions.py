@@ -10,7 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_flag, cross_matrix, is_finite, lazy
 from rbd.constraints.constraint import Constraint
-from rbd.displayed import Displayed, drawing
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.model.world import along_gravity
@@ -20,7 +20,6 @@ from rbd.records import Field
 from rbd.statics.force_balance import (
     ForceBalance,
     check_area_gap,
-    contact_forces,
     friction_words,
     names_of,
     outside,
@@ -28,11 +27,10 @@ from rbd.statics.force_balance import (
     torques_left,
 )
 from rbd.statics.force_program import around
-from rbd.statics.planar_projection import WITHIN_M, PlanarSet, Region, area_of, planar_region, warn_of_gap
+from rbd.statics.planar_projection import WITHIN_M, Region, area_of, planar_region, warn_of_gap
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
+    pass
 
 SMALLEST_GAP_M2 = 1e-9
 _SHARE = 1e-2
@@ -95,11 +93,6 @@ class SupportRegion(Region, Displayed):
     )  # fmt: skip
 
     @property
-    def area(self) -> float:
-        """Of the polygon of `vertices` [m2]: of one that is `cut`, less than the region's; infinite where it has no end."""
-        return area_of(self.vertices) if self.bounded else np.inf
-
-    @property
     def area_gap(self) -> float:
         """By how much the outer polygon is larger [m2]."""
         return max(0.0, area_of(self.outer) - area_of(self.vertices))
@@ -141,10 +134,6 @@ class SupportRegion(Region, Displayed):
         g = self.state.robot.gravity
         return np.column_stack([self.vertices + height / g[2] * g[:2], np.full(len(self.vertices), float(height))])
 
-    def forces(self, corner: int) -> dict[str, Array]:
-        """{contact: force (3,) or wrench (6,) at the patch's centre}, world axes [N, N m], that prove a corner."""
-        return contact_forces(self.loads, self.weights[self._corner(corner)])
-
     def tau(self, corner: int) -> Array:
         """Motor torques that go with these forces at this pose, shape (nu,) [N, N m]."""
         return torques_left(self.loads, self.weights[self._corner(corner)])[0]
@@ -161,11 +150,6 @@ class SupportRegion(Region, Displayed):
             left = torques_left(self.loads, x, moved)[1]
             worst = max(worst, float(np.abs(left).max()), outside(self.loads, x))
         return worst
-
-    def plot(self, ax: Axes) -> list[Artist]:
-        """Draw it from above: see `rbd.visual.plot_region`."""
-        found: list[Artist] = drawing("plot_region")(ax, self)
-        return found
 
     def __str__(self) -> str:
         limits = "within torque limits at this pose" if self.torque_limits else "torques of any size"
@@ -192,11 +176,6 @@ class SupportRegion(Region, Displayed):
         share = np.abs(self.contradiction.z) * np.maximum(np.abs(low), np.abs(high))
         motors = np.flatnonzero(self.loads.limited)[share > _SHARE * self.contradiction.gap]
         return tuple(self.state.robot.actuated_names[i] for i in motors)
-
-    def _corner(self, corner: int) -> int:
-        if isinstance(corner, bool) or not isinstance(corner, int | np.integer) or not 0 <= corner < len(self.vertices):
-            raise InputError(f"corner is {corner!r:.80}; expected a whole number from 0 to {len(self.vertices) - 1}.")
-        return int(corner)
 
 
 def support_region(
@@ -253,24 +232,14 @@ def support_region(
     _check_stands(state)
     program = _program(loads, torque_limits)
     found, directions, cut = planar_region(program, gap if len(loads.sets.mu) else 0.0)
-    if found.outcome is Outcome.INFEASIBLE:
-        if found.contradiction is None:
-            raise NoSolution(f"{state.robot.name}: whether the region is empty was not found.")
-        return _region(loads, friction, torque_limits, margin, found, np.zeros((0, 2)), found.contradiction, False)
-    if found.outcome is not Outcome.SOLVED:
+    if found.outcome is Outcome.INFEASIBLE and found.contradiction is None:
+        raise NoSolution(f"{state.robot.name}: whether the region is empty was not found.")
+    if found.outcome not in (Outcome.SOLVED, Outcome.INFEASIBLE):
         raise NoSolution(f"{state.robot.name}: a program of the support region was not solved. Use fewer contacts.")
     warn_of_gap(found, gap, stacklevel=3)
-    return _region(loads, friction, torque_limits, margin, found, directions, None, cut)
-
-
-def _region(
-    loads: ForceBalance, friction: str, limits: bool, margin: float, found: PlanarSet, directions: Array,
-    contradiction: Certificate | None, cut: bool,
-) -> SupportRegion:  # fmt: skip
-    p = loads.A.shape[1]
     return SupportRegion(
-        loads, friction, bool(limits), float(margin), found.inner, found.outer, found.x[:, :p], directions, contradiction,
-        found.programs, cut,
+        loads, friction, bool(torque_limits), float(margin), found.inner, found.outer, found.x[:, : loads.sets.size],
+        directions, found.contradiction, found.programs, cut,
     )  # fmt: skip
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_flag, cross_matrix, is_finite
 from rbd.constraints.constraint import Constraint
-from rbd.displayed import Displayed, drawing
+from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.external import External, generalised
 from rbd.model.state import State, checked
@@ -30,18 +30,16 @@ from rbd.problem.rows import Rows, by_rows
 from rbd.statics.force_balance import (
     ForceBalance,
     check_area_gap,
-    contact_forces,
     force_sets,
     friction_words,
     given_rows,
     names_of,
 )
 from rbd.statics.force_program import around
-from rbd.statics.planar_projection import WITHIN_M, Region, area_of, planar_region, warn_of_gap
+from rbd.statics.planar_projection import WITHIN_M, Region, planar_region, warn_of_gap
 
 if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
+    pass
 
 LEAST_FORCE = 1e-9
 """A force along the normal below this share of the weight has no zero-moment point."""
@@ -119,11 +117,6 @@ class ZmpRegion(Region, Displayed):
     directions: Array
     cut: bool
 
-    @property
-    def area(self) -> float:
-        """Of the polygon of `vertices` [m2]: of one that is `cut`, less than the region's; infinite where it has no end."""
-        return area_of(self._flat(self.vertices)) if self.bounded else np.inf
-
     def distance(self, point: Sequence[float] | Array) -> float:
         """Distance from a point of the plane to the region's edge [m]: positive inside, negative outside, -inf if empty.
 
@@ -134,17 +127,6 @@ class ZmpRegion(Region, Displayed):
         if at.shape != (3,) or not is_finite(at):
             raise InputError(f"point is {point!r:.80}; expected three finite numbers, as rbd.statics.zmp gives them.")
         return self._distance(self._flat(at[None])[0], stacklevel=2)
-
-    def forces(self, corner: int) -> dict[str, Array]:
-        """{contact: force (3,) or wrench (6,), world axes} that prove a corner: of the weight's part across the plane."""
-        if isinstance(corner, bool) or not isinstance(corner, int | np.integer) or not 0 <= corner < len(self.vertices):
-            raise InputError(f"corner is {corner!r:.80}; expected a whole number from 0 to {len(self.vertices) - 1}.")
-        return contact_forces(self.loads, self.weights[corner])
-
-    def plot(self, ax: Axes) -> list[Artist]:
-        """Draw it from above: see `rbd.visual.plot_region`."""
-        found: list[Artist] = drawing("plot_region")(ax, self)
-        return found
 
     def __str__(self) -> str:
         kind = "of the linear pendulum" if self.pendular else "of any motion"
