@@ -10,7 +10,7 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import as_float, check_flag
+from rbd.arrays import as_float, check_flag, check_number
 from rbd.constraints.constraint import Constraint, member
 from rbd.constraints.contact_points import ALWAYS, PointSource, sources_of
 from rbd.control.schedules import INSTANT, AcceptedStep, ContactTouch, TouchesWhenRead
@@ -65,8 +65,7 @@ class ContactSchedule(Displayed):
                 f"intervals of ContactSchedule are {self.intervals!r:.80}; expected {{contact: [(start, end), ...]}} [s], e.g. "
                 "{'left_sole': [(0.0, 1.0), (1.6, math.inf)]}."
             )
-        if not 0.0 <= as_float(self.fade) < math.inf:
-            raise InputError(f"fade of ContactSchedule is {self.fade!r:.80}; expected a time >= 0 [s].")
+        check_number("fade of ContactSchedule", self.fade, 0.0, math.inf, "a time >= 0 [s]")
         check_flag("flight of ContactSchedule", self.flight)
         checked = {name: _checked(name, given) for name, given in self.intervals.items()}
         object.__setattr__(self, "intervals", checked)
@@ -394,18 +393,17 @@ class ContactWatch:
             return True, True, True
         told = step.contacts.get(contact.name)
         if told is not None:
-            gaps, touches = np.asarray(told.gaps), np.asarray(told.touches)
-            n = int(np.count_nonzero(touches))
-            return n > 0, 0 < n == len(touches), n > 0 or bool((gaps <= NEAR).any())
-        source = self._sources.get(contact.name)
-        if source is None:
-            source = self._sources[contact.name] = sources_of((contact,), step.state)[0]
-        gaps = source.gaps(step.state, step.t)
-        n, enough = int(np.count_nonzero(gaps <= TOUCHES)), min(len(gaps), 3)
-        if 0 < n == len(gaps) or not step.contacts:
-            return n > 0, 0 < n == len(gaps), bool((gaps <= NEAR).any())
+            gaps, n = np.asarray(told.gaps), int(np.count_nonzero(told.touches))
+        else:
+            if contact.name not in self._sources:
+                self._sources[contact.name] = sources_of((contact,), step.state)[0]
+            gaps = self._sources[contact.name].gaps(step.state, step.t)
+            n = int(np.count_nonzero(gaps <= TOUCHES))
+        whole, near = 0 < n == len(gaps), n > 0 or bool((gaps <= NEAR).any())
+        if told is not None or whole or not step.contacts:
+            return n > 0, whole, near
         shapes = self._bodies(step)[self._joint(step.state.robot, str(member(contact, "frame")))]
-        return n + shapes > 0, shapes >= enough, shapes > 0 or bool((gaps <= NEAR).any())
+        return n + shapes > 0, shapes >= min(len(gaps), 3), shapes > 0 or near
 
 
 def _met(touch: ContactTouch) -> list[int]:

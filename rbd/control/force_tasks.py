@@ -19,7 +19,6 @@ from rbd.control.task_terms import (
     checked_name,
     checked_rates,
     checked_vector,
-    chosen,
     reference_at,
     target_of,
 )
@@ -79,10 +78,8 @@ class MomentumTask(Displayed):
         return Reference(value, checked_rates(ref, 6, t, self.name)[0])
 
     @lazy
-    def _rows(self) -> tuple[Array, Array | None]:
-        cost = np.concatenate([np.asarray(self.linear_cost), np.asarray(self.angular_cost)])
-        rows = chosen(cost)
-        return cost if rows is None else cost[rows], rows
+    def _cost(self) -> Array:
+        return np.concatenate([np.asarray(self.linear_cost), np.asarray(self.angular_cost)])
 
     def terms(self, state: State, t: float) -> TaskTerms:
         """Six rows at a state and a time [s]: the rate of momentum over the mass; those of cost zero are left out.
@@ -92,11 +89,8 @@ class MomentumTask(Displayed):
         """
         ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
         A_g, bias, mass = checked(state).centroidal()
-        cost, rows = self._rows
         wanted = ref.velocity + self.gain * (ref.value - A_g @ state.v) - bias
-        if rows is not None:
-            A_g, wanted = A_g[rows], wanted[rows]
-        return TaskTerms.unchecked(self.name, A_g / mass, wanted / mass, cost)
+        return TaskTerms.unchecked(self.name, A_g / mass, wanted / mass, self._cost)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,7 +157,4 @@ class ForceTask(Displayed):
         wanted = self._wanted(reference_at(self.name, target, t), t) if callable(target) else target
         m, mass = len(wanted), checked(state).robot.mass
         costs = checked_costs(f"cost of task {self.name!r:.80}", self.cost, m)
-        A, rows = identity(m) / mass, chosen(costs)
-        if rows is None:
-            return TaskTerms.unchecked(self.name, A, wanted / mass, costs, self.contact)
-        return TaskTerms.unchecked(self.name, A[rows], wanted[rows] / mass, costs[rows], self.contact)
+        return TaskTerms.unchecked(self.name, identity(m) / mass, wanted / mass, costs, self.contact)

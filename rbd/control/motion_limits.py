@@ -20,7 +20,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, check_flag
+from rbd.arrays import Array, as_float, check_flag, check_number
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -74,8 +74,7 @@ class Limits(Displayed):
         for what, value in (("braking", self.braking), ("horizon", self.horizon)):
             if not _LEAST <= as_float(value) <= _MOST:
                 raise InputError(f"{what} is {value!r:.80}; expected a number from {_LEAST:g} to {_MOST:g}.")
-        if not 0.0 <= as_float(self.margin) < _MOST:
-            raise InputError(f"margin is {self.margin!r:.80}; expected a distance of 0 or more [rad, m].")
+        check_number("margin", self.margin, 0.0, _MOST, "a distance of 0 or more [rad, m]")
 
     def torques(self, robot: CheckedModel) -> Array:
         """Largest torques at rest, shape (nu,) [N, N m]; inf where there is no limit."""

@@ -33,7 +33,7 @@ import numpy as np
 import pinocchio as pin
 import scipy.linalg
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import ABOVE_ZERO, Array, check_number
 from rbd.constraints.constraint import Constraint, rows_of, with_loops
 from rbd.constraints.contact_points import PointSource, Structure, sources_of
 from rbd.control.schedules import AcceptedStep
@@ -70,18 +70,20 @@ class Gains:
 
 
 def posture_gains(
+    sources: Sequence[PointSource],
     state: State,
-    rows_at: Callable[[State], Array],
+    touching: Array,
     torque: Array | None,
     frequency: float,
     damping_ratio: float,
     external: External = None,
 ) -> Gains:
-    """The gains at a posture.
+    """The gains at a posture, for the points that touch, and all bilateral constraints.
 
     Args:
+        sources: The points of contacts and other constraints; C are the rows of those that hold the robot.
         state: The posture, at rest.
-        rows_at: C at a state, shape (m, nv); the same rows near the posture.
+        touching: Which points touch, shape (k,); all if the posture has another number of points.
         torque: In place of the one computed here, shape (nu,); it must be in equilibrium.
         frequency: w [rad/s].
         damping_ratio: zeta.
@@ -90,6 +92,15 @@ def posture_gains(
 
     def load(near: State) -> Array:
         return near.h if external is None else near.h - generalised(near, external)[0]
+
+    structures = [source.at(state, 0.0).structure for source in sources]
+    holding = np.concatenate([np.zeros(0, bool), *[_holding_points(s) for s in structures]])
+    points = touching if len(touching) == len(holding) else np.ones(len(holding), bool)
+    mask = np.repeat(points & holding, np.concatenate([np.zeros(0, int), *[s.widths for s in structures]]))
+
+    def rows_at(near: State) -> Array:
+        J = [source.at(near, 0.0).J for source in sources]
+        return np.concatenate([np.zeros((0, near.robot.nv)), *J])[mask]
 
     robot = state.robot
     C = rows_at(state)
@@ -100,6 +111,16 @@ def posture_gains(
     tips = _tipping(state, load, rows_at, C, Z, tau)
     w = frequency
     return Gains(tau, P.T @ (w * w * np.eye(len(tips)) + tips) @ P, 2.0 * damping_ratio * w * P.T @ P)
+
+
+def check_oscillation(whose: str, frequency: float, damping_ratio: float) -> None:
+    """Refuse what is no frequency, or no damping ratio.
+
+    Raises:
+        InputError: naming the controller.
+    """
+    check_number(f"frequency of {whose}", frequency, ABOVE_ZERO, 1e6, "a number > 0 [rad/s]")
+    check_number(f"damping_ratio of {whose}", damping_ratio, 0.0, 1e6, ">= 0 (1: critical)")
 
 
 def torque_scale(robot: CheckedModel) -> Array:
@@ -180,32 +201,26 @@ class HoldPosture(Displayed):
     loops: bool = True
     _sources: tuple[PointSource, ...] = field(init=False, repr=False)
     _start: State = field(init=False, repr=False)
-    _structures: tuple[Structure, ...] = field(init=False, repr=False)
     _known: dict[bytes, Gains] = field(init=False, repr=False)
     _off: list[frozenset[str]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         if not isinstance(self.state, State):
             raise InputError(f"HoldPosture wants a State first, got {type(self.state).__name__}; e.g. robot.standing().")
-        if not 0.0 < as_float(self.frequency) < 1e6:
-            raise InputError(f"frequency of HoldPosture is {self.frequency!r:.80}; expected a number > 0 [rad/s].")
-        if not 0.0 <= as_float(self.damping_ratio) < 1e6:
-            raise InputError(f"damping_ratio of HoldPosture is {self.damping_ratio!r:.80}; expected >= 0 (1: critical).")
+        check_oscillation("HoldPosture", self.frequency, self.damping_ratio)
         still = self.state.with_velocity(self.state.robot.zero_v)
         contacts = with_loops(still.robot, self.contacts, self.loops)
         rows_of(still, contacts)  # which raises if it is not a list of constraints
         sources = tuple(sources_of(contacts, still))
-        start = [source.at(still, 0.0) for source in sources]
         touching = touching_points(sources, still, 0.0)
         torque = hold(still, contacts, external=self.external, loops=False).tau if touching.all() else None
         put = object.__setattr__
         put(self, "contacts", contacts)
         put(self, "_sources", sources)
         put(self, "_start", still)
-        put(self, "_structures", tuple(m.structure for m in start))
         put(self, "_known", {})
         put(self, "_off", [frozenset()])
-        self._known[touching.tobytes()] = self._gains_at(still, self._structures, touching, torque)
+        self._known[touching.tobytes()] = self._gains_at(still, touching, torque)
 
     def __call__(self, state: State, t: float) -> Array:
         """Torques at a state and a time [s], shape (nu,) [N, N m].
@@ -237,27 +252,18 @@ class HoldPosture(Displayed):
         if not self.state.robot.is_like(state.robot):
             raise InputError(f"HoldPosture was made for {self.state.robot.name}, and got a state of {state.robot.name}.")
         touching = touching_points(self._sources, state, t, self._off[0])
-        if len(touching) != sum(len(s.owners) for s in self._structures):  # points that come and go: those that are there now
-            now = [source.at(state, t) for source in self._sources]
-            still = state if not state.v.any() else state.with_velocity(state.robot.zero_v)
-            return self._gains_at(still, [m.structure for m in now], touching)
         key = touching.tobytes()
+        if len(key) != len(next(iter(self._known))):  # points that come and go: those that are there now
+            return self._gains_at(state if not state.v.any() else state.with_velocity(state.robot.zero_v), touching)
         found = self._known.get(key)
         if found is None:  # from the posture, not from earlier states: the same in every run
-            found = self._known[key] = self._gains_at(self._start, self._structures, touching)
+            found = self._known[key] = self._gains_at(self._start, touching)
         return found
 
-    def _gains_at(self, still: State, structures: Sequence[Structure], touching: Array, torque: Array | None = None) -> Gains:
-        """The gains at a state at rest, for the points of the given structures that touch."""
-        none = np.zeros(0, int)
-        holding = np.concatenate([none.astype(bool), *[holding_points(s) for s in structures]])
-        mask = np.repeat(touching & holding, np.concatenate([none, *[s.widths for s in structures]]))
-
-        def rows_at(state: State) -> Array:
-            J = [source.at(state, 0.0).J for source in self._sources]
-            return np.concatenate([np.zeros((0, state.robot.nv)), *J])[mask]
-
-        return posture_gains(still, rows_at, torque, float(self.frequency), float(self.damping_ratio), self.external)
+    def _gains_at(self, still: State, touching: Array, torque: Array | None = None) -> Gains:
+        """The gains at a state at rest, for the points that touch."""
+        w, zeta = float(self.frequency), float(self.damping_ratio)
+        return posture_gains(self._sources, still, touching, torque, w, zeta, self.external)
 
 
 def touching_points(sources: Sequence[PointSource], state: State, t: float, off: frozenset[str] = frozenset()) -> Array:
@@ -269,7 +275,7 @@ def touching_points(sources: Sequence[PointSource], state: State, t: float, off:
     return touching
 
 
-def holding_points(structure: Structure) -> Array:
+def _holding_points(structure: Structure) -> Array:
     """Which points are contacts or bilateral constraints, shape (k,); not joint limits, not dry friction."""
     cones = structure.cones
     if cones and cones[0].dim == 1 and not isinstance(cones[0], Free):  # joint limits

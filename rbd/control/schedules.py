@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_finite, lazy
+from rbd.arrays import ABOVE_ZERO, Array, as_array, check_finite, check_number, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel
@@ -193,11 +193,16 @@ def sample_period(controller: object) -> float | None:
         InputError: it is not a time above zero.
     """
     every = getattr(controller, "every", None)
-    if every is None:
-        return None
-    if not 2.0 * INSTANT < as_float(every) < math.inf:
-        raise InputError(f"every of the controller {controller!r:.80} is {every!r:.80}; expected a time above 0 [s], or None.")
-    return float(every)
+    return None if every is None else checked_period(f"every of the controller {controller!r:.80}", every)
+
+
+def checked_period(what: str, given: float) -> float:
+    """A time between two samples [s].
+
+    Raises:
+        InputError: it is not a time above zero.
+    """
+    return check_number(what, given, 2.0 * INSTANT, math.inf, "a time above 0 [s], or None")
 
 
 def sample_at(t: float, every: float) -> int:
@@ -312,8 +317,7 @@ class ZeroOrderHold(Displayed):
     def __post_init__(self) -> None:
         if isinstance(self.controller, type) or not callable(self.controller):
             raise InputError(f"controller is {self.controller!r:.80}; expected a function of (state, t), e.g. TorqueSchedule.")
-        if not 2.0 * INSTANT < as_float(self.period) < math.inf:
-            raise InputError(f"period of ZeroOrderHold is {self.period!r:.80}; expected a time above 0 [s].")
+        checked_period("period of ZeroOrderHold", self.period)
         for name in ("reset", "accepted"):
             hook(self.controller, name)  # which raises if it is not a method
 
@@ -388,10 +392,8 @@ class Push(Displayed):
     _force: ExternalForce = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not abs(as_float(self.start)) < 1e9:
-            raise InputError(f"start of the push at {self.frame!r:.80} is {self.start!r:.80}; expected a time [s].")
-        if not 0.0 < as_float(self.duration) < 1e9:
-            raise InputError(f"duration of the push at {self.frame!r:.80} is {self.duration!r:.80}; expected more than 0 s.")
+        check_number(f"start of the push at {self.frame!r:.80}", self.start, -1e9, 1e9, "a time [s]")
+        check_number(f"duration of the push at {self.frame!r:.80}", self.duration, ABOVE_ZERO, 1e9, "more than 0 s")
         given = ExternalForce(self.frame, self.force, self.moment, self.offset)
         for what in ("force", "moment", "offset"):
             object.__setattr__(self, what, getattr(given, what))

@@ -215,15 +215,11 @@ class StepProblem:
         contacts: What was given.
         external: Likewise.
         limits: Likewise.
-        rows: Of the contacts, with their velocities.
-        feedback: What brings their velocities to rest, shape (m,) [m/s2, rad/s2].
-        sets: Forces that may act, as weights: rays of pyramids inside the friction cones.
-        J: Of all rows, shape (m, nv).
-        per_weight: J^T G, shape (nv, p).
-        need: h - tau_ext, shape (nv,).
+        feedback: What brings velocities of contacts to rest, shape (m,) [m/s2, rad/s2].
+        still: The equations of motion without acceleration, `need` = h - tau_ext; forces are rays of pyramids inside the
+            friction cones.
         terms: Of the tasks.
         stacked: (A, wanted) of all tasks of accelerations.
-        unit: The body weight [N]; 1 without gravity.
         program: In (w / unit, a).
         torques: Least and largest torques, shapes (nu,).
         limited: Joints' coordinates with a bound, shape (j,).
@@ -233,15 +229,10 @@ class StepProblem:
     contacts: tuple[Constraint, ...]
     external: External
     limits: Limits
-    rows: tuple[Rows, ...]
     feedback: Array
-    sets: ForceSet
-    J: Array
-    per_weight: Array
-    need: Array
+    still: ForceBalance
     terms: tuple[TaskTerms, ...]
     stacked: tuple[Array, Array]
-    unit: float
     program: StepProgram
     torques: tuple[Array, Array]
     limited: Array
@@ -278,9 +269,9 @@ class StepProblem:
             if not (is_finite(J) and is_finite(offset)):
                 _refuse(rows)
         need = state.h if external is None else state.h - generalised(state, external)[0]
-        per_weight = J.T @ sets.G
+        balance = ForceBalance(state, rows, sets, need, (J, offset))
+        per_weight, unit = balance.per_weight, balance.unit
         terms = tuple([_terms(task, state, t) for task in checked_tasks(tasks)])
-        unit = robot.force_unit
         A, wanted, cost = _stacked([each for each in terms if not each.contact], nv)
         Aw = A.T * cost
         H = Aw @ A
@@ -314,14 +305,13 @@ class StepProblem:
         contacts_at = slice(len(conic.b) - len(J), len(conic.b))
         program = StepProgram(conic, sets.size, contacts_at, slice(robot.nu, first), slice(first, last))
         return cls(
-            state, contacts, external, limits, rows, feedback, sets, J, per_weight, need, terms, (A, wanted), unit, program,
-            torques, limited,
-        )  # fmt: skip
+            state, contacts, external, limits, feedback, balance, terms, (A, wanted), program, torques, limited
+        )
 
     def relaxed(self) -> Relaxed | None:
         """The program with the least violation, rotations counting at a lever arm of `LENGTH`; None where it was not found."""
         joint_sizes = np.where(self.state.robot.joints.angular[self.limited], LENGTH, 1.0)
-        return relaxed(self.program, np.concatenate([_NONE, *[_sizes(r) for r in self.rows]]), joint_sizes)
+        return relaxed(self.program, np.concatenate([_NONE, *[_sizes(r) for r in self.still.rows]]), joint_sizes)
 
     def missed(self, a: Array, w: Array) -> dict[str, Array]:
         """{task: wanted less reached}, of accelerations and weights [N]."""
@@ -329,7 +319,7 @@ class StepProblem:
         left, out, at = wanted - A @ a, {}, 0
         for each in self.terms:
             if each.contact:
-                wrench = _resultant(each.name, each.contact, self.rows, self.sets) @ w
+                wrench = _resultant(each.name, each.contact, self.still.rows, self.still.sets) @ w
                 out[each.name] = each.wanted - each.A @ wrench[: each.A.shape[1]]
             else:
                 out[each.name] = left[at : at + len(each.wanted)]
@@ -338,10 +328,11 @@ class StepProblem:
 
     def loads(self, a: Array, feedback: Array) -> ForceBalance:
         """The equations of motion, the contacts as still as the step wants them."""
-        rows = tuple([r.kept_still(part) for r, part in by_rows(self.rows, feedback)])
-        stacked = self.J, np.concatenate([_NONE, *[r.bias for r in rows]]) + feedback
-        loads = ForceBalance(self.state, rows, self.sets, self.state.M @ a + self.need, stacked)
-        loads.__dict__.update(J=self.J, per_weight=self.per_weight)
+        still = self.still
+        rows = tuple([r.kept_still(part) for r, part in by_rows(still.rows, feedback)])
+        stacked = still.J, np.concatenate([_NONE, *[r.bias for r in rows]]) + feedback
+        loads = ForceBalance(self.state, rows, still.sets, self.state.M @ a + still.need, stacked)
+        loads.__dict__.update(J=still.J, per_weight=still.per_weight)
         return loads
 
     def violation(self, missed: Array, passed: Array, seen: float) -> Violation:
@@ -349,14 +340,14 @@ class StepProblem:
 
         Constraints and joints that miss no more than `seen` are left out.
         """
-        contacts = {r.name: part for r, part in by_rows(self.rows, missed) if max_abs(part) > seen}
+        contacts = {r.name: part for r, part in by_rows(self.still.rows, missed) if max_abs(part) > seen}
         names = {joint.v.start: name for name, joint in self.state.robot.joints.items()}
         each = zip(self.limited.tolist(), passed.tolist(), strict=True)
         return Violation(contacts, {names[i]: x for i, x in each if x > seen})
 
     def moving(self) -> dict[str, float]:
         """{contact: speed} of those that move [m/s, rad/s]."""
-        return {r.name: r.speed for r in self.rows if r.speed > REST_SPEED}
+        return {r.name: r.speed for r in self.still.rows if r.speed > REST_SPEED}
 
 
 _NONE = np.zeros(0)

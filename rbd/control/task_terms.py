@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_finite, zeros
+from rbd.arrays import Array, as_array, check_finite, check_number, zeros
 from rbd.displayed import Displayed
 from rbd.errors import DuplicateName, InputError, RbdError
 from rbd.model.checked_model import CheckedModel
@@ -86,7 +86,10 @@ class TaskTerms(Displayed):
 
     @classmethod
     def unchecked(cls, name: str, A: Array, wanted: Array, cost: Array, contact: str = "") -> TaskTerms:
-        """The same without the checks, a quarter of what a task costs: for float arrays that fit by construction."""
+        """The same without rows of cost zero, and without the checks, a quarter of what a task costs: for arrays that fit."""
+        if not cost.all():
+            rows = cost > 0.0
+            A, wanted, cost = A[rows], wanted[rows], cost[rows]
         self = object.__new__(cls)
         self.__dict__.update(name=name, A=A, wanted=wanted, cost=cost, contact=contact)
         return self
@@ -195,8 +198,7 @@ def checked_law(name: str, gain: float, damping_ratio: float = 0.0) -> tuple[flo
         InputError: negative, not finite or no number.
     """
     for what, value in (("gain", gain), ("damping_ratio", damping_ratio)):
-        if not 0.0 <= as_float(value) < _MOST:
-            raise InputError(f"{what} of task {name!r:.80} is {value!r:.80}; expected a number from 0, below {_MOST:g}.")
+        check_number(f"{what} of task {name!r:.80}", value, 0.0, _MOST, f"a number from 0, below {_MOST:g}")
     return float(gain), 2.0 * float(damping_ratio) * math.sqrt(gain)
 
 
@@ -294,8 +296,3 @@ def checked_rates(ref: Reference, m: int, t: float | None, name: str) -> tuple[A
     velocity = zeros(m) if ref.velocity is None else checked_vector(ref.velocity, m, "velocity", t, name)
     acceleration = zeros(m) if ref.acceleration is None else checked_vector(ref.acceleration, m, "acceleration", t, name)
     return velocity, acceleration
-
-
-def chosen(cost: Array) -> Array | None:
-    """Indices of costs above zero, the rows that a task has; None for all of them."""
-    return None if (cost > 0.0).all() else np.flatnonzero(cost > 0.0)

@@ -32,7 +32,6 @@ from rbd.control.task_terms import (
     checked_name,
     checked_rates,
     checked_vector,
-    chosen,
     is_near,
     reference_at,
     target_of,
@@ -93,8 +92,8 @@ class ComTask(Displayed):
         return Reference(checked_vector(value, 3, "", t, self.name), *checked_rates(ref, 3, t, self.name))
 
     @lazy
-    def _law(self) -> tuple[float, float, Array | None]:
-        return *checked_law(self.name, self.gain, self.damping_ratio), chosen(np.asarray(self.cost))
+    def _law(self) -> tuple[float, float]:
+        return checked_law(self.name, self.gain, self.damping_ratio)
 
     def terms(self, state: State, t: float) -> TaskTerms:
         """Three rows at a state and a time [s]: the acceleration of the centre of mass; fewer where costs are zero.
@@ -103,11 +102,11 @@ class ComTask(Displayed):
             InputError: what a function gives as the target is no point.
         """
         ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
-        k, d, rows = self._law
+        k, d = self._law
         A_g, bias, mass = checked(state).centroidal()
         J = A_g[:3] / mass
         wanted = ref.acceleration + k * (ref.value - state.com) + d * (ref.velocity - J @ state.v) - bias[:3] / mass
-        return _terms(self.name, J, wanted, np.asarray(self.cost), rows)
+        return TaskTerms.unchecked(self.name, J, wanted, np.asarray(self.cost))
 
 
 @dataclass(frozen=True, eq=False)
@@ -203,11 +202,10 @@ class FrameTask(Displayed):
         return *checked_law(self.name, self.gain, self.damping_ratio), pin.SE3(np.eye(3), np.asarray(self.offset))
 
     @lazy
-    def _rows(self) -> dict[tuple[bool, bool], tuple[Array, Array | None]]:
-        """{(position, orientation): (costs of six rows, the rows that count)}."""
+    def _costs(self) -> dict[tuple[bool, bool], Array]:
+        """{(position, orientation): costs of six rows}."""
         six = np.concatenate([np.asarray(self.position_cost), np.asarray(self.orientation_cost)])
-        kinds = {kind: six * np.repeat(kind, 3) for kind in ((True, True), (True, False), (False, True))}
-        return {kind: (cost, chosen(cost)) for kind, cost in kinds.items()}
+        return {kind: six * np.repeat(kind, 3) for kind in ((True, True), (True, False), (False, True))}
 
     def terms(self, state: State, t: float) -> TaskTerms:
         """Rows at a state and a time [s]: the acceleration of the point, then the angular one, in the axes of the costs.
@@ -231,7 +229,7 @@ class FrameTask(Displayed):
             back = X.rotation.T
             J = np.concatenate([back @ J[:3], back @ J[3:]])
             wanted = np.concatenate([back @ wanted[:3], back @ wanted[3:]])
-        return _terms(self.name, J, wanted, *self._rows[p is not None, R is not None])
+        return TaskTerms.unchecked(self.name, J, wanted, self._costs[p is not None, R is not None])
 
 
 class _Place(NamedTuple):
@@ -239,12 +237,6 @@ class _Place(NamedTuple):
 
     p: Array | None
     R: Array | None
-
-
-def _terms(name: str, A: Array, wanted: Array, cost: Array, rows: Array | None) -> TaskTerms:
-    if rows is None:
-        return TaskTerms.unchecked(name, A, wanted, cost)
-    return TaskTerms.unchecked(name, A[rows], wanted[rows], cost[rows])
 
 
 def _of_six(rate: Array, angular: bool) -> Array:

@@ -16,10 +16,10 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_float
+from rbd.arrays import Array, as_array, check_number
 from rbd.constraints.constraint import Constraint, rows_of, with_loops
 from rbd.constraints.contact_points import PointSource, sources_of
-from rbd.control.posture_control import Gains, holding_points, posture_gains, touching_points
+from rbd.control.posture_control import Gains, check_oscillation, posture_gains, touching_points
 from rbd.control.schedules import AcceptedStep, check_model
 from rbd.control.torques import inverse_dynamics, inverse_dynamics_many
 from rbd.displayed import Displayed
@@ -259,12 +259,8 @@ class TrackingController(Displayed):
             raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")
         if not isinstance(self.torques, str) or self.torques not in TORQUES:
             raise InputError(f"torques is {self.torques!r:.80}; expected one of {', '.join(TORQUES)}.")
-        if not 0.0 < as_float(self.frequency) < 1e6:
-            raise InputError(f"frequency of TrackingController is {self.frequency!r:.80}; expected a number > 0 [rad/s].")
-        if not 0.0 <= as_float(self.damping_ratio) < 1e6:
-            raise InputError(f"damping_ratio of TrackingController is {self.damping_ratio!r:.80}; expected >= 0 (1: critical).")
-        if not 1e-5 <= as_float(self.every) < 1e6:
-            raise InputError(f"every is {self.every!r:.80}; expected a time of 1e-5 s or more.")
+        check_oscillation("TrackingController", self.frequency, self.damping_ratio)
+        check_number("every", self.every, 1e-5, 1e6, "a time of 1e-5 s or more")
         check_model("TrackingController", self.robot)
         put = object.__setattr__
         if self.robot is not None:
@@ -385,17 +381,8 @@ class TrackingController(Displayed):
         key = (knot, touching.tobytes())
         if key not in self._known:
             pose = State(self._model, self.reference.q[self._knots[knot]])
-            structures = [source.at(pose, 0.0).structure for source in self._sources]
-            none = np.zeros(0, int)
-            holding = np.concatenate([none.astype(bool), *[holding_points(s) for s in structures]])
-            points = touching if len(touching) == len(holding) else np.ones(len(holding), bool)
-            mask = np.repeat(points & holding, np.concatenate([none, *[s.widths for s in structures]]))
-
-            def rows_at(near: State) -> Array:
-                J = [source.at(near, 0.0).J for source in self._sources]
-                return np.concatenate([np.zeros((0, near.robot.nv)), *J])[mask]
-
-            self._known[key] = posture_gains(pose, rows_at, None, float(self.frequency), float(self.damping_ratio))
+            w, zeta = float(self.frequency), float(self.damping_ratio)
+            self._known[key] = posture_gains(self._sources, pose, touching, None, w, zeta)
         return self._known[key]
 
     def __repr__(self) -> str:

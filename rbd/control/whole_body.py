@@ -10,11 +10,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array, as_float, check_number
 from rbd.constraints.constraint import Constraint, listed, made, member, with_loops
 from rbd.control.contact_schedule import ContactSchedule, ContactWatch, SeenContacts, frames_of, lifts
 from rbd.control.motion_limits import Limits
-from rbd.control.schedules import INSTANT, AcceptedStep, ExternalAt, asked, check_model, sample_at
+from rbd.control.schedules import INSTANT, AcceptedStep, ExternalAt, asked, check_model, checked_period, sample_at
 from rbd.control.step_problem import TaskActuation
 from rbd.control.task_terms import Task, checked_tasks, robot_of
 from rbd.control.whole_body_step import DAMPING, complaints, silent_step
@@ -126,12 +126,9 @@ class WholeBodyController(Displayed):
         if not isinstance(self.limits, Limits):
             raise InputError(f"limits are {self.limits!r:.80}; expected rbd.control.Limits(...).")
         if self.every is not None:
-            if not 2.0 * INSTANT < as_float(self.every) < math.inf:
-                raise InputError(f"every of WholeBodyController is {self.every!r:.80}; expected a time above 0 [s], or None.")
-            put(self, "every", float(self.every))
+            put(self, "every", checked_period("every of WholeBodyController", self.every))
             self._check_horizon(self.every)
-        if not 0.0 <= as_float(self.contact_damping) < math.inf:
-            raise InputError(f"contact_damping is {self.contact_damping!r:.80}; expected a rate >= 0 [1/s].")
+        check_number("contact_damping", self.contact_damping, 0.0, math.inf, "a rate >= 0 [1/s]")
         if not 0.0 < as_float(self.early) <= 1.0:
             raise InputError(f"early is {self.early!r:.80}; expected a share of a swing, in (0, 1].")
         check_model("WholeBodyController", self.robot)

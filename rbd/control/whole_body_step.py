@@ -11,14 +11,13 @@ cones. `rbd.control.step_program` solves it, `rbd.control.step_program` where co
 
 from __future__ import annotations
 
-import math
 import warnings
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, max_abs
+from rbd.arrays import Array, check_number, max_abs
 from rbd.constraints.constraint import Constraint, with_loops
 from rbd.control.motion_limits import Limits
 from rbd.control.step_problem import StepCertificate, StepProblem, TaskActuation
@@ -118,11 +117,8 @@ def silent_step(
     checked(state)
     if not isinstance(limits, Limits):
         raise InputError(f"limits is {limits!r:.80}; expected rbd.control.Limits(...).")
-    if not math.isfinite(time := as_float(t)):
-        raise InputError(f"t is {t!r:.80}; expected a time [s].")
-    damping = as_float(contact_damping)
-    if not 0.0 <= damping < _FASTEST:
-        raise InputError(f"contact_damping is {contact_damping!r:.80}; expected a rate of 0 or more [1/s].")
+    time = check_number("t", t, -1e300, 1e300, "a time [s]")
+    damping = check_number("contact_damping", contact_damping, 0.0, _FASTEST, "a rate of 0 or more [1/s]")
     problem = StepProblem.of(
         state,
         tasks,
@@ -173,7 +169,7 @@ def complaints(found: TaskActuation) -> list[tuple[type[RbdWarning], str]]:
 
 def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased: Relaxed | None) -> TaskActuation:
     """Torques and forces at a point of the program, with their certificate."""
-    conic, unit, (least, most) = problem.program.conic, problem.unit, problem.torques
+    conic, unit, (least, most) = problem.program.conic, problem.still.unit, problem.torques
     limit, p, bounded = problem.limits.torques(problem.state.robot), problem.program.p, problem.program.joints
     a, w = point.x[p:], conic.project(point.x)[:p] * unit
     feedback = problem.feedback if eased is None else problem.feedback - eased.contacts
@@ -194,7 +190,7 @@ def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased:
     values = (
         max_abs(left),
         max_abs(loads.accelerations(a)),
-        _outside_cones(problem.sets, w),
+        _outside_cones(problem.still.sets, w),
         float(excess.max(initial=0.0)),
         float(passed.max(initial=0.0)),
     )

@@ -50,36 +50,6 @@ class ConeFits:
     steps: Array
 
 
-def nearest_in_cones(A: Array, d: Array, mu: float) -> ConeFits:
-    """Forces in friction cones that make |d - A w| least, of n problems, by the proximal point algorithm.
-
-    Columns of zeros are of points that are not there. Of many such forces they are near those of least norm.
-
-    Args:
-        A: Shape (n, m, k, 3), entries around one.
-        d: Shape (n, m).
-        mu: Coulomb's coefficient of all points.
-    """
-    n, m, k, _ = A.shape
-    w, r = np.zeros((n, k, 3)), np.zeros((n, m))
-    gradient, steps = np.zeros(n), np.zeros(n, int)
-    if not k:
-        return ConeFits(w, d.copy(), gradient, steps)
-    flat = A.reshape(n, m, 3 * k)
-    rows = _Rows(np.ones(m), np.zeros(m))
-    at = np.arange(n)
-    for sigma in _SIGMAS:
-        if not len(at):
-            break
-        found, gradient[at], more = _newton(flat[at], d[at], w[at], r[at], mu, rows, sigma)
-        steps[at] += more
-        moved = np.abs(found - r[at]).max(axis=1, initial=0.0)
-        r[at] = found
-        w[at] = project_cones(w[at] + sigma * _pull(flat[at], found).reshape(-1, k, 3), mu)
-        at = at[moved > EXACT + _SETTLED * np.abs(found).max(axis=1, initial=0.0)]
-    return ConeFits(w, _left(flat, d, w), gradient, steps)
-
-
 @dataclass(frozen=True, eq=False)
 class Stage:
     """One problem of a row that ends at the one wanted, each started from the dual answer of the one before.
@@ -95,29 +65,54 @@ class Stage:
     steep: Array
 
 
-def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage], *, exact: int = 0) -> ConeFits:
-    """Answers of the last of some stages, of n problems; arguments as `nearest_in_cones`.
+def nearest_in_cones(A: Array, d: Array, mu: float) -> ConeFits:
+    """Forces in friction cones that make |d - A w| least, of n problems, by the proximal point algorithm.
 
-    The first `exact` rows are then met to rounding: the last stage is solved again with what they missed added to d, as in the
-    method of multipliers.
+    Columns of zeros are of points that are not there. Of many such forces they are near those of least norm.
+
+    Args:
+        A: Shape (n, m, k, 3), entries around one.
+        d: Shape (n, m).
+        mu: Coulomb's coefficient of all points.
+    """
+    m = A.shape[1]
+    return staged_fits(A, d, mu, [Stage(sigma, np.ones(m), np.zeros(m)) for sigma in _SIGMAS], proximal=True)
+
+
+def staged_fits(
+    A: Array, d: Array, mu: float, stages: Sequence[Stage], *, exact: int = 0, proximal: bool = False
+) -> ConeFits:
+    """Answers of the last of some stages, of n problems; other arguments as `nearest_in_cones`.
 
     From a cold start Newton's method needs many steps where weights differ by many decades; stages that part them by and by
     need a few each.
+
+    Args:
+        A: Shape (n, m, k, 3).
+        d: Shape (n, m).
+        mu: Coulomb's coefficient of all points.
+        stages: The problems.
+        exact: The first rows are met to rounding: the last stage is solved again with what they missed added to d, as in the
+            method of multipliers.
+        proximal: What is kept small is |w - w0|, with w0 of the stage before; problems that no longer change are done.
     """
     n, m, k, _ = A.shape
-    flat = A.reshape(n, m, 3 * k)
-    w0, r, steps, gradient = np.zeros((n, k, 3)), np.zeros((n, m)), np.zeros(n, int), np.zeros(n)
-    w = w0
-    for stage in stages:
-        r, gradient, more = _newton(flat, d, w0, r, mu, _Rows(stage.weight, stage.steep), stage.sigma)
-        steps += more
-        w = project_cones(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
-    aim = d.copy()
-    for _ in range(_REPEATED if exact else 0):
-        aim[:, :exact] += _left(flat, d, w)[:, :exact]
-        r, gradient, more = _newton(flat, aim, w0, r, mu, _Rows(stage.weight, stage.steep), stage.sigma)
-        steps += more
-        w = project_cones(stage.sigma * _pull(flat, r).reshape(n, k, 3), mu)
+    flat, aim, at = A.reshape(n, m, 3 * k), d.copy(), np.arange(n)
+    w, r, steps, gradient = np.zeros((n, k, 3)), np.zeros((n, m)), np.zeros(n, int), np.zeros(n)
+    for number in range(len(stages) + (_REPEATED if exact else 0)):
+        stage = stages[min(number, len(stages) - 1)]
+        if number >= len(stages):
+            aim[:, :exact] += _left(flat, d, w)[:, :exact]
+        w0 = w[at] if proximal else np.zeros_like(w)
+        found, gradient[at], more = _newton(flat[at], aim[at], w0, r[at], mu, _Rows(stage.weight, stage.steep), stage.sigma)
+        steps[at] += more
+        moved = np.abs(found - r[at]).max(axis=1, initial=0.0)
+        r[at] = found
+        w[at] = project_cones(w0 + stage.sigma * _pull(flat[at], found).reshape(-1, k, 3), mu)
+        if proximal:
+            at = at[moved > EXACT + _SETTLED * np.abs(found).max(axis=1, initial=0.0)]
+        if not len(at):
+            break
     return ConeFits(w, _left(flat, d, w), gradient, steps)
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float
+from rbd.arrays import Array, as_array, as_float, check_number
 from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.displayed import Displayed
 from rbd.errors import InputError, JointNotFound, UnknownName, nearest
@@ -69,8 +69,7 @@ class Effort(Displayed):
     edge_margin: float = 0.0
 
     def __post_init__(self) -> None:
-        if not 0.0 <= as_float(self.edge_margin) < _MOST:
-            raise InputError(f"edge_margin is {self.edge_margin!r:.80}; expected a length of 0 or more [m].")
+        check_number("edge_margin", self.edge_margin, 0.0, _MOST, "a length of 0 or more [m]")
         if not isinstance(self.normal_force, Mapping):
             raise InputError(f"normal_force is {self.normal_force!r:.80}; expected {{contact: (least, most)}} [N].")
         for name, bounds in self.normal_force.items():

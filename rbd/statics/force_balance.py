@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, as_vector3, lazy
+from rbd.arrays import Array, as_vector3, check_number, lazy
 from rbd.constraints.constraint import Constraint, listed, rows_of, with_loops
 from rbd.constraints.distance_warnings import warn_of_distant, warn_of_limits
 from rbd.errors import InputError, NotAtRest
@@ -267,17 +267,12 @@ def check_area_gap(area_gap: float) -> float:
     Raises:
         InputError: what is no number from 1e-6 to 1e6.
     """
-    gap = as_float(area_gap)
-    if not SMALLEST_GAP <= gap <= 1e6:
-        raise InputError(f"area_gap is {area_gap!r:.80}; expected an area of {SMALLEST_GAP:g} m2 or more.")
-    return gap
+    return check_number("area_gap", area_gap, SMALLEST_GAP, 1e6, f"an area of {SMALLEST_GAP:g} m2 or more")
 
 
 def force_sets(rows: Sequence[Rows], friction: str, margin: float = 0.0) -> ForceSet:
     """Sets of the forces of contacts at rest: circular cones, or pyramids inside or around them."""
-    share = as_float(margin)
-    if not 0.0 <= share < 1.0:
-        raise InputError(f"margin is {margin!r:.80}; expected a share of friction to leave unused, from 0 to below 1.")
+    share = check_number("margin", margin, 0.0, 1.0, "a share of friction to leave unused, from 0 to below 1")
     if not isinstance(friction, str) or friction not in FRICTIONS:
         raise InputError(f"friction is {friction!r:.80}; expected one of {', '.join(map(repr, FRICTIONS))}.")
     sets = narrowed(at_rest(*[r.cone for r in rows]), share)

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from rbd.answers.least_constraint import solve
 from rbd.answers.solution import Solution
-from rbd.arrays import Array, as_float, as_vector3
+from rbd.arrays import Array, as_vector3, check_number
 from rbd.errors import InputError
 from rbd.model.external import ExternalForce
 from rbd.model.state import State
@@ -180,10 +180,7 @@ def _external(
     """
     sizes = {"push": push, "push_angle": 0.0 if push_angle is None else push_angle}
     sizes |= dict(zip(("push_x", "push_y", "push_z"), components, strict=True))
-    found = {name: as_float(value) for name, value in sizes.items()}
-    for name, value in found.items():
-        if not abs(value) < 1e100:
-            raise InputError(f"{name} is {sizes[name]!r:.80}; expected a finite number.")
+    found = {name: check_number(name, value, -1e100, 1e100, "a finite number") for name, value in sizes.items()}
     along = as_vector3("direction", direction)
     if push_angle is not None:
         angle = math.radians(found["push_angle"])

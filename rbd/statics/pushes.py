@@ -342,8 +342,12 @@ class _PushSearch:
             self.answers[i] = self._solved(self.ways[i])
         return self.answers[i]
 
-    def _program(self, way: Array, gain: float) -> Support:
-        """The push along a direction that is farthest, as a program over weights and its size."""
+    def _program(self, way: Array, which: str) -> Support:
+        """The "largest" or "smallest" push along a direction, as a program over weights and its size.
+
+        Raises:
+            NoSolution: it was not found, or there is no largest one.
+        """
         self.programs += 1
         loads, (rows, low, high) = self.loads, self.loads.torque_rows
         program = Conic.of(
@@ -351,22 +355,20 @@ class _PushSearch:
             [({"forces": loads.A, "push": (self.B @ way)[:, None]}, loads.b)],
             [(rows | {"push": (self.P @ way)[:, None]}, low, high)],
         )
-        return farthest(program, np.append(np.zeros(loads.sets.size), gain))
+        found = farthest(program, np.append(np.zeros(loads.sets.size), 1.0 if which == "largest" else -1.0))
+        if not (found.solved or (which == "smallest" and found.outcome is Outcome.INFEASIBLE)):
+            raise NoSolution(f"{loads.state.robot.name}: the {which} push along {np.round(way, 3)} was not found.")
+        return found
 
     def _smallest(self, way: Array) -> _Answer:
-        found, robot = self._program(way, -1.0), self.loads.state.robot
-        none, p = np.zeros(3), len(self.own.lower)
+        found, still, none = self._program(way, "smallest"), np.zeros(self.loads.state.robot.nv), np.zeros(3)
         if found.outcome is Outcome.INFEASIBLE:
-            return _Answer(math.nan, math.nan, np.full(p, math.nan), np.zeros(robot.nv), none, 0.0)
-        if found.outcome is not Outcome.SOLVED:
-            raise NoSolution(f"{robot.name}: the smallest push along {np.round(way, 3)} was not found.")
-        return _Answer(float(found.x[-1]), -found.value, found.x[:-1], np.zeros(robot.nv), none, 0.0)
+            return _Answer(math.nan, math.nan, np.full(len(self.own.lower), math.nan), still, none, 0.0)
+        return _Answer(float(found.x[-1]), -found.value, found.x[:-1], still, none, 0.0)
 
     def _solved(self, way: Array) -> _Answer:
         own, loads, robot = self.own, self.loads, self.loads.state.robot
-        found = self._program(way, 1.0)
-        if found.outcome is not Outcome.SOLVED:
-            raise NoSolution(f"{robot.name}: the largest push along {np.round(way, 3)} was not found.")
+        found = self._program(way, "largest")
         motion, size = np.zeros(robot.nv), float(found.x[-1])
         if size >= self.most - _SAME:  # nothing but the end of the search stops it
             return _Answer(self.most, self.most, found.x[:-1], motion, np.zeros(3), 0.0)

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, lazy, max_abs, zeros
+from rbd.arrays import Array, check_number, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotMove, ContactMoves, InaccurateWarning, InputError, NoSolution, Reason, SpeedLimitWarning
 from rbd.model.external import External, generalised
@@ -65,8 +65,7 @@ class Choice:
             raise InputError(f"friction is {friction!r:.80}; expected 'cone' or 'inscribed' (pyramids inside the cones).")
         if not isinstance(effort, Effort):
             raise InputError(f"objective is {effort!r:.80}; expected an rbd.statics.Effort, or None.")
-        if not 0.0 <= as_float(rest_speed) < 1e100:
-            raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s, rad/s].")
+        check_number("rest_speed", rest_speed, 0.0, 1e100, "a speed of 0 or more [m/s, rad/s]")
         return cls(effort, friction, None if margin is None else checked_margin(margin), rest_speed, holds)
 
     @property
@@ -280,12 +279,7 @@ def checked_margin(margin: float) -> float:
     Raises:
         InputError: it is none.
     """
-    found = as_float(margin)
-    if not 0.0 <= found < 1.0:
-        raise InputError(
-            f"margin is {margin!r:.80}; expected a number from 0, below 1: 0.05 keeps friction 5 % from its limit."
-        )
-    return found
+    return check_number("margin", margin, 0.0, 1.0, "a number from 0, below 1: 0.05 keeps friction 5 % from its limit")
 
 
 _EXACT = 1e-14
