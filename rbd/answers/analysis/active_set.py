@@ -29,11 +29,11 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.answers.analysis.contact_modes import RESOLUTION, Modes, Need, modes_of
+from rbd.answers.analysis.extent import cone_program
 from rbd.arrays import RANK, Array, block_diagonal, identity, max_abs
 from rbd.errors import NotDifferentiable
 from rbd.problem.answer import Answer
 from rbd.problem.cones import Cone
-from rbd.problem.conic import ConeSet
 from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.rows import Rows
 from rbd.solvers.conic_newton import solve_conic
@@ -285,8 +285,9 @@ def _check_room(answer: Answer, modes: Modes, kernel: Array) -> None:
         mu, scale = np.array([need.sign for need in cones]), np.array([need.unit for need in cones])
         C = np.concatenate([shift[of_cones], np.zeros((len(cones), 3, 1))], axis=2) / scale[:, None, None]
         C[:, 2, d] = -1.0 / mu
-        inside = ConeSet(A, b, C, start[of_cones] / scale[:, None], mu)
-        found = solve_conic(inside.program(np.zeros((d + 1, d + 1)), most), newton=False)
+        inside = cone_program(A, b, C, start[of_cones] / scale[:, None], mu)
+        inside.g[: d + 1] = most
+        found = solve_conic(inside, newton=False)
         if not found.solved:
             raise NotDifferentiable(
                 "whether the forces lie strictly inside their sets, without which there are no derivatives, was not decided: a "
