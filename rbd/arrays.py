@@ -141,25 +141,8 @@ def check_number(what: str, value: float, least: float, most: float = sys.float_
 
 ABOVE_ZERO = math.ulp(0.0)
 """The least number above zero."""
-
-
-def check_number(what: str, value: object, least: float, below: float, expected: str) -> float:
-    """A number from `least` on and below another.
-
-    Args:
-        what: What it is, for the message.
-        value: What came.
-        least: The least that is taken; `ABOVE_ZERO` for any that is not zero.
-        below: All that are taken are less.
-        expected: What should come, in words with its unit.
-
-    Raises:
-        InputError: it is none.
-    """
-    found = as_float(value)
-    if not least <= found < below:
-        raise InputError(f"{what} is {value!r:.80}; expected {expected}.")
-    return found
+BELOW_ONE = math.nextafter(1.0, 0.0)
+"""The largest number below one."""
 
 
 def check_whole(what: str, value: int, most: int = 1_000_000, *, least: int = 1) -> int:

@@ -65,7 +65,7 @@ class ContactSchedule(Displayed):
                 f"intervals of ContactSchedule are {self.intervals!r:.80}; expected {{contact: [(start, end), ...]}} [s], e.g. "
                 "{'left_sole': [(0.0, 1.0), (1.6, math.inf)]}."
             )
-        check_number("fade of ContactSchedule", self.fade, 0.0, math.inf, "a time >= 0 [s]")
+        check_number("fade of ContactSchedule", self.fade, 0.0, expected="a time >= 0 [s]")
         check_flag("flight of ContactSchedule", self.flight)
         checked = {name: _checked(name, given) for name, given in self.intervals.items()}
         object.__setattr__(self, "intervals", checked)

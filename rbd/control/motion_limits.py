@@ -74,7 +74,7 @@ class Limits(Displayed):
         for what, value in (("braking", self.braking), ("horizon", self.horizon)):
             if not _LEAST <= as_float(value) <= _MOST:
                 raise InputError(f"{what} is {value!r:.80}; expected a number from {_LEAST:g} to {_MOST:g}.")
-        check_number("margin", self.margin, 0.0, _MOST, "a distance of 0 or more [rad, m]")
+        check_number("margin", self.margin, 0.0, _MOST, expected="a distance of 0 or more [rad, m]")
 
     def torques(self, robot: CheckedModel) -> Array:
         """Largest torques at rest, shape (nu,) [N, N m]; inf where there is no limit."""

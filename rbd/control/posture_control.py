@@ -119,8 +119,8 @@ def check_oscillation(whose: str, frequency: float, damping_ratio: float) -> Non
     Raises:
         InputError: naming the controller.
     """
-    check_number(f"frequency of {whose}", frequency, ABOVE_ZERO, 1e6, "a number > 0 [rad/s]")
-    check_number(f"damping_ratio of {whose}", damping_ratio, 0.0, 1e6, ">= 0 (1: critical)")
+    check_number(f"frequency of {whose}", frequency, ABOVE_ZERO, 1e6, expected="a number > 0 [rad/s]")
+    check_number(f"damping_ratio of {whose}", damping_ratio, 0.0, 1e6, expected=">= 0 (1: critical)")
 
 
 def torque_scale(robot: CheckedModel) -> Array:

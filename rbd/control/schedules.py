@@ -202,7 +202,7 @@ def checked_period(what: str, given: float) -> float:
     Raises:
         InputError: it is not a time above zero.
     """
-    return check_number(what, given, 2.0 * INSTANT, math.inf, "a time above 0 [s], or None")
+    return check_number(what, given, 2.0 * INSTANT, expected="a time above 0 [s], or None")
 
 
 def sample_at(t: float, every: float) -> int:
@@ -392,8 +392,8 @@ class Push(Displayed):
     _force: ExternalForce = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        check_number(f"start of the push at {self.frame!r:.80}", self.start, -1e9, 1e9, "a time [s]")
-        check_number(f"duration of the push at {self.frame!r:.80}", self.duration, ABOVE_ZERO, 1e9, "more than 0 s")
+        check_number(f"start of the push at {self.frame!r:.80}", self.start, -1e9, 1e9, expected="a time [s]")
+        check_number(f"duration of the push at {self.frame!r:.80}", self.duration, ABOVE_ZERO, 1e9, expected="more than 0 s")
         given = ExternalForce(self.frame, self.force, self.moment, self.offset)
         for what in ("force", "moment", "offset"):
             object.__setattr__(self, what, getattr(given, what))

@@ -198,7 +198,7 @@ def checked_law(name: str, gain: float, damping_ratio: float = 0.0) -> tuple[flo
         InputError: negative, not finite or no number.
     """
     for what, value in (("gain", gain), ("damping_ratio", damping_ratio)):
-        check_number(f"{what} of task {name!r:.80}", value, 0.0, _MOST, f"a number from 0, below {_MOST:g}")
+        check_number(f"{what} of task {name!r:.80}", value, 0.0, _MOST, expected=f"a number from 0, below {_MOST:g}")
     return float(gain), 2.0 * float(damping_ratio) * math.sqrt(gain)
 
 

@@ -260,7 +260,7 @@ class TrackingController(Displayed):
         if not isinstance(self.torques, str) or self.torques not in TORQUES:
             raise InputError(f"torques is {self.torques!r:.80}; expected one of {', '.join(TORQUES)}.")
         check_oscillation("TrackingController", self.frequency, self.damping_ratio)
-        check_number("every", self.every, 1e-5, 1e6, "a time of 1e-5 s or more")
+        check_number("every", self.every, 1e-5, 1e6, expected="a time of 1e-5 s or more")
         check_model("TrackingController", self.robot)
         put = object.__setattr__
         if self.robot is not None:

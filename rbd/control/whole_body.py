@@ -128,7 +128,7 @@ class WholeBodyController(Displayed):
         if self.every is not None:
             put(self, "every", checked_period("every of WholeBodyController", self.every))
             self._check_horizon(self.every)
-        check_number("contact_damping", self.contact_damping, 0.0, math.inf, "a rate >= 0 [1/s]")
+        check_number("contact_damping", self.contact_damping, 0.0, expected="a rate >= 0 [1/s]")
         if not 0.0 < as_float(self.early) <= 1.0:
             raise InputError(f"early is {self.early!r:.80}; expected a share of a swing, in (0, 1].")
         check_model("WholeBodyController", self.robot)

@@ -117,8 +117,8 @@ def silent_step(
     checked(state)
     if not isinstance(limits, Limits):
         raise InputError(f"limits is {limits!r:.80}; expected rbd.control.Limits(...).")
-    time = check_number("t", t, -1e300, 1e300, "a time [s]")
-    damping = check_number("contact_damping", contact_damping, 0.0, _FASTEST, "a rate of 0 or more [1/s]")
+    time = check_number("t", t, -1e300, 1e300, expected="a time [s]")
+    damping = check_number("contact_damping", contact_damping, 0.0, _FASTEST, expected="a rate of 0 or more [1/s]")
     problem = StepProblem.of(
         state,
         tasks,

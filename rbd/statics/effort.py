@@ -69,7 +69,7 @@ class Effort(Displayed):
     edge_margin: float = 0.0
 
     def __post_init__(self) -> None:
-        check_number("edge_margin", self.edge_margin, 0.0, _MOST, "a length of 0 or more [m]")
+        check_number("edge_margin", self.edge_margin, 0.0, _MOST, expected="a length of 0 or more [m]")
         if not isinstance(self.normal_force, Mapping):
             raise InputError(f"normal_force is {self.normal_force!r:.80}; expected {{contact: (least, most)}} [N].")
         for name, bounds in self.normal_force.items():

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_vector3, check_number, lazy
+from rbd.arrays import BELOW_ONE, Array, as_vector3, check_number, lazy
 from rbd.constraints.constraint import Constraint, listed, rows_of, with_loops
 from rbd.constraints.distance_warnings import warn_of_distant, warn_of_limits
 from rbd.errors import InputError, NotAtRest
@@ -267,12 +267,12 @@ def check_area_gap(area_gap: float) -> float:
     Raises:
         InputError: what is no number from 1e-6 to 1e6.
     """
-    return check_number("area_gap", area_gap, SMALLEST_GAP, 1e6, f"an area of {SMALLEST_GAP:g} m2 or more")
+    return check_number("area_gap", area_gap, SMALLEST_GAP, 1e6, expected=f"an area of {SMALLEST_GAP:g} m2 or more")
 
 
 def force_sets(rows: Sequence[Rows], friction: str, margin: float = 0.0) -> ForceSet:
     """Sets of the forces of contacts at rest: circular cones, or pyramids inside or around them."""
-    share = check_number("margin", margin, 0.0, 1.0, "a share of friction to leave unused, from 0 to below 1")
+    share = check_number("margin", margin, 0.0, BELOW_ONE, expected="a share of friction to leave unused, from 0 to below 1")
     if not isinstance(friction, str) or friction not in FRICTIONS:
         raise InputError(f"friction is {friction!r:.80}; expected one of {', '.join(map(repr, FRICTIONS))}.")
     sets = narrowed(at_rest(*[r.cone for r in rows]), share)

@@ -180,7 +180,7 @@ def _external(
     """
     sizes = {"push": push, "push_angle": 0.0 if push_angle is None else push_angle}
     sizes |= dict(zip(("push_x", "push_y", "push_z"), components, strict=True))
-    found = {name: check_number(name, value, -1e100, 1e100, "a finite number") for name, value in sizes.items()}
+    found = {name: check_number(name, value, -1e100, 1e100, expected="a finite number") for name, value in sizes.items()}
     along = as_vector3("direction", direction)
     if push_angle is not None:
         angle = math.radians(found["push_angle"])

@@ -11,7 +11,7 @@ from functools import partial
 
 import numpy as np
 
-from rbd.arrays import Array, check_number, lazy, max_abs, zeros
+from rbd.arrays import BELOW_ONE, Array, check_number, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotMove, ContactMoves, InaccurateWarning, InputError, NoSolution, Reason, SpeedLimitWarning
 from rbd.model.external import External, generalised
@@ -65,7 +65,7 @@ class Choice:
             raise InputError(f"friction is {friction!r:.80}; expected 'cone' or 'inscribed' (pyramids inside the cones).")
         if not isinstance(effort, Effort):
             raise InputError(f"objective is {effort!r:.80}; expected an rbd.statics.Effort, or None.")
-        check_number("rest_speed", rest_speed, 0.0, 1e100, "a speed of 0 or more [m/s, rad/s]")
+        check_number("rest_speed", rest_speed, 0.0, 1e100, expected="a speed of 0 or more [m/s, rad/s]")
         return cls(effort, friction, None if margin is None else checked_margin(margin), rest_speed, holds)
 
     @property
@@ -279,7 +279,8 @@ def checked_margin(margin: float) -> float:
     Raises:
         InputError: it is none.
     """
-    return check_number("margin", margin, 0.0, 1.0, "a number from 0, below 1: 0.05 keeps friction 5 % from its limit")
+    words = "a number from 0, below 1: 0.05 keeps friction 5 % from its limit"
+    return check_number("margin", margin, 0.0, BELOW_ONE, expected=words)
 
 
 _EXACT = 1e-14
