@@ -287,7 +287,9 @@ def _refuted(program: Conic) -> Certificate | None:
     inward[down & ~up] = _INWARD
     inward[program.cones[:, 2]] = _INWARD * np.maximum(1.0, program.mu)
     for shift in (inward, np.zeros(len(inward))):  # r inside of what it must be by more than rounding, if that can be
-        found = interior_point(Conic.of(blocks, [(parts, -shift)]))
+        dual = Conic.of(blocks, [(parts, -shift)])
+        found = interior_point(dual)
+        found = settled(dual, found, MET) or found
         z = np.zeros(len(program.C))
         z[row_down] += found["low"]
         z[row_up] -= found["high"]
