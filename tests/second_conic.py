@@ -13,7 +13,7 @@ from scipy.sparse import csc_matrix
 import rbd
 from rbd.arrays import Array
 from rbd.constraints.constraint import Constraint
-from rbd.problem.conic import Block, Certificate, Conic
+from rbd.problem.conic import Certificate, Conic, Unknowns
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,5 +144,5 @@ class Whole:
         """Least sum of squares x^2 / 2 + g . x; the equations over the largest entries of their rows."""
         top = np.maximum(np.abs(self.columns).max(axis=1), 1e-12)
         A = self.columns / top[:, None]
-        x = Block(len(g), squares, g, self.lower, self.upper, self.cones, self.mu)
+        x = Unknowns(len(g), squares, g, self.lower, self.upper, self.cones, self.mu)
         return Conic.of({"x": x}, [({"x": A}, need / top)])

@@ -7,7 +7,7 @@ import pytest
 
 from rbd.answers.analysis.extent import cone_program, least, widened
 from rbd.problem.cones import project_cones
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.programs import Work
 from rbd.solvers.conic_newton import by_dual
 
@@ -22,7 +22,7 @@ INSIDE = np.array([0.0, 0.0, 0.5])
 
 def cones(k: int, mu: float | np.ndarray, R: np.ndarray, b: np.ndarray, target: np.ndarray) -> Conic:
     """1/2 |y - target|^2 over R y = b in k cones."""
-    y = Block(3 * k, 1.0, -target, cones=np.arange(3 * k).reshape(k, 3), mu=np.broadcast_to(mu, k))
+    y = Unknowns(3 * k, 1.0, -target, cones=np.arange(3 * k).reshape(k, 3), mu=np.broadcast_to(mu, k))
     return Conic.of({"y": y}, [({"y": R}, b)])
 
 
@@ -49,7 +49,7 @@ def test_the_conditions_of_the_least_hold(k, rng):
 def test_weights_and_bounds():
     """Least y1^2 + 4 y2^2 with y1 + y2 = 5: (4, 1); with y1 <= 3: (3, 2)."""
     for upper, least_y in ((np.inf, [4.0, 1.0]), (np.array([3.0, np.inf]), [3.0, 2.0])):
-        program = Conic.of({"y": Block(2, np.array([2.0, 8.0]), upper=upper)}, [({"y": np.ones((1, 2))}, np.array([5.0]))])
+        program = Conic.of({"y": Unknowns(2, np.array([2.0, 8.0]), upper=upper)}, [({"y": np.ones((1, 2))}, np.array([5.0]))])
         assert by_dual(program)[0] == pytest.approx(least_y)
 
 
@@ -73,7 +73,7 @@ def test_an_empty_set_and_no_work_have_no_answer():
 def test_equations_beyond_newtons_method_have_no_answer():
     """0 y = 1, whose derivative is zero; and a row of 1e80, whose products would leave double precision."""
     for R, b in ((np.zeros((1, 2)), 1.0), (np.array([[1e80, 0.0]]), 1e80)):
-        assert by_dual(Conic.of({"y": Block(2, 1.0)}, [({"y": R}, np.array([b]))])) is None
+        assert by_dual(Conic.of({"y": Unknowns(2, 1.0)}, [({"y": R}, np.array([b]))])) is None
 
 
 # By Clarabel, with the excess judged by multipliers

@@ -14,7 +14,7 @@ import pytest
 import rbd
 from rbd.errors import NonUniqueMotionWarning
 from rbd.model.checked_model import CheckedModel
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.residuals import residuals_of
 from rbd.statics.least_friction import BRACKET, Balance, rounded_up as enough
 from rbd.testing import ConstraintWrong, box, check_constraint
@@ -180,7 +180,7 @@ class TestFriction:
 
 def one_cone(push: float) -> Balance:
     """A body of unit weight on one frictionless point whose coefficient may grow, pushed along the ground."""
-    forces = Block(3, cones=np.array([[0, 1, 2]]), mu=np.zeros(1))
+    forces = Unknowns(3, cones=np.array([[0, 1, 2]]), mu=np.zeros(1))
     return Balance(Conic.of({"forces": forces}, [({"forces": np.eye(3)}, np.array([push, 0.0, 1.0]))]), np.ones(1, bool))
 
 

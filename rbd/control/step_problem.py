@@ -20,7 +20,7 @@ from rbd.errors import InputError, UnknownName, nearest
 from rbd.model.external import External, generalised
 from rbd.model.state import State
 from rbd.problem.answer import Status
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.residuals import SOLVED, USABLE
@@ -287,7 +287,7 @@ class StepProblem:
         W_n, low_n, high_n, upper = _without_zeros(W_n, low_n, high_n, lower, upper)
         own, (lightest, heaviest) = need[motors] / size, torques
         conic = Conic.of(
-            {"forces": Block(sets.size, K, k, lower, upper), "accelerations": Block(nv, H, -(Aw @ wanted))},
+            {"forces": Unknowns(sets.size, K, k, lower, upper), "accelerations": Unknowns(nv, H, -(Aw @ wanted))},
             [
                 ({"forces": -per_weight[idle], "accelerations": M[idle] / unit}, need[idle] / -unit),
                 ({"accelerations": J}, -offset),

@@ -14,7 +14,7 @@ from rbd.problem.contact_motion import REST_SPEED
 from rbd.statics.actuation import Actuation
 from rbd.statics.actuations import Actuations, actuations_of
 from rbd.statics.effort import Effort
-from rbd.statics.wanted_motion import MARGIN, Choice, WantedMotion, checked_margin
+from rbd.statics.wanted_motion import MARGIN, EffortChoice, WantedMotion, checked_margin
 from rbd.statics.why_impossible import actuation_of
 
 
@@ -73,7 +73,7 @@ def inverse_dynamics(
     """
     robot = checked(state).robot
     a = robot.check_v(a, "a")
-    choice = Choice.of(objective, friction, checked_margin(margin), rest_speed, holds=False)
+    choice = EffortChoice.of(objective, friction, checked_margin(margin), rest_speed, holds=False)
     wanted = WantedMotion.of(state, a, with_loops(robot, contacts, loops), external, choice, stacklevel=3)
     return actuation_of(wanted, stacklevel=3)
 
@@ -129,6 +129,6 @@ def inverse_dynamics_many(
         >>> wanted.forces["front_left"][:, 2].round(3), list(wanted.reasons)  # the last would need feet that pull
         (array([6.698, 6.131,   nan]), [2])
     """
-    choice = Choice.of(objective, friction, checked_margin(margin), rest_speed, holds=False)
+    choice = EffortChoice.of(objective, friction, checked_margin(margin), rest_speed, holds=False)
     states = ManyStates.of(robot, q, v, contacts, external=external, friction=coefficients, a=a, loops=loops)
     return actuations_of(states, choice, stacklevel=2)

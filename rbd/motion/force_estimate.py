@@ -27,7 +27,7 @@ from rbd.errors import NoSolution
 from rbd.model.state import State
 from rbd.motion.sensor_noise import force_scale
 from rbd.problem.answer import ContactForce, corners_of
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.force_set import Element, ForceSet
 from rbd.problem.rows import Rows
 from rbd.solvers.conic_newton import newton_steps, solve_conic
@@ -350,7 +350,7 @@ def fit_forces(E: Array, b: Array, W: Array, sets: ForceSet, unit: float) -> For
     U, s, Vt = U[:, kept], s[kept], Vt[kept]
     known = (U.T @ target) / s
     x, least = Vt.T @ known, True
-    weights = Block(sets.size, 1.0, 0.0, sets.lower / unit, sets.upper / unit, sets.cone_columns, sets.mu)
+    weights = Unknowns(sets.size, 1.0, 0.0, sets.lower / unit, sets.upper / unit, sets.cone_columns, sets.mu)
     program = Conic.of({"weights": weights}, [({"weights": Vt}, known)])
     inside = program.project(x)
     if float(np.abs(inside - x).max()) <= _ROUNDING * max(1.0, float(np.abs(x).max())):

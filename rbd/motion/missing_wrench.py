@@ -10,7 +10,7 @@ from rbd.arrays import Array
 from rbd.motion.contact_timeline import FloorPoints
 from rbd.motion.frame_terms import FrameTerms, wrench_scale
 from rbd.problem.cones import project_cones
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.solvers.cone_least_squares import ConeFits, Stage, nearest_in_cones, staged_fits
 from rbd.solvers.conic_newton import solve_conic
 
@@ -143,8 +143,8 @@ def _one_frame(stacked: Array, aim: Array, bounded: Array, mu: float, other: Arr
     squares, cones = (T.T @ T + FORCES * np.eye(n)) / STEEP, np.arange(n).reshape(-1, 3)
     program = Conic.of(
         {
-            "forces": Block(n, squares, -T.T @ t / STEEP, cones=cones, mu=np.full(len(touching), mu)),
-            "excess": Block(len(limited), 1.0, lower=0.0),
+            "forces": Unknowns(n, squares, -T.T @ t / STEEP, cones=cones, mu=np.full(len(touching), mu)),
+            "excess": Unknowns(len(limited), 1.0, lower=0.0),
         },
         [({"forces": A}, A @ other[touching].ravel())],
         [

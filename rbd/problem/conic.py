@@ -30,7 +30,7 @@ from rbd.problem.cones import project_cones
 from rbd.problem.programs import Outcome
 
 
-class Block(NamedTuple):
+class Unknowns(NamedTuple):
     """Unknowns of a program that belong together.
 
     Attributes:
@@ -87,7 +87,7 @@ class Conic:
     @classmethod
     def of(
         cls,
-        blocks: Mapping[str, Block],
+        blocks: Mapping[str, Unknowns],
         equations: Sequence[tuple[Mapping[str, Array], Array]] = (),
         between: Sequence[tuple[Mapping[str, Array], Array | float, Array | float]] = (),
     ) -> Self:
@@ -134,10 +134,10 @@ class Conic:
         Its first unknowns are x; its rows between bounds are the lower, then the upper bounds of this one's.
         """
         (e, n), q = self.A.shape, len(self.low)
-        I, over, some = np.eye(e), np.eye(q), Block(e, linear=1.0, lower=0.0)
-        x = Block(n, 0.0, 0.0, self.lower, self.upper, self.cones, self.mu)
+        I, over, some = np.eye(e), np.eye(q), Unknowns(e, linear=1.0, lower=0.0)
+        x = Unknowns(n, 0.0, 0.0, self.lower, self.upper, self.cones, self.mu)
         return Conic.of(
-            {"x": x, "less": some, "more": some, "passed": Block(q, linear=1.0, lower=0.0)},
+            {"x": x, "less": some, "more": some, "passed": Unknowns(q, linear=1.0, lower=0.0)},
             [({"x": self.A, "less": I, "more": -I}, self.b)],
             [({"x": self.C, "passed": over}, self.low, math.inf), ({"x": self.C, "passed": -over}, -math.inf, self.high)],
         )

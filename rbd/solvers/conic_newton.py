@@ -18,7 +18,7 @@ from scipy.linalg import lapack
 
 from rbd.arrays import Array, is_finite, max_abs
 from rbd.problem.cones import projection
-from rbd.problem.conic import Block, Certificate, Conic, ConicAnswer
+from rbd.problem.conic import Certificate, Conic, ConicAnswer, Unknowns
 from rbd.problem.programs import CONIC_SECONDS, CONIC_STEPS, Outcome, Work
 
 MET = 1e-11
@@ -272,12 +272,12 @@ def _refuted(program: Conic) -> Certificate | None:
     down, up = np.isfinite(program.lower), np.isfinite(program.upper)
     flat, I = program.cones.ravel(), np.eye(len(program.g))
     blocks = {
-        "y": Block(len(program.b), 0.0, -program.b, -1.0, 1.0),
-        "low": Block(int(row_down.sum()), 0.0, -program.low[row_down], 0.0, 1.0),
-        "high": Block(int(row_up.sum()), 0.0, program.high[row_up], 0.0, 1.0),
-        "lower": Block(int(down.sum()), 0.0, -program.lower[down], 0.0),
-        "upper": Block(int(up.sum()), 0.0, program.upper[up], 0.0),
-        "cones": Block(len(flat), cones=np.arange(len(flat)).reshape(-1, 3), mu=1.0 / program.mu),
+        "y": Unknowns(len(program.b), 0.0, -program.b, -1.0, 1.0),
+        "low": Unknowns(int(row_down.sum()), 0.0, -program.low[row_down], 0.0, 1.0),
+        "high": Unknowns(int(row_up.sum()), 0.0, program.high[row_up], 0.0, 1.0),
+        "lower": Unknowns(int(down.sum()), 0.0, -program.lower[down], 0.0),
+        "upper": Unknowns(int(up.sum()), 0.0, program.upper[up], 0.0),
+        "cones": Unknowns(len(flat), cones=np.arange(len(flat)).reshape(-1, 3), mu=1.0 / program.mu),
     }
     parts = {
         "y": program.A.T, "low": program.C[row_down].T, "high": -program.C[row_up].T, "lower": I[:, down], "upper": -I[:, up],

@@ -21,7 +21,7 @@ from rbd.arrays import Array, block_diagonal, max_abs, range_of
 from rbd.errors import InputError
 from rbd.problem.answer import Answer
 from rbd.problem.cones import pyramid
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import CONVEX, COULOMB, GaussProblem, Law, checked
 from rbd.problem.residuals import ENOUGH, SOLVED, USABLE
@@ -188,7 +188,7 @@ def _least_forces(convex: Answer, w: Array, still: Array) -> tuple[Array | None,
         return inside, True
     size = max(1.0, max_abs(convex.multipliers))
     cones = np.arange(3 * int(still.sum())).reshape(-1, 3)
-    weights = Block(len(columns), 1.0, cones=cones, mu=T.mu[still])
+    weights = Unknowns(len(columns), 1.0, cones=cones, mu=T.mu[still])
     found = by_dual(Conic.of({"weights": weights}, [({"weights": G}, left / size)]))
     if found is None:
         return None, False

@@ -21,7 +21,7 @@ from scipy.linalg import lapack, lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, max_abs, null_space
 from rbd.problem.cones import ConeProjection, projection
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.force_set import ForceSet
 
 PROXIMAL = 1e-7
@@ -111,7 +111,7 @@ class Scaled:
         lower, upper = np.full(p, -np.inf), np.full(p, np.inf)
         lower[: len(self.lower)], upper[: len(self.upper)] = self.lower, self.upper
         cones = p - 3 * k + np.arange(3 * k).reshape(k, 3)
-        return Conic.of({"weights": Block(p, self.D, self.q + extra, lower, upper, cones, self.order.mu)})
+        return Conic.of({"weights": Unknowns(p, self.D, self.q + extra, lower, upper, cones, self.order.mu)})
 
     def guess(self, weights: Array) -> Array:
         """Scaled weights, from those of `ForceSet`."""

@@ -20,7 +20,7 @@ from rbd.model.dynamics import free_force
 from rbd.model.external import External
 from rbd.model.state import State
 from rbd.problem.answer import ACCELERATION, CERTIFICATE, FORCES, Answer, ContactForce, Status, corners_of
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import COULOMB, GaussProblem
 from rbd.problem.motion_forces import given_weights
@@ -358,8 +358,8 @@ def _has_inside(program: Conic) -> bool:
     found = solve_conic(
         Conic.of(
             {
-                "x": Block(n, 0.0, 0.0, lower, upper, program.cones, program.mu),
-                "margin": Block(1, 0.0, -1.0, -1.0, 1.0),
+                "x": Unknowns(n, 0.0, 0.0, lower, upper, program.cones, program.mu),
+                "margin": Unknowns(1, 0.0, -1.0, -1.0, 1.0),
             },
             [({"x": program.A, "margin": program.A @ shift}, program.b)],
             [

@@ -26,7 +26,7 @@ from rbd.problem.residuals import SOLVED
 from rbd.records import Field
 from rbd.statics.actuation import CHOICE, CHOSEN, TORQUES, Actuation
 from rbd.statics.effort import Effort
-from rbd.statics.wanted_motion import Choice, WantedMotion
+from rbd.statics.wanted_motion import EffortChoice, WantedMotion
 from rbd.statics.why_impossible import actuation_of
 
 
@@ -69,7 +69,7 @@ class Actuations(ManyAnswers, Displayed):
     tau: Array
     margin: Array
     least: Array
-    choice: Choice
+    choice: EffortChoice
 
     fields: ClassVar[tuple[Field, ...]] = (
         *(line for line in ManyAnswers.fields if line.name not in ("a", "tau")),
@@ -98,7 +98,7 @@ class Actuations(ManyAnswers, Displayed):
         return (self[i] for i in range(len(self)))
 
 
-def actuations_of(states: ManyStates, choice: Choice, *, stacklevel: int) -> Actuations:
+def actuations_of(states: ManyStates, choice: EffortChoice, *, stacklevel: int) -> Actuations:
     """Torques and forces of least effort at each state.
 
     Args:
@@ -128,7 +128,7 @@ def actuations_of(states: ManyStates, choice: Choice, *, stacklevel: int) -> Act
     return out
 
 
-def _by_blocks(sheet: Sheet, choice: Choice, tau: Array, margin: Array, least: Array) -> Array:
+def _by_blocks(sheet: Sheet, choice: EffortChoice, tau: Array, margin: Array, least: Array) -> Array:
     """Answer the states whose least effort is inside all limits; the numbers of those that are left."""
     states, left = sheet.states, np.ones(len(sheet.states), bool)
     left[list(states.refused)] = False
@@ -155,7 +155,7 @@ def _by_blocks(sheet: Sheet, choice: Choice, tau: Array, margin: Array, least: A
     return np.flatnonzero(left)
 
 
-def wanted_at(states: ManyStates, i: int, choice: Choice) -> WantedMotion:
+def wanted_at(states: ManyStates, i: int, choice: EffortChoice) -> WantedMotion:
     """What is wanted at state i.
 
     Raises:
@@ -166,7 +166,7 @@ def wanted_at(states: ManyStates, i: int, choice: Choice) -> WantedMotion:
     return WantedMotion.of(states.state(i), a, states.constraints_at(i), states.external_at(i), choice)
 
 
-def _one(sheet: Sheet, i: int, choice: Choice) -> Actuation | None:
+def _one(sheet: Sheet, i: int, choice: EffortChoice) -> Actuation | None:
     """State i; None, and the reason on the sheet, where there is none.
 
     Raises:

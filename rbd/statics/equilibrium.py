@@ -14,7 +14,7 @@ from rbd.problem.contact_motion import REST_SPEED
 from rbd.statics.actuation import Actuation
 from rbd.statics.actuations import Actuations, actuations_of
 from rbd.statics.effort import Effort
-from rbd.statics.wanted_motion import Choice, WantedMotion
+from rbd.statics.wanted_motion import EffortChoice, WantedMotion
 from rbd.statics.why_impossible import actuation_of
 
 
@@ -62,7 +62,7 @@ def hold(
         (array([-0.401, -0.311,  0.632]), array([-1.707, -0.516,  7.621]))
     """
     robot = checked(state).robot
-    choice = Choice.of(objective, friction, margin, REST_SPEED, holds=True)
+    choice = EffortChoice.of(objective, friction, margin, REST_SPEED, holds=True)
     given = with_loops(robot, contacts, loops)
     return actuation_of(WantedMotion.of(state, zeros(robot.nv), given, external, choice, stacklevel=3), stacklevel=3)
 
@@ -110,6 +110,6 @@ def hold_many(
         array([[-0.31 , -0.012,  0.619],
                [-0.201, -0.012,  0.618]])
     """
-    choice = Choice.of(objective, friction, margin, REST_SPEED, holds=True)
+    choice = EffortChoice.of(objective, friction, margin, REST_SPEED, holds=True)
     states = ManyStates.of(robot, q, None, contacts, external=external, friction=coefficients, loops=loops)
     return actuations_of(states, choice, stacklevel=2)

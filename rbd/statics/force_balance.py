@@ -20,7 +20,7 @@ from rbd.errors.inputs import check_different
 from rbd.model.checked_model import FARTHEST
 from rbd.model.joints import Joint
 from rbd.model.state import State, checked
-from rbd.problem.conic import Block
+from rbd.problem.conic import Unknowns
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.motion_forces import narrowed
 from rbd.problem.rows import Rows, by_rows
@@ -188,10 +188,10 @@ class ForceBalance:
         """Upper bounds, likewise."""
         return self.sets.upper / self.unit
 
-    def block(self, squares: float = 0.0) -> Block:
+    def block(self, squares: float = 0.0) -> Unknowns:
         """The weights over the unit as unknowns of a program."""
         sets = self.sets
-        return Block(sets.size, squares, 0.0, self.lower, self.upper, sets.cone_columns, sets.mu)
+        return Unknowns(sets.size, squares, 0.0, self.lower, self.upper, sets.cone_columns, sets.mu)
 
     def columns(self, forces: Array) -> tuple[Array, Array]:
         """(in rows without motors, in torques over limits): further generalised forces, shape (nv, k) [N, N m]."""

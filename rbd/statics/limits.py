@@ -25,7 +25,7 @@ import numpy as np
 from rbd.arrays import Array, lazy
 from rbd.displayed import Displayed
 from rbd.problem import programs
-from rbd.problem.conic import Block, Certificate, Conic
+from rbd.problem.conic import Certificate, Conic, Unknowns
 from rbd.problem.force_set import Element, ForceSet, at_rest
 from rbd.problem.programs import Outcome
 from rbd.solvers.conic_newton import solve_conic
@@ -149,7 +149,7 @@ class Relaxable:
         between = [({"forces": loads.T[kept], "relaxed": at_motors[kept]}, low[kept], high[kept])]
         if not any(limit.kind == "normal force" for limit in relaxed):
             between.insert(0, self.effort.rows(loads))
-        blocks = {"forces": loads.block(), "relaxed": Block(X.shape[1])}
+        blocks = {"forces": loads.block(), "relaxed": Unknowns(X.shape[1])}
         return Conic.of(blocks, [({"forces": loads.A, "relaxed": X}, loads.b)], between)
 
     def refuted(self, relaxed: Collection[Limit] = ()) -> Certificate | None:

@@ -11,7 +11,7 @@ from scipy.linalg import blas
 
 from rbd.arrays import Array, cross_matrix, inertia_factor, max_abs
 from rbd.displayed import Displayed
-from rbd.problem.conic import Block, Conic, ConicAnswer
+from rbd.problem.conic import Conic, ConicAnswer, Unknowns
 from rbd.problem.programs import Outcome
 from rbd.solvers.conic_newton import solve_conic
 from rbd.statics.effort import POSSIBLE, Effort
@@ -106,7 +106,7 @@ def missing(loads: ForceBalance, effort: Effort) -> Missing | None:
     H = np.hstack(columns)
     if not H.shape[1]:
         return Missing({}, {}, L, 0.0)
-    blocks = {"forces": loads.block(_ANY), "missing": Block(H.shape[1], 1.0)}
+    blocks = {"forces": loads.block(_ANY), "missing": Unknowns(H.shape[1], 1.0)}
     found = solve_conic(
         Conic.of(blocks, [({"forces": loads.A, "missing": loads.columns(H)[0]}, loads.b)], [effort.rows(loads)])
     )
@@ -149,7 +149,7 @@ def excess(loads: ForceBalance, effort: Effort) -> Excess | None:
     limited, (rows, low, high) = np.flatnonzero(loads.limited), loads.torque_rows
     I = np.eye(len(limited))
     program = Conic.of(
-        {"forces": loads.block(_ANY), "excess": Block(len(limited), linear=1.0, lower=0.0)},
+        {"forces": loads.block(_ANY), "excess": Unknowns(len(limited), linear=1.0, lower=0.0)},
         [({"forces": loads.A}, loads.b)],
         [
             effort.rows(loads),
@@ -197,7 +197,7 @@ def nearest_possible(
     (least, most), limit = loads.bounds, loads.limit[loads.limited]
     d = Ma[mo] / limit  # of torques over limits, at a
     program = Conic.of(
-        {"motion": Block(robot.nv, 1.0), "forces": loads.block(_ANY)},
+        {"motion": Unknowns(robot.nv, 1.0), "forces": loads.block(_ANY)},
         [({"motion": Mb[un], "forces": -per_weight[un]}, -Ma[un]), ({"motion": still @ back}, -(still @ a + offset))],
         [
             effort.rows(loads),

@@ -14,7 +14,7 @@ from rbd.constraints.constraint import Constraint
 from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotHold, InputError, NoSolution
 from rbd.model.state import State
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import Outcome
 from rbd.records import Field
@@ -351,7 +351,7 @@ class _PushSearch:
         self.programs += 1
         loads, (rows, low, high) = self.loads, self.loads.torque_rows
         program = Conic.of(
-            {"forces": loads.block(), "push": Block(1, lower=0.0, upper=self.most)},
+            {"forces": loads.block(), "push": Unknowns(1, lower=0.0, upper=self.most)},
             [({"forces": loads.A, "push": (self.B @ way)[:, None]}, loads.b)],
             [(rows | {"push": (self.P @ way)[:, None]}, low, high)],
         )

@@ -14,7 +14,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.model.world import along_gravity
-from rbd.problem.conic import Block, Certificate, Conic
+from rbd.problem.conic import Certificate, Conic, Unknowns
 from rbd.problem.programs import Outcome
 from rbd.records import Field
 from rbd.statics.force_balance import (
@@ -265,7 +265,7 @@ def _program(loads: ForceBalance, limits: bool) -> Conic:
     shift /= loads.row_size[:, None]
     below = along_gravity(down, state.com)
     program = Conic.of(
-        {"forces": loads.block(), "point": Block(2)},
+        {"forces": loads.block(), "point": Unknowns(2)},
         [({"forces": loads.A, "point": shift}, loads.b + shift @ below)],
         [loads.torque_rows] if limits else [],  # of the pose: a centre of mass loads no motor
     )

@@ -35,7 +35,7 @@ FRICTIONS = ("cone", "inscribed")
 
 
 @dataclass(frozen=True, eq=False)
-class Choice:
+class EffortChoice:
     """What torques and forces are chosen by.
 
     Attributes:
@@ -54,7 +54,9 @@ class Choice:
     holds: bool
 
     @classmethod
-    def of(cls, objective: Effort | None, friction: str, margin: float | None, rest_speed: float, *, holds: bool) -> Choice:
+    def of(
+        cls, objective: Effort | None, friction: str, margin: float | None, rest_speed: float, *, holds: bool
+    ) -> EffortChoice:
         """Checked.
 
         Raises:
@@ -94,11 +96,11 @@ class WantedMotion:
     rows: tuple[Rows, ...]
     tau_ext: Array
     external: External
-    choice: Choice
+    choice: EffortChoice
 
     @classmethod
     def of(
-        cls, state: State, a: Array, contacts: tuple[Constraint, ...], external: External, choice: Choice,
+        cls, state: State, a: Array, contacts: tuple[Constraint, ...], external: External, choice: EffortChoice,
         *, stacklevel: int | None = None,
     ) -> WantedMotion:  # fmt: skip
         """Checked; a warning names contacts that are off their planes, if a `stacklevel` is given.

@@ -15,7 +15,7 @@ from rbd.constraints.distance_warnings import warn_of_opening
 from rbd.errors import CannotHold, CannotMove, Reason
 from rbd.model.checked_model import on_its_line
 from rbd.model.world import LEAST_FALL, along_gravity, is_along_z
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import CONIC_STEPS, FRICTION_PROGRAMS
 from rbd.statics.actuation import Actuation
@@ -209,7 +209,7 @@ class Refusal:
                 own[at] = 0.0 if from_zero else c.friction * (1.0 - self.margin)  # type: ignore[attr-defined]
         limited = L.limited if limits else np.zeros_like(L.limited)
         T, t, limit = per_weight[robot.actuated][limited], L.t[limited], L.limit[limited]
-        forces = Block(P.size, 0.0, 0.0, P.lower / L.unit, P.upper / L.unit, P.cone_columns, own)
+        forces = Unknowns(P.size, 0.0, 0.0, P.lower / L.unit, P.upper / L.unit, P.cone_columns, own)
         balance = {"forces": per_weight[robot.unactuated] / L.unit}, L.need[robot.unactuated] / L.unit
         torques = {"forces": T / limit[:, None]}, t - 1.0, t + 1.0
         return Balance(Conic.of({"forces": forces}, [balance], [torques]), yields)

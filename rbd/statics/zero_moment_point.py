@@ -23,7 +23,7 @@ from rbd.errors import InputError, NoSolution
 from rbd.model.external import External, generalised
 from rbd.model.state import State, checked
 from rbd.model.world import along_gravity
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.ground import Ground, On, plane_of
 from rbd.problem.programs import Outcome
 from rbd.problem.rows import Rows, by_rows
@@ -233,7 +233,7 @@ def _pendulum(loads: ForceBalance, ground: Ground) -> Conic:
     W, E = wrench_map(loads.rows, loads.sets.G, state.com), _plane_axes(ground)
     along = {"forces": E.T @ W[:3], "point": down * np.eye(2) / height}  # F_t / F_z = (c - z)_t / height
     equations = [({"forces": W[3:]}, np.zeros(3)), ({"forces": n[None] @ W[:3]}, np.array([down])), (along, np.zeros(2))]
-    return Conic.of({"forces": loads.block(), "point": Block(2)}, equations)
+    return Conic.of({"forces": loads.block(), "point": Unknowns(2)}, equations)
 
 
 def _any_motion(loads: ForceBalance, ground: Ground) -> Conic:
@@ -242,7 +242,7 @@ def _any_motion(loads: ForceBalance, ground: Ground) -> Conic:
     W, E = wrench_map(loads.rows, loads.sets.G, foot), _plane_axes(ground)
     across = {"forces": E.T @ cross_matrix(n) @ W[3:], "point": -np.eye(2)}
     equations = [({"forces": n[None] @ W[:3]}, np.ones(1)), (across, np.zeros(2))]
-    return Conic.of({"forces": loads.block(), "point": Block(2)}, equations)
+    return Conic.of({"forces": loads.block(), "point": Unknowns(2)}, equations)
 
 
 def _foot(state: State, ground: Ground) -> tuple[Array, Array]:

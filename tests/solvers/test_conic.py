@@ -10,7 +10,7 @@ from second_conic import by_scs, proof
 
 from rbd.arrays import Array
 from rbd.problem.cones import project_cones
-from rbd.problem.conic import Block, Certificate, Conic
+from rbd.problem.conic import Certificate, Conic, Unknowns
 from rbd.problem.programs import Outcome
 from rbd.solvers import conic_newton
 from rbd.solvers.conic_newton import solve_conic
@@ -22,7 +22,8 @@ FREE = (-np.inf, np.inf)
 def plain(H: Array, g: Array, *, A=None, b=NONE, C=None, low=None, high=None, bounds=FREE, cones=(), mu=()) -> Conic:
     """A program of n columns; what is not given is not there."""
     n = len(g)
-    x = Block(n, np.asarray(H, float), np.asarray(g, float), *bounds, np.array(cones, int).reshape(-1, 3), np.array(mu, float))
+    at = np.array(cones, int).reshape(-1, 3)
+    x = Unknowns(n, np.asarray(H, float), np.asarray(g, float), *bounds, at, np.array(mu, float))
     equations = [] if A is None else [({"x": np.asarray(A, float)}, np.asarray(b, float))]
     between = [] if C is None else [({"x": C}, -np.inf if low is None else low, np.inf if high is None else high)]
     return Conic.of({"x": x}, equations, between)

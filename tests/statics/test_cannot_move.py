@@ -19,7 +19,7 @@ from rbd.problem.conic import Conic
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.statics import Effort, Limit
 from rbd.statics.limits import Relaxable
-from rbd.statics.wanted_motion import Choice, WantedMotion
+from rbd.statics.wanted_motion import EffortChoice, WantedMotion
 from rbd.testing import box
 
 G = 9.81
@@ -35,7 +35,7 @@ def relaxable(
     effort: Effort | None = None,
 ) -> Relaxable:
     """The limits of a question, to be relaxed one by one."""
-    choice = Choice.of(effort, "cone", margin, REST_SPEED, holds=not (a.any() or state.v.any()))
+    choice = EffortChoice.of(effort, "cone", margin, REST_SPEED, holds=not (a.any() or state.v.any()))
     wanted = WantedMotion.of(state, a, with_loops(state.robot, contacts, True), external, choice, stacklevel=2)
     return Relaxable(wanted.loads(margin), choice.effort)
 

@@ -24,7 +24,7 @@ import numpy as np
 from rbd.arrays import Array, block_diagonal, lazy, null_space, rank_of
 from rbd.problem.answer import corner_map
 from rbd.problem.cones import project_cones
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.force_set import Element, at_rest
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED, Scales
@@ -124,7 +124,7 @@ class Admissible:
             return None
         lower, upper = self.bounds
         y, R = self.start / self.size, null_space(self.null.T).T
-        block = Block(len(y), d, linear, lower / self.size, upper / self.size, self.cone_columns, self.mu)
+        block = Unknowns(len(y), d, linear, lower / self.size, upper / self.size, self.cone_columns, self.mu)
         return Conic.of({"y": block}, [({"y": R}, R @ y)])
 
     @lazy

@@ -27,7 +27,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, block_diagonal, max_abs
 from rbd.errors import InputError, nearest
-from rbd.problem.conic import Block, Conic, ConicAnswer
+from rbd.problem.conic import Conic, ConicAnswer, Unknowns
 from rbd.problem.force_set import Element, ForceSet
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.rows import Rows
@@ -97,7 +97,7 @@ class Conditions:
         rate, G = max(1.0, max_abs(self.b)), self.force / weights[:, None]
         lower = np.where(self.holds, -math.inf, 0.0)
         lower[self.cones] = -math.inf
-        z = Block(len(self.b), G.T @ G, self.b / rate, lower, cones=self.cones, mu=self.mu)
+        z = Unknowns(len(self.b), G.T @ G, self.b / rate, lower, cones=self.cones, mu=self.mu)
         program = Conic.of({"z": z}, [({"z": self.A.T}, np.zeros(self.A.shape[1]))])
         found = solve_conic(program, newton=False)  # forces that balance are not unique
         return found, rate * (G @ found.x) / weights, rate

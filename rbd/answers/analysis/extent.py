@@ -19,7 +19,7 @@ from scipy.sparse import csr_array, hstack, identity
 from rbd.answers.analysis.admissible_forces import Admissible
 from rbd.arrays import Array, lazy, max_abs, null_space
 from rbd.problem.cones import pyramid
-from rbd.problem.conic import Block, Conic
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.programs import LinearAnswer, Work, linear_program
 from rbd.solvers.conic_newton import by_dual, interior_point, settled
 
@@ -164,7 +164,7 @@ class Reach:
         across = null_space(adm.null.T).T
         cones = np.array([place[int(at)] for at in adm.cone_at], int)[:, None] + np.arange(3)
         low, high = np.array(lower) / adm.size, np.array(upper) / adm.size
-        rays = Block(len(y), 1.0, 0.0, low, high, cones.reshape(-1, 3), adm.mu)
+        rays = Unknowns(len(y), 1.0, 0.0, low, high, cones.reshape(-1, 3), adm.mu)
         return T, np.array(y), Conic.of({"rays": rays}, [({"rays": across @ T}, across @ self.start)])
 
     def _by_proximal_steps(self, function: Array) -> Array | None:
@@ -267,10 +267,10 @@ class Reach:
         """The set with its circular cones; widened by `EXACT` where it has no interior."""
         on, n = self._within(self.basis), self.basis.shape[1]
         # The largest margin tau <= 1: A z - tau >= b, |u_t| <= mu u_2 - tau.
-        margin = Block(1, upper=1.0, lower=-_FAR)
+        margin = Unknowns(1, upper=1.0, lower=-_FAR)
         down = np.zeros((len(on.b), 1))
         down[2::3, 0] = -1.0 / on.mu
-        blocks = {"z": Block(n, lower=-_FAR, upper=_FAR), "margin": margin, "u": _cones(on.mu)}
+        blocks = {"z": Unknowns(n, lower=-_FAR, upper=_FAR), "margin": margin, "u": _cones(on.mu)}
         equations = [({"z": on.A[:, :n], "u": on.A[:, n:], "margin": down}, on.b)]
         rows = {"z": on.C[:, :n], "margin": -np.ones((len(on.low), 1))}
         inner = Conic.of(blocks, equations, [(rows, on.low, math.inf)])
@@ -304,12 +304,12 @@ def cone_program(A: Array, b: Array, C: Array, at: Array, mu: Array) -> Conic:
         mu: Shape (k,).
     """
     k, n = 3 * len(mu), A.shape[1]
-    blocks = {"z": Block(n), "u": _cones(mu)}
+    blocks = {"z": Unknowns(n), "u": _cones(mu)}
     return Conic.of(blocks, [({"z": C.reshape(k, n), "u": -np.eye(k)}, -at.ravel())], [({"z": A}, b, math.inf)])
 
 
-def _cones(mu: Array) -> Block:
-    return Block(3 * len(mu), cones=np.arange(3 * len(mu)).reshape(-1, 3), mu=mu)
+def _cones(mu: Array) -> Unknowns:
+    return Unknowns(3 * len(mu), cones=np.arange(3 * len(mu)).reshape(-1, 3), mu=mu)
 
 
 def widened(inside: Conic, by: float) -> Conic:
