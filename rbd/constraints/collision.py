@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_float, cross_matrix
+from rbd.arrays import Array, check_number, cross_matrix
 from rbd.constraints.contact_kinematics import Between, OnPlane, Touching, joined
 from rbd.constraints.contact_points import MARGIN, ContactPoints, Measured, Structure
 from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape
@@ -318,9 +318,7 @@ def _made(name: str, robot: CheckedModel, given: dict[str, object]) -> Collision
 
 
 def _checked_margin(name: str, margin: float) -> float:
-    if not 0.0 <= as_float(margin) < 1e6:
-        raise InputError(f"margin of {name!r:.80} is {margin!r:.80}; expected a length >= 0 [m].")
-    return float(margin)
+    return check_number(f"margin of {name!r:.80}", margin, 0.0, 1e6, expected="a length >= 0 [m]")
 
 
 def _cone(friction: float, facets: int) -> Cone:

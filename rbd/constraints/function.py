@@ -27,8 +27,9 @@ STEP = 0.01
 """First step tried on the tangent space [m, rad]: there rounding and truncation of a function of unit length balance."""
 ROUGH = 1e-6
 """If they never agree to this, relative, the function counts as not differentiable."""
-_NODES = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
-_FIRST = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0
+NODES = (-3.0, -2.0, -1.0, 1.0, 2.0, 3.0)
+FIRST = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0
+"""Weights of the values at the nodes in a first derivative of sixth order, over the step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -324,7 +325,7 @@ def _derivative(
     length = float(np.linalg.norm(v))
     best, h = Difference(np.full(middle.shape, np.nan), np.inf, 1.0), STEP
     for _ in range(tries):
-        values = np.array([f(pin.integrate(model, q, (node * h / length) * v)) for node in _NODES])
+        values = np.array([f(pin.integrate(model, q, (node * h / length) * v)) for node in NODES])
         if np.isfinite(values).all():  # else the step left the function's domain
             found, agreed = rule(values, middle, h, size)
             if found.apart < best.apart:
@@ -336,7 +337,7 @@ def _derivative(
 
 
 def _first(values: Array, middle: Array, h: float, size: float) -> tuple[Difference, float]:
-    first = _FIRST @ values / h
+    first = FIRST @ values / h
     scale = max(_size(first), _size(middle), size)
     # A kink at the middle does not affect first differences and appears in second ones, as 1/h.
     second, second_4 = _SECOND @ values + _MIDDLE * middle, _SECOND_4 @ values + _MIDDLE_4 * middle
@@ -346,7 +347,7 @@ def _first(values: Array, middle: Array, h: float, size: float) -> tuple[Differe
 
 def _second(values: Array, middle: Array, h: float, size: float) -> tuple[Difference, float]:
     second = (_SECOND @ values + _MIDDLE * middle) / h**2
-    scale = max(_size(second), _size(_FIRST @ values) / h, _size(middle), size)
+    scale = max(_size(second), _size(FIRST @ values) / h, _size(middle), size)
     return Difference(second, _size(second - (_SECOND_4 @ values + _MIDDLE_4 * middle) / h**2), scale), SECOND_AGREED
 
 

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_finite, as_float
+from rbd.arrays import Array, as_finite, as_float, check_number
 from rbd.constraints.constraint import PerRobot
 from rbd.constraints.contact_points import Group, Measured, Structure
-from rbd.constraints.surface import check_number, check_state, check_words
+from rbd.constraints.surface import check_state, check_words
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -137,8 +137,8 @@ class JointCoupling(Displayed):
         check_words("a constraint on a joint", name=self.name, joint=self.joint, to=self.to)
         if self.joint == self.to:
             raise InputError(f"{self.name!r:.80} couples joint {self.joint!r:.80} to itself. Lock it with rbd.JointLock.")
-        check_number(self.name, "ratio", self.ratio)
-        check_number(self.name, "offset", self.offset)
+        for what, value in (("ratio", self.ratio), ("offset", self.offset)):
+            check_number(f"{what} of {self.name!r:.80}", value, -1e100, 1e100, expected="a finite number")
 
     def rows(self, state: State) -> Rows:
         """One bilateral row; see the class.
@@ -214,7 +214,7 @@ class JointFriction(Displayed):
 
     def __post_init__(self) -> None:
         check_words("a constraint on a joint", name=self.name, joint=self.joint)
-        check_number(self.name, "torque", self.torque, least=0.0)
+        check_number(f"torque of {self.name!r:.80}", self.torque, 0.0, 1e100, expected="a finite number >= 0")
         bound = np.array([float(self.torque)])
         object.__setattr__(self, "_cone", Bounds(-bound, bound))
 
@@ -284,7 +284,7 @@ class JointLimit(Displayed):
             value = getattr(self, side)
             if value is not None and math.isnan(as_float(value)):
                 raise InputError(f"{side} of {self.name!r:.80} is {value!r:.80}; expected a number, or None for the file's.")
-        check_number(self.name, "margin", self.margin, least=0.0)
+        check_number(f"margin of {self.name!r:.80}", self.margin, 0.0, 1e100, expected="a finite number >= 0")
         if self.lower is not None and self.upper is not None and self.lower > self.upper:
             raise InputError(f"{self.name!r:.80} has its bounds swapped: lower is {self.lower:g}, upper is {self.upper:g}.")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from rbd.arrays import Array, as_float, zeros
+from rbd.arrays import Array, check_number, check_positive, zeros
 from rbd.constraints.constraint import Constraint, frames_of, made
 from rbd.displayed import Displayed
 from rbd.errors import InputError
@@ -53,10 +53,8 @@ class Baumgarte(Displayed):
     damping_ratio: float = 1.0
 
     def __post_init__(self) -> None:
-        if not 0.0 < as_float(self.frequency) < 1e50:
-            raise InputError(f"frequency of Baumgarte is {self.frequency!r:.80}; expected a number > 0 [rad/s].")
-        if not 0.0 <= as_float(self.damping_ratio) < 1e50:
-            raise InputError(f"damping_ratio of Baumgarte is {self.damping_ratio!r:.80}; expected a number >= 0 (1: critical).")
+        check_positive("frequency of Baumgarte", self.frequency, 1e50, "rad/s")
+        check_number("damping_ratio of Baumgarte", self.damping_ratio, 0.0, 1e50, expected="a number >= 0 (1: critical)")
 
     def of(self, constraint: Constraint) -> Stabilised:
         """The constraint with the same name, its rows with this feedback in place of any other.

@@ -16,14 +16,13 @@ another point of the surface, at a distance r from the contact, they are convert
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_finite, as_float, as_vector3, cross_matrix, is_finite, lazy, zeros
+from rbd.arrays import Array, as_array, as_finite, as_vector3, cross_matrix, is_finite, lazy, zeros
 from rbd.errors import InputError
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, FrictionCone, NonNegative
@@ -164,17 +163,6 @@ def check_words(whose: str, **words: object) -> None:
     for what, value in words.items():
         if not isinstance(value, str) or not value:
             raise InputError(f"the {what} of {whose} is {value!r:.80}; expected a string, e.g. 'left_sole'.")
-
-
-def check_number(name: str, what: str, value: float, *, least: float = -math.inf) -> None:
-    """Refuse what is no finite number, or is below `least` [the unit of `what`].
-
-    Raises:
-        InputError: naming the constraint and what the number is.
-    """
-    if not (least <= as_float(value) and abs(as_float(value)) < 1e100):
-        expected = "a finite number" + (f" >= {least:g}" if least == 0.0 else "")
-        raise InputError(f"{what} of {name!r:.80} is {value!r:.80}; expected {expected}.")
 
 
 def check_state(state: State, name: str) -> None:

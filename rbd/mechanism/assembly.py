@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, check_flag, check_seed, check_whole, max_abs
+from rbd.arrays import Array, as_float, check_flag, check_positive, check_seed, check_whole, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.descent import Descent, descend, displacement, minimise
 from rbd.displayed import Displayed
@@ -181,8 +181,7 @@ def check_descent(tolerance: float, max_iterations: int, what: str = "max_iterat
     Raises:
         InputError: with what was expected.
     """
-    if not 0.0 < as_float(tolerance) <= 1e-3:
-        raise InputError(f"tolerance is {tolerance!r:.80}; expected a number > 0, at most 1e-3 [m, rad].")
+    check_positive("tolerance", tolerance, 1e-3, "m, rad")
     check_whole(what, max_iterations, 100_000)
 
 

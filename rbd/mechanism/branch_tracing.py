@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array, as_finite, as_float, check_flag, check_whole, max_abs
+from rbd.arrays import Array, as_finite, check_flag, check_positive, check_whole, max_abs
 from rbd.constraints.constraint import Constraint
 from rbd.constraints.descent import descend
 from rbd.displayed import Displayed
@@ -78,8 +78,7 @@ def trace(
     wanted = _wanted(values, check_whole("steps", steps))
     check_descent(tolerance, max_steps, "max_steps")
     check_flag("past_limits", past_limits)
-    if not 0.0 < as_float(longest_step) <= 0.5:
-        raise InputError(f"longest_step is {longest_step!r:.80}; expected a number > 0, at most 0.5 [rad].")
+    check_positive("longest_step", longest_step, 0.5, "rad")
     if progress is not None and not callable(progress):
         raise InputError(f"progress is {progress!r:.80}; expected a function that takes a number, or None.")
     fixed = {} if fixed is None else fixed

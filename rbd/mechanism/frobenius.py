@@ -22,6 +22,7 @@ from scipy.linalg import qr
 
 from rbd.arrays import Array, as_array, check_positive, check_seed, max_abs
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.function import FIRST, NODES
 from rbd.constraints.manifold import ConstraintManifold, LinearisedRows, null_space, own_or
 from rbd.displayed import Displayed
 from rbd.errors import InputError
@@ -33,9 +34,6 @@ Fields = Callable[[Array], Array]
 
 STEP = 0.01
 """Step of the differences, dimensionless."""
-
-_NODES = np.array([-3.0, -2.0, -1.0, 1.0, 2.0, 3.0])
-_WEIGHTS = np.array([-1.0, 9.0, -45.0, 45.0, -9.0, 1.0]) / 60.0  # sixth order
 
 _DEEPEST = 5
 """Largest depth of nested brackets; each level costs (6 dim D) times the one before."""
@@ -320,7 +318,7 @@ def derivative(held: ConstraintManifold, fields: Fields, q: Array, z: Array) -> 
     length = float(np.linalg.norm(z))
     if length < 1e-12:
         return np.zeros_like(fields(q))
-    values = [w * fields(held.move(q, (node * STEP / length) * z)) for w, node in zip(_WEIGHTS, _NODES, strict=True)]
+    values = [w * fields(held.move(q, (node * STEP / length) * z)) for w, node in zip(FIRST, NODES, strict=True)]
     return np.sum(values, axis=0) * (length / STEP)
 
 

@@ -27,7 +27,7 @@ import numpy as np
 import pinocchio as pin
 from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, as_float, inertia_factor, max_abs
+from rbd.arrays import Array, check_positive, check_whole, inertia_factor, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import StackedRows, own_or
 from rbd.displayed import Displayed
@@ -74,11 +74,8 @@ class Projection(Displayed):
     iterations: int = 20
 
     def __post_init__(self) -> None:
-        if not 0.0 < as_float(self.tolerance) <= 1e-3:
-            raise InputError(f"tolerance of Projection is {self.tolerance!r:.80}; expected a number above 0, at most 1e-3.")
-        n = self.iterations
-        if isinstance(n, bool) or not isinstance(n, int) or not 1 <= n <= 1000:
-            raise InputError(f"iterations of Projection is {n!r:.80}; expected a whole number from 1 to 1000.")
+        check_positive("tolerance of Projection", self.tolerance, 1e-3)
+        check_whole("iterations of Projection", self.iterations, 1000)
 
 
 def project_position(state: State, equations: Equations, projection: Projection) -> State:

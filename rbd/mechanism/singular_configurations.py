@@ -22,7 +22,6 @@ from rbd.constraints.manifold import RANK, ConstraintManifold, LinearisedRows, r
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.mechanism.degrees_of_freedom import FAR, ROUGH, neighbours
-from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, checked
 
 KINDS = {
@@ -241,7 +240,7 @@ class _Matrices:
             robot.frame_id(frame)
             scale = np.r_[np.full(3, 1.0 / robot.joints.length), np.ones(3)]
             self.columns["input"] = np.arange(held.n)
-            self.of["input"] = lambda p: np.vstack([p.A, scale[:, None] * _frame_jacobian(robot, p.q, frame) * held.scale])
+            self.of["input"] = lambda p: np.vstack([p.A, scale[:, None] * p.state.frame(frame).J.reshape(6, -1) * held.scale])
         else:
             moved = _columns(held, "outputs", outputs)
             if len(moved):
@@ -286,10 +285,6 @@ def _columns(held: ConstraintManifold, what: str, joints: Sequence[str]) -> Arra
     return np.flatnonzero(named)
 
 
-def _frame_jacobian(robot: CheckedModel, q: Array, frame: str) -> Array:
-    return State(robot, q).frame(frame).J.reshape(6, -1)
-
-
 def _values(A: Array) -> Array:
     return np.linalg.svd(A, compute_uv=False)
 
@@ -301,13 +296,9 @@ def _distance(s: Array, rank: int) -> float:
 
 def _minima(d: Array) -> list[int]:
     """Indices of a sequence's local minima; of equal neighbours, the first."""
-    out = []
-    for k in range(len(d)):
-        left = d[k - 1] if k else np.inf
-        right = d[k + 1] if k + 1 < len(d) else np.inf
-        if d[k] < left and d[k] <= right and not (d[k] == right and d[k] > 0.5):
-            out.append(k)
-    return out
+    left, right = np.append(np.inf, d[:-1]), np.append(d[1:], np.inf)
+    lowest: list[int] = np.flatnonzero((d < left) & (d <= right) & ~((d == right) & (d > 0.5))).tolist()
+    return lowest
 
 
 def _refined(

@@ -277,7 +277,7 @@ def _end_point(held: ConstraintManifold, looked: list[LinearisedRows], frame: st
     chain = held.robot.joints.carrying(body) > 0.0
     for point in looked:
         N, _ = null_space(point.A, ROUGH)
-        J = State(held.robot, point.q).frame(frame).J.reshape(6, -1) * held.scale
+        J = point.state.frame(frame).J.reshape(6, -1) * held.scale
         J[:3] /= held.robot.joints.length
         ranks.append([rank_of(np.linalg.svd(part @ N, compute_uv=False)) for part in (J[:3], J, np.eye(held.n)[chain])])
     position, pose, mobility = np.max(ranks, axis=0).tolist()

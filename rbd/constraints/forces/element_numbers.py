@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_float
+from rbd.arrays import Array, as_array, check_number
 from rbd.errors import InputError, nearest
 from rbd.errors.warned import ForceElementWarning, stacklevel_of_user
 
@@ -26,10 +26,7 @@ def number(what: str, value: float) -> float:
     Raises:
         InputError: it is none, or larger than 1e50.
     """
-    found = as_float(value)
-    if not abs(found) <= LARGEST:
-        raise InputError(f"{what} is {value!r:.80}; expected a finite number of at most {LARGEST:g}.")
-    return found
+    return check_number(what, value, -LARGEST, LARGEST, expected=f"a finite number of at most {LARGEST:g}")
 
 
 def stiffness_of(what: str, value: float) -> float:
@@ -50,10 +47,8 @@ def damping_of(what: str, value: float) -> float:
     Raises:
         InputError: negative, or no finite number.
     """
-    found = as_float(value)
-    if not 0.0 <= found <= LARGEST:
-        raise InputError(f"damping of {what} is {value!r:.80}; expected a finite number from 0: a negative one would drive.")
-    return found
+    expected = "a finite number from 0: a negative one would drive"
+    return check_number(f"damping of {what}", value, 0.0, LARGEST, expected=expected)
 
 
 def six(what: str, value: float | Sequence[float] | Array) -> Array:
