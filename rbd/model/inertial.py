@@ -19,7 +19,8 @@ import pinocchio as pin
 
 from rbd.arrays import Array, null_space
 from rbd.displayed import Displayed
-from rbd.errors import InputError, nearest
+from rbd.errors import InputError
+from rbd.errors.inputs import check_choice
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, checked
 
@@ -193,8 +194,7 @@ def checked_columns(columns: Sequence[str]) -> tuple[str, ...]:
     if not isinstance(given, Sequence) or not len(given):
         raise InputError(f"columns is {columns!r:.80}; expected names out of {', '.join(COLUMNS)}.")
     for name in given:
-        if not isinstance(name, str) or name not in COLUMNS:
-            raise InputError(f"no columns {name!r:.80}; {nearest(name, COLUMNS)}.")
+        check_choice("a group of columns", name, COLUMNS)
     return tuple(name for name in COLUMNS if name in given)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import copy
 import xml.etree.ElementTree as ElementTree
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -75,7 +75,7 @@ def load_geometry(
                 break
             continue
         if meshes.all_finite(found):
-            return Geometry(found, stand_ins, meshes.complaint())
+            return Geometry(found, stand_ins, _complaint(meshes.refused))
     return Geometry(pin.GeometryModel(), complaint=f"is left out, as it cannot be built: {reason}.")
 
 
@@ -156,18 +156,19 @@ class _Meshes:
                 self._refuse(name, f"has coordinates that are not finite, or above {LARGEST:g} m")
         return not wrong
 
-    def complaint(self) -> str:
-        """Message: which meshes are drawn as boxes, and what to do about it; empty if none."""
-        if not self.refused:
-            return ""
-        names = [f"{name!r:.200} {reason}" for name, reason in list(self.refused.items())[:MOST_NAMES]]
-        more = len(self.refused) - len(names)
-        listed = "; ".join(names) + (f"; and {more} more" if more > 0 else "")
-        advice = "Give the folder above its packages: load_robot(..., package_dirs=[folder])."
-        if not {MISSING, OUTSIDE} & set(self.refused.values()):
-            advice = "Repair these files, or export them again."
-        count = f"{len(self.refused)} mesh{'es' if len(self.refused) > 1 else ''}"
-        return f"has boxes in place of {count}: {listed}. {advice}"
+
+def _complaint(refused: Mapping[str, str]) -> str:
+    """Message: which meshes are drawn as boxes, and what to do about it; empty if none."""
+    if not refused:
+        return ""
+    names = [f"{name!r:.200} {reason}" for name, reason in list(refused.items())[:MOST_NAMES]]
+    more = len(refused) - len(names)
+    listed = "; ".join(names) + (f"; and {more} more" if more > 0 else "")
+    advice = "Give the folder above its packages: load_robot(..., package_dirs=[folder])."
+    if not {MISSING, OUTSIDE} & set(refused.values()):
+        advice = "Repair these files, or export them again."
+    count = f"{len(refused)} mesh{'es' if len(refused) > 1 else ''}"
+    return f"has boxes in place of {count}: {listed}. {advice}"
 
 
 def _replaced(robot: Element, tag: str, meshes: _Meshes) -> Iterator[str]:
@@ -223,15 +224,13 @@ def _mjcf(
     model: pin.Model, element: Element, path: Path, kind: pin.GeometryType, folders: tuple[Path, ...], limits: FileLimits
 ) -> Geometry:
     """As for URDF; missing meshes are drawn as small boxes."""
-    meshes = _Meshes(path.parent, folders)
     try:
         carry_out_includes(path, element, limits, folders)
         file = read_mjcf(path, element, limits, folders, LEAVABLE, stand_in_m=STAND_IN_M)
         found, stand_ins = mjcf_geometry(model, file, kind)
-        meshes.refused.update(file.refused)
     except ModelError as error:
         return Geometry(pin.GeometryModel(), complaint=f"is left out, as it cannot be built: {error}")
-    return Geometry(found, stand_ins, meshes.complaint())
+    return Geometry(found, stand_ins, _complaint(file.refused))
 
 
 HIDDEN = 2

@@ -344,7 +344,8 @@ def _loops(robot: CheckedModel, postures: Mapping[str, Array]) -> Iterator[tuple
     states = [(where, State(robot, q)) for where, q in given.items()] if robot.loops() else []
     for loop in robot.loops():
         found = [(where, *gap) for where, state in states if (gap := _gap(loop, state)) is not None]
-        closed = [where + (f" (to {gap:.1g})" if gap > CLOSED else "") for where, gap, way in found if _closes(gap, way)]
+        shut = [(where, gap) for where, gap, way in found if gap <= CLOSED or way <= ROUNDED]
+        closed = [where + (f" (to {gap:.1g})" if gap > CLOSED else "") for where, gap in shut]
         text, fine = f"{type(loop).__name__}: ", bool(closed) or not found
         if closed:
             text += f"closed in {', '.join(closed[:SHOWN])}" + (", ..." if len(closed) > SHOWN else "")
@@ -372,10 +373,6 @@ def _gap(loop: Any, state: State) -> tuple[float, float] | None:
     gap, way = float(np.abs(rows.error).max()), np.linalg.lstsq(rows.J, -rows.error, rcond=1e-9)[0]
     reached = np.abs(rows.J @ way + rows.error).max() <= max(1e-2 * gap, CLOSED)
     return gap, float(np.abs(way).max(initial=0.0)) if reached else np.inf
-
-
-def _closes(gap: float, way: float) -> bool:
-    return gap <= CLOSED or way <= ROUNDED
 
 
 def _some(names: Iterable[str]) -> str:

@@ -335,7 +335,7 @@ class TestBadInput:
             rbd.identify(motion)
         with pytest.raises(rbd.InputError, match="prior is 0.001"):
             rbd.identify(MeasuredMotion(motion, tau), prior=0.001)
-        with pytest.raises(rbd.InputError, match="no columns 'dampng'; nearest: 'damping'"):
+        with pytest.raises(rbd.InputError, match="a group of columns is 'dampng'; nearest: 'damping'"):
             rbd.identify(MeasuredMotion(motion, tau), columns=["dampng"])
         with pytest.raises(rbd.InputError, match="too few samples"):
             rbd.identify(MeasuredMotion(motion.cut(0.0, 0.5), tau[:2]))
