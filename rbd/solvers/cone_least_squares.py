@@ -99,7 +99,8 @@ def staged_fits(
     n, m, k, _ = A.shape
     flat, aim, at = A.reshape(n, m, 3 * k), d.copy(), np.arange(n)
     w, r, steps, gradient = np.zeros((n, k, 3)), np.zeros((n, m)), np.zeros(n, int), np.zeros(n)
-    for number in range(len(stages) + (_REPEATED if exact else 0)):
+    rounds = len(stages) + (_REPEATED if exact else 0)
+    for number in range(rounds if k else 0):
         stage = stages[min(number, len(stages) - 1)]
         if number >= len(stages):
             aim[:, :exact] += _left(flat, d, w)[:, :exact]
@@ -108,7 +109,7 @@ def staged_fits(
         steps[at] += more
         moved = np.abs(found - r[at]).max(axis=1, initial=0.0)
         r[at] = found
-        w[at] = project_cones(w0 + stage.sigma * _pull(flat[at], found).reshape(-1, k, 3), mu)
+        w[at] = project_cones(w0 + stage.sigma * _pull(flat[at], found).reshape(w0.shape), mu)
         if proximal:
             at = at[moved > EXACT + _SETTLED * np.abs(found).max(axis=1, initial=0.0)]
         if not len(at):
