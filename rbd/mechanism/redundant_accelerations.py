@@ -228,7 +228,7 @@ class StageSolver:
         y = blas.dtrsv(held.L, rhs, lower=1)
         if not len(held.J):
             return StageAcceleration(blas.dtrsv(held.L, y, lower=1, trans=1), np.zeros(0), None)
-        R, f, crossing = self._factor(held), None, None
+        R, f, crossing = self._decomposed(held).factor, None, None
         if R is not None:
             self._rank = len(R)
             f = -lapack.dpotrs(R, held.W.T @ y + held.offset)[0]
@@ -241,11 +241,11 @@ class StageSolver:
         """(row forces (m,) that cause a, whether they are unique); if not, of minimum norm in scaled rows."""
         if not len(held.J):
             return np.zeros(0), True
-        R = self._factor(held)
+        R = self._decomposed(held).factor
         y = blas.dtrsv(held.L, held.state.M @ a - rhs, lower=1)
         if R is not None:
             return lapack.dpotrs(R, held.W.T @ y)[0], True
-        U, s, Vt = self._taken_apart(held)
+        U, s, Vt = self._decomposed(held).apart
         s = s[s > 1e-13 * s[0]]  # at a crossing forces are large and act through small s
         f = Vt[: len(s)].T @ ((U[:, : len(s)].T @ y) / s) / self._norms
         return f, bool(len(s) == len(f) and s[-1] > ZERO * s[0])
@@ -264,31 +264,23 @@ class StageSolver:
         """The least x in |.|_M with J x = error in the placed rows, shape (nv,); see `rbd.mechanism.projection`."""
         if placed is not None and not placed.all():
             return correction(held.L, held.J[placed], error[placed], damping=damping)
-        R = self._factor(held)
+        R = self._decomposed(held).factor
         if R is not None:
             y = held.W @ lapack.dpotrs(R, error)[0]
         else:
-            U, s, Vt = self._taken_apart(held)
+            U, s, Vt = self._decomposed(held).apart
             s = s[: self._kept(s, held)]
             y = U[:, : len(s)] @ (s / (s * s + (damping * s[0]) ** 2) * (Vt[: len(s)] @ (error / self._norms)))
         return blas.dtrsv(held.L, y, lower=1, trans=1)
 
     def spread(self, held: StackedRows) -> float:
         """Least nonzero singular value over the largest; for independent rows an upper bound."""
-        R = self._factor(held)
+        R = self._decomposed(held).factor
         if R is not None:
             return float((R.diagonal() / self._norms).min())
-        _, s, _ = self._taken_apart(held)
+        _, s, _ = self._decomposed(held).apart
         kept = s[: self._kept(s, held)]
         return float(kept[-1] / kept[0]) if len(kept) else 1.0
-
-    def _factor(self, held: StackedRows) -> Array | None:
-        """Upper R with R^T R = W^T W, or None if the rows are not well conditioned."""
-        return self._decomposed(held).factor
-
-    def _taken_apart(self, held: StackedRows) -> tuple[Array, Array, Array]:
-        """U (nv, nv), s, Vt of W with its rows scaled."""
-        return self._decomposed(held).apart
 
     def _decomposed(self, held: StackedRows) -> _Decomposed:
         """Cached for a state and the present norms; recomputed when the norms change."""
@@ -303,7 +295,7 @@ class StageSolver:
         self, held: StackedRows, free: Array, t: float, *, directly: bool
     ) -> tuple[Array, SingularCrossing | None]:
         """(y, replacement of degenerate rows or None)."""
-        U, s, Vt = self._taken_apart(held)
+        U, s, Vt = self._decomposed(held).apart
         offset = held.offset / self._norms
         size, owed = max(1.0, max_abs(offset)), OWED * held.drift
         near = self._near(s, held)

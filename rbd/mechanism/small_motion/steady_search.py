@@ -22,7 +22,7 @@ import pinocchio as pin
 
 from rbd.answers.analysis.state_changes import STEP, slope
 from rbd.answers.least_constraint import solve
-from rbd.arrays import Array, as_array, max_abs, range_of
+from rbd.arrays import Array, as_finite, max_abs, range_of
 from rbd.constraints.constraint import Constraint, has_friction, member
 from rbd.constraints.manifold import ConstraintManifold, null_space
 from rbd.errors import InputError, NoSolution, RbdWarning
@@ -299,20 +299,14 @@ class _Point:
 
 
 def _value(condition: Condition, state: State) -> Array:
-    found = np.atleast_1d(as_array("a condition's value", condition(state)))
-    if found.ndim != 1 or not np.isfinite(found).all():
-        raise InputError(f"a condition gave {found!r:.80}; expected a finite number, or some, that are to be zero.")
-    return found
+    meaning = ": a number, or some, that are to be zero"
+    return np.atleast_1d(as_finite("a condition's value", condition(state), (), ("n",), meaning=meaning))
 
 
 def held_together(constraint: Constraint) -> Constraint:
     """The constraint without its limits of friction, which are checked at the end: it holds, and neither slips nor opens."""
-    if has_friction(constraint) and float(member(constraint, "friction")) > 0.0:
-        out: Constraint = replace(constraint, friction=None) if _is_record(constraint) else constraint  # type: ignore[type-var]
+    given = getattr(constraint, "__dataclass_fields__", {}).get("friction")
+    if has_friction(constraint) and float(member(constraint, "friction")) > 0.0 and given is not None and given.init:
+        out: Constraint = replace(constraint, friction=None)  # type: ignore[type-var]
         return out
     return constraint
-
-
-def _is_record(constraint: Constraint) -> bool:
-    fields = getattr(constraint, "__dataclass_fields__", {})
-    return "friction" in fields and fields["friction"].init
