@@ -22,7 +22,7 @@ from rbd.problem.residuals import SOLVED
 from rbd.solvers import qp
 from rbd.solvers.conic_newton import interior_point
 from rbd.solvers.kkt import KKT, constrained, independent_factor
-from rbd.solvers.newton import FOUND, Scaled, leaves_motion_open, scaled, settled, steps_from, yielding_steps
+from rbd.solvers.newton import FOUND, Scaled, family_limit, scaled, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 from rbd.solvers.refinement import NEAR, by_newton, refined
 
@@ -193,13 +193,11 @@ class _ConeSearch:
             w, merit, steps = steps_from(S, guess, coulomb=self.coulomb, iterations=25 if i < 3 else 40, proximal=proximal)
             self.iterations += steps
             self.work.spend(steps * self.step)
-            if self.coulomb and merit < FOUND and leaves_motion_open(S, w):
-                w, more = settled(S, w)
+            opened = False
+            if self.coulomb and merit < FOUND:
+                w, more, opened = family_limit(S, w)
                 self.iterations += more
-                reason = OPEN
-            else:
-                reason = ""
-            if self._judge(T.project(S.weights(w)), reason) and wanted == 1:
+            if self._judge(T.project(S.weights(w)), OPEN if opened else "") and wanted == 1:
                 break
         if others and self.coulomb and self.answers and self._might_hold(self.answers[0]):
             self._try_convex(S, S.guess(first))

@@ -14,7 +14,6 @@ the scale, does not grow with the scale.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from functools import cache
 from types import ModuleType
 from typing import NamedTuple
@@ -22,7 +21,6 @@ from typing import NamedTuple
 import numpy as np
 
 from rbd.arrays import Array, max_abs
-from rbd.problem.cones import projection
 from rbd.solvers.newton import FOUND
 
 _ALL = 12
@@ -57,8 +55,6 @@ class ContactForces(NamedTuple):
 class ContactNewton:
     """Solves for the forces of one set of points, whose map P and frictions stay: what depends on them is computed once.
 
-    Not for two threads at a time: working arrays belong to the object.
-
     Args:
         P: The wrench of the points' forces on the bodies' rows (nw, 3 k): columns tangent, tangent, normal of each point.
         mu: Friction of the points, shape (k,).
@@ -73,10 +69,8 @@ class ContactNewton:
         d = max((int(rows[-1] - rows[0]) + 1 for rows in touched if len(rows)), default=1)
         first = np.array([min(int(rows[0]), nw - d) if len(rows) else 0 for rows in touched], dtype=np.int64)
         columns = np.array([self.P[first[j // 3] : first[j // 3] + d, j] for j in range(n)]).reshape(n, d)
-        vectors, squares, rows = 10 * n + 4 * nw + n * d + 4 * k, 4 * nw * nw, 2 * n * nw
-        memory = np.zeros(vectors + squares + rows + nw * n)
         begin = seeds(columns, first)
-        self._fixed = (columns, first, self.mu, begin, memory, np.zeros((2, k), dtype=np.int64))
+        self._fixed = (columns, first, self.mu, begin)
         self._share = None if len(begin) == k else np.linalg.pinv(self.P.reshape(nw, k, 3)[:, begin].reshape(nw, -1)) @ self.P
 
     def forces(self, D: Array, c: Array, start: Array, *, coulomb: bool) -> ContactForces:
@@ -110,7 +104,7 @@ class ContactNewton:
             least_norm: Weights of minimum norm for forces on the rows, from which to start, shape (3 k, nw).
         """
         D = D if D.flags.c_contiguous else D.T  # symmetric
-        return int(contact_kernel().release(D, f, w, change, least_norm, FOUND, *self._fixed))
+        return int(contact_kernel().release(D, f, w, change, least_norm, *self._fixed))
 
     def found(self, D: Array, c: Array, start: Array, *, coulomb: bool) -> ContactForces:
         """Forces that obey the law, searched from the other law's forces too; arguments as of `forces`.
@@ -153,7 +147,7 @@ class ContactNewton:
         if not rate > 0.0 or not push > 0.0:
             return 0.0
         y = (D @ gauss.wrench + c) / rate
-        return law_residual(self._pull, y, gauss.weights / push, self.mu, coulomb=True)
+        return law_residual(self._pull.dot(y), gauss.weights / push, self.mu, coulomb=True)
 
 
 def contact_forces(D: Array, c: Array, P: Array, mu: Array, start: Array, *, coulomb: bool) -> ContactForces:
@@ -180,7 +174,6 @@ def seeds(columns: Array, first: Array) -> Array:
 
 LEAST_PUSH = 1e-3
 """Lower bound of the scale of a point's force [N]: what accelerates a gram at 1 m/s2."""
-_TINY = 1e-300
 
 
 @cache
@@ -191,38 +184,31 @@ def contact_kernel() -> ModuleType:
     return contact_kernel
 
 
-def law_residual(pull: Array, c: Array, w: Array, mu: Array, *, coulomb: bool) -> float:
+def law_residual(y: Array, w: Array, mu: Array, *, coulomb: bool) -> float:
     """The residual: the largest of all points; NaN or infinite where a number is not finite.
 
     Args:
-        pull: Accelerations of the points (tangent, tangent, normal) by row accelerations, shape (3k, m).
-        c: Row accelerations, shape (m,).
-        w: Weights in their cones, shape (3k,).
+        y: Accelerations of the points (tangent, tangent, normal), shape (3k,).
+        w: Weights, likewise.
         mu: Friction coefficients, shape (k,).
         coulomb: Coulomb's law; else the convex one.
     """
-    residual: float = contact_kernel().law_residual(pull.dot(c), w, mu, LEAST_PUSH, coulomb)
+    residual: float = contact_kernel().point_misses(y[None], w[None], mu[None], LEAST_PUSH, coulomb, np.empty((1, 3)))
     return residual
 
 
-def of_points(
-    y: Sequence[Array] | Array, p: Sequence[Array] | Array, mu: Array, *, coulomb: bool
-) -> tuple[Array, Array, Array]:
-    """(how far points' accelerations are from those allowed, their distance to the law, the scale of their forces).
+def point_misses(y: Array, w: Array, mu: Array, *, coulomb: bool) -> Array:
+    """The largest of the points at each of n states, shape (3, n), scaled; NaN or infinite where a number is not finite.
+
+    How far accelerations are from those allowed, weights from their cones, and both from their law.
 
     Args:
-        y: Accelerations: tangent, tangent, normal, each of shape (k, ...).
-        p: Weights in their cones, likewise.
-        mu: Friction coefficients, shape (k, ...).
+        y: Accelerations of the points (tangent, tangent, normal), shape (n, 3k).
+        w: Weights, likewise.
+        mu: Friction coefficients, shape (n, k).
         coulomb: Coulomb's law; else the convex one.
     """
-    (y_1, y_2, y_n), (p_1, p_2, p_n) = y, p
-    sinks = -y_n
-    if not coulomb:
-        sinks = np.maximum(sinks, (mu * np.hypot(y_1, y_2) - np.maximum(y_n, 0.0)) / (1.0 + mu))
-    push = np.maximum(np.sqrt(p_1 * p_1 + p_2 * p_2 + p_n * p_n), LEAST_PUSH)
-    x_1, x_2, x_n = p_1 - push * y_1, p_2 - push * y_2, p_n - push * y_n
-    found = projection((x_1, x_2, x_n), mu, coulomb=coulomb)
-    cut, normal = found.factor, found.normal
-    far = np.sqrt((cut * x_1 - p_1) ** 2 + (cut * x_2 - p_2) ** 2 + (normal - p_n) ** 2)
-    return sinks, far / push, push
+    out = np.empty((len(y), 3))
+    y, w, mu = (np.ascontiguousarray(each) for each in (y, w, mu))
+    contact_kernel().point_misses(y, w, mu, LEAST_PUSH, coulomb, out)
+    return out.T

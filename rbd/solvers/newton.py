@@ -12,14 +12,14 @@ Sources: [Alart1991] for the map of Coulomb's law; [Qi1993] for Newton on semism
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, lru_cache
 from types import ModuleType
 
 import numpy as np
-from scipy.linalg import lapack, lstsq as scipy_lstsq
+from scipy.linalg import lstsq as scipy_lstsq
 
-from rbd.arrays import Array, identity, max_abs, null_space
+from rbd.arrays import Array, identity, zeros
 from rbd.problem.cones import ConeProjection, projection
 from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.force_set import ForceSet
@@ -28,12 +28,8 @@ PROXIMAL = 1e-7
 """Added to the diagonal of the scaled D in Newton's matrix only, so that redundant corners leave it regular."""
 EXACT = 1e-14
 """Newton stops at this scaled merit; about a hundred times rounding."""
-
-
 FOUND = 1e-10
 """Largest scaled merit of an answer."""
-YIELDING = (1e-2, 1e-4)
-"""Compliances, over the points' mobility, that select how corners share a load; 1e-4 leaves a within 1e-6 of the limit."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,8 +43,8 @@ class Order:
         upper: Upper bounds, shape (singles,).
         mu: Friction of the cones, shape (k,).
         share: 1 / (1 + mu^2).
-        starts: First columns of the groups that share a scale, in the new order, shape (singles + k,).
-        widths: Their numbers of columns, 1 or 3.
+        identity: Entries of the columns of the identity near its diagonal, from row `first` of each set on, shape (p, 1 or 3).
+        first: First columns of the sets, in the new order, shape (singles + k,).
     """
 
     columns: Array | None
@@ -57,8 +53,8 @@ class Order:
     upper: Array
     mu: Array
     share: Array
-    starts: Array
-    widths: Array
+    identity: Array
+    first: Array
 
 
 @lru_cache(maxsize=256)  # orders of parts at rest are cached by their rows' sets; those of moving rows change
@@ -67,11 +63,14 @@ def order_of(parts: ForceSet) -> Order:
     in_cones = parts.cone_columns.ravel()
     alone = np.setdiff1d(np.arange(parts.size), in_cones)
     mu, lower, upper = (np.asarray(x, dtype=float) for x in (parts.mu, parts.lower[alone], parts.upper[alone]))
-    columns = np.concatenate([alone, in_cones]).astype(int)
-    widths = np.r_[np.ones(len(alone), int), np.full(len(parts.mu), 3)]
-    starts = np.cumsum(widths) - widths
-    moved = None if np.array_equal(columns, np.arange(parts.size)) else columns
-    return Order(moved, len(alone), lower, upper, mu, 1.0 / (1.0 + mu * mu), starts, widths)
+    columns, singles, k = np.concatenate([alone, in_cones]).astype(int), len(alone), len(parts.mu)
+    wide = 3 if k else 1
+    first = np.minimum(np.r_[np.arange(singles), singles + 3 * np.arange(k)], max(parts.size - wide, 0))
+    identity = np.zeros((parts.size, wide))
+    at = np.arange(parts.size)
+    identity[at, at - np.r_[first[:singles], np.repeat(first[singles:], 3)]] = 1.0
+    moved = None if np.array_equal(columns, at) else columns
+    return Order(moved, singles, lower, upper, mu, 1.0 / (1.0 + mu * mu), identity, first)
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +104,15 @@ class Scaled:
         back[self.order.columns] = out
         return back
 
+    @property
+    def dense(self) -> tuple[Array, ...]:
+        """What is `newton_kernel.Problem` of it."""
+        order = self.order
+        return (
+            np.ascontiguousarray(self.D), np.ascontiguousarray(self.q), order.identity, order.first, self.lower, self.upper,
+            order.mu,
+        )  # fmt: skip
+
     def convex(self, extra: Array | float = 0.0) -> Conic:
         """The program of the convex law, 1/2 w^T D w + (q + extra)^T w, with D symmetric."""
         p, k = len(self.q), len(self.order.mu)
@@ -123,20 +131,10 @@ def scaled(D: Array, y_free: Array, parts: ForceSet) -> Scaled:
     order = order_of(parts)
     if order.columns is not None:
         D, y_free = D[np.ix_(order.columns, order.columns)], y_free[order.columns]
-    size = np.abs(D.diagonal())
-    if len(order.mu):
-        size = np.repeat(np.maximum.reduceat(size, order.starts), order.widths)
-    # A row without mobility has a zero diagonal, a jammed one (Painleve) may be near it: neither is scaled up.
-    floor = 1e-12 * size.max(initial=0.0)
-    s = 1.0 / np.sqrt(np.maximum(size, floor if floor > 0.0 else 1.0))
-    q = s * y_free
-    rate = max_abs(q)
-    lower, upper = order.lower, order.upper
-    if order.singles:
-        lower, upper = lower / s[: order.singles], upper / s[: order.singles]
-        rate = max(rate, float(np.maximum(lower, -upper).max()))  # forces far from zero
-    rate = rate if rate > 0.0 else 1.0
-    return Scaled(D * s * s[:, None], q / rate, order, lower / rate, upper / rate, s * rate, rate)
+    D, q, lower, upper, unit, rate = newton_kernel().scaled(
+        np.ascontiguousarray(D), np.ascontiguousarray(y_free), order.lower, order.upper
+    )
+    return Scaled(D, q, order, lower, upper, unit, rate)
 
 
 def solve_newton(
@@ -173,27 +171,26 @@ def compiled_weights(
         return None
     out = np.empty(len(w0))
     D, y_free, w0 = np.ascontiguousarray(D), np.ascontiguousarray(y_free), np.ascontiguousarray(w0)
-    merit, rate = _kernel().weights(
-        D, y_free, order.lower, order.upper, order.mu, w0, coulomb, iterations, PROXIMAL, EXACT, out
+    merit, rate = newton_kernel().weights(
+        D, y_free, order.identity, order.first, order.lower, order.upper, order.mu, w0, coulomb, iterations, out
     )
-    return out, merit, rate
+    return parts.project(out), merit, rate
 
 
 def steps_from(
-    problem: Scaled, w: Array, *, coulomb: bool, iterations: int = 50, proximal: float = PROXIMAL, exact: float = EXACT
-) -> tuple[Array, float, int]:
-    """`solve_newton` in the problem's units and order."""
-    best = np.empty(len(w))
-    merit, step = _kernel().newton_steps(
-        np.ascontiguousarray(problem.D), np.ascontiguousarray(problem.q), problem.lower, problem.upper, problem.order.mu,
-        np.array(w), coulomb, iterations, proximal, exact, best,
-    )  # fmt: skip
+    problem: Scaled, w: Array, *, coulomb: bool, iterations: int = 50, proximal: float = PROXIMAL, exact: float = EXACT,
+    soft: float = 0.0, about: Array | None = None,
+) -> tuple[Array, float, int]:  # fmt: skip
+    """`solve_newton` in the problem's units and order; points yield by `soft` times their weights less those of `about`."""
+    best, about = np.array(w), zeros(len(w)) if about is None else about
+    merit, step = newton_kernel().newton_steps(*problem.dense, best, coulomb, iterations, soft, about, proximal, exact)
     return best, merit, step
 
 
 @cache
-def _kernel() -> ModuleType:
-    from rbd.solvers import newton_kernel  # imports Numba
+def newton_kernel() -> ModuleType:
+    """`rbd.solvers.newton_kernel`, imported with the first problem that needs it: it imports Numba."""
+    from rbd.solvers import newton_kernel
 
     return newton_kernel
 
@@ -214,12 +211,10 @@ def yielding_steps(
         outer: Rounds at most.
         iterations: Newton's steps in a round at most.
     """
-    firm = replace(problem, D=problem.D + compliance * identity(len(w)))
     best, least = w, math.inf
     for _ in range(outer):
-        about = replace(firm, q=problem.q - compliance * w)
-        w, reached, _ = steps_from(about, w, coulomb=coulomb, iterations=iterations, proximal=0.0)
-        merit = max_abs(_gap(problem, w, problem.D @ w + problem.q, coulomb)[0])
+        w, reached, _ = steps_from(problem, w, coulomb=coulomb, iterations=iterations, proximal=0.0, soft=compliance, about=w)
+        _, merit, _ = steps_from(problem, w, coulomb=coulomb, iterations=0)
         if not merit < least:
             break
         best, least = w, merit
@@ -228,45 +223,15 @@ def yielding_steps(
     return best, least
 
 
-def leaves_motion_open(problem: Scaled, w: Array) -> bool:
-    """Whether the equations of the modes at an answer w of Coulomb's law leave a family of motions, not only of weights.
+def family_limit(problem: Scaled, w: Array) -> tuple[Array, int, bool]:
+    """(weights, steps, whether there is a family): where an answer w of Coulomb's law leaves a family of motions, their limit.
 
-    They do where more points slip together than determine the load: its distribution changes the friction.
+    It does where more points slip together than determine the load: its distribution changes the friction. The limit is that of
+    the answers of equally compliant points near w; w itself where Newton's method does not follow it.
     """
-    n, y = problem.order.singles, problem.D @ w + problem.q
-    touches = y[n + 2 :: 3] < _TOUCHES
-    if not (touches & (np.hypot(y[n::3], y[n + 1 :: 3]) > _TOUCHES)).any():
-        return False
-    at = n + 2 + 3 * np.flatnonzero(touches)
-    R, info = lapack.dpotrf(problem.D[at[:, None], at])
-    pivots = R.diagonal()
-    if info == 0 and pivots.min() > 1e-5 * pivots.max():
-        return False  # independent normals determine their shares
-    pressed = w.copy()
-    pressed[at] = np.maximum(pressed[at], _TOUCHES)  # a touching unloaded point may become loaded
-    _, p, edges = _gap(problem, pressed, y, coulomb=True)
-    N = null_space(_matrix(problem, problem.D - identity(len(w)), p, edges, coulomb=True), _OPEN)
-    return bool(np.abs(N.T @ problem.D).max(initial=0.0) > 1e-8)
-
-
-def settled(problem: Scaled, w: Array) -> tuple[Array, int]:
-    """(limit of the answers of equally compliant points near w, steps); w itself where Newton's method does not follow it."""
-    yielding, soft, taken = w, np.ones(len(w)), 0
-    cones = soft[problem.order.singles :]
-    unit = problem.unit[problem.order.singles :] ** 2
-    cones[:] = np.maximum(unit / unit.max(), 1e-3)  # the same compliance per newton
-    for compliance in YIELDING:
-        softened = replace(problem, D=problem.D + np.diag(compliance * soft))
-        # A merit m leaves the shares uncertain by m / compliance.
-        found, merit, steps = steps_from(softened, yielding, coulomb=True, iterations=40, proximal=0.0, exact=1e-8 * compliance)
-        taken += steps
-        if merit > 1e-5 * compliance:
-            break
-        yielding = found
-    if yielding is w:
-        return w, taken
-    exact, merit, steps = steps_from(problem, yielding, coulomb=True)
-    return (exact if merit < FOUND else w), taken + steps
+    limit = np.array(w)
+    steps, opened = newton_kernel().family_limit(*problem.dense, limit, problem.unit[problem.order.singles :: 3].copy())
+    return limit, steps, opened
 
 
 def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
@@ -296,12 +261,8 @@ def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
 
 _RANK = 1e-13
 """Singular values of Newton's matrix below this, over the largest, are zero."""
-_OPEN = 1e-8
-"""The same in the search for null directions: answers have a merit of 1e-10."""
 _STALLS = 1e-11
 """Their merit does not fall much below this, of rounding."""
-_TOUCHES = 1e-9
-"""Scaled accelerations and weights below this are zero in an answer."""
 
 
 def _gap(problem: Scaled, w: Array, y: Array, coulomb: bool) -> tuple[Array, Array, ConeProjection]:

@@ -1,222 +1,528 @@
-"""Compiled steps of `rbd.solvers.newton`.
+"""Compiled arithmetic of Newton's method on friction cones: the one source for dense problems and for bodies in contact.
 
-Rows that the projection makes zero leave the linear system: their weights are known.
+    find w in its sets,   y = Q' (D Q w + c) + soft (w - about)   paired with it:   w = P(w - y)
+
+Columns of w are those of *parts*: first lines, half-lines and intervals, one column each, then cones with three. Q has few
+entries a column: those of a point of a body in the body's rows. Of a dense problem Q is the identity.
+
+With V the slope of P, k = proximal + soft, B = I - (1 - k) V, M = B^-1 V and h = B^-1 gap, part by part (Woodbury's identity):
+
+    (I - V + V (Q' D Q + k)) dw = gap       is       (I + D Q M Q') z = D Q h,     dw = h - M Q' z
+
+with one unknown for each row that a loaded part touches: six for a sole, whether it has 4 corners or 32. D may be nonsymmetric
+and singular. Sources: `rbd.solvers.newton`.
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from rbd.arrays import Array
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
-from rbd.solvers.contact_families import eliminate
-from rbd.solvers.contact_kernel import project
+from rbd.solvers.small_systems import eliminate, independent, solved
+
+EXACT, FOUND, PROXIMAL = 1e-14, 1e-10, 1e-7
+"""Those of `rbd.solvers.newton`, which is imported without Numba."""
+_SMALL = 1e-200
+_GROWS = 4.0
+"""The first steps, in which points change between open, sticking and slipping, may make the sum of squares grow so much."""
+_TOUCHES = 1e-9
+"""Scaled accelerations and weights below this are zero in an answer."""
+_FIXED, _STICKS, _SLIPS = 0.0, 1.0, 2.0
+"""Modes of a part: its weights are known (an open point, a bound), answer its acceleration, or follow its slip."""
+
+
+class Problem(NamedTuple):
+    """The scaled problem.
+
+    Attributes:
+        D: Accelerations of the rows by unit forces on them, shape (nw, nw).
+        c: Their accelerations without weights, shape (nw,).
+        columns: Entries of each column of Q that may differ from zero, shape (p, d).
+        first: The row in which those of a part begin, shape (n + k,).
+        lower: Bounds of the n single columns.
+        upper: Their upper bounds.
+        mu: Frictions of the k cones.
+    """
+
+    D: Array
+    c: Array
+    columns: Array
+    first: Array
+    lower: Array
+    upper: Array
+    mu: Array
+
+
+class Compliance(NamedTuple):
+    """Of each part, added to D's diagonal about some weights; `proximal` is added in Newton's matrix only.
+
+    `early`: In how many first steps the sum of squares may grow by `_GROWS`.
+    """
+
+    soft: Array
+    about: Array
+    proximal: float
+    early: int
+
+
+class Room(NamedTuple):
+    """Working arrays: (p,), (nw,), the modes (n + k, 4) of the parts (mode, factor, direction), rows in use, blocks of parts.
+
+    Parts that begin in one row, one behind the other, share a block of Q M Q': their numbers, where they begin, the blocks.
+    """
+
+    p: Array
+    gap: Array
+    move: Array
+    new: Array
+    best: Array
+    f: Array
+    a: Array
+    z: Array
+    modes: Array
+    used: Array
+    blocks: Array
+    starts: Array
+    B: Array
+    A: Array
 
 
 @compiled
-def gap_of(
-    D: Array, q: Array, lower: Array, upper: Array, mu: Array, w: Array, coulomb: bool, p: Array, gap: Array
+def room_of(problem: Problem) -> Room:
+    """Working arrays of a problem."""
+    p, nw, parts, d = len(problem.columns), len(problem.c), len(problem.first), problem.columns.shape[1]
+    of_columns, of_rows, blocks = np.zeros((5, p)), np.zeros((3, nw)), np.zeros(parts, np.int64)
+    for i in range(1, parts):
+        blocks[i] = blocks[i - 1] + (problem.first[i] != problem.first[i - 1])
+    count = blocks[-1] + 1 if parts else 0
+    starts = np.zeros(count, np.int64)
+    for i in range(parts):
+        starts[blocks[i]] = problem.first[i]
+    return Room(
+        of_columns[0], of_columns[1], of_columns[2], of_columns[3], of_columns[4], of_rows[0], of_rows[1], of_rows[2],
+        np.zeros((parts, 4)), np.zeros(nw, np.int64), blocks, starts, np.zeros((count, d, d)), np.zeros((nw, nw)),
+    )  # fmt: skip
+
+
+@compiled
+def span(i: int, n: int) -> tuple[int, int]:
+    """The columns of part i, of n single ones before the cones: from the first up to the second."""
+    return (i, i + 1) if i < n else (3 * i - 2 * n, 3 * i - 2 * n + 3)
+
+
+@compiled
+def project(x: float, y: float, z: float, mu: float, coulomb: bool) -> tuple[float, float, float]:
+    """(normal weight, factor of the tangential ones, their length) of the weights in a cone that a position maps to."""
+    t = math.sqrt(x * x + y * y)
+    if coulomb:
+        normal = max(z, 0.0)
+    elif t <= mu * z:
+        normal = z
+    else:
+        normal = max((mu * t + z) / (1.0 + mu * mu), 0.0)
+    t = max(t, _SMALL)
+    return normal, min(mu * normal / t, 1.0), t
+
+
+@compiled
+def loads(problem: Problem, parts: Array, w: Array, f: Array) -> None:
+    """Q w of some parts in f."""
+    columns, n = problem.columns, len(problem.lower)
+    for r in range(len(f)):
+        f[r] = 0.0
+    for i in parts:
+        at = problem.first[i]
+        start, stop = span(i, n)
+        for j in range(start, stop):
+            if w[j] != 0.0:
+                for r in range(columns.shape[1]):
+                    f[at + r] += columns[j, r] * w[j]
+
+
+@compiled
+def evaluate(
+    problem: Problem, parts: Array, w: Array, compliance: Compliance, coulomb: bool, room: Room
 ) -> tuple[float, float]:
-    """(largest entry, sum of squares) of gap = P(p) - w at p = w - (D w + q)."""
-    size, n = len(w), len(lower)
-    for i in range(size):
-        y = q[i]
-        for j in range(size):
-            y += D[i, j] * w[j]
-        p[i] = w[i] - y
-    for i in range(n):
-        gap[i] = min(max(p[i], lower[i]), upper[i]) - w[i]
-    for c in range(len(mu)):
-        i = n + 3 * c
-        normal, factor, _ = project(p[i], p[i + 1], p[i + 2], mu[c], coulomb)
-        gap[i], gap[i + 1], gap[i + 2] = factor * p[i] - w[i], factor * p[i + 1] - w[i + 1], normal - w[i + 2]
+    """(largest entry, sum of squares) of gap = P(p) - w at p = w - y."""
+    D, columns, n, f, a, p, gap, modes = (
+        problem.D, problem.columns, len(problem.lower), room.f, room.a, room.p, room.gap, room.modes
+    )  # fmt: skip
+    nw, d = len(f), columns.shape[1]
+    loads(problem, parts, w, f)
+    for r in range(nw):
+        total = problem.c[r]
+        for s in range(nw):
+            total += D[r, s] * f[s]
+        a[r] = total
     top, square = 0.0, 0.0
-    for i in range(size):
-        top = max(top, abs(gap[i]))
-        square += gap[i] * gap[i]
+    for i in parts:
+        at = problem.first[i]
+        start, stop = span(i, n)
+        for j in range(start, stop):
+            y = compliance.soft[i] * (w[j] - compliance.about[j])
+            for r in range(d):
+                y += columns[j, r] * a[at + r]
+            p[j] = w[j] - y
+        j = start
+        if i < n:
+            gap[j] = min(max(p[j], problem.lower[i]), problem.upper[i]) - w[j]
+            modes[i, 0] = _STICKS if problem.lower[i] < p[j] < problem.upper[i] else _FIXED
+        else:
+            normal, factor, t = project(p[j], p[j + 1], p[j + 2], problem.mu[i - n], coulomb)
+            if normal > 0.0:
+                modes[i, 0] = _SLIPS if factor < 1.0 else _STICKS
+            else:
+                modes[i, 0] = _FIXED
+            modes[i, 1], modes[i, 2], modes[i, 3] = factor, p[j] / t, p[j + 1] / t
+            gap[j], gap[j + 1], gap[j + 2] = factor * p[j] - w[j], factor * p[j + 1] - w[j + 1], normal - w[j + 2]
+        for j in range(start, stop):
+            top = max(top, abs(gap[j]))
+            square += gap[j] * gap[j]
     return (top, square) if square < math.inf else (math.inf, math.inf)  # NaN is infinite
 
 
 @compiled
-def _slope(x: float, y: float, z: float, mu: float, coulomb: bool, V: Array) -> None:
-    """The slope of the projection on a loaded cone, at a position."""
-    normal, factor, t = project(x, y, z, mu, coulomb)
-    ex, ey = x / t, y / t
-    if factor < 1.0:
-        along, spread, last = mu, -factor, 1.0
-        if not coulomb:
-            last = 1.0 / (1.0 + mu * mu)
-            along, spread = mu * last, 1.0 - last - factor
-    else:
-        along, spread, last = 0.0, 0.0, 1.0
-    V[0, 0], V[0, 1], V[0, 2] = factor + spread * ex * ex, spread * ex * ey, along * ex
-    V[1, 0], V[1, 1], V[1, 2] = spread * ex * ey, factor + spread * ey * ey, along * ey
-    V[2, 0], V[2, 1], V[2, 2] = 0.0, 0.0, last
-    if not coulomb:
-        V[2, 0], V[2, 1] = along * ex, along * ey
+def newton_step(problem: Problem, parts: Array, compliance: Compliance, coulomb: bool, room: Room) -> bool:
+    """Newton's step in `room.move`; False where its linear system is singular."""
+    D, columns, n, gap, modes, move = problem.D, problem.columns, len(problem.lower), room.gap, room.modes, room.move
+    z, used, A, B, f = room.z, room.used, room.A, room.B, room.f
+    nw, d = len(z), columns.shape[1]
+    for r in range(nw):
+        used[r] = 0
+    B[:] = 0.0
+    for i in parts:  # move = h, B = Q M Q'
+        at, mode, factor, ex, ey = problem.first[i], modes[i, 0], modes[i, 1], modes[i, 2], modes[i, 3]
+        start, stop = span(i, n)
+        k, j, block = compliance.proximal + compliance.soft[i], start, B[room.blocks[i]]
+        if mode != _SLIPS:
+            for e in range(start, stop):
+                move[e] = gap[e]
+                if mode == _STICKS:
+                    move[e] /= k
+                    q = columns[e]
+                    for r in range(d):
+                        x = q[r] / k
+                        for s in range(d):
+                            block[r, s] += x * q[s]
+        else:
+            g0, g1, g2 = gap[j], gap[j + 1], gap[j + 2]
+            u, along, turned = problem.mu[i - n], ex * g0 + ey * g1, factor / (1.0 - (1.0 - k) * factor)
+            side = (ex * g1 - ey * g0) / (1.0 - (1.0 - k) * factor)
+            share, push = 1.0, g2  # V is (u e + n) share (n or u e + n)' + factor side side'
+            if not coulomb:
+                share = 1.0 / (1.0 + u * u)
+                push = share * (u * along + g2)
+            along, move[j + 2] = along + u * push * (1.0 - k) / k, g2 + push * (1.0 - k) / k
+            move[j], move[j + 1] = ex * along - ey * side, ey * along + ex * side
+            q, v, x = columns[j], columns[j + 1], columns[j + 2]
+            for r in range(d):
+                edge, turn = share * (u * (ex * q[r] + ey * v[r]) + x[r]) / k, turned * (ex * v[r] - ey * q[r])
+                for s in range(d):
+                    felt = x[s]
+                    if not coulomb:
+                        felt += u * (ex * q[s] + ey * v[s])
+                    block[r, s] += edge * felt + turn * (ex * v[s] - ey * q[s])
+        if mode != _FIXED:
+            for e in range(start, stop):
+                for r in range(d):
+                    if columns[e, r] != 0.0:
+                        used[at + r] = 1
+    count = 0
+    for r in range(nw):
+        if used[r] == 1:
+            used[count] = r
+            count += 1
+    loads(problem, parts, move, f)
+    for e in range(count):
+        row = A[e]
+        for s in range(nw):
+            row[s] = 0.0
+        total = 0.0
+        for r in range(nw):
+            total += D[used[e], r] * f[r]
+        for b in range(len(B)):
+            at = room.starts[b]
+            for r in range(d):
+                x = D[used[e], at + r]
+                for s in range(d):
+                    row[at + s] += x * B[b, r, s]
+        z[e] = total
+        for s in range(count):
+            row[s] = row[used[s]]
+        row[e] += 1.0
+    if not eliminate(A, z, count):
+        return False
+    for e in range(nw):
+        f[e] = 0.0
+    for e in range(count):
+        f[used[e]] = z[e]
+    square = 0.0
+    for i in parts:
+        at, mode, factor, ex, ey = problem.first[i], modes[i, 0], modes[i, 1], modes[i, 2], modes[i, 3]
+        start, stop = span(i, n)
+        k, j = compliance.proximal + compliance.soft[i], start
+        if mode == _STICKS:
+            for e in range(start, stop):
+                for r in range(d):
+                    move[e] -= columns[e, r] * f[at + r] / k
+        elif mode == _SLIPS:
+            y0, y1, y2 = 0.0, 0.0, 0.0
+            for r in range(d):
+                y0 += columns[j, r] * f[at + r]
+                y1 += columns[j + 1, r] * f[at + r]
+                y2 += columns[j + 2, r] * f[at + r]
+            u, side = problem.mu[i - n], factor / (1.0 - (1.0 - k) * factor) * (ex * y1 - ey * y0)
+            if not coulomb:
+                y2 = (y2 + u * (ex * y0 + ey * y1)) / (1.0 + u * u)
+            move[j] -= ex * u * y2 / k - ey * side
+            move[j + 1] -= ey * u * y2 / k + ex * side
+            move[j + 2] -= y2 / k
+        for e in range(start, stop):
+            square += move[e] * move[e]
+    return math.isfinite(square)
 
 
 @compiled
-def _move(
-    D: Array, lower: Array, upper: Array, mu: Array, coulomb: bool, proximal: float,
-    p: Array, gap: Array, move: Array, used: Array, V: Array, A: Array, b: Array,
-) -> bool:  # fmt: skip
-    """Newton's step (I - V + V (D + proximal)) dw = gap; False where the matrix is singular."""
-    size, n, count = len(p), len(lower), 0
-    for i in range(n):
-        move[i] = gap[i]
-        if lower[i] < p[i] < upper[i]:
-            used[count] = i
-            count += 1
-    singles = count
-    for c in range(len(mu)):
-        i = n + 3 * c
-        normal, _, _ = project(p[i], p[i + 1], p[i + 2], mu[c], coulomb)
-        for j in range(i, i + 3):
-            move[j] = gap[j]
-            if normal > 0.0:
-                used[count] = j
-                count += 1
-    for e in range(count):  # gap - V D dw of the rows whose weights are known
-        total = 0.0
-        i, last = used[e], 0
-        for j in range(size):
-            if last < count and used[last] == j:
-                last += 1
-            elif move[j] != 0.0:
-                total += D[i, j] * move[j]
-        b[e] = total
-    for e in range(singles):
-        i = used[e]
-        for s in range(count):
-            A[e, s] = D[i, used[s]]
-        A[e, e] += proximal
-        b[e] = gap[i] - b[e]
-    for e in range(singles, count, 3):
-        i = used[e]
-        _slope(p[i], p[i + 1], p[i + 2], mu[(i - n) // 3], coulomb, V)
-        d0, d1, d2 = b[e], b[e + 1], b[e + 2]
-        for r in range(3):
-            b[e + r] = gap[i + r] - (V[r, 0] * d0 + V[r, 1] * d1 + V[r, 2] * d2)
-        for s in range(count):
-            j = used[s]
-            d0, d1, d2 = D[i, j], D[i + 1, j], D[i + 2, j]
-            if e <= s < e + 3:
-                d0 += proximal - 1.0 if j == i else 0.0
-                d1 += proximal - 1.0 if j == i + 1 else 0.0
-                d2 += proximal - 1.0 if j == i + 2 else 0.0
-            for r in range(3):
-                A[e + r, s] = V[r, 0] * d0 + V[r, 1] * d1 + V[r, 2] * d2
-        for r in range(3):
-            A[e + r, e + r] += 1.0
-    if not eliminate(A, b, count):
-        return False
-    square = 0.0
-    for e in range(count):
-        move[used[e]] = b[e]
-        square += b[e] * b[e]
-    return square < math.inf
-
-
-def _newton_steps(
-    D: Array, q: Array, lower: Array, upper: Array, mu: Array,
-    w: Array, coulomb: bool, iterations: int, proximal: float, exact: float, best: Array,
-) -> tuple[float, int]:  # fmt: skip
-    """`newton.steps_from`: (merit, steps), and the best weights in `best`; w is overwritten."""
-    size = len(w)
-    rows, used, A, V = np.empty((5, size)), np.empty(size, np.int64), np.empty((size, size)), np.empty((3, 3))
-    p, gap, move, new, b = rows[0], rows[1], rows[2], rows[3], rows[4]
-    merit, square = gap_of(D, q, lower, upper, mu, w, coulomb, p, gap)
+def damped_steps(
+    problem: Problem, parts: Array, w: Array, compliance: Compliance, coulomb: bool, iterations: int, exact: float, room: Room
+) -> tuple[float, int]:
+    """Damped semismooth Newton steps from w, which becomes the best weights found: (merit, steps)."""
+    n, new, best, move = len(problem.lower), room.new, room.best, room.move
+    merit, square = evaluate(problem, parts, w, compliance, coulomb, room)
     least, step = merit, 0
-    for j in range(size):
-        best[j] = w[j]
+    for j in range(len(w)):
+        best[j] = new[j] = w[j]
     while step < iterations and least > exact and square < math.inf:
-        if not _move(D, lower, upper, mu, coulomb, proximal, p, gap, move, used, V, A, b):
+        if not newton_step(problem, parts, compliance, coulomb, room):
             break
         before, t = square, 1.0
         for _ in range(7):
-            for j in range(size):
-                new[j] = w[j] + t * move[j]
-            merit, square = gap_of(D, q, lower, upper, mu, new, coulomb, p, gap)
-            if square <= before * (1.0 - 1e-4 * t):
+            for i in parts:
+                start, stop = span(i, n)
+                for j in range(start, stop):
+                    new[j] = w[j] + t * move[j]
+            merit, square = evaluate(problem, parts, new, compliance, coulomb, room)
+            if square <= before * (_GROWS if step < compliance.early else 1.0 - 1e-4 * t):
                 break
             t *= 0.5
-        for j in range(size):
+        for j in range(len(w)):
             w[j] = new[j]
         step += 1
         if merit < least:
             least = merit
-            for j in range(size):
+            for j in range(len(w)):
                 best[j] = w[j]
         if before < 1e-22 and square > 0.1 * before:  # rounding
             break
+    for j in range(len(w)):
+        w[j] = best[j]
     return least, step
+
+
+@compiled
+def settle(
+    problem: Problem, w: Array, unit: Array, mobility: float, merit: float, coulomb: bool, firm: Compliance, room: Room
+) -> tuple[float, int]:
+    """The limit of the answers of equally compliant points near w: (merit, steps); w stays where it is not reached.
+
+    Args:
+        problem: The problem.
+        w: Weights; written.
+        unit: Newtons of a scaled weight of each cone, over any one number, shape (k,).
+        mobility: Largest diagonal entry of a scaled part.
+        merit: That of w, returned where it stays.
+        coulomb: Coulomb's law; else the convex one.
+        firm: Without compliance; its `soft` is written in between.
+        room: Working arrays.
+    """
+    parts, n, steps, soft, near = np.arange(len(problem.first)), len(problem.lower), 0, firm.soft, w.copy()
+    most = 0.0
+    for x in unit:
+        most = max(most, x)
+    reached, compliance, found = math.inf, 1e-2, False
+    while compliance > 1e-5:
+        for i in range(len(soft)):  # the same compliance per newton
+            soft[i] = mobility * compliance * (1.0 if i < n else max((unit[i - n] / most) ** 2, 1e-3))
+        soften = Compliance(soft, firm.about, 0.0, firm.early)
+        reached, more = damped_steps(problem, parts, near, soften, coulomb, 50, 1e-8 * compliance, room)
+        steps += more
+        # A merit m leaves the shares uncertain by m / compliance.
+        if not reached <= 1e-5 * compliance:
+            break
+        found = True
+        compliance *= 1e-2
+    for i in range(len(soft)):
+        soft[i] = 0.0
+    if found:
+        reached, more = damped_steps(problem, parts, near, firm, coulomb, 50, EXACT, room)
+        steps += more
+        if reached <= FOUND:
+            for j in range(len(w)):
+                w[j] = near[j]
+            return reached, steps
+    return merit, steps
+
+
+@compiled
+def _leaves_motion_open(problem: Problem, w: Array, p: Array) -> bool:
+    """Whether the equations of the modes at an answer w of Coulomb's law leave a family of motions, not only of weights.
+
+    Loads N of slipping points and forces g of sticking ones, as changes, move the rows by z:
+    (I + D T) z = D (Q_edge N + Q g), T the turning of friction. The points' conditions are y_n = 0 of the ones and y = 0 of
+    the others. There is a family where some z other than zero meets them.
+
+    Args:
+        problem: The problem.
+        w: Weights, shape (p,).
+        p: w - y.
+    """
+    D, columns, first, n = problem.D, problem.columns, problem.first, len(problem.lower)
+    nw, d, size = len(D), columns.shape[1], len(w)
+    rows, conditions, A, T = np.zeros((size, nw)), np.zeros((size, nw)), np.eye(nw), np.zeros((nw, nw))
+    count, slides = 0, False
+    for i in range(n, len(first)):
+        j = 3 * i - 2 * n
+        if w[j + 2] - p[j + 2] < _TOUCHES:
+            slides = slides or math.hypot(w[j] - p[j], w[j + 1] - p[j + 1]) > _TOUCHES
+            for r in range(d):
+                for s in range(nw):
+                    rows[count, s] += D[first[i] + r, s] * columns[j + 2, r]
+            count += 1
+    if not slides or independent(rows, count, 1e-5) == count:
+        return False  # independent normals determine their shares
+    found = 0
+    for i in range(len(first)):
+        at, start, slips, factor, ex, ey = first[i], i, False, 0.0, 0.0, 0.0
+        if i < n:
+            if not problem.lower[i] < p[i] < problem.upper[i]:
+                continue
+            stop = i + 1
+        else:
+            j = 3 * i - 2 * n
+            normal = p[j + 2]
+            if w[j + 2] - p[j + 2] < _TOUCHES:
+                normal += max(_TOUCHES - w[j + 2], 0.0)  # a touching unloaded point may become loaded
+            if not normal > 0.0:
+                continue
+            _, factor, t = project(p[j], p[j + 1], normal, problem.mu[i - n], True)
+            slips, ex, ey = factor < 1.0, p[j] / t, p[j + 1] / t
+            start, stop = j + 2 if slips else j, j + 3
+        for e in range(start, stop):
+            for r in range(nw):
+                rows[found, r] = conditions[found, r] = 0.0
+            for r in range(d):
+                conditions[found, at + r] = rows[found, at + r] = columns[e, r]
+                if slips:
+                    rows[found, at + r] += problem.mu[i - n] * (ex * columns[e - 2, r] + ey * columns[e - 1, r])
+            found += 1
+        if slips:
+            e = stop - 3
+            for r in range(d):
+                side = factor / (1.0 - (1.0 - PROXIMAL) * factor) * (ex * columns[e + 1, r] - ey * columns[e, r])
+                for s in range(d):
+                    T[at + r, at + s] += side * (ex * columns[e + 1, s] - ey * columns[e, s])
+    A += D @ T
+    motions = np.ascontiguousarray(solved(A, D @ np.ascontiguousarray(rows[:found].T)).T)
+    rank = independent(motions, found, 1e-8)
+    if rank == 0 or not np.isfinite(motions).all():
+        return False
+    missed = motions[:rank] @ np.ascontiguousarray(conditions[:found].T)
+    return independent(missed, rank, 1e-8) < rank
+
+
+@compiled
+def limit(
+    problem: Problem, w: Array, unit: Array, mobility: float, merit: float, firm: Compliance, room: Room
+) -> tuple[float, int, bool]:
+    """(merit, steps, whether w of Coulomb's law leaves a family of motions): it becomes their limit then; see `settle`."""
+    evaluate(problem, np.arange(len(problem.first)), w, firm, True, room)
+    if not _leaves_motion_open(problem, w, room.p):
+        return merit, 0, False
+    merit, steps = settle(problem, w, unit, mobility, merit, True, firm, room)
+    return merit, steps, True
+
+
+_DENSE = (array(2), array(1), array(2), array(1, COUNT), array(1), array(1), array(1))
+"""Types of a dense problem: D, q, and the rest of `Problem`."""
+
+
+def _newton_steps(
+    D: Array, q: Array, columns: Array, first: Array, lower: Array, upper: Array, mu: Array,
+    w: Array, coulomb: bool, iterations: int, soft: float, about: Array, proximal: float, exact: float,
+) -> tuple[float, int]:  # fmt: skip
+    """`newton.steps_from`: (merit, steps); w becomes the best weights."""
+    problem, parts = Problem(D, q, columns, first, lower, upper, mu), len(first)
+    compliance = Compliance(np.full(parts, soft), about, proximal, 0)
+    return damped_steps(problem, np.arange(parts), w, compliance, coulomb, iterations, exact, room_of(problem))
 
 
 newton_steps = compiled(
     _newton_steps,
-    signature(
-        (NUMBER, COUNT), array(2), array(1), array(1), array(1), array(1),
-        array(1, written=True), FLAG, COUNT, NUMBER, NUMBER, array(1, written=True),
-    ),
-)  # fmt: skip
+    signature((NUMBER, COUNT), *_DENSE, array(1, written=True), FLAG, COUNT, NUMBER, array(1), NUMBER, NUMBER),
+)
 
 
-def _solve(
-    D: Array, y: Array, lower: Array, upper: Array, mu: Array, start: Array, coulomb: bool, iterations: int, proximal: float,
-    exact: float, out: Array,
-) -> tuple[float, float]:  # fmt: skip
-    """`newton.scaled`, its steps and their weights in their sets: (merit, rate), with the weights in `out`."""
+def _family_limit(
+    D: Array, q: Array, columns: Array, first: Array, lower: Array, upper: Array, mu: Array, w: Array, unit: Array
+) -> tuple[int, bool]:
+    """`newton.family_limit`: (steps, whether there is a family); w becomes the limit."""
+    problem, parts = Problem(D, q, columns, first, lower, upper, mu), len(first)
+    firm = Compliance(np.zeros(parts), np.zeros(len(q)), PROXIMAL, 0)
+    _, steps, opened = limit(problem, w, unit, 1.0, math.inf, firm, room_of(problem))
+    return steps, opened
+
+
+family_limit = compiled(_family_limit, signature((COUNT, FLAG), *_DENSE, array(1, written=True), array(1)))
+
+
+def _scaled(D: Array, y: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array, Array, Array, float]:
+    """`newton.Scaled`: (D, q, lower, upper, unit, rate)."""
     size, n = len(y), len(lower)
-    s, w, q, scaled, least = np.empty(size), np.empty(size), np.empty(size), np.empty((size, size)), 0.0
+    s, q, out, least, rate = np.empty(size), np.empty(size), np.empty((size, size)), 0.0, 0.0
     for i in range(size):
         s[i] = abs(D[i, i])
         least = max(least, 1e-12 * s[i])
     for i in range(n, size, 3):
         s[i] = s[i + 1] = s[i + 2] = max(s[i], s[i + 1], s[i + 2])
+    # A row without mobility has a zero diagonal, a jammed one (Painleve) may be near it: neither is scaled up.
     least = least if least > 0.0 else 1.0
-    rate = 0.0
     for i in range(size):
         s[i] = 1.0 / math.sqrt(max(s[i], least))
         q[i] = s[i] * y[i]
         rate = max(rate, abs(q[i]))
-    low, high = np.empty(n), np.empty(n)
-    for i in range(n):
-        low[i], high[i] = lower[i] / s[i], upper[i] / s[i]
-        rate = max(rate, low[i], -high[i])
-    rate = rate if rate > 0.0 else 1.0
-    for i in range(n):
-        low[i], high[i] = low[i] / rate, high[i] / rate
     for i in range(size):
-        q[i] = q[i] / rate
-        w[i] = start[i] / (s[i] * rate)
         for j in range(size):
-            scaled[i, j] = D[i, j] * s[j] * s[i]
-    merit, _ = newton_steps(scaled, q, low, high, mu, w, coulomb, iterations, proximal, exact, out)
-    for i in range(size):
-        out[i] *= s[i] * rate
+            out[i, j] = D[i, j] * s[j] * s[i]
+    low, high = lower / s[:n], upper / s[:n]
     for i in range(n):
-        out[i] = min(max(out[i], lower[i]), upper[i])
-    for i in range(len(mu)):
-        at, m = n + 3 * i, mu[i]
-        x, z, push = out[at], out[at + 1], out[at + 2]
-        t = math.hypot(x, z)
-        if t <= m * push:
-            continue
-        along = (m * t + push) / (m * m + 1.0)
-        factor = m * along / t if t > 0.0 else 0.0
-        if m * t <= -push:
-            factor = along = 0.0
-        out[at], out[at + 1], out[at + 2] = factor * x, factor * z, along
+        rate = max(rate, low[i], -high[i])  # forces far from zero
+    rate = rate if rate > 0.0 else 1.0
+    return out, q / rate, low / rate, high / rate, s * rate, rate
+
+
+scaled = compiled(
+    _scaled,
+    signature((array(2, written=True), *[array(1, written=True)] * 4, NUMBER), array(2), array(1), array(1), array(1)),
+)
+
+
+def _weights(
+    D: Array, y: Array, columns: Array, first: Array, lower: Array, upper: Array, mu: Array,
+    start: Array, coulomb: bool, iterations: int, out: Array,
+) -> tuple[float, float]:  # fmt: skip
+    """`newton.scaled` and its steps: (merit, rate), with the weights in `out`."""
+    own, q, low, high, unit, rate = scaled(D, y, lower, upper)
+    for j in range(len(y)):
+        out[j] = start[j] / unit[j]
+    none = np.zeros(len(y))
+    merit, _ = newton_steps(own, q, columns, first, low, high, mu, out, coulomb, iterations, 0.0, none, PROXIMAL, EXACT)
+    for j in range(len(y)):
+        out[j] *= unit[j]
     return merit, rate
 
 
-weights = compiled(
-    _solve,
-    signature(
-        (NUMBER, NUMBER),
-        array(2), array(1), array(1), array(1), array(1), array(1), FLAG, COUNT, NUMBER, NUMBER, array(1, written=True),
-    ),
-)  # fmt: skip
+weights = compiled(_weights, signature((NUMBER, NUMBER), *_DENSE, array(1), FLAG, COUNT, array(1, written=True)))

@@ -9,12 +9,12 @@ no answer among accelerations. Source: [Painleve1895]; [GenotBrogliato1999] for 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import combinations, islice, product
 
 import numpy as np
 
-from rbd.arrays import SQUARED, Array, identity, max_abs, null_space
+from rbd.arrays import SQUARED, Array, max_abs, null_space
 from rbd.problem.answer import Answer
 from rbd.problem.contact_motion import Sliding
 from rbd.problem.gauss_problem import COULOMB, GaussProblem, checked
@@ -143,8 +143,7 @@ class _Search:
         S = scaled(self.mixed.A, self.mixed.b, self.T)
         w = np.zeros(len(S.q))
         for k in COMPLIANCES:
-            softened = replace(S, D=S.D + k * identity(len(w)))
-            w, merit, _ = steps_from(softened, w, coulomb=True, iterations=60, proximal=0.0)
+            w, merit, _ = steps_from(S, w, coulomb=True, iterations=60, proximal=0.0, soft=k)
             if merit > 1e-10:
                 return
         yield self.T.project(S.weights(w))

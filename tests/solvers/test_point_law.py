@@ -1,4 +1,4 @@
-"""The residual of the contact law at points: against the full certificate, and against NumPy's form for many states."""
+"""The residual of the contact law at points: against the full certificate, and against the law in NumPy."""
 
 from __future__ import annotations
 
@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 import rbd
+from rbd.problem.cones import projection
 from rbd.problem.residuals import residuals_of
-from rbd.solvers.contact_newton import law_residual, of_points
+from rbd.solvers.contact_newton import LEAST_PUSH, law_residual, point_misses
 
 
 def draws(n=200):
@@ -25,15 +26,30 @@ def draws(n=200):
         yield y.ravel(), w.ravel(), mu
 
 
+def in_arrays(y, w, mu, *, coulomb):
+    """(how far points sink, their distance to the law), of all points at once."""
+    sinks = -y[:, 2]
+    if not coulomb:
+        sinks = np.maximum(sinks, (mu * np.hypot(y[:, 0], y[:, 1]) - np.maximum(y[:, 2], 0.0)) / (1.0 + mu))
+    push = np.maximum(np.linalg.norm(w, axis=1), LEAST_PUSH)
+    moved = w - push[:, None] * y
+    found = projection(moved.T, mu, coulomb=coulomb)
+    nearest = np.column_stack([found.factor[:, None] * moved[:, :2], found.normal])
+    return sinks, np.linalg.norm(nearest - w, axis=1) / push
+
+
 @pytest.mark.parametrize("coulomb", [True, False])
 def test_points_one_by_one_and_in_arrays_agree(coulomb):
     """On random points, both laws; NaN stays NaN."""
     for y, w, mu in draws():
-        sinks, far, _ = of_points(y.reshape(-1, 3).T, w.reshape(-1, 3).T, mu, coulomb=coulomb)
-        told = law_residual(np.eye(15), y, w, mu, coulomb=coulomb)
+        sinks, far = in_arrays(y.reshape(-1, 3), w.reshape(-1, 3), mu, coulomb=coulomb)
+        told = law_residual(y, w, mu, coulomb=coulomb)
         assert told == pytest.approx(max(0.0, sinks.max(), far.max()), rel=1e-9, abs=1e-15)
+    both = point_misses(np.array([y, 0.0 * y]), np.array([w, 2.0 * w]), np.array([mu, mu]), coulomb=coulomb)
+    assert both[:, 0] == pytest.approx([max(0.0, sinks.max()), 0.0, far.max()], rel=1e-9, abs=1e-15)
+    assert both[:, 1].max() < 1e-15
     y[4] = np.nan
-    assert not law_residual(np.eye(15), y, w, mu, coulomb=coulomb) <= 1.0
+    assert not law_residual(y, w, mu, coulomb=coulomb) <= 1.0
 
 
 @pytest.mark.parametrize("law", ["coulomb", "convex"])
@@ -46,5 +62,5 @@ def test_it_bounds_the_full_certificate(law):
         ]
         problem = rbd.GaussProblem(np.eye(15), y - w, rows)
         full = residuals_of(problem, y, w, w, law)
-        told = law_residual(np.eye(15), y, w, mu, coulomb=law == "coulomb")
+        told = law_residual(y, w, mu, coulomb=law == "coulomb")
         assert max(full.feasibility.scaled, full.complementarity.scaled) <= told * (1.0 + 1e-9) + 1e-12

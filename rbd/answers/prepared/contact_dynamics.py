@@ -177,7 +177,7 @@ class ContactDynamics:
         a += bodies.moved(mobility.dot(forces - held))
         worst = bodies.stationarity(q, v, a, forces, generalised)
         c = bodies.row_accelerations(at_rest=still)
-        worst = max(worst, law_residual(self._pull, c, w, self.force_set.mu, coulomb=coulomb))
+        worst = max(worst, law_residual(self._pull.dot(c), w, self.force_set.mu, coulomb=coulomb))
         if not worst <= DOUBTFUL:
             return None
         return FoundForces(a, self._in_contact_axes(forces), w, "cones: Newton", found.steps, worst)

@@ -22,14 +22,13 @@ from rbd.problem.answer import CARRIES_NOTHING_N
 from rbd.problem.corner_cones import WrenchCone
 from rbd.problem.ground import TOUCHES
 from rbd.problem.residuals import SOLVED
-from rbd.solvers.contact_newton import LEAST_PUSH, ContactNewton, of_points
+from rbd.solvers.contact_newton import LEAST_PUSH, ContactNewton, point_misses
 from rbd.solvers.newton import FOUND
 
 BLOCK = 512
 """States whose working arrays are in memory at a time; of two soles on a Talos 1.5 MB."""
 METHODS = ("closed form", "closed form", "cones: Newton")
 """Words for bilateral contacts, those that stick, and those that slip or open."""
-_TINY = 1e-300
 _COEFFICIENTS = 64
 """Sets of coefficients for which Newton's method is kept."""
 _SIDES = 8
@@ -200,21 +199,17 @@ class ContactBlocks(ContactDynamics):
 
     def _residuals(self, left: Array, c: Array, f: Array, w: Array, mu: Array, coulomb: bool) -> dict[str, Array]:
         """Upper bounds of the scaled residuals, as `rbd.solvers.contact_newton` has them."""
-        n, T, turned = len(left), self.force_set, np.ascontiguousarray
+        T = self.force_set
         # States along the last axis: maxima are four times as fast.
-        out = {"stationarity": np.abs(turned(left.T)).max(axis=0)}
-        c = turned(c.T)
+        out = {"stationarity": np.abs(np.ascontiguousarray(left.T)).max(axis=0)}
         if self.bilateral:
-            return out | {"feasibility": np.abs(c).max(axis=0), "cone": np.zeros(n), "complementarity": np.zeros(n)}
-        f, w, mu = turned(f.T), turned(w.T), turned(mu.T)
-        y, at = self.G.T @ c, T.cone_at
-        p_1, p_2, p_n = p = w[at], w[at + 1], w[at + 2]
-        sinks, far, push = of_points((y[at], y[at + 1], y[at + 2]), p, mu, coulomb=coulomb)
-        sinks = np.maximum(np.abs(y[self._lines]).max(axis=0, initial=0.0), sinks.max(axis=0))
-        beyond = np.maximum(np.hypot(p_1, p_2) - mu * p_n, -p_n)
-        off = np.abs(f - self.G @ w) / np.maximum(np.abs(f), LEAST_PUSH)
-        outside = np.maximum(np.maximum(beyond / push, 0.0).max(axis=0), off.max(axis=0))
-        return out | {"feasibility": sinks, "cone": outside, "complementarity": far.max(axis=0)}
+            none = np.zeros(len(left))
+            return out | {"feasibility": np.abs(c).max(axis=1), "cone": none, "complementarity": none}
+        y, at = c @ self.G, T.cone_columns.ravel()
+        sinks, outside, far = point_misses(y[:, at], w[:, at], mu, coulomb=coulomb)
+        off = np.abs(f - w @ self.G.T) / np.maximum(np.abs(f), LEAST_PUSH)
+        sinks = np.maximum(np.abs(y[:, self._lines]).max(axis=1, initial=0.0), sinks)
+        return out | {"feasibility": sinks, "cone": np.maximum(outside, off.max(axis=1)), "complementarity": far}
 
     def _in_world(
         self, found: Array, a: Array, f: Array, w: Array, mu: Array, residuals: dict[str, Array], method: Array,

@@ -1,0 +1,83 @@
+"""Small linear systems in loops, compiled: Gauss's elimination, LAPACK above some size, and independent rows."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.kernels import compiled
+
+_MOST = 75
+"""Rows up to which loops are no slower than LAPACK."""
+
+
+@compiled
+def solved(A: Array, b: Array) -> Array:
+    """A^-1 b by LAPACK, of several columns b; NaN where A is singular."""
+    try:
+        x = np.ascontiguousarray(np.linalg.solve(A, b))
+    except Exception:  # the only kind that Numba knows
+        x = np.full(b.shape, np.nan)
+    return x
+
+
+@compiled
+def eliminate(A: Array, b: Array, n: int) -> bool:
+    """Solve A x = b in place by Gauss's elimination with row pivots, x in b; False where A is singular or not finite."""
+    if n > _MOST:
+        x = solved(A[:n, :n].copy(), b[:n].copy().reshape(n, 1))
+        b[:n] = x[:, 0]
+        return bool(np.isfinite(x).all())
+    for k in range(n):
+        pivot, most = k, abs(A[k, k])
+        for i in range(k + 1, n):
+            if abs(A[i, k]) > most:
+                pivot, most = i, abs(A[i, k])
+        if not 0.0 < most < math.inf:
+            return False
+        if pivot != k:
+            for j in range(k, n):
+                A[k, j], A[pivot, j] = A[pivot, j], A[k, j]
+            b[k], b[pivot] = b[pivot], b[k]
+        scale = 1.0 / A[k, k]
+        for i in range(k + 1, n):
+            factor = A[i, k] * scale
+            if factor != 0.0:
+                b[i] -= factor * b[k]
+                for j in range(k + 1, n):
+                    A[i, j] -= factor * A[k, j]
+    for i in range(n - 1, -1, -1):
+        total = b[i]
+        for j in range(i + 1, n):
+            total -= A[i, j] * b[j]
+        b[i] = total / A[i, i]
+    return True
+
+
+@compiled
+def independent(rows: Array, count: int, tolerance: float) -> int:
+    """Number of linearly independent rows; an orthonormal basis of them comes first (Gram and Schmidt, with pivots)."""
+    dim, greatest = rows.shape[1], 0.0
+    for k in range(min(count, dim)):
+        pivot, most = k, -1.0
+        for i in range(k, count):
+            size = 0.0
+            for r in range(dim):
+                size += rows[i, r] * rows[i, r]
+            if size > most:
+                pivot, most = i, size
+        greatest = max(greatest, most)
+        if not most > greatest * tolerance * tolerance:
+            return k
+        for r in range(dim):
+            rows[pivot, r], rows[k, r] = rows[k, r], rows[pivot, r] / math.sqrt(most)
+        for _ in range(2):  # again for the last digits
+            for i in range(k + 1, count):
+                along = 0.0
+                for r in range(dim):
+                    along += rows[i, r] * rows[k, r]
+                for r in range(dim):
+                    rows[i, r] -= along * rows[k, r]
+    return min(count, dim)
