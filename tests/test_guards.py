@@ -158,7 +158,7 @@ def abs_of(x: float) -> dict[str, float]:
     return {"value": abs(x)}
 
 
-STORED = new_folder() / "stored.nc"
+STORED = new_folder() / "stored.zarr"
 rbd.study(abs_of, {"x": [0.5, -1.0]}, executor=0, progress=False, out=STORED)
 
 

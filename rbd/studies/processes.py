@@ -108,7 +108,9 @@ class Workers(Executor):
         except BrokenExecutor as error:
             self._own.pool = None
             self._pools.remove(pool)
-            process.join(5.0)
+            end = time.monotonic() + 5.0
+            while process.exitcode is None and time.monotonic() < end:  # the pool waits for it, too, and may know it first
+                time.sleep(0.01)
             raise ProcessDied(process.exitcode) from error
 
     def kill(self) -> None:
@@ -194,29 +196,34 @@ def _begin() -> None:
     threading.Thread(target=end, daemon=True).start()
 
 
-def pickled(value: Any, parts: Mapping[str, Any]) -> bytes:
+def pickled(value: Any, parts: Mapping[str, Any], *, looked_through: bool = False) -> bytes:
     """A value as bytes, by cloudpickle: functions of `__main__` and inner ones by value, those of modules by name.
 
     Args:
         value: What is sent.
         parts: What of it is looked through where it cannot be: {name for messages: part}.
+        looked_through: Whether it is in any case: cloudpickle alone sends an open file as its text.
 
     Raises:
         InputError: it cannot be pickled, or has no content, as an open file; names the value, and what to do.
     """
     cloudpickle = cloudpickle_or_error()
     try:
-        for name, part in parts.items():
-            digest(part, name)
         sent: bytes = cloudpickle.dumps(value)
+        what = ""
     except Exception as error:  # pickling calls code of the user's classes
-        what = (
-            f"{error.what}, which only this process has; {error.cause}" if isinstance(error, NoContent) else f"{error!s:.200}"
-        )
+        what = f"{type(error).__name__}: {error!s:.200}"
+    if what or looked_through:
+        try:
+            for name, part in parts.items():
+                digest(part, name)
+        except NoContent as error:
+            what = f"{error.what}, which only this process has; {error.cause}"
+    if what:
         raise InputError(
             f"{next(iter(parts))} cannot be sent to other processes: {what}. Create what cannot inside the function, or give "
             "what it is made of, such as a path; executor=0 computes in this process."
-        ) from error
+        )
     return sent
 
 
@@ -229,7 +236,8 @@ def sent_of(evaluation: Evaluation, executor: Executor | int | None) -> bytes:
     if executor == 0 or isinstance(executor, Here | ThreadPoolExecutor):
         return b""
     kept = {f"keep[{name!r}]": function for name, function in evaluation.keep.functions.items()}
-    return pickled(evaluation, {name_of(evaluation.function).rpartition(".")[2]: evaluation.function, **kept})
+    parts = {name_of(evaluation.function).rpartition(".")[2]: evaluation.function, **kept}
+    return pickled(evaluation, parts, looked_through=True)
 
 
 def sent_columns(columns: Mapping[str, Any]) -> Mapping[str, Any] | bytes:
