@@ -28,8 +28,8 @@ PACKAGES = [
 SHOWN = [package for package in PACKAGES if package not in ("rbd.answers", "rbd.cli", "rbd.answers.prepared")]
 """Those that list names for users; the last is a module."""
 BROWSER = {
-    *("Browser", "contact_sheet", "export_video", "find_browser", "motion_sheet", "replay", "replay_planar"),
-    *("screenshot", "show_report"),
+    *("Browser", "contact_sheet", "export_video", "find_browser", "motion_sheet", "replay"),
+    "screenshot",
 }
 """Of `rbd.visual`: what wants a browser on this machine, whose calls are not run here but in `tests/visual`."""
 FLAGS = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE

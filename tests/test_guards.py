@@ -32,8 +32,6 @@ from rbd.visual import (
     contact_colors,
     contact_sheet,
     export_motion,
-    export_planar,
-    export_report,
     export_video,
     motion_sheet,
     notebook_page,
@@ -53,10 +51,8 @@ from rbd.visual import (
     plot_study,
     plot_wrench_cone,
     replay,
-    replay_planar,
     scenes_beside,
     screenshot,
-    show_report,
 )
 
 set_hypothesis_home_dir(Path(tempfile.gettempdir()) / "rbd_hypothesis")
@@ -1138,7 +1134,7 @@ CASES: dict[str, Case] = {
     ),
     "visual.export_motion": Case(
         export_motion,
-        {"trajectory": TRAJECTORY, "path": "/nowhere/x.html", "fps": 30, "speed": 1.0, "title": "x", "start": 0.0}
+        {"motion": TRAJECTORY, "path": "/nowhere/x.html", "fps": 30, "speed": 1.0, "title": "x", "start": 0.0}
         | {
             "seen_from": (1, 0.6, 0.3),
             "arrow_per_weight": 0.3,
@@ -1150,14 +1146,14 @@ CASES: dict[str, Case] = {
     ),
     "visual.motion_sheet": Case(
         motion_sheet,
-        {"trajectory": TRAJECTORY, "times": [0.0], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9}
+        {"motion": TRAJECTORY, "times": [0.0], "png_path": "/nowhere/x.png", "columns": 1, "width": 9, "height": 9}
         | {"ghost": None},
         20,
     ),
     "visual.export_video": Case(
         export_video,
         {
-            "trajectory": TRAJECTORY,
+            "motion": TRAJECTORY,
             "path": "/nowhere/x.gif",
             "fps": 30,
             "width": 96,
@@ -1211,10 +1207,6 @@ CASES: dict[str, Case] = {
         {"ax": Figure().subplots(), "chain": LINKS, "q_samples": PLANAR.q[::20], "kind": "manipulability", "count": 3},
         20,
     ),
-    "visual.export_planar": Case(
-        export_planar, {"motion": PLANAR, "path": "/nowhere/x.html", "title": "x", "speed": 0.5, "start": 0.0}, 10
-    ),
-    "visual.replay_planar": Case(replay_planar, {"motion": "none", "speed": 0.5}, 10),
     "visual.contact_colors": Case(contact_colors, {"names": ["left", "right"]}),
     "visual.scenes_beside": Case(
         scenes_beside,
@@ -1323,15 +1315,6 @@ CASES |= {
     "motion.check_motion": Case(use_check, CHECKED, 5),
     "visual.plot_report": Case(
         lambda **given: use_plots(plot_report, **given), {"axes": Figure().subplots(2).tolist(), "report": SWAY_REPORT}, 10
-    ),
-    "visual.show_report": Case(show_report, {"report": "none", "speed": 0.5}, 10),
-    "visual.export_report": Case(
-        export_report,
-        {
-            **{"path": "/nowhere/x.html", "report": SWAY_REPORT, "fps": 30.0, "speed": 1.0, "title": "x", "start": 0.0},
-            **{"follow": True, "trace": False, "seen_from": (1.0, 1.0, 1.0), "arrow_per_weight": 0.5, "ghost": SWAY},
-        },
-        10,
     ),
     "motion.find_contacts": Case(
         lambda **given: [(x := rbd.motion.find_contacts(**given)).heights, x.touches.astype(float), x.ground],
@@ -1588,12 +1571,9 @@ def test_the_unspoilt_call_is_answered(name: str) -> None:
         "visual.motion_sheet",
         "visual.notebook_page",
         "visual.replay",
-        "visual.export_planar",
-        "visual.replay_planar",
         "visual.scenes_beside",
         "Motion.save",
     }
-    refused |= {"visual.show_report", "visual.export_report"}
     assert isinstance(answer, rbd.RbdError) == (name in refused), answer
 
 

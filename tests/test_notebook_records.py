@@ -19,9 +19,9 @@ from copied import instances
 
 import rbd
 from rbd.displayed import Displayed
-from rbd.visual.notebook.card import MOST_LETTERS, Card, CardTable, Fold, card_html, card_of, documented, field_rows, words
-from rbd.visual.notebook.motion_cards import curves, lanes, polygon
-from rbd.visual.notebook.shown import html_of
+from rbd.visual.notebook.card import MOST_LETTERS, card_html, documented, field_rows, words
+from rbd.visual.notebook.shown import chart_svg, contact_motions, html_of, printed
+from rbd.visual.playback.curves import CurveLine, chart
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs" / "site"))
 from rbd_site.public import PACKAGES, names_of  # noqa: E402
@@ -126,35 +126,34 @@ def test_all_records_are_shown_well_formed_and_short(records: dict[type, list[An
 
 
 def test_results_come_first_and_numbers_have_units(talos: rbd.Robot) -> None:
-    """The first line says what a user asked; heads and cells say in which unit."""
+    """The first line says what a user asked; texts and cells say in which unit."""
     state, soles = talos.standing(), talos.soles()
     held = rbd.hold(state, soles)
     region = rbd.statics.support_region(state, soles)
     four_bar = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
     expected = {
-        "it can be held; nearest to its limit is": (held, "normal force [N]", "N m"),
-        "stays as it is": (rbd.solve(state, held.tau, soles), "m/s2", "friction used"),
-        "mm inside the support region: it can stand": (region, "cm2", "m"),
-        "It moves with 1 degree of freedom": (rbd.mechanism.mobility(four_bar.at("assembled")), "field", "n"),
-        "32 motors, 38 degrees of freedom, 90.27 kg": (talos, "kg", "885.57"),
-        "talos at rest; centre of mass at": (state, "deg", "m"),
+        "held: largest torque 24.1 % of its limit (arm_left_4_joint)": (held, " N ", ">N, N m</td"),
+        "stays as it is": (rbd.solve(state, held.tau, soles), ">m/s2, rad/s2</td", "friction used"),
+        "mm inside": (region, "cm2", ">m</td"),
+        "It moves with 1 degree of freedom": (rbd.mechanism.mobility(four_bar.at("assembled")), ">field</t", ">n</t"),
+        "32 motors, 38 degrees of freedom, 90.27 kg": (talos, "at most 300 N m", "-0.3491 to 1.571"),
+        "talos at rest; centre of mass at": (state, " deg", ">m/s, rad/s</td"),
     }
-    for said, (record, *units) in expected.items():
+    for said, (record, *parts) in expected.items():
         html = html_of(record)
         first = re.search(r"<strong>(.*?)</strong>", html)
         assert first and said in first[1], first
-        assert all(f">{unit}</t" in html for unit in units), html
+        assert all(part in html for part in parts), html
 
 
 def test_the_forces_shown_are_those_of_the_solution(talos: rbd.Robot) -> None:
     """Normal force, friction used and what each contact does, as in the solution."""
     state, soles = talos.standing(), talos.soles()
     solution = rbd.solve(state, rbd.hold(state, soles).tau, soles)
-    [table, *_] = card_of(solution).tables
-    for row in table.rows:
-        force = solution.contacts[row[0]]
-        assert row[1] == f"{force.normal:.2f}" and row[3] == f"{100 * force.friction_used:.1f} %"
-        assert row[-1] == "sticks"
+    text = printed(solution)
+    for name, force in solution.contacts.items():
+        assert re.search(rf"{name} +{force.normal:.3f} N .* {100 * force.friction_used:.1f} %", text)
+    assert contact_motions(solution) == dict.fromkeys(solution.contacts, "sticks")
 
 
 def test_a_contact_that_slips_or_lifts_is_said_to() -> None:
@@ -163,58 +162,58 @@ def test_a_contact_that_slips_or_lifts_is_said_to() -> None:
     face = rbd.SurfaceContact("face", "box", half_lengths=(0.2, 0.2), friction=0.6)
     state = rbd.State(box, [0, 0, 0, 0, 0, 0, 1])
     slips = rbd.solve(state, [], [face], external=[rbd.ExternalForce("box", (80.0, 0.0, 0.0))])
-    assert "face starts to slip" in card_of(slips).result
-    assert "2.11 m/s2" in card_of(slips).tables[0].rows[0][-1]  # (80 - 0.6 * 98.1) / 10
+    assert printed(slips).startswith("it accelerates; face starts to slip, 2.11 m/s2\n")  # (80 - 0.6 * 98.1) / 10
     lifts = rbd.solve(state, [], [face], external=[rbd.ExternalForce("box", (0.0, 0.0, 120.0))])
-    assert "face lifts off" in card_of(lifts).result
+    assert "face lifts off" in printed(lifts).split("\n")[0]
 
 
 def test_what_is_not_possible_is_said_first(talos: rbd.Robot) -> None:
     """An error at the end of a cell names the limits in its way; a report of a hop counts the frames that float."""
     with pytest.raises(rbd.CannotHold) as caught:
         rbd.hold(talos.standing(), talos.soles()[:1])
-    card = card_of(caught.value)
-    assert card.good is False and card.result.startswith("CannotHold: ")
-    assert [kind for kind, _ in card.tables[0].rows] == [limit.kind for limit in caught.value.limits]
+    text = printed(caught.value)
+    assert text.startswith("CannotHold: ") and all(str(limit) in text for limit in caught.value.limits)
     solo = rbd.load_robot("solo12")
     low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
     report = rbd.check_motion(rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=50.0))
-    card = card_of(report)
-    assert "7 of 31 frames (22.6 %)" in card.result and card.good is False
-    assert card.tables[0].rows[0][:3] == ("floats", "24", "77.4 %")
-    assert "<svg" in card_html(card)
+    html = html_of(report)
+    assert "<strong>minimum jerk: 7 of 31 frames possible</strong>" in html and html.count("<svg") == 2
+    assert "22.6 % of the frames" in html and re.search(r"floats +24 frames", html)
+
+
+def drawn(values: np.ndarray, name: str = "x") -> str:
+    """One curve over a second, as SVG."""
+    line = CurveLine(name, "#0072b2", values)
+    return chart_svg(np.linspace(0.0, 1.0, len(values)), chart(name, name, [line]))
 
 
 def test_names_are_escaped_everywhere() -> None:
     """A name with tags in it is shown as it is, in cells, in the first line and in drawings."""
     evil = "<img src=x onerror=alert(1)>&\"'"
-    t, x = np.linspace(0.0, 1.0, 5), np.ones(5)
-    drawing = curves(evil, t, {evil: x}) + lanes(evil, t, {evil: x > 0.0})
-    drawing += polygon(evil, np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), {evil: np.zeros(2)})
-    table = CardTable([(evil,)], (evil,), evil, rest=evil, whole=3)
-    html = card_html(Card(evil, tables=[table], notes=[evil], folds=[Fold(evil, [table, evil])], drawing=drawing))
+    html = card_html(f"{evil}\n{evil}", [(evil,) * 4], drawn(np.ones(5), evil))
     assert "<img" not in html and read(html).wrong == [] and read(html).open == []
     lock = rbd.JointLock(evil, evil, position=0.0)
     assert "<img" not in html_of(lock) and "&lt;img" in html_of(lock)
 
 
 def test_long_things_are_cut_and_counted() -> None:
-    """A long cell ends in an ellipsis, a long table in a count, a long array is shape and range."""
-    html = card_html(Card("long", tables=[CardTable([("x" * 1000,)] * 100, rest="the file")]))
-    assert "x" * MOST_LETTERS not in html and "and 60 more, in the file" in html
+    """A long cell ends in an ellipsis, a long table and a long text in a count, a long array is shape and range."""
+    html = card_html("long" + "\nline" * 100, [("x" * 1000,)] * 100)
+    assert "x" * MOST_LETTERS not in html and "and 60 more</p>" in html and "and 60 more lines" in html
     assert words(np.linspace(-1.0, 2.0, 700).reshape(100, 7)) == "shape (100, 7), -1 to 2"
     assert words(np.array([1.0, np.nan])) == "(1, -)" and words(np.zeros((0, 3))) == "empty, shape (0, 3)"
     assert words(np.ones(3, bool)) == "shape (3,), 3 true"
-    assert len(curves("x", np.linspace(0.0, 1.0, 10**5), {"x": np.random.default_rng(0).normal(size=10**5)})) < 8000
+    assert words({("a", 1): 2.0}) == "1 entries"
+    assert len(drawn(np.random.default_rng(0).normal(size=10**5))) < 8000
 
 
-def test_curves_reach_their_extremes() -> None:
-    """A spike of one sample among ten thousand is drawn: its column keeps the highest value."""
+def test_curves_reach_their_extremes_and_have_gaps() -> None:
+    """A spike of one sample among ten thousand is drawn; nothing where there is no number."""
     x = np.zeros(10_000)
     x[4321] = 7.0
-    drawn = curves("x", np.linspace(0.0, 1.0, len(x)), {"x": x})
-    heights = {float(point.split(",")[1]) for point in re.findall(r'points="([^"]*)"', drawn)[0].split()}
-    assert min(heights) == 20.0  # the top of the frame, at 7
+    heights = [float(y) for y in re.findall(r"[ML][\d.]+ ([\d.]+)", drawn(x).rpartition('<path d="')[2])]
+    assert min(heights) == pytest.approx(110.0 - 90.0 / 1.08, abs=0.1) and max(heights) == 110.0  # of an axis from 0 to 7.56
+    assert drawn(np.array([1.0, 2.0, np.nan, 2.0, 1.0])).rpartition('<path d="')[2].split('"')[0].count("M") == 2
 
 
 def test_fields_have_the_units_of_their_docstring() -> None:

@@ -240,8 +240,7 @@ def simulate(
         if video is not None and len(trajectory) > 1:
             print_path(console, "video", trajectory.video(video, external=external))
         if show and len(trajectory) > 1:
-            from rbd.visual.playback.animation import motion_scene
-            from rbd.visual.playback.staging import Playback
+            from rbd.visual.playback.animation import Playback, motion_scene
 
             with motion_scene(trajectory, Playback(external=external, playing=True)) as scene:
                 serve(console, scene.open())
@@ -287,9 +286,9 @@ def plane(
         if out is not None:
             print_path(console, "picture", draw(motion, out))
         if html is not None:
-            from rbd.visual.figures.planar_figures import export_planar
+            from rbd.visual import export_motion
 
-            print_path(console, "page", export_planar(motion, html))
+            print_path(console, "page", export_motion(motion, html))
 
 
 def _every(duration: float, step: float) -> int:

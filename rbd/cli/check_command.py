@@ -139,10 +139,9 @@ def check(
         for what, path in written:
             print_path(console, what, path)
         if show:
-            from rbd.visual.playback.report_page import report_scene
-            from rbd.visual.playback.staging import Playback
+            from rbd.visual.playback.animation import Playback, motion_scene
 
-            with report_scene(report, Playback(playing=True, trace=False)) as scene:
+            with motion_scene(report, Playback(playing=True)) as scene:
                 serve(console, scene.open())
         if ranking.code:
             raise typer.Exit(ranking.code)

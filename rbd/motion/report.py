@@ -376,8 +376,8 @@ class MotionReport(Displayed):
         }
 
     def export(self, path: str | os.PathLike[str], **settings: Any) -> Path:
-        """Write it as one page that plays the motion; returns its path. Settings are those of `rbd.visual.export_report`."""
-        found: Path = drawing("export_report")(path, self, **settings)
+        """Write it as one page that plays the motion; returns its path. Settings are those of `rbd.visual.export_motion`."""
+        found: Path = drawing("export_motion")(self, path, **settings)
         return found
 
     def video(self, path: str | os.PathLike[str], **settings: Any) -> Path:
@@ -391,8 +391,8 @@ class MotionReport(Displayed):
         return found
 
     def show(self, *, speed: float = 1.0) -> None:
-        """Show the motion live in the browser, with its forces and the missing wrench; see `rbd.visual.show_report`."""
-        drawing("show_report")(self, speed=speed)
+        """Show the motion live in the browser, with its forces and the missing wrench; see `rbd.visual.replay`."""
+        drawing("replay")(self, speed=speed)
 
     def __repr__(self) -> str:
         return f"MotionReport({self.motion.source!r}, {self.n} frames, {100 * self.share_possible:.1f} % possible)"

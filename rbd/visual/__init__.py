@@ -1,12 +1,12 @@
 """Pictures: the robot with its forces in three dimensions, at rest and in motion; curves; screenshots by a headless browser."""
 
 from rbd.modules import submodule as _submodule
-from rbd.visual.figures.planar_figures import export_planar, plot_ellipses, plot_sticks, replay_planar
+from rbd.visual.figures.planar_figures import plot_ellipses, plot_sticks
 from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
 from rbd.visual.figures.plots import axes_or_new as axes_or_new, plot_ranges
 from rbd.visual.figures.statics_plots import plot_directions, plot_pushes, plot_region, plot_wrench_cone
 from rbd.visual.figures.study_plots import plot_study
-from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint
+from rbd.visual.figures.trajectory_plots import plot_energy, plot_forces, plot_joint, plot_report
 from rbd.visual.live import Choice, Explorer, Slider, Verdict, explore
 from rbd.visual.mode_drawing import export_mode, mode_scene, plot_eigenvalues, plot_mode
 from rbd.visual.notebook.page_frames import notebook_page
@@ -14,7 +14,6 @@ from rbd.visual.notebook.shown import html_of as html_of
 from rbd.visual.pages.browser import Browser, find_browser
 from rbd.visual.pages.page import screenshot
 from rbd.visual.playback.animation import export_motion, motion_sheet, replay
-from rbd.visual.playback.report_page import export_report, plot_report, show_report
 from rbd.visual.playback.video import export_video
 from rbd.visual.scene import Scene
 from rbd.visual.side_by_side import contact_sheet, scenes_beside
@@ -32,8 +31,6 @@ __all__ = [
     "explore",
     "export_mode",
     "export_motion",
-    "export_planar",
-    "export_report",
     "export_video",
     "find_browser",
     "mode_scene",
@@ -57,10 +54,8 @@ __all__ = [
     "plot_study",
     "plot_wrench_cone",
     "replay",
-    "replay_planar",
     "scenes_beside",
     "screenshot",
-    "show_report",
 ]
 
 

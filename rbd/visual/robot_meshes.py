@@ -58,6 +58,14 @@ class RobotPart:
     color: str
     opacity: float
 
+    def looks_like(self, other: RobotPart) -> bool:
+        """Whether another piece has the same place, look and mesh."""
+        if (self.joint, self.color, self.opacity) != (other.joint, other.color, other.opacity):
+            return False
+        one, two = self.mesh, other.mesh
+        same = one is two or (np.array_equal(one.vertices, two.vertices) and np.array_equal(one.faces, two.faces))
+        return same and self.placement == other.placement
+
 
 _DONE: WeakKeyDictionary[Robot, tuple[RobotPart, ...]] = WeakKeyDictionary()
 

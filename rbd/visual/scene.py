@@ -103,11 +103,17 @@ class Scene(Displayed):
         self._around = np.zeros((0, 3))
         self._moving = False
         self._statics: tuple[Drawn, ...] = ()
+        self._title = robot.name
 
     @property
     def robot(self) -> Robot:
         """The robot whose scene it is."""
         return self._robot
+
+    @property
+    def title(self) -> str:
+        """Of its page: the robot's name, or the headline of a motion."""
+        return self._title
 
     @property
     def shown(self) -> bool:
@@ -284,22 +290,26 @@ class Scene(Displayed):
         self._shown()
         return photograph(self.page(), a_picture(path), width, height, browser)
 
-    def page(self, title: str | None = None) -> str:
-        """The page that `export` writes, as text; its title is the robot's name unless one is given."""
+    def page(self) -> str:
+        """The page that `export` writes, as text."""
         self._shown()
         # A live viewer keeps its camera while the robot moves; a page is framed for its contents.
         messages = [*self._recorder.messages()[0], self._view()]
-        return offline_page(title or self._robot.name, messages)
+        return offline_page(self._title, messages)
 
-    def stage_motion(self, motion: str, around: Array, further: Mapping[str, Sequence[RobotPart]] | None = None) -> None:
+    def stage_motion(
+        self, motion: str, around: Array, further: Mapping[str, Sequence[RobotPart]] | None = None, *, title: str | None = None
+    ) -> None:
         """Send the page the data to move the robot by itself, in place of the marks, until the next `show`.
 
         Args:
             motion: JSON, as `MotionPage` writes it.
             around: Points in W that the camera is to see, shape (n, 3) [m].
             further: {path in the viewer: pieces of another robot, which the motion moves too}.
+            title: Of the page.
         """
         self._shown()
+        self._title = title or self._robot.name
         self._viewer["marks"].delete()
         for path, parts in (further or {}).items():
             for i, part in enumerate(parts):

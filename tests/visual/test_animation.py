@@ -19,7 +19,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.external import ExternalForce
 from rbd.simulation.simulated_motion import Event
 from rbd.visual import Scene, contact_colors, find_browser, screenshot
-from rbd.visual.playback.animation import export_motion, motion_sheet, replay
+from rbd.visual.playback.animation import export_motion, motion_sheet, replay, shown_motion
 from rbd.visual.playback.motion_frames import frames_of
 from rbd.visual.robot_meshes import robot_parts
 
@@ -136,13 +136,13 @@ def test_there_are_as_many_frames_as_asked_for(motion, tmp_path, fps, speed, exp
 
 def test_frames_are_samples_where_those_are_near(motion):
     """No interpolated configuration stands for one that was computed 1 ms away."""
-    assert np.isin(frames_of(motion, [1], fps=30).times, motion.t).all()
+    assert np.isin(frames_of(shown_motion(motion), [1], fps=30).times, motion.t).all()
 
 
 def test_between_coarse_samples_a_body_turns_evenly(box):
     """Three samples, thirty frames: what flies straight and turns evenly is where it really is in each of them."""
     times = np.array([0.0, 0.4, 1.0])
-    frames = frames_of(Motion(box, times, *evenly(box, times)), [1], fps=30)
+    frames = frames_of(shown_motion(Motion(box, times, *evenly(box, times))), [1], fps=30)
     assert len(frames.times) == 31
     exact = evenly(box, frames.times)[0]
     turned = np.abs(np.einsum("ij,ij->i", frames.poses[:, 0, 3:], exact[:, 3:]))
@@ -152,7 +152,7 @@ def test_between_coarse_samples_a_body_turns_evenly(box):
 def test_what_turns_fast_has_more_frames(box):
     """At 60 rad/s thirty frames a second would turn the body backwards; no step is over half a radian, no sign jumps."""
     times = np.linspace(0.0, 1.0, 2001)
-    frames = frames_of(Motion(box, times, *evenly(box, times, np.array([0.0, 0.0, 60.0]))), [1])
+    frames = frames_of(shown_motion(Motion(box, times, *evenly(box, times, np.array([0.0, 0.0, 60.0])))), [1])
     cosines = np.einsum("ij,ij->i", frames.poses[1:, 0, 3:], frames.poses[:-1, 0, 3:])
     assert 120 <= len(frames.times) <= 130 and cosines.min() > np.cos(0.26)
 
@@ -213,7 +213,7 @@ def test_ten_seconds_of_a_humanoid_are_less_than_a_megabyte(talos):
     times = np.linspace(0.0, 10.0, 101)
     still = Motion(talos, times, np.tile(talos.standing().q, (101, 1)), np.zeros((101, talos.nv)))
     joints = sorted({part.joint for part in robot_parts(talos)} - {0})
-    frames = frames_of(still, joints)
+    frames = frames_of(shown_motion(still), joints)
     assert len(frames.times) == 301 and frames.rows.astype("f4").nbytes * 4 / 3 < 1e6
 
 
@@ -241,10 +241,10 @@ def test_what_chatters_is_told_as_coarsely_as_it_is_shown(box):
     q = np.tile(box.neutral(), (len(times), 1))
     words = ["sticks" if i % 2 else "slips" for i in range(len(times))]
     chatter = Motion(box, times, q, np.zeros((len(times), box.nv)), modes={"foot": words})
-    stretches = frames_of(chatter, [1], fps=30).stretches["foot"]
+    stretches = frames_of(shown_motion(chatter), [1], fps=30).stretches["foot"]
     assert 1 <= len(stretches) <= 30 and stretches[0][0] == 0.0 and stretches[-1][1] == 1.0
     assert all(a[1] == b[0] for a, b in zip(stretches, stretches[1:], strict=False))
-    assert len(frames_of(replace(chatter, modes={"foot": ["sticks"] * 1001}), [1], fps=30).stretches["foot"]) == 1
+    assert len(frames_of(shown_motion(replace(chatter, modes={"foot": ["sticks"] * 1001})), [1], fps=30).stretches["foot"]) == 1
 
 
 def test_without_bodies_the_centre_of_mass_alone_moves(box):
@@ -252,7 +252,7 @@ def test_without_bodies_the_centre_of_mass_alone_moves(box):
     times = np.array([0.0, 0.5, 1.0])
     q = np.tile(box.neutral(), (3, 1))
     q[:, 0] = times
-    frames = frames_of(Motion(box, times, q, np.zeros((3, box.nv))), [], fps=2)
+    frames = frames_of(shown_motion(Motion(box, times, q, np.zeros((3, box.nv)))), [], fps=2)
     assert frames.poses.shape == (3, 0, 7) and np.abs(frames.com[:, 0] - frames.times).max() < 1e-12
 
 

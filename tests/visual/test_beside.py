@@ -16,7 +16,7 @@ from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.visual import export_motion
 from rbd.visual.pages.browser import Browser, BrowserPage
-from rbd.visual.playback.staging import checked
+from rbd.visual.playback.animation import shown_motion
 from rbd.visual.robot_meshes import robot_parts
 
 FROM_THREE = np.array([[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
@@ -148,7 +148,7 @@ def test_motions_without_forces_too(stands: rbd.Trajectory, tmp_path: Path) -> N
     }
     with pytest.raises(InputError, match=r"rbd\.Motion"):
         export_motion(stands, tmp_path / "z.html", beside="it")  # type: ignore[arg-type]
-    assert len(checked(motion).t) == len(stands.t)
+    assert len(shown_motion(motion).t) == len(stands.t)
 
 
 def test_the_camera_sees_both(slow: rbd.Trajectory, fast: rbd.Trajectory, tmp_path: Path) -> None:

@@ -11,6 +11,7 @@ import pytest
 import rbd
 from rbd.visual.marks.applied_forces import PULLS, PUSHES, RELAXED, coil, color_of, shown_elements, spiral, turns_of, wound
 from rbd.visual.pages.link import LAYERS
+from rbd.visual.playback.animation import shown_motion
 from rbd.visual.playback.motion_frames import frames_of
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.robot_meshes import robot_parts
@@ -127,7 +128,7 @@ def test_a_motion_shows_its_elements_at_every_frame(solo: rbd.Robot, high: rbd.S
     run = rbd.simulate(high, duration=0.12, step=2.5e-3, external=elements)
     parts = robot_parts(solo)
     joints = sorted({part.joint for part in parts} - {0})
-    frames = frames_of(run, joints)
+    frames = frames_of(shown_motion(run), joints)
     assert [track.name for track in frames.elements] == [e.name for e in elements]  # type: ignore[attr-defined]
     i = len(frames.times) // 2
     at = int(np.argmin(abs(run.t - frames.times[i])))
@@ -137,8 +138,8 @@ def test_a_motion_shows_its_elements_at_every_frame(solo: rbd.Robot, high: rbd.S
     for row, element in zip(rows, expected, strict=True):
         assert np.abs(row[:6] - element.points.ravel()).max() < 1e-12
         assert row[9] == pytest.approx(element.tension, abs=1e-9)
-    page = MotionPage(frames, parts, _sizes(solo, high), True, 1.0, solo)
-    told = json.loads(page.whole({"speed": 1.0}))["motion"]
+    page = MotionPage(shown_motion(run), frames, parts, _sizes(solo, high), True)
+    told = json.loads(page.whole({}, 1.0))["motion"]
     assert [e["shape"] for e in told["elements"]] == ["coil", "coil", "cylinder", "spiral", "spiral", "bushing"]
     assert told["elements"][0]["colors"] == [RELAXED, PULLS, PUSHES] and "orange" in told["note"]
 
@@ -154,9 +155,9 @@ def test_elements_of_a_function_of_time_are_drawn_if_it_is_given(high: rbd.State
         return elements[:1] if t < 0.05 else []
 
     run = rbd.simulate(high, duration=0.1, step=5e-3, external=external)
-    assert frames_of(run, [1]).elements == ()
-    (track,) = frames_of(run, [1], external=external).elements
-    times = frames_of(run, [1], external=external).times
+    assert frames_of(shown_motion(run), [1]).elements == ()
+    (track,) = frames_of(shown_motion(run), [1], external=external).elements
+    times = frames_of(shown_motion(run), [1], external=external).times
     assert np.array_equal(np.isfinite(track.points[:, 0, 0]), times < 0.05)
 
 

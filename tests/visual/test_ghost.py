@@ -16,7 +16,7 @@ from test_animation import FROM_THREE
 import rbd
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.visual import Browser, export_motion, export_report, find_browser, motion_sheet
+from rbd.visual import Browser, export_motion, find_browser, motion_sheet
 from rbd.visual.robot_meshes import robot_parts
 
 SINGLE = 1e-5
@@ -48,7 +48,7 @@ def rises(solo: rbd.Robot) -> rbd.Motion:
 def pages(still: rbd.Motion, rises: rbd.Motion, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """(without the ghost, with it)."""
     report, folder = rbd.check_motion(still), tmp_path_factory.mktemp("ghost")
-    return export_report(folder / "alone.html", report), export_report(folder / "both.html", report, ghost=rises)
+    return export_motion(report, folder / "alone.html"), export_motion(report, folder / "both.html", ghost=rises)
 
 
 def told(page: Path) -> dict[str, Any]:
@@ -98,7 +98,7 @@ def test_the_camera_sees_both(still: rbd.Motion, rises: rbd.Motion, tmp_path: Pa
     """What it frames includes a ghost that is three metres away."""
     far = rises.lifted(3.0)
     texts = [
-        export_report(tmp_path / f"{i}.html", rbd.check_motion(still), ghost=ghost).read_text(encoding="utf-8")
+        export_motion(rbd.check_motion(still), tmp_path / f"{i}.html", ghost=ghost).read_text(encoding="utf-8")
         for i, ghost in enumerate((rises, far))
     ]
     near, high = (json.loads(re.findall(r'stage\.note\((\{"view".*)\);', text)[-1])["view"]["radius"] for text in texts)
@@ -108,7 +108,7 @@ def test_the_camera_sees_both(still: rbd.Motion, rises: rbd.Motion, tmp_path: Pa
 def test_the_floor_of_a_report_is_that_of_its_ghost(still: rbd.Motion, tmp_path: Path) -> None:
     """A page's floor is at zero: both are lowered by the same height."""
     low = rbd.Motion.of_arrays(still.robot, still.t, still.q - 0.2 * np.eye(still.robot.nq)[2], still.v, still.a, ground=-0.2)
-    motion = told(export_report(tmp_path / "low.html", rbd.check_motion(low), ghost=low))
+    motion = told(export_motion(rbd.check_motion(low), tmp_path / "low.html", ghost=low))
     half = motion["bodies"] // 2
     assert np.array_equal(poses(motion)[:, :half], poses(motion)[:, half:])
 
@@ -141,11 +141,11 @@ def test_a_ghost_of_another_robot_is_refused(still: rbd.Motion, rises: rbd.Motio
     report = rbd.check_motion(still)
     for ghost, words in ((3, "rbd.Motion"), (rbd.motion.minimum_jerk(arm, [arm.at().q] * 2, [0.0, 0.1]), "same robot")):
         with pytest.raises(InputError, match=words):
-            export_report(tmp_path / "x.html", report, ghost=ghost)
+            export_motion(report, tmp_path / "x.html", ghost=ghost)
     assert not list(tmp_path.iterdir())
     again = rbd.load_robot("solo12")  # the same file, loaded a second time
     same = rbd.Motion.of_arrays(again, rises.t, rises.q, rises.v, rises.a)
-    assert export_report(tmp_path / "x.html", report, ghost=same).exists()
+    assert export_motion(report, tmp_path / "x.html", ghost=same).exists()
 
 
 ASK = """(() => {

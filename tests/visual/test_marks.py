@@ -16,6 +16,7 @@ from rbd.visual.marks.other_constraints import BAR, motor_torques
 from rbd.visual.marks.picture import Picture
 from rbd.visual.marks.surfaces import surface_marks
 from rbd.visual.pages.link import LAYERS
+from rbd.visual.playback.animation import shown_motion
 from rbd.visual.playback.motion_frames import frames_of
 from rbd.visual.shapes import axes_along
 
@@ -342,8 +343,8 @@ class TestLeftOut:
         robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
         swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.02, step=1e-2, progress=False)
         joints = [1, 2, 3]
-        assert frames_of(swing, joints).left_out == ("Not drawn: the forces of coupler_pin.",)
-        words = frames_of(swing, joints, external=np.array([1.0, 0.0, 0.0])).left_out
+        assert frames_of(shown_motion(swing), joints).left_out == ("Not drawn: the forces of coupler_pin.",)
+        words = frames_of(shown_motion(swing), joints, external=np.array([1.0, 0.0, 0.0])).left_out
         assert words[0] == "The generalised external force is not drawn: it has no point of application."
 
 

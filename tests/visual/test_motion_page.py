@@ -11,8 +11,9 @@ import pytest
 from matplotlib.figure import Figure
 
 import rbd
-from rbd.visual import Scene, export_report, plot_report, screenshot, show_report
-from rbd.visual.playback.report_page import MOMENT_ARM, Played, cause_colors
+from rbd.visual import Scene, export_motion, plot_report, screenshot
+from rbd.visual.playback.animation import shown_motion
+from rbd.visual.playback.report_motion import MOMENT_ARM, cause_colors
 
 UP = 24
 """The frame from which the robot hangs in the air."""
@@ -33,7 +34,7 @@ def report(g1):
 
 @pytest.fixture(scope="module")
 def page(report, tmp_path_factory):
-    return export_report(tmp_path_factory.mktemp("report") / "hangs.html", report)
+    return export_motion(report, tmp_path_factory.mktemp("report") / "hangs.html")
 
 
 @pytest.fixture(scope="module")
@@ -121,14 +122,14 @@ def test_curves_are_those_of_the_report(report, told):
 def test_a_robot_without_limits_has_no_curve_of_torques(report, tmp_path):
     """There is nothing to measure them by."""
     free = rbd.check_motion(report.motion, torque_limits=False, self_collision=False)
-    text = export_report(tmp_path / "x.html", free).read_text(encoding="utf-8")
+    text = export_motion(free, tmp_path / "x.html").read_text(encoding="utf-8")
     assert "missing wrench, % of the weight" in text and "motor torques, %" not in text
 
 
 def test_the_page_opens_where_most_is_missing(report, told, tmp_path):
     """By default; or where it is told to."""
     assert told["start"] == pytest.approx(report.motion.t[report.missing_scaled.argmax()])
-    other = export_report(tmp_path / "x.html", report, start=0.1, title="Hangs").read_text(encoding="utf-8")
+    other = export_motion(report, tmp_path / "x.html", start=0.1, title="Hangs").read_text(encoding="utf-8")
     assert '"start": 0.1' in other and "<title>Hangs</title>" in other
     assert told["title"] == f"hangs.csv: {report.possible.sum()} of {N} frames possible"
 
@@ -136,7 +137,7 @@ def test_the_page_opens_where_most_is_missing(report, told, tmp_path):
 def test_contacts_that_never_touch_are_left_out(report):
     """Hands that could touch the floor, and do not, would only make the page larger."""
     every = rbd.check_motion(report.motion, bodies=True, self_collision=False)
-    assert len(every.lanes.contacts) > 2 and set(Played.of(every).points) == {c.name for c in report.lanes.contacts}
+    assert len(every.lanes.contacts) > 2 and set(shown_motion(every).points) == {c.name for c in report.lanes.contacts}
 
 
 def test_a_browser_draws_the_curves(page, tmp_path, browser):
@@ -153,8 +154,8 @@ def test_plots_draw_the_report(report):
     """Lines are the report's, in percent; frames that are not possible are shaded."""
     axes = Figure().subplots(2)
     drawn = plot_report(axes, report)
-    assert np.allclose(drawn[0].get_ydata(), 100.0 * report.missing_scaled)
-    assert np.allclose(drawn[1].get_ydata(), 300.0 * report.open) and np.allclose(drawn[2].get_ydata(), 2.0)
+    assert np.allclose(drawn[1].get_ydata(), 100.0 * report.missing_scaled)
+    assert np.allclose(drawn[0].get_ydata(), 300.0 * report.open) and np.allclose(drawn[2].get_ydata(), 2.0)
     labels = [line.get_label() for line in axes[1].get_lines()]
     assert "limit" in labels and len(labels) == 6
     shade = drawn[-1].get_paths()[0].vertices[:, 0]
@@ -177,14 +178,13 @@ def test_the_live_view_goes_through_the_frames(report, monkeypatch):
 
 def test_what_is_no_report_is_refused(report, tmp_path):
     """By name, before anything is drawn or written."""
-    for call in (lambda: export_report(tmp_path / "x.html", "report"), lambda: plot_report(None, 3), lambda: show_report(None)):
-        with pytest.raises(rbd.RbdError, match=r"expected what rbd\.check_motion returned"):
-            call()
+    with pytest.raises(rbd.RbdError, match=r"expected what rbd\.check_motion returned"):
+        plot_report(None, 3)
     with pytest.raises(rbd.RbdError, match="axes are 3"):
         plot_report(Figure().subplots(3), report)
     for bad in ("noon", float("nan")):
         with pytest.raises(rbd.RbdError, match="start"):
-            export_report(tmp_path / "x.html", report, start=bad)
+            export_motion(report, tmp_path / "x.html", start=bad)
     with pytest.raises(rbd.RbdError, match="one sample"):
         first = rbd.Motion.of_arrays(report.motion.robot, [0.0], report.motion.q[:1], report.motion.v[:1], report.motion.a[:1])
         rbd.check_motion(first, self_collision=False).export(tmp_path / "x.html")

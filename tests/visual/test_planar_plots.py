@@ -10,9 +10,9 @@ from matplotlib.patches import Polygon
 
 from rbd.errors import InputError
 from rbd.planar import Chain, endpoint_motion, joint_motion, minimum_jerk
-from rbd.visual.figures import planar_figures
-from rbd.visual.figures.planar_figures import export_planar, plot_ellipses, plot_sticks, replay_planar
+from rbd.visual.figures.planar_figures import plot_ellipses, plot_sticks
 from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
+from rbd.visual.playback.animation import export_motion, replay, shown_motion
 
 TWO = Chain(2, lengths=(0.5, 0.5))
 
@@ -136,15 +136,10 @@ def test_ellipses_have_one_scale(kind: str, text, one):
     plot_ellipses(axes(), TWO, [0.3, 0.0], kind=kind)  # and a singular pose
 
 
-def test_the_page_plays_the_same_motion(text, tmp_path, monkeypatch):
-    """The chain upright, its path behind it, no mass and so no centre of mass; replay plays the same."""
-    played = []
-    monkeypatch.setattr(planar_figures, "replay", lambda motion, **given: played.append((motion, given)))
-    replay_planar(text, speed=0.25)
-    (motion, given) = played[0]
-    assert (
-        given == {"speed": 0.25} and motion.robot.mass == 0.0 and list(motion.robot.model.names)[1:] == ["joint_1", "joint_2"]
-    )
+def test_the_page_plays_the_same_motion(text, tmp_path):
+    """The chain upright, its path behind it, no mass and so no centre of mass."""
+    motion = shown_motion(text)
+    assert motion.robot.mass == 0.0 and list(motion.robot.model.names)[1:] == ["joint_1", "joint_2"]
     np.testing.assert_array_equal(motion.q, text.q)
     data = motion.robot.model.createData()
     from pinocchio import framesForwardKinematics
@@ -153,7 +148,7 @@ def test_the_page_plays_the_same_motion(text, tmp_path, monkeypatch):
         framesForwardKinematics(motion.robot.model, data, motion.q[i])
         end = data.oMf[motion.robot.model.getFrameId("end")].translation
         np.testing.assert_allclose(end, [text.x[i, 0], 0.0, text.x[i, 1]], atol=1e-12)
-    page = export_planar(text, tmp_path / "plane.html").read_text()
+    page = export_motion(text, tmp_path / "plane.html").read_text()
     assert "2 links, minimum jerk" in page and "centre of mass" not in page.split("<script")[0]
 
 
@@ -173,8 +168,8 @@ def test_what_is_no_motion_or_no_axes_is_refused(text):
         lambda: plot_sticks(axes(), TWO, text.q, count=0),
         lambda: plot_ellipses(axes(), TWO, text.q, kind="speed"),
         lambda: plot_ellipses(axes(), TWO, [np.nan, 0.0]),
-        lambda: export_planar(None, "x.html"),
-        lambda: replay_planar(endpoint_motion(TWO, text.path, times=[0.5])),
+        lambda: export_motion(None, "x.html"),
+        lambda: replay(endpoint_motion(TWO, text.path, times=[0.5])),
     ):
         with pytest.raises(InputError):
             ask()

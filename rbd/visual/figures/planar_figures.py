@@ -1,27 +1,16 @@
-"""Planar chains as stick figures, the ellipses of their end point, and motions in Meshcat as a page or live."""
+"""Planar chains as stick figures, and the ellipses of their end point."""
 
 from __future__ import annotations
 
-import tempfile
-import warnings
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from os import PathLike
-from pathlib import Path
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
-from xml.etree import ElementTree
 
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.errors import InputError, ModelWarning, nearest
-from rbd.robots.loading import load_robot
-from rbd.robots.robot import Robot
-from rbd.visual.figures.planar_plots import PATH_COLOR, check_motion
+from rbd.errors import InputError, nearest
+from rbd.visual.figures.planar_plots import PATH_COLOR
 from rbd.visual.figures.plots import an_axis, frame
-from rbd.visual.playback.animation import export_motion, replay
-from rbd.visual.playback.staging import checked
 from rbd.visual.style import CONTACT_COLORS, a_count, rgb
 
 if TYPE_CHECKING:
@@ -30,7 +19,6 @@ if TYPE_CHECKING:
 
     from rbd.planar.chain import Chain
     from rbd.planar.numeric import Ellipse
-    from rbd.planar.planned_motion import PlanarMotion
 
 LINK_COLOR, GROUND_COLOR, REACH_COLOR = "#24344d", "0.25", "0.75"
 FORCE_COLOR = CONTACT_COLORS[6]
@@ -39,10 +27,6 @@ MOST_STICKS = 200
 _FAINTEST, _DARKEST = 0.13, 1.0
 _LARGEST = 0.22
 """Semi-axis of the largest velocity ellipse as a share of the chain's length; force ellipses are cut at 1.6 of that."""
-SEEN_FROM = (0.12, -1.0, 0.18)
-"""From before the plane, so that x runs to the right, a little aside and above."""
-BEADS = 60
-"""Pieces of the path at most."""
 
 
 def plot_sticks(ax: Axes, chain: Chain, q_samples: Sequence[Sequence[float]] | Array, *, count: int = 9) -> list[Artist]:
@@ -265,130 +249,3 @@ def _key(ax: Axes, scale: float, kind: str, size: float) -> Artist:
     if kind == "manipulability":
         title = f"manipulability [m²]; {bar:g} m drawn is {bar / scale:.2g} {unit} at {per}"
     return ax.set_title(title, loc="left", fontsize="small")
-
-
-@dataclass(frozen=True, eq=False)
-class _Played:
-    """The data of a motion for the pages of `rbd.visual.playback.animation`, without contacts or forces."""
-
-    robot: Robot
-    t: Array
-    q: Array
-    v: Array
-    points: Mapping[str, Array] = field(default_factory=dict)
-    point_forces: Mapping[str, Array] = field(default_factory=dict)
-    modes: Mapping[str, Array] = field(default_factory=dict)
-    events: tuple[Any, ...] = ()
-
-
-def export_planar(
-    motion: PlanarMotion, path: str | PathLike[str], *, title: str | None = None, speed: float = 0.5, start: float | None = None
-) -> Path:
-    """Write a planar motion as one HTML page that needs no network; returns its path.
-
-    The chain is vertical in W, its x to the right and its y up, with the path of the end point behind it. It is seen from
-    the front, and can be turned.
-
-    Args:
-        motion: What `endpoint_motion` or `joint_motion` returned, two samples at least.
-        path: Of the page, ends in .html.
-        title: Headline; what moves, by default.
-        speed: Seconds of motion a second at first; the page can change it.
-        start: Time at which the page opens [s]; the first by default.
-
-    Raises:
-        InputError: not a motion, or invalid settings.
-        PictureError: the file cannot be written.
-
-    Example:
-        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
-        >>> reach = rbd.planar.endpoint_motion(arm, rbd.planar.minimum_jerk([1.0, 0.5], [0.5, 1.0], 1.0))
-        >>> print(rbd.visual.export_planar(reach, "reach.html").name)
-        reach.html
-    """
-    check_motion(motion)
-    title = title if title is not None else f"{motion.chain.n} link{'s' * (motion.chain.n > 1)}, minimum jerk"
-    with _played(motion) as played:
-        return export_motion(
-            played, path, title=title, speed=speed, start=start, follow=False, trace=False, ground=False, charts=False,
-            seen_from=SEEN_FROM,
-        )  # fmt: skip
-
-
-def replay_planar(motion: PlanarMotion, *, speed: float = 0.5) -> None:
-    """Show a planar motion live in the browser, paced by the clock; returns when it is over.
-
-    Args:
-        motion: What `endpoint_motion` or `joint_motion` returned, two samples at least.
-        speed: Seconds of motion a second.
-
-    Raises:
-        InputError: not a motion, or an invalid speed.
-
-    Example:
-        >>> arm = rbd.planar.Chain(2, lengths=[1.0, 1.0])
-        >>> reach = rbd.planar.endpoint_motion(arm, rbd.planar.minimum_jerk([1.0, 0.5], [0.5, 1.0], 1.0))
-        >>> rbd.visual.replay_planar(reach, speed=0.5)  # doctest: +SKIP
-    """
-    check_motion(motion)
-    with _played(motion) as played:
-        replay(played, speed=speed)
-
-
-@contextmanager
-def _played(motion: PlanarMotion) -> Iterator[Any]:
-    """The motion of a robot that looks like the chain, its file existing as long as it is shown."""
-    from rbd.planar.robot_file import robot_coordinates, to_urdf
-
-    if len(motion) < 2:
-        raise InputError("the motion has one sample only; expected two at least.")
-    chain = motion.chain
-    text = _drawn(to_urdf(chain, masses=[1.0] * chain.n, plane="xz"), motion)
-    coordinates = robot_coordinates(chain)
-    with tempfile.TemporaryDirectory(prefix="rbd-planar-") as folder:
-        file = Path(folder) / "chain.urdf"
-        file.write_text(text, encoding="utf-8")
-        with warnings.catch_warnings():
-            # It has no mass on purpose: then no centre of mass is drawn, of masses that were not given.
-            warnings.simplefilter("ignore", ModelWarning)
-            robot = load_robot(file, root="fixed")
-        played = _Played(robot, motion.t, coordinates(motion.q), coordinates.rates(motion.qd))
-        checked(played)
-        yield played
-
-
-def _drawn(text: str, motion: PlanarMotion) -> str:
-    """The chain's URDF without masses and their balls, with a ball at the end point and the path behind."""
-    root = ElementTree.fromstring(text)
-    size = sum(float(length) for length in motion.chain.lengths)
-    material = ElementTree.SubElement(root, "material", name="path")
-    ElementTree.SubElement(material, "color", rgba=" ".join(f"{x:.3f}" for x in rgb(PATH_COLOR)) + " 1")
-    links = {link.get("name"): link for link in root.iter("link")}
-    for link in links.values():
-        for mass in link.iter("mass"):
-            mass.set("value", "0")
-        for visual in link.findall("visual"):
-            if visual.find("geometry/sphere") is not None:
-                link.remove(visual)
-    last = float(motion.chain.lengths[-1])
-    _visual(links[f"link_{motion.chain.n}"], (last, 0.0, 0.0), (0.0, 0.0, 0.0), "sphere", radius=0.022 * size)
-    far = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(motion.x, axis=0).T))])
-    beads = np.linspace(0.0, far[-1], BEADS + 1)
-    points = np.column_stack([np.interp(beads, far, column) for column in motion.x.T]) if far[-1] > 0.0 else motion.x[:1]
-    for a, b in zip(points[:-1], points[1:], strict=True):
-        along, middle = b - a, 0.5 * (a + b)
-        length = float(np.hypot(*along))
-        # A cylinder is along z: turned about y it is in the plane. Longer by its width, so that bends have no gaps.
-        turn = (0.0, float(np.arctan2(along[0], along[1])), 0.0)
-        size_ = {"radius": 0.004 * size, "length": length + 0.002 * size}
-        _visual(links["base"], (middle[0], 0.0, middle[1]), turn, "cylinder", **size_)
-    return ElementTree.tostring(root, encoding="unicode")
-
-
-def _visual(link: ElementTree.Element, xyz: tuple[float, ...], rpy: tuple[float, ...], shape: str, **sizes: float) -> None:
-    visual = ElementTree.SubElement(link, "visual")
-    place = {"xyz": " ".join(f"{x:.9g}" for x in xyz), "rpy": " ".join(f"{x:.9g}" for x in rpy)}
-    ElementTree.SubElement(visual, "origin", place)
-    geometry = ElementTree.SubElement(visual, "geometry")
-    ElementTree.SubElement(geometry, shape, {name: f"{value:.9g}" for name, value in sizes.items()})
-    ElementTree.SubElement(visual, "material", name="path")

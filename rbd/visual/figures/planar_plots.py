@@ -13,6 +13,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.visual.figures.plots import an_axis, frame, note
+from rbd.visual.playback.planar_motion import PATH_COLOR, is_planar
 from rbd.visual.style import CONTACT_COLORS
 
 if TYPE_CHECKING:
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 X_COLOR, Y_COLOR = CONTACT_COLORS[0], CONTACT_COLORS[1]
 ANGLE_COLORS = tuple(CONTACT_COLORS[k] for k in (2, 6, 4, 3, 5, 7))
-PATH_COLOR = CONTACT_COLORS[1]
 BOLD, PALE = 1.9, 5.0
 """Line widths of a curve, and of the total behind its parts [points]."""
 _STROKES = ("-", "--", ":", "-.")
@@ -208,7 +208,7 @@ def check_motion(motion: object) -> None:
     Raises:
         InputError: if it is none.
     """
-    if isinstance(motion, type) or not all(hasattr(motion, name) for name in ("chain", "t", "x", "q", "qddd", "split")):
+    if not is_planar(motion):
         raise InputError(f"motion is {motion!r:.80}; expected what rbd.planar.endpoint_motion or joint_motion returns.")
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,9 +16,13 @@ from rbd.arrays import Array
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import ANGLE, FORCE_OF, PURE, Coordinate
+from rbd.motion.report import MotionReport
 from rbd.simulation.simulated_motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS
 from rbd.simulation.trajectory import Trajectory
 from rbd.visual.figures.plots import an_axis, frame, note
+from rbd.visual.playback.curves import GREY, CurveChart
+from rbd.visual.playback.report_motion import report_charts
+from rbd.visual.playback.trajectory_charts import energy_curves
 from rbd.visual.style import CONTACT_COLORS, contact_colors
 
 if TYPE_CHECKING:
@@ -178,6 +182,78 @@ def plot_joint(ax: Axes, trajectory: Trajectory, joint: str | Sequence[str], *, 
     _dress(ax, trajectory, f"{curves[0].quantity} [{curves[0].unit}]")
     _legend(ax, [_line("limit", color=_GREY, lw=1.1, ls=(0, (5, 3)))] if limits else [])
     return drawn + limits + marks
+
+
+def plot_report(axes: Axes | Sequence[Axes] | None, report: MotionReport) -> list[Artist]:
+    """Curves over time: the missing wrench with its threshold and its noise, and the torques in % of their limits.
+
+    Frames that are not possible are shaded.
+
+    Args:
+        axes: Matplotlib axes for the missing wrench, or two, the second for the torques; None: both on a new figure, that of
+            `artists[0].figure`.
+        report: What `rbd.check_motion` returned.
+
+    Returns:
+        The lines of three times the noise, of the missing wrench and its threshold, then those of the torques and their limit,
+        then the shades.
+
+    Raises:
+        InputError: no report, or what are no axes; no Matplotlib.
+
+    Example:
+        >>> solo = rbd.load_robot("solo12")
+        >>> low, high = solo.standing().q, solo.standing().q + 0.15 * np.eye(solo.nq)[2]
+        >>> hop = rbd.motion.minimum_jerk(solo, [low, high, low], [0.0, 0.3, 0.6], rate=20.0)
+        >>> artists = rbd.visual.plot_report(None, rbd.check_motion(hop))
+        >>> [axes.get_ylabel() for axes in artists[0].figure.axes]
+        ['missing wrench, % of the weight', 'motor torques, % of their limits']
+    """
+    if not isinstance(report, MotionReport):
+        raise InputError(f"report is {report!r:.80}; expected what rbd.check_motion returned.")
+    given, t = _two_axes(axes), report.motion.t
+    charts = report_charts(report, ["missing wrench"])
+    charts += [made for made in report_charts(report) if made.name == "torques"]
+    drawn: list[Artist] = []
+    for ax, made in zip(given, charts, strict=False):
+        drawn += draw_chart(ax, t, made)
+    for ax in given:
+        low, high = ax.get_ylim()
+        look: dict[str, Any] = {"color": "#d55e00", "alpha": 0.10, "lw": 0.0, "step": "mid", "label": "not possible"}
+        drawn.append(ax.fill_between(t, low, high, where=~report.possible, **look))
+        ax.set_ylim(low, high)
+        ax.set_xlim(float(t[0]), float(t[-1]))
+        ax.legend(frameon=False, fontsize=8, ncols=2)
+    given[-1].set_xlabel("time [s]")
+    return drawn
+
+
+def draw_chart(ax: Axes, t: Array, chart: CurveChart) -> list[Artist]:
+    """A chart of a motion on axes, over times of shape (n,) [s]: its lines, then its limits, dashed."""
+    drawn: list[Artist] = []
+    for line in chart.lines:
+        above = 2 if line.color == GREY else 3
+        drawn += ax.plot(t, line.values, label=line.name, color=line.color, lw=line.width, zorder=above)
+    drawn += [ax.axhline(limit, color="0.2", lw=_FINE, ls="--", label=name) for name, limit in chart.limits.items()]
+    ax.set_ylim(chart.low, chart.top)
+    ax.set_ylabel(chart.title)
+    frame(ax, "y")
+    return drawn
+
+
+def _two_axes(axes: Any) -> list[Axes]:
+    if axes is None:
+        try:
+            from matplotlib.figure import Figure
+        except ImportError:
+            raise InputError("plots need Matplotlib. Install the extra: pip install 'rbd-contact[plot]'") from None
+        return list(Figure(figsize=(8.0, 5.6), layout="constrained").subplots(2, sharex=True))
+    given = list(np.ravel(np.asarray(axes, dtype=object)))
+    if not 1 <= len(given) <= 2:
+        raise InputError(f"axes are {len(given)}; expected one, or two.")
+    for ax in given:
+        an_axis(ax)
+    return given
 
 
 def _check(ax: Axes, trajectory: Trajectory) -> None:
@@ -397,33 +473,3 @@ def _limits(robot: CheckedModel, i: int, what: str) -> tuple[float, ...]:
     elif what == "tau":
         both = (-float(robot.effort_limit[i]), float(robot.effort_limit[i]))
     return tuple(x for x in both if math.isfinite(x) and 0.0 < abs(x) < _NONE or x == 0.0 and what == "q")
-
-
-TOTAL_COLOR = "#1a1a1a"
-
-
-class EnergyCurve(NamedTuple):
-    """One curve: its name, its colour, and its values at the samples [J], shape (n,)."""
-
-    name: str
-    color: str
-    values: Array
-
-
-def energy_curves(shown: Any) -> list[EnergyCurve]:
-    """Kinetic, potential (from its start) and total energy; then, where there are any, of springs, and work of dampers.
-
-    Args:
-        shown: A `Trajectory`, or a part of it with `kinetic`, `potential`, and if known `elastic` and `dissipated`.
-    """
-    n = len(shown.kinetic)
-    elastic, taken = (getattr(shown, name, np.zeros(n)) for name in ("elastic", "dissipated"))
-    potential, taken = shown.potential - shown.potential[0], taken - taken[:1]
-    out = [EnergyCurve("kinetic", CONTACT_COLORS[0], shown.kinetic)]
-    out.append(EnergyCurve("potential, from its start", CONTACT_COLORS[2], potential))
-    out.append(EnergyCurve("total", TOTAL_COLOR, shown.kinetic + potential + elastic))
-    if elastic.any():
-        out.append(EnergyCurve("in springs", CONTACT_COLORS[3], elastic))
-    if taken.any():
-        out.append(EnergyCurve("work taken by dampers", CONTACT_COLORS[4], taken))
-    return out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -18,9 +18,6 @@ from rbd.visual import shapes
 from rbd.visual.marks.mark import Label, Mark, Sizes, number
 from rbd.visual.shapes import Mesh
 from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR, contact_colors
-
-if TYPE_CHECKING:
-    from rbd.simulation.trajectory import Trajectory
 
 APART = 0.1
 """Footprints nearer to the one before than this share of their size are the same: a foot that was lifted for an instant."""
@@ -41,10 +38,13 @@ class Footprints:
     outlines: Array
 
 
-def footprints_of(trajectory: Trajectory) -> list[Footprints]:
+def footprints_of(trajectory: Any) -> list[Footprints]:
     """Of each contact of three points or more, the places where all its points carried load; none if it stood in one place.
 
     A contact that slides leaves one footprint, where it stands best: where its least loaded point carries most.
+
+    Args:
+        trajectory: With points, point_forces and modes.
     """
     found = []
     for name, color in contact_colors(trajectory.points).items():

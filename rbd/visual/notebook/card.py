@@ -1,4 +1,4 @@
-"""A card: what a notebook shows of a record, as HTML without scripts; its values in a few words, with units.
+"""A card: what a notebook shows of a record, as HTML without scripts: its printed text, and its fields with units.
 
 Text and lines take their colours from the notebook, so that light and dark themes both work. Styles are written on the
 elements, because many viewers of stored notebooks remove style sheets.
@@ -10,78 +10,22 @@ import html
 import inspect
 import re
 from collections.abc import Iterable, Mapping, Sequence, Set
-from dataclasses import dataclass, fields, is_dataclass
+from dataclasses import fields, is_dataclass
 from enum import Enum
-from functools import cache, singledispatch
-from typing import Any, TypeAlias
+from functools import cache
+from typing import Any
 
 import numpy as np
 
 from rbd.arrays import Array
 
-MOST_ROWS = 40
-"""Rows of a table that are shown; a line says how many more there are."""
+MOST_LINES = 40
+"""Rows of a table, and lines of a text, that are shown; a line says how many more there are."""
 MOST_LETTERS = 160
-"""Letters of a cell that are shown."""
+"""Letters of a cell, or of a line, that are shown."""
+HEADS = ("field", "value", "unit", "meaning")
 _LINE = "1px solid rgba(127, 127, 127, 0.3)"
-_MARKS = {True: ("#2e9e5b", "&#9679; "), False: ("#d55e00", "&#9650; "), None: ("#7f8c99", "")}
-"""Colours that are seen on white and on black, and signs that differ without them: good, bad, neither."""
-_NUMBER = re.compile(r"[-+]?(\d[\d.]*(e[-+]?\d+)?|inf|nan)( %| deg)?|-")
-
-Cells: TypeAlias = Sequence[str]
-
-
-@dataclass(frozen=True)
-class CardTable:
-    """A table of words.
-
-    Attributes:
-        rows: The cells, row by row; of each, `MOST_LETTERS` letters are shown.
-        heads: Heads of the columns, with units; none are written where it is empty.
-        title: What stands above it.
-        whole: How many rows there are in all, where `rows` are some of them.
-        rest: Where all can be found, as in "robot.joints".
-    """
-
-    rows: Sequence[Cells]
-    heads: Cells = ()
-    title: str = ""
-    whole: int = 0
-    rest: str = ""
-
-
-@dataclass(frozen=True)
-class Fold:
-    """A part that is folded at first.
-
-    Attributes:
-        title: What one clicks on.
-        parts: Tables and paragraphs.
-    """
-
-    title: str
-    parts: Sequence[CardTable | str]
-
-
-@dataclass(frozen=True)
-class Card:
-    """What a notebook shows of a record.
-
-    Attributes:
-        result: The first line, the answer, in words.
-        good: Whether that is what one hopes for; None: it is neither good nor bad.
-        tables: The numbers.
-        notes: Sentences below.
-        folds: Proof and details.
-        drawing: Curves, as SVG made by `rbd.visual.notebook.motion_cards`, with its names escaped.
-    """
-
-    result: str
-    good: bool | None = None
-    tables: Sequence[CardTable] = ()
-    notes: Sequence[str] = ()
-    folds: Sequence[Fold] = ()
-    drawing: str = ""
+_NUMBER = re.compile(r"[-+]?(\d[\d.]*(e[-+]?\d+)?|inf|nan)|-")
 
 
 def escaped(text: object, most: int = MOST_LETTERS) -> str:
@@ -90,78 +34,46 @@ def escaped(text: object, most: int = MOST_LETTERS) -> str:
     return html.escape(words if len(words) <= most else words[: most - 1] + "\N{HORIZONTAL ELLIPSIS}")
 
 
-def card_html(card: Card) -> str:
-    """The card as one element of HTML."""
-    color, sign = _MARKS[card.good]
-    mark = f'<span style="color:{color}" aria-hidden="true">{sign}</span>' if sign else ""
-    parts = [f'<p style="margin:0 0 0.4em">{mark}<strong>{escaped(card.result, 400)}</strong></p>']
-    parts += [table_html(table) for table in card.tables if table.rows]
-    parts += [card.drawing] if card.drawing else []
-    parts += [f'<p style="margin:0.2em 0">{escaped(note, 400)}</p>' for note in card.notes]
-    parts += [_fold_html(fold) for fold in card.folds if any(map(_filled, fold.parts))]
-    return '<div class="rbd-card" style="max-width:64em;line-height:1.45;text-align:left">' + "\n".join(parts) + "</div>"
+def card_html(text: str, rows: Sequence[Sequence[str]] = (), drawing: str = "") -> str:
+    """A card as one element of HTML: the first line of the text, which is the result; the drawing; the rest; the fields.
+
+    Args:
+        text: What is printed of a record.
+        rows: Name, value, unit and meaning of each field; folded where there is more than the first line.
+        drawing: Curves as SVG, or a frame, with all names escaped.
+    """
+    result, _, rest = text.partition("\n")
+    parts = [f'<p style="margin:0 0 0.4em"><strong>{escaped(result, 400)}</strong></p>', drawing]
+    parts += [_text_html(rest)] if rest else []
+    if rows and (rest or drawing):
+        title = '<summary style="cursor:pointer">Fields</summary>'
+        parts.append(f'<details style="margin:0.2em 0">{title}{table_html(rows)}</details>')
+    elif rows:
+        parts.append(table_html(rows))
+    whole = "\n".join(part for part in parts if part)
+    return f'<div class="rbd-card" style="max-width:64em;line-height:1.45;text-align:left">{whole}</div>'
 
 
-def table_html(table: CardTable) -> str:
-    """A table as HTML: words at the left, numbers at the right."""
-    rows = table.rows[:MOST_ROWS]
-    heads = "".join(_cell(head, "th", _right(table.rows, i), scope="col") for i, head in enumerate(table.heads))
-    head = f"<thead><tr>{heads}</tr></thead>" if heads else ""
-    right = [_right(table.rows, i) for i in range(max(map(len, table.rows), default=0))]
-    lines = ["".join(_cell(cell, "td", right[i]) for i, cell in enumerate(row)) for row in rows]
+def table_html(rows: Sequence[Sequence[str]]) -> str:
+    """Fields as a table of HTML: words at the left, numbers at the right."""
+    head = "".join(f'<th scope="col" style="{_style(name)}">{name}</th>' for name in HEADS)
+    lines = ["".join(f'<td style="{_style(cell)}">{escaped(cell)}</td>' for cell in row) for row in rows[:MOST_LINES]]
     body = "".join(f'<tr style="border-bottom:{_LINE}">{line}</tr>' for line in lines)
-    above = "text-align:left;caption-side:top;padding:0"
-    title = f'<caption style="{above}">{escaped(table.title)}</caption>' if table.title else ""
-    missing = max(table.whole, len(table.rows)) - len(rows)
-    where = f", in {escaped(table.rest)}" if table.rest else ""
-    more = f'<p style="margin:0 0 0.4em">and {missing} more{where}</p>' if missing > 0 else ""
+    more = f"<p>and {len(rows) - MOST_LINES} more</p>" if len(rows) > MOST_LINES else ""
     style = "border-collapse:collapse;margin:0.2em 0 0.5em 0;font-variant-numeric:tabular-nums"
-    return f'<table style="{style}">{title}{head}<tbody>{body}</tbody></table>{more}'
+    return f'<table style="{style}"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}'
 
 
-def _right(rows: Sequence[Cells], column: int) -> bool:
-    """Whether all cells of a column are numbers."""
-    cells = [row[column] for row in rows if column < len(row) and row[column]]
-    return bool(cells) and all(_NUMBER.fullmatch(cell) for cell in cells)
+def _style(cell: str) -> str:
+    return f"text-align:{'right' if _NUMBER.fullmatch(cell) else 'left'};padding:0.1em 1.2em 0.1em 0"
 
 
-def _cell(text: str, kind: str, right: bool, **attributes: str) -> str:
-    said = "".join(f' {name}="{value}"' for name, value in attributes.items())
-    align = "right" if right else "left"
-    style = f"text-align:{align};padding:0.1em 1.2em 0.1em 0"
-    return f'<{kind}{said} style="{style}">{escaped(text)}</{kind}>'
-
-
-def _fold_html(fold: Fold) -> str:
-    parts = [table_html(part) if isinstance(part, CardTable) else _lines(part) for part in fold.parts]
-    title = f'<summary style="cursor:pointer">{escaped(fold.title)}</summary>'
-    return f'<details style="margin:0.2em 0">{title}{"".join(parts)}</details>'
-
-
-def _filled(part: CardTable | str) -> bool:
-    return bool(part if isinstance(part, str) else part.rows)
-
-
-def _lines(text: str) -> str:
+def _text_html(text: str) -> str:
     """Lines as they are printed, the first forty."""
     lines = text.split("\n")
-    shown = [html.escape(line[:MOST_LETTERS]) for line in lines[:MOST_ROWS]]
-    more = [f"and {len(lines) - MOST_ROWS} more lines"] if len(lines) > MOST_ROWS else []
+    shown = [html.escape(line[:MOST_LETTERS]) for line in lines[:MOST_LINES]]
+    more = [f"and {len(lines) - MOST_LINES} more lines"] if len(lines) > MOST_LINES else []
     return '<pre style="margin:0.2em 0;white-space:pre;overflow-x:auto;background:none">' + "\n".join(shown + more) + "</pre>"
-
-
-HEADS = ("field", "value", "unit", "meaning")
-
-
-@singledispatch
-def card_of(record: Any) -> Card:
-    """The card of a record: by default its first printed line, and a table of its fields with units and meanings."""
-    kind = type(record)
-    printed = str(record) if prints_itself(kind) else ""
-    first, _, rest = printed.partition("\n")
-    said = f"{kind.__name__}: {(inspect.getdoc(kind) or '').split(chr(10), 1)[0].rstrip('.')}"
-    folds = [Fold("As printed", [printed])] if rest else []
-    return Card(first or said, tables=[CardTable(field_rows(record), HEADS)], folds=folds)
 
 
 def prints_itself(kind: type) -> bool:
@@ -191,11 +103,6 @@ def fixed(x: float, decimals: int) -> str:
 def vector(x: Sequence[float] | Array, decimals: int = 3) -> str:
     """A short vector, as "(0.1, 0, 2)", rounded to some decimals."""
     return "(" + ", ".join(fixed(v, decimals) for v in x) + ")"
-
-
-def share(x: float | None, decimals: int = 1) -> str:
-    """A share in per cent; "-" where there is none."""
-    return "-" if x is None or x != x else f"{fixed(100.0 * x, decimals)} %"
 
 
 def words(value: Any) -> str:
@@ -236,6 +143,8 @@ def _array(x: Array) -> str:
 def _mapping(value: Mapping[Any, Any]) -> str:
     if not value:
         return "none"
+    if not all(isinstance(key, int | str | Enum) for key in value):
+        return f"{len(value)} entries"
     if len(value) <= FEW and all(isinstance(x, int | float | str | Enum) for x in value.values()):
         return ", ".join(f"{key}: {words(x)}" for key, x in value.items())
     return f"{len(value)}: {joined(map(str, value))}"
@@ -298,16 +207,15 @@ def fields_of(record: Any) -> dict[str, Any]:
     return {name: getattr(record, name) for name in told if hasattr(record, name) and not callable(getattr(record, name))}
 
 
-def field_rows(record: Any, leave_out: Sequence[str] = ()) -> list[tuple[str, str, str, str]]:
+def field_rows(record: Any) -> list[tuple[str, str, str, str]]:
     """(name, value, unit, meaning) of each field of a record."""
     kind: type = type(record)
     told = documented(kind)
     rows = []
     for name, value in fields_of(record).items():
-        if name not in leave_out:
-            unit, meaning = told.get(name, ("", ""))
-            plain = isinstance(value, str | bool | Enum) or value is None
-            rows.append((name, words(value), "" if plain else unit, meaning))
+        unit, meaning = told.get(name, ("", ""))
+        plain = isinstance(value, str | bool | Enum) or value is None
+        rows.append((name, words(value), "" if plain else unit, meaning))
     return rows
 
 

@@ -1,30 +1,26 @@
-"""Pages inside a notebook: a scene, a motion or a report in a frame of its own; the card of a scene."""
+"""Pages inside a notebook: a scene, a motion or a report in a frame of its own."""
 
 from __future__ import annotations
 
 import base64
 import html
 import tempfile
-from collections import Counter
 from dataclasses import dataclass
 from os import PathLike
 from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
-import numpy as np
-
 from rbd.arrays import check_flag
 from rbd.errors import InputError, PictureError
 from rbd.motion.reference_motion import Motion
 from rbd.motion.report import MotionReport
 from rbd.simulation.trajectory import Trajectory
-from rbd.visual.notebook.card import Card, CardTable, Fold, card_of, escaped, fixed, joined, number, vector
+from rbd.visual.notebook.card import escaped
 from rbd.visual.pages.browser import Browser, find_browser, one_browser
 from rbd.visual.pages.link import page_link
 from rbd.visual.pages.page import write_page
-from rbd.visual.playback.animation import export_motion
-from rbd.visual.playback.report_page import export_report
+from rbd.visual.playback.animation import Playback, motion_scene
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_path, is_there
 
@@ -80,8 +76,8 @@ def notebook_page(
         height: Of the frame [pixels].
         still: Whether to show the picture alone.
         browser: An open browser, to take many pictures; by default one is started for this picture, which takes longer.
-        **options: Of a motion those of `rbd.visual.export_motion`, of a report those of `rbd.visual.export_report`. Charts are
-            left out unless `charts` is given: a frame is low.
+        **options: Of a motion or a report those of `rbd.visual.export_motion`. Charts are left out unless `charts` is given: a
+            frame is low.
 
     Raises:
         InputError: nothing that has a page, or invalid options.
@@ -107,13 +103,8 @@ def notebook_page(
 def _page_of(shown: object, options: dict[str, Any]) -> tuple[str, str]:
     """The title and the page of what can be shown."""
     if isinstance(shown, Trajectory | Motion | MotionReport):
-        with tempfile.TemporaryDirectory(prefix="rbd-notebook-") as folder:
-            target = Path(folder) / "page.html"
-            if isinstance(shown, MotionReport):
-                export_report(target, shown, **{"charts": False, **options})
-                return shown.motion.source, target.read_text(encoding="utf-8")
-            export_motion(shown, target, **{"charts": False, **options})
-            return shown.robot.name, target.read_text(encoding="utf-8")
+        scene = motion_scene(shown, Playback.of({"charts": False, **options}))
+        return scene.title, scene.page()
     if options:
         raise InputError(f"options {', '.join(options)} are for motions and reports alone.")
     if isinstance(shown, Scene):
@@ -174,20 +165,3 @@ def _picture(page: str, height: int, browser: Browser | None = None) -> bytes:
         link = page_link(controls=False)
         with one_browser(browser) as used, used.open(target, width=WIDTH, height=height, fragment=link) as opened:
             return opened.picture()
-
-
-@card_of.register
-def _scene(record: Scene) -> Card:
-    name = record.robot.name
-    if not record.shown:
-        return Card(f"{name}: the scene is empty; call scene.show(state, solution) first")
-    contacts = record.contacts
-    upward = sum(float(c.force[2]) for c in contacts)
-    who = "1 contact pushes" if len(contacts) == 1 else f"{len(contacts)} contacts push"
-    carries = f"{who} it up by {fixed(upward, 2)} N" if contacts else "no contact forces are shown"
-    rows = [(c.name, vector(c.force, 2), fixed(float(np.linalg.norm(c.force)), 2)) for c in contacts]
-    forces = CardTable(rows, ("contact", "force on the robot, in W [N]", "|f| [N]"))
-    layers = Counter(mark.layer for mark in record.drawn)
-    drawn = joined(f"{n} of {layer}" for layer, n in layers.items())
-    scale = [("length of an arrow", f"{number(1e3 * record.metres_per_newton, 3)}", "mm/N"), ("marks", drawn, "")]
-    return Card(f"{name}: {carries}", None, (), (), [Fold("Forces", [forces, CardTable(scale)])], scene_frame(record))

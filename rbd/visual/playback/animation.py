@@ -7,29 +7,35 @@ import math
 import tempfile
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, fields, replace
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rbd.arrays import Array, as_array
-from rbd.errors import InputError, PictureError
+from rbd.errors import InputError, PictureError, nearest
+from rbd.model.state import State
+from rbd.motion.report import MotionReport
+from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.regions import footprints_of
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import screenshot, write_page
 from rbd.visual.playback.curves import Choice, described, together
-from rbd.visual.playback.motion_frames import Pushes, PushesAt
+from rbd.visual.playback.motion_frames import Pushes, PushesAt, frames_of
 from rbd.visual.playback.motion_page import MotionPage
-from rbd.visual.playback.staging import Playback, a_second, a_time, checked, displaced, staged
-from rbd.visual.playback.trajectory_charts import charts_of
+from rbd.visual.playback.planar_motion import is_planar, shown_planar
+from rbd.visual.playback.report_motion import shown_report
+from rbd.visual.playback.shown_motion import ShownMotion, a_time, positive
 from rbd.visual.robot_layers import FRONT_LEFT
+from rbd.visual.robot_meshes import RobotPart, robot_parts
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_page, a_path, a_picture
 
 if TYPE_CHECKING:
     from rbd.motion.reference_motion import Motion
+    from rbd.planar.planned_motion import PlanarMotion
     from rbd.simulation.trajectory import Trajectory
 
 MOST_PICTURES = 100
@@ -41,14 +47,104 @@ VIEWER_SECONDS = 20.0
 """Time that a replay waits for the browser that it opened [s]."""
 FAR = 5.0
 """By default the camera follows a robot that travels more than this many times its size."""
+MOST_FPS, LEAST_SPEED, MOST_SPEED = 1000.0, 1e-3, 1000.0
+USUAL: Mapping[str, Any] = {"speed": 1.0, "trace": True, "ground": True}
+"""{setting: its value where neither the user nor the kind of motion says so}."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Playback:
+    """How a motion is shown: the settings that pages, strips and videos share, as `rbd.visual.export_motion` describes them.
+
+    None stands for what the kind of motion has, see `ShownMotion.defaults`.
+
+    Attributes:
+        fps: Frames a second of playback.
+        speed: Seconds of motion a second at first.
+        title: Headline.
+        start: Time at which the page opens [s].
+        playing: Whether the page plays as it opens.
+        external: The external forces.
+        ghost: A second motion, drawn translucent.
+        beside: A second motion, drawn to the right of the first.
+        beside_external: Its external forces.
+        charts: Which charts.
+        follow: Whether the camera follows the robot.
+        trace: Whether to draw the path of the centre of mass; by default of all but reports.
+        footprints: Whether to draw footprints.
+        ground: Whether to draw the ground.
+        seen_from: Direction from the robot to the camera.
+        arrow_per_weight: Length of an arrow as large as the weight [m].
+        layers: Which layers are shown at first.
+        view: Where the camera stands at first.
+    """
+
+    fps: float | None = None
+    speed: float | None = None
+    title: str | None = None
+    start: float | None = None
+    playing: bool = False
+    external: Pushes | PushesAt = None
+    ghost: Trajectory | Motion | None = None
+    beside: Trajectory | Motion | None = None
+    beside_external: Pushes | PushesAt = None
+    charts: Choice = True
+    follow: bool | None = None
+    trace: bool | None = None
+    footprints: bool = True
+    ground: bool | None = None
+    seen_from: Sequence[float] | Array | None = None
+    arrow_per_weight: float | None = None
+    layers: Mapping[str, bool] | None = None
+    view: str = "start"
+
+    @classmethod
+    def of(cls, settings: Mapping[str, Any]) -> Playback:
+        """The settings with these names.
+
+        Raises:
+            InputError: a name that there is not.
+        """
+        names = [f.name for f in fields(cls)]
+        for name in settings:
+            if name not in names:
+                raise InputError(f"there is no setting {name!r:.80}; {nearest(name, names)}.")
+        return cls(**settings)
+
+    def resolved(self, shown: ShownMotion) -> Playback:
+        """With what the kind of motion has where nothing was given.
+
+        Raises:
+            InputError: a title that is no text, a speed or a rate that is no positive number.
+        """
+        usual = {**USUAL, "title": shown.title, **shown.defaults}
+        given = replace(self, **{name: value for name, value in usual.items() if getattr(self, name) is None})
+        if not isinstance(given.title, str):
+            raise InputError(f"title is {given.title!r:.80}; expected text.")
+        speed = positive("speed", given.speed, MOST_SPEED, "")
+        if speed < LEAST_SPEED:
+            raise InputError(f"speed is {speed:.3g}; expected at least {LEAST_SPEED:g}.")
+        fps = None if given.fps is None else positive("fps", given.fps, MOST_FPS, " frames a second")
+        return replace(given, speed=speed, fps=fps, title=given.title or shown.title)
+
+
+def shown_motion(motion: Any) -> ShownMotion:
+    """A motion of any kind, as it is shown.
+
+    Raises:
+        InputError: what is none, fewer than two samples, times that do not increase.
+    """
+    if isinstance(motion, MotionReport):
+        return shown_report(motion)
+    return shown_planar(motion) if is_planar(motion) else ShownMotion.of_trajectory(motion)
 
 
 def export_motion(
-    trajectory: Trajectory | Motion,
+    motion: Trajectory | Motion | MotionReport | PlanarMotion,
     path: str | PathLike[str],
     *,
     fps: float | None = None,
-    speed: float = 1.0,
+    speed: float | None = None,
     title: str | None = None,
     start: float | None = None,
     external: Pushes | PushesAt = None,
@@ -57,9 +153,9 @@ def export_motion(
     beside_external: Pushes | PushesAt = None,
     charts: Choice = True,
     follow: bool | None = None,
-    trace: bool = True,
+    trace: bool | None = None,
     footprints: bool = True,
-    ground: bool = True,
+    ground: bool | None = None,
     seen_from: Sequence[float] | Array | None = None,
     arrow_per_weight: float | None = None,
     layers: Mapping[str, bool] | None = None,
@@ -75,13 +171,18 @@ def export_motion(
     plays, left and right step (shift: ten frames), up and down change the speed, page up and page down go from event to event,
     f follows the robot, c folds the charts. `x.html#t=0.5` opens at 0.5 s.
 
+    Of a report the wrench that is missing is drawn too, as a force at the centre of mass and as a moment over 0.3 m, and there
+    is a lane for each cause, with a mark at its worst frame. A planar chain is upright in W, its x to the right and its y up,
+    with the path of the end point behind it.
+
     Args:
-        trajectory: What `rbd.simulate` returned, or an `rbd.Motion`, which has no forces; two samples at least.
+        motion: What `rbd.simulate` or `rbd.check_motion` returned, an `rbd.Motion`, which has no forces, or a motion of a
+            planar chain; two samples at least.
         path: Of the page, ends in .html.
-        fps: Frames a second of playback at `speed`; by default 30, more where bodies turn fast.
-        speed: Seconds of motion a second at first; the page can change it.
-        title: Headline; the robot's name by default.
-        start: Time at which the page opens [s]; the first by default.
+        fps: Frames a second of playback at `speed`; by default 30, more where bodies turn fast; of a report its own.
+        speed: Seconds of motion a second at first; the page can change it. By default 1, of a planar chain 0.5.
+        title: Headline; by default the robot's name, or what the report says.
+        start: Time at which the page opens [s]; by default the first, of a report that at which most is missing.
         external: The external forces that were given to `rbd.simulate`: constant, or as a function of state and time.
         ghost: A second motion of the same robot, an `rbd.Motion` or a trajectory, drawn translucent in one colour at the same
             times.
@@ -89,11 +190,12 @@ def export_motion(
             forces; its curves are dashed.
         beside_external: The external forces of `beside`.
         charts: Whether to draw the charts that there are numbers for; or the names of some: "forces", "torques",
-            "centre of pressure", "energy", "residuals"; "angles", "speeds", "height", which an `rbd.Motion` has too.
+            "centre of pressure", "energy", "residuals"; "angles", "speeds", "height", which an `rbd.Motion` has too; of a
+            report "missing wrench" and "friction".
         follow: Whether the camera initially follows the robot; by default if it travels far.
-        trace: Whether to draw the path of the centre of mass.
+        trace: Whether to draw the path of the centre of mass; by default of all but reports.
         footprints: Whether to draw the outlines of soles where they stood, of those that stood in two places or more.
-        ground: Whether to draw the ground z = 0 as a grid.
+        ground: Whether to draw the ground z = 0 as a grid; by default of all but planar chains.
         seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
         arrow_per_weight: Length of an arrow as large as the robot's weight [m].
         layers: {layer: whether it is shown at first}, where that is to differ from `rbd.visual.pages.link.LAYERS`; the page can
@@ -101,7 +203,7 @@ def export_motion(
         view: Where the camera stands at first: "start", "front", "side" or "top".
 
     Raises:
-        InputError: not a trajectory, fewer than two samples, invalid settings, charts that it has no numbers for.
+        InputError: no motion, fewer than two samples, invalid settings, charts that it has no numbers for.
         PictureError: the file cannot be written.
 
     Example:
@@ -110,89 +212,106 @@ def export_motion(
         >>> print(rbd.visual.export_motion(swing, "swing.html", speed=0.5, charts=["energy"]).name)
         swing.html
     """
-    settings = Playback.of(locals())
+    settings = {name: value for name, value in locals().items() if name not in ("motion", "path")}
     target = a_page(path)
-    scene = motion_scene(trajectory, settings)
-    write_page(target, scene.page(title))
+    write_page(target, motion_scene(motion, Playback.of(settings)).page())
     return target
 
 
-def motion_scene(trajectory: Trajectory | Motion, given: Playback) -> Scene:
+def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | None = None) -> Scene:
     """The scene of `export_motion`, with all frames: to be written as a page, or served live.
 
     Args:
-        trajectory: As for `export_motion`.
+        motion: As for `export_motion`.
         given: Its settings.
+        sheet: Of a strip of pictures: its times, columns and sizes.
 
     Raises:
         InputError: as `export_motion`.
     """
-    shown = checked(trajectory)
-    motion, scene = staged(shown, given)
-    motion = motion.with_ghost(given.ghost)
-    drawn, times = charts_of(shown, given.charts), [np.asarray(shown.t)]
-    second = None
+    shown = shown_motion(motion)
+    given = given.resolved(shown)
+    page, scene = staged(shown, given)
+    page = page.with_ghost(given.ghost)
+    charts, times, outlines = shown.charts(given.charts), [shown.t], footprints_of(shown)
     if given.beside is not None:
-        second = checked(given.beside)
+        second = shown_motion(given.beside)
         camera = FRONT_LEFT if given.seen_from is None else given.seen_from
-        motion = motion.with_second(a_second(second, motion, given), camera)
-        drawn = together(drawn, charts_of(second, True if given.charts is True else [c.name for c in drawn]))
-        times.append(np.asarray(second.t))
-    first, last = float(motion.frames.times[0]), float(motion.frames.times[-1])
-    begin = first if given.start is None else a_time("start", given.start, first, last)
-    follows = motion.goes_far(FAR) if given.follow is None else bool(given.follow)
-    settings = {"title": _a_title(given.title, shown), "start": begin, "speed": float(given.speed), "follow": follows}
-    settings |= {
+        page = page.with_second(_beside(second, page, given), camera)
+        charts = together(charts, second.charts(True if given.charts is True else [c.name for c in charts]))
+        times.append(second.t)
+        shift = page.second.shift if page.second is not None else ()
+        prints = footprints_of(second)
+        outlines += [replace(stood, name=f"{stood.name}, 2", outlines=stood.outlines + shift) for stood in prints]
+    first, last = float(page.frames.times[0]), float(page.frames.times[-1])
+    follows = page.goes_far(FAR) if given.follow is None else bool(given.follow)
+    settings: dict[str, object] = {
+        "title": given.title,
+        "start": first if given.start is None else a_time("start", given.start, first, last),
+        "follow": follows,
         "trace": bool(given.trace),
         "playing": bool(given.playing),
-        "charts": described(times, drawn) if drawn else None,
+        "charts": described(times, charts) if charts else None,
     }
-    scene.stage_motion(motion.whole(settings), motion.around(follows), motion.further_parts())
-    outlines = footprints_of(shown) + ([] if second is None else displaced(footprints_of(second), motion))
+    if sheet is not None:
+        settings["sheet"] = sheet
+    assert given.speed is not None
+    scene.stage_motion(page.whole(settings, given.speed), page.around(follows), page.further_parts, title=given.title)
     if given.footprints and outlines:
         scene.draw(*outlines)
     return scene
 
 
+def staged(shown: ShownMotion, given: Playback, scene: Scene | None = None) -> tuple[MotionPage, Scene]:
+    """The frames of a motion, and a scene with the robot at its start; settings as `Playback.resolved` gives them."""
+    robot, ground = shown.robot, bool(given.ground)
+    if scene is None:
+        look = {name: getattr(given, name) for name in ("seen_from", "arrow_per_weight", "layers", "view")}
+        scene = Scene(robot, ground=ground, legend=False, **look)
+    scene.show(State(robot, np.array(shown.q[0], float)))
+    return _page(shown, robot_parts(robot), scene.sizes, ground, given), scene
+
+
+def _beside(second: ShownMotion, first: MotionPage, given: Playback) -> MotionPage:
+    """The frames of a motion that is to be shown beside a first one, of its robot or another."""
+    parts: Sequence[RobotPart] = robot_parts(second.robot)
+    if len(parts) == len(first.parts) and all(one.looks_like(other) for one, other in zip(parts, first.parts, strict=True)):
+        parts = first.parts  # their meshes are in the page already
+    return _page(second, parts, first.sizes, first.ground, replace(given, external=given.beside_external))
+
+
+def _page(shown: ShownMotion, parts: Sequence[RobotPart], sizes: Sizes, ground: bool, given: Playback) -> MotionPage:
+    joints = sorted({part.joint for part in parts} - {0})
+    assert given.speed is not None
+    frames = frames_of(shown, joints, fps=given.fps, speed=given.speed, external=given.external)
+    return MotionPage(shown, frames, parts, sizes, ground)
+
+
 def motion_sheet(
-    trajectory: Trajectory | Motion,
+    motion: Trajectory | Motion | MotionReport | PlanarMotion,
     times: Sequence[float] | Array | int,
     png_path: str | PathLike[str],
     *,
     columns: int | None = None,
     width: int = 360,
     height: int = 360,
-    external: Pushes | PushesAt = None,
-    ghost: Trajectory | Motion | None = None,
-    follow: bool | None = None,
-    trace: bool = True,
-    footprints: bool = True,
-    ground: bool = True,
-    seen_from: Sequence[float] | Array | None = None,
-    arrow_per_weight: float | None = None,
     browser: Browser | None = None,
+    **settings: Any,
 ) -> Path:
     """Draw a motion at some times side by side, all from one camera, with the time under each; returns the picture's path.
 
     Args:
-        trajectory: What `rbd.simulate` returned, or an `rbd.Motion`, which has no forces; two samples at least.
+        motion: As for `export_motion`.
         times: When [s], or how many pictures evenly from the first to the last.
         png_path: Path of the picture.
         columns: Pictures in a row; all of them by default.
         width: Of one picture, in pixels.
         height: Of one picture without its caption, in pixels.
-        external: As for `export_motion`; so are `ghost`, `follow`, `trace`, `ground`, `seen_from` and `arrow_per_weight`.
-        ghost: A second motion of the same robot, drawn translucent.
-        follow: Whether each picture is centred on the robot.
-        trace: Whether to draw the path of the centre of mass.
-        footprints: Whether to draw the outlines of soles where they stood, of those that stood in two places or more.
-        ground: Whether to draw the ground.
-        seen_from: Direction from the robot to the camera.
-        arrow_per_weight: Length of an arrow as large as the weight [m].
         browser: An open browser; by default one is started.
+        **settings: Others of `export_motion`, as `external`, `ghost`, `follow`, `trace`, `ground` and `seen_from`.
 
     Raises:
-        InputError: not a trajectory, times outside it, invalid sizes.
+        InputError: no motion, times outside it, invalid sizes, unknown settings.
         PictureError: no browser, or it made no picture.
 
     Example:
@@ -201,22 +320,16 @@ def motion_sheet(
         >>> rbd.visual.motion_sheet(swing, 4, "swing.png")  # doctest: +SKIP
         PosixPath('swing.png')
     """
-    given = Playback.of(locals())
+    given = Playback.of({"charts": False, **settings})
     if a_path("the picture", png_path).suffix.lower() != ".png":
         raise PictureError(f"cannot write the picture {str(png_path)!r:.80}: expected a name that ends in .png.")
     picture = a_picture(png_path)
     width, height = a_count("width", width, 4000), a_count("height", height, 4000)
-    shown = checked(trajectory)
-    at = _picture_times(times, float(shown.t[0]), float(shown.t[-1]))
+    t = shown_motion(motion).t
+    at = _picture_times(times, float(t[0]), float(t[-1]))
     in_a_row = len(at) if columns is None else min(a_count("columns", columns, MOST_PICTURES), len(at))
-    motion, scene = staged(shown, given)
-    motion = motion.with_ghost(ghost)
-    follows = motion.goes_far(FAR) if follow is None else bool(follow)
-    settings = {"title": "", "start": at[0], "speed": 1.0, "follow": follows, "trace": bool(trace)}
     sheet = {"times": at, "columns": in_a_row, "width": width, "height": height, "gap": GAP}
-    scene.stage_motion(replace(motion, events=()).whole({**settings, "sheet": sheet}), motion.around(follows))
-    if footprints and (outlines := footprints_of(shown)):
-        scene.draw(*outlines)
+    scene = motion_scene(motion, replace(given, start=at[0]), sheet)
     with tempfile.TemporaryDirectory(prefix="rbd-motion-") as folder:
         page = Path(folder) / "sheet.html"
         write_page(page, scene.page())
@@ -226,55 +339,46 @@ def motion_sheet(
 
 
 def replay(
-    trajectory: Trajectory | Motion, *, speed: float = 1.0, scene: Scene | None = None, external: Pushes | PushesAt = None
+    motion: Trajectory | Motion | MotionReport | PlanarMotion,
+    *,
+    speed: float | None = None,
+    scene: Scene | None = None,
+    external: Pushes | PushesAt = None,
 ) -> None:
     """Show a motion live, paced by the clock; returns when it is over. Ctrl-C ends it sooner, and is no error.
 
     Late frames are skipped, so that the motion keeps its pace. The picture stays at the last frame shown.
 
     Args:
-        trajectory: What `rbd.simulate` returned, or an `rbd.Motion`, which has no forces; two samples at least.
-        speed: Seconds of motion a second.
+        motion: As for `export_motion`.
+        speed: Seconds of motion a second; by default 1, of a planar chain 0.5.
         scene: The live scene to show it in: `Scene(robot)` of the same robot, with `scene.open()` called. By default a new
             one is opened in the browser, on 127.0.0.1, and closed afterwards.
         external: The external forces that were given to `rbd.simulate`.
 
     Raises:
-        InputError: no trajectory, or a scene of another robot.
+        InputError: no motion, or a scene of another robot.
 
     Example:
         >>> robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
         >>> swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.1, step=1e-2)
         >>> rbd.visual.replay(swing, speed=0.5)  # doctest: +SKIP
     """
-    shown = checked(trajectory)
+    shown = shown_motion(motion)
     if scene is not None and not isinstance(scene, Scene):
         raise InputError(f"scene is {scene!r:.80}; expected a rbd.visual.Scene, or None.")
-    motion, used = staged(shown, Playback(fps=LIVE_FPS, speed=speed, external=external), scene)
-    play_live(motion, used, shown.robot.name, float(speed), opened=scene is not None)
-
-
-def play_live(motion: MotionPage, scene: Scene, title: str, speed: float, *, opened: bool = False) -> None:
-    """Show frames live, paced by the clock, from the first to the last; Ctrl-C ends it.
-
-    Args:
-        motion: The frames.
-        scene: The scene that `staged` made.
-        title: Headline.
-        speed: Seconds of motion a second.
-        opened: Whether the scene is in a browser already; else it is opened, and closed afterwards.
-    """
-    settings = {"title": title, "follow": motion.goes_far(FAR), "trace": False}
-    scene.stage_motion(motion.opening(settings), motion.around(bool(settings["follow"])))
-    try:
-        with contextlib.suppress(KeyboardInterrupt):
-            if not opened:
-                scene.open()
-                scene.wait_for_viewer(VIEWER_SECONDS)
-            _pace(motion, scene, speed)
-    finally:
-        if not opened:
-            scene.close()
+    given = Playback(speed=speed, external=external).resolved(shown)
+    page, used = staged(shown, replace(given, fps=LIVE_FPS), scene)
+    follows = page.goes_far(FAR)
+    used.stage_motion(page.opening({"title": given.title, "follow": follows, "trace": False}), page.around(follows))
+    assert given.speed is not None
+    with contextlib.ExitStack() as closing:
+        closing.enter_context(contextlib.suppress(KeyboardInterrupt))
+        if scene is None:
+            closing.enter_context(used)
+            used.open()
+            used.wait_for_viewer(VIEWER_SECONDS)
+        _pace(page, used, given.speed)
 
 
 def _pace(motion: MotionPage, scene: Scene, speed: float) -> None:
@@ -288,12 +392,6 @@ def _pace(motion: MotionPage, scene: Scene, speed: float) -> None:
         now = times[0] + (time.monotonic() - began) * speed
         i = max(i + 1, min(int(np.searchsorted(times, now)), len(times) - 1))
         time.sleep(max(0.0, (times[i] - times[0]) / speed - (time.monotonic() - began)))
-
-
-def _a_title(title: str | None, trajectory: Trajectory) -> str:
-    if title is not None and not isinstance(title, str):
-        raise InputError(f"title is {title!r:.80}; expected text.")
-    return title or str(trajectory.robot.name)
 
 
 def _picture_times(times: Sequence[float] | Array | int, first: float, last: float) -> list[float]:

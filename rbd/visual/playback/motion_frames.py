@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -20,7 +21,6 @@ from rbd.visual.marks.applied_forces import (
     RELAXED,
     STRAIGHT,
     DrawnPush,
-    ShownElement,
     full_of,
     only_pushes,
     pushes,
@@ -32,10 +32,7 @@ from rbd.visual.marks.applied_forces import (
 )
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.notebook.card import joined
-from rbd.visual.style import PUSH_COLOR
-
-if TYPE_CHECKING:
-    from rbd.simulation.trajectory import Trajectory
+from rbd.visual.playback.shown_motion import ShownMotion, Track
 
 Pushes: TypeAlias = Iterable[DrawnPush] | DrawnPush | Array | None
 PushesAt: TypeAlias = Callable[[State, float], Pushes]
@@ -56,26 +53,6 @@ MOST_SAMPLES_LOOKED_AT = 400
 
 
 @dataclass(frozen=True, eq=False)
-class Track:
-    """Forces at some points over time.
-
-    Attributes:
-        name: Of the contact, or of what pushes.
-        points: In W, shape (n, k, 3) [m]; NaN where there is no such point at that time.
-        forces: On the robot, in W, shape (n, k, 3) [N]; zero without contact.
-        color: Of what is no contact, as '#rrggbb'.
-    """
-
-    name: str
-    points: Array
-    forces: Array
-    color: str = PUSH_COLOR
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "forces", np.nan_to_num(self.forces, nan=0.0, posinf=0.0, neginf=0.0))
-
-
-@dataclass(frozen=True, eq=False)
 class PageFrames:
     """A motion as a row of pictures.
 
@@ -90,8 +67,8 @@ class PageFrames:
         elements: Each force element.
         modes: {constraint: its mode at each frame}, contacts first.
         stretches: {constraint: (from [s], to [s], mode) of each time it is in one mode}, as fine as the samples.
-        ghost: Name of a second motion, whose poses of the same joints follow in `joints` and `poses`; empty if there is none.
         left_out: What of the forces has no picture, in words.
+        ghost: Name of a second motion, whose poses of the same joints follow in `joints` and `poses`; empty if there is none.
     """
 
     times: Array
@@ -100,11 +77,11 @@ class PageFrames:
     com: Array
     contacts: tuple[Track, ...]
     pushes: tuple[Track, ...]
+    elements: tuple[ElementTrack, ...]
     modes: Mapping[str, Sequence[str]]
     stretches: Mapping[str, Sequence[tuple[float, float, str]]]
-    ghost: str = ""
     left_out: tuple[str, ...] = ()
-    elements: tuple[ElementTrack, ...] = ()
+    ghost: str = ""
 
     @lazy
     def rows(self) -> Array:
@@ -119,20 +96,20 @@ class PageFrames:
 
 
 def frames_of(
-    trajectory: Trajectory,
+    shown: ShownMotion,
     joints: Sequence[int],
     *,
     fps: float | None = None,
     speed: float = 1.0,
     external: Pushes | PushesAt = None,
 ) -> PageFrames:
-    """Frames of a trajectory, evenly in time: its samples where they are near, else interpolated.
+    """Frames of a motion, evenly in time: its samples where they are near, else interpolated.
 
     Joints are interpolated on their manifold, free bases straight and turning evenly, points and forces linearly; modes are
     those of the nearest sample.
 
     Args:
-        trajectory: As `checked` passed it.
+        shown: The motion.
         joints: Numbers of the joints whose poses are wanted.
         fps: Frames a second of playback at `speed`. By default 30, and more where a body turns by over half a radian
             between two.
@@ -143,39 +120,38 @@ def frames_of(
     Raises:
         InputError: if `external` is not what `rbd.simulate` takes.
     """
-    times = np.asarray(trajectory.t, float)
+    times, robot = shown.t, shown.robot
     if fps is None:
-        fps = min(MOST_FPS, max(FPS, _fastest_turn(trajectory, joints) * speed / LARGEST_TURN))
-        width = 7 * len(joints) + 3 + sum(6 * np.shape(p)[1] for p in trajectory.points.values())
+        fps = min(MOST_FPS, max(FPS, _fastest_turn(shown, joints) * speed / LARGEST_TURN))
+        width = 7 * len(joints) + 3 + sum(6 * np.shape(p)[1] for p in shown.points.values())
         fps = min(fps, max(1.0, MOST_NUMBERS / width * speed / (times[-1] - times[0])))
     at = frame_times(times, speed / fps)
-    low = np.clip(np.searchsorted(times, at, side="right") - 1, 0, len(times) - 2)
-    share = np.clip((at - times[low]) / (times[low + 1] - times[low]), 0.0, 1.0)
-    q = [configuration_between(trajectory, int(i), float(w)) for i, w in zip(low, share, strict=True)]
-    poses, com = body_poses(trajectory.robot, q, joints)
+    low, share = _between(times, at)
+    q = _configurations(shown, low, share)
+    poses, com = body_poses(robot, q, joints)
     contacts = tuple(
-        Track(name, _blend(points, low, share), _blend(trajectory.point_forces[name], low, share))
-        for name, points in trajectory.points.items()
+        Track(name, _blend(points, low, share), _blend(shown.point_forces[name], low, share))
+        for name, points in shown.points.items()
     )
     nearest = np.where(share < 0.5, low, low + 1)
-    ordered = [*trajectory.points, *(name for name in trajectory.modes if name not in trajectory.points)]
+    ordered = [*shown.points, *(name for name in shown.modes if name not in shown.points)]
     unknown = [""] * len(times)
-    given = {name: [str(mode) for mode in trajectory.modes.get(name, unknown)] for name in ordered}
+    given = {name: [str(mode) for mode in shown.modes.get(name, unknown)] for name in ordered}
     modes = {name: [words[i] for i in nearest] for name, words in given.items()}
     stretches = {name: _stretches(times, words) for name, words in given.items()}
     for name in ordered:  # chatter is listed as coarsely as it is shown
         if len(stretches[name]) > MOST_STRETCHES:
             stretches[name] = _stretches(at, modes[name])
-    robot, given_elements = trajectory.robot, getattr(trajectory, "elements", ()) if external is None else external
-    v = [(1.0 - w) * np.asarray(trajectory.v[i]) + w * np.asarray(trajectory.v[i + 1]) for i, w in zip(low, share, strict=True)]
-    pushed, words = _pushed(robot, q, at, external)
-    elements, unseen = tracks_of(robot, q, v, at, given_elements)
-    unseen += _unknown_elements(trajectory) if external is None else []
-    left_out = (*words, *unseen, *_without_points(trajectory), *_without_surfaces(trajectory))
-    return PageFrames(at, tuple(joints), poses, com, contacts, pushed, modes, stretches, left_out=left_out, elements=elements)
+    v = _blend(np.asarray(shown.v, float)[:, None], low, share)[:, 0]
+    acting = getattr(shown.source, "elements", ()) if external is None else external
+    pushes, elements, left_out = _applied(robot, q, v, at, acting)
+    pushes += [replace(t, points=_blend(t.points, low, share), forces=_blend(t.forces, low, share)) for t in shown.pushes]
+    left_out += _unknown_elements(shown.source) if external is None else []
+    words = (*left_out, *_without_points(shown), *_without_surfaces(shown))
+    return PageFrames(at, tuple(joints), poses, com, contacts, tuple(pushes), tuple(elements), modes, stretches, words)
 
 
-def _unknown_elements(trajectory: Trajectory) -> list[str]:
+def _unknown_elements(trajectory: Any) -> list[str]:
     """That force elements acted which the motion does not know, in words: its energies tell."""
     acted = any(np.any(getattr(trajectory, name, 0.0)) for name in ("elastic", "dissipated"))
     known: Sequence[object] = getattr(trajectory, "elements", ())
@@ -184,18 +160,19 @@ def _unknown_elements(trajectory: Trajectory) -> list[str]:
     return ["Not drawn: springs or dampers that acted, which the motion does not know. Give them as external=[...]."]
 
 
-def _without_points(trajectory: Trajectory) -> list[str]:
+def _without_points(shown: ShownMotion) -> list[str]:
     """Which constraints carry forces that a motion does not show, in words: their points are not recorded."""
-    forces: Mapping[str, Array] = getattr(trajectory, "forces", {})
-    names = [name for name, f in forces.items() if name not in trajectory.points and np.any(f)]
+    forces = getattr(shown.source, "forces", {})
+    named = forces if isinstance(forces, Mapping) else {}
+    names = [name for name, f in named.items() if name not in shown.points and np.any(f)]
     return [f"Not drawn: the forces of {joined(names)}."] if names else []
 
 
-def _without_surfaces(trajectory: Trajectory) -> list[str]:
+def _without_surfaces(shown: ShownMotion) -> list[str]:
     """Which contacts carry load off the ground z = 0, in words: walls, slopes and tables are not recorded."""
     names = []
-    for name, points in trajectory.points.items():
-        loaded = np.linalg.norm(trajectory.point_forces[name], axis=-1) > 0.0
+    for name, points in shown.points.items():
+        loaded = np.linalg.norm(shown.point_forces[name], axis=-1) > 0.0
         if (np.abs(np.where(loaded, np.asarray(points)[..., 2], 0.0)) > OFF_GROUND).any():
             names.append(name)
     return [f"Surfaces off the ground z = 0 are not drawn; there: {joined(names)}."] if names else []
@@ -225,42 +202,64 @@ def _blend(values: Array, low: Array, share: Array) -> Array:
     return np.where(np.isfinite(blended), blended, nearer)
 
 
-def _fastest_turn(trajectory: Trajectory, joints: Sequence[int]) -> float:
+def _fastest_turn(shown: ShownMotion, joints: Sequence[int]) -> float:
     """Largest angular velocity of a body [rad/s], at some hundred samples."""
-    model, data = trajectory.robot.model, trajectory.robot.model.createData()
+    model, data = shown.robot.model, shown.robot.model.createData()
     fastest = 0.0
-    for i in np.unique(np.linspace(0, len(trajectory.t) - 1, MOST_SAMPLES_LOOKED_AT).astype(int)):
-        pin.forwardKinematics(model, data, np.array(trajectory.q[i], float), np.array(trajectory.v[i], float))
+    for i in np.unique(np.linspace(0, len(shown.t) - 1, MOST_SAMPLES_LOOKED_AT).astype(int)):
+        pin.forwardKinematics(model, data, np.array(shown.q[i], float), np.array(shown.v[i], float))
         fastest = max([fastest, *(float(np.linalg.norm(data.v[j].angular)) for j in joints)])
     return fastest
 
 
-def _pushed(
-    robot: CheckedModel, q: Sequence[Array], times: Array, external: Pushes | PushesAt
-) -> tuple[tuple[Track, ...], list[str]]:
-    """(external forces at every frame, what of them is not drawn); one that is not given at some times is zero then."""
-    if external is None:
-        return (), []
-    found: dict[tuple[str, int], list[tuple[int, Array, Array]]] = {}
-    generalised = moments = False
-    for i, (q_i, t) in enumerate(zip(q, times, strict=True)):
-        state = State(robot, q_i)
-        given = external(state, float(t)) if callable(external) else external
-        count: dict[str, int] = {}
-        drawn, missing = pushes(state, only_pushes(given))
-        generalised = generalised or bool(missing)
+def _applied(
+    robot: CheckedModel, q: Sequence[Array], v: Array, times: Array, external: Any
+) -> tuple[list[Track], list[ElementTrack], list[str]]:
+    """(pushes, force elements at every frame, what of them is not drawn); one that is not given at some times is zero then.
+
+    Args:
+        robot: The robot.
+        q: Configuration of each frame.
+        v: Velocity of each frame, shape (n, nv).
+        times: Their times [s].
+        external: As `rbd.simulate` was given it: constant, or a function of state and time.
+    """
+    if external is None or (isinstance(external, tuple) and not external):
+        return [], [], []
+    n = len(times)
+    pushed: dict[tuple[str, int], Track] = {}
+    elements: dict[str, ElementTrack] = {}
+    words: dict[str, None] = {}
+    for i in range(n):
+        state = State(robot, q[i], v[i])
+        given = external(state, float(times[i])) if callable(external) else external
+        drawn, generalised = pushes(state, only_pushes(given))
+        shown, unseen = shown_elements(state, given)
+        words |= dict.fromkeys([*([GENERALISED] if generalised else []), *unseen])
+        words |= dict.fromkeys([MOMENTS for push in drawn if push.moment.any()])
+        count: Counter[str] = Counter()
         for push in drawn:
-            moments = moments or bool(push.moment.any())
-            count[push.name] = number = count.get(push.name, 0) + 1
-            found.setdefault((push.name, number), []).append((i, push.point, push.force))
-    tracks = []
-    for (name, _), seen in found.items():
-        points, forces = np.full((len(q), 1, 3), np.nan), np.zeros((len(q), 1, 3))
-        for i, point, force in seen:
-            points[i, 0], forces[i, 0] = point, force
-        tracks.append(Track(f"push on {name}", points, forces))
-    words = ["The generalised external force is not drawn: it has no point of application."] * generalised
-    return tuple(tracks), words + ["Moments of pushes are not drawn."] * moments
+            count[push.name] += 1
+            nowhere = Track(f"push on {push.name}", np.full((n, 1, 3), np.nan), np.zeros((n, 1, 3)))
+            track = pushed.setdefault((push.name, count[push.name]), nowhere)
+            track.points[i, 0], track.forces[i, 0] = push.point, push.force
+        for one in shown:
+            rest = ElementTrack(one.name, one.shape, one.unit, np.full((n, 2, 3), np.nan), np.zeros((n, 3)), np.zeros(n))
+            acts = elements.setdefault(one.name, rest)
+            acts.points[i], acts.axis[i], acts.tension[i] = one.points, one.axis, one.tension
+    return list(pushed.values()), list(elements.values()), list(words)
+
+
+def _between(times: Array, at: Array) -> tuple[Array, Array]:
+    """(sample before, share of the way to the next) of each of some times; those outside are at the first or the last."""
+    low = np.clip(np.searchsorted(times, at, side="right") - 1, 0, max(0, len(times) - 2))
+    step = np.append(np.diff(times), np.inf)[low]
+    return low, np.clip((at - times[low]) / step, 0.0, 1.0)
+
+
+def _configurations(motion: SampledPoses, low: Array, share: Array) -> list[Array]:
+    """Those between two samples: see `configuration_between`."""
+    return [configuration_between(motion, int(i), float(w)) for i, w in zip(low, share, strict=True)]
 
 
 def configuration_between(trajectory: SampledPoses, i: int, share: float) -> Array:
@@ -323,18 +322,14 @@ def ghost_poses(ghost: SampledPoses, times: Array, joints: Sequence[int], down: 
         joints: Of the poses.
         down: By how much it is lowered [m].
     """
-    t = np.asarray(ghost.t, float)
-    q = [np.array(ghost.q[0], float)] * len(times)
-    if len(t) > 1:
-        at = np.clip(times, t[0], t[-1])
-        low = np.clip(np.searchsorted(t, at, side="right") - 1, 0, len(t) - 2)
-        share = np.clip((at - t[low]) / (t[low + 1] - t[low]), 0.0, 1.0)
-        q = [configuration_between(ghost, int(i), float(w)) for i, w in zip(low, share, strict=True)]
+    q = _configurations(ghost, *_between(np.asarray(ghost.t, float), times))
     poses, _ = body_poses(ghost.robot, q, joints)
     poses[:, :, 2] -= down
     return poses
 
 
+GENERALISED = "The generalised external force is not drawn: it has no point of application."
+MOMENTS = "Moments of pushes are not drawn."
 ELEMENT_COLORS = "Springs and dampers: orange where they pull, blue where they push."
 
 
@@ -362,43 +357,6 @@ class ElementTrack:
     def rows(self) -> Array:
         """One row a frame: both ends, the axis, the tension, shape (n, 10)."""
         return np.column_stack([self.points.reshape(len(self.tension), 6), self.axis, self.tension])
-
-
-def tracks_of(
-    robot: CheckedModel, q: Sequence[Array], v: Sequence[Array], times: Array, external: Any
-) -> tuple[tuple[ElementTrack, ...], list[str]]:
-    """(force elements at every frame, what of them is not drawn, in words).
-
-    Args:
-        robot: The robot.
-        q: Configuration of each frame.
-        v: Velocity of each frame.
-        times: Their times [s].
-        external: As `rbd.simulate` was given it: constant, or a function of state and time.
-    """
-    seen: dict[str, list[tuple[int, ShownElement]]] = {}
-    words: list[str] = []
-    if external is None:
-        return (), words
-    if not callable(external):
-        found, words = shown_elements(State(robot, q[0], v[0]), external)
-        if not found:
-            return (), words
-    for i, (q_i, v_i, t) in enumerate(zip(q, v, times, strict=True)):
-        state = State(robot, q_i, v_i)
-        found, unseen = shown_elements(state, external(state, float(t)) if callable(external) else external)
-        words += [word for word in unseen if word not in words]
-        for element in found:
-            seen.setdefault(element.name, []).append((i, element))
-    return tuple(_track(name, some, len(q)) for name, some in seen.items()), words
-
-
-def _track(name: str, seen: Sequence[tuple[int, ShownElement]], n: int) -> ElementTrack:
-    points, axis, tension = np.full((n, 2, 3), np.nan), np.zeros((n, 3)), np.zeros(n)
-    for i, element in seen:
-        points[i], axis[i], tension[i] = element.points, element.axis, element.tension
-    first = seen[0][1]
-    return ElementTrack(name, first.shape, first.unit, points, axis, tension)
 
 
 def element_look(track: ElementTrack, sizes: Sizes) -> dict[str, object]:

@@ -5,19 +5,18 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, lazy
-from rbd.model.checked_model import CheckedModel
-from rbd.robots.robot import Robot
 from rbd.simulation.simulated_motion import OPEN, Event
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.picture import scale_note
-from rbd.visual.playback.motion_frames import ELEMENT_COLORS, PageFrames, Track, checked_ghost, element_look, ghost_poses
+from rbd.visual.playback.motion_frames import ELEMENT_COLORS, PageFrames, checked_ghost, element_look, ghost_poses
+from rbd.visual.playback.shown_motion import ShownMotion, Track
 from rbd.visual.playback.trajectory_charts import carries_weight, normals_of
 from rbd.visual.robot_layers import collision_parts
 from rbd.visual.robot_meshes import RobotPart, hull_of
@@ -49,29 +48,23 @@ class MotionPage:
     """A motion in the form that the page needs.
 
     Attributes:
+        shown: The motion.
         frames: Its pictures.
         parts: Pieces of the robot, in the order in which the scene sent them.
         sizes: Of the scene's marks.
         ground: Whether there is a ground for the centre of mass to drop a line to.
-        weight_N: The robot's weight [N].
-        robot: The robot.
-        lanes: {mode of the frames that is no contact's: its colour}, of those with a lane above the bar.
-        events: Beginnings and ends of contact, as marks on the bar.
         second: A second motion in the same page, of this robot or another.
         shift: By how much it is drawn beside where it is, in W, shape (3,) [m]: numbers on the page are those of where it is.
         name: What it is called beside another one.
     """
 
+    shown: ShownMotion
     frames: PageFrames
     parts: Sequence[RobotPart]
     sizes: Sizes
     ground: bool
-    weight_N: float
-    robot: CheckedModel
-    lanes: Mapping[str, str] = field(default_factory=dict)
-    events: Sequence[Event] = ()
     second: MotionPage | None = None
-    shift: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    shift: tuple[float, ...] = (0.0, 0.0, 0.0)
     name: str = ""
 
     @lazy
@@ -91,14 +84,13 @@ class MotionPage:
     @property
     def longest(self) -> float:
         """Largest length of an arrow [m]."""
-        return max(LONGEST_ARROW * self.sizes.body, LONGEST_WEIGHT * self.weight_N * self.sizes.metres_per_newton)
+        return max(LONGEST_ARROW * self.sizes.body, LONGEST_WEIGHT * self.sizes.weight_N * self.sizes.metres_per_newton)
 
-    def with_ghost(self, ghost: Any, down: float = 0.0) -> MotionPage:
+    def with_ghost(self, ghost: Any) -> MotionPage:
         """With a second motion of the same robot, which is drawn in one translucent colour; without one if it is None.
 
         Args:
             ghost: With robot, t and q; at times that it does not have, as at the nearest that it has.
-            down: By how much it is lowered [m].
 
         Raises:
             InputError: what is no motion, or one of another robot.
@@ -106,8 +98,8 @@ class MotionPage:
         if ghost is None:
             return self
         f = self.frames
-        second = checked_ghost(ghost, self.robot)
-        poses = np.concatenate([f.poses, ghost_poses(second, f.times, f.joints, down)], axis=1)
+        second = checked_ghost(ghost, self.shown.robot)
+        poses = np.concatenate([f.poses, ghost_poses(second, f.times, f.joints, self.shown.down)], axis=1)
         name = f"{getattr(ghost, 'source', '') or 'other motion'} (translucent)"
         return replace(self, frames=replace(f, joints=f.joints * 2, poses=poses, ghost=name))
 
@@ -121,26 +113,16 @@ class MotionPage:
         right = np.array([-seen_from[1], seen_from[0]])
         axis = int(np.abs(right).argmax())
         side = float(np.sign(right[axis]))
-        other = replace(second, sizes=self.sizes)
-        mine, its = (side * page.around(False)[:, axis] for page in (self, other))
+        mine, its = (side * page.around(False)[:, axis] for page in (self, second))
         apart = side * (mine.max() - its.min() + APART * self.sizes.body)
-        shift = [0.0, 0.0, 0.0]
-        shift[axis] = round(apart, 3)
-        first_name, second_name = f"1: {self.robot.name}", f"2: {other.robot.name}, dashed curves"
-        placed = replace(other, shift=(shift[0], shift[1], shift[2]), name=second_name)
-        return replace(self, second=placed, name=first_name)
+        names = f"1: {self.shown.robot.name}", f"2: {second.shown.robot.name}, dashed curves"
+        shift = tuple(round(apart, 3) if i == axis else 0.0 for i in range(3))
+        return replace(self, second=replace(second, shift=shift, name=names[1]), name=names[0])
 
     @property
-    def same_meshes(self) -> bool:
-        """Whether the second motion is one of the same robot, whose meshes are in the page already."""
-        second = self.second
-        if second is None:
-            return False
-        return second.parts is self.parts
-
     def further_parts(self) -> dict[str, Sequence[RobotPart]]:
         """{path in the viewer: pieces of a robot to be sent}: those of a second robot that is not the first."""
-        return {} if self.second is None or self.same_meshes else {SECOND: self.second.parts}
+        return {} if self.second is None or self.second.parts is self.parts else {SECOND: self.second.parts}
 
     def goes_far(self, times: float) -> bool:
         """Whether the centre of mass travels farther along the ground than so many sizes of the robot."""
@@ -177,29 +159,26 @@ class MotionPage:
         """Starts and tips of a track's resultant arrows, each of shape (n, 3) [m]; NaN where there is none."""
         size = np.linalg.norm(track.forces, axis=2, keepdims=True)
         total = size.sum(axis=1)
-        weight = np.where(total > 0.0, total, np.nan)
-        starts = np.sum(np.nan_to_num(track.points) * size, axis=1) / weight
+        starts = np.sum(np.nan_to_num(track.points) * size, axis=1) / np.where(total > 0.0, total, np.nan)
         vectors = self.sizes.metres_per_newton * track.forces.sum(axis=1)
         lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
         return [starts, starts + vectors * np.minimum(1.0, self.longest / np.maximum(lengths, 1e-12))]
 
-    def whole(self, settings: Mapping[str, object]) -> str:
-        """The motion with all its frames, as JSON."""
-        speeds = sorted({*SPEEDS, float(settings["speed"])})  # type: ignore[arg-type]
-        told: dict[str, object] = {**self._played(), **settings, "speeds": speeds}
+    def whole(self, settings: Mapping[str, object], speed: float) -> str:
+        """The motion with all its frames, as JSON; `speed` is one of those that can be chosen."""
+        told: dict[str, object] = {**self._played(), **settings, "speed": speed, "speeds": sorted({*SPEEDS, speed})}
         if self.second is not None:
-            tree = "robot" if self.same_meshes else SECOND
+            tree = SECOND if self.further_parts else "robot"
             told["second"] = {**self.second._played(), "title": "", "tree": tree, "shift": self.second.shift}  # noqa: SLF001
         return json.dumps({"motion": told})
 
     def _played(self) -> dict[str, object]:
-        frames = self.frames
         return {
             **self._setup(),
-            "times": [round(float(t), 9) for t in frames.times],
-            "rows": _packed(frames.rows.astype("<f4")),
-            "codes": _packed(self.codes.astype("u1")),
-            "events": self.marks(self.events),
+            "times": [round(float(t), 9) for t in self.frames.times],
+            "rows": _packed(self.frames.rows, "<f4"),
+            "codes": _packed(self.codes, "u1"),
+            "events": self.marks(),
         }
 
     def opening(self, settings: Mapping[str, object]) -> str:
@@ -208,54 +187,51 @@ class MotionPage:
 
     def moment(self, i: int) -> str:
         """One frame, as JSON."""
-        row = _packed(self.frames.rows[i].astype("<f4"))
-        codes = [int(c) for c in self.codes[i]]
-        return json.dumps({"moment": {"t": round(float(self.frames.times[i]), 9), "row": row, "codes": codes}})
+        t, codes = round(float(self.frames.times[i]), 9), [int(c) for c in self.codes[i]]
+        return json.dumps({"moment": {"t": t, "row": _packed(self.frames.rows[i], "<f4"), "codes": codes}})
 
-    def marks(self, events: Sequence[Event]) -> list[dict[str, object]]:
+    def marks(self) -> list[dict[str, object]]:
         """Marks on the bar, in order of time: {t, name, kind, point, words}; events close together share one."""
         first, last = float(self.frames.times[0]), float(self.frames.times[-1])
         bins: dict[tuple[str, int], list[Event]] = {}
-        for event in sorted(events, key=lambda e: e.t):
+        for event in sorted(self.shown.events, key=lambda e: e.t):
             if first - 1e-9 <= event.t <= last + 1e-9:
                 bins.setdefault((event.name, int(BINS * (event.t - first) / (last - first))), []).append(event)
-        marks: list[dict[str, object]] = []
+        marks = []
         for (name, _), some in bins.items():
-            kinds = {e.kind for e in some}
+            kinds = {e.kind: e.point for e in reversed(some)}
             kind = next((k for k in EVENT_KINDS if k in kinds), some[0].kind)
             words = [str(e) for e in some[:MOST_WORDS]]
             if len(some) > MOST_WORDS:
                 words.append(f"and {len(some) - MOST_WORDS} more till {some[-1].t:.6f} s")
-            point = next(e.point for e in some if e.kind == kind)
-            marks.append({"t": round(float(some[0].t), 9), "name": name, "kind": kind, "point": point, "words": words})
-        return sorted(marks, key=lambda mark: float(mark["t"]))  # type: ignore[arg-type]
+            marks.append((some[0].t, {"name": name, "kind": kind, "point": kinds[kind], "words": words}))
+        return [{"t": round(float(t), 9), **mark} for t, mark in sorted(marks, key=lambda each: each[0])]
 
     def _stretches(self, name: str) -> list[tuple[float, float, int]]:
         """(from, to, code) of each time in one mode other than "open", for its lane above the bar."""
         code = {word: i for i, word in enumerate(self.words)}
         return [(round(a, 9), round(b, 9), code[mode]) for a, b, mode in self.frames.stretches[name] if mode != OPEN]
 
-    def _riders(self, body: Mapping[int, int]) -> list[dict[str, object]]:
-        """Frames of joints and collision shapes: which body takes each along, None of those without a pose, and X_BG."""
-        robot = self.robot
-        shapes = collision_parts(robot) if isinstance(robot, Robot) else ()
+    def _carried(self) -> dict[str, object]:
+        """What bodies take along: pieces of the robot, frames of joints, collision shapes; and pieces fixed to the world."""
+        robot, joints = self.shown.robot, self.frames.joints
+        own = len(joints) // 2 if self.frames.ghost else len(joints)
+        body = {joint: j for j, joint in enumerate(joints[:own])}
+        parts = [{"node": i, "body": body.get(p.joint), "at": _pose(p.placement)} for i, p in enumerate(self.parts)]
         frames = [("frames", i, joint, pin.SE3.Identity()) for i, joint in enumerate(range(1, robot.model.njoints))]
-        parts = [("collision", i, s.part.joint, s.part.placement) for i, s in enumerate(shapes) if s.part.joint]
-        return [
-            {"tree": tree, "node": i, "body": body.get(joint), "at": [round(float(x), 9) for x in pin.SE3ToXYZQUAT(X)]}
-            for tree, i, joint, X in [*frames, *parts]
-        ]
+        moving = [(i, s.part) for i, s in enumerate(collision_parts(robot)) if s.part.joint]
+        shapes = [("collision", i, part.joint, part.placement) for i, part in moving]
+        return {
+            "parts": [part for part in parts if part["body"] is not None],
+            "fixed": [part for part in parts if part["body"] is None],
+            "riders": [{"tree": t, "node": i, "body": body.get(j), "at": _pose(X)} for t, i, j, X in [*frames, *shapes]],
+            "bodies": len(joints),
+            "ghost": {"name": self.frames.ghost, "color": GHOST_COLOR, "bodies": own} if self.frames.ghost else None,
+        }
 
     def _setup(self) -> dict[str, object]:
         """Bodies, contacts, sizes: the same for a page and for a live scene."""
         frames, sizes = self.frames, self.sizes
-        own = len(frames.joints) // 2 if frames.ghost else len(frames.joints)
-        body = {joint: j for j, joint in enumerate(frames.joints[:own])}
-        parts = [
-            {"node": i, "body": body[part.joint], "at": [round(float(x), 9) for x in pin.SE3ToXYZQUAT(part.placement)]}
-            for i, part in enumerate(self.parts)
-            if part.joint
-        ]
         colors = contact_colors(t.name for t in frames.contacts)
         contacts = [
             {
@@ -268,37 +244,32 @@ class MotionPage:
             }
             for t in frames.contacts
         ]
-        fixed = [
-            {"node": i, "at": [round(float(x), 9) for x in pin.SE3ToXYZQUAT(part.placement)]}
-            for i, part in enumerate(self.parts)
-            if not part.joint
-        ]
-        elements = [element_look(e, sizes) for e in frames.elements]
-        pushes = [{"name": t.name, "color": t.color, "points": 1} for t in frames.pushes]
-        lanes = [{"name": name, "color": color, "stretches": self._stretches(name)} for name, color in self.lanes.items()]
-        drawn = {name: getattr(sizes, name) for name in ("body", "shaft", "line", "lift")}
-        scale = f"{scale_note(sizes.metres_per_newton, self.weight_N)} Double arrowhead: not drawn to full length."
-        said = [scale] * bool(contacts or pushes) + [ELEMENT_COLORS] * bool(elements)
-        note = " ".join([*said, *frames.left_out])
+        scale = f"{scale_note(sizes.metres_per_newton, sizes.weight_N)} Double arrowhead: not drawn to full length."
+        said = [scale] * bool(contacts or frames.pushes) + [ELEMENT_COLORS] * bool(frames.elements)
+        lanes = {name: color for name, color in self.shown.lanes.items() if name in frames.modes}
         return {
+            **self._carried(),
             "name": self.name,
-            "parts": parts,
-            "fixed": fixed,
-            "riders": self._riders(body),
-            "bodies": len(frames.joints),
-            "ghost": {"name": frames.ghost, "color": GHOST_COLOR, "bodies": own} if frames.ghost else None,
             "contacts": contacts,
-            "pushes": pushes,
-            "elements": elements,
+            "pushes": [{"name": t.name, "color": t.color, "points": 1} for t in frames.pushes],
+            "elements": [element_look(e, sizes) for e in frames.elements],
             "others": list(frames.modes)[len(contacts) :],
-            "lanes": lanes,
+            "lanes": [{"name": name, "color": color, "stretches": self._stretches(name)} for name, color in lanes.items()],
             "words": self.words,
             "com": COM_COLOR if len(frames.com) else "",
             "support": SUPPORT_COLOR,
             "ground": self.ground,
-            "sizes": {**drawn, "longest": self.longest, "metresPerNewton": sizes.metres_per_newton},
-            "note": note,
+            "sizes": {
+                **{name: getattr(sizes, name) for name in ("body", "shaft", "line", "lift")},
+                "longest": self.longest,
+                "metresPerNewton": sizes.metres_per_newton,
+            },
+            "note": " ".join([*said, *frames.left_out]),
         }
+
+
+def _pose(X: pin.SE3) -> list[float]:
+    return [round(float(x), 9) for x in pin.SE3ToXYZQUAT(X)]
 
 
 def _normals(track: Track) -> str:
@@ -306,8 +277,8 @@ def _normals(track: Track) -> str:
     found = normals_of(track.points, track.forces)
     if found is None or not np.isfinite(found).all():
         return ""
-    return _packed((found[:1] if np.ptp(found, axis=0).max() < STILL else found).astype("<f4"))
+    return _packed(found[:1] if np.ptp(found, axis=0).max() < STILL else found, "<f4")
 
 
-def _packed(numbers: Array) -> str:
-    return base64.b64encode(np.ascontiguousarray(numbers).tobytes()).decode("ascii")
+def _packed(numbers: Array, kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(numbers, kind).tobytes()).decode("ascii")

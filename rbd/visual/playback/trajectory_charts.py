@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +16,6 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
 from rbd.problem.residuals import USABLE
 from rbd.simulation.trajectory_fields import RESIDUALS
-from rbd.visual.figures.trajectory_plots import energy_curves
 from rbd.visual.playback.curves import FINE, GREY, Choice, CurveChart, CurveLine, a_list, chart, most_used
 from rbd.visual.style import COM_COLOR, CONTACT_COLORS, contact_colors
 
@@ -36,6 +36,9 @@ _SMALLEST = 1e-16
 """Residuals below it are drawn at the foot of their axis."""
 
 
+Maker: TypeAlias = Callable[[], CurveChart | None]
+
+
 def charts_of(shown: Any, choice: Choice) -> list[CurveChart]:
     """The charts of a motion, in the order of `CHARTS`, or as they are chosen.
 
@@ -46,19 +49,40 @@ def charts_of(shown: Any, choice: Choice) -> list[CurveChart]:
     Raises:
         InputError: an unknown name, or one of which the motion knows nothing.
     """
+    makers = makers_of(shown)
+    if not isinstance(choice, bool | np.bool_) or not choice:
+        return chosen_charts(shown.robot.name, makers, choice, ())
+    found = [made for made in chosen_charts(shown.robot.name, makers, True, OF_FORCES) if not _idle(made)]
+    return found or chosen_charts(shown.robot.name, makers, True, OF_POSES)
+
+
+def makers_of(shown: Any) -> dict[str, Maker]:
+    """{name of a chart: what makes it}: None where there are no numbers."""
+    return {name: partial(make, shown) for name, make in _MAKERS.items()}
+
+
+def chosen_charts(what: str, makers: Mapping[str, Maker], choice: Choice, usual: Sequence[str]) -> list[CurveChart]:
+    """The charts with these names; of `usual`, if all are wanted, those that there are numbers for.
+
+    Args:
+        what: The robot's name.
+        makers: Of each chart.
+        choice: True: the usual ones; False: none; or names.
+        usual: Names.
+
+    Raises:
+        InputError: an unknown name, or one that there are no numbers for.
+    """
     if isinstance(choice, bool | np.bool_):
-        if not choice:
-            return []
-        found = [made for name in OF_FORCES if (made := _MAKERS[name](shown)) is not None and not _idle(made)]
-        return found or [made for name in OF_POSES if (made := _MAKERS[name](shown)) is not None]
+        return [made for name in usual if choice and (made := makers[name]()) is not None]
     charts = []
     for name in a_list(choice):
-        if not isinstance(name, str) or name not in CHARTS:
-            raise InputError(f"there is no chart {name!r:.80}; {nearest(name, CHARTS)}. Charts: {', '.join(CHARTS)}.")
-        chart = _MAKERS[name](shown)
+        if not isinstance(name, str) or name not in makers:
+            raise InputError(f"there is no chart {name!r:.80}; {nearest(name, makers)}. Charts: {', '.join(makers)}.")
+        chart = makers[name]()
         if chart is None:
             raise InputError(
-                f"this motion of {shown.robot.name} has no numbers for the chart {name!r} ({CHARTS[name]}); leave it out, or "
+                f"this motion of {what} has no numbers for the chart {name!r} ({CHARTS.get(name, name)}); leave it out, or "
                 "charts=True for those that there are."
             )
         charts.append(chart)
@@ -138,6 +162,36 @@ def _pressure(shown: Any) -> CurveChart | None:
     if not lines:
         return None
     return chart("centre of pressure", "centre of pressure: distance from the sole's edge, mm", lines[:NAMED_CONTACTS])
+
+
+TOTAL_COLOR = "#1a1a1a"
+
+
+class EnergyCurve(NamedTuple):
+    """One curve: its name, its colour, and its values at the samples [J], shape (n,)."""
+
+    name: str
+    color: str
+    values: Array
+
+
+def energy_curves(shown: Any) -> list[EnergyCurve]:
+    """Kinetic, potential (from its start) and total energy; then, where there are any, of springs, and work of dampers.
+
+    Args:
+        shown: A `Trajectory`, or a part of it with `kinetic`, `potential`, and if known `elastic` and `dissipated`.
+    """
+    n = len(shown.kinetic)
+    elastic, taken = (getattr(shown, name, np.zeros(n)) for name in ("elastic", "dissipated"))
+    potential, taken = shown.potential - shown.potential[0], taken - taken[:1]
+    out = [EnergyCurve("kinetic", CONTACT_COLORS[0], shown.kinetic)]
+    out.append(EnergyCurve("potential, from its start", CONTACT_COLORS[2], potential))
+    out.append(EnergyCurve("total", TOTAL_COLOR, shown.kinetic + potential + elastic))
+    if elastic.any():
+        out.append(EnergyCurve("in springs", CONTACT_COLORS[3], elastic))
+    if taken.any():
+        out.append(EnergyCurve("work taken by dampers", CONTACT_COLORS[4], taken))
+    return out
 
 
 def _energy(shown: Any) -> CurveChart | None:

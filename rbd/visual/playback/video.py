@@ -6,16 +6,14 @@ import base64
 import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from functools import cache
 from importlib.resources import files
 from os import PathLike
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rbd.arrays import Array
 from rbd.errors import InputError, PictureError
 from rbd.model.output_files import check_place, write_file
 from rbd.simulation.progress_bar import progress_of
@@ -23,15 +21,14 @@ from rbd.visual.pages.browser import Browser, BrowserPage, a_browser, one_browse
 from rbd.visual.pages.encoders import QUALITY, Encoder, encoder_of
 from rbd.visual.pages.link import page_link
 from rbd.visual.pages.page import write_page
-from rbd.visual.playback.animation import motion_scene
-from rbd.visual.playback.motion_frames import Pushes, PushesAt
-from rbd.visual.playback.staging import Playback, positive
-from rbd.visual.scene import Scene
+from rbd.visual.playback.animation import Playback, motion_scene, shown_motion
+from rbd.visual.playback.shown_motion import positive
 from rbd.visual.style import a_count, a_path
 
 if TYPE_CHECKING:
     from rbd.motion.reference_motion import Motion
     from rbd.motion.report import MotionReport
+    from rbd.planar.planned_motion import PlanarMotion
     from rbd.simulation.trajectory import Trajectory
 
 MOST_FPS = 240.0
@@ -56,28 +53,17 @@ HTMLCanvasElement.prototype.getContext = function (kind, given) {
 
 
 def export_video(
-    trajectory: Trajectory | Motion | MotionReport,
+    motion: Trajectory | Motion | MotionReport | PlanarMotion,
     path: str | PathLike[str],
     *,
     fps: float = 30.0,
     width: int = 960,
     height: int = 540,
-    speed: float = 1.0,
-    title: str | None = None,
-    external: Pushes | PushesAt = None,
-    ghost: Trajectory | Motion | None = None,
-    beside: Trajectory | Motion | None = None,
-    beside_external: Pushes | PushesAt = None,
-    follow: bool | None = None,
-    trace: bool = True,
-    footprints: bool = True,
-    ground: bool = True,
-    seen_from: Sequence[float] | Array | None = None,
-    arrow_per_weight: float | None = None,
     view: str | None = None,
     layers: Mapping[str, bool] | None = None,
     browser: Browser | None = None,
     progress: bool = True,
+    **settings: Any,
 ) -> Path:
     """Write a motion as a video, with its legend and the time; returns its path.
 
@@ -86,28 +72,16 @@ def export_video(
     nor a graphics card is needed. Ctrl-C ends it; the file is written whole or not at all.
 
     Args:
-        trajectory: What `rbd.simulate` or `rbd.check_motion` returned, or an `rbd.Motion`, which has no forces; two samples at
-            least.
+        motion: As for `export_motion`.
         path: Of the video, ends in .mp4 or .gif.
         fps: Pictures a second; at most 240, in a .gif 50.
         width: Pixels across, even for .mp4.
         height: Pixels down, even for .mp4.
-        speed: Seconds of motion a second.
-        title: Headline; the robot's name by default.
-        external: The external forces that were given to `rbd.simulate`: constant, or as a function of state and time.
-        ghost: A second motion of the same robot, drawn translucent in one colour at the same times.
-        beside: A second motion, of this robot or another, drawn to the right of the first; not of a report.
-        beside_external: The external forces of `beside`.
-        follow: Whether the camera follows the robot; by default if it travels far.
-        trace: Whether to draw the path of the centre of mass.
-        footprints: Whether to draw the outlines of soles where they stood.
-        ground: Whether to draw the ground z = 0 as a grid.
-        seen_from: Direction from the robot to the camera, in W, shape (3,); by default from the front left.
-        arrow_per_weight: Length of an arrow as large as the robot's weight [m].
         view: Where the camera stands: "start", "front", "side" or "top".
         layers: {layer: whether it is shown}, of `rbd.visual.pages.link.LAYERS`.
         browser: An open browser; by default one is started.
         progress: Whether to draw a bar on a terminal while it works.
+        **settings: Others of `export_motion`, as `speed`, `title`, `external`, `ghost`, `beside`, `follow` and `seen_from`.
 
     Raises:
         InputError: no motion, fewer than two samples, invalid settings, more than 20,000 pictures.
@@ -119,22 +93,25 @@ def export_video(
         >>> rbd.visual.export_video(swing, "swing.gif", fps=20, speed=0.1)  # doctest: +SKIP
         PosixPath('swing.gif')
     """
-    given = replace(Playback.of(locals() | {"view": "start"}), fps=None, layers=None, charts=False)
+    given = Playback.of({"charts": False, **settings})
     target, write = _checked(path, fps, width, height)
-    fps, speed = float(fps), positive("speed", speed, 1000.0, "")
     link = page_link(view=view, layers=layers, controls=False)
-    scene = _scene(trajectory, given)
-    times = frame_times(*_span(trajectory, beside), fps, speed)
-    settings = {"width": width, "height": height, "quality": QUALITY[target.suffix.lower()], "speed": speed}
+    shown = shown_motion(motion)
+    speed = given.resolved(shown).speed
+    assert speed is not None
+    scene = motion_scene(motion, given)
+    spans = [shown.t] if given.beside is None else [shown.t, shown_motion(given.beside).t]
+    times = frame_times(min(float(t[0]) for t in spans), max(float(t[-1]) for t in spans), float(fps), speed)
+    look = {"width": width, "height": height, "quality": QUALITY[target.suffix.lower()], "speed": speed}
     with tempfile.TemporaryDirectory(prefix="rbd-video-") as folder, one_browser(browser) as used:
         page = Path(folder) / "page.html"
-        write_page(page, scene.page(title))
+        write_page(page, scene.page())
         across, down = _window(width, height)
-        with used.open(page, width=across, height=down, fragment=link, before=_BEFORE) as shown:
-            shown.evaluate(f"{_script()}\nvoid (window.video = new Video(stage, {json.dumps(settings)}))")
+        with used.open(page, width=across, height=down, fragment=link, before=_BEFORE) as opened:
+            opened.evaluate(f"{_script()}\nvoid (window.video = new Video(stage, {json.dumps(look)}))")
             with progress_of(times, shown=progress, doing="drawing the video") as reached:
-                samples = _frames(shown, times[:: max(1, len(times) // SAMPLES)])
-                write_file(target, lambda file: write(file, _frames(shown, times, reached), samples), PictureError)
+                samples = _frames(opened, times[:: max(1, len(times) // SAMPLES)])
+                write_file(target, lambda file: write(file, _frames(opened, times, reached), samples), PictureError)
     return target
 
 
@@ -168,30 +145,6 @@ def frame_times(first: float, last: float, fps: float, speed: float) -> list[flo
     if n > MOST_FRAMES:
         raise InputError(f"a video of {n} pictures; expected at most {MOST_FRAMES}: give a lower fps or a higher speed.")
     return [min(last, first + i * speed / fps) for i in range(n)]
-
-
-def _span(trajectory: object, beside: object) -> tuple[float, float]:
-    """First and last time of what is shown [s]."""
-    times = [np.asarray(getattr(each, "motion", each).t) for each in (trajectory, beside) if each is not None]  # type: ignore[attr-defined]
-    return min(float(t[0]) for t in times), max(float(t[-1]) for t in times)
-
-
-def _scene(trajectory: Trajectory | Motion | MotionReport, given: Playback) -> Scene:
-    """The scene of a motion or of a report, without charts."""
-    from rbd.motion.report import MotionReport
-    from rbd.visual.playback.report_page import report_scene
-
-    if not isinstance(trajectory, MotionReport):
-        return motion_scene(trajectory, given)
-    for name in ("external", "beside", "beside_external"):
-        if getattr(given, name) is not None:
-            raise InputError(f"{name} was given with a report; expected it with a trajectory or a motion.")
-    for name in ("footprints", "ground"):
-        if getattr(given, name) is not True:
-            raise InputError(
-                f"{name} was given with a report, which has its ground; expected it with a trajectory or a motion."
-            )
-    return report_scene(trajectory, given)
 
 
 def _window(width: int, height: int) -> tuple[int, int]:

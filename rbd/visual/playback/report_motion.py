@@ -1,0 +1,181 @@
+"""A report on a motion, as it is shown: contact forces, the missing wrench, causes over time, and its charts."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.motion.causes import CAUSES
+from rbd.motion.report import MotionReport
+from rbd.simulation.simulated_motion import OPEN, SLIPS, STICKS, Event
+from rbd.visual.playback.curves import FINE, GREY, Choice, CurveChart, CurveLine, chart, most_used
+from rbd.visual.playback.motion_frames import MOST_NUMBERS
+from rbd.visual.playback.shown_motion import ShownMotion, Track, robot_of
+from rbd.visual.playback.trajectory_charts import OF_POSES, Maker, chosen_charts, makers_of
+from rbd.visual.style import CONTACT_COLORS, WRENCH_COLOR, contact_colors, distinct_colors
+
+MOMENT_ARM = 0.3
+"""A missing moment is drawn as the force that has it at this distance [m], as the report weighs it."""
+MOMENT_COLOR = "#8a2f4f"
+MOST_FPS = 120.0
+"""Motions of a higher rate are shown at the page's own."""
+_YES = "yes"
+
+
+def report_charts(report: MotionReport, choice: Choice = True) -> list[CurveChart]:
+    """The charts of a report: the missing wrench, torques, friction, centre of pressure; or those that are named.
+
+    Args:
+        report: The report.
+        choice: True: all that there are numbers for; or names: "missing wrench", "torques", "friction", "centre of pressure",
+            and "angles", "speeds", "height" of the motion.
+
+    Raises:
+        InputError: an unknown name, or one that there are no numbers for.
+    """
+    own = {"missing wrench": _missing, "torques": _torques, "friction": _friction, "centre of pressure": _pressure}
+    makers: dict[str, Maker] = {name: partial(make, report) for name, make in own.items()}
+    poses = makers_of(report.motion)
+    return chosen_charts(report.motion.robot.name, makers | {name: poses[name] for name in OF_POSES}, choice, tuple(own))
+
+
+def _missing(report: MotionReport) -> CurveChart:
+    threshold = 100.0 * report.settings.threshold
+    lines = [
+        CurveLine("3 × noise", GREY, 300.0 * report.open, FINE),
+        CurveLine("missing", WRENCH_COLOR, 100.0 * report.missing_scaled),
+    ]
+    scale = {"limits": {"threshold": threshold}, "least_top": 5.0 * threshold, "percentile": 98.0}
+    return chart("missing wrench", "missing wrench, % of the weight", lines, **scale)  # type: ignore[arg-type]
+
+
+def _torques(report: MotionReport) -> CurveChart | None:
+    if not np.isfinite(report.limit).any():
+        return None
+    names = report.motion.robot.actuated_names
+    return most_used("torques", "motor torques, % of their limits", names, 100.0 * report.used_torque, limit=100.0)
+
+
+def _places(report: MotionReport) -> dict[str, int]:
+    """{contact that touches at times: its number}."""
+    group, touches = report.lanes.points.group, report.lanes.touches
+    return {str(c.name): g for g, c in enumerate(report.lanes.contacts) if touches[:, group == g].any()}
+
+
+def _friction(report: MotionReport) -> CurveChart | None:
+    places = _places(report)
+    colors = contact_colors(places)
+    lines = [CurveLine(name, colors[name], 100.0 * report.used_friction[:, g]) for name, g in places.items()]
+    title = f"friction used, % (coefficient {report.friction:g})"
+    return chart("friction", title, lines, limits={"limit": 100.0}, least_top=120.0, percentile=99.5) if lines else None
+
+
+def _pressure(report: MotionReport) -> CurveChart | None:
+    places = _places(report)
+    if not any(np.isfinite(report.edge_margin[:, g]).any() for g in places.values()):
+        return None
+    colors = contact_colors(places)
+    lines = [CurveLine(name, colors[name], 1e3 * report.edge_margin[:, g]) for name, g in places.items()]
+    return chart("centre of pressure", "centre of pressure: distance from the sole's edge, mm", lines)
+
+
+@dataclass(frozen=True)
+class WorstFrame(Event):
+    """The worst frame of a cause, as a mark on the bar.
+
+    Attributes:
+        words: What it says.
+    """
+
+    words: str = ""
+
+    def __str__(self) -> str:
+        return self.words
+
+
+def shown_report(report: MotionReport) -> ShownMotion:
+    """A report as a motion that can be shown; heights are those above the floor, contacts those that ever touch."""
+    motion, lanes = report.motion, report.lanes
+    q, places = np.array(motion.q), lanes.places - [0.0, 0.0, lanes.ground]
+    q[:, 2] -= lanes.ground
+    points, forces, modes = {}, {}, {}
+    events: list[Event] = []
+    for name, g in _places(report).items():
+        own = lanes.points.group == g
+        on, slips = (np.asarray(each[:, own].any(axis=1)) for each in (lanes.touches, lanes.slides))
+        points[name], forces[name] = places[:, own], report.forces[:, own]
+        modes[name] = np.where(slips, SLIPS, np.where(on, STICKS, OPEN)).tolist()
+        for i in (np.flatnonzero(np.diff(on)) + 1).tolist():
+            corner = int(lanes.touches[i if on[i] else i - 1, own].argmax())
+            events.append(Event(float(motion.t[i]), name, "touches" if on[i] else "leaves", corner))
+    for cause in CAUSES:
+        if (found := report.of_cause(cause)).any():
+            modes[cause] = np.where(found, _YES, OPEN).tolist()
+            events.append(_worst(report, cause))
+    model = motion.robot.model
+    data = model.createData()
+    com = np.array([[pin.centerOfMass(model, data, each)] for each in q])
+    pushes = (
+        Track("missing force", com, report.missing[:, None, :3], WRENCH_COLOR),
+        Track(f"missing moment / {MOMENT_ARM:g} m", com, report.missing[:, None, 3:] / MOMENT_ARM, MOMENT_COLOR),
+    )
+    worst = int(np.argmax(np.where(report.possible, -1.0, report.missing_scaled)))
+    start = float(motion.t[0] if report.possible.all() else motion.t[worst])
+    return ShownMotion(
+        report,
+        robot_of(motion.robot),
+        motion.t,
+        q,
+        motion.v,
+        headline_of(report),
+        points,
+        forces,
+        modes,
+        tuple(events),
+        lanes=cause_colors(),
+        pushes=pushes,
+        down=lanes.ground,
+        charts=partial(report_charts, report),
+        defaults={"trace": False, "fps": _fps(report), "start": start},
+    )
+
+
+def headline_of(report: MotionReport) -> str:
+    """The motion's source, and how many of its frames are possible."""
+    return f"{report.motion.source}: {int(report.possible.sum())} of {report.n} frames possible"
+
+
+def _fps(report: MotionReport) -> float | None:
+    """The motion's own rate, so that each picture is one of its frames; None where those would be too many."""
+    rate = report.motion.rate
+    width = 8 * report.motion.robot.model.njoints + 6 * len(report.lanes.names)
+    return rate if rate <= MOST_FPS and report.n * width <= MOST_NUMBERS else None
+
+
+def cause_colors() -> Mapping[str, str]:
+    """{cause: colour}; none is the colour of one of the first contacts."""
+    return dict(zip(CAUSES, distinct_colors(len(CONTACT_COLORS) + len(CAUSES))[len(CONTACT_COLORS) :], strict=True))
+
+
+def _worst(report: MotionReport, cause: str) -> WorstFrame:
+    i = int(report.worst(cause, 1)[0])
+    t = float(report.motion.t[i])
+    told = f"{t:.3f} s: {cause}, worst frame {i}"
+    if cause in ("floats", "friction", "tips"):
+        told += f", {_percent(100.0 * report.missing_scaled[i])} % of the weight missing"
+    if cause == "motor":
+        j = int(np.argmax(report.excess[i]))
+        told += f", {report.motion.robot.actuated_names[j]} {_percent(100.0 * report.excess[i, j])} % beyond its limit"
+    if cause == "torque-speed":
+        told += f", {report.on_line(i)}"
+    if cause == "sinks":
+        told += f", {-1e3 * float(report.lanes.heights[i].min()):.0f} mm below the floor"
+    return WorstFrame(t, cause, cause, words=told)
+
+
+def _percent(value: float) -> str:
+    return f"{value:.0f}" if value >= 10.0 or value == 0.0 else f"{value:.2g}"

@@ -1,0 +1,148 @@
+"""A motion as it is shown, whatever gave it: a simulation, a reference motion, a report on one, a planar chain."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from rbd.arrays import Array, as_float
+from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
+from rbd.robots.robot import Robot
+from rbd.simulation.simulated_motion import Event
+from rbd.visual.playback.curves import Choice, CurveChart
+from rbd.visual.playback.trajectory_charts import charts_of
+from rbd.visual.style import PUSH_COLOR
+
+FORCES = ("points", "point_forces", "modes", "events")
+WANTED = ("robot", "t", "q", "v", *FORCES)
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Forces at some points over time.
+
+    Attributes:
+        name: Of the contact, or of what pushes.
+        points: In W, shape (n, k, 3) [m]; NaN where there is no such point at that time.
+        forces: On the robot, in W, shape (n, k, 3) [N]; zero without contact.
+        color: Of what is no contact, as '#rrggbb'.
+    """
+
+    name: str
+    points: Array
+    forces: Array
+    color: str = PUSH_COLOR
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "forces", np.nan_to_num(self.forces, nan=0.0, posinf=0.0, neginf=0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class ShownMotion:
+    """A motion as it is shown: its samples, its contacts, and what is special about its kind.
+
+    Attributes:
+        source: What gave it: its further numbers are drawn as curves, its force elements in the picture.
+        robot: The robot, with its meshes.
+        t: Times, shape (n,) [s], increasing; n is 2 or more.
+        q: Configurations, shape (n, nq).
+        v: Velocities, shape (n, nv).
+        title: Headline.
+        points: {contact: its points in W, shape (n, k, 3) [m]}.
+        point_forces: {contact: the forces there, shape (n, k, 3) [N]}.
+        modes: {constraint, or another thing that is the case at times: its mode at each sample}.
+        events: Marks on the bar.
+        lanes: {mode that is no contact's: its colour}, of those with a lane above the bar.
+        pushes: Forces that are no contacts', at each sample.
+        down: By how much the motion was lowered [m]: so is a second one.
+        charts: The charts that are chosen.
+        defaults: {setting of `Playback`: its value for this kind of motion where none is given}.
+
+    Raises:
+        InputError: fewer than two samples, times that do not increase, numbers that are not finite.
+    """
+
+    source: Any
+    robot: Robot
+    t: Array
+    q: Array
+    v: Array
+    title: str
+    points: Mapping[str, Array] = field(default_factory=dict)
+    point_forces: Mapping[str, Array] = field(default_factory=dict)
+    modes: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    events: Sequence[Event] = ()
+    lanes: Mapping[str, str] = field(default_factory=dict)
+    pushes: tuple[Track, ...] = ()
+    down: float = 0.0
+    charts: Callable[[Choice], list[CurveChart]] = lambda _: []  # noqa: E731
+    defaults: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        """Check."""
+        n = len(self.t)
+        if n < 2:
+            some = "no sample" if n == 0 else "one sample only"
+            raise InputError(f"the trajectory has {some}; a motion wants two. Show a single state with rbd.visual.Scene.")
+        if not np.all(np.isfinite(self.t)) or np.min(np.diff(self.t)) <= 0.0:
+            raise InputError("the times of the trajectory do not increase; expected those that rbd.simulate gave.")
+        finite = np.isfinite(self.q).all(axis=1)
+        if not finite.all():
+            i = int(np.argmin(finite))
+            raise InputError(f"q is not finite at {self.t[i]:.6g} s; show what is before it: trajectory[:{i}].")
+
+    @classmethod
+    def of_trajectory(cls, trajectory: Any) -> ShownMotion:
+        """That of a trajectory, or of an `rbd.Motion`, of which no forces are known.
+
+        Raises:
+            InputError: what is neither.
+        """
+        missing = {name for name in WANTED if not hasattr(trajectory, name)}
+        if missing - set(FORCES) or not isinstance(getattr(trajectory, "robot", None), CheckedModel):
+            raise InputError(f"{trajectory!r:.80} is no trajectory; expected what rbd.simulate returned, or an rbd.Motion.")
+        forces = {} if missing else {name: getattr(trajectory, name) for name in FORCES}
+        robot, t = robot_of(trajectory.robot), np.asarray(trajectory.t, float)
+        charts = partial(charts_of, trajectory)
+        return cls(trajectory, robot, t, trajectory.q, trajectory.v, robot.name, charts=charts, **forces)
+
+
+def robot_of(robot: CheckedModel) -> Robot:
+    """A robot with meshes.
+
+    Raises:
+        InputError: it has none.
+    """
+    if not isinstance(robot, Robot):
+        raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
+    return robot
+
+
+def positive(what: str, value: object, most: float, unit: str) -> float:
+    """A finite number above zero, `most` at most.
+
+    Raises:
+        InputError: if it is not.
+    """
+    number = as_float(value)
+    if not 0.0 < number <= most:
+        raise InputError(f"{what} is {value!r:.80}; expected a number above 0, at most {most:g}{unit}.")
+    return number
+
+
+def a_time(what: str, value: object, first: float, last: float) -> float:
+    """A time from the first to the last of a motion [s].
+
+    Raises:
+        InputError: if it is outside, or none.
+    """
+    t = as_float(value)
+    # A time that was computed as the end may lie a rounding beyond it.
+    if not first - 1e-9 <= t <= last + 1e-9:
+        raise InputError(f"{what} is {value!r:.80}; the motion runs from {first:g} s to {last:g} s.")
+    return min(max(t, first), last)
