@@ -6,12 +6,14 @@ import base64
 import json
 import re
 import zlib
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import umsgpack
 
-from rbd.visual.packed_meshes import unpacked
+from rbd.visual.packed_meshes import CORNER_BYTES, STEPS
 from rbd.visual.shapes import Mesh
 
 COMMAND = re.compile(r"^stage\.command\((\d+)\);$|^stage\.place\((\{.*\}), (\d+)\);$", re.MULTILINE)
@@ -22,6 +24,19 @@ def block(text: str, name: str) -> bytes:
     found = re.search(rf'<script type="text/plain" id="{name}">([^<]*)</script>', text)
     assert found is not None
     return zlib.decompress(base64.b64decode(found[1]))
+
+
+def unpacked(header: Mapping[str, Any], data: bytes) -> Mesh:
+    """The triangles, as the page reads them."""
+    n, m = header["vertices"], header["faces"]
+    body = np.frombuffer(data, np.uint8).astype(np.int64)
+    planes = body[: 6 * n].reshape(3, 2, n)
+    zigzag = planes[:, 0] + 256 * planes[:, 1]
+    places = np.cumsum((zigzag >> 1) ^ -(zigzag & 1), axis=1) % (STEPS + 1)
+    vertices = np.array(header["low"]) + places.T * (np.array(header["side"]) / STEPS)
+    below = (body[6 * n :].reshape(CORNER_BYTES, 3 * m) << (8 * np.arange(CORNER_BYTES))[:, None]).sum(axis=0)
+    new = below == 0
+    return Mesh(vertices, (np.cumsum(new) - new - below).reshape(-1, 3))
 
 
 def contents(page: Path) -> list[dict[str, Any]]:

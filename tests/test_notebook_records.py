@@ -19,8 +19,8 @@ from copied import instances
 
 import rbd
 from rbd.displayed import Displayed
-from rbd.visual.notebook.card import MOST_LETTERS, card_html, documented, field_rows, words
-from rbd.visual.notebook.shown import chart_svg, contact_motions, html_of, printed
+from rbd.records import documented, rows_of, words
+from rbd.visual.notebook.shown import MOST_LETTERS, card_html, chart_svg, contact_motions, html_of, printed
 from rbd.visual.playback.curves import CurveLine, chart
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "docs" / "site"))
@@ -203,7 +203,6 @@ def test_long_things_are_cut_and_counted() -> None:
     assert words(np.linspace(-1.0, 2.0, 700).reshape(100, 7)) == "shape (100, 7), -1 to 2"
     assert words(np.array([1.0, np.nan])) == "(1, -)" and words(np.zeros((0, 3))) == "empty, shape (0, 3)"
     assert words(np.ones(3, bool)) == "shape (3,), 3 true"
-    assert words({("a", 1): 2.0}) == "1 entries"
     assert len(drawn(np.random.default_rng(0).normal(size=10**5))) < 8000
 
 
@@ -232,7 +231,7 @@ def test_fields_have_the_units_of_their_docstring() -> None:
         name: str
 
     assert documented(Spring)["stiffness"] == ("N/m", "How hard it is, as in")
-    assert field_rows(Spring(2.5, "a"))[0] == ("stiffness", "2.5", "N/m", "How hard it is, as in")
+    assert rows_of(Spring(2.5, "a"))[0] == ("stiffness", "2.5", "N/m", "How hard it is, as in")
     assert "Spring: A spring" in Spring(2.5, "a")._repr_html_()
 
 

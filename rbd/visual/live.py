@@ -16,6 +16,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
 from rbd.model.data_pool import renewed_after_fork
 from rbd.visual.scene import Scene
+from rbd.visual.shapes import round_number
 
 LARGEST_MESSAGE = 4000
 """Largest message of a page that is read, in characters."""
@@ -66,7 +67,7 @@ class Slider(Displayed):
                 f"{self.name!r} goes from {self.low:g} to {self.high:g} and starts at {self.value:g}; expected low < high and "
                 "a value between them."
             )
-        step = _round_step((self.high - self.low) / _STEPS) if self.step is None else as_float(self.step)
+        step = round_number((self.high - self.low) / _STEPS) if self.step is None else as_float(self.step)
         if not 0.0 < step <= self.high - self.low:
             raise InputError(f"step of {self.name!r} is {self.step!r:.80}; expected a number above 0, within the range.")
         object.__setattr__(self, "step", step)
@@ -206,12 +207,6 @@ def _asked(given: Any) -> tuple[int, int]:
     if isinstance(given, list) and len(given) == 2 and all(type(n) is int and 0 <= n < 2**32 for n in given):
         return given[0], given[1]
     return 0, 0
-
-
-def _round_step(step: float) -> float:
-    """The nearest of 1, 2 and 5 times a power of ten, in ratio."""
-    power = 10.0 ** math.floor(math.log10(step))
-    return float(f"{min((power * m for m in (1.0, 2.0, 5.0, 10.0)), key=lambda s: abs(math.log(s / step))):.1g}")
 
 
 SETTLE_SECONDS = 0.06

@@ -12,7 +12,6 @@ import json
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import meshcat
 import numpy as np
@@ -75,19 +74,6 @@ def split(data: bytes) -> tuple[str, bytes]:
     """The header, JSON, and the packed triangles of a message."""
     length = struct.unpack_from("<I", data, 1)[0]
     return data[5 : 5 + length].decode(), data[5 + length :]
-
-
-def unpacked(header: Mapping[str, Any], data: bytes) -> Mesh:
-    """The triangles, as the page reads them."""
-    n, m = header["vertices"], header["faces"]
-    body = np.frombuffer(data, np.uint8).astype(np.int64)
-    planes = body[: 6 * n].reshape(3, 2, n)
-    zigzag = planes[:, 0] + 256 * planes[:, 1]
-    places = np.cumsum((zigzag >> 1) ^ -(zigzag & 1), axis=1) % (STEPS + 1)
-    vertices = np.array(header["low"]) + places.T * (np.array(header["side"]) / STEPS)
-    below = (body[6 * n :].reshape(CORNER_BYTES, 3 * m) << (8 * np.arange(CORNER_BYTES))[:, None]).sum(axis=0)
-    new = below == 0
-    return Mesh(vertices, (np.cumsum(new) - new - below).reshape(-1, 3))
 
 
 def in_order(mesh: Mesh) -> Mesh:

@@ -14,15 +14,14 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_vector3
 from rbd.errors import InputError, RbdError
-from rbd.visual.marks.contacts import ShownForce
+from rbd.visual.marks.shown_force import ShownForce
 from rbd.visual.robot_meshes import RobotPart, triangles
-from rbd.visual.shapes import Mesh, outermost, round_number
+from rbd.visual.shapes import Mesh, joined, outermost, round_number
 from rbd.visual.style import COLLISION_COLOR
 
 if TYPE_CHECKING:
     from rbd.model.checked_model import CheckedModel
     from rbd.robots.robot import Robot
-    from rbd.visual.marks.contacts import ShownForce
 
 DIRECTIONS = 64
 """The hull that stands for the collision shape of a mesh begins with the outermost points in so many directions."""
@@ -75,7 +74,7 @@ def _collision_parts(robot: Robot) -> list[CollisionPart]:
         if hull:
             mesh, outside = _small_hull(_points(shape.geometry))
         else:
-            mesh = triangles(shape.geometry) or Mesh(np.zeros((0, 3)), np.zeros((0, 3), int))
+            mesh = triangles(shape.geometry) or joined([])
         if len(mesh.faces):
             part = RobotPart(shape.name, shape.parentJoint, shape.placement, mesh, COLLISION_COLOR, HULL_OPACITY)
             found.append(CollisionPart(part, _frame_name(robot, shape.parentFrame), outside, hull))
@@ -92,23 +91,19 @@ def _small_hull(points: Array) -> tuple[Mesh, float]:
     """The hull of the outermost of some points, and how far others lie outside of it [m]; no triangles of a flat set."""
     from scipy.spatial import ConvexHull, QhullError  # import takes a tenth of a second
 
-    k = np.arange(DIRECTIONS) + 0.5  # even over the sphere: Fibonacci's lattice
-    height, angle = 1.0 - 2.0 * k / DIRECTIONS, np.pi * (1.0 + 5.0**0.5) * k
-    flat = np.sqrt(1.0 - height**2)
-    directions = np.column_stack([flat * np.cos(angle), flat * np.sin(angle), height])
-    few = np.unique((points @ directions.T).argmax(axis=0)) if len(points) else np.zeros(0, int)
+    corners = outermost(points, directions=DIRECTIONS) if len(points) else points
     for round_ in range(ROUNDS + 1):
         try:
-            hull = ConvexHull(points[few])
+            hull = ConvexHull(corners)
         except (QhullError, ValueError):
-            return Mesh(np.zeros((0, 3)), np.zeros((0, 3), int)), 0.0
+            return joined([]), 0.0
         planes = np.unique(np.round(hull.equations, 9), axis=0)
         far = points @ planes[:, :3].T + planes[:, 3]
-        outermost, by = far.argmax(axis=0), far.max(axis=0)
+        by = far.max(axis=0)
         if round_ == ROUNDS or by.max() < CLOSE_M:
             break
-        few = np.unique([*few, *outermost[by > CLOSE_M]])
-    corners, faces = points[few], np.array(hull.simplices)
+        corners = np.unique(np.vstack([corners, points[far.argmax(axis=0)[by > CLOSE_M]]]), axis=0)
+    faces = np.array(hull.simplices)
     a, b, c = (corners[faces[:, i]] for i in range(3))
     inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0.0
     faces[inward] = faces[inward][:, ::-1]
@@ -151,6 +146,7 @@ def frames(robot: CheckedModel, data: pin.Data, contacts: Iterable[ShownForce], 
         lines = [f"frame of the joint ({kind})", "x red, y green, z blue"]
         listed.append({"name": robot.model.names[joint], "lines": lines, "at": _pose(data.oMi[joint]), "joint": joint})
     for contact in contacts:
+        assert contact.patch is not None
         pose = pin.SE3(np.array(contact.patch.axes), np.array(contact.patch.point))
         lines = ["frame of the contact", "x red, y green, z (normal) blue"]
         listed.append({"name": contact.name, "lines": lines, "at": _pose(pose), "joint": 0})
@@ -176,7 +172,7 @@ def front_of(robot: CheckedModel, data: pin.Data, contacts: Iterable[ShownForce]
 
 def toes_of(contacts: Iterable[ShownForce]) -> list[Array]:
     """The x axes of the soles among some contacts, along the ground in W, each of shape (2,)."""
-    return [c.patch.axes[:2, 0] for c in contacts if len(c.corners) > 2]
+    return [c.patch.axes[:2, 0] for c in contacts if c.patch is not None and len(c.corners) > 2]
 
 
 def ahead_of(toes: Sequence[Array]) -> Array:

@@ -81,17 +81,6 @@ def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
     return _DONE[robot]
 
 
-def coarse(parts: Sequence[RobotPart], cell: float) -> tuple[RobotPart, ...]:
-    """The same pieces with fewer triangles, for pictures with pixels of about `cell` [m]; pieces within a cell are left out.
-
-    Args:
-        parts: Pieces, as `robot_parts` gives them.
-        cell: Detail to keep [m]: points nearer to each other are drawn together, see `shapes.clustered`.
-    """
-    fewer = (replace(part, mesh=shapes.clustered(part.mesh, cell)) for part in parts)
-    return tuple(part for part in fewer if len(part.mesh.faces))
-
-
 def _made(robot: Robot) -> list[RobotPart]:
     if parts := [part for obj in robot.visual_model.geometryObjects for part in _parts_of(obj)]:
         return parts

@@ -20,10 +20,10 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ExternalForce, ForceElement
 from rbd.model.state import State
 from rbd.visual.drawn_robot import Details, DrawnRobot, OtherPoses, check_poses
-from rbd.visual.marks.contacts import ShownForce
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture, legend_data
 from rbd.visual.marks.regions import Drawn, left_out_of, marks_of
+from rbd.visual.marks.shown_force import ShownForce
 from rbd.visual.packed_meshes import described, send_mark, send_part
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.link import checked_layers, checked_view

@@ -150,31 +150,6 @@ def creased(mesh: Mesh, *, angle_deg: float = 35.0) -> Mesh:
     return Mesh(vertices, group.reshape(-1, 3))
 
 
-def clustered(mesh: Mesh, cell: float) -> Mesh:
-    """The mesh with all vertices in one cell of a grid drawn together, and without the triangles that this flattens.
-
-    No vertex moves by more than the cell's diagonal. Sheets thinner than a cell keep their two sides. Sharp edges
-    are found anew, see `creased`.
-
-    Args:
-        mesh: Triangles.
-        cell: Side of a grid's cell [m].
-    """
-    if not len(mesh.faces):
-        return mesh
-    place = np.floor((mesh.vertices - mesh.vertices.min(axis=0)) / cell).astype(np.int64)
-    across = place.max(axis=0) + 1
-    _, group = np.unique((place[:, 0] * across[1] + place[:, 1]) * across[2] + place[:, 2], return_inverse=True)
-    count = np.bincount(group)
-    vertices = np.column_stack([np.bincount(group, mesh.vertices[:, i]) / count for i in range(3)])
-    faces = group[mesh.faces]
-    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
-    # Each triangle starts at its lowest number: of equal ones with equal sides outside, one is kept.
-    turned = (np.argmin(faces, axis=1)[:, None] + np.arange(3)) % 3
-    faces = np.unique(np.take_along_axis(faces, turned, axis=1), axis=0)
-    return creased(Mesh(vertices, faces))
-
-
 def arrow(start: Array, vector: Array, *, radius: float, longest: float = np.inf) -> Mesh:
     """An arrow from `start` along `vector`, both of shape (3,) [m]: its tip is at start + vector.
 

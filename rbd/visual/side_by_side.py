@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import tempfile
 from collections.abc import Iterable, Mapping, Sequence
@@ -20,14 +19,15 @@ from rbd.robots.loading import load_robot
 from rbd.robots.robot import Robot
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold
-from rbd.visual.pages.browser import Browser, one_browser
+from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import screenshot, write_page
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_count, a_page, a_picture
 
 MOST = 12
 """Browsers draw some sixteen scenes at a time, and no more."""
-CAPTION_HEIGHT = 44
+CAPTION_HEIGHT, GAP = 44, 4
+"""Of a scene's caption, and between two scenes [pixels]."""
 
 _PAGE = Template("""<!DOCTYPE html>
 <html lang="en">
@@ -39,7 +39,7 @@ style-src 'unsafe-inline'; img-src data: blob:; worker-src blob:; frame-src 'sel
 <title>$title</title>
 <style>
 html, body { margin: 0; height: 100%; background: #ffffff; font: 15px/20px system-ui, "DejaVu Sans", sans-serif; }
-main { display: grid; grid-template-columns: repeat($columns, minmax(0, 1fr)); gap: 4px; height: 100%; }
+main { display: grid; grid-template-columns: repeat($columns, minmax(0, 1fr)); gap: ${gap}px; height: 100%; }
 main { grid-template-rows: repeat($rows, minmax(0, 1fr)); }
 figure { margin: 0; display: flex; flex-direction: column; min-height: 0; }
 iframe { flex: 1; min-height: 0; width: 100%; border: 0; }
@@ -119,6 +119,7 @@ def scenes_beside(
         columns=across,
         rows=-(-len(scenes) // across),
         caption=CAPTION_HEIGHT,
+        gap=GAP,
         figures="\n".join(figures),
     )
     write_page(target, text)
@@ -167,32 +168,6 @@ def _figure(caption: str, scene: Scene) -> str:
     return f'<figure>{head}<iframe title="{name}" srcdoc="{page}"></iframe></figure>'
 
 
-ROBOT_CAPTION_HEIGHT = 46
-GAP = 10
-
-_SHEET = Template("""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta http-equiv="Content-Security-Policy" content="default-src 'none'; style-src 'unsafe-inline'; img-src data:">
-<title>robots</title>
-<style>
-body { margin: 0; background: #ffffff; font: 15px/20px system-ui, "DejaVu Sans", sans-serif; color: #1f2933; }
-main { display: grid; grid-template-columns: repeat($columns, ${width}px); gap: ${gap}px; padding: ${gap}px; }
-figure { margin: 0; border-radius: 10px; overflow: hidden; background: #dbe3eb; }
-img { display: block; width: ${width}px; height: ${height}px; }
-figcaption { height: ${caption}px; line-height: ${caption}px; padding: 0 16px; background: #eef2f5; display: flex; }
-figcaption b { flex: 1; font-size: 17px; }
-figcaption span { color: #5b6770; font-size: 13px; }
-</style>
-</head>
-<body><main>
-$figures
-</main></body>
-</html>
-""")
-
-
 def contact_sheet(
     robots: Iterable[Robot | str] | Robot | str,
     png_path: str | PathLike[str],
@@ -209,7 +184,7 @@ def contact_sheet(
     its front left, if its soles show where that is.
 
     Args:
-        robots: Robots that stand (`robot.standing()`, `robot.feet()`), or their names.
+        robots: Robots that stand (`robot.standing()`, `robot.feet()`), or their names, up to twelve.
         png_path: Path of the picture.
         columns: Robots in a row.
         width: Of one robot's picture, in pixels.
@@ -227,8 +202,8 @@ def contact_sheet(
         >>> rbd.visual.contact_sheet(["solo12", "talos"], "standing.png")  # doctest: +SKIP
         PosixPath('standing.png')
     """
-    columns, width, height = a_count("columns", columns, 100), a_count("width", width, 4000), a_count("height", height, 4000)
-    a_picture(png_path)
+    columns, width, height = a_count("columns", columns, MOST), a_count("width", width, 4000), a_count("height", height, 4000)
+    picture = a_picture(png_path)
     try:
         given = [robots] if isinstance(robots, str | Robot) else list(robots)
     except TypeError:
@@ -238,28 +213,16 @@ def contact_sheet(
     loaded = [load_robot(robot) if isinstance(robot, str) else robot for robot in given]
     if not loaded:
         raise InputError("a contact sheet of no robots; give some, or their names: ['talos', 'go2'].")
+    scenes: dict[str, tuple[State, Solution]] = {}
+    for robot in loaded:
+        state, feet = robot.standing(), robot.feet(friction)
+        kind = "soles" if len(feet[0].corners) > 1 else "points"
+        caption = f"{robot.name}: {robot.mass:.3g} kg on {len(feet)} {kind}"
+        while caption in scenes:
+            caption += ", again"
+        scenes[caption] = state, solve(state, hold(state, feet).tau, feet)
     columns = min(columns, len(loaded))
-    rows = -(-len(loaded) // columns)
-    with tempfile.TemporaryDirectory(prefix="rbd-sheet-") as folder, one_browser(browser) as used:
-        figures = [_robot_figure(robot, Path(folder), width, height, friction, used) for robot in loaded]
-        page = Path(folder) / "sheet.html"
-        text = _SHEET.substitute(
-            columns=columns, width=width, height=height, caption=ROBOT_CAPTION_HEIGHT, gap=GAP, figures="\n".join(figures)
-        )
-        page.write_text(text, encoding="utf-8")
-        whole = columns * (width + GAP) + GAP, rows * (height + ROBOT_CAPTION_HEIGHT + GAP) + GAP
-        return screenshot(page, png_path, width=whole[0], height=whole[1], browser=used)
-
-
-def _robot_figure(robot: Robot, folder: Path, width: int, height: int, friction: float, browser: Browser) -> str:
-    state, feet = robot.standing(), robot.feet(friction)
-    solution = solve(state, hold(state, feet).tau, feet)
-    with Scene(robot, legend=False) as scene:
-        scene.show(state, solution)
-        picture = scene.screenshot(folder / "robot.png", width=width, height=height, browser=browser)
-    data = base64.b64encode(picture.read_bytes()).decode("ascii")
-    kind = "soles" if len(feet[0].corners) > 1 else "points"
-    facts = f"{robot.mass:.3g} kg on {len(feet)} {kind}"
-    name = html.escape(robot.name)
-    caption = f"<figcaption><b>{name}</b><span>{facts}</span></figcaption>"
-    return f'<figure><img alt="{name}" src="data:image/png;base64,{data}">{caption}</figure>'
+    across, down = columns * (width + GAP) - GAP, -(-len(loaded) // columns) * (height + CAPTION_HEIGHT + GAP) - GAP
+    with tempfile.TemporaryDirectory(prefix="rbd-sheet-") as folder:
+        page = scenes_beside(scenes, Path(folder) / "sheet.html", columns=columns, legend=False)
+        return screenshot(page, picture, width=across, height=down, browser=browser)

@@ -71,7 +71,7 @@ def test_nothing_is_left_of_a_closed_browser(page: Path, tmp_path: Path) -> None
     """No process, no descriptor, no folder; a closed browser says so, and what is none is refused."""
     before = psutil.Process().num_fds()
     with Browser() as opened, opened.open(page) as shown:
-        group, folder = opened.pid, opened._tools._profile.name
+        group, folder = opened.pid, opened._profile.name
         assert len(alive(group)) > 1
         assert Path(folder).is_dir()
         shown.picture()

@@ -15,18 +15,18 @@ from rbd.visual import Scene, contact_colors, contact_sheet
 
 
 def test_two_robots_stand_side_by_side(tmp_path, browser):
-    """Each cell has a robot that fills it, arrows in the colours of its contacts, and a caption below."""
+    """Each cell has a robot that fills it, arrows in the colours of its contacts, and a caption above."""
     robots = ["bolt", rbd.load_robot("solo12")]
     picture = contact_sheet(robots, tmp_path / "two.png", columns=3, width=240, height=260, browser=browser)
     with Image.open(picture) as image:
         pixels = np.asarray(image.convert("RGB"), float)
-    assert pixels.shape == (260 + 46 + 2 * 10, 2 * 240 + 3 * 10, 3)
+    assert pixels.shape == (260 + 44, 2 * 240 + 4, 3)
     for i, feet in enumerate((2, 4)):
-        cell = pixels[10:270, 10 + 250 * i : 250 + 250 * i]
+        cell = pixels[44:, 244 * i : 240 + 244 * i]
         for color in contact_colors(map(str, range(feet))).values():
             near = np.linalg.norm(cell - list(bytes.fromhex(color[1:])), axis=2) < 60
             assert near.sum() > 20, (i, color)
-        caption = pixels[270:316, 10 + 250 * i : 250 + 250 * i]
+        caption = pixels[:44, 244 * i : 240 + 244 * i]
         assert (caption.max(axis=2) < 110).sum() > 40  # letters
 
 

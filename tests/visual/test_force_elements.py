@@ -114,7 +114,7 @@ def test_a_solution_and_a_hold_draw_their_own_elements(scene: Scene, solo: rbd.R
 def test_pushes_beside_elements_are_drawn_as_pushes(scene: Scene, high: rbd.State, elements: list[object]) -> None:
     push = rbd.ExternalForce("base_link", (0.0, 5.0, 0.0))
     scene.show(high, external=[elements[0], push])
-    assert len(marks_of(scene)) == 1 and "pushes/0" in marks_of(scene, "pushes")
+    assert len(marks_of(scene)) == 1 and "pushes/0/force" in marks_of(scene, "pushes")
 
 
 def test_what_acts_in_many_places_is_told_in_words(scene: Scene, high: rbd.State, solo: rbd.Robot) -> None:

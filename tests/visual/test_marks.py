@@ -58,7 +58,7 @@ class TestLabels:
         marks, _ = shown(talos, *pushed, PUSH)
         assert {mark.layer for mark in marks.values()} <= set(LAYERS)
         assert {marks[f"contacts/left_sole/{part}"].layer for part in ("cone", "rim")} == {"cones"}
-        assert marks["contacts/left_sole/corner_forces"].layer == "corner forces" and marks["pushes/0"].layer == "pushes"
+        assert marks["contacts/left_sole/corner_forces"].layer == "corner forces" and marks["pushes/0/force"].layer == "pushes"
         assert marks["support/area"].layer == "support polygon" and marks["com/ball"].layer == "centre of mass"
         for path, mark in marks.items():
             assert mark.label is not None and mark.label.title and mark.label.lines, path
@@ -76,7 +76,7 @@ class TestLabels:
         assert lines[2] == f"normal {contact.normal:.4g} N, tangential {contact.tangential:.4g} N"
         assert lines[3] == f"friction used {100 * contact.friction_used:.1f} % of mu 0.7"
         assert lines[-1].startswith("centre of pressure (")
-        assert "force on the robot (0, 60, 0) N" in marks["pushes/0"].label.lines
+        assert "force on the robot (0, 60, 0) N" in marks["pushes/0/force"].label.lines
 
     def test_the_legend_tells_normal_force_and_size_apart(self, talos, pushed):
         """Both with their names; the push with its vector."""
@@ -118,7 +118,7 @@ class TestMoments:
     def test_the_angle_of_the_arc_is_the_moment(self, talos, pushed):
         """The tip is at that share of the full turn about the moment's axis, on the circle."""
         marks, scene = shown(talos, *pushed, PUSH)
-        mark, sizes = marks["pushes/0_moment"], scene.sizes
+        mark, sizes = marks["pushes/0/moment"], scene.sizes
         centre = pushed[0].frame(PUSH.frame, PUSH.offset).X_WF.translation
         expected = 12.0 / sizes.full_moment * FULL_TURN
         assert tip_angle(mark.mesh.vertices, centre, np.array([0.0, 0.0, 1.0]), sizes.arc) == pytest.approx(expected, abs=1e-9)
@@ -165,7 +165,7 @@ class TestLoops:
         state = rbd.State(box, [0, 0, 0, 0, 0, 0, 1])
         load = rbd.ExternalForce("box", (0.0, 0.0, 0.0), moment=(0.0, 7.0, 0.0))
         solution = rbd.solve(state, [], [weld], external=load)
-        loop = Picture.of(state, solution, load).others.loops[0]
+        loop = next(force for force in Picture.of(state, solution, load).forces if force.name == "weld")
         assert loop.on == "box" and loop.against == "" and loop.moment == pytest.approx([0.0, -7.0, 0.0], abs=1e-9)
         assert loop.force == pytest.approx([0.0, 0.0, 98.1])
 
@@ -228,11 +228,12 @@ class TestTorques:
         stop = rbd.JointLimit("stop", "joint_1", lower=0.0)
         state = pendulum.at([0.0])
         marks, scene = shown(pendulum, state, rbd.solve(state, [0.0], [stop]))
-        torque = scene._picture.others.torques[0]
-        assert torque.value == pytest.approx(4.905) and marks["joints/0"].layer == "moments"
+        (stopped,) = scene._picture.forces
+        arc, axis = marks["joints/stop/joint_1/moment"], stopped.moment / stopped.size
+        assert stopped.size == pytest.approx(4.905) and arc.layer == "moments"
         expected = 4.905 / scene.sizes.full_moment * FULL_TURN
         assert scene.sizes.full_moment == 5.0  # the first picture's largest moment, rounded up
-        angle = tip_angle(marks["joints/0"].mesh.vertices, torque.point, torque.axis, scene.sizes.arc)
+        angle = tip_angle(arc.mesh.vertices, stopped.start, axis, scene.sizes.arc)
         assert angle == pytest.approx(expected % (2.0 * np.pi), abs=1e-9)
 
 
@@ -322,7 +323,7 @@ class TestLeftOut:
         huge = rbd.ExternalForce("torso_2_link", (1e5, 0.0, 0.0))
         marks, scene = shown(talos, state, held, huge)
         at = state.frame("torso_2_link").X_WF.translation
-        assert marks["pushes/0"].mesh.vertices[:, 0].max() == pytest.approx(at[0] + scene.sizes.longest)
+        assert marks["pushes/0/force"].mesh.vertices[:, 0].max() == pytest.approx(at[0] + scene.sizes.longest)
         assert "Double arrowhead: not drawn to full length (push on torso_2_link)." in scene.left_out
 
     def test_wheels_and_edges_have_their_force_where_they_touch(self):

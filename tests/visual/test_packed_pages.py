@@ -8,13 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from page_contents import block, contents, meshes
+from page_contents import block, contents, meshes, unpacked
 from PIL import Image
 
 import rbd
 from rbd.errors import PictureError
 from rbd.visual import Scene, export_motion, shapes
-from rbd.visual.packed_meshes import STEPS, in_order, message, split, unpacked
+from rbd.visual.packed_meshes import STEPS, in_order, message, split
 from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.shapes import Mesh
 

@@ -17,16 +17,8 @@ from rbd.statics.regions import SupportRegion
 from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
 from rbd.visual.figures.plots import an_axis, frame
-from rbd.visual.style import (
-    COM_COLOR,
-    LIMIT_COLORS,
-    LIMITED_COLOR,
-    SUPPORT_COLOR,
-    WRENCH_COLOR,
-    ZMP_COLOR,
-    contact_colors,
-    distinct_colors,
-)
+from rbd.visual.marks.regions import name_and_color
+from rbd.visual.style import COM_COLOR, LIMIT_COLORS, WRENCH_COLOR, contact_colors, distinct_colors
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -70,17 +62,9 @@ def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion, labels: Sequence[
         raise InputError(f"labels are {labels!r:.80}; expected a name for each of {len(regions)} regions, or none.")
     drawn: list[Artist] = []
     for i, region in enumerate(regions):
-        kind = "zero-moment points"
-        if isinstance(region, SupportRegion):
-            kind = "support region, torques within limits" if region.torque_limits else "support region"
-        color = ZMP_COLOR
-        if isinstance(region, SupportRegion):
-            color = LIMITED_COLOR if region.torque_limits else SUPPORT_COLOR
-        name = str(labels[i]) if labels else kind
-        if region.empty:
-            name += " (empty)"
-        elif not region.bounded:
-            name += " (without end)"
+        name, color = name_and_color(region)
+        if labels:
+            name = str(labels[i]) + (" (empty)" if region.empty else "" if region.bounded else " (without end)")
         corners, style = region.vertices[:, :2], ("-", "--", ":", "-.")[i % 4]
         share = 1.0 / (1 + i)
         drawn += ax.fill(*_closed(corners), color=color, alpha=0.18 * share, lw=0.0)

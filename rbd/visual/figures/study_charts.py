@@ -23,6 +23,7 @@ NO_VALUE_COLOR, NOT_OK_COLOR, BOUNDARY_COLOR = "#c4c9ce", "#3d454c", "#d6006c"
 MOST_PIECES = 2000
 """More pieces of hatched cells are drawn plain, and more pieces of a boundary thin: hatching takes a millisecond each."""
 _HATCH: dict[str, Any] = {"linewidth": 0.0, "edgecolor": "#8d949b"}
+_CROSS: dict[str, Any] = {"marker": "x", "ls": "", "color": NOT_OK_COLOR, "ms": 5.0, "mew": 1.3}
 
 
 def draw_map(
@@ -49,15 +50,12 @@ def draw_map(
     values, good, waiting = (a.reshape(ok.shape[0], -1)[pick].T for a in (shown.values, ok, not_run))
     across, up = (_edges(axis) if axis is not None else np.array([-0.5, 0.5]) for axis in (x, y))
     drawn: list[Artist] = []
+    there = values >= 0 if shown.categories else np.isfinite(values)
+    look: dict[str, Any] = {"cmap": _map_of(norm), "norm": norm}
     if shown.categories:
         colors = ListedColormap([color for _, color in shown.categories])
-        there = values >= 0
-        cells = np.ma.masked_array(values, ~there)
-        drawn.append(ax.pcolormesh(across, up, cells, cmap=colors, vmin=-0.5, vmax=len(shown.categories) - 0.5))
-    else:
-        there = np.isfinite(values)
-        name = SIGNED if norm is not None and norm.vmin is not None and norm.vmin < 0.0 else NUMBERS
-        drawn.append(ax.pcolormesh(across, up, np.ma.masked_array(values, ~there), cmap=name, norm=norm))
+        look = {"cmap": colors, "vmin": -0.5, "vmax": len(shown.categories) - 0.5}
+    drawn.append(ax.pcolormesh(across, up, np.ma.masked_array(values, ~there), **look))
     drawn += _cells(ax, across, up, ~there & ~waiting, NO_VALUE_COLOR, "/////")
     drawn += _cells(ax, across, up, waiting, NOT_RUN_COLOR, "....")
     drawn += _boundary(ax, across, up, good, ~good & ~waiting, (not x.words, y is not None and not y.words))
@@ -69,6 +67,11 @@ def draw_map(
     ax.set_xlim(across[0], across[-1])
     ax.set_ylim(up[0], up[-1])
     return drawn
+
+
+def _map_of(norm: Normalize | None) -> str:
+    """The map of colours of numbers."""
+    return SIGNED if norm is not None and norm.vmin is not None and norm.vmin < 0.0 else NUMBERS
 
 
 def dress(ax: Axes, axis: Axis, which: str) -> None:
@@ -90,26 +93,54 @@ def dress(ax: Axes, axis: Axis, which: str) -> None:
         chosen.set_minor_formatter(NullFormatter())
 
 
-def keys_of_map(shown: Quantity, ok: Array, not_run: Array, *, bounded: bool) -> list[Artist]:
-    """Entries of the legend: categories with how many samples each has, samples without a value, and the boundary."""
+def legend_keys(
+    shown: Quantity | None, bad: Array, not_run: Array, *, cells: bool = False, blank: Array | None = None
+) -> list[Artist]:
+    """Entries of the legend: each category, what is not ok, what has no value, what was not run, with how many samples.
+
+    Args:
+        shown: What is drawn.
+        bad: Samples that are drawn as not ok.
+        not_run: Those that were not run.
+        cells: Whether samples are cells of a map; else they are points.
+        blank: Samples that are ok and have no value.
+    """
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    keys: list[Artist] = []
-    if shown.categories:
-        counts = [int((shown.values == i).sum()) for i in range(len(shown.categories))]
-        for (text, color), count in zip(shown.categories, counts, strict=True):
-            if count and not (text == "not_run" and color == NOT_RUN_COLOR):
-                keys.append(Patch(facecolor=color, edgecolor="0.6", linewidth=0.5, label=f"{text} ({count})"))
-    nothing = (shown.values < 0 if shown.categories else ~np.isfinite(shown.values)) & ~not_run
-    for which, text in ((nothing & ~ok, "not ok"), (nothing & ok, "ok, without a finite value")):
-        if which.any():
-            keys.append(Patch(facecolor=NO_VALUE_COLOR, hatch="/////", label=f"{text} ({int(which.sum())})", **_HATCH))
+    counts = [] if shown is None else [int(((shown.values == i) & ~not_run).sum()) for i in range(len(shown.categories))]
+    categories = () if shown is None else shown.categories
+    named = [(f"{text} ({n})", color) for (text, color), n in zip(categories, counts, strict=True) if n]
+    if cells:
+        keys: list[Artist] = [Patch(facecolor=color, edgecolor="0.6", linewidth=0.5, label=label) for label, color in named]
+        for which, text in ((bad, "not ok"), (blank, "ok, without a finite value")):
+            if which is not None and which.any():
+                keys.append(Patch(facecolor=NO_VALUE_COLOR, hatch="/////", label=f"{text} ({int(which.sum())})", **_HATCH))
+        if not_run.any():
+            keys.append(Patch(facecolor=NOT_RUN_COLOR, hatch="....", label=f"not run ({int(not_run.sum())})", **_HATCH))
+        return keys
+    dot: dict[str, Any] = {"marker": "o", "ls": "", "ms": 6.0, "mec": "0.55", "mew": 0.5}
+    keys = [Line2D([], [], color=color, label=label, **dot) for label, color in named]
+    if bad.any():
+        keys.append(Line2D([], [], label=f"not ok ({int(bad.sum())})", **_CROSS))
     if not_run.any():
-        keys.append(Patch(facecolor=NOT_RUN_COLOR, hatch="....", label=f"not run ({int(not_run.sum())})", **_HATCH))
-    if bounded:
-        keys.append(Line2D([], [], color=BOUNDARY_COLOR, lw=2.2, label="between the last ok and the first not ok"))
+        keys.append(Line2D([], [], ls="", label=f"not run ({int(not_run.sum())})"))
     return keys
+
+
+def boundary_key() -> Artist:
+    """The entry of the boundary in the legend of a map."""
+    from matplotlib.lines import Line2D
+
+    return Line2D([], [], color=BOUNDARY_COLOR, lw=2.2, label="between the last ok and the first not ok")
+
+
+def ring_key() -> Artist:
+    """The entry of the rings in the legend of curves."""
+    from matplotlib.lines import Line2D
+
+    ring: dict[str, Any] = {"marker": "o", "ls": "", "mfc": "white", "mec": NOT_OK_COLOR, "mew": 1.8, "ms": 7.0}
+    return Line2D([], [], label="the last that is ok", **ring)
 
 
 def _edges(axis: Axis) -> Array:
@@ -203,23 +234,6 @@ def draw_curves(ax: Axes, x: Axis, shown: Quantity, ok: Array, not_run: Array, c
     return lines + marks
 
 
-def keys_of_curves(lines: Sequence[Artist], ok: Array, not_run: Array, *, named: bool) -> list[Artist]:
-    """Entries of the legend: the families where they are named, crosses and rings."""
-    from matplotlib.lines import Line2D
-
-    keys = list(lines) if named else []
-    bad = ~ok & ~not_run
-    if bad.any():
-        cross: dict[str, Any] = {"marker": "x", "ls": "", "color": NOT_OK_COLOR, "ms": 5.0, "mew": 1.3}
-        keys.append(Line2D([], [], label=f"not ok ({int(bad.sum())})", **cross))
-        if (bad[1:] & ok[:-1] | bad[:-1] & ok[1:]).any():
-            ring: dict[str, Any] = {"marker": "o", "ls": "", "mfc": "white", "mec": NOT_OK_COLOR, "mew": 1.8, "ms": 7.0}
-            keys.append(Line2D([], [], label="the last that is ok", **ring))
-    if not_run.any():
-        keys.append(Line2D([], [], ls="", label=f"not run ({int(not_run.sum())})"))
-    return keys
-
-
 def family_colors(by: Axis | None, names: Sequence[str]) -> dict[str, str]:
     """{family: colour}: of a few or of categories colours that differ, of many numbers one scale."""
     if by is None or by.words or len(names) <= FEW:
@@ -243,7 +257,7 @@ MANY = 2000
 
 
 def draw_points(
-    ax: Axes, x: Axis, y: Axis, shown: Quantity | None, ok: Array, not_run: Array, norm: Normalize | None
+    ax: Axes, x: Axis, y: Axis, shown: Quantity | None, ok: Array, bad: Array, not_run: Array, norm: Normalize | None
 ) -> list[Artist]:
     """Draws as points of two of their coordinates, coloured by a quantity; crosses where a sample is not ok.
 
@@ -253,6 +267,7 @@ def draw_points(
         y: Up.
         shown: Numbers or categories that colour the points, shape (n,); None: one colour.
         ok: Which are ok, shape (n,).
+        bad: Which have a cross.
         not_run: Which were not run; they are left out.
         norm: Of the colours, of numbers.
 
@@ -260,7 +275,6 @@ def draw_points(
         The points, of categories one artist each, then the crosses.
     """
     drawn: list[Artist] = []
-    bad = ~ok & ~not_run
     size = 26.0 if len(ok) <= MANY else 6.0
     style: dict[str, Any] = {"s": size, "linewidths": 0.4, "edgecolors": "white", "zorder": 3}
     there = np.isfinite(x.at) & np.isfinite(y.at)
@@ -274,38 +288,13 @@ def draw_points(
                 drawn.append(ax.scatter(x.at[which], y.at[which], color=color, label=f"{text} ({int(which.sum())})", **rim))
     else:
         which = ok & np.isfinite(shown.values) & there
-        name = SIGNED if norm is not None and norm.vmin is not None and norm.vmin < 0.0 else NUMBERS
-        drawn.append(ax.scatter(x.at[which], y.at[which], c=shown.values[which], cmap=name, norm=norm, **style))
-    if bad.any() and not (shown is not None and shown.categories and shown.label == "reason"):
-        high = there & bad
-        if high.any():
-            drawn += ax.plot(x.at[high], y.at[high], "x", color=NOT_OK_COLOR, ms=5.0, mew=1.0, zorder=2)
-        low = np.isfinite(x.at) & ~np.isfinite(y.at) & bad
-        if low.any():  # of a sample that is not ok the quantity drawn upwards has no value: it is marked at the axis
-            at = np.full(low.sum(), LOWEST)
-            style = {"color": NOT_OK_COLOR, "ms": 5.0, "mew": 1.0, "zorder": 4, "transform": ax.get_xaxis_transform()}
-            drawn += ax.plot(x.at[low], at, "x", **style)
+        drawn.append(ax.scatter(x.at[which], y.at[which], c=shown.values[which], cmap=_map_of(norm), norm=norm, **style))
+    # Of a sample that is not ok the quantity drawn upwards may have no value: it is marked at the axis.
+    low = bad & np.isfinite(x.at) & ~np.isfinite(y.at)
+    for which, up, more in ((bad & there, y.at, {}), (low, np.full(len(ok), LOWEST), {"transform": ax.get_xaxis_transform()})):
+        if which.any():
+            drawn += ax.plot(x.at[which], up[which], **(_CROSS | {"mew": 1.0, "zorder": 2} | more))
     dress(ax, x, "x")
     dress(ax, y, "y")
     frame(ax, "both")
     return drawn
-
-
-def keys_of_points(shown: Quantity | None, ok: Array, not_run: Array) -> list[Artist]:
-    """Entries of the legend: categories with their counts, crosses, and how many were not run."""
-    from matplotlib.lines import Line2D
-
-    keys: list[Artist] = []
-    dot: dict[str, Any] = {"marker": "o", "ls": "", "ms": 6.0, "mec": "0.55", "mew": 0.5}
-    if shown is not None:
-        for i, (text, color) in enumerate(shown.categories):
-            count = int(((shown.values == i) & ~not_run).sum())
-            if count:
-                keys.append(Line2D([], [], color=color, label=f"{text} ({count})", **dot))
-    bad = ~ok & ~not_run
-    if bad.any() and not (shown is not None and shown.categories and shown.label == "reason"):
-        cross: dict[str, Any] = {"marker": "x", "ls": "", "color": NOT_OK_COLOR, "ms": 5.0, "mew": 1.0}
-        keys.append(Line2D([], [], label=f"not ok ({int(bad.sum())})", **cross))
-    if not_run.any():
-        keys.append(Line2D([], [], ls="", label=f"not run ({int(not_run.sum())})"))
-    return keys

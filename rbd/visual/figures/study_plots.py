@@ -13,14 +13,14 @@ from rbd.visual.figures.plots import an_axis
 from rbd.visual.figures.study_charts import (
     FEW,
     NUMBERS,
+    boundary_key,
     draw_curves,
     draw_map,
     draw_points,
     dress,
     family_colors,
-    keys_of_curves,
-    keys_of_map,
-    keys_of_points,
+    legend_keys,
+    ring_key,
     scale_of,
 )
 from rbd.visual.figures.study_data import Axis, Quantity, StudyData
@@ -167,7 +167,9 @@ def _maps(
         drawn += made
     if not shown.categories:
         _color_bar(axes, drawn[0], shown)
-    _legend(axes, own, keys_of_map(shown, ok, not_run, bounded=bounded), shown.label if shown.categories else "")
+    nothing = (shown.values < 0 if shown.categories else ~np.isfinite(shown.values)) & ~not_run
+    keys = legend_keys(shown, nothing & ~ok, not_run, cells=True, blank=nothing & ok)
+    _legend(axes, own, keys + [boundary_key()] * bounded, shown.label if shown.categories else "")
     return drawn
 
 
@@ -177,15 +179,17 @@ def _curves(data: StudyData, x: str, by: str | None, shown: Quantity, ok: Array,
     colors = family_colors(families, names)
     (one,), own = _axes(ax, 1, (7.0, 4.2))
     shape = (-1, len(names))
-    values = Quantity(shown.label, shown.values.reshape(shape))
-    drawn = draw_curves(one, data.axis("x", x), values, ok.reshape(shape), not_run.reshape(shape), colors)
+    good, waiting = ok.reshape(shape), not_run.reshape(shape)
+    drawn = draw_curves(one, data.axis("x", x), Quantity(shown.label, shown.values.reshape(shape)), good, waiting, colors)
     few = families is not None and (bool(families.words) or len(names) <= FEW)
     if families is not None and not few:
         from matplotlib.cm import ScalarMappable
 
         bar = one.figure.colorbar(ScalarMappable(scale_of(families), NUMBERS), ax=one)
         dress(bar.ax, families, "y")
-    keys = keys_of_curves(drawn[: len(names)], ok.reshape(shape), not_run.reshape(shape), named=few)
+    bad = ~good & ~waiting
+    keys = drawn[: len(names)] * few + legend_keys(None, bad, np.zeros(0, bool))
+    keys += [ring_key()] * bool((bad[1:] & good[:-1] | bad[:-1] & good[1:]).any()) + legend_keys(None, np.zeros(0), waiting)
     _legend([one], own, keys, families.label if few and families is not None else "")
     return drawn
 
@@ -214,17 +218,18 @@ def _draws(data: StudyData, x: str, y: str | None, value: object, by: str | None
         parts = everything if by is None else _groups(data.axis("by", by))
     axes, own = _axes(ax, len(parts), PANEL if len(parts) > 1 else (6.4, 4.5))
     norm = None if colored is None else _norm(colored, colored.values)
+    by_reason = colored is not None and bool(colored.categories) and colored.label == "reason"
+    bad = ~ok & ~not_run & (not by_reason)
     drawn: list[Artist] = []
     for (title, which), one in zip(parts, axes, strict=True):
         points = [Axis(a.name, a.label, a.at[which], a.words, a.scale) for a in (across, up)]
         part = None if colored is None else Quantity(colored.label, colored.values[which], colored.categories)
-        drawn += draw_points(one, points[0], points[1], part, ok[which], not_run[which], norm)
+        drawn += draw_points(one, points[0], points[1], part, ok[which], bad[which], not_run[which], norm)
         if title:
             one.set_title(title, fontsize="medium")
     if colored is not None and norm is not None:
         _color_bar(axes, drawn[0], colored)
-    keys = keys_of_points(colored, ok, not_run)
-    _legend(axes, own, keys, colored.label if colored is not None and colored.categories else "")
+    _legend(axes, own, legend_keys(colored, bad, not_run), colored.label if colored is not None and colored.categories else "")
     return drawn
 
 

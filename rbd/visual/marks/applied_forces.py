@@ -12,9 +12,10 @@ from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.model.external import External, ExternalForce, ForceElement, elements_of
 from rbd.model.state import State
+from rbd.records import joined
 from rbd.visual import shapes
-from rbd.visual.marks.mark import WEIGHTLESS_N, Label, Mark, Sizes, force_arrow, moment_marks, number, numbers, tip_of
-from rbd.visual.notebook.card import joined
+from rbd.visual.marks.mark import WEIGHTLESS_N, Label, Mark, Sizes, number, numbers
+from rbd.visual.marks.shown_force import ShownForce
 from rbd.visual.shapes import Mesh, axes_along
 from rbd.visual.style import PUSH_COLOR, hexadecimal, rgb
 
@@ -279,32 +280,7 @@ class DrawnPush(Protocol):
         """Point of application from the frame's origin, in frame axes, shape (3,) [m]."""
 
 
-@dataclass(frozen=True, eq=False, slots=True)
-class ShownPush:
-    """An external force on the robot.
-
-    Attributes:
-        name: The frame that is pushed.
-        point: Where it acts, in W, shape (3,) [m].
-        force: In W, shape (3,) [N].
-        moment: In addition to that of the force's lever arm, in W, shape (3,) [N m].
-    """
-
-    name: str
-    point: Array
-    force: Array
-    moment: Array
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """What the page says of it."""
-        lines = [f"|f| {number(float(np.linalg.norm(self.force)))} N", f"force on the robot {numbers(self.force)} N"]
-        if self.moment.any():
-            lines.append(f"moment {numbers(self.moment)} N m")
-        return (*lines, f"acts at {numbers(self.point)} m")
-
-
-def pushes(state: State, external: object) -> tuple[list[ShownPush], list[str]]:
+def pushes(state: State, external: object) -> tuple[list[ShownForce], list[str]]:
     """The external forces that have a place in the picture, and what is left out of it, in words.
 
     Args:
@@ -323,7 +299,7 @@ def pushes(state: State, external: object) -> tuple[list[ShownPush], list[str]]:
         raise InputError(f"external is {external!r:.80}; expected ExternalForces, or one generalised force (nv,).")
     entries = given if isinstance(given, np.ndarray) else list(given)
     if all(isinstance(push, DrawnPush) for push in entries):
-        return [_shown(state, push) for push in entries], []
+        return [_shown(i, state, push) for i, push in enumerate(entries)], []
     try:
         generalised = np.asarray(entries, float)
     except (TypeError, ValueError, OverflowError):
@@ -344,16 +320,8 @@ def pushes(state: State, external: object) -> tuple[list[ShownPush], list[str]]:
     ]
 
 
-def _shown(state: State, push: Any) -> ShownPush:
+def _shown(i: int, state: State, push: Any) -> ShownForce:
     point = np.array(state.frame(push.frame, push.offset).X_WF.translation)
-    moment = np.asarray(getattr(push, "moment", np.zeros(3)), float)
-    return ShownPush(push.frame, point, np.asarray(push.force, float), moment)
-
-
-def push_marks(place: int, push: ShownPush, sizes: Sizes) -> list[Mark]:
-    """The arrow of an external force from the point where it acts, and the arc of its moment."""
-    label = Label(f"push on {push.name}", push.lines, tip_of(push.point, push.force, sizes))
-    arrow = force_arrow(push.point, push.force, sizes)
-    marks = [Mark(f"pushes/{place}", arrow, PUSH_COLOR, seen_through=True, layer="pushes", label=label)]
-    arc = moment_marks(f"pushes/{place}_moment", f"push on {push.name}", push.point, push.moment, PUSH_COLOR, sizes)
-    return [*marks, *arc]
+    force, moment = np.asarray(push.force, float), np.asarray(getattr(push, "moment", np.zeros(3)), float)
+    detail = f"{numbers(force)} N" + (f", moment {numbers(moment)} N m" if moment.any() else "")
+    return ShownForce(f"pushes/{i}", f"push on {push.frame}", force, point, moment, detail, "pushes", PUSH_COLOR)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +15,8 @@ from rbd.problem.answer import ContactForce
 from rbd.problem.cones import Cone, FrictionCone
 from rbd.problem.ground import Ground
 from rbd.visual import shapes
-from rbd.visual.marks.mark import Label, Mark, Sizes, force_arrow, moment_marks, node, number, numbers, tip_of
+from rbd.visual.marks.mark import Label, Mark, Sizes, node, number, numbers
+from rbd.visual.marks.shown_force import ShownForce, force_marks
 from rbd.visual.style import COM_COLOR, SUPPORT_COLOR
 
 if TYPE_CHECKING:
@@ -25,75 +26,6 @@ if TYPE_CHECKING:
 
 # How far outside its patch rounding may put a centre of pressure.
 SLACK_M = 1e-6
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class ShownForce:
-    """Force of a contact on the robot, and its point of application.
-
-    Attributes:
-        name: The contact's name.
-        patch: Where it acts.
-        force: Resultant force on the robot in W, shape (3,) [N].
-        start: Point in W where the resultant acts, shape (3,) [m]: see `acting_point`.
-        corner_forces: Force at each corner of the patch in W, shape (k, 3) [N]; k = 0 where there is no split.
-        friction_used: |f_t| / (mu f_n) of the resultant; None without a coefficient or without load. A
-            patch may slip at one corner though its resultant is inside the cone: that is not seen here.
-        moment: On the robot about `start`, in W, shape (3,) [N m]: of a loaded sole, its torsion about the normal.
-    """
-
-    name: str
-    patch: Patch
-    force: Array
-    start: Array
-    corner_forces: Array
-    friction_used: float | None
-    moment: Array
-
-    @property
-    def corners(self) -> Array:
-        """Corners of the patch in W, shape (k, 3) [m]."""
-        return corners_in_world(self.patch)
-
-    @property
-    def pressure(self) -> float:
-        """Force along the contact normal [N], positive when the surroundings push the robot away."""
-        return float(self.force @ self.patch.axes[:, 2])
-
-    @property
-    def tangential(self) -> float:
-        """Size of the force across the contact's normal [N]."""
-        return float(np.linalg.norm(self.force - self.pressure * self.patch.axes[:, 2]))
-
-    @property
-    def friction(self) -> str:
-        """What of the friction is used, in words; "held" where the contact is bilateral, empty where there is no load."""
-        if self.patch.friction is None:
-            return "held"
-        used = self.friction_used
-        return "" if used is None else f"friction {100.0 * used:.0f} %{_of(self.patch.friction, ' of mu = ')}"
-
-    @property
-    def lines(self) -> tuple[str, ...]:
-        """What the page says of it."""
-        patch = self.patch
-        lines = [f"|f| {number(float(np.linalg.norm(self.force)))} N", f"force on the robot {numbers(self.force)} N"]
-        lines.append(f"normal {number(self.pressure)} N, tangential {number(self.tangential)} N")
-        if self.friction_used is not None:
-            lines.append(f"friction used {100.0 * self.friction_used:.1f} %{_of(patch.friction, ' of mu ')}")
-        elif patch.friction is None:
-            lines.append("bilateral: held without a limit")
-        if float(np.linalg.norm(self.moment)) > 1e-6:
-            lines.append(f"moment {numbers(self.moment)} N m")
-        lines.append(f"{'centre of pressure' if len(patch.corners) > 1 else 'acts at'} {numbers(self.start)} m")
-        if patch.against is not None:
-            lines.append(f"against {patch.against}, which feels the opposite")
-        return tuple(lines)
-
-
-def corners_in_world(patch: Patch) -> Array:
-    """Corners of a contact patch in W, shape (k, 3) [m]."""
-    return patch.point + patch.corners @ patch.axes.T
 
 
 def acting_point(patch: Patch, wrench: Array) -> Array:
@@ -124,61 +56,85 @@ def shown_forces(solution: Solution | Actuation) -> list[ShownForce]:
     # An `Actuation` carries its rows itself, a `Solution` its problem.
     keeper: Any = getattr(solution, "problem", solution)
     for rows in keeper.rows:
-        if rows.patch is None or not len(rows.patch.corners) or rows.name not in forces:
+        patch = rows.patch
+        if patch is None or not len(patch.corners) or rows.name not in forces:
             continue
         wrench = np.asarray(forces[rows.name], float)
-        at_corners = np.asarray(split.get(rows.name, np.zeros((0, 3))), float).reshape(-1, 3)
-        start = acting_point(rows.patch, wrench)
-        used = ContactForce.of(rows.patch, wrench).friction_used
-        moment = wrench[3:] + np.cross(rows.patch.point - start, wrench[:3]) if len(wrench) == 6 else np.zeros(3)
-        out.append(ShownForce(rows.name, rows.patch, wrench[:3], start, at_corners, used, moment))
+        start, contact = acting_point(patch, wrench), ContactForce.of(patch, wrench)
+        against = [f"against {patch.against}"] if patch.against is not None else []
+        friction = _friction(patch, contact.friction_used)
+        out.append(
+            ShownForce(
+                f"contacts/{node(rows.name)}",
+                rows.name,
+                wrench[:3],
+                start,
+                wrench[3:] + np.cross(patch.point - start, wrench[:3]) if len(wrench) == 6 else np.zeros(3),
+                ", ".join([*against, f"normal {number(contact.normal)} N", *friction]),
+                against=patch.against or "",
+                corners=patch.corners_W,
+                corner_forces=np.asarray(split.get(rows.name, np.zeros((0, 3))), float).reshape(-1, 3),
+                patch=patch,
+                friction_used=contact.friction_used,
+                further=_told_of(patch, contact),
+            )
+        )
     return out
 
 
+def _friction(patch: Patch, used: float | None) -> list[str]:
+    """What of the friction is used, in words; "held" where the contact is bilateral, nothing where there is no load."""
+    if patch.friction is None:
+        return ["held"]
+    return [] if used is None else [f"friction {100.0 * used:.0f} %{_of(patch.friction, ' of mu = ')}"]
+
+
+def _told_of(patch: Patch, contact: ContactForce) -> tuple[str, ...]:
+    parts = f"normal {number(contact.normal)} N, tangential {number(contact.tangential)} N"
+    if contact.friction_used is not None:
+        return parts, f"friction used {100.0 * contact.friction_used:.1f} %{_of(patch.friction, ' of mu ')}"
+    return (parts, "bilateral: held without a limit") if patch.friction is None else (parts,)
+
+
 def contact_marks(contact: ShownForce, color: str, sizes: Sizes) -> list[Mark]:
-    """Patch, friction cone and arrows of one contact; between two bodies the second's force too, thin and pale."""
-    at, name, patch = f"contacts/{node(contact.name)}", contact.name, contact.patch
-    outline = ordered_corners(contact)
-    place = Label(name, contact.lines, patch.point, tag=False)
+    """Patch, friction cone and arrows of one contact."""
+    at, patch = contact.path, contact.patch
+    assert patch is not None
+    outline = ordered_corners(patch)
+    place = Label(contact.name, contact.lines, patch.point, tag=False)
     marks = []
     if len(outline) >= 2:
         marks.append(Mark(f"{at}/patch", shapes.polygon(outline), color, 0.55, label=place))
         edge = shapes.tube(outline, radius=sizes.line, closed=len(outline) > 2)
         marks.append(Mark(f"{at}/outline", edge, color, seen_through=True, label=place))
-        if len(outline) == 2:
-            ends = [shapes.ball(1.3 * sizes.shaft, centre=end) for end in outline]
-            marks.append(Mark(f"{at}/ends", shapes.joined(ends), color, seen_through=True, label=place))
-    else:
-        dot = shapes.ball(2.0 * sizes.shaft, centre=patch.point)
-        marks.append(Mark(f"{at}/point", dot, color, seen_through=True, label=place))
+    if len(outline) <= 2:
+        radius, kind = ((2.0, "point") if len(outline) < 2 else (1.3, "ends"))
+        dots = [shapes.ball(radius * sizes.shaft, centre=end) for end in (outline if len(outline) == 2 else [patch.point])]
+        marks.append(Mark(f"{at}/{kind}", shapes.joined(dots), color, seen_through=True, label=place))
     if patch.friction:
-        marks += _cone_marks(at, contact, patch.friction, color, sizes)
-    if len(contact.corner_forces) > 1:
-        marks.append(_corner_mark(at, contact, color, sizes))
-    big = Label(name, contact.lines, tip_of(contact.start, contact.force, sizes))
-    marks.append(Mark(f"{at}/force", force_arrow(contact.start, contact.force, sizes), color, seen_through=True, label=big))
-    if patch.against is not None:  # what the other body feels
-        back = force_arrow(contact.start, -contact.force, sizes, thick=0.6)
-        lines = (f"force on {patch.against} {numbers(-contact.force)} N", f"the opposite of that on the robot at {name}")
-        label = Label(f"{name}, on {patch.against}", lines, tip_of(contact.start, -contact.force, sizes), tag=False)
-        marks.append(Mark(f"{at}/reaction", back, color, 0.6, seen_through=True, label=label))
-    return [*marks, *moment_marks(f"{at}/moment", name, contact.start, contact.moment, color, sizes)]
+        marks += _cone_marks(contact, patch, color, sizes)
+    return marks + force_marks(contact, color, sizes)
 
 
-def _cone_marks(at: str, contact: ShownForce, friction: float | Cone, color: str, sizes: Sizes) -> list[Mark]:
+def _cone_marks(contact: ShownForce, patch: Patch, color: str, sizes: Sizes) -> list[Mark]:
     """The set of forces of a point with a load, as far as it has a shape to draw, at the point where the resultant acts."""
+    friction = patch.friction
+    assert friction is not None
     given = friction if isinstance(friction, Cone) else FrictionCone(friction)
     rim = given.rim()
     if not len(rim):
         return []
     longest = float(np.linalg.norm(rim, axis=1).max())
-    rim = contact.start + sizes.cone / longest * rim @ contact.patch.axes.T
-    words = (_told(friction), *(w for w in (contact.friction,) if w))
-    label = Label(f"{contact.name}: friction cone", words, rim.mean(axis=0), tag=False)
+    rim = contact.start + sizes.cone / longest * rim @ patch.axes.T
+    words = f"forces in a {type(given).__name__}"
+    if not isinstance(friction, Cone):
+        words = f"mu {friction:g}, half angle {np.degrees(np.arctan(friction)):.0f} degrees"
+    lines = (words, *_friction(patch, contact.friction_used))
+    label = Label(f"{contact.name}: friction cone", lines, rim.mean(axis=0), tag=False)
     edge = shapes.tube(rim, radius=0.7 * sizes.line, closed=True)
     return [
-        Mark(f"{at}/cone", shapes.fan(contact.start, rim), color, 0.28, seen_through=True, layer="cones", label=label),
-        Mark(f"{at}/rim", edge, color, seen_through=True, layer="cones", label=label),
+        Mark(f"{contact.path}/cone", shapes.fan(contact.start, rim), color, 0.28, True, "cones", label),
+        Mark(f"{contact.path}/rim", edge, color, 1.0, True, "cones", label),
     ]
 
 
@@ -187,26 +143,8 @@ def _of(friction: float | Cone | None, words: str) -> str:
     return "" if friction is None or isinstance(friction, Cone) else f"{words}{friction:g}"
 
 
-def _told(friction: float | Cone) -> str:
-    if isinstance(friction, Cone):
-        return f"forces in a {type(friction).__name__}"
-    return f"mu {friction:g}, half angle {np.degrees(np.arctan(friction)):.0f} degrees"
-
-
-def _corner_mark(at: str, contact: ShownForce, color: str, sizes: Sizes) -> Mark:
-    """The forces at the corners of a patch, thin, as one mark."""
-    pairs = list(zip(contact.corners, contact.corner_forces, strict=True))
-    thin = [force_arrow(corner, force, sizes, thick=0.45) for corner, force in pairs]
-    lines = tuple(f"corner {i}: {numbers(force)} N at {numbers(corner)} m" for i, (corner, force) in enumerate(pairs[:8], 1))
-    if len(pairs) > len(lines):
-        lines = (*lines, f"and {len(pairs) - len(lines)} more")
-    label = Label(f"{contact.name}: corner forces on the robot", lines, contact.corners.mean(axis=0), tag=False)
-    return Mark(f"{at}/corner_forces", shapes.joined(thin), color, seen_through=True, layer="corner forces", label=label)
-
-
-def ordered_corners(contact: ShownForce) -> Array:
-    """Corners of the patch in W, in order around it, shape (k, 3) [m]."""
-    patch = contact.patch
+def ordered_corners(patch: Patch) -> Array:
+    """Corners of a patch in W, in order around it, shape (k, 3) [m]."""
     hull = _outline(patch)
     height = float(patch.corners[:, 2].mean())
     return patch.point + np.column_stack([hull, np.full(len(hull), height)]) @ patch.axes.T
@@ -252,42 +190,43 @@ def ground_under(point: Array, contacts: Iterable[ShownForce]) -> float:
 
     That of the plane of all contacts; on stairs the lowest; zero if there is none.
     """
-    planes = [plane_of(c) for c in contacts if c.patch.against is None and c.patch.axes[2, 2] > UPRIGHT]
+    planes = [plane_of(c) for c in contacts if not c.against and _upright(c)]
     return min((_height(plane, point) for plane in planes), default=0.0)
 
 
 def plane_of(contact: ShownForce) -> Ground:
     """The plane that a contact touches: the one that is known, else that of its own corners."""
     patch = contact.patch
+    assert patch is not None
     if patch.on is not None:
         return patch.on
-    corners = contact.corners
-    return Ground(point=corners.mean(axis=0) if len(corners) else patch.point, normal=patch.axes[:, 2])
+    return Ground(point=contact.corners.mean(axis=0), normal=patch.axes[:, 2])
 
 
 def _height(plane: Ground, point: Array) -> float:
     return plane.below(float(point[0]), float(point[1]))
 
 
+def _upright(contact: ShownForce) -> bool:
+    """Whether it is on ground that is not steeper than 45 degrees."""
+    return contact.patch is not None and bool(contact.patch.axes[2, 2] > UPRIGHT)
+
+
 def _supporting(contacts: Iterable[ShownForce]) -> list[ShownForce]:
     """Loaded contacts with ground that is not steeper than 45 degrees."""
-    given = [c for c in contacts if c.patch.against is None]
+    given = [c for c in contacts if not c.against]
     least = LOADED_SHARE * sum(float(np.linalg.norm(c.force)) for c in given)
-    return [c for c in given if c.pressure > least and c.patch.axes[2, 2] > UPRIGHT]
+    return [c for c in given if c.pressure > least and _upright(c)]
 
 
 def not_supporting(contacts: Sequence[ShownForce]) -> list[str]:
     """Which contacts are not in the support polygon though they are in the picture, in words."""
     inside = {c.name for c in _supporting(contacts)}
-    given = [c for c in contacts if c.patch.against is None and c.name not in inside]
-    steep = [c.name for c in given if c.patch.axes[2, 2] <= UPRIGHT]
-    idle = [c.name for c in given if c.name not in steep and c.patch.friction is not None]
-    out = []
-    if inside and idle:
-        out.append(f"Not in the support polygon: {', '.join(idle)} (no load).")
-    if inside and steep:
-        out.append(f"Not in the support polygon: {', '.join(steep)} (steeper than 45 degrees).")
-    return out
+    given = [c for c in contacts if not c.against and c.name not in inside]
+    steep = [c.name for c in given if not _upright(c)]
+    idle = [c.name for c in given if _upright(c) and c.patch is not None and c.patch.friction is not None]
+    reasons = (("no load", idle), ("steeper than 45 degrees", steep))
+    return [f"Not in the support polygon: {', '.join(names)} ({why})." for why, names in reasons if inside and names]
 
 
 def support_marks(outline: Array, sizes: Sizes) -> list[Mark]:

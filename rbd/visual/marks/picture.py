@@ -15,17 +15,14 @@ from rbd.visual.marks.applied_forces import (
     LAYER as ELEMENTS,
     RELAXED,
     ShownElement,
-    ShownPush,
     color_of,
     element_marks,
     only_pushes,
-    push_marks,
     pushes,
     shown_elements,
 )
 from rbd.visual.marks.contacts import (
     DOWN,
-    ShownForce,
     com_marks,
     contact_marks,
     ground_under,
@@ -35,21 +32,11 @@ from rbd.visual.marks.contacts import (
     support_outline,
 )
 from rbd.visual.marks.mark import FULL_TURN, SMALLEST_ARC, Mark, Sizes, is_cut, moment_angle, number, numbers, share_color
-from rbd.visual.marks.other_constraints import (
-    LOOP_COLOR,
-    Others,
-    ShownTorque,
-    constraint_torque_marks,
-    constraints_of,
-    loop_marks,
-    motor_torques,
-    others_of,
-    points_mark,
-    torque_marks,
-)
+from rbd.visual.marks.other_constraints import ShownTorque, constraints_of, motor_torques, other_forces, torque_marks
 from rbd.visual.marks.regions import Drawn, left_out_of, legend_of
+from rbd.visual.marks.shown_force import NOWHERE, ShownForce, force_marks
 from rbd.visual.marks.surfaces import ShownSurface, surface_entries, surface_marks, surfaces_of
-from rbd.visual.style import COM_COLOR, LIMITED_COLOR, PUSH_COLOR, SUPPORT_COLOR
+from rbd.visual.style import COM_COLOR, SUPPORT_COLOR
 
 if TYPE_CHECKING:
     from rbd.answers.solution import Solution
@@ -63,9 +50,8 @@ class Picture:
     Attributes:
         com: Centre of mass in W, shape (3,) [m].
         contacts: Forces of the contacts.
-        others: Of the constraints without a patch.
+        forces: All forces: of contacts, of other constraints, pushes.
         torques: Of the motors.
-        pushes: External forces.
         elements: Springs, dampers and other force elements.
         surfaces: Planes that the contacts touch, other than the floor.
         outline: Corners of the support polygon, each on the plane of its contact, shape (k, 3) [m].
@@ -75,14 +61,13 @@ class Picture:
 
     com: Array
     contacts: tuple[ShownForce, ...] = ()
-    others: Others = field(default_factory=Others)
+    forces: tuple[ShownForce, ...] = ()
     torques: tuple[ShownTorque, ...] = ()
-    pushes: tuple[ShownPush, ...] = ()
+    elements: tuple[ShownElement, ...] = ()
     surfaces: tuple[ShownSurface, ...] = ()
-    outline: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    outline: Array = field(default_factory=NOWHERE.copy)
     unshown: tuple[str, ...] = ()
     gravity: Array = field(default_factory=DOWN.copy)
-    elements: tuple[ShownElement, ...] = ()
 
     @classmethod
     def of(cls, state: State, solution: Solution | Actuation | None, external: object) -> Picture:
@@ -95,31 +80,27 @@ class Picture:
         """
         pushed, unshown = pushes(state, only_pushes(external))
         elements, words = shown_elements(state, known_external(solution) if external is None else external)
-        unshown += words
-        com, gravity = np.asarray(state.com, float), state.robot.gravity
-        if solution is None:
-            return cls(com, pushes=tuple(pushed), unshown=tuple(unshown), gravity=gravity, elements=tuple(elements))
-        contacts = tuple(shown_forces(solution))
-        given = constraints_of(solution)
-        keeper: Any = getattr(solution, "problem", solution)
-        others = others_of(state, keeper.rows, solution.forces, given)
+        contacts, others, given, left_out = list[ShownForce](), list[ShownForce](), dict[str, Any](), list[str]()
+        if solution is not None:
+            contacts, given = shown_forces(solution), dict(constraints_of(solution))
+            keeper: Any = getattr(solution, "problem", solution)
+            others, left_out = other_forces(state, keeper.rows, solution.forces, given)
         return cls(
-            com,
-            contacts,
-            others,
+            np.asarray(state.com, float),
+            tuple(contacts),
+            (*contacts, *others, *pushed),
             tuple(motor_torques(state, solution)),
-            tuple(pushed),
+            tuple(elements),
             tuple(surfaces_of(contacts, given)),
             support_outline(contacts),
-            (*unshown, *others.left_out),
-            gravity,
-            tuple(elements),
+            (*unshown, *words, *left_out),
+            state.robot.gravity,
         )
 
     @property
     def colored(self) -> tuple[str, ...]:
-        """Names of the constraints with a colour of their own."""
-        return (*(c.name for c in self.contacts), *(p.name for p in self.others.points))
+        """Names of the constraints with a colour by their name."""
+        return tuple(f.name for f in self.forces if not f.color)
 
     def marks(self, colors: Mapping[str, str], sizes: Sizes, without: Collection[str] = ()) -> list[Mark]:
         """All marks, in the order in which they are drawn.
@@ -134,45 +115,30 @@ class Picture:
             drawn += surface_marks(i, surface, sizes)
         drawn += com_marks(self.com, sizes, ground_under(self.com, self.contacts), self.gravity)
         drawn += support_marks(self.outline, sizes)
-        for contact in self.contacts:
-            drawn += contact_marks(contact, colors[contact.name], sizes)
-        drawn += [points_mark(points, colors[points.name], sizes) for points in self.others.points]
-        for loop in self.others.loops:
-            drawn += loop_marks(loop, LOOP_COLOR, sizes)
-        drawn += constraint_torque_marks(self.others.torques, sizes)
+        for force in self.forces:
+            draw = force_marks if force.patch is None else contact_marks
+            drawn += draw(force, force.color or colors[force.name], sizes)
         drawn += torque_marks(() if "joint torques" in without else self.torques, sizes)
-        for i, push in enumerate(self.pushes):
-            drawn += push_marks(i, push, sizes)
         for i, element in enumerate(self.elements):
             drawn += element_marks(i, element, sizes)
         return [mark for mark in drawn if len(mark.mesh.faces) and mark.layer not in without]
 
     def has_moments(self, sizes: Sizes) -> bool:
         """Whether an arc of a moment is drawn."""
-        return any(abs(moment_angle(size, sizes)) >= SMALLEST_ARC for _, size in self._moments())
+        return abs(moment_angle(self.largest_moment, sizes)) >= SMALLEST_ARC
 
     @property
     def largest_moment(self) -> float:
         """Of contacts, loops, pushes and stops [N m]."""
-        return max((size for _, size in self._moments()), default=0.0)
+        return max((float(np.linalg.norm(f.moment)) for f in self.forces), default=0.0)
 
     def left_out(self, sizes: Sizes) -> list[str]:
         """What the picture does not show, or not in full, in words."""
-        forces = [(c.name, c.force) for c in self.contacts] + [(loop.name, loop.force) for loop in self.others.loops]
-        forces += [(f"push on {push.name}", push.force) for push in self.pushes]
-        cut = [name for name, force in forces if is_cut(force, sizes)]
-        cut += [name for name, size in self._moments() if size > sizes.full_moment]
+        cut = [f.name for f in self.forces if is_cut(f.force, sizes) or np.linalg.norm(f.moment) > sizes.full_moment]
         words = [*self.unshown, *not_supporting(self.contacts)]
         if cut:
             words.append(f"Double arrowhead: not drawn to full length ({', '.join(dict.fromkeys(cut))}).")
         return words
-
-    def _moments(self) -> list[tuple[str, float]]:
-        """(name, size [N m]) of every moment."""
-        given = [(c.name, c.moment) for c in self.contacts] + [(loop.name, loop.moment) for loop in self.others.loops]
-        given += [(f"push on {push.name}", push.moment) for push in self.pushes]
-        sizes = [(name, float(np.linalg.norm(moment))) for name, moment in given]
-        return sizes + [(t.by, abs(t.value)) for t in self.others.torques if not t.slides]
 
 
 def known_external(answer: object) -> Any:
@@ -215,38 +181,24 @@ def legend_data(
         poses: Entries of other poses in it.
         note: About these poses.
     """
-    regions = [entry(color, name, layer="regions") for name, color in legend_of(statics)]
-    entries = [*poses, *_forces(picture, colors, sizes), *_rest(picture), *regions]
+    entries = [*poses, *_forces(picture, colors), *_elements(picture, sizes), *_torques(picture.torques), *_rest(picture)]
+    entries += [entry(color, name, layer="regions") for name, color in legend_of(statics)]
     lines = [note, *left_out_of(statics, sizes), *notes(picture, sizes), "Drag to turn, wheel to zoom, right button to shift."]
     return {"title": title, "entries": entries, "notes": [line for line in lines if line]}
 
 
-def _forces(picture: Picture, colors: Mapping[str, str], sizes: Sizes) -> list[Entry]:
+def _forces(picture: Picture, colors: Mapping[str, str]) -> list[Entry]:
+    """All forces; of kinds that may be many the largest, and how many more there are."""
     entries = []
-    for c in picture.contacts:
-        words = [f"normal {number(c.pressure)} N", c.friction]
-        if c.patch.against is not None:
-            words.insert(0, f"against {c.patch.against}")
-        entries.append(entry(colors[c.name], c.name, _size(c.force), ", ".join(filter(None, words)), "forces"))
-    for points in picture.others.points:
-        detail = f"sum of {len(points.points)} points"
-        entries.append(entry(colors[points.name], points.name, _size(points.forces.sum(axis=0)), detail, "forces"))
-    loops = sorted(picture.others.loops, key=lambda loop: -float(np.linalg.norm(loop.force)))
-    for loop in loops[:LISTED]:
-        detail = f"on {loop.on}" + (f", {loop.against} gets the opposite" if loop.against else "")
-        entries.append(entry(LOOP_COLOR, loop.name, _size(loop.force), detail, "loop forces"))
-    if len(loops) > LISTED:
-        entries.append(entry(LOOP_COLOR, f"and {len(loops) - LISTED} more loops", layer="loop forces"))
-    for t in _largest(picture.others.torques):
-        layer = "forces" if t.slides else "moments"
-        entries.append(entry(LIMITED_COLOR, t.by, f"{number(t.value)} {t.unit}", f"on joint {t.name}", layer))
-    if (more := len(picture.others.torques) - LISTED) > 0:
-        entries.append(entry(LIMITED_COLOR, f"and {more} more at joints", layer="moments"))
-    for push in picture.pushes:
-        words = [f"({numbers(push.force)[1:-1]}) N"]
-        words += [f"moment {numbers(push.moment)} N m"] if push.moment.any() else []
-        entries.append(entry(PUSH_COLOR, f"push on {push.name}", _size(push.force), ", ".join(words), "pushes"))
-    return [*entries, *_elements(picture, sizes), *_torques(picture.torques)]
+    for kind in dict.fromkeys(f.many for f in picture.forces):
+        own = [f for f in picture.forces if f.many == kind]
+        if kind:
+            own = sorted(own, key=lambda f: -f.size)
+        for f in own[: LISTED if kind else None]:
+            entries.append(entry(f.color or colors[f.name], f.name, f.value, f.detail, f.layer))
+        if kind and len(own) > LISTED:
+            entries.append(entry(own[0].color, f"and {len(own) - LISTED} more {kind}", layer=own[0].layer))
+    return entries
 
 
 def _elements(picture: Picture, sizes: Sizes) -> list[Entry]:
@@ -287,7 +239,7 @@ def _rest(picture: Picture) -> list[Entry]:
 def notes(picture: Picture, sizes: Sizes) -> list[str]:
     """What is left out of a picture, and its scales, in words."""
     lines = list(picture.left_out(sizes))
-    if picture.contacts or picture.pushes or picture.others.loops:
+    if any(f.force.any() or f.patch is not None for f in picture.forces):
         lines.append(scale_note(sizes.metres_per_newton, sizes.weight_N))
     if picture.has_moments(sizes):
         lines.append(f"{np.degrees(FULL_TURN):.0f} degrees of arc are a moment of {number(sizes.full_moment)} N m.")
@@ -300,10 +252,6 @@ def scale_note(metres_per_newton: float, weight_N: float) -> str:
     times = per_metre / weight_N if weight_N else 0.0
     share = ", the weight" if abs(times - 1.0) < 1e-9 else f", {times:.3g} times the weight"
     return f"1 m of arrow is {per_metre:.4g} N{share if times else ''}."
-
-
-def _size(force: np.ndarray) -> str:
-    return f"|f| {number(float(np.linalg.norm(force)))} N"
 
 
 def _largest(torques: Sequence[ShownTorque]) -> list[ShownTorque]:

@@ -71,7 +71,6 @@ def _distance(one: Array, other: Array) -> float:
 
 
 Drawn: TypeAlias = SupportRegion | ZmpRegion | PushLimits | ContactWrenchCone | Footprints
-_NAMES = {SupportRegion: "support region", ZmpRegion: "zero-moment points", PushLimits: "largest pushes"}
 _FARTHEST = 2.0
 """Regions are cut so far from the centre of mass, in sizes of the robot."""
 
@@ -92,9 +91,9 @@ def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
         if isinstance(one, SupportRegion):
             heights = [r.patch.corners_W[:, 2].min() for r in one.loads.rows if r.patch is not None and len(r.patch.corners)]
             corners = one.corners_at(min(heights, default=0.0))
-            out += _area(at, corners, LIMITED_COLOR if one.torque_limits else SUPPORT_COLOR, i, sizes, one.state.com)
+            out += _area(at, corners, name_and_color(one)[1], i, sizes, one.state.com)
         elif isinstance(one, ZmpRegion):
-            out += _area(at, one.vertices, ZMP_COLOR, i, sizes, one.state.com)
+            out += _area(at, one.vertices, name_and_color(one)[1], i, sizes, one.state.com)
         elif isinstance(one, PushLimits):
             out += _pushes(at, one, sizes)
         elif isinstance(one, ContactWrenchCone):
@@ -125,25 +124,27 @@ def left_out_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[str]:
             out.append(f"Double arrowhead: largest pushes not drawn to full length ({reach_N:.4g} N{most}).")
         elif isinstance(one, SupportRegion | ZmpRegion) and len(one.vertices):
             if (np.abs(one.vertices[:, :2] - one.state.com[:2]) > reach).any():
-                out.append(f"The {_NAMES[type(one)]} is cut {number(reach)} m from the centre of mass.")
+                out.append(f"The {name_and_color(one)[0].split(',')[0]} is cut {number(reach)} m from the centre of mass.")
     return out
 
 
 def legend_of(drawn: Sequence[Drawn]) -> list[tuple[str, str]]:
     """(name, colour) of each."""
-    colors = {SupportRegion: SUPPORT_COLOR, ZmpRegion: ZMP_COLOR, PushLimits: LIMIT_COLORS["edge"][0]}
-    out = []
-    for one in drawn:
-        if isinstance(one, Footprints):
-            out.append((f"footprints of {one.name}", one.color))
-            continue
-        name, color = _NAMES.get(type(one), "forces through the point"), colors.get(type(one), WRENCH_COLOR)
-        if isinstance(one, SupportRegion) and one.torque_limits:
-            name, color = name + ", torques within limits", LIMITED_COLOR
-        if isinstance(one, SupportRegion | ZmpRegion) and (one.empty or not one.bounded):
-            name += ", empty" if one.empty else ", without end"
-        out.append((name, color))
-    return out
+    return [name_and_color(one) for one in drawn]
+
+
+def name_and_color(one: Drawn) -> tuple[str, str]:
+    """What it is called, and the colour that it has in scenes and in figures."""
+    if isinstance(one, Footprints):
+        return f"footprints of {one.name}", one.color
+    if isinstance(one, PushLimits):
+        return "largest pushes", LIMIT_COLORS["edge"][0]
+    if isinstance(one, ContactWrenchCone):
+        return "forces through the point", WRENCH_COLOR
+    name, color = ("zero-moment points", ZMP_COLOR) if isinstance(one, ZmpRegion) else ("support region", SUPPORT_COLOR)
+    if isinstance(one, SupportRegion) and one.torque_limits:
+        name, color = name + ", torques within limits", LIMITED_COLOR
+    return name + (", empty" if one.empty else "" if one.bounded else ", without end"), color
 
 
 def _area(at: str, corners: Array, color: str, number: int, sizes: Sizes, com: Array) -> list[Mark]:

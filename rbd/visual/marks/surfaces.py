@@ -17,7 +17,7 @@ from rbd.visual.marks.mark import Label, Mark, Sizes, number, numbers
 
 if TYPE_CHECKING:
     from rbd.constraints.constraint import Constraint
-    from rbd.visual.marks.contacts import ShownForce
+    from rbd.visual.marks.shown_force import ShownForce
 
 SURFACE_COLOR, MOVING_COLOR = "#8d99a6", "#b07a2a"
 GROUND_MARGIN, WALL_MARGIN, BODY_MARGIN = 0.35, 0.22, 0.07
@@ -116,7 +116,7 @@ def surfaces_of(contacts: Sequence[ShownForce], given: Mapping[str, Constraint])
     found: list[ShownSurface] = []
     for contact in contacts:
         patch, on = contact.patch, member(given.get(contact.name), "on")
-        if not len(contact.corners):
+        if patch is None:
             continue
         plane, twist, about = plane_of(contact), np.zeros(6), contact.corners.mean(axis=0)
         ground = on if isinstance(on, Ground) else patch.on
@@ -126,7 +126,7 @@ def surfaces_of(contacts: Sequence[ShownForce], given: Mapping[str, Constraint])
         normal = np.asarray(plane.normal, float)
         corners = contact.corners
         corners = corners - np.outer((corners - np.asarray(plane.point)) @ normal, normal)  # on the plane itself
-        one = ShownSurface((contact.name,), corners.mean(axis=0), normal, corners, twist, about, patch.against or "")
+        one = ShownSurface((contact.name,), corners.mean(axis=0), normal, corners, twist, about, contact.against)
         if not one.moves and not one.body and normal[2] > 1.0 - SAME_AXIS and abs(float(one.point[2])) < SAME_M:
             continue
         for i, other in enumerate(found):

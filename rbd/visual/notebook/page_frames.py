@@ -16,7 +16,6 @@ from rbd.errors import InputError, PictureError
 from rbd.motion.reference_motion import Motion
 from rbd.motion.report import MotionReport
 from rbd.simulation.trajectory import Trajectory
-from rbd.visual.notebook.card import escaped
 from rbd.visual.pages.browser import Browser, find_browser, one_browser
 from rbd.visual.pages.link import page_link
 from rbd.visual.pages.page import write_page
@@ -140,7 +139,7 @@ def frame_html(page: str, picture: bytes, title: str, height: int) -> str:
         title: For screen readers.
         height: [pixels].
     """
-    name = escaped(title)
+    name = html.escape(title)
     fill = "position:absolute;left:0;top:0;width:100%;height:100%"
     image = ""
     if picture:

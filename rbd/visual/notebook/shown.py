@@ -1,13 +1,17 @@
 """What a notebook shows of a record: its printed text, its fields, and of motions small curves as SVG.
 
-Axes and words have the colour of the text around them; nothing has a ground of its own. So they suit light and dark pages.
+Text and lines take their colours from the notebook, so that light and dark themes both work. Styles are written on the
+elements, because many viewers of stored notebooks remove style sheets.
 """
 
 from __future__ import annotations
 
+import html
 import inspect
 import math
+import re
 import warnings
+from collections.abc import Sequence
 from functools import singledispatch
 from typing import Any
 
@@ -23,14 +27,21 @@ from rbd.motion.reference_motion import Motion
 from rbd.motion.report import MotionReport
 from rbd.problem.answer import Answer, Status
 from rbd.problem.force_set import at_rest
+from rbd.records import fixed, joined, number, rows_of, vector
 from rbd.simulation.trajectory import Trajectory
-from rbd.visual.notebook.card import card_html, escaped, field_rows, fixed, joined, number, prints_itself, vector
 from rbd.visual.notebook.page_frames import scene_frame
 from rbd.visual.playback.curves import CurveChart, kept_samples
 from rbd.visual.playback.report_motion import headline_of, report_charts
 from rbd.visual.playback.trajectory_charts import charts_of
 from rbd.visual.scene import Scene
 
+MOST_LINES = 40
+"""Rows of a table, and lines of a text, that are shown; a line says how many more there are."""
+MOST_LETTERS = 160
+"""Letters of a cell, or of a line, that are shown."""
+HEADS = ("field", "value", "unit", "meaning")
+_LINE = "1px solid rgba(127, 127, 127, 0.3)"
+_NUMBER = re.compile(r"[-+]?(\d[\d.]*(e[-+]?\d+)?|inf|nan)|-")
 STILL = 1e-6
 """Accelerations up to this are none [m/s2, rad/s2]."""
 MOST_CHARTS = 2
@@ -47,7 +58,7 @@ def html_of(record: Any) -> str:
     """
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        return card_html(printed(record), field_rows(record), drawing_of(record))
+        return card_html(printed(record), rows_of(record), drawing_of(record))
 
 
 @singledispatch
@@ -179,6 +190,59 @@ def _curves(record: Any) -> str:
 @drawing_of.register
 def _report_curves(record: MotionReport) -> str:
     return "".join(chart_svg(record.motion.t, chart) for chart in report_charts(record)[:MOST_CHARTS])
+
+
+def escaped(text: object, most: int = MOST_LETTERS) -> str:
+    """Text for HTML, cut to a number of letters."""
+    words = " ".join(str(text).split())
+    return html.escape(words if len(words) <= most else words[: most - 1] + "\N{HORIZONTAL ELLIPSIS}")
+
+
+def card_html(text: str, rows: Sequence[Sequence[str]] = (), drawing: str = "") -> str:
+    """A card as one element of HTML: the first line of the text, which is the result; the drawing; the rest; the fields.
+
+    Args:
+        text: What is printed of a record.
+        rows: Name, value, unit and meaning of each field; folded where there is more than the first line.
+        drawing: Curves as SVG, or a frame, with all names escaped.
+    """
+    result, _, rest = text.partition("\n")
+    parts = [f'<p style="margin:0 0 0.4em"><strong>{escaped(result, 400)}</strong></p>', drawing]
+    parts += [_text_html(rest)] if rest else []
+    if rows and (rest or drawing):
+        title = '<summary style="cursor:pointer">Fields</summary>'
+        parts.append(f'<details style="margin:0.2em 0">{title}{table_html(rows)}</details>')
+    elif rows:
+        parts.append(table_html(rows))
+    whole = "\n".join(part for part in parts if part)
+    return f'<div class="rbd-card" style="max-width:64em;line-height:1.45;text-align:left">{whole}</div>'
+
+
+def table_html(rows: Sequence[Sequence[str]]) -> str:
+    """Fields as a table of HTML: words at the left, numbers at the right."""
+    head = "".join(f'<th scope="col" style="{_style(name)}">{name}</th>' for name in HEADS)
+    lines = ["".join(f'<td style="{_style(cell)}">{escaped(cell)}</td>' for cell in row) for row in rows[:MOST_LINES]]
+    body = "".join(f'<tr style="border-bottom:{_LINE}">{line}</tr>' for line in lines)
+    more = f"<p>and {len(rows) - MOST_LINES} more</p>" if len(rows) > MOST_LINES else ""
+    style = "border-collapse:collapse;margin:0.2em 0 0.5em 0;font-variant-numeric:tabular-nums"
+    return f'<table style="{style}"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}'
+
+
+def _style(cell: str) -> str:
+    return f"text-align:{'right' if _NUMBER.fullmatch(cell) else 'left'};padding:0.1em 1.2em 0.1em 0"
+
+
+def _text_html(text: str) -> str:
+    """Lines as they are printed, the first forty."""
+    lines = text.split("\n")
+    shown = [html.escape(line[:MOST_LETTERS]) for line in lines[:MOST_LINES]]
+    more = [f"and {len(lines) - MOST_LINES} more lines"] if len(lines) > MOST_LINES else []
+    return '<pre style="margin:0.2em 0;white-space:pre;overflow-x:auto;background:none">' + "\n".join(shown + more) + "</pre>"
+
+
+def prints_itself(kind: type) -> bool:
+    """Whether a class has a text of its own, for `print`."""
+    return kind.__str__ is not object.__str__ and kind.__str__ is not tuple.__str__
 
 
 def chart_svg(t: Array, chart: CurveChart) -> str:

@@ -29,156 +29,6 @@ END_SECONDS = 5.0
 _PIPE_BYTES = 1 << 20
 
 
-class DevTools:
-    """A browser's process and the two pipes to it.
-
-    The process leads a group of processes of its own: Ctrl-C in the terminal does not reach it, and all of them are killed
-    together. It ends when it is closed, when its owner is no longer used, and when Python ends. A forked child cannot use it.
-
-    Args:
-        command: Path of the program, and its arguments; a profile folder is added to them.
-
-    Raises:
-        PictureError: if the program cannot be started.
-    """
-
-    def __init__(self, command: list[str]) -> None:
-        self._lock = threading.RLock()
-        self._buffer, self._looked_at = bytearray(), 0
-        self._answers: dict[int, dict[str, Any]] = {}
-        self._count, self._in_order = 0, True
-        self._thrown: dict[str, str] = {}
-        profile = tempfile.TemporaryDirectory(prefix="rbd-browser-")
-        told = Path(profile.name) / "stderr.txt"
-        try:
-            self.pid, self._to, self._from = _spawned([*command, f"--user-data-dir={profile.name}"], told)
-        except OSError as error:
-            profile.cleanup()
-            raise PictureError(f"the browser {command[0]!r:.300} cannot be started: {error.strerror}.") from error
-        self._told, self._profile = told, profile
-        self._end = weakref.finalize(self, _ended, self.pid, self._to, self._from, profile, os.getpid())
-        renewed_after_fork(self)
-
-    def renew_after_fork(self) -> None:
-        """In a forked child: the browser belongs to the parent."""
-        self._lock = threading.RLock()
-        if self._end.detach() is not None:
-            for fd in (self._to, self._from):
-                with suppress(OSError):
-                    os.close(fd)
-            self._profile._finalizer.detach()  # type: ignore[attr-defined]
-
-    @property
-    def closed(self) -> bool:
-        """Whether it has been closed."""
-        return not self._end.alive
-
-    def send(self, method: str, *, session: str | None = None, **params: Any) -> int:
-        """Send a message without waiting for its answer; returns its number, for `answer`.
-
-        Raises:
-            PictureError: if the browser has ended.
-        """
-        with self._lock:
-            if self.closed:
-                raise PictureError("the browser is closed; open another one: rbd.visual.Browser().")
-            self._count += 1
-            message: dict[str, Any] = {"id": self._count, "method": method, "params": params}
-            if session is not None:
-                message["sessionId"] = session
-            packed = memoryview(json.dumps(message).encode() + b"\0")
-            self._in_order = False
-            try:
-                while packed:
-                    packed = packed[os.write(self._to, packed) :]
-            except OSError:
-                raise self._has_ended() from None
-            self._in_order = True
-            return self._count
-
-    def answer(self, number: int, method: str) -> dict[str, Any]:
-        """The answer to a message.
-
-        Raises:
-            PictureError: if the browser refuses it, has ended, or does not answer in time.
-        """
-        with self._lock:
-            until = time.monotonic() + TIMEOUT_SECONDS
-            while number not in self._answers:
-                one = self._read(until)
-                if one.get("method") == "Inspector.targetCrashed":
-                    raise PictureError(f"the page crashed at {method}: it may need more memory than there is.")
-                if one.get("method") == "Runtime.exceptionThrown":
-                    details = one["params"]["exceptionDetails"]
-                    what = details.get("exception", {}).get("description", details.get("text", ""))
-                    self._thrown.setdefault(one.get("sessionId", ""), str(what))
-                if "id" in one:
-                    self._answers[one["id"]] = one
-            answer = self._answers.pop(number)
-        if "error" in answer:
-            raise PictureError(f"the browser refused {method}: {answer['error'].get('message', answer['error'])}.")
-        return dict(answer["result"])
-
-    def call(self, method: str, *, session: str | None = None, **params: Any) -> dict[str, Any]:
-        """Send a message and wait for its answer, see `send` and `answer`."""
-        with self._lock:
-            return self.answer(self.send(method, session=session, **params), method)
-
-    def thrown(self, session: str) -> str:
-        """The first error of a page's own scripts since `Runtime.enable`; empty without one."""
-        return self._thrown.get(session, "")
-
-    def close(self) -> None:
-        """End the process: ask it to, and kill it if it does not."""
-        with self._lock:
-            if self._in_order and not self.closed:
-                with suppress(PictureError):
-                    self.send("Browser.close")
-        self._end()
-
-    def kill(self) -> None:
-        """End the process at once, with its children."""
-        if not self.closed:
-            _kill(self.pid)
-        self._end()
-
-    def _read(self, until: float) -> dict[str, Any]:
-        """The next message that comes."""
-        while (end := self._buffer.find(b"\0", self._looked_at)) < 0:
-            self._looked_at = len(self._buffer)
-            if self.closed:
-                raise PictureError("the browser is closed; open another one: rbd.visual.Browser().")
-            ready, _, _ = select.select([self._from], [], [], max(0.0, until - time.monotonic()))
-            if not ready:
-                self.kill()
-                raise PictureError(f"the browser took over {TIMEOUT_SECONDS:g} s for an answer; it was ended.")
-            more = os.read(self._from, _PIPE_BYTES)
-            if not more:
-                raise self._has_ended()
-            self._buffer += more
-        one = bytes(self._buffer[:end])
-        del self._buffer[: end + 1]
-        self._looked_at = 0
-        return dict(json.loads(one))
-
-    def _has_ended(self) -> PictureError:
-        """What to raise when the process is not there any more; it is closed."""
-        until = time.monotonic() + 1.0
-        status: int | None = None
-        while status is None and time.monotonic() < until:
-            try:
-                pid, code = os.waitpid(self.pid, os.WNOHANG)
-            except ChildProcessError:
-                break
-            status = os.waitstatus_to_exitcode(code) if pid else None
-            time.sleep(0.0 if pid else 0.005)
-        lines = self._told.read_text(errors="replace").strip().splitlines() if self._told.exists() else []
-        words = lines[-1][:300] if lines else "it said nothing"
-        self.kill()
-        how = "its pipe was closed" if status is None else f"exit {status}"
-        return PictureError(f"the browser has ended ({how}): {words}.")
-
-
 def _spawned(command: list[str], told: Path) -> tuple[int, int, int]:
     """Start a process that reads commands from descriptor 3 and answers on 4: its number, and our ends of the two pipes.
 
@@ -286,8 +136,9 @@ class Browser:
     """One headless Chromium for many pages: to start it takes longer than a picture. Use it as a context.
 
     Pictures of many scenes are made faster with one: give it to `Scene.screenshot`, `screenshot`, `contact_sheet`,
-    `motion_sheet` and `export_video` as `browser`. It is driven through a pipe with the DevTools protocol: no port is opened.
-    It ends with its context, when it is no longer used, and when Python ends; a forked child cannot use it.
+    `motion_sheet` and `export_video` as `browser`. It is driven through pipes with the DevTools protocol: no port is opened. It
+    leads a group of processes of its own: Ctrl-C in the terminal does not reach it, and all of them are killed together. It
+    ends with its context, when it is no longer used, and when Python ends; a forked child cannot use it.
 
     Raises:
         PictureError: no browser on PATH, or it does not start.
@@ -301,30 +152,41 @@ class Browser:
     """
 
     def __init__(self) -> None:
-        self._tools = DevTools([a_browser(), *FLAGS, "--remote-debugging-pipe"])
+        program = a_browser()
+        self._lock = threading.RLock()
+        self._buffer, self._looked_at = bytearray(), 0
+        self._answers: dict[int, dict[str, Any]] = {}
+        self._count, self._in_order = 0, True
+        self._thrown: dict[str, str] = {}
+        self._profile = tempfile.TemporaryDirectory(prefix="rbd-browser-")
+        self._told = Path(self._profile.name) / "stderr.txt"
+        command = [program, *FLAGS, "--remote-debugging-pipe", f"--user-data-dir={self._profile.name}"]
+        try:
+            self.pid, self._to, self._from = _spawned(command, self._told)
+        except OSError as error:
+            self._profile.cleanup()
+            raise PictureError(f"the browser {command[0]!r:.300} cannot be started: {error.strerror}.") from error
+        self._end = weakref.finalize(self, _ended, self.pid, self._to, self._from, self._profile, os.getpid())
+        renewed_after_fork(self)
         try:
             self.call("Browser.getVersion")
         except BaseException:
-            self._tools.kill()
+            self.kill()
             raise
 
-    @property
-    def pid(self) -> int:
-        """Number of the browser's process, and of the group of all its processes."""
-        return self._tools.pid
+    def renew_after_fork(self) -> None:
+        """In a forked child: the browser belongs to the parent."""
+        self._lock = threading.RLock()
+        if self._end.detach() is not None:
+            for fd in (self._to, self._from):
+                with suppress(OSError):
+                    os.close(fd)
+            self._profile._finalizer.detach()  # type: ignore[attr-defined]
 
     @property
     def closed(self) -> bool:
         """Whether it has been closed."""
-        return self._tools.closed
-
-    def call(self, method: str, *, session: str | None = None, **params: Any) -> dict[str, Any]:
-        """The result of a method of the DevTools protocol.
-
-        Raises:
-            PictureError: if the browser refuses it, has ended, or does not answer.
-        """
-        return self._tools.call(method, session=session, **params)
+        return not self._end.alive
 
     def open(
         self, page: Path | str, *, width: int = 1280, height: int = 960, fragment: str = "", before: str = ""
@@ -341,9 +203,110 @@ class Browser:
         address = page.resolve().as_uri() if isinstance(page, Path) else page
         return BrowserPage(self, address + (f"#{fragment}" if fragment else ""), width, height, before)
 
+    def send(self, method: str, *, session: str | None = None, **params: Any) -> int:
+        """Send a message without waiting for its answer; returns its number, for `answer`.
+
+        Raises:
+            PictureError: if the browser has ended.
+        """
+        with self._lock:
+            if self.closed:
+                raise PictureError("the browser is closed; open another one: rbd.visual.Browser().")
+            self._count += 1
+            message: dict[str, Any] = {"id": self._count, "method": method, "params": params}
+            if session is not None:
+                message["sessionId"] = session
+            packed = memoryview(json.dumps(message).encode() + b"\0")
+            self._in_order = False
+            try:
+                while packed:
+                    packed = packed[os.write(self._to, packed) :]
+            except OSError:
+                raise self._has_ended() from None
+            self._in_order = True
+            return self._count
+
+    def answer(self, number: int, method: str) -> dict[str, Any]:
+        """The answer to a message.
+
+        Raises:
+            PictureError: if the browser refuses it, has ended, or does not answer in time.
+        """
+        with self._lock:
+            until = time.monotonic() + TIMEOUT_SECONDS
+            while number not in self._answers:
+                one = self._read(until)
+                if one.get("method") == "Inspector.targetCrashed":
+                    raise PictureError(f"the page crashed at {method}: it may need more memory than there is.")
+                if one.get("method") == "Runtime.exceptionThrown":
+                    details = one["params"]["exceptionDetails"]
+                    what = details.get("exception", {}).get("description", details.get("text", ""))
+                    self._thrown.setdefault(one.get("sessionId", ""), str(what))
+                if "id" in one:
+                    self._answers[one["id"]] = one
+            answer = self._answers.pop(number)
+        if "error" in answer:
+            raise PictureError(f"the browser refused {method}: {answer['error'].get('message', answer['error'])}.")
+        return dict(answer["result"])
+
+    def call(self, method: str, *, session: str | None = None, **params: Any) -> dict[str, Any]:
+        """The result of a method of the DevTools protocol, see `send` and `answer`."""
+        with self._lock:
+            return self.answer(self.send(method, session=session, **params), method)
+
+    def thrown(self, session: str) -> str:
+        """The first error of a page's own scripts since `Runtime.enable`; empty without one."""
+        return self._thrown.get(session, "")
+
     def close(self) -> None:
-        """End the browser."""
-        self._tools.close()
+        """End the process: ask it to, and kill it if it does not."""
+        with self._lock:
+            if self._in_order and not self.closed:
+                with suppress(PictureError):
+                    self.send("Browser.close")
+        self._end()
+
+    def kill(self) -> None:
+        """End the process at once, with its children."""
+        if not self.closed:
+            _kill(self.pid)
+        self._end()
+
+    def _read(self, until: float) -> dict[str, Any]:
+        """The next message that comes."""
+        while (end := self._buffer.find(b"\0", self._looked_at)) < 0:
+            self._looked_at = len(self._buffer)
+            if self.closed:
+                raise PictureError("the browser is closed; open another one: rbd.visual.Browser().")
+            ready, _, _ = select.select([self._from], [], [], max(0.0, until - time.monotonic()))
+            if not ready:
+                self.kill()
+                raise PictureError(f"the browser took over {TIMEOUT_SECONDS:g} s for an answer; it was ended.")
+            more = os.read(self._from, _PIPE_BYTES)
+            if not more:
+                raise self._has_ended()
+            self._buffer += more
+        one = bytes(self._buffer[:end])
+        del self._buffer[: end + 1]
+        self._looked_at = 0
+        return dict(json.loads(one))
+
+    def _has_ended(self) -> PictureError:
+        """What to raise when the process is not there any more; it is closed."""
+        until = time.monotonic() + 1.0
+        status: int | None = None
+        while status is None and time.monotonic() < until:
+            try:
+                pid, code = os.waitpid(self.pid, os.WNOHANG)
+            except ChildProcessError:
+                break
+            status = os.waitstatus_to_exitcode(code) if pid else None
+            time.sleep(0.0 if pid else 0.005)
+        lines = self._told.read_text(errors="replace").strip().splitlines() if self._told.exists() else []
+        words = lines[-1][:300] if lines else "it said nothing"
+        self.kill()
+        how = "its pipe was closed" if status is None else f"exit {status}"
+        return PictureError(f"the browser has ended ({how}): {words}.")
 
     def __enter__(self) -> Browser:
         return self
@@ -404,11 +367,11 @@ class BrowserPage:
     def begin(self, script: str) -> int:
         """Start the work of `evaluate` and do not wait for it; returns its number, for `value`."""
         given = {"expression": script, "returnByValue": True, "awaitPromise": True}
-        return self._browser._tools.send("Runtime.evaluate", session=self._session, **given)
+        return self._browser.send("Runtime.evaluate", session=self._session, **given)
 
     def value(self, number: int) -> Any:
         """What `evaluate` would return, of a script that `begin` started."""
-        got = self._browser._tools.answer(number, "Runtime.evaluate")
+        got = self._browser.answer(number, "Runtime.evaluate")
         if "exceptionDetails" in got:
             details = got["exceptionDetails"]
             raise PictureError(f"a script failed in the page: {details.get('exception', details).get('description', details)}")
@@ -423,7 +386,7 @@ class BrowserPage:
         seconds = TIMEOUT_SECONDS if seconds is None else seconds
         until = time.monotonic() + seconds
         while not self.evaluate(condition):
-            if failed := self._browser._tools.thrown(self._session):
+            if failed := self._browser.thrown(self._session):
                 raise PictureError(f"a script of the page failed: {failed:.500}")
             if time.monotonic() > until:
                 raise PictureError(f"the page was not ready within {seconds:g} s: {condition}")

@@ -15,6 +15,7 @@ from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import SampledPoses
 from rbd.model.state import State
+from rbd.records import joined
 from rbd.visual.marks.applied_forces import (
     PULLS,
     PUSHES,
@@ -31,7 +32,6 @@ from rbd.visual.marks.applied_forces import (
     wire_of,
 )
 from rbd.visual.marks.mark import Sizes
-from rbd.visual.notebook.card import joined
 from rbd.visual.playback.shown_motion import ShownMotion, Track
 
 Pushes: TypeAlias = Iterable[DrawnPush] | DrawnPush | Array | None
@@ -242,7 +242,7 @@ def _applied(
             count[push.name] += 1
             nowhere = Track(f"push on {push.name}", np.full((n, 1, 3), np.nan), np.zeros((n, 1, 3)))
             track = pushed.setdefault((push.name, count[push.name]), nowhere)
-            track.points[i, 0], track.forces[i, 0] = push.point, push.force
+            track.points[i, 0], track.forces[i, 0] = push.start, push.force
         for one in shown:
             rest = ElementTrack(one.name, one.shape, one.unit, np.full((n, 2, 3), np.nan), np.zeros((n, 3)), np.zeros(n))
             acts = elements.setdefault(one.name, rest)
