@@ -332,7 +332,7 @@ def _object(value: Any) -> str:
     if callable(value) and hasattr(value, "__qualname__"):
         return str(value.__qualname__)
     own, kind = str(type(value).__module__).split(".")[0], type(value)
-    written = kind.__repr__.__qualname__.endswith("__create_fn__.<locals>.__repr__") or hasattr(kind.__repr__, "__wrapped__")
+    written = "__create_fn__" in getattr(kind.__repr__, "__qualname__", "") or hasattr(kind.__repr__, "__wrapped__")
     if own == "rbd" and is_dataclass(value) and kind.__str__ is object.__str__ and written:
         return kind.__name__  # what dataclasses write has all numbers of all arrays
     return str(value).split("\n", 1)[0] if own in ("rbd", "sympy", "builtins") else kind.__name__

@@ -240,7 +240,7 @@ def _applied(
         count: Counter[str] = Counter()
         for push in drawn:
             count[push.name] += 1
-            nowhere = Track(f"push on {push.name}", np.full((n, 1, 3), np.nan), np.zeros((n, 1, 3)))
+            nowhere = Track(push.name, np.full((n, 1, 3), np.nan), np.zeros((n, 1, 3)))
             track = pushed.setdefault((push.name, count[push.name]), nowhere)
             track.points[i, 0], track.forces[i, 0] = push.start, push.force
         for one in shown:

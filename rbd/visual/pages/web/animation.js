@@ -107,11 +107,7 @@ class Cast {
 
   // Puts pieces that are fixed to the world where they are.
   place(fixed) {
-    for (const { node, at } of fixed) {
-      const piece = this.piece(node);
-      piece.position.set(...at.slice(0, 3));
-      piece.quaternion.set(...at.slice(3));
-    }
+    for (const { node, at } of fixed) pose(this.piece(node), at);
   }
 
   // Frames and collision shapes go with their bodies; those of bodies that have no pose here are hidden.
@@ -320,15 +316,12 @@ class Cast {
 class Cues {
   constructor(legend, motion) {
     this.motion = motion;
-    const make = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
-    if (motion.name) legend.append(make("h2", motion.name));
-    const table = make("table", "");
+    if (motion.name) make("h2", "", legend, motion.name);
+    const table = make("table", "", legend);
     const normals = motion.contacts.some((c) => c.normals);
     const row = (name, color) => {
       const line = table.insertRow();
-      const swatch = make("i", "");
-      swatch.style.background = color || "none";
-      line.insertCell().append(swatch);
+      make("i", "", line.insertCell()).style.background = color || "none";
       line.insertCell().textContent = name;
       const mode = line.insertCell(), normal = normals ? line.insertCell() : null, value = line.insertCell();
       mode.className = "mode";
@@ -350,14 +343,11 @@ class Cues {
     });
     if (motion.com) row("centre of mass", motion.com);
     if (motion.ghost) row(motion.ghost.name, motion.ghost.color);
-    legend.append(table);
     for (const note of motion.shift ? [] : [motion.note, "Drag to turn, wheel to zoom, right button to shift."]) {
-      if (note) legend.append(make("p", note));
+      if (note) make("p", "", legend, note);
     }
-    this.happened = make("p", "");
-    this.happened.className = "happened";
+    this.happened = make("p", "happened", legend);
     this.happened.hidden = !(motion.events && motion.events.length);
-    legend.append(this.happened);
   }
 
   // Modes by their codes, and the tracks of Cast as it is now.

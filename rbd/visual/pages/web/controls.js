@@ -12,30 +12,23 @@ class Controls {
   build({ listed }) {
     if (this.panel) this.panel.remove();
     this.inputs.clear();
-    this.panel = document.createElement("footer");
-    this.panel.className = "controls";
-    this.said = document.createElement("section");
-    this.said.className = "verdict";
+    this.panel = make("footer", "controls", document.body);
+    this.said = make("section", "verdict", this.panel);
     this.said.setAttribute("role", "status");
     this.said.setAttribute("aria-live", "polite");
-    const grid = document.createElement("div");
-    grid.className = "sliders chrome";
+    const grid = make("div", "sliders chrome", this.panel);
     for (const control of listed) grid.append(control.kind === "slider" ? this.slider(control) : this.choice(control));
-    this.panel.append(this.said, grid);
     // Keys of the page (views, layers) do not hear what is typed here.
     this.panel.addEventListener("keydown", (event) => event.stopPropagation());
-    document.body.append(this.panel);
     this.enable(Boolean(this.stage.live && this.stage.live.open));
     if (document.body.dataset.ready) this.stage.fit();
   }
 
   slider({ name, low, high, step, unit }) {
-    const label = document.createElement("label");
-    const words = document.createElement("span");
-    const value = document.createElement("output");
-    const input = Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step: "any" });
-    words.textContent = name;
-    label.append(words, value, input);
+    const label = make("label", "");
+    make("span", "", label, name);
+    const value = make("output", "", label);
+    const input = Object.assign(make("input", "", label), { type: "range", min: low, max: high, step: "any" });
     const digits = Math.max(0, Math.ceil(-Math.log10(step) - 1e-9));
     const show = (x) => {
       input.value = x;
@@ -61,13 +54,11 @@ class Controls {
   }
 
   choice({ name, options }) {
-    const label = document.createElement("label");
-    const words = document.createElement("span");
-    const input = document.createElement("select");
-    words.textContent = name;
+    const label = make("label", "");
+    make("span", "", label, name);
+    const input = make("select", "", label);
     for (const option of options) input.append(new Option(option, option));
     input.onchange = () => this.ask({ [name]: input.value });
-    label.append(words, input);
     this.inputs.set(name, { input, show: (x) => { input.value = x; } });
     return label;
   }
@@ -99,8 +90,7 @@ class Controls {
   say({ title, lines, good }) {
     this.said.classList.toggle("good", good === true);
     this.said.classList.toggle("bad", good === false);
-    const make = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
-    this.said.replaceChildren(make("h2", title), ...lines.map((line) => make("p", line)));
+    this.said.replaceChildren(make("h2", "", null, title), ...lines.map((line) => make("p", "", null, line)));
   }
 
   // What the sliders take of the window, in pixels.

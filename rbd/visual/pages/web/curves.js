@@ -6,12 +6,6 @@ class Curves {
   constructor(described, [first, last], names, go, changed) {
     Object.assign(this, { first, last, names, changed });
     this.times = described.times.map(floats);
-    const make = (tag, kind, parent, text = "") => {
-      const element = Object.assign(document.createElement(tag), { className: kind, textContent: text });
-      parent.append(element);
-      return element;
-    };
-    this.make = make;
     this.panel = make("aside", "curves", document.body);
     this.panel.setAttribute("aria-label", "Curves");
     const head = make("header", "", this.panel);
@@ -55,17 +49,9 @@ class Curves {
 
   chart({ name, title, low, top, log, limits, lines }, go) {
     const [width, height, left, foot] = [300, 96, 30, 12];
-    const { make } = this;
     const button = make("button", "", this.choices, name);
     const node = make("section", "chart", this.box);
     make("h2", "", node, title);
-    const space = Object.assign(document.createElement("div"), { innerHTML: "<svg></svg>" }).firstChild.namespaceURI;
-    const draw = (tag, parent, given) => {
-      const element = document.createElementNS(space, tag);
-      for (const [key, value] of Object.entries(given)) element.setAttribute(key, value);
-      parent.append(element);
-      return element;
-    };
     const svg = draw("svg", node, { viewBox: `0 0 ${width} ${height}`, role: "img", "aria-label": title });
     const x = (t) => left + ((width - left - 2) * (t - this.first)) / (this.last - this.first);
     const scale = log ? (value) => Math.log10(Math.max(value, low)) : (value) => value;

@@ -4,14 +4,7 @@ const AXES = [["x", "#c0392b", [1, 0, 0]], ["y", "#1e8449", [0, 1, 0]], ["z", "#
 class Gauges {
   constructor(stage) {
     this.stage = stage;
-    this.node = Object.assign(document.createElement("div"), { className: "gauges", hidden: true });
-    const space = Object.assign(document.createElement("div"), { innerHTML: "<svg></svg>" }).firstChild.namespaceURI;
-    const draw = (tag, parent, given) => {
-      const made = document.createElementNS(space, tag);
-      for (const [name, value] of Object.entries(given)) made.setAttribute(name, value);
-      parent.append(made);
-      return made;
-    };
+    this.node = Object.assign(make("div", "gauges", document.body), { hidden: true });
     const svg = draw("svg", this.node, { width: 84, height: 84, viewBox: "-42 -42 84 84", role: "img", "aria-label": "World axes" });
     this.axes = AXES.map(([letter, color, axis]) => {
       const group = draw("g", svg, {});
@@ -20,9 +13,7 @@ class Gauges {
       text.textContent = letter;
       return { group, line, text, axis };
     });
-    this.bar = Object.assign(document.createElement("div"), { className: "scale" });
-    this.node.append(this.bar);
-    document.body.append(this.node);
+    this.bar = make("div", "scale", this.node);
   }
 
   // Arrows of W at its origin, of a round length; remade when the scene's size is.

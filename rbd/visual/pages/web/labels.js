@@ -18,16 +18,10 @@ class Labels {
     this.bodies = [];
     this.shapes = [];
     this.caster = new MeshCat.THREE.Raycaster();
-    const make = (kind) => {
-      const node = Object.assign(document.createElement("div"), { className: `chrome ${kind}` });
-      document.body.append(node);
-      return node;
-    };
-    this.tags = make("tags");
-    this.tags.innerHTML = "<svg></svg>";
-    this.svg = this.tags.firstChild;
+    this.tags = make("div", "chrome tags", document.body);
+    this.svg = draw("svg", this.tags, {});
     [this.spans, this.lines] = [[], []];
-    this.tip = make("tip");
+    this.tip = make("div", "chrome tip", document.body);
     this.tip.hidden = true;
     this.tip.setAttribute("role", "status");
     this.watch(pane);
@@ -143,8 +137,7 @@ class Labels {
       this.clear();
       return;
     }
-    const make = (tag, text) => Object.assign(document.createElement(tag), { textContent: text });
-    this.tip.replaceChildren(make("b", label.title), ...label.lines.map((line) => make("div", line)));
+    this.tip.replaceChildren(make("b", "", null, label.title), ...label.lines.map((line) => make("div", "", null, line)));
     this.tip.hidden = false;
     this.stage.pane.style.cursor = "help";
     const [width, height] = this.stage.size();
@@ -170,8 +163,8 @@ class Labels {
     }
     const list = [...named.values()].sort((a, b) => a.rank - b.rank).slice(0, MOST_TAGS);
     while (this.spans.length < list.length) {
-      this.spans.push(this.tags.appendChild(document.createElement("span")));
-      this.lines.push(this.svg.appendChild(document.createElementNS(this.svg.namespaceURI, "line")));
+      this.spans.push(make("span", "", this.tags));
+      this.lines.push(draw("line", this.svg, {}));
     }
     while (this.spans.length > list.length) {
       this.spans.pop().remove();

@@ -4,11 +4,10 @@ const FOLDS_BELOW = [500, 360];  // pixels across and down: the legend of a smal
 // A title with a button that folds what is below it; kept when the legend is written anew.
 function heading(legend, title) {
   if (!legend.dataset.fold) legend.dataset.fold = window.innerWidth < FOLDS_BELOW[0] || window.innerHeight < FOLDS_BELOW[1] ? "folded" : "open";
-  const h1 = document.createElement("h1");
-  const button = Object.assign(document.createElement("button"), { type: "button", textContent: title });
+  const h1 = make("h1", "");
+  const button = Object.assign(make("button", "", h1, title), { type: "button" });
   button.title = "Fold or unfold (h)";
   button.onclick = () => { foldLegend(legend); button.blur(); };
-  h1.append(button);
   legend.replaceChildren(h1);
   button.setAttribute("aria-expanded", String(legend.dataset.fold === "open"));
 }
@@ -31,12 +30,10 @@ function columnNames(table, names, skip) {
 function writeLegend(stage, { title, entries, notes }) {
   const { legend } = stage;
   heading(legend, title);
-  const table = document.createElement("table");
+  const table = make("table", "");
   for (const entry of entries) {
     const rows = [table.insertRow()];
-    const swatch = document.createElement("i");
-    swatch.style.background = entry.color;
-    rows[0].insertCell().append(swatch);
+    make("i", "", rows[0].insertCell()).style.background = entry.color;
     const name = rows[0].insertCell(), value = rows[0].insertCell();
     name.textContent = entry.name;
     value.className = "value";
@@ -56,5 +53,5 @@ function writeLegend(stage, { title, entries, notes }) {
     }
   }
   legend.append(table);
-  for (const line of notes) legend.append(Object.assign(document.createElement("p"), { textContent: line }));
+  for (const line of notes) make("p", "", legend, line);
 }

@@ -28,10 +28,7 @@ class Live {
 
   // The picture stays; it says that it is no longer live.
   ended() {
-    const words = Object.assign(document.createElement("p"), {
-      className: "ended",
-      textContent: "The program that served this page has ended: the picture stays as it is.",
-    });
+    const words = make("p", "ended", null, "The program that served this page has ended: the picture stays as it is.");
     (this.stage.controls.panel || document.body).prepend(words);
     if (!this.stage.touched) this.stage.fit();
   }

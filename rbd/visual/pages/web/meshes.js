@@ -8,10 +8,8 @@ async function unpackPage([library, ...sizes], build) {
     (0, eval)(new TextDecoder().decode(viewer));
     build(new Stage(document.getElementById("meshcat-pane"), document.getElementById("legend"), pieces));
   } catch (error) {
-    const words = document.createElement("p");
-    words.className = "failed";
-    words.textContent = document.body.dataset.failed = `This picture could not be drawn. ${error.message}`;
-    document.body.append(words);
+    document.body.dataset.failed = `This picture could not be drawn. ${error.message}`;
+    make("p", "failed", document.body, document.body.dataset.failed);
     throw error;
   }
 }

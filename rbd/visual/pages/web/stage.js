@@ -2,6 +2,28 @@
 // World is z up, x forward; the camera lives in three.js's own axes, y up: (x, y, z) -> (x, z, -y).
 const LOW_WINDOW = 700;  // pixels
 
+// An element of a class with a text, at the end of a parent.
+function make(tag, kind, parent, text = "") {
+  const made = Object.assign(document.createElement(tag), { className: kind, textContent: text });
+  if (parent) parent.append(made);
+  return made;
+}
+
+// An element of a vector drawing, with attributes.
+function draw(tag, parent, given) {
+  draw.space ??= Object.assign(document.createElement("div"), { innerHTML: "<svg></svg>" }).firstChild.namespaceURI;
+  const made = document.createElementNS(draw.space, tag);
+  for (const [name, value] of Object.entries(given)) made.setAttribute(name, value);
+  parent.append(made);
+  return made;
+}
+
+// Puts an object at a pose: position and quaternion.
+function pose(object, at) {
+  object.position.set(...at.slice(0, 3));
+  object.quaternion.set(...at.slice(3));
+}
+
 class Stage {
   constructor(pane, legend, pieces) {
     this.legend = legend;
@@ -320,10 +342,7 @@ function triad({ name, lines, at }, length) {
     stick.renderOrder = 3;
     node.add(stick);
   }
-  if (at) {
-    node.position.set(...at.slice(0, 3));
-    node.quaternion.set(...at.slice(3));
-  }
+  if (at) pose(node, at);
   const label = { title: name, lines, at: null };
   node.userData.label = () => label;
   return node;

@@ -135,17 +135,12 @@ class Player {
   }
 
   build() {
-    const make = (tag, kind, parent, text = "") => {
-      const element = Object.assign(document.createElement(tag), { className: kind, textContent: text });
-      parent.append(element);
-      return element;
-    };
     const footer = make("footer", "player", document.body);
     this.footer = footer;
     this.button = make("button", "play", footer);
     this.button.onclick = () => { this.play(!this.playing); this.button.blur(); };
     const middle = make("div", "middle", footer);
-    this.lanes(middle, make);
+    this.lanes(middle);
     this.bar = make("div", "bar", middle);
     this.bar.tabIndex = 0;
     for (const [name, value] of [["role", "slider"], ["aria-label", "Time"], ["aria-valuemin", this.first], ["aria-valuemax", this.last]]) {
@@ -186,8 +181,11 @@ class Player {
 
   // A lane for each contact: filled while it touches, striped while it slips; its events as marks on it. Below them the lanes
   // of whatever else is true at times, with its name.
-  lanes(parent, make) {
+  lanes(parent) {
     const percent = (t) => 100 * (t - this.first) / (this.last - this.first);
+    const fill = (lane, kind, color, from, to) => {
+      Object.assign(make("div", kind, lane).style, { color, left: `${percent(from)}%`, width: `${percent(to) - percent(from)}%` });
+    };
     const hint = make("div", "hint", parent);
     hint.hidden = true;
     const lanes = make("div", "lanes", parent);
@@ -196,23 +194,13 @@ class Player {
       const lane = make("div", i ? "lane second" : "lane", lanes);
       lane.title = motion.name ? `${name} (${motion.name})` : name;
       where.set(i + name, { lane, color });
-      for (const [from, to, code] of stretches) {
-        const stretch = make("div", motion.words[code], lane);
-        stretch.style.color = color;
-        stretch.style.left = `${percent(from)}%`;
-        stretch.style.width = `${percent(to) - percent(from)}%`;
-      }
+      for (const [from, to, code] of stretches) fill(lane, motion.words[code], color, from, to);
     }));
     for (const { name, color, stretches } of this.motion.lanes) {
       const lane = make("div", "lane named", lanes);
       lane.title = name;
       where.set(0 + name, { lane, color });
-      for (const [from, to] of stretches) {
-        const stretch = make("div", "", lane);
-        stretch.style.color = color;
-        stretch.style.left = `${percent(from)}%`;
-        stretch.style.width = `${percent(to) - percent(from)}%`;
-      }
+      for (const [from, to] of stretches) fill(lane, "", color, from, to);
       make("span", "", lane, name);
     }
     const told = this.reels.flatMap(({ motion }, i) => motion.events.map((event) => ({ event, key: i + event.name })));
@@ -228,7 +216,7 @@ class Player {
       mark.onclick = () => { this.go(event.t); mark.blur(); };
       mark.onpointerenter = () => {
         hint.hidden = false;
-        hint.replaceChildren(...event.words.map((words) => Object.assign(document.createElement("div"), { textContent: words })));
+        hint.replaceChildren(...event.words.map((words) => make("div", "", null, words)));
         const box = parent.getBoundingClientRect();
         const free = Math.max(0, box.width - hint.offsetWidth);
         hint.style.left = `${Math.min(free, Math.max(0, mark.getBoundingClientRect().left - box.left - hint.offsetWidth / 2))}px`;
@@ -240,21 +228,17 @@ class Player {
   // Many times side by side, in place of the page.
   sheet({ times, columns, width, height, gap }) {
     const { viewer } = this.cast.stage;
-    const figures = times.map((t) => {
+    const main = make("main", "sheet");
+    for (const t of times) {
       this.seek(t);
       viewer.controls.update();
       viewer.camera.updateProjectionMatrix();
       viewer.renderer.render(viewer.scene, viewer.camera);
-      const figure = document.createElement("figure");
-      const image = Object.assign(new Image(width, height), { src: viewer.renderer.domElement.toDataURL() });
-      const caption = Object.assign(document.createElement("figcaption"), { textContent: `${t.toFixed(this.digits)} s` });
-      figure.append(image, caption);
-      return figure;
-    });
-    const main = document.createElement("main");
-    main.className = "sheet";
+      const figure = make("figure", "", main);
+      figure.append(Object.assign(new Image(width, height), { src: viewer.renderer.domElement.toDataURL() }));
+      make("figcaption", "", figure, `${t.toFixed(this.digits)} s`);
+    }
     main.style.gridTemplateColumns = `repeat(${columns}, ${width}px)`;
-    main.append(...figures);
     main.style.gap = `${gap}px`;
     document.body.replaceChildren(main);
   }

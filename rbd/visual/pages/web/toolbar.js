@@ -2,12 +2,6 @@
 class Toolbar {
   constructor(stage) {
     this.stage = stage;
-    const make = (tag, kind, parent, text = "") => {
-      const node = Object.assign(document.createElement(tag), { className: kind, textContent: text });
-      parent.append(node);
-      return node;
-    };
-    this.make = make;
     this.node = make("nav", "chrome toolbar", document.body);
     this.node.setAttribute("aria-label", "View");
     const row = this.row = make("div", "row", this.node);
@@ -43,7 +37,7 @@ class Toolbar {
 
   viewButtons(parent) {
     return VIEWS.map((name, i) => {
-      const button = this.make("button", "view", parent, name);
+      const button = make("button", "view", parent, name);
       button.type = "button";
       button.title = `${name === "start" ? "As the page opened" : `From the ${name}`} (${i})`;
       button.onclick = () => { this.stage.views.go(name); button.blur(); };
@@ -79,11 +73,11 @@ class Toolbar {
     if (names.join() !== [...this.boxes.keys()].join()) {
       this.boxes.clear();
       this.layers.replaceChildren();
-      const small = this.make("div", "views small", this.layers);
+      const small = make("div", "views small", this.layers);
       this.more = this.viewButtons(small);
       for (const name of names) {
-        const label = this.make("label", "", this.layers);
-        const box = this.make("input", "", label);
+        const label = make("label", "", this.layers);
+        const box = make("input", "", label);
         box.type = "checkbox";
         box.onchange = () => this.show(name, box.checked);
         label.append(name);
@@ -110,17 +104,17 @@ class Toolbar {
       ] : []),
     ];
     this.help.replaceChildren();
-    const table = this.make("table", "", this.help);
+    const table = make("table", "", this.help);
     for (const [key, words] of rows) {
       const line = table.insertRow();
-      this.make("kbd", "", line.insertCell(), key);
+      make("kbd", "", line.insertCell(), key);
       line.insertCell().textContent = words;
     }
-    this.make("p", "", this.help, "The address keeps what you see: copy it, or write one.");
-    this.make("code", "", this.help, `#${player ? "t=0.9&" : ""}view=front&on=labels,axes&off=cones`);
-    this.make("p", "", this.help, "This page as it is now:");
-    this.make("code", "now", this.help, `#${this.stage.views.link()}`);
-    const own = this.make("button", "own", this.help, "Meshcat's own controls");
+    make("p", "", this.help, "The address keeps what you see: copy it, or write one.");
+    make("code", "", this.help, `#${player ? "t=0.9&" : ""}view=front&on=labels,axes&off=cones`);
+    make("p", "", this.help, "This page as it is now:");
+    make("code", "now", this.help, `#${this.stage.views.link()}`);
+    const own = make("button", "own", this.help, "Meshcat's own controls");
     own.type = "button";
     own.onclick = () => document.body.classList.toggle("meshcat-controls");
   }
