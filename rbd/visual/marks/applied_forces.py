@@ -157,8 +157,12 @@ def element_marks(place: int, element: ShownElement, sizes: Sizes) -> list[Mark]
     lines = [line for line in (element.size, element.detail) if line]
     lines.append(f"from {numbers(start)} to {numbers(end)} m")
     label = Label(element.name, tuple(lines), 0.5 * (start + end), tag=False)
-    marks = []
-    for i, (mesh, opacity) in enumerate(_meshes(element, start, end, sizes)):
+    along, marks = end - start, list[Mark]()
+    origin, axes = (end, axes_along(element.axis)) if element.shape in TURNED else (start, axes_along(along))
+    pieces = element_pieces(element.shape, float(np.linalg.norm(along)), sizes)
+    for i, opacity in enumerate(dict.fromkeys(piece.opacity for piece in pieces)):
+        own = [piece.placed(float(np.linalg.norm(along))) for piece in pieces if piece.opacity == opacity]
+        mesh = shapes.joined(own).placed(axes, origin)
         marks.append(Mark(f"{path}/{i}", mesh, color, opacity, seen_through=opacity == 1.0, layer=LAYER, label=label))
     return marks
 
@@ -172,48 +176,51 @@ def ends_of(element: ShownElement, sizes: Sizes) -> Array:
     return np.array([start, end])
 
 
-def radius_of(sizes: Sizes, length: float) -> float:
-    """Radius of coils and cylinders of this length [m]."""
-    return max(0.022 * sizes.body, 0.014 * min(length, 2.0 * sizes.body))
+TURNED = ("spiral", "drum")
+"""Shapes that lie about an axis at the second end; the others go from the first end to the second."""
 
 
-def wire_of(sizes: Sizes) -> float:
-    """Radius of their wire and rods [m]."""
-    return 0.0045 * sizes.body
+@dataclass(frozen=True, eq=False, slots=True)
+class ElementPiece:
+    """A piece of a force element in the element's own axes, z from its first end to its second: scenes and motions place it.
+
+    Attributes:
+        mesh: Triangles [m]; of a piece that is stretched z goes from 0 to 1.
+        start: Where along z it begins [m]; None: at the second end.
+        stretched: Whether it reaches from there to the second end.
+        opacity: 1 is solid.
+    """
+
+    mesh: Mesh
+    start: float | None = 0.0
+    stretched: bool = False
+    opacity: float = 1.0
+
+    def placed(self, length: float) -> Mesh:
+        """The piece of an element of this length [m]."""
+        low = length if self.start is None else self.start
+        size = length - low if self.stretched else 1.0
+        return Mesh(self.mesh.vertices * [1.0, 1.0, size] + [0.0, 0.0, low], self.mesh.faces)
 
 
-def spiral_of(sizes: Sizes) -> float:
-    """Radius of spirals [m]."""
-    return 0.05 * sizes.body
-
-
-def _meshes(element: ShownElement, start: Array, end: Array, sizes: Sizes) -> list[tuple[Mesh, float]]:
-    """(mesh in W, opacity) of its parts."""
-    wire, along = wire_of(sizes), end - start
-    length = float(np.linalg.norm(along))
-    r = radius_of(sizes, length)
-    if element.shape == "coil":
-        line = coil(length, min(r, 0.5 * length + wire), turns_of(length, r))
-        return [(wound(line, wire).placed(axes_along(along), start), 1.0)]
-    if element.shape == "cylinder":
-        axes = axes_along(along)
-        body = 0.4 * length
-        parts = [
-            shapes.cylinder(0.8 * r, body).placed(axes, start + (0.15 * length + 0.5 * body) * axes[:, 2]),
-            shapes.tube(np.array([start, start + 0.15 * length * axes[:, 2]]), radius=wire),
-            shapes.tube(np.array([start + (0.15 * length + body) * axes[:, 2], end]), radius=wire),
-        ]
-        return [(shapes.joined(parts), 1.0)]
-    if element.shape == "bushing":
-        sleeve = shapes.ball(1.3 * r, centre=start)
-        return [
-            (sleeve, 0.35),
-            (shapes.joined([shapes.ball(0.6 * r, centre=end), shapes.tube(element.points, radius=wire)]), 1.0),
-        ]
-    axes, big = axes_along(element.axis), spiral_of(sizes)
-    if element.shape == "drum":
-        return [(shapes.cylinder(0.6 * big, 0.5 * big).placed(axes, end), 1.0)]
-    return [(wound(spiral(big), wire).placed(axes, end), 1.0)]
+def element_pieces(shape: str, length: float, sizes: Sizes) -> list[ElementPiece]:
+    """The pieces of a force element whose ends are so far apart [m]: drawn once, for a state and for the frames of a motion."""
+    wire, big = 0.0045 * sizes.body, 0.05 * sizes.body
+    r = max(0.022 * sizes.body, 0.014 * min(length, 2.0 * sizes.body))
+    rod = shapes.revolved([(0.0, 0.0), (wire, 0.0), (wire, 1.0), (0.0, 1.0)], segments=10)
+    if shape == "coil":
+        long = max(length, 1e-3 * sizes.body)
+        mesh = wound(coil(long, min(r, 0.5 * long + wire), turns_of(long, r)), wire)
+        return [ElementPiece(Mesh(mesh.vertices / [1.0, 1.0, long], mesh.faces), stretched=True)]
+    if shape == "cylinder":
+        body, thin = 0.4 * length, Mesh(rod.vertices * [1.0, 1.0, 0.15 * length], rod.faces)
+        middle = 0.15 * length + 0.5 * body
+        return [ElementPiece(shapes.cylinder(0.8 * r, body), middle), ElementPiece(thin), ElementPiece(rod, middle, True)]
+    if shape == "bushing":
+        ends = [ElementPiece(shapes.ball(1.3 * r), opacity=0.35), ElementPiece(shapes.ball(0.6 * r), None)]
+        return [*ends, ElementPiece(rod, stretched=True)]
+    mesh = shapes.cylinder(0.6 * big, 0.5 * big) if shape == "drum" else wound(spiral(big), wire)
+    return [ElementPiece(mesh)]
 
 
 def turns_of(length: float, radius: float) -> int:

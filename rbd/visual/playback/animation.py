@@ -370,7 +370,8 @@ def replay(
     given = Playback(speed=speed, external=external).resolved(shown)
     page, used = staged(shown, replace(given, fps=LIVE_FPS), scene)
     follows = page.goes_far(FAR)
-    used.stage_motion(page.opening({"title": given.title, "follow": follows, "trace": False}), page.around(follows))
+    opening = page.opening({"title": given.title, "follow": follows, "trace": False})
+    used.stage_motion(opening, page.around(follows), page.further_parts)
     assert given.speed is not None
     with contextlib.ExitStack() as closing:
         closing.enter_context(contextlib.suppress(KeyboardInterrupt))

@@ -20,16 +20,14 @@ from rbd.visual.marks.applied_forces import (
     PULLS,
     PUSHES,
     RELAXED,
-    STRAIGHT,
+    TURNED,
     DrawnPush,
+    ElementPiece,
+    element_pieces,
     full_of,
     only_pushes,
     pushes,
-    radius_of,
     shown_elements,
-    spiral_of,
-    turns_of,
-    wire_of,
 )
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.playback.shown_motion import ShownMotion, Track
@@ -359,21 +357,15 @@ class ElementTrack:
         return np.column_stack([self.points.reshape(len(self.tension), 6), self.axis, self.tension])
 
 
-def element_look(track: ElementTrack, sizes: Sizes) -> dict[str, object]:
-    """What a page needs to draw a force element, besides where it is: sizes [m], colours, and the force of full colour."""
+def pieces_of(track: ElementTrack, sizes: Sizes) -> list[ElementPiece]:
+    """What is drawn of a force element, of its usual length."""
     lengths = np.linalg.norm(track.points[:, 1] - track.points[:, 0], axis=1)
     known = lengths[np.isfinite(lengths)]
-    length = float(np.median(known)) if len(known) else 0.0
-    return {
-        "name": track.name,
-        "shape": track.shape,
-        "unit": track.unit,
-        "length": max(length, 1e-3 * sizes.body),
-        "radius": radius_of(sizes, length),
-        "wire": wire_of(sizes),
-        "spiral": spiral_of(sizes),
-        "turns": turns_of(length, radius_of(sizes, length)),
-        "straight": STRAIGHT,
-        "full": full_of(track.unit, sizes),
-        "colors": [RELAXED, PULLS, PUSHES],
-    }
+    return element_pieces(track.shape, float(np.median(known)) if len(known) else 0.0, sizes)
+
+
+def element_look(track: ElementTrack, path: str, sizes: Sizes) -> dict[str, object]:
+    """What a page needs to draw a force element, besides where it is: the path of its pieces, and their rules and colours."""
+    pieces = [{"start": x.start, "stretched": x.stretched, "opacity": x.opacity} for x in pieces_of(track, sizes)]
+    look = {"name": track.name, "shape": track.shape, "unit": track.unit, "turned": track.shape in TURNED}
+    return look | {"path": path, "pieces": pieces, "full": full_of(track.unit, sizes), "colors": [RELAXED, PULLS, PUSHES]}

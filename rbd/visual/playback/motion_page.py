@@ -13,9 +13,17 @@ import pinocchio as pin
 
 from rbd.arrays import Array, lazy
 from rbd.simulation.simulated_motion import OPEN, Event
+from rbd.visual.marks.applied_forces import RELAXED
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.picture import scale_note
-from rbd.visual.playback.motion_frames import ELEMENT_COLORS, PageFrames, checked_ghost, element_look, ghost_poses
+from rbd.visual.playback.motion_frames import (
+    ELEMENT_COLORS,
+    PageFrames,
+    checked_ghost,
+    element_look,
+    ghost_poses,
+    pieces_of,
+)
 from rbd.visual.playback.shown_motion import ShownMotion, Track
 from rbd.visual.playback.trajectory_charts import carries_weight, normals_of
 from rbd.visual.robot_layers import collision_parts
@@ -120,9 +128,24 @@ class MotionPage:
         return replace(self, second=replace(second, shift=shift, name=names[1]), name=names[0])
 
     @property
+    def own_meshes(self) -> bool:
+        """Whether there is a second robot that is not the first: its meshes are sent too."""
+        return self.second is not None and self.second.parts is not self.parts
+
+    @property
     def further_parts(self) -> dict[str, Sequence[RobotPart]]:
-        """{path in the viewer: pieces of a robot to be sent}: those of a second robot that is not the first."""
-        return {} if self.second is None or self.second.parts is self.parts else {SECOND: self.second.parts}
+        """{path in the viewer: pieces to be sent}: of force elements, and of a second robot that is not the first."""
+        found: dict[str, Sequence[RobotPart]] = {}
+        for i, track in enumerate(self.frames.elements):
+            pieces = pieces_of(track, self.sizes)
+            found[self._element(i)] = [RobotPart(track.name, 0, pin.SE3.Identity(), x.mesh, RELAXED, x.opacity) for x in pieces]
+        if self.second is not None:
+            found |= self.second.further_parts
+        return found | {SECOND: self.second.parts} if self.second is not None and self.own_meshes else found
+
+    def _element(self, i: int) -> str:
+        """Path in the viewer of the pieces of a force element."""
+        return f"{'beside' if any(self.shift) else 'moving'} elements/{i}"
 
     def goes_far(self, times: float) -> bool:
         """Whether the centre of mass travels farther along the ground than so many sizes of the robot."""
@@ -168,7 +191,7 @@ class MotionPage:
         """The motion with all its frames, as JSON; `speed` is one of those that can be chosen."""
         told: dict[str, object] = {**self._played(), **settings, "speed": speed, "speeds": sorted({*SPEEDS, speed})}
         if self.second is not None:
-            tree = SECOND if self.further_parts else "robot"
+            tree = SECOND if self.own_meshes else "robot"
             told["second"] = {**self.second._played(), "title": "", "tree": tree, "shift": self.second.shift}  # noqa: SLF001
         return json.dumps({"motion": told})
 
@@ -252,7 +275,7 @@ class MotionPage:
             "name": self.name,
             "contacts": contacts,
             "pushes": [{"name": t.name, "color": t.color, "points": 1} for t in frames.pushes],
-            "elements": [element_look(e, sizes) for e in frames.elements],
+            "elements": [element_look(e, self._element(i), sizes) for i, e in enumerate(frames.elements)],
             "others": list(frames.modes)[len(contacts) :],
             "lanes": [{"name": name, "color": color, "stretches": self._stretches(name)} for name, color in lanes.items()],
             "words": self.words,

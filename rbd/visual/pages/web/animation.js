@@ -77,7 +77,7 @@ class Cast {
     this.layer("forces").add(this.halo);
     this.tracks = [...motion.contacts.map((track) => ({ ...track, layer: "forces" })),
       ...motion.pushes.map((track) => ({ ...track, layer: "pushes" }))].map((track) => this.makeTrack(track, sizes));
-    this.elements = (motion.elements || []).map((look) => new ForceElement(this.layer("force elements"), look, this.shift));
+    this.elements = (motion.elements || []).map((look) => new ForceElement(stage, this.layer("force elements"), look, this.shift));
     const most = this.tracks.reduce((sum, track) => sum + (track.supports ? track.points : 0), 0);
     this.support = most ? new Support(this.layer("support polygon"), most, sizes, motion.support) : null;
   }
