@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import meshcat
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, check_positive
 from rbd.displayed import Displayed
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
@@ -31,7 +31,7 @@ from rbd.visual.pages.page import offline_page, photograph, write_page
 from rbd.visual.pages.server import LiveServer, Recorder, drawn_together
 from rbd.visual.robot_layers import a_direction, camera_and_ground, frames, front_of, seen_from
 from rbd.visual.robot_meshes import RobotPart
-from rbd.visual.style import a_length, a_page, a_picture, contact_colors
+from rbd.visual.style import a_page, a_picture, contact_colors
 
 if TYPE_CHECKING:
     from rbd.answers.solution import Solution
@@ -84,7 +84,7 @@ class Scene(Displayed):
         if not isinstance(robot, CheckedModel):
             raise InputError(f"Scene wants a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
         if arrow_per_weight is not None:
-            arrow_per_weight = a_length("arrow_per_weight", arrow_per_weight)
+            arrow_per_weight = check_positive("arrow_per_weight", arrow_per_weight, 1e100)
         self._seen_from = a_direction(seen_from)
         self._legend = legend
         self._layers = checked_layers(layers)

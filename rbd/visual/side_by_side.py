@@ -12,7 +12,7 @@ from typing import Any
 
 from rbd.answers.least_constraint import solve
 from rbd.answers.solution import NearestMotion, Solution
-from rbd.arrays import Array, check_flag
+from rbd.arrays import Array, check_flag, check_whole
 from rbd.errors import InputError, PictureError
 from rbd.model.state import State
 from rbd.robots.loading import load_robot
@@ -22,7 +22,7 @@ from rbd.statics.equilibrium import hold
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import screenshot, write_page
 from rbd.visual.scene import Scene
-from rbd.visual.style import a_count, a_page, a_picture
+from rbd.visual.style import a_page, a_picture
 
 MOST = 12
 """Browsers draw some sixteen scenes at a time, and no more."""
@@ -111,7 +111,7 @@ def scenes_beside(
         raise InputError(f"scenes are {scenes!r:.80}; expected {{caption: what rbd.hold or rbd.solve returned}}.")
     if not 1 <= len(scenes) <= MOST:
         raise InputError(f"there are {len(scenes)} scenes; expected 1 to {MOST}, as browsers draw no more of them at a time.")
-    across = min(3, len(scenes)) if columns is None else min(a_count("columns", columns, MOST), len(scenes))
+    across = min(3, len(scenes)) if columns is None else min(check_whole("columns", columns, MOST), len(scenes))
     check_flag("legend", legend)
     figures = [_figure(caption, _scene(caption, given, seen_from, legend)) for caption, given in scenes.items()]
     text = _PAGE.substitute(
@@ -202,7 +202,8 @@ def contact_sheet(
         >>> rbd.visual.contact_sheet(["solo12", "talos"], "standing.png")  # doctest: +SKIP
         PosixPath('standing.png')
     """
-    columns, width, height = a_count("columns", columns, MOST), a_count("width", width, 4000), a_count("height", height, 4000)
+    columns = check_whole("columns", columns, MOST)
+    width, height = check_whole("width", width, 4000), check_whole("height", height, 4000)
     picture = a_picture(png_path)
     try:
         given = [robots] if isinstance(robots, str | Robot) else list(robots)

@@ -7,9 +7,6 @@ from collections.abc import Iterable
 from colorsys import hls_to_rgb
 from pathlib import Path
 
-import numpy as np
-
-from rbd.arrays import as_float
 from rbd.errors import InputError, PictureError
 from rbd.model.output_files import check_place
 
@@ -114,26 +111,3 @@ def is_there(path: Path) -> bool:
         return path.is_file()
     except OSError:
         return False
-
-
-def a_count(what: str, value: object, most: int = MOST_PIXELS) -> int:
-    """A whole number from 1 to `most`.
-
-    Raises:
-        InputError: if it is not.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | np.integer) or not 1 <= value <= most:
-        raise InputError(f"{what} is {value!r:.80}; expected a whole number from 1 to {most}.")
-    return int(value)
-
-
-def a_length(what: str, value: object) -> float:
-    """A finite length above zero [m].
-
-    Raises:
-        InputError: if it is not.
-    """
-    length = as_float(value)
-    if not 0.0 < length < 1e100:
-        raise InputError(f"{what} is {value!r:.80}; expected a length above zero, in metres.")
-    return length

@@ -117,7 +117,7 @@ def test_a_peak_does_not_flatten_the_rest(slide: Trajectory):
     plot_forces(ax, dataclasses.replace(slide, forces=spoilt))
     low, high = ax.get_ylim()
     assert low < 0.0 and 49.05 < high < 200.0
-    assert [t.get_text() for t in ax.texts] == ["peak, cut off: 1e+04 N at 0.5 s"]
+    assert [t.get_text() for t in ax.texts] == ["cut off: 10,000 N\nat 0.5 s"]
     plain = axes()
     plot_forces(plain, slide)
     assert not plain.texts

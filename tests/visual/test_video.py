@@ -164,7 +164,7 @@ def test_what_cannot_be_made_is_refused_before_work(
         swing.video(target, width=321, height=200)
     with pytest.raises(InputError, match="fps is 0; expected"):
         swing.video(target, fps=0)
-    with pytest.raises(InputError, match="width is 4; expected at least 16"):
+    with pytest.raises(InputError, match="width is 4; expected a whole number from 16"):
         swing.video(target, width=4)
     with pytest.raises(PictureError, match=r"x\.avi'.*: expected a name that ends in \.mp4 or \.gif"):
         swing.video(tmp_path / "x.avi")

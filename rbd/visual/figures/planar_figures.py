@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, check_whole
 from rbd.errors import InputError, nearest
 from rbd.visual.figures.planar_plots import PATH_COLOR
 from rbd.visual.figures.plots import an_axis, frame
-from rbd.visual.style import CONTACT_COLORS, a_count, rgb
+from rbd.visual.style import CONTACT_COLORS, rgb
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -55,7 +55,7 @@ def plot_sticks(ax: Axes, chain: Chain, q_samples: Sequence[Sequence[float]] | A
     """
     an_axis(ax)
     points = _points(chain, q_samples)
-    shown = _spread(len(points), a_count("count", count, MOST_STICKS))
+    shown = _spread(len(points), check_whole("count", count, MOST_STICKS))
     drawn: list[Artist] = [*ax.plot(*points[:, -1].T, color=PATH_COLOR, lw=2.2, zorder=5, solid_capstyle="round")]
     for i, sample in enumerate(shown):
         age = 1.0 if len(shown) == 1 else i / (len(shown) - 1)
@@ -109,7 +109,7 @@ def plot_ellipses(
         raise InputError(f"no ellipse is called {kind!r:.80}; {nearest(kind, KINDS)}.")
     points = _points(chain, q_samples)
     q = np.atleast_2d(np.asarray(q_samples, float))
-    shown = _along(points[:, -1], a_count("count", count, MOST_STICKS))
+    shown = _along(points[:, -1], check_whole("count", count, MOST_STICKS))
     ellipses = [chain.ellipse(q[sample], "force" if kind == "force" else "velocity") for sample in shown]
     size = float(sum(float(length) for length in chain.lengths))
     scale, longest = _scale(ellipses, size, kind)

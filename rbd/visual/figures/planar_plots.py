@@ -12,7 +12,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.visual.figures.plots import an_axis, frame, note
+from rbd.visual.figures.plots import an_axis, cut_peaks, frame
 from rbd.visual.playback.planar_motion import PATH_COLOR, is_planar
 from rbd.visual.style import CONTACT_COLORS
 
@@ -36,7 +36,7 @@ ROWS = {
 PARTS = ("tangential", "centripetal", "coriolis")
 ANGLES = {"joint": "joint angles", "segment": "segment angles", "vertical": "angles from the vertical"}
 _BURST, _OFTEN = 4.0, 92.0
-"""(factor, per cent): a curve beyond this factor times the range of so many per cent of its samples is cut off, with a note."""
+"""(factor, per cent): a curve beyond this factor times the size of so many per cent of its samples is cut off, with a note."""
 _BEATS = 21
 """Dots along a path, evenly in time: close together where it is slow."""
 
@@ -79,7 +79,8 @@ def plot_panels(axes: Sequence[Sequence[Axes]] | Array, motion: PlanarMotion) ->
             for k, (curve, name, color) in enumerate(zip(values.T, names, colors, strict=True)):
                 style: dict[str, Any] = {"ls": _STROKES[k // len(ANGLE_COLORS) % len(_STROKES)], "zorder": 3}
                 drawn += ax.plot(motion.t, curve, color=color, lw=BOLD, label=name, **style)
-            notes += _cut(ax, motion.t, values, title)
+            unit = title[title.index("[") + 1 : -1]
+            notes += cut_peaks(ax, motion.t, values, unit, factor=_BURST, often=_OFTEN)
             _dress(ax, motion, title)
             if row == 1:
                 ax.set_xlabel("time [s]")
@@ -233,34 +234,6 @@ def _path(ax: Axes, motion: PlanarMotion, across: Array, up: Array, color: str, 
         *ax.plot(across[:1], up[:1], "o", color="white", mec=color, ms=8.0, mew=1.6, zorder=5),
         *ax.plot(across[-1:], up[-1:], "o", color=color, mec="white", ms=9.0, mew=1.2, zorder=5),
     ]
-
-
-def _window(values: Array) -> tuple[float, float]:
-    """Limits of an axis that show most samples of all columns well, and all of them if there is no peak."""
-    low, high = float(values.min()), float(values.max())
-    usual = [float(np.percentile(values, p)) for p in (100.0 - _OFTEN, _OFTEN)]
-    within = values[(np.abs(values) <= _BURST * max(map(abs, usual)))]
-    seen = (float(within.min()), float(within.max())) if len(within) else (low, high)
-    room = 0.08 * max(seen[1] - seen[0], 1e-9 * max(abs(seen[0]), abs(seen[1])), 1e-12)
-    return seen[0] - room, seen[1] + room
-
-
-def _cut(ax: Axes, t: Array, values: Array, title: str) -> list[Artist]:
-    """Limits of the axis, and a note if a curve exceeds them."""
-    low, high = _window(values)
-    flat = values.min() == values.max()
-    if not flat:
-        ax.set_ylim(low, high)
-    worst = np.unravel_index(int(np.argmax(np.abs(values))), values.shape)
-    peak = float(values[worst])
-    if flat or low <= peak <= high:
-        return []
-    unit = title[title.index("[") + 1 : -1]
-    size = float(f"{peak:.3g}")
-    text = f"cut off: {size:,.0f} {unit}" if abs(size) >= 1000.0 else f"cut off: {size:g} {unit}"
-    text = f"{text}\nat {t[worst[0]]:.3g} s".replace("-", "\N{MINUS SIGN}")
-    y, va = (0.97, "top") if peak > high else (0.03, "bottom")
-    return [note(ax, 0.97, y, text, va=va, fontsize="x-small", pad=1.0)]
 
 
 def _dress(ax: Axes, motion: PlanarMotion, title: str) -> None:

@@ -8,7 +8,10 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any, Literal
 
+import numpy as np
+
 from rbd.answers.analysis.uniqueness import Range, Uniqueness
+from rbd.arrays import Array
 from rbd.errors import InputError
 from rbd.visual.style import contact_colors
 
@@ -108,6 +111,33 @@ def note(ax: Axes, x: float, y: float, text: str, **style: Any) -> Artist:
     """Small print on a white ground in a corner of the axes, e.g. where a curve is cut off."""
     ground = {"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": style.pop("pad")}
     return ax.text(x, y, text, transform=ax.transAxes, ha="right", color="0.3", bbox=ground, zorder=5, **style)
+
+
+def cut_peaks(ax: Axes, t: Array, values: Array, unit: str, *, factor: float, often: float) -> list[Artist]:
+    """Limits of an axis that show most samples well; a note of the largest if that is cut off.
+
+    Args:
+        ax: Axes.
+        t: Times, shape (n,) [s].
+        values: Of all curves, shape (n, k).
+        unit: Their unit.
+        factor: Samples beyond so many times the usual size are cut off.
+        often: The usual size is that of so many per cent of the samples.
+    """
+    size = np.abs(values)
+    usual = float(np.percentile(size, often))
+    within = values[size <= factor * usual]
+    if not usual or len(within) == values.size:
+        return []
+    low, high = float(within.min()), float(within.max())
+    room = 0.06 * max(high - low, usual)
+    ax.set_ylim(min(0.0, low) - room, max(0.0, high) + room)
+    worst = np.unravel_index(int(size.argmax()), values.shape)
+    peak = float(f"{values[worst]:.3g}")
+    told = f"{peak:,.0f}" if abs(peak) >= 1000.0 else f"{peak:g}"
+    text = f"cut off: {told} {unit}\nat {t[worst[0]]:.3g} s".replace("-", "\N{MINUS SIGN}")
+    y, va = (0.97, "top") if peak > high else (0.03, "bottom")
+    return [note(ax, 0.97, y, text, va=va, fontsize="x-small", pad=1.0)]
 
 
 def _limits(ranges: list[Range]) -> tuple[float, float]:

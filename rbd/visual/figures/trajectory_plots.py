@@ -19,7 +19,7 @@ from rbd.model.joints import ANGLE, FORCE_OF, PURE, Coordinate
 from rbd.motion.report import MotionReport
 from rbd.simulation.simulated_motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS
 from rbd.simulation.trajectory import Trajectory
-from rbd.visual.figures.plots import an_axis, frame, note
+from rbd.visual.figures.plots import an_axis, cut_peaks, frame
 from rbd.visual.playback.curves import GREY, CurveChart
 from rbd.visual.playback.report_motion import report_charts
 from rbd.visual.playback.trajectory_charts import energy_curves
@@ -93,7 +93,7 @@ def plot_forces(ax: Axes, trajectory: Trajectory, *, names: Sequence[str] | None
             label = name if force.shape[1] == 1 else f"{name}, row {k + 1}"
             drawn += ax.plot(t, row, color=color, lw=_BOLD if k == 0 else _FINE, label=label, alpha=0.5 ** (k / 3), zorder=3)
             curves.append(row)
-    notes += _cut_peaks(ax, t, curves)
+    notes += cut_peaks(ax, t, np.array(curves).T, "N", factor=_BURST, often=_OFTEN) if curves else []
     weight = trajectory.robot.mass * float(np.linalg.norm(trajectory.robot.gravity))
     carried = max((np.abs(trajectory.forces[x][:, :3]).max(initial=0.0) for x in chosen if x in trajectory.points), default=0.0)
     if trajectory.robot.floating and carried > 0.4 * weight:
@@ -281,19 +281,6 @@ def _dress(ax: Axes, trajectory: Trajectory, label: str) -> None:
     ax.set_ylabel(label)
     if len(trajectory) > 1:
         ax.set_xlim(trajectory.t[0], trajectory.t[-1])
-
-
-def _cut_peaks(ax: Axes, t: Array, curves: list[Array]) -> list[Artist]:
-    """Limits of the axis, and a note if a peak exceeds them."""
-    size = np.max(np.abs(curves), axis=0) if curves else np.zeros(1)
-    peak, usual = float(size.max()), float(np.percentile(size, _OFTEN))
-    if not usual or peak <= _BURST * usual:
-        return []
-    seen = np.array([curve[size <= usual] for curve in curves])
-    room = 0.25 * max(float(np.ptp(seen)), usual)
-    ax.set_ylim(min(0.0, float(seen.min())) - 0.2 * room, float(seen.max()) + room)
-    text = f"peak, cut off: {peak:.4g} N at {t[int(size.argmax())]:.4g} s"
-    return [note(ax, 0.995, 0.985, text, va="top", fontsize="small", pad=1.5)]
 
 
 def _event_marks(ax: Axes, trajectory: Trajectory, names: Iterable[str], colors: dict[str, str] | None = None) -> list[Artist]:

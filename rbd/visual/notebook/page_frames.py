@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 from weakref import WeakKeyDictionary
 
-from rbd.arrays import check_flag
+from rbd.arrays import check_flag, check_whole
 from rbd.errors import InputError, PictureError
 from rbd.motion.reference_motion import Motion
 from rbd.motion.report import MotionReport
@@ -21,7 +21,7 @@ from rbd.visual.pages.link import page_link
 from rbd.visual.pages.page import write_page
 from rbd.visual.playback.animation import Playback, motion_scene
 from rbd.visual.scene import Scene
-from rbd.visual.style import a_count, a_path, is_there
+from rbd.visual.style import a_path, is_there
 
 WIDTH, HEIGHT = 860, 420
 """Size of a picture, in pixels; a frame is as wide as the notebook."""
@@ -89,9 +89,7 @@ def notebook_page(
         >>> frame.title, frame.height
         ('four_bar', 300)
     """
-    height = a_count("height", height, MOST)
-    if height < LEAST:
-        raise InputError(f"height is {height}; expected at least {LEAST} pixels.")
+    height = check_whole("height", height, MOST, least=LEAST)
     check_flag("still", still)
     title, page = _page_of(shown, options)
     if still and find_browser() is None:

@@ -17,12 +17,13 @@ from os import PathLike
 from pathlib import Path
 from string import Template
 
+from rbd.arrays import check_whole
 from rbd.errors import PictureError
 from rbd.model.output_files import check_place, write_file, write_text
 from rbd.visual.packed_meshes import MARK, split
 from rbd.visual.pages.browser import Browser, one_browser
 from rbd.visual.pages.link import page_link
-from rbd.visual.style import a_count, a_path, is_there
+from rbd.visual.style import MOST_PIXELS, a_path, is_there
 
 # The page forbids all requests of the browser: only the contents of the file are loaded.
 _POLICY = (
@@ -183,7 +184,7 @@ def screenshot(
         PosixPath('four_bar.png')
     """
     page, picture = a_path("the page", html_path), a_path("the picture", png_path)
-    width, height = a_count("width", width), a_count("height", height)
+    width, height = check_whole("width", width, MOST_PIXELS), check_whole("height", height, MOST_PIXELS)
     fragment = page_link(at=at, view=view, layers=layers, controls=False)
     if not is_there(page):
         raise PictureError(f"no page {str(html_path)!r}; write one with scene.export(...) first.")

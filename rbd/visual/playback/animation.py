@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_array
+from rbd.arrays import Array, as_array, check_positive, check_whole
 from rbd.errors import InputError, PictureError, nearest
 from rbd.model.state import State
 from rbd.motion.report import MotionReport
@@ -27,11 +27,11 @@ from rbd.visual.playback.motion_frames import Pushes, PushesAt, frames_of
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.playback.planar_motion import is_planar, shown_planar
 from rbd.visual.playback.report_motion import shown_report
-from rbd.visual.playback.shown_motion import ShownMotion, a_time, positive
+from rbd.visual.playback.shown_motion import ShownMotion, a_time
 from rbd.visual.robot_layers import FRONT_LEFT
 from rbd.visual.robot_meshes import RobotPart, robot_parts
 from rbd.visual.scene import Scene
-from rbd.visual.style import a_count, a_page, a_path, a_picture
+from rbd.visual.style import a_page, a_path, a_picture
 
 if TYPE_CHECKING:
     from rbd.motion.reference_motion import Motion
@@ -118,14 +118,15 @@ class Playback:
             InputError: a title that is no text, a speed or a rate that is no positive number.
         """
         usual = {**USUAL, "title": shown.title, **shown.defaults}
-        given = replace(self, **{name: value for name, value in usual.items() if getattr(self, name) is None})
+        given: Any = replace(self, **{name: value for name, value in usual.items() if getattr(self, name) is None})
         if not isinstance(given.title, str):
             raise InputError(f"title is {given.title!r:.80}; expected text.")
-        speed = positive("speed", given.speed, MOST_SPEED, "")
+        speed = check_positive("speed", given.speed, MOST_SPEED)
         if speed < LEAST_SPEED:
             raise InputError(f"speed is {speed:.3g}; expected at least {LEAST_SPEED:g}.")
-        fps = None if given.fps is None else positive("fps", given.fps, MOST_FPS, " frames a second")
-        return replace(given, speed=speed, fps=fps, title=given.title or shown.title)
+        fps = None if given.fps is None else check_positive("fps", given.fps, MOST_FPS)
+        found: Playback = replace(given, speed=speed, fps=fps, title=given.title or shown.title)
+        return found
 
 
 def shown_motion(motion: Any) -> ShownMotion:
@@ -324,10 +325,10 @@ def motion_sheet(
     if a_path("the picture", png_path).suffix.lower() != ".png":
         raise PictureError(f"cannot write the picture {str(png_path)!r:.80}: expected a name that ends in .png.")
     picture = a_picture(png_path)
-    width, height = a_count("width", width, 4000), a_count("height", height, 4000)
+    width, height = check_whole("width", width, 4000), check_whole("height", height, 4000)
     t = shown_motion(motion).t
     at = _picture_times(times, float(t[0]), float(t[-1]))
-    in_a_row = len(at) if columns is None else min(a_count("columns", columns, MOST_PICTURES), len(at))
+    in_a_row = len(at) if columns is None else min(check_whole("columns", columns, MOST_PICTURES), len(at))
     sheet = {"times": at, "columns": in_a_row, "width": width, "height": height, "gap": GAP}
     scene = motion_scene(motion, replace(given, start=at[0]), sheet)
     with tempfile.TemporaryDirectory(prefix="rbd-motion-") as folder:
@@ -397,7 +398,7 @@ def _pace(motion: MotionPage, scene: Scene, speed: float) -> None:
 
 def _picture_times(times: Sequence[float] | Array | int, first: float, last: float) -> list[float]:
     if isinstance(times, int | np.integer) and not isinstance(times, bool):
-        return [float(t) for t in np.linspace(first, last, a_count("times", times, MOST_PICTURES))]
+        return [float(t) for t in np.linspace(first, last, check_whole("times", times, MOST_PICTURES))]
     given = as_array("times", times)
     if given.ndim != 1 or not 1 <= len(given) <= MOST_PICTURES:
         raise InputError(f"times have the shape {given.shape}; expected 1 to {MOST_PICTURES} times in a list.")

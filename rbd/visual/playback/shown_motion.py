@@ -123,18 +123,6 @@ def robot_of(robot: CheckedModel) -> Robot:
     return robot
 
 
-def positive(what: str, value: object, most: float, unit: str) -> float:
-    """A finite number above zero, `most` at most.
-
-    Raises:
-        InputError: if it is not.
-    """
-    number = as_float(value)
-    if not 0.0 < number <= most:
-        raise InputError(f"{what} is {value!r:.80}; expected a number above 0, at most {most:g}{unit}.")
-    return number
-
-
 def a_time(what: str, value: object, first: float, last: float) -> float:
     """A time from the first to the last of a motion [s].
 

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rbd.arrays import check_positive, check_whole
 from rbd.errors import InputError, PictureError
 from rbd.model.output_files import check_place, write_file
 from rbd.simulation.progress_bar import progress_of
@@ -22,8 +23,7 @@ from rbd.visual.pages.encoders import QUALITY, Encoder, encoder_of
 from rbd.visual.pages.link import page_link
 from rbd.visual.pages.page import write_page
 from rbd.visual.playback.animation import Playback, motion_scene, shown_motion
-from rbd.visual.playback.shown_motion import positive
-from rbd.visual.style import a_count, a_path
+from rbd.visual.style import a_path
 
 if TYPE_CHECKING:
     from rbd.motion.reference_motion import Motion
@@ -128,9 +128,8 @@ def check_video(path: str | PathLike[str]) -> None:
 def _checked(path: str | PathLike[str], fps: float, width: int, height: int) -> tuple[Path, Encoder]:
     target = a_path("the video", path)
     for what, size in (("width", width), ("height", height)):
-        if a_count(what, size, MOST_SIZE) < LEAST_SIZE:
-            raise InputError(f"{what} is {size}; expected at least {LEAST_SIZE} pixels.")
-    write = encoder_of(target, positive("fps", fps, MOST_FPS, " pictures a second"), width, height)
+        check_whole(what, size, MOST_SIZE, least=LEAST_SIZE)
+    write = encoder_of(target, check_positive("fps", fps, MOST_FPS), width, height)
     check_place(target, PictureError)
     return target, write
 
