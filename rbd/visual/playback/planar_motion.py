@@ -54,7 +54,7 @@ def shown_planar(motion: PlanarMotion) -> ShownMotion:
         robot = load_robot(file, root="fixed")
         _ = robot_parts(robot), collision_parts(robot)  # read as long as there is the file
     title = f"{chain.n} link{'s' * (chain.n > 1)}, minimum jerk"
-    q, v = coordinates.to_robot(motion.q), coordinates.rates_to_robot(motion.qd)
+    q, v = coordinates(motion.q), coordinates.rates(motion.qd)
     defaults = {"speed": 0.5, "follow": False, "ground": False, "seen_from": SEEN_FROM}
     return ShownMotion(motion, robot, motion.t, q, v, title, charts=lambda _: [], defaults=defaults)
 
