@@ -135,12 +135,7 @@ class FrameTerms:
 
 def carriers(robot: CheckedModel) -> Array:
     """Which coordinates move each joint's body, shape (joints, nv)."""
-    model = robot.model
-    out = np.zeros((model.njoints, robot.nv), bool)
-    for joint in range(model.njoints):
-        for above in list(model.supports[joint])[1:]:
-            out[joint, model.idx_vs[above] : model.idx_vs[above] + model.nvs[above]] = True
-    return out
+    return np.array([robot.joints.carrying(joint) for joint in range(robot.model.njoints)]) > 0.0
 
 
 def wrench_scale(robot: CheckedModel) -> Array:
