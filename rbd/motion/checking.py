@@ -7,7 +7,7 @@ from functools import partial
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, check_flag
+from rbd.arrays import Array, check_flag, check_number
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.errors import InputError
@@ -84,7 +84,8 @@ def check_motion(
         raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")
     robot = motion.robot
     check_robot(robot)
-    mu, most = _number("friction", friction, 1e6), _number("threshold", threshold, 1e6)
+    shares = (("friction", friction), ("threshold", threshold))
+    mu, most = (check_number(what, x, 0.0, 1e6, expected="a number of 0 or more") for what, x in shares)
     limit = _limits(robot.effort_limit, torque_limits)
     check_flag("self_collision", self_collision)
     check_flag("bodies", bodies)
@@ -180,20 +181,11 @@ def balance(
     return out
 
 
-def _number(what: str, given: float, most: float) -> float:
-    value = as_float(given)
-    if isinstance(given, bool) or not 0.0 <= value < most:
-        raise InputError(f"{what} is {given!r:.80}; expected a number of 0 or more.")
-    return value
-
-
 def _limits(limit: Array, given: bool | float) -> Array:
     if isinstance(given, bool | np.bool_):
         return limit if given else np.full_like(limit, np.inf)
-    share = as_float(given)
-    if not 1e-6 <= share < 1e6:
-        raise InputError(f"torque_limits is {given!r:.80}; expected True, False, or a share of the file's limits, 0.6.")
-    return np.asarray(limit * share)
+    expected = "True, False, or a share of the file's limits, 0.6"
+    return np.asarray(limit * check_number("torque_limits", given, 1e-6, 1e6, expected=expected))
 
 
 def _lanes(motion: Motion, contacts: ContactTimeline | None, settings: CheckSettings) -> ContactTimeline:

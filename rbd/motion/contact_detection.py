@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_float, check_flag
+from rbd.arrays import Array, check_flag, check_number
 from rbd.constraints.contact import Contact
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -56,9 +56,7 @@ def find_contacts(
     if not isinstance(motion, Motion):
         raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")
     check_flag("bodies", bodies)
-    slow = as_float(rest_speed)
-    if not 0.0 <= slow < 1e3:
-        raise InputError(f"rest_speed is {rest_speed!r:.80}; expected a speed of 0 or more [m/s].")
+    slow = check_number("rest_speed", rest_speed, 0.0, 1e3, expected="a speed of 0 or more [m/s]")
     points = FloorPoints.of(motion.robot, bodies=bodies)
     R, p = placements(motion.robot, motion.q)
     places = points.places(R, p)
@@ -69,9 +67,8 @@ def find_contacts(
         level = fitted_ground(places)
         notes = (f"the floor was fitted at z = {level:.4f} m, the median over the frames of the lowest point.",)
     else:
-        level = motion.ground if ground is None else as_float(ground)
-        if not abs(level) < 1e5:
-            raise InputError(f"ground is {ground!r:.80}; expected 'fit', a height [m], or None.")
+        height = motion.ground if ground is None else ground
+        level = check_number("ground", height, -1e5, 1e5, expected="'fit', a height [m], or None")
     heights = places[..., 2] - level
     touches = held_on(heights)
     kept = touches.any(axis=0) | _feet(points)

@@ -14,9 +14,10 @@ from typing import Any, Literal, NamedTuple, TypeAlias, get_args
 import numpy as np
 from scipy.linalg import solveh_banded
 
-from rbd.arrays import Array, as_array, as_float, check_finite, check_positive
+from rbd.arrays import Array, as_array, as_finite, as_float, check_number, check_positive, check_whole
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_choice
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import conjugate, flat_coordinates, logarithm, own_rates, product, quaternions
 
@@ -110,21 +111,16 @@ def derivatives(
     """
     if not isinstance(robot, CheckedModel):
         raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
-    t, q = checked_times(t), as_array("q", q)
-    if q.shape != (len(t), robot.nq):
-        raise InputError(f"q has shape {q.shape}; expected ({len(t)}, {robot.nq}): a row a time, a column a coordinate.")
-    check_finite("q", q)
-    if not isinstance(method, str) or method not in get_args(Method):
-        raise InputError(f"method is {method!r:.80}; expected 'local polynomial' or 'low-pass'.")
+    t = checked_times(t)
+    q = as_finite("q", q, (len(t), robot.nq), meaning=": a row a time, a column a coordinate")
+    check_choice("method", method, get_args(Method))
     if len(t) < 2:
         raise InputError(f"{len(t)} frame has no velocity; expected two frames or more, or v and a with q.")
     sigma = as_array("noise", noise)
     if sigma.shape not in ((), (robot.nv,)) or not (sigma >= 0.0).all() or not (sigma <= 1e5).all():
         raise InputError(f"noise is {noise!r:.80}; expected a standard deviation, a number or shape ({robot.nv},) [m, rad].")
     sigma = np.broadcast_to(sigma, robot.nv).copy()
-    dt = float(t[-1] - t[0]) / (len(t) - 1)
-    if not 1e-7 <= dt <= 1e5:
-        raise InputError(f"times are {dt:.3g} s apart in the mean; expected 1e-7 to 1e5 s.")
+    dt = check_number("the mean step of the times", float(t[-1] - t[0]) / (len(t) - 1), 1e-7, 1e5, expected="1e-7 to 1e5 s")
     smoother = None
     if method == "low-pass":
         if cutoff is None:
@@ -176,10 +172,9 @@ def checked_times(t: Array) -> Array:
     Raises:
         InputError: naming the first two that do not.
     """
-    t = as_array("t", t)
-    if t.ndim != 1 or not len(t):
-        raise InputError(f"t has shape {t.shape}; expected (n,), a time for each frame.")
-    check_finite("t", t)
+    t = as_finite("t", t, ("n",), meaning=": a time for each frame")
+    if not len(t):
+        raise InputError("t is empty; expected a time for each frame.")
     bad = np.flatnonzero(~(np.diff(t) > 0.0))
     if len(bad):
         i = int(bad[0])
@@ -270,9 +265,7 @@ def _window(t: Array, window: float, order: int) -> int:
 
 
 def _check_order(order: int) -> int:
-    if isinstance(order, bool) or not isinstance(order, int) or not 2 <= order <= 8:
-        raise InputError(f"order is {order!r:.80}; expected a whole number from 2 to 8.")
-    return order
+    return check_whole("order", order, 8, least=2)
 
 
 class _Part(NamedTuple):

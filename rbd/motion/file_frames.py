@@ -10,8 +10,9 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_float, check_finite, check_flag
+from rbd.arrays import Array, check_finite, check_flag, check_number
 from rbd.errors import InputError, RbdError
+from rbd.errors.inputs import check_choice
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import flat_coordinates
 from rbd.motion.derivation import NEARLY_UNIT, Derivation, unit_blocks
@@ -56,8 +57,8 @@ class ReadSettings:
     def __post_init__(self) -> None:
         check_flag("trust", self.trust)
         check_quaternion(self.quaternion)
-        if self.units is not None and (not isinstance(self.units, str) or self.units not in ("rad", "deg")):
-            raise InputError(f"units is {self.units!r:.80}; expected 'rad' or 'deg'.")
+        if self.units is not None:
+            check_choice("units", self.units, ("rad", "deg"))
         if self.rate is not None:
             object.__setattr__(self, "rate", check_rate(self.rate))
 
@@ -99,12 +100,8 @@ def check_rate(rate: float, what: str = "rate") -> float:
     Raises:
         InputError: it is none.
     """
-    found = as_float(rate)
-    if not LEAST_RATE <= found <= MOST_RATE:
-        raise InputError(
-            f"{what} is {rate!r:.80}; expected {LEAST_RATE:g} to {MOST_RATE:g} frames a second. Most files have 30 or 60."
-        )
-    return found
+    expected = f"{LEAST_RATE:g} to {MOST_RATE:g} frames a second; most files have 30 or 60"
+    return check_number(what, rate, LEAST_RATE, MOST_RATE, expected=expected)
 
 
 def check_quaternion(order: object) -> None:
@@ -113,8 +110,8 @@ def check_quaternion(order: object) -> None:
     Raises:
         InputError: it is neither None, "xyzw" nor "wxyz".
     """
-    if order is not None and (not isinstance(order, str) or order not in ("xyzw", "wxyz")):
-        raise InputError(f"quaternion is {order!r:.80}; expected 'xyzw' or 'wxyz'.")
+    if order is not None:
+        check_choice("quaternion", order, ("xyzw", "wxyz"))
 
 
 def standing_q(robot: CheckedModel) -> Array:

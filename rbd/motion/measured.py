@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, check_finite
+from rbd.arrays import Array, as_finite
 from rbd.constraints.constraint import Constraint, rows_of, with_loops
 from rbd.displayed import Displayed
 from rbd.errors import InputError
@@ -304,11 +304,7 @@ def frame_rows(what: str, value: object, frames: int, size: int) -> Array:
     """
     if value is None:
         raise InputError(f"the motion has no {what}; give {what}, shape ({frames}, {size}), or use MomentumObserver.")
-    out = as_array(what, value)
-    if out.shape != (frames, size):
-        raise InputError(f"{what} has shape {out.shape}; expected ({frames}, {size}): a row a frame, a column a coordinate.")
-    check_finite(what, out)
-    return out
+    return as_finite(what, value, (frames, size), meaning=": a row a frame, a column a coordinate")
 
 
 def checked_touches(touches: object, frames: int, given: Sequence[Constraint], all_: Sequence[Constraint]) -> Array:

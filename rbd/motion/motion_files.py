@@ -12,7 +12,7 @@ from zipfile import BadZipFile, ZipFile
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, check_flag
+from rbd.arrays import Array, check_flag, check_whole
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.motors import plain_motors
@@ -166,8 +166,7 @@ def write_csv(path: Path, robot: CheckedModel, t: Array, q: Array, *, header: bo
     Raises:
         InputError: joints of several degrees of freedom, which have no column.
     """
-    if isinstance(decimals, bool) or not isinstance(decimals, int) or not 1 <= decimals <= 17:
-        raise InputError(f"decimals is {decimals!r:.80}; expected a whole number from 1 to 17.")
+    check_whole("decimals", decimals, 17)
     joints = _single_joints(robot, path)
     columns = [q[:, :7]] if robot.floating else []
     columns.append(joint_values(robot, q, joints))

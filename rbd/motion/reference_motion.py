@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_flag
+from rbd.arrays import Array, as_array, as_float, check_flag, check_number, check_whole
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import FARTHEST, CheckedModel
@@ -161,9 +161,7 @@ class Motion(Displayed):
         said = [*notes, *normalise(robot, q)]
         how = None
         settings: dict[str, Any] = {"window": window, "order": order}
-        height = as_float(ground)
-        if not abs(height) < 1e5:
-            raise InputError(f"ground is {ground!r:.80}; expected a height [m].")
+        height = check_number("ground", ground, -1e5, 1e5, expected="a height [m]")
         if v is None and a is not None:
             raise InputError("a was given without v; give both, or neither.")
         for what, x in (("v", v), ("a", a)):
@@ -302,8 +300,7 @@ class Motion(Displayed):
 
     def state(self, i: int) -> State:
         """The robot at frame i; negative ones count from the end."""
-        if isinstance(i, bool) or not isinstance(i, int | np.integer) or not -self.n <= i < self.n:
-            raise InputError(f"frame {i!r:.80} of a motion; expected a whole number from {-self.n} to {self.n - 1}.")
+        check_whole("the frame of a motion", i, self.n - 1, least=-self.n)
         return State(self.robot, self.q[i], self.v[i])
 
     def with_contacts(self, contacts: ContactTimeline | None) -> Motion:
@@ -375,11 +372,9 @@ class Motion(Displayed):
         Raises:
             InputError: a robot without a floating base, or no height.
         """
-        by = as_float(height)
+        by = check_number("height", height, -1e5, 1e5, expected="a length [m]")
         if not self.robot.floating:
             raise InputError(f"{self.robot.name} has no floating base that could be lifted.")
-        if not abs(by) < 1e5:
-            raise InputError(f"height is {height!r:.80}; expected a length [m].")
         q = self.q.copy()
         q[:, 2] += by
         return self._changed(f"lifted by {by:g} m.", q=q, v=self.v, a=self.a)

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, check_flag, largest_first, lazy
+from rbd.arrays import Array, as_array, as_float, check_flag, check_number, largest_first, lazy
 from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError, Reason
+from rbd.errors.inputs import check_choice
 from rbd.installation import VERSION
 from rbd.model.joints import FORCE_OF
 from rbd.model.motors import torque_use
@@ -187,8 +188,7 @@ class MotionReport(Displayed):
         Raises:
             InputError: no cause, with their names.
         """
-        if cause not in CAUSES:
-            raise InputError(f"cause is {cause!r:.80}; expected one of {', '.join(CAUSES)}.")
+        check_choice("cause", cause, CAUSES)
         return np.asarray(self.causes[:, CAUSES.index(cause)])
 
     def worst(self, cause: str, most: int = 10) -> Array:
@@ -290,12 +290,8 @@ class MotionReport(Displayed):
         share = (1.0 if limits else None) if isinstance(limits, bool) else as_float(limits)
         if share is not None and share > 1.0:
             raise InputError(f"the report allows {share:g} times the torque limits of the file; expected a share of at most 1.")
-        longest = as_float(step)
-        if not 1e-4 <= longest <= 0.1:
-            raise InputError(f"step is {step!r:.80}; expected a time from 1e-4 to 0.1 s.")
-        unused = as_float(margin)
-        if not 0.0 <= unused < 0.9:
-            raise InputError(f"margin is {margin!r:.80}; expected a share from 0 to 0.9.")
+        longest = check_number("step", step, 1e-4, 0.1, expected="a time from 1e-4 to 0.1 s")
+        unused = check_number("margin", margin, 0.0, 0.9, expected="a share from 0 to 0.9")
         check_flag("progress", progress)
         if len(self.lanes.points) and np.mean(self.of_cause("floats") & ~self.lanes.touches.any(axis=1)) > 0.5:
             low = self.lifted()

@@ -23,7 +23,8 @@ import sympy
 
 from rbd.arrays import Array, as_array, check_finite, lazy
 from rbd.displayed import Displayed
-from rbd.errors import InputError, nearest
+from rbd.errors import InputError
+from rbd.errors.inputs import check_choice
 
 JOINT, SEGMENT, VERTICAL = "joint", "segment", "vertical"
 CONVENTIONS = (JOINT, SEGMENT, VERTICAL)
@@ -36,9 +37,7 @@ def check_convention(angles: object) -> str:
     Raises:
         InputError: on any other, with the nearest one.
     """
-    if isinstance(angles, str) and angles in CONVENTIONS:
-        return angles
-    raise InputError(f"no way to measure angles is called {angles!r:.80}; {nearest(angles, CONVENTIONS)}.")
+    return check_choice("the way to measure angles", angles, CONVENTIONS)
 
 
 def to_segments(n: int, angles: str) -> tuple[Symbols, Symbols]:

@@ -36,7 +36,7 @@ from typing import Any
 import numpy as np
 import sympy
 
-from rbd.arrays import Array, as_float
+from rbd.arrays import Array, check_number
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.planar.angles import nearest_turn, plain, units, wrapped
@@ -407,10 +407,8 @@ def check_tolerance(tolerance: object) -> float:
     Raises:
         InputError: if it is none.
     """
-    value = as_float(tolerance)
-    if not 0.0 <= value <= 0.1:
-        raise InputError(f"tolerance is {tolerance!r:.80}; expected a part of the chain's length, 0 to 0.1, as 1e-12.")
-    return value
+    expected = "a part of the chain's length, 0 to 0.1, as 1e-12"
+    return check_number("tolerance", tolerance, 0.0, 0.1, expected=expected)  # type: ignore[arg-type]
 
 
 def check_start(start: Sequence[float] | Array | None, n: int) -> Array | None:

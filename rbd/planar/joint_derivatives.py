@@ -19,8 +19,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, check_finite
+from rbd.arrays import Array, as_finite
 from rbd.errors import InputError, SingularPose
+from rbd.errors.inputs import check_choice
 from rbd.planar.angles import samples
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.inverse_kinematics import SINGULAR
@@ -81,8 +82,7 @@ def joint_rates(
     """
     arm = check_chain(chain).numeric
     pose = samples("q", q, arm.n)
-    if not isinstance(at_singular, str) or at_singular not in ("raise", "nan"):
-        raise InputError(f"at_singular is {at_singular!r:.80}; expected 'raise' or 'nan'.")
+    check_choice("at_singular", at_singular, ("raise", "nan"))
     if jerk is not None and acceleration is None:
         raise InputError("a jerk came without an acceleration; expected both: the joints' jerk depends on it.")
     single = pose.ndim == 1
@@ -107,12 +107,7 @@ def joint_rates(
 
 
 def _vectors(what: str, value: Sequence[float] | Array, pose: Array) -> Array:
-    given = as_array(what, value)
-    expected = (*pose.shape[:-1], 2)
-    if given.shape != expected:
-        raise InputError(f"{what} has shape {given.shape}; expected x and y for every row of q, {expected}.")
-    check_finite(what, given.ravel())
-    return given
+    return as_finite(what, value, (*pose.shape[:-1], 2), meaning=": x and y for every row of q")
 
 
 def _singular_message(arm: ChainNumbers, pose: Array, singular: Array) -> str:

@@ -21,9 +21,10 @@ from typing import Any
 import numpy as np
 import sympy
 
-from rbd.arrays import Array, as_float, lazy
+from rbd.arrays import Array, as_float, check_whole, lazy
 from rbd.displayed import Displayed
-from rbd.errors import InputError, nearest
+from rbd.errors import InputError
+from rbd.errors.inputs import check_choice
 from rbd.planar.angles import JOINT, SEGMENT, VERTICAL, AngleMap, angle_map, samples, units
 from rbd.planar.expressions import check_motion
 from rbd.planar.kinematics import Split, check_joint
@@ -71,8 +72,7 @@ class Ellipse(Displayed):
         Raises:
             InputError: if an axis is infinite and `longest` is too, or numbers are not positive.
         """
-        if isinstance(count, bool) or not isinstance(count, int | np.integer) or not 3 <= count <= 100_000:
-            raise InputError(f"count is {count!r:.80}; expected a whole number of points, 3 to 100000.")
+        check_whole("count", count, 100_000, least=3)
         if not (0.0 < as_float(scale) < np.inf and as_float(longest) > 0.0):
             raise InputError(f"scale is {scale!r:.80}, longest is {longest!r:.80}; expected positive numbers.")
         axes = np.minimum(scale * self.semi_axes, longest)
@@ -180,8 +180,7 @@ class ChainNumbers:
 
     def ellipse(self, q: Sequence[float] | Array, kind: str, i: int | None = None) -> Ellipse:
         """Velocity or force ellipse of joint i at one configuration; see `Chain.ellipse`."""
-        if not isinstance(kind, str) or kind not in (VELOCITY, FORCE):
-            raise InputError(f"no ellipse is called {kind!r:.80}; {nearest(kind, (VELOCITY, FORCE))}.")
+        check_choice("the kind of an ellipse", kind, (VELOCITY, FORCE))
         joint, given = check_joint(self.n, i, first=1), samples("q", q, self.n)
         if given.ndim != 1:
             raise InputError(f"q came with shape {given.shape}; expected one configuration, ({self.n},).")

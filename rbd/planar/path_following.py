@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_float, is_finite
+from rbd.arrays import Array, as_array, as_float, check_whole, is_finite
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.planar.angles import nearest_turn, plain, wrapped
@@ -138,9 +138,7 @@ class MinimumJerk(Displayed):
         Raises:
             InputError: if `samples` is no whole number above one.
         """
-        if isinstance(samples, bool) or not isinstance(samples, int | np.integer) or not 2 <= samples <= 10_000_000:
-            raise InputError(f"samples is {samples!r:.80}; expected a whole number, 2 at least.")
-        return np.linspace(0.0, self.duration, int(samples))
+        return np.linspace(0.0, self.duration, check_whole("samples", samples, 10_000_000, least=2))
 
     def symbolic(self, derivative: int = 0, *, t: Any = None) -> Any:
         """The motion, or a derivative of it, in SymPy, for 0 <= t <= d: an expression, or a column of them.

@@ -14,7 +14,7 @@ from itertools import count
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from rbd.arrays import Array, as_array, check_finite, lazy
+from rbd.arrays import Array, as_finite, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution, SingularPose
 from rbd.planar.chain import Chain, check_chain
@@ -209,12 +209,9 @@ def _check_path(path: object, shape: tuple[int, ...], expected: str) -> None:
 def _check_times(times: object, path: MinimumJerk) -> Array:
     if times is None:
         return path.times()
-    given = as_array("times", times)
-    if given.ndim != 1 or not len(given):
-        raise InputError(f"times have shape {given.shape}; expected a list of times, at least one, (samples,) [s].")
-    check_finite("times", given)
-    if len(given) > 1 and np.diff(given).min() <= 0.0:
-        raise InputError("times do not increase; expected each to be later than the one before.")
+    given = as_finite("times", times, ("samples",), meaning=": a list of times [s]")
+    if not len(given) or np.diff(given).min(initial=1.0) <= 0.0:
+        raise InputError("times are empty or do not increase; expected one at least, each later than the one before.")
     return given
 
 

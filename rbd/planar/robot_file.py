@@ -24,6 +24,7 @@ from typing import Any, Literal
 
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.errors.inputs import check_choice
 from rbd.model.output_files import new_folder, write_text
 from rbd.planar.angles import JOINT, AngleMap
 from rbd.planar.bodies import Shapes, bodies_of, refuse_symbols
@@ -103,8 +104,7 @@ def to_urdf(
         >>> text.count("<joint"), rbd.load_robot("arm.urdf", root="fixed").nv
         (3, 2)
     """
-    if not isinstance(plane, str) or plane not in _AXES:
-        raise InputError(f"plane is {plane!r:.80}; expected 'xz' (upright) or 'xy' (flat on the ground).")
+    check_choice("plane", plane, _AXES)
     if not isinstance(name, str) or not re.fullmatch(r"[A-Za-z][\w-]{0,79}", name, re.ASCII):
         raise InputError(f"name is {name!r:.80}; expected letters, digits, _ and -, at most 80 of them.")
     if bodies is None and centres is None and inertias is None:

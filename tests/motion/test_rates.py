@@ -223,7 +223,7 @@ class TestQuaternionOrder:
         assert np.allclose(given.q, dance.q) and not given.notes
         kept = Motion.of_arrays(dance.robot, dance.t, first, quaternion="xyzw")
         assert np.allclose(kept.q[:, 3:7], first[:, 3:7])
-        with pytest.raises(InputError, match="quaternion is 'wxzy'; expected 'xyzw' or 'wxyz'"):
+        with pytest.raises(InputError, match="quaternion is 'wxzy'; .*Expected one of xyzw, wxyz"):
             Motion.of_arrays(dance.robot, dance.t, first, quaternion="wxzy")
 
     def test_angular_velocities_decide(self, dance, first):

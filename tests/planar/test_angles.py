@@ -70,7 +70,7 @@ def test_zero_from_the_vertical_hangs():
 def test_another_word_is_refused_with_the_nearest(word):
     """Three words and no other."""
     for attempt in (lambda: Chain(2, angles=word), lambda: Chain(2).angle_map(word), lambda: Chain(2).convert([0, 0], word)):
-        with pytest.raises(InputError, match="no way to measure angles"):
+        with pytest.raises(InputError, match="the way to measure angles is"):
             attempt()
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, check_finite, null_space
+from rbd.arrays import Array, as_finite, null_space
 from rbd.constraints.constraint import Constraint, listed, rows_of, with_loops
 from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
@@ -117,11 +117,7 @@ class MeasuredMotion(Displayed):
         for name, value in self.forces.items():
             if name not in names:
                 raise UnknownName(f"forces of {name!r:.80}, which is none of the contacts; {nearest(name, names)}.")
-            force = as_array(f"forces of {name!r}", value)
-            if force.ndim != 2 or len(force) != frames:
-                raise InputError(f"forces of {name!r} have shape {force.shape}; expected a row for each of {frames} frames.")
-            check_finite(f"forces of {name!r}", force)
-            known[name] = force
+            known[name] = as_finite(f"forces of {name!r}", value, (frames, "k"), meaning=": a row for each frame")
         object.__setattr__(self, "forces", known)
         simulated = getattr(self.motion, "forces", None)
         for name, force in simulated.items() if isinstance(simulated, Mapping) else ():

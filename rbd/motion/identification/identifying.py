@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rbd.arrays import Array, check_positive, largest_first
+from rbd.arrays import Array, check_number, largest_first
 from rbd.displayed import Displayed
 from rbd.errors import InaccurateWarning, InputError, ModelWarning, PoorExcitationWarning
 from rbd.model.checked_model import CheckedModel
@@ -166,9 +166,7 @@ def identify(
     """
     given = measured_motions(motions)
     asked = checked_columns(columns)
-    spread = check_positive("prior", prior, 100.0)
-    if spread < 0.01:
-        raise InputError(f"prior is {prior!r:.40}; expected a relative standard deviation from 0.01 to 100, e.g. 0.3.")
+    spread = check_number("prior", prior, 0.01, 100.0, expected="a relative standard deviation from 0.01 to 100, e.g. 0.3")
     robot = given[0].robot
     if noise is not None:
         checked_noise(robot, noise, torques=any(x.tau is not None for x in given))
