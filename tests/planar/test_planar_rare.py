@@ -22,7 +22,7 @@ from rbd.planar import (
 )
 from rbd.planar.inverse_kinematics import _reach, _settle, evenly_bent
 from rbd.planar.relations import newton
-from rbd.planar.robot_file import _link
+from rbd.planar.robot_file import to_urdf
 
 THREE = Chain(3, lengths=(0.4, 0.35, 0.25))
 
@@ -270,7 +270,8 @@ def test_a_chain_pinned_where_it_is_folded_is_in_line_though_rounding_says_a_lit
 def test_a_counterweight_is_held_by_a_rod_of_its_own_length(d: float):
     """From the joint to the mass, before the link or beyond it: the page and other viewers draw it so."""
     shapes = r'<origin xyz="([^"]*)"[^>]*/><geometry>(.*?)</geometry>'
-    *_, (origin, geometry) = re.findall(shapes, _link(1, "xz", 0.5, 1.0, d, 0.01, 0.02))
+    text = to_urdf(Chain(1, lengths=[0.5]), masses=[1.0], centres=[d], inertias=[0.01])
+    *_, (origin, geometry) = re.findall(shapes, text)
     assert float(origin.split()[0]) == pytest.approx(0.5 * d) and f'length="{abs(d):g}"' in geometry
 
 
