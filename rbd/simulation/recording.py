@@ -20,7 +20,7 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.answers.solution import Solution
-from rbd.arrays import Array, cross_rows, is_finite, max_abs, zeros
+from rbd.arrays import Array, cross_rows, is_finite, max_abs
 from rbd.constraints.contact_points import Structure
 from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
@@ -68,8 +68,8 @@ class Recording:
         self._count, self._rows = 0, _FIRST_ROWS
         self._columns: dict[tuple[str, str], Array] = {}
         for constraint in motion.constraints:
-            self._put(("forces", constraint.name), zeros(0))
-            self._put(("modes", constraint.name), OPEN)
+            self._column(("forces", constraint.name), (0,))
+            self._column(("modes", constraint.name), ())
 
     def __len__(self) -> int:
         return self._count
@@ -91,19 +91,23 @@ class Recording:
             if x.points is not None:
                 row["points", name] = x.points
                 row["point_forces", name] = np.zeros_like(x.points) if x.point_forces is None else x.point_forces
-        for (field, name), value in row.items():
-            if not is_finite(value):
-                bad = (c.name for c, x in zip(_RECORDED, [*vectors, *numbers], strict=True) if not is_finite(np.asarray(x)))
-                what = next(bad, f"{field.replace('_', ' ')} of {name!r:.80}")
-                raise NoSolution(f"at t = {sample.t:.6g} s a number is not finite: {what}. Try shorter steps, or softer gains.")
         if self._count == self._rows:
             self._rows *= 2
             self._columns = {place: self._room(place, column.shape[1:], column) for place, column in self._columns.items()}
+        n = self._count
         for place, value in row.items():
-            self._put(place, value)
+            if not is_finite(value):
+                bad = (c.name for c, x in zip(_RECORDED, [*vectors, *numbers], strict=True) if not is_finite(np.asarray(x)))
+                what = next(bad, f"{place[0].replace('_', ' ')} of {place[1]!r:.80}")
+                raise NoSolution(f"at t = {sample.t:.6g} s a number is not finite: {what}. Try shorter steps, or softer gains.")
+            column = self._column(place, value.shape)
+            if column.shape[1:] == value.shape:
+                column[n] = value
+            else:
+                column[n][tuple([slice(k) for k in value.shape])] = value
         for name, x in acting.items():
-            self._put(("modes", name), x.mode)
-        self._put(_BALANCE, balance(self.motion, sample, kinetic, potential))
+            self._column(("modes", name), ())[n] = x.mode
+        self._column(_BALANCE, ())[n] = balance(self.motion, sample, kinetic, potential)
         self._count += 1  # last, so that after Ctrl-C a sample is recorded whole or not at all
 
     def fields(self) -> dict[str, Any]:
@@ -123,15 +127,12 @@ class Recording:
             out[field][name] = column.astype(str) if field == "modes" else column
         return out
 
-    def _put(self, place: tuple[str, str], value: Any) -> None:
-        """Write a value into the row of the next sample."""
-        column, shape = self._columns.get(place), getattr(value, "shape", ())
+    def _column(self, place: tuple[str, str], shape: tuple[int, ...]) -> Array:
+        """The column of an array, whose rows have at least a shape."""
+        column = self._columns.get(place)
         if column is None or (column.shape[1:] != shape and any(np.greater(shape, column.shape[1:]))):
             column = self._columns[place] = self._room(place, shape, column)
-        if column.shape[1:] == shape:
-            column[self._count] = value
-        else:
-            column[self._count][tuple([slice(k) for k in shape])] = value
+        return column
 
     def _room(self, place: tuple[str, str], shape: tuple[int, ...], column: Array | None) -> Array:
         """An empty column with rows of at least a shape, and the contents of another."""
