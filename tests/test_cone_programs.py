@@ -5,16 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from rbd.answers.analysis.extent import cone_program, least, widened
 from rbd.problem.cones import project_cones
 from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.programs import Work
-from rbd.solvers.conic_newton import by_dual
+from rbd.solvers.conic_newton import by_dual, solve_conic
 
 MU = 0.6
-CONE = cone_program(np.zeros((0, 3)), np.zeros(0), np.eye(3)[None], np.zeros((1, 3)), np.array([MU]))
-CAPPED = cone_program(np.array([[0.0, 0.0, -1.0]]), np.array([-1.0]), np.eye(3)[None], np.zeros((1, 3)), np.array([MU]))
-INSIDE = np.array([0.0, 0.0, 0.5])
 
 
 # By the dual: weighted squares over equations, bounds and cones
@@ -76,16 +72,22 @@ def test_equations_beyond_newtons_method_have_no_answer():
         assert by_dual(Conic.of({"y": Unknowns(2, 1.0)}, [({"y": R}, np.array([b]))])) is None
 
 
-# By Clarabel, with the excess judged by multipliers
+# By Clarabel and Newton's method
 
 
-def test_a_linear_function_ends_on_the_rim_within_the_gap(rng):
+def cone(linear: np.ndarray, squares: float = 0.0, upper: float = np.inf) -> Conic:
+    """1/2 squares |z|^2 + linear . z over one cone, whose normal is at most `upper`."""
+    z = Unknowns(3, squares, linear, cones=np.arange(3)[None], mu=np.array([MU]))
+    return Conic.of({"z": z}, between=[({"z": np.array([[0.0, 0.0, 1.0]])}, -np.inf, upper)])
+
+
+def test_a_linear_function_ends_on_the_rim(rng):
     """Over |t| <= mu n, n <= 1 the largest d . (t, n) is max(0, mu |d_t| + d_n)."""
     for _ in range(20):
         d = rng.normal(size=3)
-        z = least(np.zeros((3, 3)), -d, CAPPED, Work(1e12))
-        assert z is not None and MU * z[2] - np.hypot(z[0], z[1]) > -1e-9 and z[2] < 1.0 + 1e-9
-        assert d @ z == pytest.approx(max(0.0, MU * np.hypot(d[0], d[1]) + d[2]), abs=1e-9)
+        found = solve_conic(cone(-d, upper=1.0), newton=False)
+        assert found.solved and MU * found.x[2] - np.hypot(found.x[0], found.x[1]) > -1e-9 and found.x[2] < 1.0 + 1e-9
+        assert d @ found.x == pytest.approx(max(0.0, MU * np.hypot(d[0], d[1]) + d[2]), abs=1e-9)
 
 
 def test_the_nearest_point_of_a_cone(rng):
@@ -93,9 +95,8 @@ def test_the_nearest_point_of_a_cone(rng):
     found = set()
     for _ in range(60):
         p = rng.normal(size=3)
-        z = least(np.eye(3), -p, CONE, Work(1e12))
         exact = project_cones(p[None], np.array([MU]))[0]
-        assert z == pytest.approx(exact, abs=1e-9)
+        assert solve_conic(cone(-p, 1.0), newton=False).x == pytest.approx(exact, abs=1e-9)
         found.add("apex" if not exact.any() else "inside" if np.array_equal(exact, p) else "edge")
     assert found == {"apex", "inside", "edge"}
 
@@ -103,15 +104,5 @@ def test_the_nearest_point_of_a_cone(rng):
 def test_over_bounds_alone_the_least_is_the_clipped_point():
     """Least |z - p|^2 / 2 over 0 <= z <= 1, no cones: p brought between the bounds, coordinate by coordinate."""
     p = np.array([-0.5, 0.3, 2.0])
-    sides, bounds = np.vstack([np.eye(3), -np.eye(3)]), np.r_[np.zeros(3), -np.ones(3)]
-    unit = cone_program(sides, bounds, np.zeros((0, 3, 3)), np.zeros((0, 3)), np.zeros(0))
-    assert least(np.eye(3), -p, unit, Work(1e12)) == pytest.approx(np.clip(p, 0.0, 1.0), abs=1e-9)
-
-
-def test_without_work_nothing_is_found_and_a_set_can_be_widened():
-    """A cone pressed flat has no inside; widened, its apex is inside by so much."""
-    assert least(np.eye(3), np.ones(3), CONE, Work(0.0)) is None
-    flat = widened(cone_program(-np.eye(3)[2:], np.zeros(1), np.eye(3)[None], np.zeros((1, 3)), np.array([MU])), 1e-10)
-    apex = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1e-10 / MU])  # z = 0, and its u
-    assert np.abs(flat.A @ apex - flat.b).max() < 1e-25 and (flat.C @ apex - flat.low) == pytest.approx(1e-10)
-    assert MU * apex[5] == pytest.approx(1e-10)
+    program = Conic.of({"z": Unknowns(3, 1.0, -p, 0.0, 1.0)})
+    assert solve_conic(program, newton=False).x == pytest.approx(np.clip(p, 0.0, 1.0), abs=1e-9)

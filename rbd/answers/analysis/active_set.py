@@ -21,6 +21,7 @@ It covers rows of full rank alone: the rest, and all other modes, is `rbd.answer
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -29,11 +30,11 @@ import numpy as np
 from scipy.linalg import blas, lapack
 
 from rbd.answers.analysis.contact_modes import RESOLUTION, Modes, Need, modes_of
-from rbd.answers.analysis.extent import cone_program
 from rbd.arrays import RANK, Array, block_diagonal, identity, max_abs
 from rbd.errors import NotDifferentiable
 from rbd.problem.answer import Answer
 from rbd.problem.cones import Cone
+from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.gauss_problem import GaussProblem
 from rbd.problem.rows import Rows
 from rbd.solvers.conic_newton import solve_conic
@@ -276,18 +277,21 @@ def _check_room(answer: Answer, modes: Modes, kernel: Array) -> None:
     if d:
         shift = kernel * max(need.unit for need in needs)
         rows, cones = [need for need in needs if not need.cone], [need for need in needs if need.cone]
-        sign, unit = np.array([need.sign for need in rows]), np.array([need.unit for need in rows])
-        at = np.array([need.active for need in rows], int)
-        most = np.append(np.zeros(d), -1.0)  # the slack is one at most
-        A = np.vstack([np.column_stack([(sign / unit)[:, None] * shift[at], -np.ones(len(rows))]), most])
-        b = np.append(-(sign * start[at] + [need.level for need in rows]) / unit, -1.0)
-        of_cones = np.array([need.active for need in cones], int)[:, None] + np.arange(3)
-        mu, scale = np.array([need.sign for need in cones]), np.array([need.unit for need in cones])
-        C = np.concatenate([shift[of_cones], np.zeros((len(cones), 3, 1))], axis=2) / scale[:, None, None]
-        C[:, 2, d] = -1.0 / mu
-        inside = cone_program(A, b, C, start[of_cones] / scale[:, None], mu)
-        inside.g[: d + 1] = most
-        found = solve_conic(inside, newton=False)
+        at, of_cones = (np.array([need.active for need in some], int) for some in (rows, cones))
+        sign, unit = (np.array([getattr(need, what) for need in rows]) for what in ("sign", "unit"))
+        mu, scale = np.array([need.sign for need in cones]), np.repeat([need.unit for need in cones], 3)
+        triples, k = (of_cones[:, None] + np.arange(3)).ravel(), 3 * len(cones)
+        less = np.zeros((k, 1))
+        less[2::3, 0] = -1.0 / mu  # of each normal force
+        forces = Unknowns(k, cones=np.arange(k).reshape(-1, 3), mu=mu)
+        pushed = {"internal": shift[triples] / scale[:, None], "slack": less, "forces": -np.eye(k)}
+        slack = {"internal": (sign / unit)[:, None] * shift[at], "slack": -np.ones((len(rows), 1))}
+        program = Conic.of(
+            {"internal": Unknowns(d), "slack": Unknowns(1, linear=-1.0, upper=1.0), "forces": forces},
+            [(pushed, -start[triples] / scale)],
+            [(slack, -(sign * start[at] + [need.level for need in rows]) / unit, math.inf)],
+        )
+        found = solve_conic(program, newton=False)
         if not found.solved:
             raise NotDifferentiable(
                 "whether the forces lie strictly inside their sets, without which there are no derivatives, was not decided: a "

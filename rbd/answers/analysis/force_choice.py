@@ -15,7 +15,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from rbd.answers.analysis.admissible_forces import Admissible
-from rbd.answers.analysis.extent import Reach, cone_program, least
+from rbd.answers.analysis.extent import Reach
 from rbd.arrays import Array, as_array, block_diagonal, is_finite
 from rbd.errors import InputError, UnknownName, nearest
 from rbd.problem.programs import FORCE_CHOICE_WORK, Work, least_distance
@@ -135,18 +135,10 @@ def _least_distance(H: Array, c: Array, A: Array, b: Array) -> Array | None:
 
 
 def _within_cones(adm: Admissible, E: Array, e: Array) -> Array | None:
-    work = Work(FORCE_CHOICE_WORK)
-    reach = Reach(adm, work)
+    reach = Reach(adm, Work(FORCE_CHOICE_WORK))
     if not reach.known:
         return None
-    B = reach.directions
-    if not B.shape[1]:  # bounds and cones leave one point, as at the limit of friction: the point found
+    if not reach.dimension:  # bounds and cones leave one point, as at the limit of friction: the point found
         return adm.kept(adm.start)
-    H = E @ B
-    if not len(adm.mu):
-        none = np.zeros((0, 3, B.shape[1]))
-        on = cone_program(adm.D @ B, (adm.d - adm.D @ adm.start) / adm.size - 1e-10, none, none[..., 0], adm.mu)
-    else:
-        on = reach.cone_set
-    z = least(H.T @ H, H.T @ e, on, work)
-    return None if z is None else adm.kept(adm.start + adm.size * (B @ z))
+    F = E @ reach.rays[0]
+    return reach.least(F.T @ F, F.T @ (e - E @ (adm.start / adm.size)))[1]

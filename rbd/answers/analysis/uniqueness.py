@@ -1,8 +1,8 @@
 """Which forces of one motion are unique, and the ranges of those that are not.
 
 The same acceleration under the same law admits a convex set of forces (`rbd.answers.analysis.admissible_forces`). Over it each
-normal force has a smallest and a largest value, both attained: by linear programs over flat facets, by an interior-point method
-where cones are circular (`rbd.answers.analysis.extent`). A resultant is unique if no direction of the set changes it.
+normal force has a smallest and a largest value, both attained (`rbd.answers.analysis.extent`). A resultant is unique if no
+direction of the set changes it.
 """
 
 from __future__ import annotations
