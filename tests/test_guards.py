@@ -1174,7 +1174,7 @@ CASES: dict[str, Case] = {
     "visual.notebook_page": Case(
         notebook_page, {"shown": "/nowhere/x.html", "height": 300, "still": False, "browser": None}, 20
     ),
-    "visual.replay": Case(replay, {"trajectory": "none", "speed": 1.0, "scene": "none"}, 20),
+    "visual.replay": Case(replay, {"motion": "none", "speed": 1.0, "scene": "none"}, 20),
     "visual.plot_forces": Case(
         lambda **given: use_plots(plot_forces, **given),
         {"ax": Figure().subplots(), "trajectory": TRAJECTORY, "names": ["floor"]},
