@@ -143,12 +143,18 @@ class Effort(Displayed):
     def program(self, loads: ForceBalance) -> Conic:
         """Least effort: the rows between bounds are those of `rows`, then the torques of the limited motors."""
         p = 1.0 if self.torques is _ALIKE else self.torque_weights(loads.state.robot.actuated_names)
-        weighed = loads.T.T * p
-        H = 2.0 * (weighed @ loads.T)
+        weighed, limited, (low, high), T = loads.T.T * p, loads.limited, loads.within, loads.T
+        H = 2.0 * (weighed @ T)
         H.flat[:: len(H) + 1] += 2.0 * (self.forces if isinstance(self.forces, float) else self.force_weights(loads))
-        forces = loads.block()._replace(squares=H, linear=-2.0 * (weighed @ loads.t))
-        between = [self.rows(loads)] if self.normal_force or self.edge_margin else []
-        return Conic.of({"forces": forces}, [({"forces": loads.A}, loads.b)], [*between, loads.torque_rows])
+        if not limited.all():
+            T, low, high = T[limited], low[limited], high[limited]
+        if self.normal_force or self.edge_margin:
+            rows, least, most = self.rows(loads)
+            T, low, high = np.vstack([rows["forces"], T]), np.concatenate([least, low]), np.concatenate([most, high])
+        sets = loads.sets  # one block: without `Conic.of`, a tenth of what `hold` takes
+        return Conic(
+            H, -2.0 * (weighed @ loads.t), loads.A, loads.b, T, low, high, loads.lower, loads.upper, sets.cone_columns, sets.mu
+        )
 
 
 DEFAULT = Effort()
