@@ -79,9 +79,7 @@ def nearest_in_cones(A: Array, d: Array, mu: float) -> ConeFits:
     return staged_fits(A, d, mu, [Stage(sigma, np.ones(m), np.zeros(m)) for sigma in _SIGMAS], proximal=True)
 
 
-def staged_fits(
-    A: Array, d: Array, mu: float, stages: Sequence[Stage], *, exact: int = 0, proximal: bool = False
-) -> ConeFits:
+def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage], *, exact: int = 0, proximal: bool = False) -> ConeFits:
     """Answers of the last of some stages, of n problems; other arguments as `nearest_in_cones`.
 
     From a cold start Newton's method needs many steps where weights differ by many decades; stages that part them by and by

@@ -7,7 +7,7 @@ entries a column: those of a point of a body in the body's rows. Of a dense prob
 
 With V the slope of P, k = proximal + soft, B = I - (1 - k) V, M = B^-1 V and h = B^-1 gap, part by part (Woodbury's identity):
 
-    (I - V + V (Q' D Q + k)) dw = gap       is       (I + D Q M Q') z = D Q h,     dw = h - M Q' z
+    (I - V + V (Q' D Q + k)) dw = gap       is       (I + Q M Q' D) f = Q h,     dw = h - M Q' D f
 
 with one unknown for each row that a loaded part touches: six for a sole, whether it has 4 corners or 32. D may be nonsymmetric
 and singular. Sources: `rbd.solvers.newton`.
@@ -189,7 +189,7 @@ def evaluate(
 def newton_step(problem: Problem, parts: Array, compliance: Compliance, coulomb: bool, room: Room) -> bool:
     """Newton's step in `room.move`; False where its linear system is singular."""
     D, columns, n, gap, modes, move = problem.D, problem.columns, len(problem.lower), room.gap, room.modes, room.move
-    z, used, A, B, f = room.z, room.used, room.A, room.B, room.f
+    z, used, A, B, f, a = room.z, room.used, room.A, room.B, room.f, room.a
     nw, d = len(z), columns.shape[1]
     for r in range(nw):
         used[r] = 0
@@ -231,35 +231,40 @@ def newton_step(problem: Problem, parts: Array, compliance: Compliance, coulomb:
                 for r in range(d):
                     if columns[e, r] != 0.0:
                         used[at + r] = 1
+    loads(problem, parts, move, f)
+    for r in range(nw):  # what the forces do that no loaded part changes
+        a[r] = 0.0
+        for s in range(nw):
+            if used[s] == 0:
+                a[r] += D[r, s] * f[s]
+            A[r, s] = 0.0
+        A[r, r] = 1.0
+    for b in range(len(B)):
+        begin = room.starts[b]
+        for r in range(d):
+            row = A[begin + r]
+            for t in range(d):
+                x, felt_by = B[b, r, t], D[begin + t]
+                f[begin + r] -= x * a[begin + t]
+                for s in range(nw):
+                    row[s] += x * felt_by[s]
     count = 0
     for r in range(nw):
         if used[r] == 1:
             used[count] = r
             count += 1
-    loads(problem, parts, move, f)
     for e in range(count):
-        row = A[e]
-        for s in range(nw):
-            row[s] = 0.0
-        total = 0.0
-        for r in range(nw):
-            total += D[used[e], r] * f[r]
-        for b in range(len(B)):
-            at = room.starts[b]
-            for r in range(d):
-                x = D[used[e], at + r]
-                for s in range(d):
-                    row[at + s] += x * B[b, r, s]
-        z[e] = total
+        z[e] = f[used[e]]
         for s in range(count):
-            row[s] = row[used[s]]
-        row[e] += 1.0
+            A[e, s] = A[used[e], used[s]]
     if not eliminate(A, z, count):
         return False
-    for e in range(nw):
-        f[e] = 0.0
     for e in range(count):
         f[used[e]] = z[e]
+    for r in range(nw):
+        a[r] = 0.0
+        for s in range(nw):
+            a[r] += D[r, s] * f[s]
     square = 0.0
     for i in parts:
         at, mode, factor, ex, ey = problem.first[i], modes[i, 0], modes[i, 1], modes[i, 2], modes[i, 3]
@@ -268,13 +273,13 @@ def newton_step(problem: Problem, parts: Array, compliance: Compliance, coulomb:
         if mode == _STICKS:
             for e in range(start, stop):
                 for r in range(d):
-                    move[e] -= columns[e, r] * f[at + r] / k
+                    move[e] -= columns[e, r] * a[at + r] / k
         elif mode == _SLIPS:
             y0, y1, y2 = 0.0, 0.0, 0.0
             for r in range(d):
-                y0 += columns[j, r] * f[at + r]
-                y1 += columns[j + 1, r] * f[at + r]
-                y2 += columns[j + 2, r] * f[at + r]
+                y0 += columns[j, r] * a[at + r]
+                y1 += columns[j + 1, r] * a[at + r]
+                y2 += columns[j + 2, r] * a[at + r]
             u, side = problem.mu[i - n], factor / (1.0 - (1.0 - k) * factor) * (ex * y1 - ey * y0)
             if not coulomb:
                 y2 = (y2 + u * (ex * y0 + ey * y1)) / (1.0 + u * u)
