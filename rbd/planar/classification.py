@@ -69,8 +69,10 @@ class ChainClass(Displayed):
         """Mobility less the degrees of freedom of the end point."""
         return self.mobility - self.end_dof
 
-    def __str__(self) -> str:
-        values = {
+    @property
+    def terms(self) -> dict[str, int | str]:
+        """{term: its value}, in the order of `MEANINGS`, which says what each means."""
+        return {
             "base": self.base,
             "end point": self.end_point,
             "open or closed": "closed" if self.closed else "open",
@@ -80,6 +82,9 @@ class ChainClass(Displayed):
             "degrees of freedom of the end point": self.end_dof,
             "redundancy": self.redundancy,
         }
+
+    def __str__(self) -> str:
+        values = self.terms
         first, second = max(map(len, values)), max(len(str(value)) for value in values.values())
         lines = [f"{word:<{first}}  {value!s:<{second}}  {MEANINGS[word]}" for word, value in values.items()]
         return "\n".join([*lines, self.note] if self.note else lines)
