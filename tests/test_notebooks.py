@@ -56,7 +56,7 @@ class Words(HTMLParser):
 
 
 def words(output: dict[str, Any]) -> str:
-    """The words of an output, of its HTML where it has that."""
+    """The words of an output, of its HTML where it has that; residuals, which have exponents, are all the same."""
     if output["output_type"] == "stream":
         return "".join(output["text"])
     data = output["data"]
@@ -64,7 +64,8 @@ def words(output: dict[str, Any]) -> str:
         return "".join(data["text/plain"])
     reader = Words()
     reader.feed("".join(data["text/html"]))
-    return "\n".join(line.strip() for line in reader.lines if line.strip())
+    text = "\n".join(line.strip() for line in reader.lines if line.strip())
+    return re.sub(r"\d(\.\d+)?e-\d+", "1e-15", text)
 
 
 def code(notebook: dict[str, Any]) -> list[dict[str, Any]]:
