@@ -125,7 +125,7 @@ def both_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDynamics) ->
 
 def another_site(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
     """A contact a millimetre off its place and turned by a milliradian, in Pinocchio's model alone."""
-    model = form.bodies._models[0]
+    model = form.bodies._workspace.models[0]
     right = model.joint1_placement.copy()
     model.joint1_placement = right * pin.SE3(pin.exp3(np.array([1e-3, 0.0, 0.0])), np.array([1e-3, 0.0, 0.0]))
 

@@ -22,8 +22,8 @@ from collections.abc import Sequence
 import numpy as np
 import pinocchio as pin
 
-from rbd.answers.prepared.contact_bodies import DEPENDENT, SETTINGS
-from rbd.answers.prepared.sites import MOST_BODIES, keep
+from rbd.answers.prepared.contact_bodies import Workspace
+from rbd.answers.prepared.sites import MOST_BODIES, Site, keep
 from rbd.arrays import Array, cross_matrix, cross_rows, each_times, is_finite, lazy, max_abs, rank_of, rows_from, zeros
 from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.checked_model import CheckedModel
@@ -53,11 +53,10 @@ class TouchingBody:
         spread = np.concatenate([np.concatenate([np.eye(3), -cross_matrix(x)], axis=1) for x in arms])
         self.size = 3 if len(arms) == 1 else 6 if rank_of(spread, INDEPENDENT) == 6 else 0
 
-    def pinocchio(self, model: pin.Model) -> pin.RigidConstraintModel:
+    @property
+    def site(self) -> Site:
         """What holds it still, in the joint's axes."""
-        kind = pin.ContactType.CONTACT_3D if self.size == 3 else pin.ContactType.CONTACT_6D
-        place = pin.SE3(np.eye(3), self.arms[0] if self.size == 3 else np.zeros(3))
-        return pin.RigidConstraintModel(kind, model, self.joint, place, pin.LOCAL)
+        return Site(self.joint, pin.SE3(np.eye(3), self.arms[0] if self.size == 3 else np.zeros(3)), self.size, turns=True)
 
 
 class TouchingBodies:
@@ -113,7 +112,7 @@ class TouchingBodies:
         placements = [robot.site(ground.contact.frame)[1] * ground.X_FP for ground in grounds]
         self.centred = np.concatenate([g.local @ X.rotation.T for g, X in zip(grounds, placements, strict=True)])
         self.agrees: bool | None = None
-        self.spare: list[Workspace] = []
+        self.spare: list[StepWorkspace] = []
 
     @classmethod
     def prepared(cls, robot: CheckedModel, grounds: Sequence[OnGround]) -> TouchingBodies:
@@ -125,45 +124,34 @@ class TouchingBodies:
             keep(known, key, found, MOST_BODIES)
         return found
 
-    def workspace(self, model: pin.Model) -> Workspace:
+    def workspace(self, model: pin.Model) -> StepWorkspace:
         """A workspace that no other motion uses."""
         try:
             return self.spare.pop()
         except IndexError:
-            return Workspace(model, self.bodies)
+            return StepWorkspace(model, self.bodies)
 
 
-class Workspace:
-    """Pinocchio's data of one motion, of megabytes for a humanoid, and views of them.
+class StepWorkspace(Workspace):
+    """That of one motion, with views of its data.
 
     Attributes:
-        data: The data.
-        models: What holds the bodies still.
-        contacts: Their data.
         places: Placements of all joints, a view of the data: row j has R_Wj by columns, then p_Wj.
         rates: Velocities (v, w) of all joints in their axes, likewise.
         accelerations: Their spatial accelerations, likewise.
         patch_rates: Velocities (v, w) of the bodies with six rows, as `pin.constraintDynamics` leaves them.
-        forces: Forces at all joints.
-        pushed: Those of the bodies.
+        pushed: Forces on the bodies.
     """
 
     def __init__(self, model: pin.Model, bodies: Sequence[TouchingBody]) -> None:
-        self.data, n = model.createData(), model.njoints
-        self.models, self.contacts = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-        for body in bodies:
-            self.models.append(body.pinocchio(model))
-            self.contacts.append(self.models[len(self.models) - 1].createData())
-        pin.initConstraintDynamics(model, self.data, self.models, self.contacts)
+        super().__init__(model, [body.site for body in bodies])
+        n = model.njoints
         self.places = rows_from([(X.rotation, X.translation) for X in (self.data.oMi[j] for j in range(n))], 12)
         self.rates, self.accelerations = (
             rows_from([(V.linear, V.angular) for V in (of[j] for j in range(n))], 6) for of in (self.data.v, self.data.a)
         )
         held = [contact.contact1_velocity for body, contact in zip(bodies, self.contacts, strict=True) if body.size == 6]
         self.patch_rates = rows_from([(V.linear, V.angular) for V in held], 6)
-        self.forces = pin.StdVec_Force()
-        for _ in range(n):
-            self.forces.append(pin.Force.Zero())
         self.pushed = [self.forces[body.joint] for body in bodies]
 
 
@@ -225,9 +213,8 @@ class GroundDynamics:
         self._points, self._model, self._bodies, self._kernel = points, model, bodies, step_kernel()
         self.layout = points.layout(tuple([s.structure for s in points.sources]))  # type: ignore[attr-defined]
         self._workspace = space = bodies.workspace(model)
-        self._data, self._models, self._datas = space.data, space.models, space.contacts
         self._places, self._rates, self._accelerations = space.places, space.rates, space.accelerations
-        self._settings, self._factors = pin.ProximalSettings(*SETTINGS), self._data.constraint_chol
+        self._data, self._factors = space.data, space.factors
         self._joints, self.size, self._row_velocity = bodies.joints, bodies.size, bodies.row_velocity
         self._target = np.zeros(self.size + model.nv)
         k = len(bodies.of)
@@ -322,9 +309,8 @@ class GroundDynamics:
         everything = active is self.layout.everything
         if not everything and not active.any():
             return self._free(model, q, v, applied, start, h)
-        a = pin.constraintDynamics(model, self._data, q, v, applied, self._models, self._datas, self._settings)
-        pivots = self._factors.D[: self.size]  # all are negative
-        if not (math.isfinite(a.dot(a)) and pivots[pivots.argmax()] < DEPENDENT * pivots[pivots.argmin()]):
+        a = self._workspace.held(model, q, v, applied)
+        if a is None or not math.isfinite(a.dot(a)):
             return None
         if mean is not None:
             pin.forwardKinematics(self._model, self._data, q, mean + (0.5 * h) * a)
@@ -458,9 +444,8 @@ class GroundDynamics:
         """Whether it has the same equations of motion as the robot's M and h at the start, and rows of full rank."""
         rng = np.random.default_rng(0)
         q, v, applied = start.q, rng.normal(size=start.robot.nv), rng.normal(size=start.robot.nv)
-        data = self._data
-        a = pin.constraintDynamics(self._model, data, q, v, applied, self._models, self._datas, self._settings)
-        if not is_finite(a):
+        data, a = self._data, self._workspace.held(self._model, q, v, applied)
+        if a is None or not is_finite(a):
             return False
         L = self._factors.getInverseOperationalSpaceInertiaMatrix()
         size = np.sqrt(L.diagonal())

@@ -13,7 +13,7 @@ from contact_cases import sole
 from flat_bodies import ball, flat_body, flat_state, floor_point, free_body, free_state
 
 import rbd
-from rbd.simulation import ground_dynamics
+from rbd.answers.prepared import contact_bodies
 from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.instant import Instant
 from rbd.simulation.integrators import TimeStepping
@@ -165,7 +165,8 @@ def test_residuals_see_an_answer_that_is_wrong(monkeypatch, name, wrong):
 
         monkeypatch.setattr(pin, "constraintDynamics", elsewhere)
     elif wrong == "a wrong site":
-        ground._models[0].joint1_placement = pin.SE3(np.eye(3), np.array([1e-3, 0.0, 0.0])) * ground._models[0].joint1_placement
+        model = ground._workspace.models[0]
+        model.joint1_placement = pin.SE3(np.eye(3), np.array([1e-3, 0.0, 0.0])) * model.joint1_placement
     elif wrong == "another acceleration":
         monkeypatch.setattr(pin, "constraintDynamics", lambda *given: dynamics(*given) + 1e-4)
     else:
@@ -205,7 +206,7 @@ def test_dependent_rows_step_the_general_way(monkeypatch):
     monkeypatch.setattr(StepSystem, "_general", lambda self, *given: asked.append(1) or general(self, *given))
     fast.solved(now, H)
     assert not asked
-    monkeypatch.setattr(ground_dynamics, "DEPENDENT", 1.0)
+    monkeypatch.setattr(contact_bodies, "DEPENDENT", 1.0)
     assert close(fast.solved(now, H).answer.v, known.answer.v) and asked
 
 

@@ -41,6 +41,38 @@ TURNS = 1e-13
 """Centripetal accelerations up to this are rounding [m/s2]."""
 
 
+class Workspace:
+    """Pinocchio's contact dynamics of bodies, and its memory, of megabytes for a humanoid.
+
+    Attributes:
+        data: The data.
+        models: What holds the bodies still.
+        contacts: Its data.
+        fixed: The last arguments of `pin.constraintDynamics`.
+        factors: Of the constrained dynamics, as `held` left them.
+        forces: Forces at all joints, for `pin.rnea`.
+    """
+
+    def __init__(self, model: pin.Model, sites: Sequence[Site]) -> None:
+        self.data, self.models = model.createData(), pin.StdVec_RigidConstraintModel()
+        self.contacts = pin.StdVec_RigidConstraintData()
+        for site in sites:
+            self.models.append(site.pinocchio(model))
+            self.contacts.append(self.models[len(self.models) - 1].createData())
+        pin.initConstraintDynamics(model, self.data, self.models, self.contacts)
+        self.fixed = (self.models, self.contacts, pin.ProximalSettings(*SETTINGS))
+        self.factors, self._size = self.data.constraint_chol, sum(site.size for site in sites)
+        self.forces = pin.StdVec_Force()
+        for _ in range(model.njoints):
+            self.forces.append(pin.Force.Zero())
+
+    def held(self, model: pin.Model, q: Array, v: Array, generalised: Array) -> Array | None:
+        """Acceleration that gives every row none, of Pinocchio's spatial kind; None if rows may be dependent."""
+        a = pin.constraintDynamics(model, self.data, q, v, generalised, *self.fixed)
+        pivots = self.factors.D[: self._size]
+        return a if pivots[pivots.argmax()] < DEPENDENT * pivots[pivots.argmin()] else None  # all are negative
+
+
 class ContactBodies:
     """The bodies of a robot that contacts touch: what is constant, and the memory for what is not.
 
@@ -57,28 +89,19 @@ class ContactBodies:
     def __init__(self, robot: CheckedModel, sites: Sequence[Site]) -> None:
         self.robot, self.sites, self.lock = robot, tuple(sites), threading.Lock()
         self._model = model = robot.model
-        self._data = data = model.createData()
-        self._models, self._datas = pin.StdVec_RigidConstraintModel(), pin.StdVec_RigidConstraintData()
-        for site in sites:
-            made = site.pinocchio(model)
-            self._models.append(made)
-            self._datas.append(made.createData())
-        pin.initConstraintDynamics(model, data, self._models, self._datas)
-        self._settings = pin.ProximalSettings(*SETTINGS)
-        self._factors = data.constraint_chol
+        self._workspace = space = Workspace(model, sites)
+        self._data = data = space.data
+        self._factors, self._forces = space.factors, space.forces
         self.m = m = sum(site.size for site in sites)
         ends = np.cumsum([site.size for site in sites])
         self._rows = [slice(int(end) - site.size, int(end)) for end, site in zip(ends, sites, strict=True)]
         self._target = np.zeros(m + model.nv)
-        self._forces = pin.StdVec_Force()
-        for _ in range(model.njoints):
-            self._forces.append(pin.Force.Zero())
         # References into the data: they follow it.
         joints = [site.joint for site in sites]
         self._slots = [self._forces[j] for j in joints]
         self.placements = [data.oMi[j] for j in joints]
         self._accelerations, self._twists = [data.a_gf[j] for j in joints], [data.v[j] for j in joints]
-        self._velocities = [each.contact1_velocity for each in self._datas]
+        self._velocities = [each.contact1_velocity for each in space.contacts]
         self._prepare_maps(np.array(model.gravity.linear))
         self._points = [i for i, site in enumerate(sites) if site.size == 3]
         self._per_inertia = 1.0 / robot.least_inertia
@@ -111,9 +134,8 @@ class ContactBodies:
             generalised: S^T tau + tau_ext, shape (nv,).
             at_rest: v is zero.
         """
-        a = pin.constraintDynamics(self._model, self._data, q, v, generalised, self._models, self._datas, self._settings)
-        pivots = self._factors.D[: self.m]
-        if not pivots[pivots.argmax()] < DEPENDENT * pivots[pivots.argmin()]:  # all are negative
+        a = self._workspace.held(self._model, q, v, generalised)
+        if a is None:
             return None
         forces = self._data.lambda_c.copy()
         if not at_rest:
@@ -270,7 +292,7 @@ class BlockBodies(ContactBodies):
         """
         n, j, data, factors, moves = len(q), len(clear), self._data, self._factors, np.any(v, axis=1).tolist()
         R, p, pivots = np.empty((len(self.sites), n, 3, 3)), np.empty((len(self.sites), n, 3)), np.empty((n, self.m))
-        run, fixed = pin.constraintDynamics, (self._models, self._datas, self._settings)
+        run, fixed = pin.constraintDynamics, self._workspace.fixed
         model = self._model
         run(model, data, q[0], v[0], generalised[0], *fixed)
         force, own_pivots = data.lambda_c, factors.D[: self.m]  # views that follow

@@ -23,11 +23,13 @@ class Site:
         joint: The joint's number.
         X_JC: From the joint to the contact's centre and axes; of a point, in the joint's axes.
         size: Number of rows: 3 of a point, in world axes; 6 of a patch, in its own.
+        turns: Whether a point's rows are in the joint's axes instead, and turn with it.
     """
 
     joint: int
     X_JC: pin.SE3
     size: int
+    turns: bool = False
 
     @classmethod
     def of(cls, robot: CheckedModel, contact: Contact) -> Site:
@@ -55,7 +57,7 @@ class Site:
         """The contact as Pinocchio has it."""
         point = self.size == 3
         kind = pin.ContactType.CONTACT_3D if point else pin.ContactType.CONTACT_6D
-        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED if point else pin.ReferenceFrame.LOCAL
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED if point and not self.turns else pin.ReferenceFrame.LOCAL
         return pin.RigidConstraintModel(kind, model, self.joint, self.X_JC, axes)
 
 
