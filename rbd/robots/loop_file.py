@@ -224,13 +224,11 @@ def constraint_entry(part: str, what: str, value: object) -> dict[str, Any]:
     Raises:
         InputError: an unknown kind or key, with the nearest one; a key that is missing; a value that is none of its kind.
     """
-    entry, first = checked_mapping(what, value), dict[str, Check](name=checked_name)
+    entry, first = checked_mapping(what, value), dict[str, Check](name=checked_name, kind=checked_name)
     words = [word for word, form in KINDS.items() if form.part == part or not form.part and part != "couplings"]
-    word = "coupling"
-    if part != "couplings":
-        word = check_choice(f"kind of {what}", entry.get("kind"), words)
-        first["kind"] = checked_name
-    return checked_entry(what, entry, {**first, **KINDS[word].keys}, (*first, *KINDS[word].needed))
+    alone = {"kind": words[0]} if part == "couplings" else {}
+    word = check_choice(f"kind of {what}", entry.get("kind", alone.get("kind")), words)
+    return checked_entry(what, {**alone, **entry}, {**first, **KINDS[word].keys}, (*first, *KINDS[word].needed))
 
 
 def read_loop_file(path: Path) -> LoopFile:
@@ -262,7 +260,7 @@ def _constraints(file: str, part: str, what: str, value: object) -> tuple[Constr
     for i, each in enumerate(value):
         name = each.get("name") if isinstance(each, dict) else None
         entry = constraint_entry(part, f"{what}[{i}]" + (f" ({name!r:.80})" if isinstance(name, str) else ""), each)
-        form = KINDS[entry.pop("kind", "coupling")]
+        form = KINDS[entry.pop("kind")]
         with in_file(f"{file}: {'wheel' if part == 'wheels' else 'loop'} {name!r:.80}"):
             out.append(made(form.make(**entry)))
     return tuple(out)
