@@ -134,10 +134,14 @@ class ChainNumbers:
         """The map back."""
         return self.to_segment.inverse
 
+    @lazy
+    def ends(self) -> Array:
+        """Lengths of the links that lead to each joint, zeros beyond it [m], shape (n + 1, n)."""
+        return np.tril(np.ones((self.n + 1, self.n)), -1) * self.ell
+
     def positions(self, q: Any) -> Array:
         """Positions of all joints from the base to the end point [m], shape (n + 1, 2) or (samples, n + 1, 2)."""
-        ends = np.tril(np.ones((self.n + 1, self.n)), -1) * self.ell  # which links lead to which joint
-        return self._run(lambda q: ends @ self._directions(q), (q,))
+        return self._run(lambda q: self.ends @ self._directions(q), (q,))
 
     def position(self, q: Any, i: int | None = None) -> Array:
         """Position of joint i [m], shape (2,) or (samples, 2)."""
@@ -245,7 +249,7 @@ class ChainNumbers:
             segments = ell * self._vectors(*x)
             return _running(segments[::-1])[::-1] if self.angles == JOINT else segments
 
-        return np.swapaxes(self._run(block, given), -1, -2)
+        return self._run(block, given).swapaxes(-1, -2)
 
     def _vectors(self, q: Array, *rates: Array) -> Array:
         """Derivatives of e^(i psi) by time, as many as there are rates, (n, samples)."""
@@ -265,10 +269,13 @@ class ChainNumbers:
 
     def _directions(self, q: Array) -> Array:
         """Unit vectors along the segments, e^(i psi), (n, samples)."""
-        psi = q if self.angles == VERTICAL else self._rates(q)
-        out = np.empty(psi.shape, complex)
-        out.real, out.imag = np.cos(psi), np.sin(psi)
-        return -1j * out if self.angles == VERTICAL else out  # psi = q - pi/2, exactly
+        out = np.empty(q.shape, complex)
+        if self.angles == VERTICAL:  # psi = q - pi/2, exactly
+            out.real, out.imag = np.sin(q), -np.cos(q)
+        else:
+            psi = self._rates(q)
+            out.real, out.imag = np.cos(psi), np.sin(psi)
+        return out
 
     def _squares(self, qd: Array) -> tuple[Array, Array]:
         """Each segment's squared rate as its squares and its mixed products, (n, samples) each.
@@ -284,11 +291,13 @@ class ChainNumbers:
     def _run(self, block: Callable[..., Array], given: tuple[Any, ...]) -> Array:
         """X and y of a function's complex numbers (..., samples) over blocks of (n, samples), shape (samples, ..., 2)."""
         checked = check_motion(self.n, given, len(given))
-        rows, step = [x.reshape(-1, self.n) for x in checked], max(1, CELLS // self.n)
-        starts = range(0, max(1, len(rows[0])), step)
-        parts = [block(*[np.ascontiguousarray(x[k : k + step].T) for x in rows]).T for k in starts]
-        z = np.ascontiguousarray(parts[0] if len(parts) == 1 else np.concatenate(parts))
-        return z.view(float).reshape(*checked[0].shape[:-1], *z.shape[1:], 2)
+        if checked[0].ndim == 1:  # one sample: nothing to cut or to turn
+            return block(*[x[:, None] for x in checked]).view(float)
+        step = max(1, CELLS // self.n)
+        starts = range(0, max(1, len(checked[0])), step)
+        parts = [np.ascontiguousarray(block(*[np.ascontiguousarray(x[k : k + step].T) for x in checked]).T) for k in starts]
+        z = parts[0] if len(parts) == 1 else np.concatenate(parts)
+        return z.view(float).reshape(*z.shape, 2)
 
 
 def _running(rows: Array) -> Array:

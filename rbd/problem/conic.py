@@ -29,6 +29,9 @@ from rbd.arrays import Array, is_finite, lazy
 from rbd.problem.cones import project_cones
 from rbd.problem.programs import Outcome
 
+_NO_CONES, _NO_MU = np.zeros((0, 3), int), np.zeros(0)
+"""Nobody writes to them."""
+
 
 class Unknowns(NamedTuple):
     """Unknowns of a program that belong together.
@@ -48,8 +51,8 @@ class Unknowns(NamedTuple):
     linear: Array | float = 0.0
     lower: Array | float = -math.inf
     upper: Array | float = math.inf
-    cones: Array = np.zeros((0, 3), int)  # noqa: RUF012  nobody writes to it
-    mu: Array = np.zeros(0)  # noqa: RUF012
+    cones: Array = _NO_CONES
+    mu: Array = _NO_MU
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,30 +105,31 @@ class Conic:
         for name, block in blocks.items():
             spans[name] = slice(n, n + block.size)
             n += block.size
-        H, g, lower, upper = np.zeros((n, n)), np.empty(n), np.empty(n), np.empty(n)
+        H, (g, lower, upper) = np.zeros((n, n)), np.empty((3, n))
+        cones, mu = _NO_CONES, _NO_MU
         for block, span in zip(blocks.values(), spans.values(), strict=True):
             if isinstance(block.squares, np.ndarray) and block.squares.ndim == 2:
                 H[span, span] = block.squares
             else:
-                H[range(span.start, span.stop), range(span.start, span.stop)] = block.squares
+                H.flat[span.start * (n + 1) : span.stop * (n + 1) : n + 1] = block.squares
             g[span], lower[span], upper[span] = block.linear, block.lower, block.upper
+            if len(block.mu):
+                cones, mu = np.concatenate([cones, span.start + block.cones]), np.concatenate([mu, block.mu])
 
-        def stacked(given: Sequence[tuple[Any, ...]], ends: int) -> list[Array]:
-            """[matrix, sides]: (parts, side, ...) below each other, `ends` sides each."""
+        def stacked(given: Sequence[tuple[Any, ...]], ends: int) -> tuple[Array, Array]:
+            """(matrix, sides): (parts, side, ...) below each other, `ends` sides each."""
             sizes = [len(next(iter(parts.values()))) for parts, *_ in given]
-            out = [np.zeros((sum(sizes), n)), *[np.empty(sum(sizes)) for _ in range(ends)]]
-            at = 0
+            out, bounds, at = np.zeros((sum(sizes), n)), np.empty((ends, sum(sizes))), 0
             for (parts, *sides), size in zip(given, sizes, strict=True):
+                rows = slice(at, at + size)
                 for name, matrix in parts.items():
-                    out[0][at : at + size, spans[name]] = matrix
-                for column, side in zip(out[1:], sides, strict=True):
-                    column[at : at + size] = side
+                    out[rows, spans[name]] = matrix
+                for k, side in enumerate(sides):
+                    bounds[k, rows] = side
                 at += size
-            return out
+            return out, bounds
 
-        cones = np.concatenate([spans[name].start + block.cones for name, block in blocks.items()])
-        mu = np.concatenate([block.mu for block in blocks.values()])
-        (A, b), (C, low, high) = stacked(equations, 1), stacked(between, 2)
+        (A, (b,)), (C, (low, high)) = stacked(equations, 1), stacked(between, 2)
         return cls(H, g, A, b, C, low, high, lower, upper, cones, mu, spans)
 
     def missed(self) -> Conic:
