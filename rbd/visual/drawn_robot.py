@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TypeAlias
 
 import meshcat
 import numpy as np
@@ -12,6 +12,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.robots.robot import Robot
 from rbd.visual.marks.picture import Entry, entry
@@ -21,9 +22,6 @@ from rbd.visual.robot_layers import bodies, collision_parts
 from rbd.visual.robot_meshes import RobotPart, robot_parts
 from rbd.visual.shapes import Mesh, joined, outermost
 from rbd.visual.style import distinct_colors, rgb
-
-if TYPE_CHECKING:
-    from rbd.robots.robot import Robot
 
 POSE_COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc5fa0", "#e0a800", "#5e4fa2", "#56b4e9", "#8a3a12")
 """Colours that differ from each other, also on a dark side, and from the grey of fixed parts."""
@@ -39,6 +37,17 @@ STRIPES = 2
 """How often each pose's colour comes on a bar that several poses share."""
 APART = 0.2
 """Least distance of two colours, of red, green and blue from 0 to 1: grey (0.35) and a dark blue are 0.3 apart."""
+
+
+def robot_of(robot: CheckedModel) -> Robot:
+    """A robot with meshes.
+
+    Raises:
+        InputError: it has none.
+    """
+    if not isinstance(robot, Robot):
+        raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
+    return robot
 
 
 @dataclass(eq=False)

@@ -19,7 +19,7 @@ from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ExternalForce, ForceElement
 from rbd.model.state import State
-from rbd.visual.drawn_robot import Details, DrawnRobot, OtherPoses, check_poses
+from rbd.visual.drawn_robot import Details, DrawnRobot, OtherPoses, check_poses, robot_of
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture, legend_data
 from rbd.visual.marks.regions import Drawn, left_out_of, marks_of
@@ -89,7 +89,7 @@ class Scene(Displayed):
         self._legend = legend
         self._layers = checked_layers(layers)
         self._opens = checked_view(view)
-        self._robot = robot
+        self._robot = robot_of(robot)
         self._arrow_per_weight = arrow_per_weight
         self._ground = ground
         self._recorder = Recorder()

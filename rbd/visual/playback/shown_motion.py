@@ -14,6 +14,7 @@ from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.robots.robot import Robot
 from rbd.simulation.simulated_motion import Event
+from rbd.visual.drawn_robot import robot_of
 from rbd.visual.playback.curves import Choice, CurveChart
 from rbd.visual.playback.trajectory_charts import charts_of
 from rbd.visual.style import PUSH_COLOR
@@ -110,17 +111,6 @@ class ShownMotion:
         robot, t = robot_of(trajectory.robot), np.asarray(trajectory.t, float)
         charts = partial(charts_of, trajectory)
         return cls(trajectory, robot, t, trajectory.q, trajectory.v, robot.name, charts=charts, **forces)
-
-
-def robot_of(robot: CheckedModel) -> Robot:
-    """A robot with meshes.
-
-    Raises:
-        InputError: it has none.
-    """
-    if not isinstance(robot, Robot):
-        raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
-    return robot
 
 
 def a_time(what: str, value: object, first: float, last: float) -> float:
