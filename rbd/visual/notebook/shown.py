@@ -9,7 +9,6 @@ from __future__ import annotations
 import html
 import inspect
 import math
-import re
 import warnings
 from collections.abc import Sequence
 from functools import singledispatch
@@ -41,7 +40,7 @@ MOST_LETTERS = 160
 """Letters of a cell, or of a line, that are shown."""
 HEADS = ("field", "value", "unit", "meaning")
 _LINE = "1px solid rgba(127, 127, 127, 0.3)"
-_NUMBER = re.compile(r"[-+]?(\d[\d.]*(e[-+]?\d+)?|inf|nan)|-")
+_CELL = "text-align:left;padding:0.1em 1.2em 0.1em 0"
 STILL = 1e-6
 """Accelerations up to this are none [m/s2, rad/s2]."""
 MOST_CHARTS = 2
@@ -219,17 +218,13 @@ def card_html(text: str, rows: Sequence[Sequence[str]] = (), drawing: str = "") 
 
 
 def table_html(rows: Sequence[Sequence[str]]) -> str:
-    """Fields as a table of HTML: words at the left, numbers at the right."""
-    head = "".join(f'<th scope="col" style="{_style(name)}">{name}</th>' for name in HEADS)
-    lines = ["".join(f'<td style="{_style(cell)}">{escaped(cell)}</td>' for cell in row) for row in rows[:MOST_LINES]]
+    """Fields as a table of HTML."""
+    head = "".join(f'<th scope="col" style="{_CELL}">{name}</th>' for name in HEADS)
+    lines = ["".join(f'<td style="{_CELL}">{escaped(cell)}</td>' for cell in row) for row in rows[:MOST_LINES]]
     body = "".join(f'<tr style="border-bottom:{_LINE}">{line}</tr>' for line in lines)
     more = f"<p>and {len(rows) - MOST_LINES} more</p>" if len(rows) > MOST_LINES else ""
     style = "border-collapse:collapse;margin:0.2em 0 0.5em 0;font-variant-numeric:tabular-nums"
     return f'<table style="{style}"><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>{more}'
-
-
-def _style(cell: str) -> str:
-    return f"text-align:{'right' if _NUMBER.fullmatch(cell) else 'left'};padding:0.1em 1.2em 0.1em 0"
 
 
 def _text_html(text: str) -> str:
