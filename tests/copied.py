@@ -67,6 +67,8 @@ def difference(one: Any, other: Any, where: str = "it") -> str:
         return ""
     if type(one) is not type(other):
         return f"{where} is a {type(other).__name__}, and was a {type(one).__name__}"
+    if isinstance(one, np.ndarray) and one.dtype == object == other.dtype:
+        return difference((one.shape, *one.flat), (other.shape, *other.flat), where)
     if isinstance(one, np.ndarray):
         return "" if np.array_equal(one, other, equal_nan=one.dtype.kind in "fc") else f"{where} differs"
     if isinstance(one, float | int | str | bytes | complex):
