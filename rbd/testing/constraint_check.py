@@ -358,7 +358,7 @@ def _of_value(
     if along.shape[1:] != (rows,):
         raise InputError(f"the value of task {task.name!r:.80} has shape {along.shape[1:]}; its rows are {rows}.")
     seen = {"A v": _first(along, step), "A a + J_dot v": _second(along, step)}
-    return {what: (given[what], seen[what]) for what in given}, "the value's differences"
+    return {what: (given[what], seen[what]) for what in given}, "motion of the value"
 
 
 def _terms(task: Task, state: State, t: float) -> TaskTerms:
