@@ -35,6 +35,8 @@ ZARR, PARTS, PART, OF = ".zarr", ".parts", ".part", "study"
 """Endings of a store, of the folder with its parts and of its files, and the file with its samples and attributes."""
 FILES = "rbd_files"
 """Attribute of a store: how many files it has, as zarr reads a missing one as missing values."""
+FORMS = "rbd_forms"
+"""Attribute of a store: name and dtype of its variables in order, as zarr sorts them, and keeps dates in units of its own."""
 OFTEN, SELDOM, SHARE = 1.0, 5.0, 20.0
 """The shortest and the longest time between two writings [s]; between them it is so many times as long as a writing takes."""
 DIMS = "rbd_dims"
@@ -77,13 +79,17 @@ def outcome_of(reason: Array) -> dict[str, str]:
     return told | ({"interrupted": f"{n - not_run:,} of {n:,} samples are done"} if not_run else {})
 
 
+def _forms(dataset: xarray.Dataset) -> list[list[str]]:
+    return [[str(name), x.dtype.str] for name, x in dataset.variables.items()]
+
+
 def _write(file: Path, dataset: xarray.Dataset) -> None:
     """Write a dataset as one file, a zip of zarr's: whole, or not at all."""
     import zarr
 
     made = file.with_name(f".{file.name}")
     with _without_remarks(), zarr.storage.ZipStore(made, mode="w") as store:
-        dataset.to_zarr(store, zarr_format=3, consolidated=False)
+        dataset.assign_attrs({FORMS: _forms(dataset)}).to_zarr(store, zarr_format=3, consolidated=False)
     with open(made, "rb") as written:
         os.fsync(written.fileno())
     os.replace(made, file)
@@ -93,14 +99,27 @@ def _read(file: Path) -> xarray.Dataset:
     import zarr
 
     with zarr.storage.ZipStore(file, mode="r") as store:
-        return _plain(xarray_or_error().open_zarr(store, consolidated=False, chunks=None).load())
+        return _plain(_opened(store, consolidated=False).load())
+
+
+def _opened(store: Any, *, consolidated: bool) -> xarray.Dataset:
+    """A dataset of zarr; dates in seconds or finer, as those in nanoseconds end in 2262."""
+    xarray = xarray_or_error()
+    times = {"decode_times": xarray.coders.CFDatetimeCoder(time_unit="s"), "decode_timedelta": True}
+    found: Any = xarray.open_zarr(store, chunks=None, consolidated=consolidated, **times)
+    return found
 
 
 def _plain(dataset: xarray.Dataset) -> xarray.Dataset:
     """A dataset that was read, as it was in memory."""
-    text = {name: (x.dims, x.values.astype(object), x.attrs) for name, x in dataset.variables.items() if x.dtype.kind in "UT"}
-    coords = {name: x for name, x in text.items() if name in dataset.coords}
-    return dataset.assign_coords(coords).assign({name: x for name, x in text.items() if name not in coords}).drop_encoding()
+    attributes, values = dict(dataset.attrs), dict[str, Any]()
+    for name, dtype in attributes.pop(FORMS, _forms(dataset)):
+        x = dataset.variables[name]
+        own = {"U": object, "T": object, "M": dtype}.get(x.dtype.kind)
+        values[name] = x if own is None or x.dtype == own else (x.dims, x.values.astype(own), x.attrs)
+    coords = {name: values.pop(name) for name in list(values) if name in dataset.coords}
+    made: xarray.Dataset = xarray_or_error().Dataset(values, coords, attributes)
+    return made.drop_encoding()
 
 
 @contextmanager
@@ -272,11 +291,12 @@ class Store:
         made, (first, n) = self.folder / "whole", next(iter(self.dims.items()))
         shutil.rmtree(made, ignore_errors=True)
         each = 100 + sum(v.values[:1].nbytes for v in self.layout.forms.values())
-        step, reasons = max(1, SLAB * n // (len(self.done) * each)), list[Array]()
+        step, reasons, forms = max(1, SLAB * n // (len(self.done) * each)), list[Array](), list[list[str]]()
         with _without_remarks():
             for k in range(0, n, step):
                 slab = self._rows(k, min(k + step, n))
                 reasons.append(slab[REASON].values.ravel())
+                forms = forms or _forms(slab)
                 how: dict[str, Any] = {"append_dim": first}
                 if not k:
                     codecs = {"compressors": ZstdCodec(level=1, checksum=True)}
@@ -284,7 +304,7 @@ class Store:
                 fixed = [name for name, x in slab.coords.items() if k and first not in x.dims]
                 slab.drop_vars(fixed).to_zarr(made, consolidated=False, **how)
             outcome = outcome_of(np.concatenate(reasons))
-            zarr.open_group(made).attrs.update({**outcome, FILES: len(list(made.rglob("*")))})
+            zarr.open_group(made).attrs.update({**outcome, FILES: len(list(made.rglob("*"))), FORMS: forms})
             zarr.consolidate_metadata(made)
         os.sync()
         os.replace(made, path)
@@ -435,7 +455,7 @@ def read(path: Path) -> xarray.Dataset:
         known = FILES in attributes
         if not known:
             raise ValueError("it was written by xarray, which reads it, and is no store that rbd.study wrote as out=")
-        found: xarray.Dataset = xarray_or_error().open_zarr(path, chunks=None, consolidated=True)
+        found = _opened(path, consolidated=True)
         if not set(RESERVED) <= set(found.data_vars):
             raise ValueError(f"it lacks {', '.join(RESERVED)}")
         if lacks := found.attrs.pop(FILES) - len(list(path.rglob("*"))):
