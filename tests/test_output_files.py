@@ -282,7 +282,7 @@ def test_numbers_may_go_to_standard_output(tmp_path: Path):
 
 def test_no_module_writes_files_on_its_own():
     """Files for a user are written by `rbd.model.output_files` alone; the others write into folders of their own."""
-    own = {"output_files.py", "meshes.py", "side_by_side.py", "planar_figures.py", "stores.py"}
+    own = {"output_files.py", "planar_motion.py", "stores.py"}
     for path in sorted(Path(rbd.__file__).parent.rglob("*.py")):
         text = path.read_text(encoding="utf-8")
         writes = [word for word in (".write_text(", ".write_bytes(", "savefig(path", '"wb")', '"w")') if word in text]
