@@ -285,7 +285,7 @@ class Joints(Mapping[str, Joint], Displayed):
         Raises:
             JointNotFound: with the nearest names.
         """
-        at = self._named(name, "v") if isinstance(name, str) else ()
+        at = self._find(name, "v") if isinstance(name, str) and (name in self or not _is_pattern(name)) else ()
         if not at:
             raise self._unknown(name, "v")
         return slice(at[0], at[-1] + 1)
@@ -300,17 +300,13 @@ class Joints(Mapping[str, Joint], Displayed):
             out.update(dict.fromkeys(found))
         return np.array(list(out), int)
 
-    def _named(self, name: str, part: Literal["q", "v"]) -> Sequence[int]:
-        """Entries of a joint of this name, else of this name themselves."""
+    def _find(self, name: str, part: Literal["q", "v"]) -> Sequence[int]:
+        """Entries of a joint of this name, else of this name themselves, else of joints or by themselves like this pattern."""
         if name in self:
             own: slice = getattr(self[name], part)
             return range(own.start, own.stop)
         entries = self.positions if part == "q" else self.velocities
-        return [i for i, entry in enumerate(entries) if entry.name == name]
-
-    def _find(self, name: str, part: Literal["q", "v"]) -> Sequence[int]:
-        """Entries of this name, else of joints or by themselves like this pattern."""
-        found, entries = self._named(name, part), self.positions if part == "q" else self.velocities
+        found = [i for i, entry in enumerate(entries) if entry.name == name]
         if _is_pattern(name):
             found = found or [i for i, entry in enumerate(entries) if fnmatchcase(entry.joint, name)]
             found = found or [i for i, entry in enumerate(entries) if fnmatchcase(entry.name, name)]

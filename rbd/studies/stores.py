@@ -35,8 +35,8 @@ ZARR, PARTS, PART, OF = ".zarr", ".parts", ".part", "study"
 """Endings of a store, of the folder with its parts and of its files, and the file with its samples and attributes."""
 FILES = "rbd_files"
 """Attribute of a store: how many files it has, as zarr reads a missing one as missing values."""
-FORMS = "rbd_forms"
-"""Attribute of a store: name and dtype of its variables in order, as zarr sorts them, and keeps dates in units of its own."""
+ORDER = "rbd_order"
+"""Attribute of a store: its variables in order, as zarr sorts them by name."""
 OFTEN, SELDOM, SHARE = 1.0, 5.0, 20.0
 """The shortest and the longest time between two writings [s]; between them it is so many times as long as a writing takes."""
 DIMS = "rbd_dims"
@@ -79,17 +79,13 @@ def outcome_of(reason: Array) -> dict[str, str]:
     return told | ({"interrupted": f"{n - not_run:,} of {n:,} samples are done"} if not_run else {})
 
 
-def _forms(dataset: xarray.Dataset) -> list[list[str]]:
-    return [[str(name), x.dtype.str] for name, x in dataset.variables.items()]
-
-
 def _write(file: Path, dataset: xarray.Dataset) -> None:
     """Write a dataset as one file, a zip of zarr's: whole, or not at all."""
     import zarr
 
     made = file.with_name(f".{file.name}")
     with _without_remarks(), zarr.storage.ZipStore(made, mode="w") as store:
-        dataset.assign_attrs({FORMS: _forms(dataset)}).to_zarr(store, zarr_format=3, consolidated=False)
+        dataset.assign_attrs({ORDER: list(dataset.variables)}).to_zarr(store, zarr_format=3, consolidated=False)
     with open(made, "rb") as written:
         os.fsync(written.fileno())
     os.replace(made, file)
@@ -99,27 +95,16 @@ def _read(file: Path) -> xarray.Dataset:
     import zarr
 
     with zarr.storage.ZipStore(file, mode="r") as store:
-        return _plain(_opened(store, consolidated=False).load())
+        return _opened(store, consolidated=False).load()
 
 
 def _opened(store: Any, *, consolidated: bool) -> xarray.Dataset:
-    """A dataset of zarr; dates in seconds or finer, as those in nanoseconds end in 2262."""
-    xarray = xarray_or_error()
-    times = {"decode_times": xarray.coders.CFDatetimeCoder(time_unit="s"), "decode_timedelta": True}
-    found: Any = xarray.open_zarr(store, chunks=None, consolidated=consolidated, **times)
-    return found
-
-
-def _plain(dataset: xarray.Dataset) -> xarray.Dataset:
-    """A dataset that was read, as it was in memory."""
-    attributes, values = dict(dataset.attrs), dict[str, Any]()
-    for name, dtype in attributes.pop(FORMS, _forms(dataset)):
-        x = dataset.variables[name]
-        own = {"U": object, "T": object, "M": dtype}.get(x.dtype.kind)
-        values[name] = x if own is None or x.dtype == own else (x.dims, x.values.astype(own), x.attrs)
-    coords = {name: values.pop(name) for name in list(values) if name in dataset.coords}
-    made: xarray.Dataset = xarray_or_error().Dataset(values, coords, attributes)
-    return made.drop_encoding()
+    """A dataset of zarr, as it was in memory; dates in seconds or finer, as those in nanoseconds end in 2262."""
+    times = {"decode_times": xarray_or_error().coders.CFDatetimeCoder(time_unit="s"), "decode_timedelta": True}
+    read: xarray.Dataset = xarray_or_error().open_zarr(store, chunks=None, consolidated=consolidated, **times)
+    found = {name: read.variables[name] for name in read.attrs.pop(ORDER)}
+    values = {k: (x.dims, x.values.astype(object), x.attrs) if x.dtype.kind in "UT" else x for k, x in found.items()}
+    return read.drop_vars(found).assign(values).set_coords(list(read.coords)).drop_encoding()
 
 
 @contextmanager
@@ -291,12 +276,11 @@ class Store:
         made, (first, n) = self.folder / "whole", next(iter(self.dims.items()))
         shutil.rmtree(made, ignore_errors=True)
         each = 100 + sum(v.values[:1].nbytes for v in self.layout.forms.values())
-        step, reasons, forms = max(1, SLAB * n // (len(self.done) * each)), list[Array](), list[list[str]]()
+        step, reasons = max(1, SLAB * n // (len(self.done) * each)), list[Array]()
         with _without_remarks():
             for k in range(0, n, step):
                 slab = self._rows(k, min(k + step, n))
                 reasons.append(slab[REASON].values.ravel())
-                forms = forms or _forms(slab)
                 how: dict[str, Any] = {"append_dim": first}
                 if not k:
                     codecs = {"compressors": ZstdCodec(level=1, checksum=True)}
@@ -304,7 +288,9 @@ class Store:
                 fixed = [name for name, x in slab.coords.items() if k and first not in x.dims]
                 slab.drop_vars(fixed).to_zarr(made, consolidated=False, **how)
             outcome = outcome_of(np.concatenate(reasons))
-            zarr.open_group(made).attrs.update({**outcome, FILES: len(list(made.rglob("*"))), FORMS: forms})
+            zarr.open_group(made).attrs.update(
+                {**outcome, FILES: len(list(made.rglob("*"))), ORDER: list(map(str, slab.variables))}
+            )
             zarr.consolidate_metadata(made)
         os.sync()
         os.replace(made, path)
@@ -460,7 +446,7 @@ def read(path: Path) -> xarray.Dataset:
             raise ValueError(f"it lacks {', '.join(RESERVED)}")
         if lacks := found.attrs.pop(FILES) - len(list(path.rglob("*"))):
             raise ValueError(f"{lacks} of its files are missing")
-        return _plain(found.load() if found.nbytes <= LOADED else found)
+        return found.load() if found.nbytes <= LOADED else found
     except InputError:
         raise
     except Exception as error:  # readers can raise any exception on invalid bytes

@@ -424,7 +424,7 @@ def test_a_full_disk_says_what_is_stored(tmp_path: Path, monkeypatch: pytest.Mon
 def test_dates_and_large_whole_numbers_come_back_as_they_were(tmp_path: Path):
     """As coordinates."""
     days, far = ["2020-01-01", "2020-01-02"], ["0001-01-01", "9000-01-01"]
-    axes = (np.array(days, "M8[D]"), np.array(days, "M8[ns]"), np.array(far, "M8[D]"), np.array([1, 7], "m8[ns]"), [1, 2**40])
+    axes = (np.array(days, "M8[D]"), np.array(far, "M8[D]"), np.array([1, 7], "m8[ns]"), [1, 2**40])
     for k, axis in enumerate(axes):
         path = tmp_path / f"{k}.zarr"
         found = rbd.study(lambda at: 1.0, rbd.grid(at=axis), executor=0, out=path)
