@@ -19,7 +19,7 @@ from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ExternalForce, ForceElement
 from rbd.model.state import State
-from rbd.visual.drawn_robot import Details, DrawnRobot, OtherPoses, check_poses, robot_of
+from rbd.visual.drawn_robot import Details, DrawnRobot, OtherPoses, check_poses
 from rbd.visual.marks.mark import Mark, Sizes
 from rbd.visual.marks.picture import Picture, legend_data
 from rbd.visual.marks.regions import Drawn, left_out_of, marks_of
@@ -83,13 +83,15 @@ class Scene(Displayed):
     ) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"Scene wants a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
+        if not hasattr(robot, "visual_model"):
+            raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
         if arrow_per_weight is not None:
             arrow_per_weight = check_positive("arrow_per_weight", arrow_per_weight, 1e100)
         self._seen_from = a_direction(seen_from)
         self._legend = legend
         self._layers = checked_layers(layers)
         self._opens = checked_view(view)
-        self._robot = robot_of(robot)
+        self._robot = robot
         self._arrow_per_weight = arrow_per_weight
         self._ground = ground
         self._recorder = Recorder()
