@@ -21,7 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.errors import ModelWarning
+from rbd.errors import InputError, ModelWarning
 from rbd.model.meshes import convex_hull
 from rbd.visual import shapes
 from rbd.visual.shapes import Mesh, joined, outermost
@@ -75,7 +75,12 @@ def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
 
     Meshes come as the triangles that Coal loaded, and those of Collada files as `read_collada` gives them, in the
     colour of the URDF, or else of the Collada file. Textures are not used. Infinite planes are left out.
+
+    Raises:
+        InputError: a bare model, which has no shapes.
     """
+    if not hasattr(robot, "visual_model"):
+        raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
     if robot not in _DONE:  # a second of work for Talos, and as many scenes as one likes
         _DONE[robot] = tuple(_made(robot))
     return _DONE[robot]

@@ -83,8 +83,6 @@ class Scene(Displayed):
     ) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"Scene wants a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
-        if not hasattr(robot, "visual_model"):
-            raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
         if arrow_per_weight is not None:
             arrow_per_weight = check_positive("arrow_per_weight", arrow_per_weight, 1e100)
         self._seen_from = a_direction(seen_from)

@@ -228,8 +228,12 @@ def test_wrong_uses_are_refused_in_words(talos, standing, tmp_path):
         screenshot(tmp_path / "none.html", tmp_path / "none.png")
     with pytest.raises(InputError, match="arrow_per_weight"):
         Scene(talos, arrow_per_weight=0.0)
-    with pytest.raises(InputError, match="'box' has no meshes: it is a bare model. Load the robot with rbd.load_robot"):
-        Scene(rbd.testing.box())
+    box = rbd.testing.box()
+    with (
+        Scene(box) as scene,
+        pytest.raises(InputError, match="'box' has no meshes: it is a bare model. Load the robot with rbd.load_robot"),
+    ):
+        scene.show(rbd.State(box, [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]))
     with pytest.raises(InputError, match="Scene wants a robot, got 'talos'. Load one with rbd.load_robot"):
         Scene("talos")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="seen_from is .*expected .* not straight up or down"):
