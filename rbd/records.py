@@ -232,7 +232,7 @@ def dataset(variables: Iterable[Named], along: Mapping[str, Any], attributes: Ma
     """Variables of n records as an xarray.Dataset, with labels, units and meanings.
 
     Args:
-        variables: Each with one more axis in front, for every dimension of `along`.
+        variables: The values of each have, before their own axes, one axis for every dimension of `along`.
         along: {dimension of the records: its labels, or as xarray takes coordinates}.
         attributes: Of the dataset.
 

@@ -98,7 +98,7 @@ def acting(external: External) -> tuple[object, list[ExternalForce], list[ForceE
     """(the generalised force, None where there is none; the pushes; the force elements) that external forces are.
 
     Raises:
-        InputError: what is none of these; force elements as `is_element`.
+        InputError: neither an external force nor a force element; of a force element, as `is_element` refuses it.
     """
     if external is None or isinstance(external, np.ndarray):
         return external, [], []

@@ -359,13 +359,11 @@ def _stacked(cones: Sequence[Cone], names: Sequence[str], velocities: Sequence[A
     bounds: list[tuple[float, float]] = []
     push, pull, blocks = [_NO_POINTS], [np.zeros((0, 0))], [np.zeros((0, 0))]
     for i, (cone, (local, shapes), velocity) in enumerate(zip(cones, sources, velocities, strict=True)):
-        own = slice(at, at + local.shape[1])
+        points, start, own = cone.at_points, at, slice(at, at + local.shape[1])
         if velocity is not None:
             u[own], inward[own] = local.T @ velocity, cone.inward(velocity)
-        points, start = cone.at_points, at
-        rays = points is not None and 3 * len(shapes) > len(points) and all(isinstance(shape, HalfLine) for shape in shapes)
-        if rays and velocity is not None and points is not None:
-            u[own] = _speeds_of_rays(names[i], cone, points, u[own], rest_speed)
+            if points is not None and 3 * len(shapes) > len(points) and all(isinstance(shape, HalfLine) for shape in shapes):
+                u[own] = _speeds_of_rays(names[i], cone, points, u[own], rest_speed)
         for number, shape in enumerate(shapes):
             source, first = slice(at, at + shape.dim), len(bounds)
             given, felt, lower, upper = judge.judge((names[i], number, len(shapes)), shape, u[source], first)

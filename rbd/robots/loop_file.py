@@ -224,11 +224,12 @@ def constraint_entry(part: str, what: str, value: object) -> dict[str, Any]:
     Raises:
         InputError: an unknown kind or key, with the nearest one; a key that is missing; a value that is none of its kind.
     """
-    entry, first = checked_mapping(what, value), dict[str, Check](name=checked_name, kind=checked_name)
+    first = dict[str, Check](name=checked_name, kind=checked_name)
     words = [word for word, form in KINDS.items() if form.part == part or not form.part and part != "couplings"]
     alone = {"kind": words[0]} if part == "couplings" else {}
-    word = check_choice(f"kind of {what}", entry.get("kind", alone.get("kind")), words)
-    return checked_entry(what, {**alone, **entry}, {**first, **KINDS[word].keys}, (*first, *KINDS[word].needed))
+    entry = {**alone, **checked_mapping(what, value)}
+    word = check_choice(f"kind of {what}", entry.get("kind"), words)
+    return checked_entry(what, entry, {**first, **KINDS[word].keys}, (*first, *KINDS[word].needed))
 
 
 def read_loop_file(path: Path) -> LoopFile:

@@ -104,7 +104,7 @@ def checked_number(what: str, value: object, *, least: float | None = None, most
     """A finite number within bounds.
 
     Raises:
-        InputError: what is none.
+        InputError: no number, or one beyond these bounds.
     """
     number = as_float(value)
     if not (-most if least is None else least) <= number <= most:
@@ -116,7 +116,7 @@ def checked_number(what: str, value: object, *, least: float | None = None, most
 def checked_numbers(
     what: str, value: object, counts: Sequence[int], *, least: float | None = None, most: float = LARGEST
 ) -> tuple[float, ...]:
-    """So many finite numbers.
+    """Finite numbers, as many as one of `counts` says.
 
     Args:
         what: What they are, for messages.
@@ -175,7 +175,7 @@ def checked_axis(what: str, value: object) -> Triple:
     """A direction, of length one.
 
     Raises:
-        InputError: what is none, and the zero vector.
+        InputError: no vector of three numbers, or the zero vector.
     """
     axis = np.array(checked_triple(what, value))
     length = float(np.linalg.norm(axis))

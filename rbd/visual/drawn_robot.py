@@ -12,7 +12,6 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.robots.robot import Robot
 from rbd.visual.marks.picture import Entry, entry
@@ -37,17 +36,6 @@ STRIPES = 2
 """How often each pose's colour comes on a bar that several poses share."""
 APART = 0.2
 """Least distance of two colours, of red, green and blue from 0 to 1: grey (0.35) and a dark blue are 0.3 apart."""
-
-
-def robot_of(robot: CheckedModel) -> Robot:
-    """A robot with meshes.
-
-    Raises:
-        InputError: it has none.
-    """
-    if not isinstance(robot, Robot):
-        raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
-    return robot
 
 
 @dataclass(eq=False)

@@ -70,6 +70,11 @@ class RobotPart:
 _DONE: WeakKeyDictionary[Robot, tuple[RobotPart, ...]] = WeakKeyDictionary()
 
 
+def without_meshes(name: str) -> InputError:
+    """The error of a bare model, which cannot be drawn."""
+    return InputError(f"{name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
+
+
 def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
     """The pieces to draw: the visual geometry; without it a skeleton, inertia ellipsoids and the collision shapes.
 
@@ -80,7 +85,7 @@ def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
         InputError: a bare model, which has no shapes.
     """
     if not hasattr(robot, "visual_model"):
-        raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
+        raise without_meshes(robot.name)
     if robot not in _DONE:  # a second of work for Talos, and as many scenes as one likes
         _DONE[robot] = tuple(_made(robot))
     return _DONE[robot]

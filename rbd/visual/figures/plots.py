@@ -121,8 +121,8 @@ def cut_peaks(ax: Axes, t: Array, values: Array, unit: str, *, factor: float, of
         t: Times, shape (n,) [s].
         values: Of all curves, shape (n, k).
         unit: Their unit.
-        factor: Samples beyond so many times the usual size are cut off.
-        often: The usual size is that of so many per cent of the samples.
+        factor: Samples larger than this factor times the usual size are cut off.
+        often: Per cent of the samples that are at most as large as the usual size.
     """
     size = np.abs(values)
     usual = float(np.percentile(size, often))

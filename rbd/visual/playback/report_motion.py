@@ -12,10 +12,9 @@ import pinocchio as pin
 from rbd.motion.causes import CAUSES
 from rbd.motion.report import MotionReport
 from rbd.simulation.simulated_motion import OPEN, SLIPS, STICKS, Event
-from rbd.visual.drawn_robot import robot_of
 from rbd.visual.playback.curves import FINE, GREY, Choice, CurveChart, CurveLine, chart, most_used
 from rbd.visual.playback.motion_frames import MOST_NUMBERS
-from rbd.visual.playback.shown_motion import ShownMotion, Track
+from rbd.visual.playback.shown_motion import ShownMotion, Track, robot_of
 from rbd.visual.playback.trajectory_charts import OF_POSES, Maker, chosen_charts, makers_of
 from rbd.visual.style import CONTACT_COLORS, WRENCH_COLOR, contact_colors, distinct_colors
 

@@ -14,9 +14,9 @@ from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.robots.robot import Robot
 from rbd.simulation.simulated_motion import Event
-from rbd.visual.drawn_robot import robot_of
 from rbd.visual.playback.curves import Choice, CurveChart
 from rbd.visual.playback.trajectory_charts import charts_of
+from rbd.visual.robot_meshes import without_meshes
 from rbd.visual.style import PUSH_COLOR
 
 FORCES = ("points", "point_forces", "modes", "events")
@@ -111,6 +111,17 @@ class ShownMotion:
         robot, t = robot_of(trajectory.robot), np.asarray(trajectory.t, float)
         charts = partial(charts_of, trajectory)
         return cls(trajectory, robot, t, trajectory.q, trajectory.v, robot.name, charts=charts, **forces)
+
+
+def robot_of(robot: CheckedModel) -> Robot:
+    """A robot with meshes.
+
+    Raises:
+        InputError: it has none.
+    """
+    if not isinstance(robot, Robot):
+        raise without_meshes(robot.name)
+    return robot
 
 
 def a_time(what: str, value: object, first: float, last: float) -> float:
