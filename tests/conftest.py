@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import os
 from collections import defaultdict
+from collections.abc import Iterator
 
 for library in ("OMP", "OPENBLAS"):  # read when NumPy is loaded: two threads on busy cores cost a quarter more than one
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
@@ -96,6 +97,13 @@ def write_long(reporter: pytest.TerminalReporter, limit: float) -> None:
     LONG.write_text("\n".join([head, *(f"{name} {took[name]:.1f}" for name in names)]) + "\n", encoding="utf-8")
     long, every = sum(took[name] for name in names), sum(took.values())
     reporter.write_line(f"{len(names)} tests take {long:.0f} of {every:.0f} s and are in {LONG.name} now")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def nothing_left_open() -> Iterator[None]:
+    """What a test file has left open is closed, with a ResourceWarning, at its own end and not in another file's test."""
+    yield
+    gc.collect()
 
 
 @pytest.fixture(scope="session")
