@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array
 from rbd.modules import xarray_or_error
 
 if TYPE_CHECKING:
     import xarray
+
+    from rbd.arrays import Array
 
 
 class Axis(NamedTuple):
@@ -214,15 +215,15 @@ def plain_of(record: Any, names: Iterable[str] | None = None) -> dict[str, Any]:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON can have it; a record as its fields."""
+    """A value as JSON can have it, None in place of NaN and infinity; a record as its fields."""
     if isinstance(value, Variable):
-        return value.values.tolist()
+        value = value.values
     if isinstance(value, np.ndarray | np.generic):
-        return value.tolist()
+        value = value.tolist()
     if isinstance(value, Enum):
         return str(value)
     if value is None or isinstance(value, str | bool | int | float):
-        return value
+        return None if isinstance(value, float) and not math.isfinite(value) else value
     if isinstance(value, Mapping):
         return {str(name): plain(x) for name, x in value.items()}
     return [plain(x) for x in value] if isinstance(value, Sequence | Set) else plain_of(value)

@@ -11,9 +11,11 @@ import sys
 import time
 import urllib.request
 import warnings
+from dataclasses import dataclass
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from rich.console import Console
 from typer.testing import CliRunner
@@ -213,11 +215,21 @@ def test_the_issues_of_a_model_speak_of_commands(tmp_path: Path):
 def test_numbers_that_json_has_not_are_null(tmp_path: Path):
     """NaN and infinity would make a file that other readers refuse."""
 
+    @dataclass
     class Report:
-        def data(self) -> dict[str, object]:
-            return {"a": [1.0, float("nan")], "b": {"c": (float("inf"), 2)}, "d": "NaN"}
+        """A report.
 
-    write_json(tmp_path / "x.json", Report())
+        Attributes:
+            a: Numbers.
+            b: More of them.
+            d: Text.
+        """
+
+        a: np.ndarray
+        b: dict[str, tuple[float, int]]
+        d: str
+
+    write_json(tmp_path / "x.json", Report(np.array([1.0, np.nan]), {"c": (float("inf"), 2)}, "NaN"))
     told = json.loads((tmp_path / "x.json").read_text(), parse_constant=pytest.fail)
     assert told == {"a": [1.0, None], "b": {"c": [None, 2]}, "d": "NaN"}
 

@@ -42,9 +42,9 @@ from rbd.cli.terminal import (
     names_of,
     open_console,
     print_path,
+    print_report,
     serve,
     timed,
-    write_json,
 )
 from rbd.errors import InputError, ModelWarning, Reason, SimulationStopped
 from rbd.installation import VERSION
@@ -137,8 +137,7 @@ def mechanism(
         name = posture if posture is not None else next(iter(loaded.postures), None)
         q = loaded.at().q if name is None else loaded.at(name).q
         report = report_mechanism(loaded, q, seed=seed, tries=tries)
-        write_json(json_, report)
-        console.print(report.text(console.width), highlight=False, soft_wrap=True)
+        print_report(console, report, json_)
         if html is not None or show:
             from rbd.visual import Scene
 
@@ -227,9 +226,7 @@ def simulate(
                 if error.trajectory is None:
                     raise
                 trajectory, stopped = error.trajectory, error
-        report = SimulateReport(trajectory, given, pushed, seconds, verbose)
-        write_json(json_, report)
-        console.print(report)
+        print_report(console, SimulateReport(trajectory, given, pushed, seconds), json_, verbose)
         if save is not None:
             trajectory.save(save)
             print_path(console, "trajectory", save)
@@ -278,11 +275,9 @@ def plane(
         task = plane_task(
             from_, to, links=links, lengths=lengths, angles=angles, duration=duration, branch=branch, space=space
         )  # fmt: skip
-        console.print(task)
+        console.print(str(task), highlight=False)
         motion = task.motion()
-        report = PlaneReport(task, motion)
-        console.print(report)
-        write_json(json_, report)
+        print_report(console, PlaneReport(task, motion), json_)
         if out is not None:
             print_path(console, "picture", draw(motion, out))
         if html is not None:

@@ -8,11 +8,12 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
 import typer
-from rich.console import Console
+from rich.console import Group
 from rich.progress import track
+from rich.text import Text
 
 from rbd.cli.terminal import (
     BAD_INPUT,
@@ -27,6 +28,7 @@ from rbd.cli.terminal import (
     answering,
     check_outputs,
     counted,
+    facts,
     in_options,
     names_of,
     open_console,
@@ -37,6 +39,7 @@ from rbd.cli.terminal import (
 )
 from rbd.errors import InputError, RbdError, Reason
 from rbd.installation import VERSION
+from rbd.records import Field, joined
 
 if TYPE_CHECKING:
     from rbd.motion.report import MotionReport
@@ -134,7 +137,7 @@ def check(
             console.print(str(report), highlight=False, soft_wrap=True)
             written += _one_report(report, save, plot, video)
         else:
-            ranking.print(console)
+            console.print(ranking, highlight=False)
         write_json(json_, ranking)
         for what, path in written:
             print_path(console, what, path)
@@ -160,6 +163,18 @@ class Ranking:
     least_possible: float
     checked: dict[str, dict[str, Any]] = field(default_factory=dict)
     failed: dict[str, tuple[Reason, str]] = field(default_factory=dict)
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("rbd", (), "", "version", lambda found: VERSION),
+        Field("exit_code", (), "", "exit code", lambda found: found.code),
+        Field("motions", (), "", "numbers of each motion, best first", lambda found: [
+            {"file": file, "rank": i + 1, **numbers} for i, (file, numbers) in enumerate(found.ranked)
+        ]),
+        Field("failed", (), "", "files that were not checked", lambda found: [
+            {"file": file, "error": message, "reason": reason, "reason_code": reason.code}
+            for file, (reason, message) in found.failed.items()
+        ]),
+    )  # fmt: skip
 
     def add(self, file: str, report: MotionReport) -> None:
         """Add a motion. Of its arrays only those of `data` are kept."""
@@ -188,44 +203,28 @@ class Ranking:
             return BAD_INPUT
         return NO_SOLUTION if any(x["possible"] < self.least_possible for x in self.checked.values()) else 0
 
-    def print(self, console: Console) -> None:
-        """Print how many are possible, the ranking, then the files that were not checked."""
+    def __rich__(self) -> Group:
+        """How many are possible, the ranking, then the files that were not checked."""
+        parts: list[Any] = []
         if self.checked:
             good = sum(x["possible"] >= self.least_possible for x in self.checked.values())
+            motions = counted(len(self.checked), "motion")
             share = "" if self.least_possible == 1.0 else f" in {100.0 * self.least_possible:g} % of their frames or more"
-            console.print(f"{good} of {counted(len(self.checked), 'motion')} possible{share}.", highlight=False)
-            table = TerminalTable(
-                f"{counted(len(self.checked), 'motion')}, best first", ("file",),
-                ("frames", "seconds", "possible", "score", "missing", "causes, frames"),
-            )  # fmt: skip
+            headings = ("frames", "seconds", "possible", "score", "missing", "causes, frames")
+            table = TerminalTable(f"{motions}, best first", ("file",), headings)
             for file, x in self.ranked:
                 causes = sorted(x["causes"].items(), key=lambda item: -item[1])
-                words = ", ".join(f"{name} {count}" for name, count in causes[:CAUSES_SHOWN])
-                more = f" and {len(causes) - CAUSES_SHOWN} more" if len(causes) > CAUSES_SHOWN else ""
                 possible = f"{math.floor(1000.0 * x['possible']) / 10.0:.1f} %"  # one bad frame of many is not rounded away
                 table.add_row(
                     file, str(x["frames"]), f"{x['duration_s']:.2f}", possible, f"{x['score']:.1f}",
-                    f"{100.0 * x['missing_median']:.2f} %", words + more,
+                    f"{100.0 * x['missing_median']:.2f} %", joined((f"{name} {count}" for name, count in causes), CAUSES_SHOWN),
                 )  # fmt: skip
-            console.print(table)
-            console.print("missing: of the weight, the median over the frames; score: of 100", highlight=False)
+            note = "missing: of the weight, the median over the frames; score: of 100"
+            parts += [Text(f"{good} of {motions} possible{share}."), table, Text(note)]
         if self.failed:
-            table = TerminalTable(f"not checked: {counted(len(self.failed), 'file')}", ("file", "bad input"))
-            for file, (_, why) in self.failed.items():
-                table.add_row(file, why)
-            console.print(table)
-
-    def data(self) -> dict[str, object]:
-        """The numbers."""
-        return {
-            "rbd": VERSION,
-            "exit_code": self.code,
-            "motions": [{"file": file, "rank": i + 1, **numbers} for i, (file, numbers) in enumerate(self.ranked)],
-            "failed": [
-                {"file": file, "error": message, "reason": str(reason), "reason_code": reason.code}
-                for file, (reason, message) in self.failed.items()
-            ],
-        }
+            rows = [(file, why) for file, (_, why) in self.failed.items()]
+            parts.append(facts(f"not checked: {counted(len(rows), 'file')}", rows))
+        return Group(*parts)
 
 
 def verdict(report: MotionReport) -> str:

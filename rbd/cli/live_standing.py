@@ -12,11 +12,13 @@ import pinocchio as pin
 
 from rbd.answers.least_constraint import solve
 from rbd.arrays import Array
-from rbd.cli.terminal import in_options, rounded
+from rbd.cli.robot_reports import gives_way, strain
+from rbd.cli.terminal import in_options
 from rbd.constraints.constraint import Constraint
 from rbd.errors import RbdError
 from rbd.model.external import ExternalForce
 from rbd.model.state import State
+from rbd.records import vector
 from rbd.robots.robot import Robot
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold_many
@@ -38,7 +40,6 @@ SLOW = ("joint torques",)
 _LEVEL = 90.0
 _ALWAYS = ("base", "passive")
 """Kinds of limits that are no reason: a base has no motor."""
-_GIVES = {"edge": "it tips", "friction": "feet slip", "motor": "motors are too weak", "push": "a foot would have to pull"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +111,7 @@ class Standing:
         moves = _moves(total, braced)
         if possible:
             words = "Holds" if not external else "Motors can withstand the push"
-            verdict = Verdict(words, (*_strain(many[0]), *moves, *used), True)
+            verdict = Verdict(words, (*strain(many[0]), *moves, *used), True)
         else:
             verdict = Verdict("Cannot be held: no motor torques withstand the push", (*moves, *used), False)
         yield verdict
@@ -130,12 +131,11 @@ class Standing:
             many[0]
         except RbdError as error:
             limits = [limit for limit in getattr(error, "limits", ()) if limit.kind not in _ALWAYS]
-            gives = list(dict.fromkeys(_GIVES.get(limit.kind, limit.kind) for limit in limits))
             names = ", ".join(dict.fromkeys(limit.name for limit in limits if limit.name))
             proved = "no forces of its contacts balance it" if getattr(error, "limits", ()) else "the reason was not found"
-            title = f"Cannot be held: {' and '.join(gives) or proved}"
+            title = f"Cannot be held: {' and '.join(gives_way(limits)) or proved}"
             lack = getattr(error, "missing", None)
-            missing = () if lack is None or not lack.size else (f"missing: a force of ({rounded(lack.force, 1)}) N",)
+            missing = () if lack is None or not lack.size else (f"missing: a force of {vector(lack.force, 1)} N",)
             named = (f"what gives way: {names}",) if names else (in_options(str(error)),)
             return Verdict(title, (*named, *missing, *more), False)
         return Verdict("Within 1e-6 of a limit", tuple(more), None)
@@ -162,17 +162,9 @@ def pushed_links(state: State) -> list[str]:
     return sorted(height, key=lambda name: -height[name])
 
 
-def _strain(held: Actuation) -> list[str]:
-    robot, used = held.state.robot, 1.0 - held.margins.torque
-    if not np.isfinite(robot.effort_limit).any():
-        return []
-    worst = int(np.argmax(used))
-    return [f"the largest torque is {100.0 * used[worst]:.0f} % of its limit ({robot.actuated_names[worst]})"]
-
-
 def _moves(acceleration: Array, braced: bool) -> list[str]:
     """What the torques that act do."""
     if float(np.linalg.norm(acceleration)) < LEAST_ACCELERATION:
         return []
     which = "these torques" if braced else "the torques of the unpushed pose"
-    return [f"under {which} the centre of mass accelerates at ({rounded(acceleration, 2)}) m/s²"]
+    return [f"under {which} the centre of mass accelerates at {vector(acceleration, 2)} m/s²"]

@@ -5,13 +5,14 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import numpy as np
 import pinocchio as pin
+from rich.text import Text
 
 from rbd.arrays import Array, check_seed, check_whole
-from rbd.cli.terminal import WIDTH, counted, in_options
+from rbd.cli.terminal import counted, in_options
 from rbd.constraints.constraint import Constraint
 from rbd.errors import RbdError
 from rbd.mechanism import (
@@ -36,6 +37,7 @@ from rbd.mechanism.assembly import MOST_TRIES, SAME
 from rbd.mechanism.poses import measured
 from rbd.mechanism.singular_configurations import KINDS
 from rbd.model.state import State
+from rbd.records import Field
 from rbd.robots.robot import Robot
 
 Answer = TypeVar("Answer")
@@ -74,39 +76,41 @@ class MechanismReport:
     integrable: Integrability | None
     left_out: dict[str, str]
 
-    def __str__(self) -> str:
-        return self.text()
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("robot", (), "", "its name", lambda found: found.robot.name),
+        Field("q", (), "", "the pose that is looked at", lambda found: found.state.q),
+        Field("mobility", (), "", "three ways"),
+        Field("redundant", (), "", "rows of J that follow from others", lambda found: list(map(str, found.mobility.redundant))),
+        Field("fixed", (), "", "values of the joints that were fixed in the search for branches"),
+        Field("branches", (), "", "a pose of each", lambda found: found.branches and found.branches.q),
+        Field("limits", (), "", "ends of the motion", lambda found: found.motion and [x.value for x in found.motion.limits]),
+        Field("singular_at", (), "", "places along it", lambda found: found.along and [s.at for s in found.along.found]),
+        Field("growth", (), "", "of velocities and brackets", lambda found: found.integrable and found.integrable.growth),
+        Field("left_out", (), "", "what was not computed, and why"),
+    )  # fmt: skip
 
-    def text(self, width: int = WIDTH) -> str:
-        """What it does and its branches, then the numbers, then how they were found; lines of at most `width` letters."""
-        robot = self.robot
-        joints = ", ".join(name for name in list(robot.model.names)[1:])
-        loops = (
-            ", ".join(f"{c.name} ({getattr(c, 'kind', type(c).__name__)})" for c in (*robot.loops(), *robot.wheels())) or "none"
-        )
-        found = self.branches
-        told = {
-            name: ", ".join(words) + marks for (name, words), marks in zip(self.angles().items(), self._marks(), strict=True)
+    def __str__(self) -> str:
+        robot, found, along = self.robot, self.branches, self.along
+        kinds = [f"{c.name} ({getattr(c, 'kind', type(c).__name__)})" for c in (*robot.loops(), *robot.wheels())]
+        joints = ", ".join(list(robot.model.names)[1:])
+        angles = zip(self.angles().items(), self._marks(), strict=True)
+        parts = {
+            f"branches{self._where()}": found and "\n".join(f"{name}: {', '.join(q)}{marks}" for (name, q), marks in angles),
+            "mobility": self.mobility,
+            "motion": self.motion,
+            "singular poses along it": along and self._passed(along),
+            "integrability": self.integrable,
+            "parts": f"{self.topology}\njoints: {joints}\nloops and wheels: {', '.join(kinds) or 'none'}",
+            "left out": "\n".join(f"{what}: {why}" for what, why in self.left_out.items()) or None,
+            "how the branches were found": found and _first_line(found),
+            "distance from singular poses (least singular value over the largest, 0 is singular)": self.here,
         }
-        parts = [
-            (
-                f"branches{self._where()}",
-                None if found is None else "\n".join(f"{name}: {text}" for name, text in told.items()),
-            ),
-            ("mobility", str(self.mobility)),
-            ("motion", None if self.motion is None else str(self.motion)),
-            ("singular poses along it", None if self.along is None else self._passed(self.along)),
-            ("integrability", None if self.integrable is None else str(self.integrable)),
-            ("parts", f"{self.topology}\njoints: {joints}\nloops and wheels: {loops}"),
-            ("left out", "\n".join(f"{what}: {why}" for what, why in self.left_out.items()) or None),
-            ("how the branches were found", None if found is None else _first_line(found)),
-            ("distance from singular poses (least singular value over the largest, 0 is singular)", str(self.here)),
-        ]
-        lines = self.verdict
-        for title, text in parts:
-            if text is not None:
-                lines += ["", f"{title}:", *("  " + line for line in text.splitlines())]
-        return "\n".join("\n".join(_wrapped(line, width)) for line in lines)
+        told = [f"{title}:\n{textwrap.indent(str(text), '  ')}" for title, text in parts.items() if text is not None]
+        return "\n\n".join(["\n".join(self.verdict), *told])
+
+    def __rich__(self) -> Text:
+        """What it prints."""
+        return Text(str(self))
 
     @property
     def verdict(self) -> list[str]:
@@ -171,22 +175,6 @@ class MechanismReport:
         nearest = ", ".join(f"{kind} {float(d.min()):.3g}" for kind, d in along.distances.items())
         return "\n".join([*(lines or ["none found"]), f"smallest distances at the poses computed: {nearest}"])
 
-    def data(self) -> dict[str, object]:
-        """The numbers, for JSON."""
-        m = self.mobility
-        return {
-            "robot": self.robot.name,
-            "q": self.state.q.tolist(),
-            "mobility": {"counted": m.count.value, "instantaneous": m.instantaneous, "finite": m.finite, "rank": m.rank},
-            "redundant": [str(row) for row in m.redundant],
-            "fixed": self.fixed,
-            "branches": None if self.branches is None else self.branches.q.tolist(),
-            "limits": None if self.motion is None else [limit.value for limit in self.motion.limits],
-            "singular_at": None if self.along is None else [s.at for s in self.along.found],
-            "growth": None if self.integrable is None else list(self.integrable.growth),
-            "left_out": self.left_out,
-        }
-
     @property
     def shown(self) -> str:
         """Name of the branch of the examined pose; empty if it is none of those found."""
@@ -220,13 +208,6 @@ class MechanismReport:
         angles = self.robot.joints.angular
         change[angles] = np.remainder(change[angles] + np.pi, 2.0 * np.pi) - np.pi
         return float(np.abs(change).max(initial=0.0))
-
-
-def _wrapped(line: str, width: int) -> list[str]:
-    """A line in pieces of at most `width` letters, where its words allow; the later ones are indented by four more."""
-    indent = " " * (len(line) - len(line.lstrip()) + 4)
-    return textwrap.wrap(line, width, subsequent_indent=indent, break_long_words=False, break_on_hyphens=False,
-                         drop_whitespace=True, replace_whitespace=False) or [""]  # fmt: skip
 
 
 def _first_line(found: Branches) -> str:

@@ -5,25 +5,27 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
-from rich.console import Console, ConsoleOptions, RenderResult
+from rich.console import Group
 from rich.text import Text
 
 from rbd.arrays import Array, as_float
-from rbd.cli.terminal import TerminalTable, counted, facts, numbers_of, save_figure
+from rbd.cli.terminal import counted, facts, numbers_of, save_figure
 from rbd.errors import InputError, NoSolution
 from rbd.planar.angles import nearest_turn
 from rbd.planar.chain import MOST_LINKS, Chain
 from rbd.planar.inverse_kinematics import Inverse, inverse
 from rbd.planar.path_following import minimum_jerk
 from rbd.planar.planned_motion import PlanarMotion, endpoint_motion, joint_motion
+from rbd.records import Field
 
 SAMPLES = 1001
 SPACES = ("endpoint", "joint")
-PARTS = ("tangential", "centripetal", "coriolis")
-MOST_ROWS = 12
-"""Largest number of angles printed; all are in the JSON file."""
+PARTS = {"tangential": "tangential", "centripetal": "centripetal", "Coriolis": "coriolis"}
+MOST_ROWS = 18
+"""Largest number of peaks printed; all are in the JSON file."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,22 +48,15 @@ class PlaneTask:
     space: str
     branch: int
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+    def __str__(self) -> str:
         lengths = ", ".join(f"{float(length):.4g}" for length in self.chain.lengths)
-        angles = {"joint": "joint", "segment": "segment", "vertical": "from the vertical"}[self.chain.angles]
-        missed = [f"{_tuple(end.target)} m by {end.distance:.6g} m" for end in (self.start, self.stop) if not end.reachable]
-        yield Text(f"Not reached: {' and '.join(missed)}." if missed else "Both points are reached.")
-        yield Text(f"planar chain, {counted(self.chain.n, 'link')} of {lengths} m, angles: {angles}")
-        yield ""
-        table = TerminalTable(None, ("", "target in m", "reachable", "singular", "branches in deg"))
-        for name, end in (("from", self.start), ("to", self.stop)):
-            reached = "yes" if end.reachable else f"no, out of reach by {end.distance:.6g} m"
-            branches = " or ".join(_tuple(np.degrees(row)) for row in end.branches) or "none"
-            if end.reachable and self.chain.n > 2:
-                branches = f"{branches}, one of a family"
-            singular = "yes" if end.singular else "no"
-            table.add_row(name, _tuple(end.target), reached, singular if end.reachable else "", branches)
-        yield table
+        angles = "from the vertical" if self.chain.angles == "vertical" else self.chain.angles
+        ends = {"from": self.start, "to": self.stop}
+        far = {_tuple(end.target): end.distance for end in ends.values() if not end.reachable}
+        missed = [f"{target} m is out of reach by {distance:.6g} m" for target, distance in far.items()]
+        reached = [f"  {name} {end}" for name, end in ends.items() if end.reachable]
+        chain = f"planar chain, {counted(self.chain.n, 'link')} of {lengths} m, angles: {angles}"
+        return "\n".join([f"{' and '.join(missed) or 'Both points are reached'}.", chain, *reached])
 
     def motion(self) -> PlanarMotion:
         """The motion, at 1001 times.
@@ -84,6 +79,31 @@ class PlaneTask:
         return endpoint_motion(self.chain, path, times=path.times(SAMPLES), branch=self.branch)
 
 
+@dataclass(frozen=True)
+class Peak:
+    """The largest value of a quantity.
+
+    Attributes:
+        value: It.
+        at: When [s].
+        unit: Its unit.
+    """
+
+    value: float
+    at: float
+    unit: str
+
+    @classmethod
+    def of(cls, values: Array, times: Array, unit: str) -> Peak:
+        """The value of the largest size; of equal ones the first."""
+        size = np.abs(values)
+        i = int(np.argmax(size >= size.max() * (1.0 - 1e-9)))
+        return cls(float(values[i]), float(times[i]), unit)
+
+    def __str__(self) -> str:
+        return f"{self.value:.5g} {self.unit} at {self.at:.4g} s"
+
+
 @dataclass(frozen=True, eq=False)
 class PlaneReport:
     """The numbers of a motion.
@@ -96,71 +116,65 @@ class PlaneReport:
     task: PlaneTask
     motion: PlanarMotion
 
-    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        m = self.motion
-        where = "the end point goes straight" if m.space == "endpoint" else "the angles go straight"
-        top, push = _largest(m.speed, m.t)["value"], _largest(np.hypot(*m.a.T), m.t)["value"]
-        yield Text(f"The end point moves at up to {top:.5g} m/s and accelerates at up to {push:.5g} m/s2.")
-        yield Text(f"minimum-jerk motion in {m.path.duration:g} s, planned in {m.space} space: {where}")
-        far = float(np.hypot(*np.diff(m.x, axis=0).T).sum())
-        rows = [("length of the end point's path", f"{far:.6g} m")]
-        rows.append(("peak speed", _peak(m.speed, m.t, "m/s")))
-        rows.append(("peak acceleration", _peak(np.hypot(*m.a.T), m.t, "m/s2")))
-        for part in PARTS:
-            name = "Coriolis" if part == "coriolis" else part
-            rows.append((f"  {name} part", _peak(np.hypot(*getattr(m.split, part).T), m.t, "m/s2")))
-        for k in range(min(m.chain.n, MOST_ROWS)):
-            rows.append((f"peak rate of theta_{k + 1}", _peak(np.degrees(m.qd[:, k]), m.t, "deg/s")))
-        if m.chain.n > MOST_ROWS:
-            rows.append(("", f"and {m.chain.n - MOST_ROWS} more angles"))
-        for k in range(0 if m.unbounded else min(m.chain.n, MOST_ROWS)):
-            rows.append((f"peak acceleration of theta_{k + 1}", _peak(np.degrees(m.qdd[:, k]), m.t, "deg/s2")))
-        if m.unbounded:
-            ends = " and ".join(f"{t:g} s" for t in m.unbounded)
-            rows.append(("angular accelerations", f"without bound towards {ends}"))
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("links", (), "1", "number of links", lambda found: found.motion.chain.n),
+        Field("lengths", (), "m", "of the links", lambda found: list(map(float, found.motion.chain.lengths))),
+        Field("angles", (), "", "how angles are measured", lambda found: found.motion.chain.angles),
+        Field("space", (), "", "in which the motion is planned", lambda found: found.motion.space),
+        Field("duration", (), "s", "from rest to rest", lambda found: found.motion.path.duration),
+        Field("start", (), "", "how it reaches the first point", lambda found: found.task.start),
+        Field("stop", (), "", "how it reaches the second point", lambda found: found.task.stop),
+        Field("peaks", (), "", "largest values and when"),
+        Field("least_manipulability", (), "", "its least value and when"),
+        Field("unbounded", (), "s", "towards which angular accelerations grow", lambda found: found.motion.unbounded),
+        Field("note", (), "", "what was left out", lambda found: found.motion.note),
+        Field("t", (), "s", "times", lambda found: found.motion.t),
+        Field("x", (), "m", "the end point", lambda found: found.motion.x),
+        Field("q", (), "rad", "angles", lambda found: found.motion.q),
+        Field("qd", (), "rad/s", "their rates", lambda found: found.motion.qd),
+    )
+
+    @property
+    def peaks(self) -> dict[str, Peak]:
+        """{what: its largest value and when}."""
+        m, split = self.motion, self.motion.split
+        found = {"speed": Peak.of(m.speed, m.t, "m/s"), "acceleration": Peak.of(np.hypot(*m.a.T), m.t, "m/s2")}
+        parts = {part: np.hypot(*getattr(split, name).T) for part, name in PARTS.items()}
+        found |= {f"{part} acceleration": Peak.of(size, m.t, "m/s2") for part, size in parts.items()}
         if m.chain.n > 1:
-            least, most = self._manipulability()
-            rows.append(("least manipulability", f"{least['value']:.4g} m2 at {least['at']:.4g} s"))
-            rows.append(("largest manipulability", f"{most['value']:.4g} m2 at {most['at']:.4g} s"))
-        yield facts(None, rows)
-        if m.note:
-            yield Text(f"note: {m.note}")
+            found["manipulability"] = Peak.of(m.manipulability, m.t, "m2")
+        columns = [("rate", "deg/s", m.qd)] + ([] if m.unbounded else [("acceleration", "deg/s2", m.qdd)])
+        for what, unit, angles in columns:
+            found |= {f"{what} of theta_{k + 1}": Peak.of(np.degrees(x), m.t, unit) for k, x in enumerate(angles.T)}
+        return found
 
-    def data(self) -> dict[str, object]:
-        """The numbers, for JSON: SI and radians."""
-        m, task = self.motion, self.task
-        return {
-            "links": m.chain.n,
-            "lengths": [float(length) for length in m.chain.lengths],
-            "angles": m.chain.angles,
-            "space": m.space,
-            "duration": m.path.duration,
-            "from": _end_data(task.start),
-            "to": _end_data(task.stop),
-            "peaks": {
-                "speed": _largest(m.speed, m.t),
-                "acceleration": _largest(np.hypot(*m.a.T), m.t),
-                "rates": [_largest(column, m.t) for column in m.qd.T],
-                **{part: _largest(np.hypot(*getattr(m.split, part).T), m.t) for part in PARTS},
-            },
-            "least_manipulability": self._manipulability()[0],
-            "unbounded": list(m.unbounded),
-            "note": m.note,
-            "t": m.t.tolist(),
-            "x": m.x.tolist(),
-            "q": m.q.tolist(),
-            "qd": m.qd.tolist(),
-        }
+    def __rich__(self) -> Group:
+        """The largest speed and acceleration, then how it is planned, then all peaks, then what was left out."""
+        m, peaks = self.motion, self.peaks
+        top, push = peaks["speed"], peaks["acceleration"]
+        where = "the end point goes straight" if m.space == "endpoint" else "the angles go straight"
+        lines = [
+            f"The end point moves at up to {top.value:.5g} m/s and accelerates at up to {push.value:.5g} m/s2.",
+            f"minimum-jerk motion in {m.path.duration:g} s, planned in {m.space} space: {where}",
+        ]
+        rows = [("length of the end point's path", f"{float(np.hypot(*np.diff(m.x, axis=0).T).sum()):.6g} m")]
+        rows += [(f"peak {name}", str(peak)) for name, peak in list(peaks.items())[:MOST_ROWS]]
+        if len(peaks) > MOST_ROWS:
+            rows.append(("", f"and {len(peaks) - MOST_ROWS} more peaks"))
+        if m.unbounded:
+            rows.append(("angular accelerations", f"without bound towards {' and '.join(f'{t:g} s' for t in m.unbounded)}"))
+        if m.chain.n > 1:
+            rows.append(("least manipulability", str(self.least_manipulability)))
+        return Group(*map(Text, lines), facts(None, rows), *([Text(f"note: {m.note}")] if m.note else []))
 
-    def _manipulability(self) -> tuple[dict[str, float], dict[str, float]]:
-        """Its least and its largest value, and when; zero at the samples that were left out, where the chain is in line."""
+    @property
+    def least_manipulability(self) -> Peak:
+        """Its least value, and when; zero at the samples that were left out, where the chain is in line."""
         m = self.motion
-        left_out = np.setdiff1d(m.path.times(SAMPLES), m.t)
+        if len(left_out := np.setdiff1d(m.path.times(SAMPLES), m.t)):
+            return Peak(0.0, float(left_out[0]), "m2")
         i = int(np.argmin(m.manipulability))
-        least = {"value": float(m.manipulability[i]), "at": float(m.t[i])}
-        if len(left_out):
-            least = {"value": 0.0, "at": float(left_out[0])}
-        return least, _largest(m.manipulability, m.t)
+        return Peak(float(m.manipulability[i]), float(m.t[i]), "m2")
 
 
 def plane_task(
@@ -245,29 +259,6 @@ def _chosen(end: Inverse, branch: int) -> Array:
     return end.branches[min(branch, len(end.branches) - 1)]
 
 
-def _largest(values: Array, times: Array) -> dict[str, float]:
-    size = np.abs(values)
-    i = int(np.argmax(size >= size.max() * (1.0 - 1e-9)))  # of equal peaks the first
-    return {"value": float(values[i]), "at": float(times[i])}
-
-
-def _peak(values: Array, times: Array, unit: str) -> str:
-    found = _largest(values, times)
-    if found["value"] == 0.0:
-        return f"0 {unit}"
-    return f"{found['value']:.5g} {unit} at {found['at']:.4g} s"
-
-
 def _tuple(values: Sequence[float] | Array) -> str:
     # Rounding before adding zero turns -0 into 0
     return "(" + ", ".join(f"{x:.5g}" for x in np.round(np.asarray(values, float), 6) + 0.0) + ")"
-
-
-def _end_data(end: Inverse) -> dict[str, object]:
-    return {
-        "target": end.target.tolist(),
-        "reachable": bool(end.reachable),
-        "distance": end.distance,
-        "singular": bool(end.singular),
-        "branches": end.branches.tolist(),
-    }

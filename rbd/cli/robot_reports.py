@@ -7,7 +7,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 from rich.console import Group
@@ -15,14 +15,14 @@ from rich.text import Text
 
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, largest_first
-from rbd.cli.terminal import TerminalTable, counted, facts, in_commands, in_gravity, in_options, rounded, save_figure, timed
+from rbd.cli.terminal import TerminalTable, facts, in_commands, in_gravity, in_options, save_figure, timed
 from rbd.constraints.constraint import Constraint
 from rbd.errors import CannotHold, InputError, ModelWarning, RbdError
 from rbd.installation import in_use
 from rbd.model.external import ExternalForce
 from rbd.model.state import State
-from rbd.problem.answer import ContactForce
 from rbd.problem.cones import check_friction
+from rbd.records import Field, joined, plain_of, share, vector
 from rbd.robots.building.parts import FARTHEST_SLIDE, FARTHEST_TURN
 from rbd.robots.catalogue import licence
 from rbd.robots.diagnosis import REMEDY
@@ -30,12 +30,12 @@ from rbd.robots.loading import doctor, load_robot
 from rbd.robots.robot import Robot
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold
+from rbd.statics.limits import Limit
 from rbd.statics.regions import SupportRegion, support_region
 
 _BASES = {"free_flyer": "floating", "planar": "planar", "fixed": "fixed"}
 UNLIMITED = 1e100
 """A bound beyond this counts as none: files write it as the largest number."""
-UNITS = {"stationarity": "N", "feasibility": "m/s2", "cone": "N", "complementarity": "N m/s2", "centroidal": "N"}
 LARGEST_TORQUES = 5
 _SLOW = Text("\narithmetic in loops is interpreted, which takes some hundred times as long: RBD_COMPILED=0 says so")
 
@@ -91,16 +91,12 @@ def _stands(robot: Robot) -> str:
 
 def robots_table(lines: Iterable[RobotLine]) -> TerminalTable:
     """The table of `rbd robots`."""
-    table = TerminalTable()
-    table.add_column("name", no_wrap=True)
-    table.add_column("nv", justify="right")
-    table.add_column("mass [kg]", justify="right")
+    table = TerminalTable(None, ("name",), ("nv", "mass [kg]"))
     for heading in ("postures", "feet", "stands"):
         table.add_column(heading)
     for line in lines:
         numbers = ("-", "-") if line.nv is None or line.mass is None else (str(line.nv), f"{line.mass:.3f}")
-        postures = ", ".join(line.postures[:4]) + (f", and {len(line.postures) - 4} more" if len(line.postures) > 4 else "")
-        table.add_row(line.name, *numbers, postures, line.feet, line.stands)
+        table.add_row(line.name, *numbers, joined(line.postures, 4), line.feet, line.stands)
     return table
 
 
@@ -122,24 +118,15 @@ def robot_info(robot: Robot) -> Group:
 
 
 def _joints_table(robot: Robot) -> TerminalTable:
-    table = TerminalTable("joints")
-    table.add_column("name", no_wrap=True)
-    table.add_column("kind")
-    for heading in ("at v", "lower", "upper", "speed limit", "effort limit"):
-        table.add_column(heading, justify="right")
-    model = robot.model
+    table = TerminalTable("joints", ("name", "kind"), ("at v", "lower", "upper", "speed limit", "effort limit"))
     effort = dict(zip(robot.actuated.tolist(), robot.effort_limit.tolist(), strict=True))
-    for name in robot.joints:
-        joint = model.joints[robot.joint_id(name)]
-        at = f"{joint.idx_v}" if joint.nv == 1 else f"{joint.idx_v}..{joint.idx_v + joint.nv - 1}"
-        bounds = ("", "", "")
-        if joint.nq == 1:
-            low, high = float(model.lowerPositionLimit[joint.idx_q]), float(model.upperPositionLimit[joint.idx_q])
-            if (low, high) in ((-FARTHEST_TURN, FARTHEST_TURN), (-FARTHEST_SLIDE, FARTHEST_SLIDE)):
-                low, high = -math.inf, math.inf
-            bounds = (_bound(low), _bound(high), _bound(robot.joints[name].speed))
-        motor = _bound(effort[joint.idx_v]) if joint.idx_v in effort else "no motor"
-        table.add_row(name, joint.shortname().removeprefix("JointModel"), at, *bounds, motor)
+    for name, joint in robot.joints.items():
+        at = f"{joint.v.start}" if joint.nv == 1 else f"{joint.v.start}..{joint.v.stop - 1}"
+        far = FARTHEST_TURN if joint.is_angle else FARTHEST_SLIDE  # which files of the builder state in place of no limit
+        ends = [math.inf if abs(x) == far else x for x in (joint.lower, joint.upper)]
+        bounds = [*map(_bound, ends), _bound(joint.speed)] if joint.nq == 1 else [""] * 3
+        motor = _bound(effort[joint.v.start]) if joint.v.start in effort else "no motor"
+        table.add_row(name, joint.kind, at, *bounds, motor)
     return table
 
 
@@ -159,7 +146,6 @@ class StandReport:
         seconds: {what: time taken [s]}.
         against: Torques that withstand the push, or why there are none; None without a push.
         braced: Whether `held` are those.
-        verbose: Whether times are printed.
     """
 
     held: Actuation
@@ -169,7 +155,24 @@ class StandReport:
     seconds: Mapping[str, float]
     against: Actuation | CannotHold | None = None
     braced: bool = False
-    verbose: bool = False
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("robot", (), "", "its name", lambda found: found.held.state.robot.name),
+        Field("mass", (), "kg", "of the robot", lambda found: found.held.state.robot.mass),
+        Field("push", ("axis",), "N", "world force"),
+        Field("at", (), "", "frame that is pushed"),
+        Field("withstood", (), "", "the torques that withstand the push, or what prevents it"),
+        Field("braced", (), "", "whether these act"),
+        Field("held", (), "", "the torques that act"),
+        Field("solution", (), "", "motion and forces under them and the push"),
+        Field("contacts", (), "", "each contact's force", lambda found: found.solution.contacts),
+        Field("com", ("axis",), "m", "centre of mass in W", lambda found: found.held.state.com),
+        Field("com_acceleration", ("axis",), "m/s2", "its acceleration", lambda found: found.com_acceleration[0]),
+        Field("com_acceleration_free", ("axis",), "m/s2", "that without contacts", lambda found: found.com_acceleration[1]),
+        Field("a_free", ("velocity",), "{}/s2", "accelerations without constraints", lambda found: found.solution.a_free),
+        Field("gauss_shares", (), "N m/s2", "share of each constraint", lambda found: found.solution.gauss.shares),
+        Field("seconds", (), "s", "how long each part took"),
+    )
 
     @property
     def com_acceleration(self) -> tuple[Array, Array]:
@@ -183,154 +186,62 @@ class StandReport:
         return with_contacts, without
 
     @property
-    def distance(self) -> float:
-        """|a - a_free| in the inertia metric, sqrt((a - a_free)^T M (a - a_free)) [N^1/2 m^1/2 / s]."""
-        return math.sqrt(2.0 * self.solution.gauss)
-
-    def data(self) -> dict[str, Any]:
-        """All results as numbers, lists and text: SI units, world axes, forces on the robot."""
-        robot, s = self.held.state.robot, self.solution
-        with_contacts, without = self.com_acceleration
-        return {
-            "robot": robot.name,
-            "mass": robot.mass,
-            "push": None if self.push is None else {"force": self.push.tolist(), "frame": self.at},
-            "withstood": self._withstood(),
-            "braced": self.braced,
-            "status": str(s.status),
-            "law": str(s.law),
-            "solver": s.solver,
-            "method": s.method,
-            "rows": s.problem.m,
-            "rank": s.rank,
-            "contacts": {name: self._contact(name, c) for name, c in s.contacts.items()},
-            "centre_of_mass": self.held.state.com.tolist(),
-            "centre_of_mass_acceleration": with_contacts.tolist(),
-            "centre_of_mass_acceleration_without_contacts": without.tolist(),
-            "tau": dict(zip(robot.actuated_names, self.held.tau.tolist(), strict=True)),
-            "effort_limit": dict(zip(robot.actuated_names, robot.effort_limit.tolist(), strict=True)),
-            "a": s.a.tolist(),
-            "a_free": s.a_free.tolist(),
-            "gauss": {"value": float(s.gauss), "shares": s.gauss.shares, "distance": self.distance},
-            "residuals": {name: {"value": float(getattr(s.residuals, name)), "scaled": scaled, "unit": UNITS[name]}
-                          for name, scaled in s.residuals.scaled.items()},
-            "seconds": dict(self.seconds),
-        }  # fmt: skip
-
-    def _withstood(self) -> dict[str, Any] | None:
+    def withstood(self) -> dict[str, Any] | None:
         """Whether motors could withstand the push: their torques, or the limits that prevent it and what is missing."""
         if self.against is None:
             return None
-        names = self.held.state.robot.actuated_names
         if isinstance(self.against, Actuation):
-            return {
-                "possible": True,
-                "tau": dict(zip(names, self.against.tau.tolist(), strict=True)),
-                "share_of_limit": dict(zip(names, (1.0 - self.against.margins.torque).tolist(), strict=True)),
-                "friction_used": {name: 1.0 - left for name, left in self.against.margins.friction.items()},
-                "margin": self.against.margin,
-                "contacts": {name: {"force": f[:3].tolist()} for name, f in self.against.forces.items()},
-            }
-        lack = self.against.missing
+            return {"possible": True, **plain_of(self.against)}
         return {
             "possible": False if self.against.limits else None,
-            "limits": [{"kind": limit.kind, "name": limit.name} for limit in self.against.limits],
-            "missing": None if lack is None else {"force": lack.force.tolist(), "moment": lack.moment.tolist()},
-            "reason": str(self.against.reason),
+            "limits": self.against.limits,
+            "missing": self.against.missing,
+            "reason": self.against.reason,
             "reason_code": self.against.reason.code,
             "why": in_options(str(self.against)),
         }
 
-    def _contact(self, name: str, c: ContactForce) -> dict[str, Any]:
-        force = self.solution.forces[name]
-        return {
-            "force": force[:3].tolist(),
-            "moment": force[3:].tolist() if len(force) == 6 else None,
-            "normal": c.normal,
-            "tangential": c.tangential,
-            "friction_used": c.friction_used,
-            "centre_of_pressure": None if c.centre_of_pressure is None else c.centre_of_pressure.tolist(),
-            "corner_forces": self.solution.corner_forces[name].tolist(),
-        }
-
     def __rich__(self) -> Group:
-        """The lines and tables of the command line: whether it stands and what is nearest to a limit, numbers, proof."""
-        lines = [Text(line) for line in (*self.verdict, self._headline(), *self._what_follows())]
-        return Group(*lines, self._contacts_table(), self._torques_table(), self._motion_table(), self._proof_table())
+        """Whether it stands and what is nearest to a limit, what it does, forces and proof, the largest torques."""
+        lines = (*self.verdict, self._headline(), *self._what_follows(), "", str(self.solution), "")
+        return Group(*map(Text, lines), self._torques_table())
 
     @property
     def verdict(self) -> list[str]:
         """Whether it stands, or motors could withstand the push, and what is nearest to a limit."""
-        if self.against is None:
-            return [f"{self.held.state.robot.name} stands: {_strain(self.held)}."]
-        if isinstance(self.against, Actuation):
-            return [f"Motors can withstand the push: {_strain(self.against)}."]
-        return [_refusal(self.against), in_options(str(self.against))]
+        if isinstance(self.against, CannotHold):
+            gives = ", or ".join(gives_way(self.against.limits))
+            said = f"No motor torques withstand the push{gives and ': '}{gives}."
+            unknown = "Whether motors can withstand the push was not found."
+            return [said if self.against.limits else unknown, in_options(str(self.against))]
+        said = f"{self.held.state.robot.name} stands" if self.against is None else "Motors can withstand the push"
+        return [f"{said}: {', '.join(strain(self.against or self.held)) or 'no limits are stated'}."]
+
+    def _headline(self) -> str:
+        robot = self.held.state.robot
+        weight = robot.mass * float(np.linalg.norm(robot.gravity))
+        pushed = "" if self.push is None else f", pushed with {vector(self.push, 1)} N at {self.at}"
+        free = f"without contacts it would accelerate at {vector(self.com_acceleration[1])} m/s2"
+        where = f"centre of mass {vector(self.held.state.com)} m; {free}"
+        return f"{robot.name}: {robot.mass:.3f} kg, weight {weight:.2f} N{pushed}; {where}"
 
     def _what_follows(self) -> list[str]:
         """What the torques that act do under the push."""
         if self.against is None:
             return []
-        acceleration = f"the centre of mass accelerates at ({rounded(self.com_acceleration[0], 3)}) m/s2."
         which = "those torques" if self.braced else "the torques of the unpushed pose"
+        acceleration = f"the centre of mass accelerates at {vector(self.com_acceleration[0])} m/s2."
         return [f"Below, under {which} and the push: {acceleration}"]
-
-    def _contacts_table(self) -> TerminalTable:
-        numbers = ("force x, y, z [N]", "normal [N]", "tangential [N]", "friction used", "centre of pressure [m]")
-        table = TerminalTable(None, ("contact",), numbers)
-        for name, c in self.solution.contacts.items():
-            used = "-" if c.friction_used is None else f"{100 * c.friction_used:.1f} %"
-            cop = "-" if c.centre_of_pressure is None else rounded(c.centre_of_pressure, 3)
-            table.add_row(name, rounded(c.force, 2), f"{c.normal:.2f}", f"{c.tangential:.2f}", used, cop)
-        total = sum((c.force for c in self.solution.contacts.values()), np.zeros(3))
-        table.add_section()
-        table.add_row("sum", rounded(total, 2), "", "", "", "")
-        return table
-
-    def _headline(self) -> str:
-        robot = self.held.state.robot
-        weight = robot.mass * float(np.linalg.norm(robot.gravity))
-        pushed = "" if self.push is None else f", pushed with ({rounded(self.push, 1)}) N at {self.at}"
-        return f"{robot.name}: {robot.mass:.3f} kg, weight {weight:.2f} N{pushed}"
 
     def _torques_table(self) -> TerminalTable:
         robot, tau = self.held.state.robot, self.held.tau
-        table = TerminalTable(
-            f"largest {'bracing' if self.braced else 'holding'} torques",
-            ("joint",),
-            ("torque [N m]", "limit [N m]", "of limit"),
-        )
-        used = np.abs(tau) / robot.effort_limit
-        limited = bool(np.isfinite(robot.effort_limit).any())
-        for i in largest_first(used if limited else np.abs(tau))[:LARGEST_TORQUES]:
-            limit, share = "none", "-"
-            if np.isfinite(robot.effort_limit[i]):
-                limit, share = f"{robot.effort_limit[i]:.1f}", f"{100 * used[i]:.1f} %"
-            table.add_row(robot.actuated_names[i], f"{tau[i]:.3f}", limit, share)
+        title = f"largest {'bracing' if self.braced else 'holding'} torques"
+        table = TerminalTable(title, ("joint",), ("torque [N m]", "limit [N m]", "of limit"))
+        used, limited = np.abs(tau) / robot.effort_limit, np.isfinite(robot.effort_limit)
+        for i in largest_first(used if limited.any() else np.abs(tau))[:LARGEST_TORQUES]:
+            of_limit = share(used[i] if limited[i] else None)
+            table.add_row(robot.actuated_names[i], f"{tau[i]:.3f}", _bound(robot.effort_limit[i]), of_limit)
         return table
-
-    def _motion_table(self) -> TerminalTable:
-        with_contacts, without = self.com_acceleration
-        rows = [
-            ("centre of mass", f"({rounded(self.held.state.com, 3)}) m"),
-            ("its acceleration", f"({rounded(with_contacts, 3)}) m/s2"),
-            ("without contacts", f"({rounded(without, 3)}) m/s2"),
-        ]
-        return facts("motion", rows)
-
-    def _proof_table(self) -> TerminalTable:
-        s = self.solution
-        rows = [("status", f"{s.status} by {s.method}, law: {s.law}; {s.problem.m} rows of rank {s.rank}")]
-        for name, scaled in s.residuals.scaled.items():
-            rows.append((f"residual: {name}", f"{float(getattr(s.residuals, name)):.1e} {UNITS[name]} (scaled {scaled:.1e})"))
-        size = f"{self.distance:.4f} sqrt(N m)/s, as sqrt(kg) m/s2: contacts change the motion by so much"
-        rows += [
-            ("|a - a_free| in M", size),
-            ("1/2 of its square", f"{float(s.gauss):.4f} N m/s2, which Gauss's principle makes least"),
-        ]
-        if self.verbose:
-            rows.append(("times", ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in self.seconds.items())))
-        return facts("proof", rows)
 
 
 def holding(state: State, feet: Sequence[Constraint], external: Sequence[ExternalForce]) -> Actuation | CannotHold:
@@ -341,34 +252,26 @@ def holding(state: State, feet: Sequence[Constraint], external: Sequence[Externa
         return error
 
 
-def _strain(held: Actuation) -> str:
+def strain(held: Actuation) -> list[str]:
     """How near torques and friction come to their limits."""
-    robot, used = held.state.robot, 1.0 - held.margins.torque
+    robot, used, friction = held.state.robot, 1.0 - held.margins.torque, held.margins.friction
     told = []
     if np.isfinite(robot.effort_limit).any():
         worst = int(np.argmax(used))
-        told.append(f"the largest torque is {100 * used[worst]:.1f} % of its limit ({robot.actuated_names[worst]})")
-    friction = held.margins.friction
+        told.append(f"the largest torque is {share(used[worst])} of its limit ({robot.actuated_names[worst]})")
     if friction:
         most = min(friction, key=lambda name: friction[name])
-        told.append(f"{most} uses {100 * (1.0 - friction[most]):.1f} % of its friction")
-    if not held.margin:
-        told.append("only with friction up to its limit")
-    return ", ".join(told) or "no limits are stated"
+        told.append(f"{most} uses {share(1.0 - friction[most])} of its friction")
+    return told if held.margin else [*told, "only with friction up to its limit"]
 
 
-def _refusal(error: CannotHold) -> str:
-    """In a few words, what would give way."""
-    if not error.limits:
-        return "Whether motors can withstand the push was not found."
-    named: dict[str, list[str]] = {}
-    for limit in error.limits:
-        named.setdefault(limit.kind, []).append(limit.name)
-    gives = {"edge": "it tips", "friction": "its feet slip", "motor": "motors are too weak"}
-    told = [words for kind, words in gives.items() if kind in named]
-    if "push" in named:
-        told.append(f"{' and '.join(named['push'])} would have to pull")
-    return f"No motor torques withstand the push{': ' + ', or '.join(told) if told else ''}."
+def gives_way(limits: Iterable[Limit]) -> list[str]:
+    """What would give way, in a few words."""
+    pulled = " and ".join(limit.name for limit in limits if limit.kind == "push")
+    kinds = {limit.kind for limit in limits}
+    words = {"edge": "it tips", "friction": "its feet slip", "motor": "motors are too weak"}
+    words["push"] = f"{pulled} would have to pull"
+    return [told for kind, told in words.items() if kind in kinds]
 
 
 MOTORS_LISTED = 3
@@ -381,45 +284,38 @@ class RegionReport:
     Attributes:
         regions: {what it is: the region}; the first is the one asked for.
         seconds: What took how long.
-        verbose: Whether that is printed.
     """
 
     regions: Mapping[str, SupportRegion]
     seconds: Mapping[str, float]
-    verbose: bool = False
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("robot", (), "", "its name", lambda found: found.asked.state.robot.name),
+        Field("com", ("axis",), "m", "centre of mass in W", lambda found: found.asked.state.com),
+        Field("contacts", (), "", "their names", lambda found: [r.name for r in found.asked.loads.rows]),
+        Field("regions", (), "", "numbers and corners of each", lambda found: {
+            name: {**plain_of(r), "torque_limits": r.torque_limits, "friction": r.friction, "vertices": r.vertices,
+                   "outer": r.outer, "directions": r.directions}
+            for name, r in found.regions.items()
+        }),
+        Field("seconds", (), "s", "how long each part took"),
+    )  # fmt: skip
 
     @property
     def asked(self) -> SupportRegion:
         """The region that was asked for."""
         return next(iter(self.regions.values()))
 
-    def data(self) -> dict[str, object]:
-        """All numbers, as plain data."""
-        return {
-            "robot": self.asked.state.robot.name,
-            "centre_of_mass": self.asked.state.com.tolist(),
-            "contacts": [r.name for r in self.asked.loads.rows],
-            "regions": {
-                name: {
-                    "vertices": region.vertices.tolist(),
-                    "outer": region.outer.tolist(),
-                    "directions": region.directions.tolist(),
-                    "area": region.area,
-                    "distance": region.com_to_edge[0],
-                    "cut": region.cut,
-                    "residual": region.residual,
-                    "torque_limits": region.torque_limits,
-                    "friction": region.friction,
-                }
-                for name, region in self.regions.items()
-            },
-            "seconds": dict(self.seconds),
-        }
-
     def __rich__(self) -> Group:
-        """How far the centre of mass is from the edge, then the tables, then the proof."""
-        corners = [self._corners()] if len(self.asked.vertices) else []
-        return Group(Text(self.verdict), self._summary(), *corners, self._proof())
+        """How far the centre of mass is from the edge, then each region with its proof, then its corners."""
+        region, state = self.asked, self.asked.state
+        rows = [("centre of mass", f"{vector(state.com)} m")]
+        rows += [(name, f"{r} Largest residual: {r.residual:.1e} N") for name, r in self.regions.items()]
+        if region.torque_limits:
+            rows.append(("left out", "how a moving centre of mass would change gravity torques and Jacobians of this pose"))
+        weight = state.robot.mass * float(np.linalg.norm(state.robot.gravity))
+        numbers = facts(f"{state.robot.name}: {state.robot.mass:.3f} kg, weight {weight:.2f} N", rows)
+        return Group(Text(self.verdict), numbers, *([self._corners()] if len(region.vertices) else []))
 
     @property
     def verdict(self) -> str:
@@ -434,40 +330,18 @@ class RegionReport:
         can = "can" if distance > 0.0 else "cannot"
         return f"The centre of mass of {name} is {region.com_in_words} its support region{limits}: it {can} stand."
 
-    def _summary(self) -> TerminalTable:
-        state = self.asked.state
-        rows = [
-            ("contacts", ", ".join(r.name for r in self.asked.loads.rows)),
-            ("centre of mass", f"({rounded(state.com, 3)}) m"),
-        ]
-        rows += [(name, _words(region)) for name, region in self.regions.items()]
-        if motors := self.asked.motors_in_the_way:
-            rows.append(("in the way", f"torque limits of {', '.join(motors)}"))
-        if self.asked.torque_limits:
-            rows.append(("left out", "how a moving centre of mass would change gravity torques and Jacobians of this pose"))
-        weight = state.robot.mass * float(np.linalg.norm(state.robot.gravity))
-        return facts(f"{state.robot.name}: {state.robot.mass:.3f} kg, weight {weight:.2f} N", rows)
-
-    def _proof(self) -> TerminalTable:
-        rows = [(f"residual: {name}", f"{region.residual:.1e} N") for name, region in self.regions.items() if not region.empty]
-        if self.verbose:
-            rows.append(("times", ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in self.seconds.items())))
-        return facts("proof: balance at the corners", rows)
-
     def _corners(self) -> TerminalTable:
         """At each corner, what its contacts carry, and the hardest working motors."""
         region, robot = self.asked, self.asked.state.robot
-        limit = robot.effort_limit
-        limited = bool(np.isfinite(limit).any())
-        motors = ("hardest working motors there",) if limited else ()
-        table = TerminalTable("corners of the region", (), ("x, y [m]", *(f"{r.name} [N]" for r in region.loads.rows), *motors))
+        limited = bool(np.isfinite(robot.effort_limit).any())
+        headings = ("x, y [m]", *(f"{r.name} [N]" for r in region.loads.rows), "hardest working motors there")
+        table = TerminalTable("corners of the region", (), headings if limited else headings[:-1])
         for i, corner in enumerate(region.vertices):
-            forces = region.forces(i)
-            carried = [f"{np.linalg.norm(forces[r.name][:3]):.1f}" for r in region.loads.rows]
-            used = np.abs(region.tau(i)) / limit
-            worst = largest_first(used)[:MOTORS_LISTED].tolist()
-            told = [", ".join(f"{robot.actuated_names[j]} {100 * used[j]:.0f} %" for j in worst)] if limited else []
-            table.add_row(rounded(corner, 3), *carried, *told)
+            carried = [f"{np.linalg.norm(force[:3]):.1f}" for force in region.forces(i).values()]
+            used = np.abs(region.tau(i)) / robot.effort_limit
+            worst = largest_first(used)[:MOTORS_LISTED].tolist() if limited else []
+            told = ", ".join(f"{robot.actuated_names[j]} {share(used[j], 0)}" for j in worst)
+            table.add_row(vector(corner), *carried, *([told] if limited else []))
         return table
 
 
@@ -480,7 +354,6 @@ def report_region(
     margin: float,
     torque_limits: bool,
     gravity: str | None = None,
-    verbose: bool = False,
 ) -> RegionReport:
     """The report of a robot on its feet; with torque limits asked for, that region first.
 
@@ -497,7 +370,7 @@ def report_region(
         state, feet = robot.standing(posture), robot.feet(friction)
         out = {"torques within limits": support_region(state, feet, torque_limits=True, margin=margin)} if torque_limits else {}
         out["torques of any size"] = support_region(state, feet, margin=margin)
-    return RegionReport(out, seconds, verbose)
+    return RegionReport(out, seconds)
 
 
 def draw(regions: Mapping[str, SupportRegion], path: Path) -> Path:
@@ -514,12 +387,3 @@ def draw(regions: Mapping[str, SupportRegion], path: Path) -> Path:
     names: Sequence[str] = list(regions)
     plot_region(figure.subplots(), *regions.values(), labels=names)
     return save_figure(figure, path, dpi=120)
-
-
-def _words(region: SupportRegion) -> str:
-    if region.empty:
-        return "empty: nowhere do forces within friction balance the robot"
-    where = "centre of mass on its edge" if abs(region.com_to_edge[0]) < 1e-6 else f"centre of mass {region.com_in_words}"
-    if not region.bounded:
-        return f"without end; {where}"
-    return f"{1e4 * region.area:.2f} cm2{region.cut_words}, {counted(len(region.vertices), 'corner')}; {where}"

@@ -8,15 +8,15 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
+import pinocchio as pin
 from rich.console import Group
 from rich.text import Text
 
-from rbd.arrays import Array
 from rbd.cli.mechanism_report import assembled
-from rbd.cli.terminal import TerminalTable, counted, facts, numbers_of, rounded, save_figure
+from rbd.cli.terminal import counted, facts, numbers_of, save_figure
 from rbd.constraints import joint_limits
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.constraint import Constraint
@@ -25,15 +25,13 @@ from rbd.control.schedules import Controller, Push
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
+from rbd.records import Field, fixed, share, vector
 from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import Root
 from rbd.robots.robot import Robot
-from rbd.simulation.simulated_motion import HOLDS, OPEN, SLIPS
+from rbd.simulation.simulated_motion import OPEN, SLIPS
 from rbd.simulation.trajectory import Trajectory
-from rbd.simulation.trajectory_fields import RESIDUALS
 
-EVENTS = 8
-"""Largest number of events printed; all are in the file."""
 MOST_JOINTS = 8
 FALLEN = 0.6
 """A robot whose centre of mass is below this share of its height over its feet at the start has fallen."""
@@ -50,14 +48,42 @@ class SimulateReport:
         setup: What was simulated.
         pushes: What pushed it.
         seconds: {what: time taken [s]}.
-        verbose: Whether that is printed.
     """
 
     trajectory: Trajectory
     setup: SimulationSetup
     pushes: Sequence[Push]
     seconds: Mapping[str, float]
-    verbose: bool = False
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("robot", (), "", "its name", lambda found: found.trajectory.robot.name),
+        Field("mass", (), "kg", "of the robot", lambda found: found.trajectory.robot.mass),
+        Field("setup", (), "", "what was simulated", lambda found: found.setup.summary),
+        Field("limits", (), "", "what the model neglects", lambda found: found.setup.limits),
+        Field("pushes", (), "", "what pushed it"),
+        Field("verdict", (), "", "whether a robot with feet is standing at the end"),
+        Field("step", (), "s", "length of a step", lambda found: found.trajectory.step),
+        Field("steps", (), "1", "number of steps"),
+        Field("integrator", (), "", "method of integration", lambda found: found.trajectory.integrator),
+        Field("law", (), "", "law of the contact forces", lambda found: found.trajectory.law),
+        Field("reason", (), "", "why it ended early", lambda found: found.trajectory.end_reason),
+        Field("reason_code", (), "", "the same as a code", lambda found: found.trajectory.end_reason.code),
+        Field("motion", (), "", "its end, its extremes and its certificate", lambda found: found.trajectory),
+        Field("largest_kinetic", (), "J", "largest kinetic energy", lambda found: found.trajectory.kinetic.max()),
+        Field(
+            "residuals", (), "", "the largest of each",
+            lambda found: {name: np.abs(r).max() for name, r in found.trajectory.residuals.items()},
+        ),
+        Field("constraints", (), "", "mode and force of each at the end"),
+        Field("events", (), "", "beginnings and ends of contact", lambda found: found.trajectory.events),
+        Field("seconds", (), "s", "how long each part took"),
+    )  # fmt: skip
+
+    @property
+    def constraints(self) -> dict[str, dict[str, Any]]:
+        """{constraint: its mode and its force at the end}."""
+        x = self.trajectory
+        return {name: {"mode": str(x.modes[name][-1]), "force": force[-1]} for name, force in x.forces.items()}
 
     @property
     def steps(self) -> int:
@@ -97,75 +123,14 @@ class SimulateReport:
             there = f"it stands on {', '.join(closed)}{' (' + ', '.join(slips) + ' slipping)' if slips else ''}{rest}"
         return there + (f", and moves at {self.speed:.3g} m/s" if self.speed > STILL else ", at rest")
 
-    def data(self) -> dict[str, Any]:
-        """All results as numbers, lists and text: SI units, world axes, forces on the robot."""
-        x = self.trajectory
-        robot = x.robot
-        worst = {c.name: (x.residuals[c.name], c.unit) for c in RESIDUALS}
-        sizes = {name: (np.abs(r), unit) for name, (r, unit) in worst.items()}
-        residuals = {name: {"value": float(r.max()), "at": self._when(r), "unit": unit} for name, (r, unit) in sizes.items()}
-        return {
-            "robot": robot.name,
-            "mass": robot.mass,
-            "setup": self.setup.summary,
-            "limits": list(self.setup.limits),
-            "pushes": [{"force": np.asarray(p.force).tolist(), "frame": p.frame, "from": float(p.start),
-                        "for": float(p.duration)} for p in self.pushes],
-            "duration": x.duration,
-            "step": x.step,
-            "steps": self.steps,
-            "integrator": x.integrator,
-            "law": x.law,
-            "ended": x.interrupted,
-            "reason": str(x.end_reason),
-            "reason_code": x.end_reason.code,
-            "verdict": self.verdict,
-            "energy": {"start": float(x.energy[0]), "end": float(x.energy[-1]), "change": float(x.energy[-1] - x.energy[0]),
-                       "largest_kinetic": float(x.kinetic.max()), "motor_work": float(x.motor_work[-1]),
-                       "elastic": float(x.elastic[-1]), "dissipated": float(x.dissipated[-1])},
-            "residuals": residuals,
-            "constraints": {name: self._constraint(name) for name in x.forces},
-            "events": [{"t": e.t, "name": e.name, "kind": e.kind, "point": e.point, "speed": e.speed, "impulse": e.impulse}
-                       for e in x.events],
-            "centre_of_mass": {"start": x.com[0].tolist(), "end": x.com[-1].tolist()},
-            "base": None if not robot.floating else {"start": x.q[0, :7].tolist(), "end": x.q[-1, :7].tolist()},
-            "q": x.q[-1].tolist(),
-            "v": x.v[-1].tolist(),
-            "seconds": dict(self.seconds),
-            "steps_per_second": self.steps / self.seconds["simulate"],
-        }  # fmt: skip
-
-    def _constraint(self, name: str) -> dict[str, Any]:
-        x = self.trajectory
-        size = self._sizes(name)
-        most = int(np.argmax(size))
-        kinds = [e.kind for e in x.events if e.name == name]
-        return {
-            "mode": str(x.modes[name][-1]),
-            "largest": {"value": float(size[most]), "at": float(x.t[most])},
-            "force": x.forces[name][-1].tolist(),
-            "touches": kinds.count("touches"),
-            "leaves": kinds.count("leaves"),
-        }
-
-    def _sizes(self, name: str) -> Array:
-        """Of a contact's force, else of the largest row force, at each sample."""
-        force = self.trajectory.forces[name]
-        if not force.shape[1]:
-            return np.zeros(len(force))
-        return np.linalg.norm(force[:, :3], axis=1) if name in self.trajectory.points else np.abs(force).max(axis=1)
-
-    def _when(self, values: Array) -> float:
-        return float(self.trajectory.t[int(np.argmax(values))])
-
     def __rich__(self) -> Group:
-        """How it ended, then the tables, then the proof."""
-        parts = [self._motion_table(), self._proof_table()]
-        if self.trajectory.forces:
-            parts.insert(0, self._constraints_table())
-        if self.trajectory.events:
-            parts.insert(1, self._events_table())
-        return Group(Text(self.answer, style="bold"), Text(self._headline()), *parts)
+        """How it ended, then the motion with its proof, then what it has not, and the largest torque."""
+        x = self.trajectory
+        rows = [*self._places(), ("largest torque", _busiest_motor(x))]
+        rows += [("" if i else "left out", limit) for i, limit in enumerate(self.setup.limits)]
+        head = Text(f"{x.robot.name}: {x.robot.mass:.3f} kg, {self.setup.summary}")
+        lines = [Text(f"  pushed with {push}") for push in self.pushes]
+        return Group(Text(self.answer, style="bold"), head, *lines, Text(f"\n{x}"), facts(None, rows))
 
     @property
     def answer(self) -> str:
@@ -179,81 +144,22 @@ class SimulateReport:
             f"{x.energy[-1] - x.energy[0]:.3g} J."
         )
 
-    def _headline(self) -> str:
-        x = self.trajectory
-        what = f"{x.robot.name}: {x.robot.mass:.3f} kg, {self.setup.summary}"
-        return what + "".join(f"\n  pushed with {push}" for push in self.pushes)
-
-    def _constraints_table(self) -> TerminalTable:
-        x = self.trajectory
-        numbers = ("at the end", "force at the end [N]", "largest force [N]", "at [s]", "touches", "leaves")
-        table = TerminalTable("constraints", ("constraint",), numbers)
-        idle = 0
-        for name in x.forces:
-            known = self._constraint(name)
-            if name not in self.setup.feet and not known["largest"]["value"] and known["mode"] == OPEN:
-                idle += 1
-                continue
-            contact = name in x.points and x.forces[name].shape[1]
-            force = rounded(x.forces[name][-1, :3], 2) if contact else "-"
-            largest = known["largest"]
-            table.add_row(
-                name, known["mode"], force, f"{largest['value']:.2f}", f"{largest['at']:.3f}",
-                str(known["touches"]), str(known["leaves"]),
-            )  # fmt: skip
-        if idle:
-            table.add_row(f"{idle} more that never act", *[""] * 6)
-        return table
-
-    def _events_table(self) -> TerminalTable:
-        events = self.trajectory.events
-        more = f"; {len(events) - EVENTS} more" if len(events) > EVENTS else ""
-        table = TerminalTable(f"{counted(len(events), 'event')}{more}", ("at [s]", "what"))
-        for event in events[:EVENTS]:
-            table.add_row(f"{event.t:.6f}", str(event).split(": ", 1)[1])
-        return table
-
-    def _motion_table(self) -> TerminalTable:
-        x = self.trajectory
-        steps = f"{counted(self.steps, 'step')} of {1e3 * x.step:g} ms"
-        rows = [("time", f"{x.t[0]:g} to {x.t[-1]:g} s, {steps}")]
-        rows += [("ended early", x.interrupted)] if x.interrupted else []
-        rows += self._places()
-        motor, e = _busiest_motor(x), x.energy
-        rows += [("largest torque", motor)] if motor else []
-        change = f"change {e[-1] - e[0]:.3g} J, kinetic at most {x.kinetic.max():.4g} J"
-        change += f", work of the motors {x.motor_work[-1]:.3g} J" if motor else ""
-        return facts("motion", [*rows, ("energy", f"{e[0]:.6g} J to {e[-1]:.6g} J: {change}")])
-
     def _places(self) -> list[tuple[str, str]]:
-        x = self.trajectory
-        robot = x.robot
-        out = [("centre of mass", f"({rounded(x.com[-1], 4)}) m, moved by ({rounded(x.com[-1] - x.com[0], 4)}) m")]
-        if robot.floating:
-            first, last = x.state(0).base_pose(), x.state(-1).base_pose()
-            turned = np.degrees(np.arccos(np.clip((np.trace(first.rotation.T @ last.rotation) - 1.0) / 2.0, -1.0, 1.0)))
-            moved = rounded(last.translation - first.translation, 4)
-            out.append(("base", f"({rounded(last.translation, 4)}) m, moved by ({moved}) m, turned by {turned:.2f} deg"))
-        else:
-            out += _joints(x.state(0), x.state(-1))
-        return out
-
-    def _proof_table(self) -> TerminalTable:
-        x = self.trajectory
-        rows = [("method", f"{x.integrator}" + (f", law: {x.law}" if "TimeStepping" in x.integrator else ""))]
-        bilateral = any((modes == HOLDS).any() for modes in x.modes.values())
-        asked = {"drift": bilateral, "drift_rate": bilateral, "penetration": bool(x.points)}
-        for name, unit in [(c.name, c.unit) for c in RESIDUALS if asked.get(c.name, True)]:
-            size = np.abs(x.residuals[name])
-            worst = float(size.max())
-            at = f" at {self._when(size):.3f} s" if worst else ""
-            rows.append((f"worst {name.replace('_', ' ')}", f"{worst:.1e} {'(scaled)' if unit == '1' else unit}{at}"))
-        rows += [("" if i else "left out", limit) for i, limit in enumerate(self.setup.limits)]
-        if self.verbose:
-            pace = self.steps / self.seconds["simulate"]
-            times = ", ".join(f"{what} {t:.2f} s" for what, t in self.seconds.items())
-            rows.append(("times", f"{times}; {pace:.0f} steps/s, {pace * x.step:.2g} x real time"))
-        return facts("proof", rows)
+        """Where its base ends, or each joint with one degree of freedom."""
+        first, last = self.trajectory.state(0), self.trajectory.state(-1)
+        if first.robot.floating:
+            begun, ended = first.base_pose(), last.base_pose()
+            turned = math.degrees(np.linalg.norm(pin.log3(begun.rotation.T @ ended.rotation)))
+            moved = vector(ended.translation - begun.translation, 4)
+            return [("base", f"{vector(ended.translation, 4)} m, moved by {moved} m, turned by {turned:.2f} deg")]
+        single = [joint for joint in first.robot.joints.values() if joint.nv == 1]
+        rows = [
+            (j.name, f"{fixed(j.coordinate(first.q), 4)} to {fixed(j.coordinate(last.q), 4)} {j.unit}, "
+                     f"at {fixed(last.v[j.v.start], 4)} {j.unit}/s")
+            for j in single[:MOST_JOINTS]
+        ]  # fmt: skip
+        left = len(single) - len(rows)
+        return [*rows, ("", f"and {counted(left, 'more joint')}")] if left else rows
 
 
 def draw(trajectory: Trajectory, path: Path) -> Path:
@@ -271,40 +177,16 @@ def draw(trajectory: Trajectory, path: Path) -> Path:
     return save_figure(figure, path, dpi=120)
 
 
-def _joints(first: State, last: State) -> list[tuple[str, str]]:
-    """Final position of each joint with one degree of freedom."""
-    model = first.robot.model
-    single = [i for i in range(1, model.njoints) if model.joints[i].nv == 1]
-    out: list[tuple[str, str]] = []
-    for i in single[:MOST_JOINTS]:
-        joint = model.joints[i]
-        straight = joint.shortname().startswith("JointModelP")
-        per_second, unit = ("m/s", "m") if straight else ("rad/s", "rad")
-        q0, q1 = (_coordinate(s.q[joint.idx_q : joint.idx_q + joint.nq]) for s in (first, last))
-        out.append(
-            (model.names[i], f"{q0 + 0.0:.4f} to {q1 + 0.0:.4f} {unit}, at {last.v[joint.idx_v] + 0.0:.4f} {per_second}")
-        )
-    left = len(single) - len(out)
-    return [*out, ("", f"and {counted(left, 'more joint')}")] if left else out
-
-
-def _coordinate(q: Array) -> float:
-    """Value of a joint with one degree of freedom; the angle if it is stored as a cosine and a sine."""
-    return float(q[0] if len(q) == 1 else math.atan2(q[1], q[0]))
-
-
 def _busiest_motor(x: Trajectory) -> str:
     """The motor that comes nearest to its limit, or has the largest torque if no limit is stated."""
     robot: CheckedModel = x.robot
-    if not robot.nu or not np.abs(x.tau).max(initial=0.0):
-        return ""
+    if not np.abs(x.tau).max(initial=0.0):
+        return "none"
     used = robot.torque_use(x.tau, x.v)
-    if not used.max() > 0.0:
-        used = np.abs(x.tau)
-    at, i = np.unravel_index(int(np.argmax(used)), used.shape)
-    limit = robot.effort_limit[i]
-    share = f", {100 * used[at, i]:.1f} % of its limit" if np.isfinite(limit) else ""
-    return f"{robot.actuated_names[i]}: {x.tau[at, i]:.3f} N m{share}, at {x.t[at]:.3f} s"
+    size = used if used.max() > 0.0 else np.abs(x.tau)
+    at, i = np.unravel_index(int(np.argmax(size)), size.shape)
+    of_limit = f", {share(used[at, i])} of its limit" if np.isfinite(robot.effort_limit[i]) else ""
+    return f"{robot.actuated_names[i]}: {x.tau[at, i]:.3f} N m{of_limit}, at {x.t[at]:.3f} s"
 
 
 Value = TypeVar("Value")
@@ -391,8 +273,10 @@ def setup(
     else:
         name = posture or robot.source.posture or next(iter(robot.postures), None)
         state = assembled(robot, held, robot.at(name))
+    soles = {robot.site(contact.frame)[0] for contact in feet}  # type: ignore[attr-defined]
+    shapes = tuple(g.name for g in robot.collision_model.geometryObjects if g.parentJoint not in {0, *soles})
     if bodies is None:
-        bodies = bool(feet) and bool(_other_shapes(robot, feet))
+        bodies = bool(feet and shapes)
     constraints = (*feet, *held)
     holds = bool(feet) or not (held or robot.floating) if hold is None else hold
     controller = HoldPosture(state, constraints) if holds and robot.nu else None
@@ -402,7 +286,7 @@ def setup(
     elif not feet and not robot.wheels() and not bodies and robot.root != "fixed":
         limits.append("it touches nothing (--bodies lets all shapes touch the ground)")
     if bodies:
-        others = _others(robot, feet, friction)
+        others = CollisionContacts(BODIES, robot, friction=friction, ground=shapes)
         constraints = (*constraints, others)
         if robot.floating and not (feet or held):
             state = _laid(state, others)
@@ -441,17 +325,6 @@ def _one_each(option: str, given: Sequence[Value], n: int) -> Sequence[Value]:
     if len(given) not in (1, n):
         raise InputError(f"{option} came {len(given)} times with {n} times --push; give it once for all, or once a push.")
     return list(given) * n if len(given) == 1 else given
-
-
-def _others(robot: Robot, feet: Sequence[Constraint], friction: float) -> CollisionContacts:
-    """Contacts of all moving shapes, except those that the feet's contacts represent."""
-    return CollisionContacts(BODIES, robot, friction=friction, ground=_other_shapes(robot, feet))
-
-
-def _other_shapes(robot: Robot, feet: Sequence[Constraint]) -> tuple[str, ...]:
-    """Names of the moving collision shapes, except those of the feet's bodies."""
-    soles = {robot.site(contact.frame)[0] for contact in feet}  # type: ignore[attr-defined]
-    return tuple(g.name for g in robot.collision_model.geometryObjects if g.parentJoint not in {0, *soles})
 
 
 def _laid(state: State, contacts: CollisionContacts) -> State:

@@ -33,9 +33,9 @@ from rbd.cli.terminal import (
     numbers_of,
     open_console,
     print_path,
+    print_report,
     serve,
     timed,
-    write_json,
 )
 from rbd.errors import CannotHold, InputError
 
@@ -148,18 +148,15 @@ def stand(
         with timed(seconds, "solve"):
             solution = solve(state, held.tau, feet, law=law, external=external)
             solution.residuals  # noqa: B018  the certificate is part of the answer
-        report = StandReport(held, solution, force, at, seconds, against, braced, verbose)
+        report = StandReport(held, solution, force, at, seconds, against, braced)
+        print_report(console, report, json_, verbose)
         if html is not None or show:
             from rbd.visual import Scene
 
             with Scene(loaded) as scene:
-                with timed(seconds, "picture"):
-                    scene.show(state, solution, external=external)
-                    written = None if html is None else scene.export(html)
-                write_json(json_, report)
-                console.print(report)
-                if written is not None:
-                    print_path(console, "picture", written)
+                scene.show(state, solution, external=external)
+                if html is not None:
+                    print_path(console, "picture", scene.export(html))
                 if show:
                     from rbd.cli.live_standing import Standing
                     from rbd.visual.live import explore
@@ -167,9 +164,6 @@ def stand(
                     live = Standing(scene, loaded, state, facets)
                     with explore(scene, live.controls(force, at, friction, law, braced), live.answer) as page:
                         serve(console, page.open())
-        else:
-            write_json(json_, report)
-            console.print(report)
         if isinstance(against, CannotHold):
             raise typer.Exit(NO_SOLUTION)
 
@@ -196,11 +190,9 @@ def region(
     with answering(region):
         check_outputs({"--png": (png, FIGURES), "--json": (json_, ())}, reads=robot)
         report = report_region(
-            robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits, gravity=gravity,
-            verbose=verbose,
-        )  # fmt: skip
-        write_json(json_, report)
-        console.print(report)
+            robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits, gravity=gravity
+        )
+        print_report(console, report, json_, verbose)
         if png is not None:
             print_path(console, "picture", draw(report.regions, png))
 

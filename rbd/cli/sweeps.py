@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 import typer
@@ -28,11 +28,12 @@ from rbd.cli.terminal import (
     in_options,
     open_console,
     print_path,
+    print_report,
     save_figure,
-    write_json,
 )
 from rbd.errors import InputError, ModelWarning, Reason, StudyStopped, nearest
 from rbd.installation import VERSION
+from rbd.records import Field, share
 
 if TYPE_CHECKING:
     import xarray
@@ -233,8 +234,7 @@ def run_sweep(
             open_console(errors=True).print(f"Ended at once. {kept}", highlight=False, soft_wrap=True)
             raise typer.Exit(INTERRUPTED) from None
     report = SweepReport(robot.name, dataset, time.perf_counter() - began)
-    console.print(report)
-    write_json(json_, report)
+    print_report(console, report, json_)
     if out is not None:
         print_path(console, "store", out)
     if png is not None and report.run.any():
@@ -263,6 +263,26 @@ class SweepReport:
     robot: str
     dataset: xarray.Dataset
     seconds: float
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("rbd", (), "", "version", lambda found: VERSION),
+        Field("robot", (), "", "its name"),
+        Field("samples", (), "1", "number of cases", lambda found: found.ok.size),
+        Field("ok", (), "1", "how many can be held", lambda found: found.ok.sum()),
+        Field("run", (), "1", "how many were computed", lambda found: found.run.sum()),
+        Field("reasons", (), "", "how many have which", lambda found: {str(reason): n for reason, n, _ in found.reasons}),
+        Field(
+            "dimensions", (), "", "values along each",
+            lambda found: {d: found.dataset[d].values for d in found.dataset["ok"].dims},
+        ),
+        Field("along", (), "", "dimension of the boundary", lambda found: found.axis),
+        Field("boundary", (), "", "where cases begin or cease to be held along it", lambda found: [
+            {"at": at, "first_is_held": first, "changes_between": ends} for at, first, ends in found.lines
+        ]),
+        Field("worst_residual", (), "1", "largest residual of all results, scaled", lambda found: found.worst),
+        Field("interrupted", (), "", "whether it ended early", lambda found: bool(found.dataset.attrs.get("interrupted"))),
+        Field("seconds", (), "s", "how long it took"),
+    )  # fmt: skip
 
     @lazy
     def ok(self) -> Array:
@@ -305,23 +325,6 @@ class SweepReport:
                     found.append(({d: held[d].values[i] for d, i in zip(others, where, strict=True)}, bool(row[0]), ends))
         return found
 
-    def data(self) -> dict[str, object]:
-        """The numbers of the report, for JSON; those of all cases are in the store of --out."""
-        return {
-            "rbd": VERSION,
-            "robot": self.robot,
-            "samples": self.ok.size,
-            "ok": int(self.ok.sum()),
-            "run": int(self.run.sum()),
-            "reasons": {str(reason): n for reason, n, _ in self.reasons},
-            "dimensions": {str(d): self.dataset[d].values.tolist() for d in self.dataset["ok"].dims},
-            "along": self.axis,
-            "boundary": [{"at": at, "first_is_held": first, "changes_between": ends} for at, first, ends in self.lines],
-            "worst_residual": self.worst,
-            "interrupted": bool(self.dataset.attrs.get("interrupted")),
-            "seconds": self.seconds,
-        }
-
     @property
     def worst(self) -> float:
         """The largest residual of all results, scaled; NaN where there is none."""
@@ -330,9 +333,9 @@ class SweepReport:
     def __rich__(self) -> Group:
         """The verdict, the boundary, why cases cannot be held, what was studied and how long it took."""
         n, good, left = self.ok.size, int(self.ok.sum()), int((~self.run).sum())
-        share = f"all {n:,}" if good == n > 1 else f"none of {n:,}" if not good else f"{good:,} of {n:,}"
+        held = f"all {n:,}" if good == n > 1 else f"none of {n:,}" if not good else f"{good:,} of {n:,}"
         more = f"; {left:,} of the {n:,} were not run" if left else ""
-        parts: list[Any] = [Text(f"{self.robot} can be held in {share} cases{more}.")]
+        parts: list[Any] = [Text(f"{self.robot} can be held in {held} cases{more}.")]
         chosen = sorted({round(i) for i in np.linspace(0, len(self.lines) - 1, min(len(self.lines), MOST_LINES))})
         if any(ends for _, _, ends in self.lines):
             parts += [Text(self._along(*self.lines[i])) for i in chosen]
@@ -341,7 +344,7 @@ class SweepReport:
             parts[-1].add_column("for example")
             for reason, count, message in self.reasons:
                 first = in_options(message.split(". ")[0].split("\n")[0])
-                parts[-1].add_row(str(reason), f"{count:,}", f"{100.0 * count / n:.1f} %", first[:300])
+                parts[-1].add_row(str(reason), f"{count:,}", share(count / n), first[:300])
         dims = [f"{_named(str(d))} ({self.dataset.sizes[d]:,})" for d in self.dataset["ok"].dims]
         rows = [
             ("samples", " x ".join(dims)),

@@ -8,7 +8,6 @@ from __future__ import annotations
 import importlib.util
 import io
 import json
-import math
 import os
 import re
 import sys
@@ -17,7 +16,7 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NoReturn, Protocol, TypeAlias, get_args, get_type_hints
+from typing import TYPE_CHECKING, Annotated, Any, NoReturn, TypeAlias, get_args, get_type_hints
 
 import numpy as np
 import rich.table
@@ -29,6 +28,7 @@ from typer.models import OptionInfo
 
 from rbd.errors import InputError, NoSolution, RbdError, StudyStopped
 from rbd.model.output_files import check_place, write_file, write_text
+from rbd.records import plain
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -54,13 +54,6 @@ _PYTHON = {
 """Advice of messages in Python, with its form on the command line."""
 _CODE = re.compile(r"\brbd\.\w|[A-Za-z_]\w*\(|\w=[\w.(\[{]")
 """A name of the package, a call, or a keyword argument."""
-
-
-class Reported(Protocol):
-    """A report that can be written as JSON."""
-
-    def data(self) -> dict[str, object]:
-        """The numbers."""
 
 
 class TerminalTable(rich.table.Table):
@@ -98,12 +91,6 @@ def facts(title: str | None, rows: Iterable[tuple[str, str]]) -> TerminalTable:
     for row in rows:
         table.add_row(*row)
     return table
-
-
-def rounded(values: Array, digits: int) -> str:
-    """The numbers rounded to this many digits, separated by commas."""
-    # Rounding before adding zero turns -0.00 into 0.00
-    return ", ".join(f"{x:.{digits}f}" for x in np.round(values, digits) + 0.0)
 
 
 def counted(n: int, what: str) -> str:
@@ -265,19 +252,18 @@ def save_figure(figure: Figure, path: Path, *, dpi: int) -> Path:
     return path
 
 
-def write_json(path: Path | None, report: Reported) -> None:
-    """Write a report's numbers, if there is a path."""
+def write_json(path: Path | None, report: object) -> None:
+    """Write the fields of a report, if there is a path."""
     if path is not None:
-        write_text(path, json.dumps(_jsonable(report.data()), indent=2, allow_nan=False) + "\n")
+        write_text(path, json.dumps(plain(report), indent=2, allow_nan=False) + "\n")
 
 
-def _jsonable(value: object) -> object:
-    """None in place of NaN and infinity, which JSON does not have."""
-    if isinstance(value, dict):
-        return {key: _jsonable(each) for key, each in value.items()}
-    if isinstance(value, list | tuple):
-        return [_jsonable(each) for each in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
+def print_report(console: Console, report: Any, path: Path | None, verbose: bool = False) -> None:
+    """Print a report and, if `verbose`, how long each part took; write its fields as JSON, if there is a path."""
+    write_json(path, report)
+    console.print(report, highlight=False)
+    if verbose:
+        console.print("times: " + ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in report.seconds.items()), highlight=False)
 
 
 def print_path(console: Console, what: str, where: Path | str) -> None:

@@ -43,6 +43,7 @@ from rbd.planar.angles import nearest_turn, plain, units, wrapped
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.expressions import coordinate
 from rbd.planar.numeric import ROUND_OFF, ChainNumbers
+from rbd.records import number
 
 FLAT = 1e-9
 """Gradient [rad] below which a pose counts as nearest."""
@@ -251,7 +252,7 @@ class Inverse(Displayed):
     def __str__(self) -> str:
         if not self.reachable:
             return self.note
-        rows = [", ".join(f"{angle:.6g}" for angle in row) for row in np.degrees(self.branches)]
+        rows = [", ".join(number(angle) for angle in row) for row in np.round(np.degrees(self.branches), 9)]
         note = f" ({self.note})" if self.note else ""
         return f"({self.target[0]:g}, {self.target[1]:g}) m: " + " or ".join(f"({row}) deg" for row in rows) + note
 
