@@ -189,7 +189,7 @@ def test_exports_check_their_place_before_they_work(box: rbd.Robot, fall: rbd.Tr
     with Scene(box) as scene:
         scene.show(box.at())
         monkeypatch.setattr(scene, "page", never)
-        monkeypatch.setattr("rbd.visual.playback.animation.staged", never)
+        monkeypatch.setattr("rbd.visual.playback.animation.motion_scene", never)
         monkeypatch.setattr("rbd.simulation.trajectory.arrays_of", never)
         monkeypatch.setattr("rbd.simulation.trajectory.for_netcdf", never)
         nowhere = tmp_path / "nowhere"

@@ -197,8 +197,7 @@ class Scene(Displayed):
             )
         reframed = self._sizes is None or self._moving
         if self._moving:
-            for topic in ("motion", "moment"):
-                self._recorder.post(topic, json.dumps({topic: None}))
+            self._recorder.post("motion", json.dumps({"motion": None}))
             self._around, self._moving = np.zeros((0, 3)), False
         self._body.place(np.asarray(state.q, float), again=reframed)
         self._picture = Picture.of(state, solution, external)
@@ -319,9 +318,9 @@ class Scene(Displayed):
         self._recorder.post("motion", motion)
         self._recorder.post("view", self._view())
 
-    def stage_moment(self, moment: str) -> None:
-        """Move the robot of a live scene to a frame (JSON) of the motion from `stage_motion`."""
-        self._recorder.post("moment", moment)
+    def pause_motion(self) -> None:
+        """Stop the motion from `stage_motion` where its page shows it."""
+        self._recorder.post("paused", json.dumps({"paused": True}))
 
     def wait_for_viewer(self, seconds: float) -> bool:
         """Wait until a browser shows the live scene; whether one does."""

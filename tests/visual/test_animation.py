@@ -415,57 +415,42 @@ def test_a_strip_shows_the_motion_from_left_to_right(motion, tmp_path):
 # Live
 
 
-def moments(scene):
-    """Listen to a scene; returns the list of moments that it will be told."""
+def staged(scene):
+    """Listen to a scene; returns the list of motions, and of pauses, that it will be told."""
     told = []
-    scene._recorder.listen(lambda m: told.append(json.loads(m)) if isinstance(m, str) and '"moment"' in m[:12] else None)
+    scene._recorder.listen(lambda m: told.append(json.loads(m)) if isinstance(m, str) and m[2:8] in ("motion", "paused") else None)
     return told
 
 
-class Clock:
-    """Time that passes in `sleep` alone."""
-
-    def __init__(self):
-        self.now = 100.0
-
-    def monotonic(self):
-        """As `time.monotonic`."""
-        return self.now
-
-    def sleep(self, seconds):
-        """As `time.sleep`, at once."""
-        self.now += seconds
-
-
 def test_a_replay_keeps_time_and_ends_at_the_end(motion, box, monkeypatch):
-    """Half a second of playback takes half a second; the moments come in order, the first and the last among them."""
-    clock = Clock()
-    monkeypatch.setattr("rbd.visual.playback.animation.time", clock)
+    """Half a second of playback takes half a second; the page has all frames, the first and the last among them, and plays."""
+    slept = []
+    monkeypatch.setattr("rbd.visual.playback.animation.time.sleep", slept.append)
     with Scene(box) as scene:
         scene.show(rbd.State(box, motion.q[0]))
-        told = moments(scene)
+        told = staged(scene)
         replay(motion, speed=2.0, scene=scene)
-    times = [m["moment"]["t"] for m in told if m["moment"]]
-    assert times[0] == 0.0 and times[-1] == 1.0 and (np.diff(times) > 0.0).all() and len(times) <= 16
-    assert clock.now - 100.0 == pytest.approx(0.5, rel=1e-9)
-    row = np.frombuffer(base64.b64decode(told[-1]["moment"]["row"]), "<f4")
+    ((found,),) = [list(message.values()) for message in told]
+    assert slept == [pytest.approx(0.5, rel=1e-9)] and found["playing"] and found["speed"] == 2.0
+    assert found["times"][0] == 0.0 and found["times"][-1] == 1.0 and (np.diff(found["times"]) > 0.0).all()
+    row = np.frombuffer(base64.b64decode(found["rows"]), "<f4").reshape(len(found["times"]), -1)[-1]
     assert np.abs(row[:3] - motion.q[-1, :3]).max() < SINGLE
 
 
 def test_control_c_ends_a_replay_and_a_new_picture_ends_the_motion(motion, box, monkeypatch):
-    """The replay returns at once, without an error; `show` then takes the arrows of the motion away."""
+    """The replay returns at once, without an error, and the page pauses; `show` then takes the arrows of the motion away."""
 
     def interrupted(seconds):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(time, "sleep", interrupted)
     with Scene(box) as scene:
-        told = moments(scene)
+        told = staged(scene)
         replay(motion, scene=scene)
-        assert [m["moment"]["t"] for m in told if m["moment"]] == [0.0]
+        assert told[-1] == {"paused": True} and "motion" in told[-2]
         scene.show(rbd.State(box, motion.q[0]))
         kept = [m for m in scene._recorder.messages()[0] if isinstance(m, str)]
-        assert '{"motion": null}' in kept and '{"moment": null}' in kept
+        assert '{"motion": null}' in kept
 
 
 def test_a_replay_of_its_own_opens_and_closes_the_browser(motion, monkeypatch):

@@ -165,15 +165,22 @@ def test_plots_draw_the_report(report):
 
 
 def test_the_live_view_goes_through_the_frames(report, monkeypatch):
-    """It opens one browser, sends the missing force with the last frame, and does not wait for a viewer for ever."""
+    """It opens one browser, whose page has the missing force of the last frame, and does not wait for a viewer for ever."""
     opened, sent = [], []
+    stage = Scene.stage_motion
     monkeypatch.setattr("webbrowser.open", lambda address, new: opened.append(address))
     monkeypatch.setattr("rbd.visual.playback.animation.VIEWER_SECONDS", 0.05)
-    monkeypatch.setattr(Scene, "stage_moment", lambda self, moment: sent.append(json.loads(moment)["moment"]))
+
+    def heard(self, motion, *args, **further):
+        sent.append(json.loads(motion)["motion"])
+        stage(self, motion, *args, **further)
+
+    monkeypatch.setattr(Scene, "stage_motion", heard)
     report.show(speed=20.0)
     assert len(opened) == 1 and opened[0].startswith("http://127.0.0.1:")
-    assert sent[0]["t"] == 0.0 and sent[-1]["t"] == pytest.approx(report.motion.t[-1])
-    assert np.abs(numbers(sent[-1]["row"])[-9:-6] - report.missing[-1, :3]).max() < 1e-3
+    (found,) = sent
+    assert found["times"][0] == 0.0 and found["times"][-1] == pytest.approx(report.motion.t[-1]) and found["playing"]
+    assert np.abs(numbers(found["rows"])[-9:-6] - report.missing[-1, :3]).max() < 1e-3
 
 
 def test_what_is_no_report_is_refused(report, tmp_path):

@@ -1,10 +1,10 @@
-"""What is drawn of a study: its dimensions as axes, one of its quantities as numbers or as categories."""
+"""The samples of a study that is drawn, one after another: where they are along each axis, and what is drawn of each."""
 
 from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -37,13 +37,13 @@ _CERTIFICATES = ("residual", "worst_residual", "seconds", "iterations")
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """A dimension or a coordinate of the samples, as positions along an axis.
+    """Where samples are along a dimension or a coordinate.
 
     Attributes:
         name: Its name in the dataset.
         label: Name and unit.
-        at: Positions, shape (n,); of categories 0, 1, ... in the order in which they are drawn.
-        words: Text of every position, of categories; else empty.
+        at: Of each sample, shape (n,); of categories 0, 1, ... in the order in which they are drawn.
+        words: Text of every category; empty of numbers.
         scale: "linear" or "log".
     """
 
@@ -53,16 +53,29 @@ class Axis:
     words: tuple[str, ...] = ()
     scale: str = "linear"
 
-    @property
-    def edges(self) -> Array:
-        """Midway between positions, and as far beyond the first and the last, shape (n + 1,); they have to be increasing."""
-        at = np.log(self.at) if self.scale == "log" else self.at
+    def cells(self) -> tuple[Array, Array]:
+        """(edges of the cells of all values, shape (k + 1,), increasing; the cell of each sample, shape (n,)).
+
+        Edges are midway between values, and as far beyond the first and the last.
+        """
+        values, cell = np.unique(self.at, return_inverse=True)
+        at = np.log(values) if self.scale == "log" else values
         if len(at) == 1:
             half = 0.5 * abs(at[0]) if at[0] and not self.words else 0.5
-            return np.array([at[0] - half, at[0] + half])
+            return np.array([at[0] - half, at[0] + half]), cell
         mid = (at[1:] + at[:-1]) / 2.0
         edges = np.concatenate([[2.0 * at[0] - mid[0]], mid, [2.0 * at[-1] - mid[-1]]])
-        return np.exp(edges) if self.scale == "log" else edges
+        return np.exp(edges) if self.scale == "log" else edges, cell
+
+    def groups(self) -> list[tuple[str, Array]]:
+        """(text, which samples have it) of every value; numbers have as many digits as tell them apart."""
+        values = np.unique(self.at)
+        names = [self.words[int(value)] for value in values] if self.words else []
+        for digits in () if self.words else (6, 9, 17):
+            names = [f"{value:.{digits}g}" for value in values]
+            if len(set(names)) == len(names):
+                break
+        return [(name, self.at == value) for name, value in zip(names, values, strict=True)]
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,6 +91,41 @@ class Quantity:
     label: str
     values: Array
     categories: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def there(self) -> Array:
+        """Which samples have a value."""
+        return self.values >= 0 if self.categories else np.isfinite(self.values)
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Samples as they are drawn.
+
+    Attributes:
+        x: Across.
+        y: Up.
+        shown: What colours them, or of curves their height; None: nothing.
+        ok: Which are ok, shape (n,).
+        not_run: Which were not run.
+    """
+
+    x: Axis
+    y: Axis
+    shown: Quantity | None
+    ok: Array
+    not_run: Array
+
+    @property
+    def bad(self) -> Array:
+        """Which were run and are not ok."""
+        return ~self.ok & ~self.not_run
+
+    def some(self, which: Array) -> Samples:
+        """Those with `which`, shape (n,)."""
+        x, y = (replace(axis, at=axis.at[which]) for axis in (self.x, self.y))
+        shown = None if self.shown is None else replace(self.shown, values=self.shown.values[which])
+        return Samples(x, y, shown, self.ok[which], self.not_run[which])
 
 
 class StudyData:
@@ -105,14 +153,16 @@ class StudyData:
                 f"the study has {whole['ok'].size} samples, more than a picture shows ({MOST_SAMPLES}); select some: "
                 "dataset.isel({'friction': slice(None, None, 10)}), or average them first."
             )
+        if whole["ok"].dtype.kind != "b":
+            raise InputError(
+                f"ok has values of type {whole['ok'].dtype}; expected truth values, as rbd.study returns them."
+            )
         asked = [name for name in named if isinstance(name, str)]
         single = {d: 0 for d in whole["ok"].dims if whole.sizes[d] == 1 and d not in asked}
         self.dataset = whole.isel(single)
+        if not self.dataset["ok"].dims:
+            self.dataset = self.dataset.expand_dims(str(next(iter(whole["ok"].dims), "sample")))
         self.dims: tuple[str, ...] = tuple(map(str, self.dataset["ok"].dims))
-        self.share: xarray.DataArray | None = None
-        if not self.dims:
-            first = str(next(iter(whole["ok"].dims), "sample"))
-            self.dataset, self.dims = self.dataset.expand_dims(first), (first,)
 
     @property
     def drawn_at_random(self) -> bool:
@@ -127,12 +177,24 @@ class StudyData:
         return coords[dim].dtype.kind in "iu" and any(x.dims == (dim,) for name, x in coords.items() if name != dim)
 
     def axis(self, what: str, name: object) -> Axis:
-        """The axis of a dimension or coordinate; `what` is the argument that names it.
+        """Where the samples are along a dimension or coordinate; `what` is the argument that names it.
+
+        Numbers as they are; else categories, in their order, of draws in that of the alphabet.
 
         Raises:
             InputError: there is none, or it has more dimensions than one.
         """
-        return axis_of(name, self.variable(what, name), in_order=not self.drawn_at_random)
+        variable = self.variable(what, name)
+        values, label, words = np.asarray(variable.values), _label(str(name), variable.attrs), list[str]()
+        if values.dtype.kind in "fiu" and np.isfinite(values).all():
+            at = values.astype(float)
+        else:
+            texts = [f"{x:g}" if isinstance(x, float) else str(x) for x in values.tolist()]
+            words = list(dict.fromkeys(sorted(texts) if self.drawn_at_random else texts))
+            at = np.array([words.index(text) for text in texts], float)
+        along = [len(at) if dim in variable.dims else 1 for dim in self.dims]
+        each = np.broadcast_to(at.reshape(along), self.dataset["ok"].shape).ravel()
+        return Axis(str(name), label, each, tuple(word[:40] for word in words), "linear" if words else _scale(at))
 
     def variable(self, what: str, name: object) -> xarray.DataArray:
         """A dimension, coordinate or, of draws, any quantity with one value for each sample.
@@ -144,9 +206,7 @@ class StudyData:
         fits = [str(n) for n, v in table.coords.items() if len(v.dims) == 1 and v.dims[0] in self.dims]
         names = list(dict.fromkeys([*self.dims, *fits]))
         if self.drawn_at_random:
-            names += [
-                str(n) for n, v in table.data_vars.items() if v.dims == self.dims and n not in ("ok", "reason", "message")
-            ]
+            names += [str(n) for n, v in table.data_vars.items() if v.dims == self.dims and n not in _OF_ALL]
         if not isinstance(name, str) or name not in names:
             raise InputError(
                 f"{what} is {name!r:.80}, and the samples have no such dimension or coordinate; {nearest(name, names)}."
@@ -157,61 +217,57 @@ class StudyData:
         """The dimension along which this one runs."""
         return str(self.variable(what, name).dims[0])
 
-    def quantity(self, name: object, dims: Sequence[str]) -> Quantity:
-        """A quantity over dimensions in this order.
+    def flat(self, variable: xarray.DataArray) -> Array:
+        """The values of a variable with the dimensions of the samples, sample by sample, shape (n,)."""
+        return np.asarray(variable.transpose(*self.dims).values).ravel()
+
+    def quantity(self, name: object) -> Quantity:
+        """A quantity of each sample.
 
         Args:
             name: Its name; with labels of its further dimensions: "force_left_sole[fz]". None: the first number that is no
                 residual, or the reasons where there is no number.
-            dims: Dimensions of the samples.
 
         Raises:
             InputError: no such quantity, or one with further dimensions of which no labels are given.
         """
         if name is None:
             name = self._default()
-        shown = self._selected(name) if self.share is None else self.share
-        values = np.asarray(shown.transpose(*dims).values)
-        attributes: Mapping[str, Any] = shown.attrs
+        shown = self._selected(name)
+        values, label, attributes = self.flat(shown), str(name), shown.attrs
         if name == "reason":
-            return _of_codes("reason", values, {int(c): _reason_text(int(c), attributes) for c in np.unique(values)})
+            return _of_codes(label, values, {int(c): _reason_text(int(c), attributes) for c in np.unique(values)})
         if "flag_values" in attributes:
-            meanings = str(attributes.get("flag_meanings", "")).split()
-            texts = dict(zip(map(int, np.atleast_1d(attributes["flag_values"])), meanings, strict=False))
-            return _of_codes(str(name), values, {int(c): texts.get(int(c), str(int(c))) for c in np.unique(values) if c != -1})
+            texts = _meanings(attributes)
+            return _of_codes(label, values, {int(c): texts.get(int(c), str(int(c))) for c in np.unique(values) if c != -1})
         if values.dtype.kind == "b":
-            known = np.ones(values.shape, bool) if name == "ok" else np.asarray(self.dataset["ok"].transpose(*dims).values)
-            return _of_codes(str(name), np.where(known, values.astype(int), -1), {0: "no", 1: "yes"})
+            known = True if name == "ok" else self.flat(self.dataset["ok"])
+            return _of_codes(label, np.where(known, values.astype(int), -1), {0: "no", 1: "yes"})
         if values.dtype.kind in "fiu":
             numbers = values.astype(float)
-            return Quantity(_label(str(name), attributes), np.where(np.isfinite(numbers), numbers, np.nan))
+            return Quantity(_label(label, attributes), np.where(np.isfinite(numbers), numbers, np.nan))
         words, codes = np.unique(values.astype(str), return_inverse=True)
-        return _of_codes(str(name), codes.reshape(values.shape), {i: word for i, word in enumerate(words.tolist()) if word})
+        return _of_codes(label, codes, {i: word for i, word in enumerate(words.tolist()) if word})
 
-    def states(self, dims: Sequence[str]) -> tuple[Array, Array]:
-        """Which samples are ok, and which were not run, over dimensions in this order."""
-        ok = np.asarray(self.dataset["ok"].transpose(*dims).values)
-        if ok.dtype.kind != "b":
-            raise InputError(f"ok has values of type {ok.dtype}; expected truth values, as rbd.study returns them.")
-        return ok, np.asarray(self.dataset["reason"].transpose(*dims).values) == Reason.NOT_RUN.code
+    def states(self) -> tuple[Array, Array]:
+        """(which samples are ok, which were not run), each of shape (n,)."""
+        return self.flat(self.dataset["ok"]), self.flat(self.dataset["reason"]) == Reason.NOT_RUN.code
 
-    def averaged(self, used: Sequence[object]) -> StudyData:
-        """The share of draws that are ok, at each point of a grid, as the quantity "ok"; the study as it is without draws.
+    def averaged(self, used: Sequence[object]) -> tuple[StudyData, str]:
+        """(the study with the share of draws that are ok at each point of a grid, its name); without draws as it is, "ok".
 
         Args:
             used: Names that the user gave.
         """
-        named = [name for name in used if isinstance(name, str)]
-        left = [d for d in self.dims if self.numbered(d) and d not in named]
+        left = [d for d in self.dims if self.numbered(d) and d not in used]
         if not left or len(left) == len(self.dims):
-            return self
+            return self, "ok"
         ok, ran = self.dataset["ok"], self.dataset["reason"] != Reason.NOT_RUN.code
+        some, name = ran.any(left), "share"
         share = (100.0 * ok.where(ran).mean(left)).assign_attrs(units="%", long_name="samples that are ok")
-        some = ran.any(left)
-        out = StudyData(self.dataset[["ok", "reason"]].isel(dict.fromkeys(left, 0)), used)
-        reasons = some.astype("int16") * 0 + (~some).astype("int16") * Reason.NOT_RUN.code
-        out.dataset, out.share = out.dataset.assign(ok=some, reason=reasons), share
-        return out
+        table = self.dataset[["ok", "reason"]].isel(dict.fromkeys(left, 0))
+        reasons = (~some).astype("int16") * Reason.NOT_RUN.code
+        return StudyData(table.assign({"ok": some, "reason": reasons, name: share}), used), name
 
     def check_left(self, used: Sequence[str], *, by_given: bool) -> None:
         """Refuse dimensions that are neither drawn nor selected.
@@ -250,32 +306,24 @@ class StudyData:
         if not isinstance(plain, str) or plain not in names:
             raise InputError(f"value is {name!r:.80}, and the study has no such quantity; {nearest(plain, names)}.")
         shown = table[plain]
-        further = [d for d in shown.dims if d not in self.dims]
-        labels = {d: [str(x) for x in np.asarray(table[d].values)] for d in further}
-        if len(given) != len(further):
-            if not further:
-                raise InputError(f"{plain} has one value for each sample and no labels; leave out [{','.join(given)}].")
+        labels = {d: [str(x) for x in np.asarray(table[d].values)] for d in shown.dims if d not in self.dims}
+        if given and not labels:
+            raise InputError(f"{plain} has one value for each sample and no labels; leave out [{','.join(given)}].")
+        if len(given) != len(labels):
             told = "; ".join(f"{d}: {', '.join(list(x)[:8])}{', ...' if len(x) > 8 else ''}" for d, x in labels.items())
             raise InputError(
-                f"{plain} has a value for each of {' and '.join(map(str, further))}; select one by its label: "
+                f"{plain} has a value for each of {' and '.join(map(str, labels))}; select one by its label: "
                 f"value={plain + '[' + ', '.join(x[0] for x in labels.values() if x) + ']'!r}. There are {told}."
             )
-        for dim, label in zip(further, given, strict=True):
-            if label not in labels[dim]:
-                raise InputError(f"{plain} has no {label!r:.80} along {dim}; {nearest(label, labels[dim])}.")
-            shown = shown.isel({dim: labels[dim].index(label)})
+        for (dim, known), label in zip(labels.items(), given, strict=True):
+            if label not in known:
+                raise InputError(f"{plain} has no {label!r:.80} along {dim}; {nearest(label, known)}.")
+            shown = shown.isel({dim: known.index(label)})
         return shown
 
 
-def axis_of(name: object, variable: xarray.DataArray, *, in_order: bool = True) -> Axis:
-    """Numbers as they are; else categories, in their order or in that of the alphabet."""
-    values = np.asarray(variable.values)
-    label = _label(str(name), variable.attrs)
-    if values.dtype.kind in "fiu" and np.isfinite(values).all():
-        return Axis(str(name), label, values.astype(float), scale=_scale(values.astype(float)))
-    words = [_short(x) for x in values.tolist()]
-    order = list(dict.fromkeys(words if in_order else sorted(words)))
-    return Axis(str(name), label, np.array([order.index(word) for word in words], float), tuple(order))
+_OF_ALL = ("ok", "reason", "message")
+"""Quantities that every study has, none of them an axis."""
 
 
 def _scale(at: Array) -> str:
@@ -293,29 +341,27 @@ def _label(name: str, attributes: Mapping[str, Any]) -> str:
     return f"{told} [{unit}]" if unit not in ("", "1") else told
 
 
-def _short(value: object) -> str:
-    return f"{value:g}" if isinstance(value, float) else str(value)[:40]
+def _meanings(attributes: Mapping[str, Any]) -> dict[int, str]:
+    """{code: its meaning}, as a dataset says of its flags."""
+    codes = [int(code) for code in np.atleast_1d(attributes.get("flag_values", []))]
+    return dict(zip(codes, str(attributes.get("flag_meanings", "")).split(), strict=False))
 
 
 def _reason_text(code: int, attributes: Mapping[str, Any]) -> str:
     """The text of a code; of one that this version does not know, what the dataset says of it."""
-    for reason in Reason:
-        if reason.code == code:
-            return reason.value
-    values = [int(x) for x in np.atleast_1d(attributes.get("flag_values", []))]
-    meanings = str(attributes.get("flag_meanings", "")).split()
-    return meanings[values.index(code)] if code in values and len(meanings) == len(values) else f"reason {code}"
+    known = {reason.code: reason.value for reason in Reason}
+    return known[code] if code in known else _meanings(attributes).get(code, f"reason {code}")
 
 
 def _of_codes(label: str, codes: Array, texts: Mapping[int, str]) -> Quantity:
     """Codes as categories, each with a colour of its own."""
     if len(texts) > MOST_CATEGORIES:
         raise InputError(f"{label} has {len(texts)} different texts, more than colours can tell apart ({MOST_CATEGORIES}).")
-    taken = {REASON_COLORS[text] for text in texts.values() if text in REASON_COLORS} if label == "reason" else set()
+    known = REASON_COLORS if label == "reason" else {}
+    taken = {known[text] for text in texts.values() if text in known}
     free = iter([color for color in distinct_colors(len(CONTACT_COLORS) + len(texts)) if color not in taken])
     places, categories = np.full(codes.shape, -1), []
     for i, (code, text) in enumerate(sorted(texts.items())):
         places[codes == code] = i
-        color = REASON_COLORS.get(text) if label == "reason" else None
-        categories.append((text or "ok", color or next(free)))  # the text of `Reason.NONE` is empty
+        categories.append((text or "ok", known.get(text) or next(free)))  # the text of `Reason.NONE` is empty
     return Quantity(label, places, tuple(categories))

@@ -2,28 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError
-from rbd.visual.figures.plots import an_axis
-from rbd.visual.figures.study_charts import (
-    FEW,
-    NUMBERS,
-    boundary_key,
-    draw_curves,
-    draw_map,
-    draw_points,
-    dress,
-    family_colors,
-    legend_keys,
-    ring_key,
-    scale_of,
-)
-from rbd.visual.figures.study_data import Axis, Quantity, StudyData
+from rbd.visual.figures.plots import an_axis, frame
+from rbd.visual.figures.study_data import NOT_RUN_COLOR, Axis, Quantity, Samples, StudyData
 from rbd.visual.style import distinct_colors
 
 if TYPE_CHECKING:
@@ -36,7 +24,24 @@ if TYPE_CHECKING:
 MOST_PANELS = 12
 PANEL = (4.4, 3.6)
 """Width and height of a picture's panel, where this module makes the figure [inch]."""
-_LEGEND: dict[str, Any] = {
+NUMBERS, SIGNED = "viridis", "PuOr"
+"""Colour maps that colour-blind readers can read: of numbers of one sign, and of both."""
+NO_VALUE_COLOR, NOT_OK_COLOR, BOUNDARY_COLOR = "#c4c9ce", "#3d454c", "#d6006c"
+MOST_PIECES = 2000
+"""More pieces of hatched cells are drawn plain, and more pieces of a boundary thin: hatching takes a millisecond each."""
+FEW = 8
+"""Up to this many curves have colours and names of their own; more share one scale of colours."""
+LOWEST, _ROOM = 0.02, 0.3
+"""Height of the lowest row of crosses, and of all rows, as shares of the axes' height."""
+MANY = 2000
+"""More points are drawn smaller."""
+NO_VALUE: Mapping[str, Any] = {"facecolor": NO_VALUE_COLOR, "hatch": "/////"}
+WAITING: Mapping[str, Any] = {"facecolor": NOT_RUN_COLOR, "hatch": "...."}
+_HATCH: Mapping[str, Any] = {"linewidth": 0.0, "edgecolor": "#8d949b"}
+_CROSS: Mapping[str, Any] = {"marker": "x", "ls": "", "color": NOT_OK_COLOR, "ms": 5.0, "mew": 1.3}
+_RING: Mapping[str, Any] = {"marker": "o", "ls": "", "mfc": "white", "mew": 1.8, "label": "the last that is ok"}
+_EDGE: Mapping[str, Any] = {"color": BOUNDARY_COLOR, "label": "between the last ok and the first not ok"}
+_LEGEND: Mapping[str, Any] = {
     "frameon": False,
     "fontsize": "small",
     "handlelength": 1.5,
@@ -98,22 +103,23 @@ def plot_study(
         >>> cells.axes.get_xlabel(), cells.axes.get_ylabel(), int(cells.get_array().count())  # six of nine have a value
         ('friction', 'push', 6)
     """
-    data = StudyData(dataset, (x, y, by))
+    names = (x, y, by)
+    data = StudyData(dataset, names)
     if isinstance(value, str) and value == "ok":
-        data = data.averaged((x, y, by))
+        data, value = data.averaged(names)
     across, up, rest = _chosen(data, x, y, by)
     if data.drawn_at_random:
-        return _draws(data, across, up, value, rest, ax)
+        return _points(data, across, up, value, rest, ax)
     dims = [data.dim(what, name) for what, name in (("x", across), ("y", up), ("by", rest)) if name is not None]
     if len(set(dims)) < len(dims):
         raise InputError(f"x, y and by are {across!r}, {up!r} and {rest!r}, which are not all of different dimensions.")
     data.check_left(dims, by_given=rest is not None)
-    shown, (ok, not_run) = data.quantity(value, dims), data.states(dims)
+    shown = data.quantity(value)
     if up is None and not shown.categories:
-        return _curves(data, across, rest, shown, ok, not_run, ax)
+        return _curves(data, across, shown, rest, ax)
     if up is None:  # categories are cells, and families are their rows
         up, rest = rest, None
-    return _maps(data, (across, up, rest), shown, ok, not_run, ax)
+    return _maps(data, across, up, shown, rest, ax)
 
 
 def _chosen(data: StudyData, x: object, y: object, by: object) -> tuple[str, str | None, str | None]:
@@ -145,92 +151,287 @@ def _chosen(data: StudyData, x: object, y: object, by: object) -> tuple[str, str
     return str(x), None if y is None else str(y), None if by is None else str(by)
 
 
-def _maps(
-    data: StudyData, names: tuple[str, str | None, str | None], shown: Quantity, ok: Array, not_run: Array, ax: object
-) -> list[Artist]:
+def _maps(data: StudyData, x: str, y: str | None, shown: Quantity, by: str | None, ax: object) -> list[Artist]:
     """One map, or one for each value of the third name."""
-    x = _distinct(data.axis("x", names[0]))
-    y = None if names[1] is None else _distinct(data.axis("y", names[1]))
-    panels = _titles(None if names[2] is None else data.axis("by", names[2]))
+    up = Axis("", "", np.zeros(len(shown.values)), ("",)) if y is None else data.axis("y", y)
+    samples = Samples(data.axis("x", x), up, shown, *data.states())
     tall = PANEL[1] if y is not None else 1.2
-    axes, own = _axes(ax, len(panels), (PANEL[0], tall) if len(panels) > 1 else (6.8, tall + 0.9))
-    shape = (len(x.at), 1 if y is None else len(y.at), len(panels))
-    values, good, waiting = (a.reshape(shape) for a in (shown.values, ok, not_run))
-    norm, bounded = _norm(shown, values), False
-    drawn: list[Artist] = []
-    for k, (title, one) in enumerate(zip(panels, axes, strict=True)):
-        part = Quantity(shown.label, values[:, :, k], shown.categories)
-        made = draw_map(one, x, y, part, good[:, :, k], waiting[:, :, k], norm)
-        bounded |= made[-1].get_label() == "boundary"
-        if title:
-            one.set_title(title, fontsize="medium")
-        drawn += made
-    if not shown.categories:
-        _color_bar(axes, drawn[0], shown)
-    nothing = (shown.values < 0 if shown.categories else ~np.isfinite(shown.values)) & ~not_run
-    keys = legend_keys(shown, nothing & ~ok, not_run, cells=True, blank=nothing & ok)
-    _legend(axes, own, keys + [boundary_key()] * bounded, shown.label if shown.categories else "")
+    axes, own, drawn = _panels(samples, _groups(data, by), ax, (PANEL[0], tall), (6.8, tall + 0.9), draw_map)
+    nothing = ~shown.there & ~samples.not_run
+    keys = _category_keys(samples, cells=True)
+    for which, text, look in (
+        (nothing & ~samples.ok, "not ok", NO_VALUE),
+        (nothing & samples.ok, "ok, without a finite value", NO_VALUE),
+        (samples.not_run, "not run", WAITING),
+    ):
+        keys += _key(text, which, cells=True, **look, **_HATCH)
+    _legend(axes, own, keys + _named(drawn, _EDGE["label"]), shown.label if shown.categories else "")
     return drawn
 
 
-def _curves(data: StudyData, x: str, by: str | None, shown: Quantity, ok: Array, not_run: Array, ax: object) -> list[Artist]:
-    families = None if by is None else data.axis("by", by)
-    names = [""] if families is None else _families(families)
-    colors = family_colors(families, names)
+def _curves(data: StudyData, x: str, shown: Quantity, by: str | None, ax: object) -> list[Artist]:
+    """The value over one dimension, a line for each value of another one."""
+    axis = None if by is None else data.axis("by", by)
+    everything = np.ones(len(shown.values), bool)
+    groups = [("", everything)] if axis is None else axis.groups()
+    few = axis is None or bool(axis.words) or len(groups) <= FEW
+    colors = distinct_colors(len(groups)) if few or axis is None else _on_a_scale(axis)
     (one,), own = _axes(ax, 1, (7.0, 4.2))
-    shape = (-1, len(names))
-    good, waiting = ok.reshape(shape), not_run.reshape(shape)
-    drawn = draw_curves(one, data.axis("x", x), Quantity(shown.label, shown.values.reshape(shape)), good, waiting, colors)
-    few = families is not None and (bool(families.words) or len(names) <= FEW)
-    if families is not None and not few:
+    samples = Samples(data.axis("x", x), Axis("", "", everything), shown, *data.states())
+    families = [(name, color, samples.some(which)) for (name, which), color in zip(groups, colors, strict=True)]
+    drawn = draw_curves(one, families)
+    if axis is not None and not few:
         from matplotlib.cm import ScalarMappable
 
-        bar = one.figure.colorbar(ScalarMappable(scale_of(families), NUMBERS), ax=one)
-        dress(bar.ax, families, "y")
-    bad = ~good & ~waiting
-    keys = drawn[: len(names)] * few + legend_keys(None, bad, np.zeros(0, bool))
-    keys += [ring_key()] * bool((bad[1:] & good[:-1] | bad[:-1] & good[1:]).any()) + legend_keys(None, np.zeros(0), waiting)
-    _legend([one], own, keys, families.label if few and families is not None else "")
+        dress(one.figure.colorbar(ScalarMappable(_scale_of(axis), NUMBERS), ax=one).ax, axis, "y")
+    keys = drawn[: len(groups)] * (few and axis is not None) + _key("not ok", samples.bad, **_CROSS)
+    keys += _named(drawn, _RING["label"]) + _key("not run", samples.not_run, ls="")
+    _legend([one], own, keys, axis.label if few and axis is not None else "")
     return drawn
 
 
-def _families(by: Axis) -> list[str]:
-    """A name for each value, all different."""
-    words = [by.words[int(i)] for i in by.at] if by.words else []
-    for names in (words, *([f"{at:.{digits}g}" for at in by.at] for digits in (4, 9, 17))):
-        if len(set(names)) == len(by.at):
-            return names
-    return [f"{word} ({i})" for i, word in enumerate(words or names)]
-
-
-def _draws(data: StudyData, x: str, y: str | None, value: object, by: str | None, ax: object) -> list[Artist]:
+def _points(data: StudyData, x: str, y: str | None, value: object, by: str | None, ax: object) -> list[Artist]:
     """Points of two coordinates coloured by the value, one picture for each value of `by`; or of the value over x."""
-    shown, (ok, not_run) = data.quantity(value, data.dims), data.states(data.dims)
-    across, everything = data.axis("x", x), [("", np.ones(len(ok), bool))]
+    shown, across = data.quantity(value), data.axis("x", x)
     colored: Quantity | None = shown
     if y is None:
         up = Axis(shown.label, shown.label, shown.values, tuple(text for text, _ in shown.categories))
-        if not shown.categories or by is not None:
-            colored = None if by is None else _colors_of(data.axis("by", by))
-        parts = everything
+        if by is not None:
+            colored, by = _colors_of(data.axis("by", by)), None
+        elif not shown.categories:
+            colored = None
     else:
         up = data.axis("y", y)
-        parts = everything if by is None else _groups(data.axis("by", by))
-    axes, own = _axes(ax, len(parts), PANEL if len(parts) > 1 else (6.4, 4.5))
-    norm = None if colored is None else _norm(colored, colored.values)
-    by_reason = colored is not None and bool(colored.categories) and colored.label == "reason"
-    bad = ~ok & ~not_run & (not by_reason)
-    drawn: list[Artist] = []
-    for (title, which), one in zip(parts, axes, strict=True):
-        points = [Axis(a.name, a.label, a.at[which], a.words, a.scale) for a in (across, up)]
-        part = None if colored is None else Quantity(colored.label, colored.values[which], colored.categories)
-        drawn += draw_points(one, points[0], points[1], part, ok[which], bad[which], not_run[which], norm)
-        if title:
-            one.set_title(title, fontsize="medium")
-    if colored is not None and norm is not None:
-        _color_bar(axes, drawn[0], colored)
-    _legend(axes, own, legend_keys(colored, bad, not_run), colored.label if colored is not None and colored.categories else "")
+    samples = Samples(across, up, colored, *data.states())
+    axes, own, drawn = _panels(samples, _groups(data, by), ax, PANEL, (6.4, 4.5), draw_points)
+    keys = _category_keys(samples, cells=False)
+    if not _by_reason(samples):
+        keys += _key("not ok", samples.bad, **_CROSS)
+    keys += _key("not run", samples.not_run, ls="")
+    _legend(axes, own, keys, colored.label if colored is not None and colored.categories else "")
     return drawn
+
+
+def _panels(
+    samples: Samples,
+    groups: list[tuple[str, Array | None]],
+    ax: object,
+    small: tuple[float, float],
+    large: tuple[float, float],
+    draw: Callable[[Axes, Samples, Normalize | None], list[Artist]],
+) -> tuple[list[Axes], Figure | None, list[Artist]]:
+    """(the axes, their figure if it is made here, what is drawn): a picture for each group, with one scale of colours.
+
+    Args:
+        samples: All of them.
+        groups: (title, which samples) of each picture; None: all.
+        ax: The axes given.
+        small: Width and height of one of several pictures [inch].
+        large: Of the only one.
+        draw: What draws a picture.
+    """
+    axes, own = _axes(ax, len(groups), small if len(groups) > 1 else large)
+    norm = None if samples.shown is None else _norm(samples.shown)
+    drawn: list[Artist] = []
+    for (title, which), one in zip(groups, axes, strict=True):
+        drawn += draw(one, samples if which is None else samples.some(which), norm)
+        one.set_title(title, fontsize="medium")
+    if samples.shown is not None and norm is not None:
+        bar = axes[0].figure.colorbar(drawn[0], ax=axes, label=samples.shown.label)  # type: ignore[arg-type]
+        if not samples.shown.there.any():
+            bar.set_ticks([])
+    return axes, own, drawn
+
+
+def _groups(data: StudyData, by: str | None) -> list[tuple[str, Array | None]]:
+    """(title, which samples) of every value of a coordinate; without one a picture of all samples."""
+    if by is None:
+        return [("", None)]
+    axis = data.axis("by", by)
+    groups = axis.groups()
+    if len(groups) > MOST_PANELS:
+        raise InputError(
+            f"by={axis.name!r} has {len(groups)} values, more than there is room for pictures ({MOST_PANELS}); select some: "
+            f"dataset.isel({{{axis.name!r}: slice(0, {MOST_PANELS})}}) of a grid, dataset.isel(sample=...) of draws."
+        )
+    name, _, unit = axis.label.partition(" [")
+    return [(text if axis.words else f"{name} = {text} {unit.rstrip(']')}".strip(), which) for text, which in groups]
+
+
+def draw_map(ax: Axes, samples: Samples, norm: Normalize | None) -> list[Artist]:
+    """A cell for each sample, centred on it; where there is no value it is grey and hatched; the boundary is a line.
+
+    Args:
+        ax: Axes, empty.
+        samples: Each at a place of its own, all of a grid.
+        norm: Of the colours, of numbers.
+
+    Returns:
+        The cells, those without a value, the boundary, as far as they are there.
+
+    Raises:
+        InputError: two samples at one place.
+    """
+    from matplotlib.colors import ListedColormap
+
+    x, y, shown = samples.x, samples.y, samples.shown
+    assert shown is not None
+    (across, i), (up, j) = x.cells(), y.cells()
+    shape = (len(up) - 1, len(across) - 1)
+    if len(i) != shape[0] * shape[1]:
+        raise InputError(
+            f"values of {x.name} or {y.name or x.name} come twice, and a map has one cell for each; select: dataset.isel(...)."
+        )
+    order = np.lexsort((i, j))
+    given = (shown.values, shown.there, samples.ok, samples.not_run)
+    values, there, good, waiting = (each[order].reshape(shape) for each in given)
+    look: dict[str, Any] = {"cmap": _map_of(norm), "norm": norm}
+    if shown.categories:
+        colors = ListedColormap([color for _, color in shown.categories])
+        look = {"cmap": colors, "vmin": -0.5, "vmax": len(shown.categories) - 0.5}
+    drawn: list[Artist] = [ax.pcolormesh(across, up, np.ma.masked_array(values, ~there), **look)]
+    drawn += _cells(ax, across, up, ~there & ~waiting, NO_VALUE)
+    drawn += _cells(ax, across, up, waiting, WAITING)
+    bad = ~good & ~waiting
+    pieces = [] if x.words else _borders(across, up, good, bad)
+    pieces += [] if y.words else [ends[:, :, ::-1] for ends in _borders(up, across, good.T, bad.T)]
+    drawn += _boundary(ax, np.concatenate([np.zeros((0, 2, 2)), *pieces]))
+    dress(ax, x, "x")
+    dress(ax, y, "y")
+    ax.set_xlim(across[0], across[-1])
+    ax.set_ylim(up[0], up[-1])
+    return drawn
+
+
+def _borders(across: Array, up: Array, good: Array, bad: Array) -> list[Array]:
+    """Edges between neighbours along a row of which one is good and one bad, shape (n, 2, 2): both ends of each."""
+    j, i = np.nonzero(good[:, :-1] & bad[:, 1:] | bad[:, :-1] & good[:, 1:])
+    return [np.stack([np.column_stack([across[i + 1], up[j + k]]) for k in (0, 1)], axis=1)]
+
+
+def _boundary(ax: Axes, segments: Array) -> list[Artist]:
+    """Edges of cells between ok and not ok, along axes that are ordered: categories have no boundary between them."""
+    from matplotlib.collections import LineCollection
+
+    if not len(segments):
+        return []
+    width = 2.2 if len(segments) <= MOST_PIECES else 0.4
+    line = LineCollection(list(segments), linewidths=width, capstyle="round", zorder=3, **_EDGE)
+    ax.add_collection(line)
+    return [line]
+
+
+def _cells(ax: Axes, across: Array, up: Array, which: Array, look: Mapping[str, Any]) -> list[Artist]:
+    """Hatched cells as one artist, neighbours above each other as one piece; very many pieces are not hatched."""
+    from matplotlib.collections import PolyCollection
+    from matplotlib.colors import ListedColormap
+
+    if not which.any():
+        return []
+    steps = np.diff(np.pad(which.T.astype(np.int8), ((0, 0), (1, 1))), axis=1)
+    (i, first), (_, last) = np.nonzero(steps == 1), np.nonzero(steps == -1)
+    if len(i) > MOST_PIECES:
+        return [ax.pcolormesh(across, up, np.ma.masked_array(which, ~which), cmap=ListedColormap([look["facecolor"]]))]
+    left, right, low, high = across[i], across[i + 1], up[first], up[last]
+    corners = np.stack([np.column_stack(p) for p in ((left, low), (right, low), (right, high), (left, high))], axis=1)
+    cells = PolyCollection(list(corners), **look, **_HATCH)
+    ax.add_collection(cells)
+    return [cells]
+
+
+def draw_curves(ax: Axes, families: list[tuple[str, str, Samples]]) -> list[Artist]:
+    """A line for each family, broken where there is no value; crosses at the axis where a sample is not ok.
+
+    The last ok sample before one that is not ok has a ring.
+
+    Args:
+        ax: Axes, empty.
+        families: (name, colour, samples) of each.
+
+    Returns:
+        The lines, then crosses and rings.
+    """
+    lines: list[Artist] = []
+    marks: list[Artist] = []
+    step = min(0.03, _ROOM / len(families))
+    for k, (name, color, samples) in enumerate(families):
+        x, shown = samples.x, samples.shown
+        assert shown is not None
+        order = np.argsort(x.at, kind="stable")
+        at, bad = x.at[order], samples.bad[order]
+        curve = np.where(samples.ok, shown.values, np.nan)[order]
+        lines += ax.plot(at, curve, "o-", color=color, lw=1.7, ms=3.0 if len(at) <= 60 else 0.0, label=name, zorder=3)
+        if bad.any():
+            low, foot = np.full(bad.sum(), LOWEST + k * step), ax.get_xaxis_transform()
+            marks += ax.plot(at[bad], low, **{**_CROSS, "color": color}, transform=foot, zorder=4)
+        beside = np.append(bad[1:], False) | np.append(False, bad[:-1])
+        last = beside & np.isfinite(curve)
+        if last.any() and not x.words:
+            marks += ax.plot(at[last], curve[last], **_RING, mec=color, ms=7.5, zorder=5)
+    dress(ax, x, "x")
+    ax.set_ylabel(shown.label)
+    ax.margins(y=0.12)
+    frame(ax, "y")
+    return lines + marks
+
+
+def _on_a_scale(axis: Axis) -> list[str]:
+    """The colour of every value of an axis, on one scale."""
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
+    return [to_hex(color) for color in colormaps[NUMBERS](_scale_of(axis)(np.unique(axis.at)))]
+
+
+def _scale_of(axis: Axis) -> Normalize:
+    """The colours of many families, by the numbers that they stand for."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    return (LogNorm if axis.scale == "log" else Normalize)(float(axis.at.min()), float(axis.at.max()))
+
+
+def draw_points(ax: Axes, samples: Samples, norm: Normalize | None) -> list[Artist]:
+    """Draws as points of two of their coordinates, coloured by a quantity; crosses where a sample is not ok.
+
+    Args:
+        ax: Axes, empty.
+        samples: Those that were not run are left out.
+        norm: Of the colours, of numbers.
+
+    Returns:
+        The points, of categories one artist each, then the crosses.
+    """
+    drawn: list[Artist] = []
+    x, y, shown, ok = samples.x, samples.y, samples.shown, samples.ok
+    size = 26.0 if len(ok) <= MANY else 6.0
+    style: dict[str, Any] = {"s": size, "linewidths": 0.4, "edgecolors": "white", "zorder": 3}
+    there = np.isfinite(x.at) & np.isfinite(y.at)
+    if shown is None:
+        drawn.append(ax.scatter(x.at[ok & there], y.at[ok & there], color=distinct_colors(1)[0], **style))
+    elif shown.categories:
+        for i, (text, color) in enumerate(shown.categories):
+            which = (shown.values == i) & ~samples.not_run & there
+            if which.any():  # those that are ok are pale, so that their rim is grey
+                rim = {**style, "edgecolors": "0.55" if text == "ok" else "white"}
+                drawn.append(ax.scatter(x.at[which], y.at[which], color=color, label=f"{text} ({int(which.sum())})", **rim))
+    else:
+        which = ok & shown.there & there
+        drawn.append(ax.scatter(x.at[which], y.at[which], c=shown.values[which], cmap=_map_of(norm), norm=norm, **style))
+    bad = samples.bad & (not _by_reason(samples))
+    # Of a sample that is not ok the quantity drawn upwards may have no value: it is marked at the axis.
+    low = bad & np.isfinite(x.at) & ~np.isfinite(y.at)
+    for which, up, more in ((bad & there, y.at, {}), (low, np.full(len(ok), LOWEST), {"transform": ax.get_xaxis_transform()})):
+        if which.any():
+            drawn += ax.plot(x.at[which], up[which], **{**_CROSS, "mew": 1.0, "zorder": 2, **more})
+    dress(ax, x, "x")
+    dress(ax, y, "y")
+    frame(ax, "both")
+    return drawn
+
+
+def _by_reason(samples: Samples) -> bool:
+    """Whether the colours tell why samples are not ok."""
+    return samples.shown is not None and bool(samples.shown.categories) and samples.shown.label == "reason"
 
 
 def _colors_of(axis: Axis) -> Quantity:
@@ -241,41 +442,18 @@ def _colors_of(axis: Axis) -> Quantity:
     return Quantity(axis.label, axis.at.astype(int), tuple(zip(axis.words, colors, strict=True)))
 
 
-def _groups(axis: Axis) -> list[tuple[str, Array]]:
-    """(title, which samples) of every value of a coordinate of draws."""
-    values = np.unique(axis.at)
-    return [(title, axis.at == at) for title, at in zip(_titles(axis, values), values, strict=True)]
+def _map_of(norm: Normalize | None) -> str:
+    """The map of colours of numbers."""
+    return SIGNED if norm is not None and norm.vmin is not None and norm.vmin < 0.0 else NUMBERS
 
 
-def _titles(axis: Axis | None, values: Array | None = None) -> list[str]:
-    """The title of the map of each value: name, value, unit; one empty title without an axis."""
-    if axis is None:
-        return [""]
-    at = axis.at if values is None else values
-    if len(at) > MOST_PANELS:
-        raise InputError(
-            f"by={axis.name!r} has {len(at)} values, more than there is room for pictures ({MOST_PANELS}); select some: "
-            f"dataset.isel({{{axis.name!r}: slice(0, {MOST_PANELS})}}) of a grid, dataset.isel(sample=...) of draws."
-        )
-    if axis.words:
-        return [axis.words[int(i)] for i in at]
-    name, _, unit = axis.label.partition(" [")
-    return [f"{name} = {value:g} {unit.rstrip(']')}".strip() for value in at]
-
-
-def _distinct(axis: Axis) -> Axis:
-    if len(np.unique(axis.at)) < len(axis.at):
-        raise InputError(f"values of {axis.name} come twice, and a map has one cell for each; select: dataset.isel(...).")
-    return axis
-
-
-def _norm(shown: Quantity, values: Array) -> Normalize | None:
-    """One scale of colours for all maps: even around zero where there are both signs; None for categories."""
+def _norm(shown: Quantity) -> Normalize | None:
+    """One scale of colours for all pictures: even around zero where there are both signs; None for categories."""
     from matplotlib.colors import Normalize
 
     if shown.categories:
         return None
-    finite = values[np.isfinite(values)]
+    finite = shown.values[shown.there]
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
     if low < 0.0 < high:
         low, high = -max(-low, high), max(-low, high)
@@ -283,11 +461,23 @@ def _norm(shown: Quantity, values: Array) -> Normalize | None:
     return Normalize(low - half, high + half)
 
 
-def _color_bar(axes: list[Axes], drawn: Artist, shown: Quantity) -> None:
-    """The scale of colours of numbers; without numbers on it where no sample has one."""
-    bar = axes[0].figure.colorbar(drawn, ax=axes, label=shown.label)  # type: ignore[arg-type]
-    if not np.isfinite(shown.values).any():
-        bar.set_ticks([])
+def dress(ax: Axes, axis: Axis, which: str) -> None:
+    """Label, scale and words of an axis, "x" or "y"."""
+    chosen = ax.xaxis if which == "x" else ax.yaxis
+    chosen.set_label_text(axis.label)
+    if axis.words:
+        chosen.set_ticks([k for k, word in enumerate(axis.words) if word], [word for word in axis.words if word])
+        if which == "x" and sum(map(len, axis.words)) > 40:
+            ax.tick_params(axis="x", labelrotation=30)
+        return
+    if axis.scale == "log":
+        from matplotlib.ticker import LogLocator, NullFormatter, NullLocator
+
+        (ax.set_xscale if which == "x" else ax.set_yscale)("log")
+        chosen.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        chosen.set_major_formatter(lambda value, _: f"{value:g}")
+        chosen.set_minor_locator(NullLocator())
+        chosen.set_minor_formatter(NullFormatter())
 
 
 def _axes(ax: object, count: int, size: tuple[float, float]) -> tuple[list[Axes], Figure | None]:
@@ -312,6 +502,41 @@ def _axes(ax: object, count: int, size: tuple[float, float]) -> tuple[list[Axes]
     if len(given) != count:
         raise InputError(f"ax are {len(given)} axes; expected {count}, one for each picture, or None for a new figure.")
     return given, None
+
+
+def _category_keys(samples: Samples, *, cells: bool) -> list[Artist]:
+    """Entries of the legend: each category that is there, with how many samples."""
+    shown = samples.shown
+    if shown is None:
+        return []
+    frame: dict[str, Any] = {"edgecolor": "0.6", "linewidth": 0.5} if cells else {"marker": "o", "ls": "", "ms": 6.0}
+    frame |= {} if cells else {"mec": "0.55", "mew": 0.5}
+    keys: list[Artist] = []
+    for i, (text, color) in enumerate(shown.categories):
+        which = (shown.values == i) & ~samples.not_run
+        keys += _key(text, which, cells=cells, **{"facecolor" if cells else "color": color}, **frame)
+    return keys
+
+
+def _key(text: str, which: Array, *, cells: bool = False, **look: Any) -> list[Artist]:
+    """An entry of the legend with how many samples there are, if any: of cells a patch, else a mark."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    if not which.any():
+        return []
+    label = f"{text} ({int(which.sum())})"
+    return [Patch(label=label, **look) if cells else Line2D([], [], label=label, **look)]
+
+
+def _named(drawn: list[Artist], label: str) -> list[Artist]:
+    """The entry of the legend of boundaries or rings, if there are any."""
+    from matplotlib.lines import Line2D
+
+    if not any(artist.get_label() == label for artist in drawn):
+        return []
+    looks = {_EDGE["label"]: {**_EDGE, "lw": 2.2}, _RING["label"]: {**_RING, "mec": NOT_OK_COLOR, "ms": 7.0}}
+    return [Line2D([], [], **looks[label])]
 
 
 def _legend(axes: list[Axes], figure: Figure | None, keys: list[Artist], title: str) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
@@ -21,7 +20,7 @@ from rbd.motion.report import MotionReport
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.marks.regions import footprints_of
 from rbd.visual.pages.browser import Browser
-from rbd.visual.pages.page import screenshot, write_page
+from rbd.visual.pages.page import photograph, write_page
 from rbd.visual.playback.curves import Choice, described, together
 from rbd.visual.playback.motion_frames import Pushes, PushesAt, frames_of
 from rbd.visual.playback.motion_page import MotionPage
@@ -42,7 +41,6 @@ MOST_PICTURES = 100
 CAPTION_HEIGHT = 34
 """Size of a picture in a strip, in pixels, as in animation.css."""
 GAP = 6
-LIVE_FPS = 30.0
 VIEWER_SECONDS = 20.0
 """Time that a replay waits for the browser that it opened [s]."""
 FAR = 5.0
@@ -219,21 +217,27 @@ def export_motion(
     return target
 
 
-def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | None = None) -> Scene:
+def motion_scene(
+    motion: Any, given: Playback, sheet: Mapping[str, object] | None = None, scene: Scene | None = None
+) -> Scene:
     """The scene of `export_motion`, with all frames: to be written as a page, or served live.
 
     Args:
         motion: As for `export_motion`.
         given: Its settings.
         sheet: Of a strip of pictures: its times, columns and sizes.
+        scene: Where it is shown, a scene of the same robot; by default a new one.
 
     Raises:
         InputError: as `export_motion`.
     """
     shown = shown_motion(motion)
     given = given.resolved(shown)
-    page, scene = staged(shown, given)
-    page = page.with_ghost(given.ghost)
+    if scene is None:
+        look = {name: getattr(given, name) for name in ("seen_from", "arrow_per_weight", "layers", "view")}
+        scene = Scene(shown.robot, ground=bool(given.ground), legend=False, **look)
+    scene.show(State(shown.robot, np.array(shown.q[0], float)))
+    page = _page(shown, robot_parts(shown.robot), scene.sizes, bool(given.ground), given).with_ghost(given.ghost)
     charts, times, outlines = shown.charts(given.charts), [shown.t], footprints_of(shown)
     if given.beside is not None:
         second = shown_motion(given.beside)
@@ -261,16 +265,6 @@ def motion_scene(motion: Any, given: Playback, sheet: Mapping[str, object] | Non
     if given.footprints and outlines:
         scene.draw(*outlines)
     return scene
-
-
-def staged(shown: ShownMotion, given: Playback, scene: Scene | None = None) -> tuple[MotionPage, Scene]:
-    """The frames of a motion, and a scene with the robot at its start; settings as `Playback.resolved` gives them."""
-    robot, ground = shown.robot, bool(given.ground)
-    if scene is None:
-        look = {name: getattr(given, name) for name in ("seen_from", "arrow_per_weight", "layers", "view")}
-        scene = Scene(robot, ground=ground, legend=False, **look)
-    scene.show(State(robot, np.array(shown.q[0], float)))
-    return _page(shown, robot_parts(robot), scene.sizes, ground, given), scene
 
 
 def _beside(second: ShownMotion, first: MotionPage, given: Playback) -> MotionPage:
@@ -331,12 +325,9 @@ def motion_sheet(
     in_a_row = len(at) if columns is None else min(check_whole("columns", columns, MOST_PICTURES), len(at))
     sheet = {"times": at, "columns": in_a_row, "width": width, "height": height, "gap": GAP}
     scene = motion_scene(motion, replace(given, start=at[0]), sheet)
-    with tempfile.TemporaryDirectory(prefix="rbd-motion-") as folder:
-        page = Path(folder) / "sheet.html"
-        write_page(page, scene.page())
-        across = in_a_row * (width + GAP) - GAP
-        down = math.ceil(len(at) / in_a_row) * (height + CAPTION_HEIGHT + GAP) - GAP
-        return screenshot(page, picture, width=across, height=down, browser=browser)
+    across = in_a_row * (width + GAP) - GAP
+    down = math.ceil(len(at) / in_a_row) * (height + CAPTION_HEIGHT + GAP) - GAP
+    return photograph(scene.page(), picture, across, down, browser)
 
 
 def replay(
@@ -346,9 +337,9 @@ def replay(
     scene: Scene | None = None,
     external: Pushes | PushesAt = None,
 ) -> None:
-    """Show a motion live, paced by the clock; returns when it is over. Ctrl-C ends it sooner, and is no error.
+    """Show a motion live: the page plays it as it opens; returns when it is over. Ctrl-C ends it sooner, and is no error.
 
-    Late frames are skipped, so that the motion keeps its pace. The picture stays at the last frame shown.
+    The page plays at the pace of the clock, can be paused and stepped, and stays as it is when the motion is over.
 
     Args:
         motion: As for `export_motion`.
@@ -365,14 +356,11 @@ def replay(
         >>> swing = rbd.simulate(robot.at("assembled"), robot.loops(), duration=0.1, step=1e-2)
         >>> rbd.visual.replay(swing, speed=0.5)  # doctest: +SKIP
     """
-    shown = shown_motion(motion)
     if scene is not None and not isinstance(scene, Scene):
         raise InputError(f"scene is {scene!r:.80}; expected a rbd.visual.Scene, or None.")
-    given = Playback(speed=speed, external=external).resolved(shown)
-    page, used = staged(shown, replace(given, fps=LIVE_FPS), scene)
-    follows = page.goes_far(FAR)
-    opening = page.opening({"title": given.title, "follow": follows, "trace": False})
-    used.stage_motion(opening, page.around(follows), page.further_parts)
+    shown = shown_motion(motion)
+    given = Playback(speed=speed, external=external, charts=False, trace=False, playing=True).resolved(shown)
+    used = motion_scene(motion, given, scene=scene)
     assert given.speed is not None
     with contextlib.ExitStack() as closing:
         closing.enter_context(contextlib.suppress(KeyboardInterrupt))
@@ -380,20 +368,10 @@ def replay(
             closing.enter_context(used)
             used.open()
             used.wait_for_viewer(VIEWER_SECONDS)
-        _pace(page, used, given.speed)
-
-
-def _pace(motion: MotionPage, scene: Scene, speed: float) -> None:
-    times = motion.frames.times
-    began = time.monotonic()
-    i = 0
-    while True:
-        scene.stage_moment(motion.moment(i))
-        if i == len(times) - 1:
-            return
-        now = times[0] + (time.monotonic() - began) * speed
-        i = max(i + 1, min(int(np.searchsorted(times, now)), len(times) - 1))
-        time.sleep(max(0.0, (times[i] - times[0]) / speed - (time.monotonic() - began)))
+        try:
+            time.sleep(float(shown.t[-1] - shown.t[0]) / given.speed)
+        except KeyboardInterrupt:
+            used.pause_motion()
 
 
 def _picture_times(times: Sequence[float] | Array | int, first: float, last: float) -> list[float]:

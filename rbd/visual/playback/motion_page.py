@@ -195,24 +195,6 @@ class MotionPage:
             told["second"] = {**self.second._played(), "title": "", "tree": tree, "shift": self.second.shift}  # noqa: SLF001
         return json.dumps({"motion": told})
 
-    def _played(self) -> dict[str, object]:
-        return {
-            **self._setup(),
-            "times": [round(float(t), 9) for t in self.frames.times],
-            "rows": _packed(self.frames.rows, "<f4"),
-            "codes": _packed(self.codes, "u1"),
-            "events": self.marks(),
-        }
-
-    def opening(self, settings: Mapping[str, object]) -> str:
-        """The motion without its frames, as JSON: they follow one by one, see `moment`."""
-        return json.dumps({"motion": {**self._setup(), **settings}})
-
-    def moment(self, i: int) -> str:
-        """One frame, as JSON."""
-        t, codes = round(float(self.frames.times[i]), 9), [int(c) for c in self.codes[i]]
-        return json.dumps({"moment": {"t": t, "row": _packed(self.frames.rows[i], "<f4"), "codes": codes}})
-
     def marks(self) -> list[dict[str, object]]:
         """Marks on the bar, in order of time: {t, name, kind, point, words}; events close together share one."""
         first, last = float(self.frames.times[0]), float(self.frames.times[-1])
@@ -252,8 +234,8 @@ class MotionPage:
             "ghost": {"name": self.frames.ghost, "color": GHOST_COLOR, "bodies": own} if self.frames.ghost else None,
         }
 
-    def _setup(self) -> dict[str, object]:
-        """Bodies, contacts, sizes: the same for a page and for a live scene."""
+    def _played(self) -> dict[str, object]:
+        """Bodies, contacts, sizes, frames and events."""
         frames, sizes = self.frames, self.sizes
         colors = contact_colors(t.name for t in frames.contacts)
         contacts = [
@@ -273,6 +255,10 @@ class MotionPage:
         return {
             **self._carried(),
             "name": self.name,
+            "times": [round(float(t), 9) for t in frames.times],
+            "rows": _packed(frames.rows, "<f4"),
+            "codes": _packed(self.codes, "u1"),
+            "events": self.marks(),
             "contacts": contacts,
             "pushes": [{"name": t.name, "color": t.color, "points": 1} for t in frames.pushes],
             "elements": [element_look(e, self._element(i), sizes) for i, e in enumerate(frames.elements)],

@@ -59,7 +59,7 @@ class Backdrop {
     viewer.camera.updateProjectionMatrix();
     viewer.camera.updateMatrixWorld();
     const key = this.key();
-    const rests = key === this.last && !stage.cast && !stage.player;
+    const rests = key === this.last && !stage.player;
     if (rests && !this.kept.has(key)) this.keep(key);
     if (rests) {
       this.quick(this.kept.get(key));
@@ -77,7 +77,7 @@ class Backdrop {
   // When nothing has moved for a while: the pictures for both tints.
   prepare(key) {
     const { stage } = this;
-    if (stage.cast || stage.player || !stage.live || !stage.live.open || key !== this.key()) return;
+    if (stage.player || !stage.live || !stage.live.open || key !== this.key()) return;
     if (!this.kept.has(key)) this.keep(key);
     if (this.kept.size > 1) return;
     this.soon = setTimeout(() => {

@@ -148,7 +148,7 @@ class Labels {
 
   // After each picture: tags next to what they name; none covers another while there is room.
   place() {
-    if (this.found && !this.tip.hidden && this.stage.cast) this.tell();
+    if (this.found && !this.tip.hidden && this.stage.player) this.tell();
     const on = this.stage.layers.on.labels === true;
     this.tags.hidden = !on;
     if (!on) return;

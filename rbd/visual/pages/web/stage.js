@@ -113,10 +113,7 @@ class Stage {
     if (message.frames) this.triads(message.frames);
     if (message.marks) this.layers.set(message.marks);
     if ("motion" in message) this.move(message.motion);
-    if (message.moment && this.cast) {
-      this.cast.set(floats(message.moment.row));
-      this.cues.set(message.moment.codes, this.cast.tracks);
-    }
+    if (message.paused && this.player) this.player.play(false);
     if (message.controls) this.controls.build(message.controls);
     if (message.answer) this.controls.answer(message.answer);
     if (message.view) {
@@ -126,28 +123,22 @@ class Stage {
     }
   }
 
-  // A motion with its frames gets a bar to play it; one without waits for its moments; null ends it.
+  // A motion gets a bar to play it; null ends it.
   move(motion) {
-    const shown = this.player || this.cast;
-    if (shown) {
-      shown.remove();
+    if (this.player) {
+      this.player.remove();
       this.layers.clear();
     }
-    this.cast = this.cues = this.player = null;
+    this.player = null;
     this.carried = [0, 0, 0];
     if (!motion) {
       this.legend.replaceChildren();
-    } else if (motion.times) {
-      this.player = new Player(this, motion);
-      if (motion.sheet) {
-        this.legend.hidden = this.player.footer.hidden = true;
-        this.size = () => [motion.sheet.width, motion.sheet.height];
-      }
-    } else {
-      this.cast = new Cast(this, motion);
-      this.cast.follow = motion.follow;
-      heading(this.legend, motion.title);
-      this.cues = new Cues(this.legend, motion);
+      return;
+    }
+    this.player = new Player(this, motion);
+    if (motion.sheet) {
+      this.legend.hidden = this.player.footer.hidden = true;
+      this.size = () => [motion.sheet.width, motion.sheet.height];
     }
   }
 
