@@ -92,51 +92,6 @@ class OtherPoses:
         return [entry(color, name, detail=", ".join(self.details.get(name, ())), layer="other poses")
                 for name, color in self.colors.items()]  # fmt: skip
 
-    def send(self, viewer: meshcat.Visualizer, parts: Sequence[RobotPart], here: pin.Data, model: pin.Model) -> list[pin.Data]:
-        """Send them all; returns Pinocchio's data of each state."""
-        found = {name: model.createData() for name in self.states}
-        for name, data in found.items():
-            pin.forwardKinematics(model, data, np.asarray(self.states[name].q, float))
-        if self:
-            self.colors = send_poses(viewer, parts, here, found, self.shown)
-        return list(found.values())
-
-
-def send_poses(
-    viewer: meshcat.Visualizer, parts: Sequence[RobotPart], here: pin.Data, poses: Mapping[str, pin.Data], shown: str
-) -> dict[str, str]:
-    """Send the robot in further poses; returns {pose: its colour}, in the order of `poses`.
-
-    Args:
-        viewer: Where the robot is in the picture already: `robot/i` is part i.
-        parts: Of the robot.
-        here: Its own pose, after forward kinematics.
-        poses: {name: Pinocchio's data after forward kinematics}.
-        shown: Name of its own pose: this one gets one colour then, as the others have. "": the robot keeps its colours, and
-            the others are translucent.
-    """
-    fixed = [part.color for part in parts if shown == "" or not part.joint]
-    names = list(dict.fromkeys([*([shown] if shown and shown not in poses else []), *poses]))
-    colors = dict(zip(names, pose_colors(len(names), fixed), strict=True))
-    others = [name for name in poses if not shown or name != shown]
-    every = [here, *(poses[name] for name in others)]
-    own, *rest = placed_parts(parts, every, [colors[shown] if shown else None, *(colors[name] for name in others)])
-    for it in own:
-        if shown or it.part.mesh is not parts[it.number].mesh:
-            send_part(viewer, f"robot/{it.number}", it.part, nearer=len(every))
-    for k, each in enumerate(rest):
-        for it in each:
-            part = it.part if shown else replace(it.part, opacity=OPACITY)
-            # Nearer than the next pose by a step of depth: surfaces in one plane do not flicker.
-            send_part(viewer, f"beside/{k}/{it.number}", part, nearer=len(rest) - k)
-            viewer[f"beside/{k}/{it.number}"].set_transform(it.X_WG.homogeneous)
-    if shown:
-        kept = {it.number for it in own}
-        for i, part in enumerate(parts):
-            if part.joint and i not in kept:
-                viewer[f"robot/{i}"].delete()
-    return colors
-
 
 def placed_parts(parts: Sequence[RobotPart], poses: Sequence[pin.Data], colors: Sequence[str | None]) -> list[list[PlacedPart]]:
     """The robot's moving parts in each pose. Where the parts of k poses coincide, each pose has every k-th stripe.
@@ -291,15 +246,40 @@ class DrawnRobot:
             self.draw_poses(self.poses)
 
     def draw_poses(self, poses: OtherPoses) -> None:
-        """Draw further poses in place of those drawn, each in its colour."""
+        """Draw further poses in place of those drawn, each in its colour.
+
+        Without `poses.shown` the robot keeps its colours, and the others are translucent.
+        """
         assert self._parts is not None
         self._viewer["beside"].delete()
         if self.poses:  # the robot gets its own colours back
             self._send()
             self._move()
-        self.poses = poses
-        found = poses.send(self._viewer, self._parts, self.data, self._robot.model)
-        self.further = np.vstack([np.zeros((0, 3)), *(self._extremes(data) for data in found)])
+        self.poses, shown, model = poses, poses.shown, self._robot.model
+        found = {name: model.createData() for name in poses.states}
+        for name, data in found.items():
+            pin.forwardKinematics(model, data, np.asarray(poses.states[name].q, float))
+        self.further = np.vstack([np.zeros((0, 3)), *(self._extremes(data) for data in found.values())])
+        if not poses:
+            return
+        fixed = [part.color for part in self._parts if shown == "" or not part.joint]
+        names = list(dict.fromkeys([*([shown] if shown and shown not in found else []), *found]))
+        poses.colors = colors = dict(zip(names, pose_colors(len(names), fixed), strict=True))
+        others = {name: data for name, data in found.items() if not shown or name != shown}
+        every, colored = [self.data, *others.values()], [colors.get(shown), *(colors[name] for name in others)]
+        own, *rest = placed_parts(self._parts, every, colored)
+        for it in own:
+            if shown or it.part.mesh is not self._parts[it.number].mesh:
+                send_part(self._viewer, f"robot/{it.number}", it.part, nearer=len(every))
+        for k, each in enumerate(rest):
+            for it in each:
+                part = it.part if shown else replace(it.part, opacity=OPACITY)
+                # Nearer than the next pose by a step of depth: surfaces in one plane do not flicker.
+                send_part(self._viewer, f"beside/{k}/{it.number}", part, nearer=len(rest) - k)
+                self._viewer[f"beside/{k}/{it.number}"].set_transform(it.X_WG.homogeneous)
+        for i, part in enumerate(self._parts):
+            if shown and part.joint and i not in {it.number for it in own}:
+                self._viewer[f"robot/{i}"].delete()
 
     def _send(self) -> None:
         for path, part in self._pieces():

@@ -189,17 +189,9 @@ def arc_arrow(centre: Array, axes: Array, radius: float, angle: float, *, thickn
     way, size = np.sign(angle), abs(angle)
     head = min(6.0 * thickness / radius, 0.6 * size)  # the angle that a head takes
     end = way * (size - head)
-    steps = max(2, int(np.ceil(abs(end) / 0.12)) + 1)
-    turns, around = np.linspace(0.0, end, steps), np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)
+    turns = np.linspace(0.0, end, max(2, int(np.ceil(abs(end) / 0.12)) + 1))
     thin = min(thickness, 0.4 * radius * head)
-    outward = np.column_stack([np.cos(turns), np.sin(turns), np.zeros(steps)])
-    rings = outward[:, None] * (radius + thin * np.cos(around))[None, :, None] + np.array([0.0, 0.0, 1.0]) * (
-        thin * np.sin(around)[None, :, None]
-    )
-    here, low = np.arange(12), 12 * np.arange(steps - 1)[:, None]
-    after, high = (here + 1) % 12, low + 12
-    faces = [np.stack([low + here, low + after, high + after], -1), np.stack([low + here, high + after, high + here], -1)]
-    pieces = [Mesh(rings.reshape(-1, 3), np.concatenate(faces).reshape(-1, 3)), _knee(thin, np.array([radius, 0.0, 0.0]))]
+    pieces = [wound(radius * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(len(turns))]), thin, 12)]
     for i in range(heads):
         back = end - way * 0.8 * head * i
         foot, tip = (radius * np.array([np.cos(a), np.sin(a), 0.0]) for a in (back, back + way * head))
@@ -246,6 +238,32 @@ def tube(points: Array, *, radius: float, closed: bool = False) -> Mesh:
             side = revolved([(radius, 0.0), (radius, length)], segments=10)
             pieces += [side.placed(axes_along(b - a), a), _knee(radius, b)]
     return joined(pieces)
+
+
+def wound(points: Array, radius: float, sides: int = 8) -> Mesh:
+    """One tube through many points, shape (n, 3) [m], with its ends closed: rings that are turned as little as possible."""
+    points = points[np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-12])]
+    if len(points) < 2:
+        return joined([])
+    along = np.diff(points, axis=0)
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    tangents = np.concatenate([along[:1], along[:-1] + along[1:], along[-1:]])
+    lengths = np.linalg.norm(tangents, axis=1, keepdims=True)
+    tangents = np.where(lengths > 1e-9, tangents / np.maximum(lengths, 1e-12), np.concatenate([along, along[-1:]]))
+    side, rings = axes_along(tangents[0])[:, 0], []
+    turn = 2.0 * np.pi * np.arange(sides) / sides
+    for p, t in zip(points, tangents, strict=True):
+        flat = side - (side @ t) * t
+        side = flat / np.linalg.norm(flat) if np.linalg.norm(flat) > 1e-9 else axes_along(t)[:, 0]
+        rings.append(p + radius * (np.outer(np.cos(turn), side) + np.outer(np.sin(turn), np.cross(t, side))))
+    n, here = len(points), np.arange(sides)
+    low, after = sides * np.arange(n - 1)[:, None], (here + 1) % sides
+    faces = [
+        np.stack([low + here, low + after, low + sides + after], -1),
+        np.stack([low + here, low + sides + after, low + sides + here], -1),
+    ]
+    tube = Mesh(np.concatenate(rings), np.concatenate([f.reshape(-1, 3) for f in faces]))
+    return joined([tube, _knee(radius, points[0]), _knee(radius, points[-1])])
 
 
 def _knee(radius: float, centre: Array) -> Mesh:

@@ -418,7 +418,12 @@ def test_a_strip_shows_the_motion_from_left_to_right(motion, tmp_path):
 def staged(scene):
     """Listen to a scene; returns the list of motions, and of pauses, that it will be told."""
     told = []
-    scene._recorder.listen(lambda m: told.append(json.loads(m)) if isinstance(m, str) and m[2:8] in ("motion", "paused") else None)
+
+    def hear(message):
+        if isinstance(message, str) and message[2:8] in ("motion", "paused"):
+            told.append(json.loads(message))
+
+    scene._recorder.listen(hear)
     return told
 
 

@@ -210,7 +210,7 @@ def element_pieces(shape: str, length: float, sizes: Sizes) -> list[ElementPiece
     rod = shapes.revolved([(0.0, 0.0), (wire, 0.0), (wire, 1.0), (0.0, 1.0)], segments=10)
     if shape == "coil":
         long = max(length, 1e-3 * sizes.body)
-        mesh = wound(coil(long, min(r, 0.5 * long + wire), turns_of(long, r)), wire)
+        mesh = shapes.wound(coil(long, min(r, 0.5 * long + wire), turns_of(long, r)), wire)
         return [ElementPiece(Mesh(mesh.vertices / [1.0, 1.0, long], mesh.faces), stretched=True)]
     if shape == "cylinder":
         body, thin = 0.4 * length, Mesh(rod.vertices * [1.0, 1.0, 0.15 * length], rod.faces)
@@ -219,7 +219,7 @@ def element_pieces(shape: str, length: float, sizes: Sizes) -> list[ElementPiece
     if shape == "bushing":
         ends = [ElementPiece(shapes.ball(1.3 * r), opacity=0.35), ElementPiece(shapes.ball(0.6 * r), None)]
         return [*ends, ElementPiece(rod, stretched=True)]
-    mesh = shapes.cylinder(0.6 * big, 0.5 * big) if shape == "drum" else wound(spiral(big), wire)
+    mesh = shapes.cylinder(0.6 * big, 0.5 * big) if shape == "drum" else shapes.wound(spiral(big), wire)
     return [ElementPiece(mesh)]
 
 
@@ -242,32 +242,6 @@ def spiral(radius: float) -> Array:
     angle = np.linspace(0.0, 2.0 * np.pi * SPIRAL_TURNS, int(24 * SPIRAL_TURNS) + 1)
     r = radius * (0.12 + 0.88 * angle / angle[-1])
     return np.column_stack([r * np.cos(angle), r * np.sin(angle), np.zeros(len(angle))])
-
-
-def wound(points: Array, radius: float, sides: int = 8) -> Mesh:
-    """One tube through many points, shape (n, 3) [m], with its ends closed: rings that are turned as little as possible."""
-    points = points[np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-12])]
-    if len(points) < 2:
-        return shapes.joined([])
-    along = np.diff(points, axis=0)
-    along /= np.linalg.norm(along, axis=1, keepdims=True)
-    tangents = np.concatenate([along[:1], along[:-1] + along[1:], along[-1:]])
-    lengths = np.linalg.norm(tangents, axis=1, keepdims=True)
-    tangents = np.where(lengths > 1e-9, tangents / np.maximum(lengths, 1e-12), np.concatenate([along, along[-1:]]))
-    side, rings = axes_along(tangents[0])[:, 0], []
-    turn = 2.0 * np.pi * np.arange(sides) / sides
-    for p, t in zip(points, tangents, strict=True):
-        flat = side - (side @ t) * t
-        side = flat / np.linalg.norm(flat) if np.linalg.norm(flat) > 1e-9 else axes_along(t)[:, 0]
-        rings.append(p + radius * (np.outer(np.cos(turn), side) + np.outer(np.sin(turn), np.cross(t, side))))
-    n, here = len(points), np.arange(sides)
-    low, after = sides * np.arange(n - 1)[:, None], (here + 1) % sides
-    faces = [
-        np.stack([low + here, low + after, low + sides + after], -1),
-        np.stack([low + here, low + sides + after, low + sides + here], -1),
-    ]
-    tube = Mesh(np.concatenate(rings), np.concatenate([f.reshape(-1, 3) for f in faces]))
-    return shapes.joined([tube, shapes.ball(radius, centre=points[0]), shapes.ball(radius, centre=points[-1])])
 
 
 @runtime_checkable

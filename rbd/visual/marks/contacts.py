@@ -76,24 +76,18 @@ def shown_forces(solution: Solution | Actuation) -> list[ShownForce]:
                 corner_forces=np.asarray(split.get(rows.name, np.zeros((0, 3))), float).reshape(-1, 3),
                 patch=patch,
                 friction_used=contact.friction_used,
-                further=_told_of(patch, contact),
+                further=(f"normal {number(contact.normal)} N, tangential {number(contact.tangential)} N", *friction),
             )
         )
     return out
 
 
 def _friction(patch: Patch, used: float | None) -> list[str]:
-    """What of the friction is used, in words; "held" where the contact is bilateral, nothing where there is no load."""
+    """What of the friction is used, in words, and of which coefficient; nothing where there is no load."""
     if patch.friction is None:
-        return ["held"]
-    return [] if used is None else [f"friction {100.0 * used:.0f} %{_of(patch.friction, ' of mu = ')}"]
-
-
-def _told_of(patch: Patch, contact: ContactForce) -> tuple[str, ...]:
-    parts = f"normal {number(contact.normal)} N, tangential {number(contact.tangential)} N"
-    if contact.friction_used is not None:
-        return parts, f"friction used {100.0 * contact.friction_used:.1f} %{_of(patch.friction, ' of mu ')}"
-    return (parts, "bilateral: held without a limit") if patch.friction is None else (parts,)
+        return ["bilateral: held without a limit"]
+    mu = "" if isinstance(patch.friction, Cone) else f" of mu {patch.friction:g}"
+    return [] if used is None else [f"friction used {100.0 * used:.1f} %{mu}"]
 
 
 def contact_marks(contact: ShownForce, color: str, sizes: Sizes) -> list[Mark]:
@@ -136,11 +130,6 @@ def _cone_marks(contact: ShownForce, patch: Patch, color: str, sizes: Sizes) -> 
         Mark(f"{contact.path}/cone", shapes.fan(contact.start, rim), color, 0.28, True, "cones", label),
         Mark(f"{contact.path}/rim", edge, color, 1.0, True, "cones", label),
     ]
-
-
-def _of(friction: float | Cone | None, words: str) -> str:
-    """The coefficient in words; empty of sets that have more than one number."""
-    return "" if friction is None or isinstance(friction, Cone) else f"{words}{friction:g}"
 
 
 def ordered_corners(patch: Patch) -> Array:

@@ -98,15 +98,13 @@ def motor_torques(state: State, solution: Solution | Actuation | None) -> list[S
 
 
 def _tau(solution: Any) -> Array | None:
-    given = getattr(solution, "tau", None)
-    if given is not None:
-        return np.asarray(given, float)
-    problem: Any = getattr(solution, "problem", None)
-    origin: Any = getattr(problem, "origin", None)
+    origin = origin_of(solution)
+    if origin is solution:
+        return None if solution is None else np.asarray(solution.tau, float)
     if not isinstance(getattr(origin, "state", None), State):
         return None  # a problem built by hand, or one that came from another process
-    state, rhs = origin.state, np.asarray(problem.rhs)
-    parts = [rhs, state.h, generalised(state, origin.external)[0]]
+    state = origin.state
+    parts = [np.asarray(solution.problem.rhs), state.h, generalised(state, origin.external)[0]]
     tau = (parts[0] + parts[1] - parts[2])[state.robot.actuated]
     rounding = NOTHING * max(float(np.abs(part).max(initial=0.0)) for part in parts)
     return np.where(np.abs(tau) > rounding, tau, 0.0)
@@ -193,12 +191,9 @@ def _bar(t: ShownTorque, share: float, sizes: Sizes) -> tuple[Mesh, Mesh]:
 LOOP_COLOR = "#5e4fa2"
 
 
-def constraints_of(solution: object) -> dict[str, Constraint]:
-    """{name: constraint} that a solution or an actuation was made with; empty where they are not known."""
-    given: Any = getattr(solution, "constraints", None)
-    if given is None:
-        given = getattr(getattr(getattr(solution, "problem", None), "origin", None), "constraints", ())
-    return {constraint.name: constraint for constraint in given}
+def origin_of(answer: Any) -> Any:
+    """What has the state, constraints and external forces of an answer: an actuation itself, else its problem's origin."""
+    return answer.problem.origin if hasattr(answer, "problem") else answer
 
 
 def other_forces(

@@ -32,7 +32,7 @@ from rbd.visual.marks.contacts import (
     support_outline,
 )
 from rbd.visual.marks.mark import FULL_TURN, SMALLEST_ARC, Mark, Sizes, is_cut, moment_angle, number, numbers, share_color
-from rbd.visual.marks.other_constraints import ShownTorque, constraints_of, motor_torques, other_forces, torque_marks
+from rbd.visual.marks.other_constraints import ShownTorque, motor_torques, origin_of, other_forces, torque_marks
 from rbd.visual.marks.regions import Drawn, left_out_of, legend_of
 from rbd.visual.marks.shown_force import NOWHERE, ShownForce, force_marks
 from rbd.visual.marks.surfaces import ShownSurface, surface_entries, surface_marks, surfaces_of
@@ -79,10 +79,12 @@ class Picture:
             InputError: if `external` is not what `rbd.solve` takes.
         """
         pushed, unshown = pushes(state, only_pushes(external))
-        elements, words = shown_elements(state, known_external(solution) if external is None else external)
+        given_with = getattr(origin_of(solution), "external", None)
+        elements, words = shown_elements(state, given_with if external is None else external)
         contacts, others, given, left_out = list[ShownForce](), list[ShownForce](), dict[str, Any](), list[str]()
         if solution is not None:
-            contacts, given = shown_forces(solution), dict(constraints_of(solution))
+            constraints: Any = getattr(origin_of(solution), "constraints", ())
+            contacts, given = shown_forces(solution), {constraint.name: constraint for constraint in constraints}
             keeper: Any = getattr(solution, "problem", solution)
             others, left_out = other_forces(state, keeper.rows, solution.forces, given)
         return cls(
@@ -139,13 +141,6 @@ class Picture:
         if cut:
             words.append(f"Double arrowhead: not drawn to full length ({', '.join(dict.fromkeys(cut))}).")
         return words
-
-
-def known_external(answer: object) -> Any:
-    """The external forces that a solution or an actuation was made with; None where they are not known."""
-    if hasattr(answer, "external"):
-        return answer.external
-    return getattr(getattr(getattr(answer, "problem", None), "origin", None), "external", None)
 
 
 Entry = dict[str, str | list[str]]

@@ -16,7 +16,6 @@ from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
 from rbd.visual import shapes
 from rbd.visual.marks.mark import Label, Mark, Sizes, number
-from rbd.visual.shapes import Mesh
 from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR, contact_colors
 
 APART = 0.1
@@ -200,11 +199,8 @@ def _cone(at: str, cone: ContactWrenchCone, sizes: Sizes) -> list[Mark]:
     height = 2.0 * sizes.cone
     rim = np.column_stack([leans, np.ones(len(leans))]) * height
     rim *= np.minimum(1.0, 2.0 * height / np.linalg.norm(rim, axis=1))[:, None]
-    n = len(rim)
-    vertices = np.vstack([cone.about, cone.about + rim])
-    faces = np.array([[0, 1 + i, 1 + (i + 1) % n] for i in range(n)] + [[0, 1 + (i + 1) % n, 1 + i] for i in range(n)])
     edge = shapes.tube(cone.about + rim, radius=sizes.line, closed=True)
     return [
-        Mark(f"{at}/cone", Mesh(vertices, faces), WRENCH_COLOR, 0.28, seen_through=True),
+        Mark(f"{at}/cone", shapes.fan(cone.about, cone.about + rim), WRENCH_COLOR, 0.28, seen_through=True),
         Mark(f"{at}/rim", edge, WRENCH_COLOR, seen_through=True),
     ]
