@@ -105,7 +105,7 @@ class Samples:
     Attributes:
         x: Across.
         y: Up.
-        shown: What colours them, or of curves their height; None: nothing.
+        shown: What colours them; None: nothing.
         ok: Which are ok, shape (n,).
         not_run: Which were not run.
     """

@@ -176,7 +176,7 @@ def _curves(data: StudyData, x: str, shown: Quantity, by: str | None, ax: object
     few = axis is None or bool(axis.words) or len(groups) <= FEW
     colors = distinct_colors(len(groups)) if few or axis is None else _on_a_scale(axis)
     (one,), own = _axes(ax, 1, (7.0, 4.2))
-    samples = Samples(data.axis("x", x), Axis("", "", everything), shown, *data.states())
+    samples = Samples(data.axis("x", x), Axis(shown.label, shown.label, shown.values), None, *data.states())
     families = [(name, color, samples.some(which)) for (name, which), color in zip(groups, colors, strict=True)]
     drawn = draw_curves(one, families)
     if axis is not None and not few:
@@ -354,11 +354,10 @@ def draw_curves(ax: Axes, families: list[tuple[str, str, Samples]]) -> list[Arti
     marks: list[Artist] = []
     step = min(0.03, _ROOM / len(families))
     for k, (name, color, samples) in enumerate(families):
-        x, shown = samples.x, samples.shown
-        assert shown is not None
+        x, y = samples.x, samples.y
         order = np.argsort(x.at, kind="stable")
         at, bad = x.at[order], samples.bad[order]
-        curve = np.where(samples.ok, shown.values, np.nan)[order]
+        curve = np.where(samples.ok, y.at, np.nan)[order]
         lines += ax.plot(at, curve, "o-", color=color, lw=1.7, ms=3.0 if len(at) <= 60 else 0.0, label=name, zorder=3)
         if bad.any():
             low, foot = np.full(bad.sum(), LOWEST + k * step), ax.get_xaxis_transform()
@@ -368,7 +367,7 @@ def draw_curves(ax: Axes, families: list[tuple[str, str, Samples]]) -> list[Arti
         if last.any() and not x.words:
             marks += ax.plot(at[last], curve[last], **_RING, mec=color, ms=7.5, zorder=5)
     dress(ax, x, "x")
-    ax.set_ylabel(shown.label)
+    dress(ax, y, "y")
     ax.margins(y=0.12)
     frame(ax, "y")
     return lines + marks
