@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import weakref
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
@@ -20,8 +19,9 @@ from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape
 from rbd.constraints.surface import check_state, contact_axes
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, nearest
+from rbd.errors.inputs import listed_items
 from rbd.model.checked_model import CheckedModel
-from rbd.model.data_pool import renewed_after_fork
+from rbd.model.data_pool import RenewedLock
 from rbd.model.state import State
 from rbd.problem.cones import Cone, FrictionCone, NonNegative, Product, check_friction
 from rbd.problem.ground import TOUCHES, Ground, On, plane_of
@@ -239,13 +239,8 @@ class _Finder:
 
     def __init__(self, plane: OnPlane | None, between: Between | None) -> None:
         self.plane, self.between = plane, between
-        self._lock = threading.Lock()
+        self._lock = RenewedLock()
         self._last: tuple[weakref.ref[State], float, Touching] | None = None
-        renewed_after_fork(self)
-
-    def renew_after_fork(self) -> None:
-        """In a forked child: a new lock."""
-        self._lock = threading.Lock()
 
     def another(self) -> _Finder:
         """A copy with separate caches."""
@@ -454,9 +449,5 @@ class CollisionShapes:
         return out
 
     def _listed(self, what: str, given: Iterable[str] | Iterable[tuple[str, str]]) -> list[Any]:
-        if isinstance(given, str | bytes):
-            raise InputError(f"{what} of contacts {self.name!r:.80} is {given!r:.80}; expected a list.")
-        try:
-            return list(given)
-        except TypeError:
-            raise InputError(f"{what} of contacts {self.name!r:.80} is {given!r:.80}; expected True or a list.") from None
+        expected = "a list" if isinstance(given, str | bytes) else "True or a list"
+        return listed_items(f"{what} of contacts {self.name!r:.80}", given, expected)

@@ -28,6 +28,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, max_abs
 from rbd.errors import DuplicateName, InputError
+from rbd.errors.inputs import listed_items
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.ground import Ground
@@ -78,16 +79,11 @@ def listed(constraints: Sequence[Constraint]) -> tuple[Constraint, ...]:
     Raises:
         InputError: if it is not a list.
     """
-    if isinstance(constraints, str | bytes):
-        raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().")
     if hasattr(constraints, "rows"):
         raise InputError("constraints is a single constraint; give a list, [constraint].")
     if type(constraints) is WithLoops:
         return constraints
-    try:
-        return tuple(constraints)
-    except TypeError:
-        raise InputError(f"constraints are {constraints!r:.80}; expected a list, e.g. robot.soles().") from None
+    return tuple(listed_items("constraints", constraints, "a list, e.g. robot.soles()"))
 
 
 class WithLoops(tuple[Constraint, ...]):

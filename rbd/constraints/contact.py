@@ -7,9 +7,10 @@ its classical acceleration in fixed contact axes; both relative to the surface (
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Self
+from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 import pinocchio as pin
@@ -20,6 +21,7 @@ from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.constraints.surface import (
     UP,
     Counterpart,
+    RelativeMotion,
     anchor_of,
     check_state,
     check_words,
@@ -37,9 +39,6 @@ from rbd.problem.ground import Body, Ground, On, Surface, surface_of
 from rbd.problem.rows import Patch, Rows
 
 _FIVE = np.array([0, 1, 2, 4, 5])
-
-Seen = tuple[pin.SE3, Array, Array, Array, Array, Array | None]
-"""Pose, axes R_WC, and J, velocity, J_dot v and error in these axes."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -171,18 +170,28 @@ class Contact(Displayed):
         """
         if type(state) is not State:  # one call less on the hot path
             check_state(state, self.name)
-        k = len(self.corners)
-        X_WP, R, J, v, bias, error = self._point(state) if k == 1 else self._line(state) if k == 2 else self._patch(state)
-        if k == 1:
-            resultant = R
-            if self.friction == 0.0:
-                J, v, bias, resultant = J[2:], v[2:], bias[2:], R[:, 2:]
-                error = None if error is None else error[2:]
+        k, touched, error = len(self.corners), self._touched, None
+        if k != 2 and touched.still and touched.anchor is None:  # nothing to subtract, as of most contacts
+            X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL if k > 1 else pin.LOCAL_WORLD_ALIGNED)
+            R = X_WP.rotation if k > 1 else self._axes
+            if k == 1 and not self._upright:
+                J, v, bias = R.T @ J[:3], R.T @ v[:3], R.T @ bias[:3]
         else:
+            motion = touched.motion(state, self.frame, self.placement)
+            X_WP, R = motion.X_WP, self._axes_at(motion)
+            J, v, bias = motion.in_axes(R)
+            error = None if touched.anchor is None else touched.displacement(motion, R, k)
+        if k == 1:
+            kept: Any = slice(2, 3) if self.friction == 0.0 else slice(3)
+            resultant = R[:, kept]
+        else:
+            kept = _FIVE if k == 2 else slice(6)
             resultant = np.zeros((6, 6))
             resultant[:3, :3] = resultant[3:, 3:] = R
-            if k == 2:
-                J, v, bias, resultant = J[_FIVE], v[_FIVE], bias[_FIVE], resultant[:, _FIVE]
+            resultant = resultant[:, kept]
+        if k == 2:  # the direction's acceleration, x cross x'', is the body's less (w_x w_z, -w_x w_y)
+            bias[4:] -= v[3] * np.array([v[5], -v[4]])
+        J, v, bias, error = J[kept], v[kept], bias[kept], None if error is None else error[kept]
         patch = Patch(X_WP.translation, R, self.corners, self.friction, self._against, self.plane, self._reach)
         return Rows.unchecked(self.name, J, bias, self.cone, v, error, resultant, patch)
 
@@ -205,11 +214,18 @@ class Contact(Displayed):
         """The same contact, anchored where it touches at this state."""
         motion = Counterpart(self.name, self.on, pin.SE3.Identity()).motion(state, self.frame, self.placement)
         X_S0 = motion.X_WS.actInv(motion.X_WP)
-        return replace(self, anchor=X_S0.translation if len(self.corners) == 1 else X_S0)
+        return self._again(anchor=X_S0.translation if len(self.corners) == 1 else X_S0)
 
-    def with_friction(self, mu: float) -> Self:
+    def with_friction(self, mu: float | Cone | None) -> Self:
         """The same contact with another coefficient."""
-        return replace(self, friction=mu)
+        return self._again(friction=mu)
+
+    def _again(self, **changes: Any) -> Self:
+        """The same with other arguments of `Contact`, whatever the class's own constructor takes."""
+        names = ("name", "frame", "corners", "placement", "friction", "facets", "on", "anchor")
+        out = copy.copy(self)
+        Contact.__init__(out, **{name: getattr(self, name) for name in names} | changes)
+        return out
 
     def renamed(self, prefix: str, placement: pin.SE3 | None) -> Self:
         """The same contact on a robot with prefixed names, its ground moved by a placement.
@@ -232,7 +248,7 @@ class Contact(Displayed):
                     normal=None if n is None else placement.rotation @ n,
                     point=None if point is None else placement.act(np.asarray(point)),
                 )
-        return replace(self, name=name, frame=frame, on=on)
+        return self._again(name=name, frame=frame, on=on)
 
     def _measured_from(self, anchor: pin.SE3 | None) -> Ground | None:
         """The plane from which its gap is measured: its ground's, or that through the anchor.
@@ -247,48 +263,12 @@ class Contact(Displayed):
         n = anchor.rotation[:, 2] if self.normal is None else self.normal
         return Ground(point=anchor.translation, normal=n / np.linalg.norm(n))
 
-    def _point(self, state: State) -> Seen:
-        R, error, touched = self._axes, None, self._touched
-        if touched.still and touched.anchor is None:
-            X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL_WORLD_ALIGNED)
-            if self._upright:
-                return X_WP, R, J[:3], v[:3], bias[:3], None
-        else:
-            motion = touched.motion(state, self.frame, self.placement)
-            X_WP, J, v, bias = motion.X_WP, motion.J, motion.v, motion.bias
-            R = motion.X_WS.rotation @ R
-            error = touched.shift(motion, R)
-        return X_WP, R, R.T @ J[:3], R.T @ v[:3], R.T @ bias[:3], error
-
-    def _line(self, state: State) -> Seen:
-        """The last two rows' accelerations are those of its direction, x cross x'': the body's less (w_x w_z, -w_x w_y)."""
-        motion = self._touched.motion(state, self.frame, self.placement)
-        n, error = self.normal, None
-        R = motion.X_WP.rotation if n is None else edge_axes(self.name, motion.X_WP.rotation[:, 0], motion.X_WS.rotation @ n)
-        J, v, bias = motion.in_axes(R)
-        wx, wy, wz = v[3:]
-        bias[4] -= wx * wz
-        bias[5] += wx * wy
-        if self.anchor is not None:
-            x0 = R.T @ self._touched.anchored_axes(motion)[:, 0]  # x0 cross x, in contact axes: (0, x0_z, -x0_y)
-            error = np.concatenate([self._touched.shift(motion, R), [x0[2], -x0[1]]])
-        return motion.X_WP, R, J, v, bias, error
-
-    def _patch(self, state: State) -> Seen:
-        touched, error = self._touched, None
-        if touched.still:
-            X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL)
-            R = X_WP.rotation
-            if touched.anchor is not None:
-                X_0P = touched.anchor.actInv(X_WP)
-                error = np.concatenate([X_0P.rotation.T @ X_0P.translation, pin.log3(X_0P.rotation)])
-            return X_WP, R, J, v, bias, error
-        motion = touched.motion(state, self.frame, self.placement)
-        R = motion.X_WP.rotation
-        if touched.anchor is not None:
-            turned = pin.log3(touched.anchored_axes(motion).T @ R)
-            error = np.concatenate([touched.shift(motion, R), turned])
-        return motion.X_WP, R, *motion.in_axes(R), error
+    def _axes_at(self, motion: RelativeMotion) -> Array:
+        """R_WC at a state."""
+        R, n = motion.X_WP.rotation, self.normal
+        if len(self.corners) == 1:
+            return motion.X_WS.rotation @ self._axes
+        return R if len(self.corners) > 2 or n is None else edge_axes(self.name, R[:, 0], motion.X_WS.rotation @ n)
 
 
 @dataclass(frozen=True, eq=False, init=False)

@@ -10,9 +10,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.contact import Contact, PointContact, SurfaceContact
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
-from rbd.constraints.surface import UP, contact_axes
 from rbd.model.derivatives import FixedPose
-from rbd.problem.ground import Ground
 from rbd.problem.rows import Rows
 
 _FIXED = (Contact, PointContact, SurfaceContact)
@@ -48,14 +46,11 @@ def fixed_rows_of(constraint: object) -> FixedRows | None:
 
 @lru_cache(maxsize=256)
 def _of_contact(contact: Contact) -> FixedRows | None:
-    k, on = len(contact.corners), contact.on
-    if k == 2 or (on is not None and (not isinstance(on, Ground) or on.moves)):
+    k = len(contact.corners)
+    if k == 2 or not contact.on_still_ground:
         return None
-    if k > 2:
-        return FixedRows(FixedPose(contact.frame, contact.placement, None), slice(6))
-    axes = contact_axes(UP if contact.normal is None else contact.normal)
-    rows = slice(2, 3) if contact.friction == 0.0 else slice(3)
-    return FixedRows(FixedPose(contact.frame, contact.placement, axes), rows)
+    rows = slice(6) if k > 2 else slice(2 if contact.friction == 0.0 else 0, 3)
+    return FixedRows(FixedPose(contact.frame, contact.placement, None if k > 2 else contact._axes), rows)
 
 
 def are_constant(constraint: object, rows: Rows) -> bool:

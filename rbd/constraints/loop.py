@@ -23,9 +23,9 @@ from typing import overload
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_vector3, cross_matrix, lazy
+from rbd.arrays import Array, cross_matrix, lazy
 from rbd.constraints.constraint import Constraint, rows_of
-from rbd.constraints.surface import check_state, check_words, contact_axes
+from rbd.constraints.surface import check_state, check_words, contact_axes, unit_direction
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
@@ -102,13 +102,9 @@ class LoopClosure(Displayed):
             )
         if not isinstance(self.kind, str) or self.kind not in KINDS:
             raise InputError(f"kind of loop {self.name!r:.80} is {self.kind!r:.80}; expected one of {', '.join(KINDS)}.")
-        axis = as_vector3(f"axis of loop {self.name!r:.80}", self.axis)
-        length = float(np.linalg.norm(axis))
-        if not 1e-9 < length < 1e9:
-            raise InputError(f"axis of loop {self.name!r:.80} has length {length:.3g}; expected a direction, e.g. (0, 0, 1).")
-        put = object.__setattr__
-        put(self, "axis", axis / length)
-        put(self, "_axes", contact_axes(axis / length))
+        put, axis = object.__setattr__, unit_direction(f"axis of loop {self.name!r:.80}", self.axis)
+        put(self, "axis", axis)
+        put(self, "_axes", contact_axes(axis))
         put(self, "_cone", Free(KINDS[self.kind]))
 
     @property

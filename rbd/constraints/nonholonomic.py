@@ -28,13 +28,13 @@ from rbd.constraints.function import check_function, hessian_by_rates, matrix_of
 from rbd.constraints.surface import (
     HERE,
     UP,
-    BodyMotion,
+    Counterpart,
+    RelativeMotion,
     check_state,
-    check_two_bodies,
     check_words,
     cone_of,
     contact_axes,
-    motion_of,
+    unit_direction,
 )  # fmt: skip
 from rbd.displayed import Displayed
 from rbd.errors import InputError
@@ -226,19 +226,6 @@ class KnifeEdge(Displayed):
         )
 
 
-def unit_direction(what: str, given: Sequence[float] | Array) -> Array:
-    """A direction, normalised.
-
-    Raises:
-        InputError: it is not three finite numbers, or has zero length.
-    """
-    out = as_vector3(what, given)
-    length = float(np.linalg.norm(out))
-    if not 1e-9 < length < 1e9:
-        raise InputError(f"{what} has length {length:.3g}; expected a direction, e.g. (1, 0, 0).")
-    return out / length
-
-
 _FLAT = 1e-4
 """Sine of the angle between a disk and its plane below which it is flat: its lowest point is not unique."""
 
@@ -267,6 +254,7 @@ class Rolling:
     facets: int = field(default=4, kw_only=True)
     on: On = field(default=0.0, kw_only=True)
     _axes: Array = field(init=False, repr=False)
+    _touched: Counterpart = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_words("what rolls or glides", name=self.name, frame=self.frame)
@@ -280,6 +268,9 @@ class Rolling:
             raise InputError(f"contact {self.name!r} is between {self.frame!r} and itself; expected a frame of another body.")
         object.__setattr__(self, "on", on)
         object.__setattr__(self, "_axes", contact_axes(UP if on.normal is None else np.asarray(on.normal)))
+        if isinstance(on, Ground) and on.moves and on.about is None:
+            on = replace(on, about=on.point)
+        object.__setattr__(self, "_touched", Counterpart(self.name, on, None))
 
     @property
     def frames(self) -> tuple[str, ...]:
@@ -289,6 +280,12 @@ class Rolling:
     def with_friction(self, mu: float) -> Self:
         """The same with another coefficient."""
         return replace(self, friction=mu)
+
+    def _met(self, state: State) -> tuple[RelativeMotion, Array]:
+        """(motion of the body's frame relative to the surface, axes of the plane, the normal third)."""
+        check_state(state, self.name)
+        motion = self._touched.motion(state, self.frame, HERE)
+        return motion, motion.X_WS.rotation @ self._axes
 
 
 @dataclass(frozen=True, eq=False)
@@ -329,8 +326,8 @@ class RollingBall(Rolling, Displayed):
             FrameNotFound: with the nearest names.
             InputError: both frames are on one body.
         """
-        P, body = _met(self, state)
-        return _rows(self, P, body, -P.n, -P.n_rate, P.axes, P.turning @ P.axes)
+        motion, R = self._met(state)
+        return _rows(self, motion, -R[:, 2], np.zeros(3), R, np.zeros((3, 3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -378,9 +375,9 @@ class RollingDisk(Rolling, Displayed):
 
     def _disk_rows(self, state: State, *, normal: bool = True) -> Rows:
         """Rows of a disk: d points in its plane to the lowest point, and the heading is along its rim."""
-        P, body = _met(self, state)
-        n, dn, e = P.n, P.n_rate, body.X.rotation @ self.axis
-        de = cross_matrix(body.v[3:]) @ e
+        motion, axes = self._met(state)
+        n, e = axes[:, 2], motion.X_WP.rotation @ self.axis
+        de = cross_matrix(motion.v[3:]) @ e
         along = float(e @ n)
         up = n - along * e  # in the disk; its length is the sine of the angle between disk and plane
         steep = float(np.linalg.norm(up))
@@ -390,13 +387,13 @@ class RollingDisk(Rolling, Displayed):
                 "leans. Is its axis the right one?"
             )
         up /= steep
-        dup = _turned(up, dn - (float(dn @ e) + float(n @ de)) * e - along * de, steep)
+        dup = _turned(up, -float(n @ de) * e - along * de, steep)
         heading = cross_matrix(e) @ n / steep
-        dheading = _turned(heading, cross_matrix(de) @ n + cross_matrix(e) @ dn, steep)
+        dheading = _turned(heading, cross_matrix(de) @ n, steep)
         N = cross_matrix(n)
         R = np.column_stack([heading, N @ heading, n])
-        dR = np.column_stack([dheading, cross_matrix(dn) @ heading + N @ dheading, dn])
-        return _rows(self, P, body, -up, -dup, R, dR, normal=normal)
+        dR = np.column_stack([dheading, N @ dheading, np.zeros(3)])
+        return _rows(self, motion, -up, -dup, R, dR, normal=normal)
 
 
 @dataclass(frozen=True, eq=False)
@@ -444,79 +441,21 @@ class RollingWheel(RollingDisk):
         return rows
 
 
-@dataclass(frozen=True, eq=False)
-class _Plane:
-    """A plane whose material may move, at a state.
-
-    Attributes:
-        point: A point of the plane, in W, shape (3,) [m].
-        axes: R_WP, the normal third, shape (3, 3).
-        about: Material point in W at which velocity and acceleration are given, shape (3,) [m].
-        u: Velocity there, linear then angular, shape (6,) [m/s, rad/s].
-        s: Acceleration of that material point, and angular, shape (6,) [m/s2, rad/s2]; for a body, its J_dot v.
-        J: Jacobian of u, shape (6, nv); None for the ground.
-    """
-
-    point: Array
-    axes: Array
-    about: Array
-    u: Array
-    s: Array
-    J: Array | None
-
-    @property
-    def n(self) -> Array:
-        """The normal."""
-        return self.axes[:, 2]
-
-    @property
-    def turning(self) -> Array:
-        """Matrix of the angular velocity: turning @ x = W x x."""
-        return cross_matrix(self.u[3:])
-
-    @property
-    def n_rate(self) -> Array:
-        """Derivative of the normal, for a plane that tilts."""
-        return self.turning @ self.n
-
-
-def _met(given: Rolling, state: State) -> tuple[_Plane, BodyMotion]:
-    """The plane, and the rolling body, at a state."""
-    check_state(state, given.name)
-    body = BodyMotion(*state.moving(given.frame, HERE, pin.LOCAL_WORLD_ALIGNED))
-    on = given.on
-    if isinstance(on, Body):
-        check_two_bodies(state, given.name, given.frame, on)
-        X_WS, J, u, s = state.moving(on.frame, HERE, pin.LOCAL_WORLD_ALIGNED)
-        return _Plane(X_WS.translation, X_WS.rotation @ given._axes, X_WS.translation, u, s, J), body
-    assert isinstance(on, Ground)
-    point = np.asarray(on.point)
-    return _Plane(point, given._axes, point if on.about is None else np.asarray(on.about), *motion_of(on), None), body
-
-
 def _turned(unit: Array, rate: Array, length: float) -> Array:
     """Derivative of a vector's direction, from the vector's derivative and length."""
     return (rate - unit * float(unit @ rate)) / length
 
 
-def _rows(
-    given: Rolling, P: _Plane, body: BodyMotion, d: Array, dd: Array, R: Array, dR: Array, *, normal: bool = True
-) -> Rows:
-    """Rows of a contact r d from the centre, where d and the axes R change at dd and dR."""
-    r, (v, w), u = float(given.radius) * d, np.split(body.v, 2), P.u[:3]
-    p = body.X.translation + r
-    dr = float(given.radius) * dd
-    arm = cross_matrix(r)
-    from_about = p - P.about
-    g = v - arm @ w - u - P.turning @ from_about
-    surface = P.s[:3] + cross_matrix(P.s[3:]) @ from_about + P.turning @ (v + dr - u)  # of field u, along the contact path
-    dg = body.bias[:3] - arm @ body.bias[3:] + cross_matrix(w) @ dr - surface
-    J = body.J[:3] - arm @ body.J[3:]
-    if P.J is not None:
-        J = J - P.J[:3] + cross_matrix(from_about) @ P.J[3:]
-    J = R.T @ J
+def _rows(given: Rolling, motion: RelativeMotion, d: Array, dd: Array, R: Array, dR: Array, *, normal: bool = True) -> Rows:
+    """Rows of a contact r d from the centre, where d and the axes R change at dd and dR, as seen from the surface."""
+    r, dr, (v, w) = float(given.radius) * d, float(given.radius) * dd, np.split(motion.v, 2)
+    p, arm = motion.X_WP.translation + r, cross_matrix(r)
+    g = v - arm @ w
+    dg = motion.bias[:3] - arm @ motion.bias[3:] + cross_matrix(w) @ dr
+    J = R.T @ (motion.J[:3] - arm @ motion.J[3:])
+    point = np.asarray(given.on.point) if isinstance(given.on, Ground) else motion.X_WS.translation
     kept = slice(2, 3) if given.friction == 0.0 else slice(0, 3 if normal else 2)
-    error = np.array([0.0, 0.0, float(P.n @ (p - P.point))])
+    error = np.array([0.0, 0.0, float(R[:, 2] @ (p - point))])
     m = len(error[kept])
     ground, against = (given.on, None) if isinstance(given.on, Ground) else (None, given.frames[1])
     return Rows(

@@ -118,16 +118,17 @@ class Counterpart:
         bias[3:] -= turn @ v[3:]
         return RelativeMotion(X_WP, X_WS, J, v, bias)
 
-    def shift(self, motion: RelativeMotion, axes: Array) -> Array | None:
-        """From the anchor to the contact's point, in contact axes R_WP, shape (3,) [m]; None without an anchor."""
-        if self.anchor is None:
-            return None
-        return axes.T @ (motion.X_WP.translation - motion.X_WS.act(self.anchor.translation))
+    def displacement(self, motion: RelativeMotion, axes: Array, corners: int) -> Array:
+        """From the anchor to a contact, in contact axes R_WC: the shift [m], then of an edge or a patch the rotation.
 
-    def anchored_axes(self, motion: RelativeMotion) -> Array:
-        """R_W0: the axes of the anchor in W; needs an anchor."""
+        Of an edge the rotation is that of its direction, x0 cross x. It needs an anchor.
+        """
         assert self.anchor is not None
-        return motion.X_WS.rotation @ self.anchor.rotation
+        X_W0 = motion.X_WS * self.anchor
+        shift, turned = axes.T @ (motion.X_WP.translation - X_W0.translation), X_W0.rotation.T @ axes
+        if corners == 1:
+            return shift
+        return np.concatenate([shift, pin.log3(turned) if corners > 2 else [0.0, turned[0, 2], -turned[0, 1]]])
 
 
 def motion_of(ground: Ground) -> tuple[Array, Array]:
@@ -185,6 +186,19 @@ def contact_axes(normal: Array, along: Array | None = None) -> Array:
     t1 = along - (along @ normal) * normal
     t1 /= np.linalg.norm(t1)
     return np.column_stack([t1, np.cross(normal, t1), normal])
+
+
+def unit_direction(what: str, given: Sequence[float] | Array) -> Array:
+    """A direction, normalised.
+
+    Raises:
+        InputError: it is not three finite numbers, or has zero length.
+    """
+    out = as_vector3(what, given)
+    length = float(np.linalg.norm(out))
+    if not 1e-9 < length < 1e9:
+        raise InputError(f"{what} has length {length:.3g}; expected a direction, e.g. (1, 0, 0).")
+    return out / length
 
 
 def edge_axes(name: str, x: Array, n: Array) -> Array:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from rbd.errors.reasons import InputError, RbdError, Reason
 
@@ -203,6 +204,26 @@ class WrongPinocchio(RbdError, ImportError):
     """
 
     reason = Reason.WRONG_PINOCCHIO
+
+
+def listed_items(what: str, value: object, expected: str, *, alone: bool = False) -> list[Any]:
+    """The items of a list, or of another object that gives some one by one.
+
+    Args:
+        what: Its name, for the message.
+        value: The list.
+        expected: What is expected, for the message: "a list of joints' names".
+        alone: Whether a string stands for a list of itself.
+
+    Raises:
+        InputError: a string, or no list.
+    """
+    if alone and isinstance(value, str):
+        return [value]
+    try:
+        return list(None if isinstance(value, str | bytes) else value)  # type: ignore[call-overload]
+    except TypeError:
+        raise InputError(f"{what} is {value!r:.80}; expected {expected}.") from None
 
 
 def check_different(names: Sequence[str], what: str) -> None:

@@ -29,7 +29,9 @@ from rbd.constraints.constraint import Constraint, frames_of, loop_dof, rows_of
 from rbd.constraints.manifold import own_or
 from rbd.displayed import Displayed
 from rbd.errors import InputError, SingularPose, nearest
+from rbd.errors.inputs import listed_items
 from rbd.mechanism.constraint_error import BilateralVelocities, Closure, Rates, branches_meet, independent_columns, rank_of
+from rbd.model.inertial import body_names
 from rbd.model.state import State, checked
 from rbd.robots.linkage import link_angles
 
@@ -103,7 +105,30 @@ _CONSISTENT = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
-class VelocityPartition(Displayed):
+class _Partition(Displayed):
+    """What velocities and accelerations from some of them have in common."""
+
+    columns: VelocityColumns
+    residual: float
+
+    @property
+    def condition(self) -> float:
+        """Condition number of J2: amplification of small errors of lengths and angles in the rates."""
+        return self.columns.condition
+
+    @property
+    def rank(self) -> int:
+        """Rank of J2."""
+        return self.columns.rank
+
+    def _table(self, what: str, unknown: Mapping[str, float]) -> str:
+        known, lines = len(self.columns.known), [f"  {name:24s} {value:.6g}" for name, value in unknown.items()]
+        head = f"{what}: {known} known, {len(self.columns.unknown)} unknown, condition {self.condition:.4g}"
+        return "\n".join([head, *lines])
+
+
+@dataclass(frozen=True, eq=False)
+class VelocityPartition(_Partition):
     """All velocities of a mechanism from some of them, as `velocity_partition` finds them.
 
     Attributes:
@@ -121,25 +146,13 @@ class VelocityPartition(Displayed):
 
     v: Array
     rates: dict[str, float]
-    columns: VelocityColumns
-    residual: float
-
-    @property
-    def condition(self) -> float:
-        """Condition number of J2: amplification of small errors of lengths and angles in the rates."""
-        return self.columns.condition
-
-    @property
-    def rank(self) -> int:
-        """Rank of J2."""
-        return self.columns.rank
 
     def __str__(self) -> str:
-        return _table("velocity", self.columns, self.v, self.rates)
+        return self._table("velocity", self.rates)
 
 
 @dataclass(frozen=True, eq=False)
-class AccelerationPartition(Displayed):
+class AccelerationPartition(_Partition):
     """All accelerations of a mechanism from some of them, as `acceleration_partition` finds them.
 
     Attributes:
@@ -158,21 +171,9 @@ class AccelerationPartition(Displayed):
 
     a: Array
     accelerations: dict[str, float]
-    columns: VelocityColumns
-    residual: float
-
-    @property
-    def condition(self) -> float:
-        """Condition number of J2."""
-        return self.columns.condition
-
-    @property
-    def rank(self) -> int:
-        """Rank of J2."""
-        return self.columns.rank
 
     def __str__(self) -> str:
-        return _table("acceleration", self.columns, self.a, self.accelerations)
+        return self._table("acceleration", self.accelerations)
 
 
 def velocity_partition(
@@ -211,8 +212,7 @@ def velocity_partition(
         {'coupler_joint': -24.234, 'rocker_joint': 13.11}
     """
     held = BilateralVelocities(state, constraints, loops)
-    v, columns, residual = _solved(held, {} if known is None else known, held.u, "rate")
-    return VelocityPartition(v, _named(held, v, columns), columns, residual)
+    return VelocityPartition(*_solved(held, {} if known is None else known, held.u, "rate"))
 
 
 def acceleration_partition(
@@ -250,12 +250,13 @@ def acceleration_partition(
             f"the velocity of {state.robot.name} breaks {worst!r:.80} by {max_abs(off):.3g} m/s (or rad/s); accelerations want "
             "one that the constraints allow: state.with_velocity(velocity_partition(state, constraints, known).v)."
         )
-    a, columns, residual = _solved(held, {} if known is None else known, -held.rows(state).bias, "acceleration")
-    return AccelerationPartition(a, _named(held, a, columns), columns, residual)
+    return AccelerationPartition(*_solved(held, {} if known is None else known, -held.rows(state).bias, "acceleration"))
 
 
-def _solved(held: BilateralVelocities, known: Rates, rhs: Array, what: str) -> tuple[Array, VelocityColumns, float]:
-    """(all values, columns, residual) of J x = rhs with some of x known.
+def _solved(
+    held: BilateralVelocities, known: Rates, rhs: Array, what: str
+) -> tuple[VelocityColumns, float, Array, dict[str, float]]:
+    """(columns, residual, all values, {unknown: its value}) of J x = rhs with some of x known.
 
     Raises:
         SingularPose: the known values do not determine the others.
@@ -270,7 +271,7 @@ def _solved(held: BilateralVelocities, known: Rates, rhs: Array, what: str) -> t
     residual = max_abs(held.J @ x - rhs)
     if residual > _CONSISTENT * max(1e-3, _terms(held.J, x, rhs)):
         raise _contradicted(held, known, rhs, residual, what)
-    return x, columns, residual
+    return columns, residual, x, dict(zip(columns.unknown, x[~mask].tolist(), strict=True))
 
 
 def _filled(held: BilateralVelocities, mask: Array, x: Array, rhs: Array) -> tuple[Array, Array]:
@@ -329,12 +330,6 @@ def _contradicted(held: BilateralVelocities, known: Rates, rhs: Array, residual:
     )
 
 
-def _named(held: BilateralVelocities, x: Array, columns: VelocityColumns) -> dict[str, float]:
-    """{unknown velocity: its value}."""
-    unknown = set(columns.unknown)
-    return {c.name: float(value) for c, value in zip(held.joints.velocities, x, strict=True) if c.name in unknown}
-
-
 def _listed(names: Sequence[str]) -> str:
     return ", ".join(repr(name) for name in names[:8]) + ", ..." * (len(names) > 8)
 
@@ -342,11 +337,6 @@ def _listed(names: Sequence[str]) -> str:
 def _terms(J: Array, x: Array, rhs: Array) -> float:
     """Largest sum of the sizes of the terms in a row of J x - rhs."""
     return max_abs(np.abs(J) @ np.abs(x) + np.abs(rhs))
-
-
-def _table(what: str, columns: VelocityColumns, x: Array, unknown: Mapping[str, float]) -> str:
-    head = f"{what}: {len(columns.known)} known, {len(columns.unknown)} unknown, condition {columns.condition:.4g}"
-    return "\n".join([head, *(f"  {name:24s} {value:.6g}" for name, value in unknown.items())])
 
 
 def independent_velocities(
@@ -377,10 +367,8 @@ def independent_velocities(
         ('crank_joint',)
     """
     held = BilateralVelocities(state, constraints, loops)
-    if isinstance(prefer, str) or not isinstance(prefer, list | tuple):
-        raise InputError(f"prefer is {prefer!r:.80}; expected a list of joints' names.")
     last = np.zeros(state.robot.nv, bool)
-    for joint in prefer:
+    for joint in listed_items("prefer", prefer, "a list of joints' names"):
         last[state.robot.joints.velocity(joint)] = True
     free = independent_columns(held.J * state.robot.joints.scale, last)
     return tuple(state.robot.joints.velocities[i].name for i in free)
@@ -451,7 +439,8 @@ def link_jacobians(
     """
     robot, turning = checked(state).robot, _turning(state)
     joints = list(robot.joints.values())
-    names = [_name(state, joint.id) if turning[joint.v.start] else joint.name for joint in joints]
+    links = body_names(robot)
+    names = [links[joint.id - 1] if turning[joint.v.start] else joint.name for joint in joints]
     T = np.array(
         [robot.joints.carrying(j.id) * turning if turning[j.v.start] else np.eye(robot.nv)[j.v.start] for j in joints]
     ).reshape(robot.nv, robot.nv)
@@ -509,23 +498,15 @@ def _moving(state: State, frame: str) -> Array:
     return np.array(J[[0, 2]])
 
 
-def _name(state: State, joint: int) -> str:
-    """The first link on the body of a joint; the joint's name if it has none."""
-    robot = state.robot
-    on_it = [name for name in robot.links() if robot.site(name)[0] == joint]
-    return on_it[0] if on_it else str(robot.model.names[joint])
-
-
 def _mask(names: list[str], known: Sequence[str]) -> Array:
     """Which coordinates are known.
 
     Raises:
         InputError: known is no list of these names, each once.
     """
-    if isinstance(known, str) or not isinstance(known, list | tuple):
-        raise InputError(f"known is {known!r:.80}; expected a list of links, e.g. {names[:1]}.")
+    known = listed_items("known", known, f"a list of links, e.g. {names[:1]}")
     for i, name in enumerate(known):
-        if name not in names:
+        if not isinstance(name, str) or name not in names:
             raise InputError(f"no link of this mechanism that turns is called {name!r:.80}; {nearest(name, names)}.")
         if name in known[:i]:
             raise InputError(f"known names {name!r:.80} twice.")

@@ -21,6 +21,7 @@ from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import RANK, ConstraintManifold, LinearisedRows, rank_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import listed_items
 from rbd.mechanism.degrees_of_freedom import FAR, ROUGH, neighbours
 from rbd.model.state import State, checked
 
@@ -273,14 +274,8 @@ class _Matrices:
 
 def _columns(held: ConstraintManifold, what: str, joints: Sequence[str]) -> Array:
     """Indices in v of the joints named."""
-    if isinstance(joints, str | bytes):
-        raise InputError(f"{what} are {joints!r:.80}; expected a list of joints' names.")
-    try:
-        names = list(joints)
-    except TypeError:
-        raise InputError(f"{what} are {joints!r:.80}; expected a list of joints' names.") from None
     named = np.zeros(held.n, bool)
-    for name in names:
+    for name in listed_items(what, joints, "a list of joints' names"):
         named[held.robot.joints[name].v] = True
     return np.flatnonzero(named)
 

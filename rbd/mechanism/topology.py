@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pinocchio as pin
 
 from rbd.arrays import Array, check_seed, max_abs
 from rbd.constraints.constraint import Constraint, frames_of
 from rbd.constraints.manifold import ConstraintManifold, LinearisedRows, null_space, rank_of
 from rbd.displayed import Displayed
-from rbd.errors import InputError
+from rbd.errors.inputs import listed_items
 from rbd.mechanism.degrees_of_freedom import FAR, ROUGH, neighbours
 from rbd.model.checked_model import CheckedModel
+from rbd.model.inertial import body_names
 from rbd.model.state import State, checked
 
 if TYPE_CHECKING:
@@ -171,7 +171,9 @@ def classify(
     """
     seed = check_seed(seed)
     robot = checked(state).robot
-    frames = _frames(robot, end)
+    frames = listed_items("end", end, "a frame's name, or a list of them", alone=True)
+    for frame in frames:
+        robot.frame_id(frame)
     held = ConstraintManifold(state, constraints, loops=loops)
     rolling = {name for (name, _), placed in zip(held.names, held.placed, strict=True) if not placed}
     graph = Graph(robot, [c for c in held.constraints if c.name not in rolling])
@@ -180,7 +182,7 @@ def classify(
     ends: tuple[EndPoint, ...] = ()
     if mobility is not None:
         ends = tuple(_end_point(held, looked, frame, graph) for frame in frames)
-    links = _links(robot)
+    links = ("", *body_names(robot))
     base = GROUND if graph.base == 0 else links[graph.base]
     leaves = [j for j in range(1, robot.model.njoints) if j not in set(robot.model.parents.tolist()[1:])]
     return MechanismClass(
@@ -282,22 +284,3 @@ def _end_point(held: ConstraintManifold, looked: list[LinearisedRows], frame: st
         ranks.append([rank_of(np.linalg.svd(part @ N, compute_uv=False)) for part in (J[:3], J, np.eye(held.n)[chain])])
     position, pose, mobility = np.max(ranks, axis=0).tolist()
     return EndPoint(frame, position, pose, mobility, graph.legs(body), ranks[0][:2] != [position, pose])
-
-
-def _links(robot: CheckedModel) -> list[str]:
-    """A name for each joint's body: the first link on it, or the joint."""
-    out = list(robot.model.names)
-    for frame in reversed(list(robot.model.frames)):
-        if frame.type == pin.FrameType.BODY:
-            out[frame.parentJoint] = frame.name
-    return out
-
-
-def _frames(robot: CheckedModel, end: str | Sequence[str]) -> tuple[str, ...]:
-    try:
-        names = (end,) if isinstance(end, str) else tuple(end)
-    except TypeError:
-        raise InputError(f"end is {end!r:.80}; expected a frame's name, or a list of them.") from None
-    for name in names:
-        robot.frame_id(name)
-    return names

@@ -19,6 +19,7 @@ from scipy.linalg import blas
 from rbd.arrays import Array, as_array, as_finite, check_finite, check_flag, lazy, max_abs
 from rbd.displayed import Displayed
 from rbd.errors import FrameNotFound, InputError, ModelError, nearest
+from rbd.errors.inputs import listed_items
 from rbd.installation import check_whole
 from rbd.model.data_pool import DataPool
 from rbd.model.joint_table import Joints
@@ -328,15 +329,7 @@ class CheckedModel(Travelling, Displayed):
         return out
 
     def _check_passive(self, passive: Iterable[str]) -> frozenset[str]:
-        if isinstance(passive, str):
-            passive = (passive,)
-        try:
-            names = list(passive)
-        except TypeError:
-            raise InputError(f"passive is {passive!r:.80}; expected a list of joints' names.") from None
-        for n in names:
-            self.joint_id(n)
-        return frozenset(names)
+        return frozenset(self.joints[n].name for n in listed_items("passive", passive, "a list of joints' names", alone=True))
 
     def _place_motors(self) -> None:
         """Make the tables of the motors: of all joints but free-flyers and passive ones."""

@@ -238,6 +238,4 @@ def momentum(state: State) -> Array:
         array([20. ,  0. ,  0. ,  0. ,  0. ,  0.8])
     """
     robot = checked(state).robot
-    return robot.pool.compute(
-        lambda data: pin.computeCentroidalMomentum(robot.model, data, state.q, state.v).vector.copy()
-    )
+    return robot.pool.compute(lambda data: pin.computeCentroidalMomentum(robot.model, data, state.q, state.v).vector.copy())

@@ -296,8 +296,8 @@ def _triangles(m: Any, i: int) -> coal.CollisionGeometry:
     return mesh
 
 
-def convex_hull(vertices: Array) -> Array:
-    """The triangles of the convex hull of points, counter-clockwise as seen from outside, shape (m, 3).
+def solid_hull(vertices: Array) -> Any:
+    """SciPy's hull of points; its triangles, `simplices`, are counter-clockwise as seen from outside.
 
     Raises:
         ValueError: points in a plane.
@@ -310,9 +310,7 @@ def convex_hull(vertices: Array) -> Array:
         found = ConvexHull(vertices)
     except QhullError:
         raise ValueError("has all its corners in one plane") from None
-    faces, outward = np.array(found.simplices), found.equations[:, :3]
-    corners = vertices[faces]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    inward = np.einsum("fi,fi->f", normals, outward) < 0.0
-    faces[inward] = faces[inward][:, ::-1]
-    return faces
+    a, b, c = (vertices[found.simplices[:, i]] for i in range(3))
+    inward = (np.cross(b - a, c - a) * found.equations[:, :3]).sum(axis=1) < 0.0
+    found.simplices[inward] = found.simplices[inward][:, ::-1]  # Qhull gives them in any order
+    return found

@@ -21,6 +21,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.errors import InputError, ModelError, UnknownRobot, nearest
+from rbd.errors.inputs import listed_items
 from rbd.model.input_files import is_file
 
 DATA = "example-robot-data"
@@ -182,7 +183,9 @@ def _text(value: object, what: str) -> str:
 
 
 def _package_dirs(package_dirs: object) -> tuple[Path, ...]:
-    return tuple(file_path(folder, "a package folder") for folder in _folders(package_dirs))
+    alone = isinstance(package_dirs, str | os.PathLike)  # one folder, not its letters
+    folders: list[Any] = [package_dirs] if alone else listed_items("package_dirs", package_dirs, "a list of folders")
+    return tuple(file_path(folder, "a package folder") for folder in folders)
 
 
 def _shares() -> tuple[Path, ...]:
@@ -192,15 +195,6 @@ def _shares() -> tuple[Path, ...]:
     except ModelError:
         return ()
     return folder.parents[1], folder
-
-
-def _folders(package_dirs: object) -> list[Any]:
-    if isinstance(package_dirs, str | os.PathLike):
-        return [package_dirs]  # one folder, not its letters
-    try:
-        return list(package_dirs)  # type: ignore[call-overload]
-    except TypeError:
-        raise InputError(f"package_dirs is {package_dirs!r:.80}; expected a list of folders.") from None
 
 
 def _expanded(text: str) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import coal
 import numpy as np
@@ -12,18 +11,16 @@ import pinocchio as pin
 
 from rbd.arrays import Array, largest_first
 from rbd.constraints.contact import Contact, PointContact, SurfaceContact
-from rbd.constraints.convex.polygons import convex_hull
+from rbd.constraints.convex.convex_shapes import parts_of
+from rbd.constraints.convex.polygons import RIM_CORNERS, convex_hull
 from rbd.errors import DuplicateName, InputError, ModelError
+from rbd.errors.inputs import listed_items
 from rbd.model.checked_model import CheckedModel
-from rbd.model.meshes import Geometry
+from rbd.model.meshes import Geometry, solid_hull
 from rbd.model.state import State
 from rbd.problem.cones import Cone
 from rbd.problem.ground import On, surfaces_of
 from rbd.robots.catalogue import Foot
-
-if TYPE_CHECKING:
-    from rbd.model.checked_model import CheckedModel
-    from rbd.model.state import State
 
 
 def contacts_of(
@@ -52,9 +49,8 @@ def soles_at(robot: CheckedModel, collision: Geometry, frames: Sequence[str], at
         FrameNotFound: with the nearest names.
         ModelError: a foot without collision shapes, or with fewer than three points of contact.
     """
-    if isinstance(frames, str) or not np.iterable(frames):
-        raise InputError(f"frames is {frames!r:.80}; expected a list of frames' names, one a foot.")
-    soles = {frame: sole_of(robot, collision, frame, at) for frame in frames}
+    given = listed_items("frames", frames, "a list of frames' names, one a foot")
+    soles = {frame: sole_of(robot, collision, frame, at) for frame in given}
     return tuple(_foot(frame, frame, sole.X_FP, sole.corners) for frame, sole in soles.items())
 
 
@@ -253,11 +249,9 @@ def _lowest(points: Array, axes: Array, tolerance: float) -> tuple[Array, float]
 
 def _facets(points: Array, level: Array) -> list[Array]:
     """Outward normals of the larger facets of the points' hull that face down."""
-    from scipy.spatial import ConvexHull, QhullError
-
     try:
-        hull = ConvexHull(points)
-    except (QhullError, ValueError):  # too few points, or all in one plane, as the lowest points of four balls are
+        hull = solid_hull(points)
+    except ValueError:  # too few points, or all in one plane, as the lowest points of four balls are
         normal = np.linalg.svd(points - points.mean(axis=0))[2][-1] if len(points) > 2 else level
         normal = normal if normal @ level > 0.0 else -normal
         return [normal] if normal @ level > MOST_LEAN else []
@@ -303,31 +297,14 @@ def _points(shapes: Sequence[tuple[coal.CollisionGeometry, pin.SE3]], down: Arra
 
 
 def _of_shape(geometry: coal.CollisionGeometry, down: Array) -> Array:
-    match geometry:
-        case coal.BVHModelBase():
-            return np.array(geometry.vertices(), float).reshape(-1, 3)
-        case coal.Box():
-            signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-            return signs * np.asarray(geometry.halfSide)
-        case coal.Sphere():
-            return geometry.radius * down[None]
-        case coal.Ellipsoid():
-            radii = np.asarray(geometry.radii)
-            return (radii**2 * down / np.linalg.norm(radii * down))[None]
-        case coal.Capsule():
-            ends = np.array([[0.0, 0.0, -geometry.halfLength], [0.0, 0.0, geometry.halfLength]])
-            return ends + geometry.radius * down
-        case coal.Cylinder():
-            return np.vstack([_rim(geometry.radius, z, down) for z in (-geometry.halfLength, geometry.halfLength)])
-        case coal.Cone():
-            return np.vstack([_rim(geometry.radius, -geometry.halfLength, down), [[0.0, 0.0, geometry.halfLength]]])
-        case coal.ConvexBase():
-            return np.array([geometry.point(i) for i in range(geometry.num_points)], float).reshape(-1, 3)
-    return np.zeros((0, 3))
-
-
-def _rim(radius: float, z: float, down: Array) -> Array:
-    """Points of a circle about the z axis, among them its lowest one."""
-    lowest = np.arctan2(down[1], down[0])
-    angles = lowest + 2.0 * np.pi * np.arange(32) / 32
-    return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(32, z)])
+    """Vertices, and the lowest points of round parts; of rims in place of their polygons 32 points, the lowest among them."""
+    vertices, rounds, _ = parts_of(geometry)
+    rims = [r.rim + i for r in rounds if r.rim >= 0 for i in range(RIM_CORNERS)]
+    found = [np.delete(vertices, rims, axis=0)]
+    angles = np.arctan2(down[1], down[0]) + 2.0 * np.pi * np.arange(32) / 32
+    circle = np.column_stack([np.cos(angles), np.sin(angles), np.zeros(32)])
+    for r in rounds:
+        far = r.root @ down
+        lowest = r.reach * circle if r.rim >= 0 else (r.root @ far / np.linalg.norm(far))[None]
+        found.append(r.centre + lowest)
+    return np.concatenate(found)

@@ -75,6 +75,7 @@ class Mechanism:
                     q[robot.joints[joint].q] = robot.joints[joint].target(joint, np.array(numbers))
         return out
 
+
 def mechanism(model: pin.Model, name: str, file: LoopFile, equalities: Iterable[Equality] = ()) -> Mechanism:
     """The loop closures of a loop file and an MJCF's equalities; their frames are added to the model.
 

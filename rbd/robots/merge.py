@@ -16,6 +16,7 @@ from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.forces.joint_springs import JointDamping, JointSpring
 from rbd.constraints.surface import rigid_placement
 from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.errors.inputs import listed_items
 from rbd.model.checked_model import CheckedModel
 from rbd.model.data_pool import DataPool
 from rbd.model.pickling import Recipe
@@ -148,7 +149,11 @@ class RobotPair(CheckedModel):
         """
         moved = None if self.placement.isIdentity(0.0) else self.placement
         both = (first, self.prefixes[0], None), (second, self.prefixes[1], moved)
-        return [renamed(c, prefix, placement) for contacts, prefix, placement in both for c in _listed(contacts)]
+        return [
+            renamed(c, prefix, placement)
+            for contacts, prefix, placement in both
+            for c in listed_items("contacts", contacts, "a list, e.g. robot.soles()")
+        ]
 
     def feet(self, friction: float | None = 0.7, *, facets: int = 4) -> list[SurfaceContact | PointContact]:
         """Feet of both, as `Robot.feet`; an object has none.
@@ -286,10 +291,3 @@ def _feet(robot: Any, friction: float | None, facets: int) -> list[SurfaceContac
         own = [_feet(member, friction, facets) for member in robot.members]
         return robot.contacts(*own)
     return robot.feet(friction, facets=facets) if hasattr(robot, "source") and robot.source.feet else []
-
-
-def _listed(contacts: Iterable[Kind]) -> list[Kind]:
-    try:
-        return list(contacts)
-    except TypeError:
-        raise InputError(f"contacts are {contacts!r:.80}; expected a list, e.g. robot.soles().") from None

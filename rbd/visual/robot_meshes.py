@@ -22,7 +22,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array
 from rbd.errors import InputError, ModelWarning
-from rbd.model.meshes import convex_hull
+from rbd.model.meshes import solid_hull
 from rbd.visual import shapes
 from rbd.visual.shapes import Mesh, joined, outermost
 from rbd.visual.style import COLLISION_COLOR, INERTIA_COLOR, SKELETON_COLOR, hexadecimal
@@ -182,7 +182,7 @@ def triangles(geometry: coal.CollisionGeometry) -> Mesh | None:
 
 def _hull_mesh(points: Array) -> Mesh | None:
     try:
-        return shapes.creased(Mesh(points, convex_hull(points)))
+        return shapes.creased(Mesh(points, solid_hull(points).simplices))
     except ValueError:
         return None
 

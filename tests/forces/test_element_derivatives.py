@@ -218,14 +218,12 @@ def test_the_rotation_vector_and_its_inverse_jacobian():
         assert np.abs(found - theta).max() < 1e-14 and abs(angle - size) < 1e-14
         assert np.abs(inverse_left_jacobian(theta).T @ pin.Jexp3(theta) - np.eye(3)).max() < 1e-13
         m = rng.normal(size=3)
-        for transposed in (False, True):
 
-            def product(x: Array, m: Array = m, transposed: bool = transposed) -> Array:
-                A = inverse_left_jacobian(x)
-                return (A.T if transposed else A) @ m
+        def product(x: Array, m: Array = m) -> Array:
+            return inverse_left_jacobian(x) @ m
 
-            ref = [slope(lambda h, x=theta, d=d: product(x + h * d), product(theta), 1e-2, "x") for d in np.eye(3)]
-            assert np.abs(inverse_change(theta, m, transposed=transposed) - np.array(ref).T).max() < 1e-9
+        ref = [slope(lambda h, x=theta, d=d: product(x + h * d), product(theta), 1e-2, "x") for d in np.eye(3)]
+        assert np.abs(inverse_change(theta, m) - np.array(ref).T).max() < 1e-9
 
 
 def test_derivatives_by_parameters(given):

@@ -9,7 +9,6 @@ A round part (ball, rim of a cylinder, ellipsoid) gives its lowest point, which 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from types import ModuleType
@@ -21,6 +20,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.constraints.convex.polygons import DIRECTIONS, MOST_POINTS, RIM_CORNERS, TOWARDS, across
 from rbd.errors import ModelError
+from rbd.model.meshes import solid_hull
 
 LEVEL_M = 1e-7
 """A rim whose lowest point is less than this below its centre is flat: all its points are equally low."""
@@ -28,6 +28,7 @@ STEEP = 0.1
 """A rim inclined by more than this (sine) touches only at its lowest point."""
 FLAT_M = 1e-5
 """Corners of a mesh this near to a face are on the face; of more than eight, eight are used."""
+_UP = np.array([0.0, 0.0, 1.0])
 _BLOCK = 64
 """Faces whose distances to all corners are computed at once: for thousands the matrix would have 200 MB."""
 
@@ -112,44 +113,50 @@ def convex_shape(shape: pin.GeometryObject) -> ConvexShape:
         ModelError: it is unbounded (a plane, a half-space), or no vertices.
     """
     X, geometry = pin.SE3(shape.placement), shape.geometry
-    name, joint = str(shape.name), int(shape.parentJoint)
+    vertices, rounds, faces = parts_of(geometry)
+    placed = vertices @ X.rotation.T + X.translation
+    if isinstance(geometry, coal.BVHModelBase | coal.ConvexBase):
+        if not len(vertices):
+            raise ModelError("is a mesh without vertices")
+        corners, faces, solid = _solid(placed.tobytes())
+        return ConvexShape(str(shape.name), int(shape.parentJoint), corners, (), faces, solid, pin.SE3.Identity())
+    if not len(vertices) and not rounds:
+        raise ModelError(f"is a {type(geometry).__name__}, which has no points that could touch")
+    N = faces[:, :3] @ X.rotation.T
+    faces = np.column_stack([N, faces[:, 3] + N @ X.translation])
+    turned = tuple([RoundPart(X.act(r.centre), X.rotation @ r.root @ X.rotation.T, r.rim) for r in rounds])
+    return ConvexShape(str(shape.name), int(shape.parentJoint), placed, turned, faces, geometry, X)
 
-    def made(vertices: Array, rounds: Sequence[RoundPart] = (), faces: Array | None = None) -> ConvexShape:
-        placed = np.asarray(vertices, float).reshape(-1, 3) @ X.rotation.T + X.translation
-        flat = np.zeros((0, 4)) if faces is None else faces
-        N = flat[:, :3] @ X.rotation.T
-        placed_faces = np.column_stack([N, flat[:, 3] + N @ X.translation])
-        return ConvexShape(name, joint, placed, tuple(rounds), placed_faces, geometry, X)
 
+def parts_of(geometry: coal.CollisionGeometry) -> tuple[Array, list[RoundPart], Array]:
+    """(vertices (k, 3), round parts, faces (m, 4) as of `ConvexShape`) in a geometry's own axes; of others than these, nothing.
+
+    A flat rim has vertices too, of a polygon in it. A mesh has its vertices alone, without faces.
+    """
+    faces, none = np.zeros((0, 4)), np.zeros((0, 3))
     match geometry:
         case coal.BVHModelBase():
-            return _hull(name, joint, np.array(geometry.vertices(), float).reshape(-1, 3) @ X.rotation.T + X.translation)
+            return np.array(geometry.vertices(), float).reshape(-1, 3), [], faces
         case coal.ConvexBase():
-            points = np.array([geometry.point(i) for i in range(geometry.num_points)], float).reshape(-1, 3)
-            return _hull(name, joint, points @ X.rotation.T + X.translation)
+            return np.array([geometry.point(i) for i in range(geometry.num_points)], float).reshape(-1, 3), [], faces
         case coal.Box():
             half = np.asarray(geometry.halfSide, float)
             signs = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-            faces = np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.tile(half, 2)])
-            return made(signs * half, (), faces)
+            return signs * half, [], np.column_stack([np.vstack([np.eye(3), -np.eye(3)]), np.tile(half, 2)])
         case coal.Sphere():
-            return made(np.zeros((0, 3)), [ball(X.translation.copy(), float(geometry.radius))])
+            return none, [ball(np.zeros(3), geometry.radius)], faces
         case coal.Ellipsoid():
-            root = X.rotation @ np.diag(np.asarray(geometry.radii, float)) @ X.rotation.T
-            return made(np.zeros((0, 3)), [RoundPart(X.translation.copy(), root)])
+            return none, [RoundPart(np.zeros(3), np.diag(np.asarray(geometry.radii, float)))], faces
         case coal.Capsule():
-            ends = [X.act(np.array([0.0, 0.0, z])) for z in (-geometry.halfLength, geometry.halfLength)]
-            return made(np.zeros((0, 3)), [ball(end, float(geometry.radius)) for end in ends])
+            return none, [ball(z * _UP, geometry.radius) for z in (-geometry.halfLength, geometry.halfLength)], faces
         case coal.Cylinder():
-            h = float(geometry.halfLength)
-            rims = [_rim(X, float(geometry.radius), z, i) for i, z in enumerate((-h, h))]
-            caps = np.array([[0.0, 0.0, -1.0, h], [0.0, 0.0, 1.0, h]])
-            return made(np.vstack([_polygon(float(geometry.radius), z) for z in (-h, h)]), rims, caps)
+            r, h = float(geometry.radius), float(geometry.halfLength)
+            rims = [rim(z * _UP, _UP, r, i * RIM_CORNERS) for i, z in enumerate((-h, h))]
+            return np.vstack([_polygon(r, z) for z in (-h, h)]), rims, np.array([[0.0, 0.0, -1.0, h], [0.0, 0.0, 1.0, h]])
         case coal.Cone():
-            h = float(geometry.halfLength)
-            points = np.vstack([_polygon(float(geometry.radius), -h), [[0.0, 0.0, h]]])
-            return made(points, [_rim(X, float(geometry.radius), -h, 0)], np.array([[0.0, 0.0, -1.0, h]]))
-    raise ModelError(f"is a {type(geometry).__name__}, which has no points that could touch")
+            r, h = float(geometry.radius), float(geometry.halfLength)
+            return np.vstack([_polygon(r, -h), [h * _UP]]), [rim(-h * _UP, _UP, r, 0)], np.array([[0.0, 0.0, -1.0, h]])
+    return none, [], faces
 
 
 def _polygon(radius: float, z: float) -> Array:
@@ -157,37 +164,18 @@ def _polygon(radius: float, z: float) -> Array:
     return np.column_stack([radius * np.cos(angles), radius * np.sin(angles), np.full(RIM_CORNERS, z)])
 
 
-def _rim(X: pin.SE3, radius: float, z: float, i: int) -> RoundPart:
-    return rim(X.act(np.array([0.0, 0.0, z])), X.rotation[:, 2], radius, i * RIM_CORNERS)
-
-
-def _hull(name: str, joint: int, points: Array) -> ConvexShape:
-    """The convex hull of a mesh, in the joint's axes; for a flat one all of its points, without faces."""
-    if len(points) == 0:
-        raise ModelError("is a mesh without vertices")
-    corners, faces, solid = _solid(points.tobytes())
-    return ConvexShape(name, joint, corners, (), faces, solid, pin.SE3.Identity())
-
-
 @lru_cache(maxsize=64)
 def _solid(data: bytes) -> tuple[Array, Array, coal.Convex]:
     """(corners, faces, hull) of points, cached for the next contacts of the same robot: a large mesh takes 50 ms."""
-    from scipy.spatial import ConvexHull, QhullError  # import takes a tenth of a second
-
     points = np.frombuffer(data).reshape(-1, 3)
     try:
-        hull = ConvexHull(points)
-    except (QhullError, ValueError):
+        hull = solid_hull(points)
+    except ValueError:
         corners = np.unique(points, axis=0)
         return _frozen(corners), _frozen(np.zeros((0, 4))), coal.Convex(_vectors(corners), _triangles(np.zeros((0, 3), int)))
     number = np.full(len(points), -1)
     number[hull.vertices] = np.arange(len(hull.vertices))
-    triangles = number[hull.simplices]
-    corners = points[hull.vertices]
-    # Coal wants corners counterclockwise as seen from outside; Qhull gives them in any order.
-    a, b, c = (corners[triangles[:, i]] for i in range(3))
-    inward = (np.cross(b - a, c - a) * hull.equations[:, :3]).sum(axis=1) < 0.0
-    triangles[inward] = triangles[inward][:, ::-1]
+    triangles, corners = number[hull.simplices], points[hull.vertices]
     faces = np.unique(np.round(hull.equations, 9), axis=0, return_index=True)[1]
     equations = hull.equations[np.sort(faces)]
     faces = np.column_stack([equations[:, :3], -equations[:, 3]])

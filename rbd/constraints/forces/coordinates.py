@@ -173,17 +173,24 @@ WIDEST = math.radians(170.0)
 _SERIES = (1 / 12, 1 / 720, 1 / 30240, 1 / 1209600, 1 / 47900160, 691 / 1307674368000, 1 / 74724249600)
 
 
+_SHIFT, _TURN, _FIRST = (np.kron([signs], np.eye(3)) for signs in ((-1, 0, 1, 0), (0, -1, 0, 1), (0, 1, 0, 0)))
+"""v_2 - v_1, w_2 - w_1 and w_1 of the velocities of both ends."""
+_CROSS = np.array([cross_matrix(e) for e in np.eye(3)])
+
+
+def _crosses(x: Array) -> Array:
+    """The matrices of the products with vectors, shape (..., 3, 3)."""
+    return np.einsum("...k,kij", x, _CROSS)
+
+
 class Coordinates(Protocol):
-    """Coordinates of an element at a state."""
+    """Coordinates x of an element at a state, and D of their rates D u, shape (m, 12)."""
 
     x: Array
     D: Array
 
-    def force_change(self, F: Array) -> Array:
-        """d(D^T F) of constant F, shape (12, 12)."""
-
-    def rate_change(self, u: Array) -> Array:
-        """d(D u) of constant u, shape (m, 12)."""
+    def change(self) -> Array:
+        """[k, i, j]: how D[k, i] changes with motion j of both ends, shape (m, 12, 12)."""
 
 
 class Distance:
@@ -195,31 +202,18 @@ class Distance:
 
     def __init__(self, pair: Pair, what: str) -> None:
         d = pair.points[1] - pair.points[0]
-        length = math.sqrt(float(d @ d))
-        if not length > SHORTEST:
+        self._length = math.sqrt(float(d @ d))
+        if not self._length > SHORTEST:
             raise InputError(
                 f"{what} has zero length at this state, where the line between its ends has no direction. Move an end; "
                 "a spring with rest=0 and preload=0 may have zero length."
             )
-        self._n = d / length
-        self._across = (np.eye(3) - np.outer(self._n, self._n)) / length
-        self.x = np.array([length])
-        self.D = np.zeros((1, 12))
-        self.D[0, :3], self.D[0, 6:9] = -self._n, self._n
+        self.x = np.array([self._length])
+        self.D = (d / self._length @ _SHIFT)[None]
 
-    def force_change(self, F: Array) -> Array:
-        """Of the direction: F (1 - n n^T) / L."""
-        out, P = np.zeros((12, 12)), F[0] * self._across
-        out[:3, :3] = out[6:9, 6:9] = P
-        out[:3, 6:9] = out[6:9, :3] = -P
-        return out
-
-    def rate_change(self, u: Array) -> Array:
-        """Of the direction."""
-        out = np.zeros((1, 12))
-        out[0, 6:9] = self._across @ (u[6:9] - u[:3])
-        out[0, :3] = -out[0, 6:9]
-        return out
+    def change(self) -> Array:
+        """Of the direction: (1 - n n^T) / L."""
+        return (_SHIFT.T @ _SHIFT - self.D.T @ self.D)[None] / self._length
 
 
 class Vector:
@@ -227,42 +221,23 @@ class Vector:
 
     def __init__(self, pair: Pair) -> None:
         self.x = pair.points[1] - pair.points[0]
-        self.D = np.zeros((3, 12))
-        self.D[:, :3], self.D[:, 6:9] = -np.eye(3), np.eye(3)
+        self.D = _SHIFT
 
-    def force_change(self, F: Array) -> Array:
+    def change(self) -> Array:
         """Zero."""
-        return np.zeros((12, 12))
-
-    def rate_change(self, u: Array) -> Array:
-        """Zero."""
-        return np.zeros((3, 12))
+        return np.zeros((3, 12, 12))
 
 
 class _AboutAxis:
-    """A rate about an axis g in the axes of the first place: D u = (R g) . (w_2 - w_1)."""
+    """A rate about an axis g in the axes of the first place: D u = (R g) . (w_2 - w_1), where g changes by dg of that turn."""
 
     def __init__(self, pair: Pair, g: Array, dg: Array) -> None:
-        self._R, self._dg = pair.R, dg
-        self._g = pair.R @ g
-        self.D = np.zeros((1, 12))
-        self.D[0, 3:6], self.D[0, 9:] = -self._g, self._g
+        self._g, self._dg = pair.R @ g, pair.R @ dg @ pair.R.T
+        self.D = (self._g @ _TURN)[None]
 
-    def _gradient(self) -> Array:
-        """Change of R g by the turns of both ends, shape (3, 12)."""
-        out, relative = np.zeros((3, 12)), self._R @ self._dg @ self._R.T
-        out[:, 3:6], out[:, 9:] = -cross_matrix(self._g) - relative, relative
-        return out
-
-    def force_change(self, F: Array) -> Array:
+    def change(self) -> Array:
         """Of the axis."""
-        out, moved = np.zeros((12, 12)), F[0] * self._gradient()
-        out[3:6], out[9:] = -moved, moved
-        return out
-
-    def rate_change(self, u: Array) -> Array:
-        """Of the axis."""
-        return np.asarray((u[9:] - u[3:6])[None] @ self._gradient())
+        return (_TURN.T @ (self._dg @ _TURN - cross_matrix(self._g) @ _FIRST))[None]
 
 
 class Angle(_AboutAxis):
@@ -321,41 +296,18 @@ class Pose:
         known = angle <= WIDEST
         if turns and not known:
             raise too_far(what, angle, "A rotation vector is known up to half a turn.")
-        theta = theta if known else np.zeros(3)
-        self._R, self._d, self._theta = R, d, theta
+        self._R, self._d, self._theta = R, d, theta if known else np.zeros(3)
         self._inverse = inverse_left_jacobian(theta) if known else np.zeros((3, 3))
-        turn = self._inverse @ R.T
-        self.x = np.concatenate([R.T @ d, theta])
-        self.D = np.zeros((6, 12))
-        self.D[:3, :3], self.D[:3, 3:6], self.D[:3, 6:9] = -R.T, R.T @ cross_matrix(d), R.T
-        self.D[3:, 3:6], self.D[3:, 9:] = -turn, turn
+        self._shift = _SHIFT + cross_matrix(d) @ _FIRST
+        self.x = np.concatenate([R.T @ d, self._theta])
+        self.D = np.concatenate([R.T @ self._shift, self._inverse @ R.T @ _TURN])
 
-    def _relative(self) -> Array:
-        """d(rotation vector) by the turns of both ends, shape (3, 12)."""
-        return self.D[3:]
-
-    def force_change(self, F: Array) -> Array:
+    def change(self) -> Array:
         """Of the first place's axes, the lever arm, and the map from turns to rotation vectors."""
-        R, f, m = self._R, self._R @ F[:3], self._R @ (self._inverse.T @ F[3:])
-        df, dm, dlever = np.zeros((3, 12)), np.zeros((3, 12)), np.zeros((3, 12))
-        df[:, 3:6] = -cross_matrix(f)
-        dm[:, 3:6] = -cross_matrix(m)
-        dm += R @ inverse_change(self._theta, F[3:], transposed=True) @ self._relative()
-        dlever[:, :3], dlever[:, 3:6] = -cross_matrix(f), cross_matrix(self._d) @ cross_matrix(f)
-        dlever[:, 6:9] = cross_matrix(f)
-        return np.concatenate([-df, dlever - dm, df, dm])
-
-    def rate_change(self, u: Array) -> Array:
-        """Likewise."""
-        R, turned = self._R, u[9:] - u[3:6]
-        r = u[6:9] - u[:3] + cross_matrix(self._d) @ u[3:6]
-        out = np.zeros((6, 12))
-        out[:3, :3] = R.T @ cross_matrix(u[3:6])
-        out[:3, 3:6] = R.T @ cross_matrix(r)
-        out[:3, 6:9] = -out[:3, :3]
-        out[3:] = inverse_change(self._theta, R.T @ turned) @ self._relative()
-        out[3:, 3:6] += self._inverse @ R.T @ cross_matrix(turned)
-        return out
+        R = self._R
+        linear = R.T @ (_crosses(self._shift.T) @ _FIRST - _crosses(_FIRST.T) @ _SHIFT)
+        angular = inverse_change(self._theta, _TURN.T @ R) @ self.D[3:] + self._inverse @ R.T @ _crosses(_TURN.T) @ _FIRST
+        return np.concatenate([linear, angular], axis=1).transpose(1, 0, 2)
 
 
 def from_rest(angle: float, rest: float, what: str) -> float:
@@ -408,10 +360,9 @@ def inverse_left_jacobian(theta: Array) -> Array:
     return np.asarray(np.eye(3) - 0.5 * T + _coefficients(theta)[0] * (T @ T))
 
 
-def inverse_change(theta: Array, m: Array, *, transposed: bool = False) -> Array:
-    """How that matrix, or its transpose, times a constant m changes with theta, shape (3, 3)."""
+def inverse_change(theta: Array, m: Array) -> Array:
+    """How that matrix times constant vectors m, shape (..., 3), changes with theta, shape (..., 3, 3)."""
     c, dc = _coefficients(theta)
     T = cross_matrix(theta)
-    turned = (-0.5 if transposed else 0.5) * cross_matrix(m)
-    squared = c * (float(theta @ m) * np.eye(3) + np.outer(theta, m) - 2.0 * np.outer(m, theta))
-    return np.asarray(turned + squared + 2.0 * dc * np.outer(T @ (T @ m), theta))
+    squared = (m @ theta)[..., None, None] * np.eye(3) + theta[:, None] * m[..., None, :] - 2.0 * m[..., None] * theta
+    return np.asarray(0.5 * _crosses(m) + c * squared + 2.0 * dc * (m @ (T @ T).T)[..., None] * theta)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from rbd.arrays import Array
 from rbd.constraints.forces.coordinates import Anchor, Coordinates, Offset, Pair, Place, other_place, place_on
 from rbd.constraints.forces.element_numbers import ByValue
@@ -119,11 +121,11 @@ class BetweenPlaces(ByValue, Displayed):
         """
         pair, found, F = self._at(state)
         J, (K, C, _) = pair.J, self._law(len(found.x))
-        A = found.D @ J
+        A, change = found.D @ J, found.change()
         dF = -K @ A
         if C.any() and state.v.any():
-            dF -= C @ (found.rate_change(pair.u) @ J + found.D @ pair.velocity_dq())
-        by_q = pair.geometric(found.D.T @ F) + J.T @ (found.force_change(F) @ J) + A.T @ dF
+            dF -= C @ (pair.u @ change @ J + found.D @ pair.velocity_dq())
+        by_q = pair.geometric(found.D.T @ F) + J.T @ (np.einsum("k,kij", F, change) @ J) + A.T @ dF
         return by_q, -A.T @ C @ A
 
     def energy(self, state: State) -> float:

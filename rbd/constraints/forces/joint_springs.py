@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_array
+from rbd.constraints.constraint import PerRobot
 from rbd.constraints.forces.coordinates import WIDEST, from_rest, inverse_left_jacobian, rotation_vector, too_far
 from rbd.constraints.forces.element import ElementPicture, check_parameter
 from rbd.constraints.forces.element_numbers import ByValue, damping_of, kept_as_data, number, stiffness_of
@@ -208,13 +209,10 @@ class JointDamping(ByValue, Displayed):
         found = {each: damping_of(f"joint {each!r:.80}", d) for each, d in given.items()}
         object.__setattr__(self, "damping", MappingProxyType(found))
         object.__setattr__(self, "name", name)
+        object.__setattr__(self, "_diagonal", PerRobot(_diagonal))
 
-    def __getstate__(self) -> dict[str, object]:
-        return {"damping": dict(self.damping), "name": self.name}
-
-    def __setstate__(self, kept: dict[str, object]) -> None:
-        for key, value in kept.items():
-            object.__setattr__(self, key, MappingProxyType(value) if isinstance(value, dict) else value)
+    def __reduce__(self) -> tuple[object, ...]:
+        return JointDamping, (dict(self.damping), None, self.name)
 
     def check_on(self, robot: CheckedModel) -> None:
         """Refuse a robot without the joints.
@@ -230,15 +228,8 @@ class JointDamping(ByValue, Displayed):
         Raises:
             JointNotFound: with the nearest names.
         """
-        known = self.__dict__.get("_diagonal")
-        if known is not None and known[0] is robot:
-            return known[1]
-        d = np.zeros(robot.nv)
-        for joint, value in self.damping.items():
-            d[robot.joints.velocity(joint)] += value
-        d.flags.writeable = False
-        object.__setattr__(self, "_diagonal", (robot, d))  # kept for the next state of this robot; not in copies and pickles
-        return d
+        found: Array = self.__dict__["_diagonal"].of(self, robot)
+        return found
 
     def generalised(self, state: State) -> tuple[Array, Array]:
         """(tau, wrench) at a state; the wrench is zero."""
@@ -265,6 +256,14 @@ class JointDamping(ByValue, Displayed):
             at = state.robot.joints.velocity(joint)
             tau[at] = -state.v[at]
         return out
+
+
+def _diagonal(element: JointDamping, robot: CheckedModel) -> Array:
+    d = np.zeros(robot.nv)
+    for joint, value in element.damping.items():
+        d[robot.joints.velocity(joint)] += value
+    d.flags.writeable = False
+    return d
 
 
 def _picture(kind: str, joint: Joint, state: State, force: Array) -> ElementPicture:

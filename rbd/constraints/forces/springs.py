@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_vector3
+from rbd.arrays import Array
 from rbd.constraints.forces.coordinates import (
     Anchor,
     Angle,
@@ -31,6 +31,7 @@ from rbd.constraints.forces.element_numbers import (
     stiffness_matrix,
     stiffness_of,
 )
+from rbd.constraints.surface import unit_direction
 from rbd.errors import InputError
 from rbd.model.checked_model import FARTHEST
 from rbd.model.state import State, checked
@@ -51,10 +52,7 @@ class _Line(BetweenPlaces):
         kind = self._kind if self.axis is None else f"torsion {self._kind}"
         what = self._settle(kind, self.to, self.offset, self.to_offset)
         if self.axis is not None:
-            axis = as_vector3(f"axis of {what}", self.axis)
-            if not np.linalg.norm(axis) > 1e-9:
-                raise InputError(f"axis of {what} is zero; expected a direction.")
-            object.__setattr__(self, "axis", axis / np.linalg.norm(axis))
+            object.__setattr__(self, "axis", unit_direction(f"axis of {what}", self.axis))
         return what
 
     def picture(self, state: State) -> ElementPicture:

@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.errors import InputError, ModelError
-from rbd.errors.inputs import check_choice
+from rbd.errors import ModelError
+from rbd.errors.inputs import check_choice, listed_items
 from rbd.model.input_files import MISSING, OUTSIDE, FileLimits, find_mesh, is_inside, mesh_bytes
 from rbd.model.mjcf.loops_and_motors import (
     BALL,
@@ -196,9 +196,7 @@ def check_leave_out(leave_out: Collection[str]) -> None:
     Raises:
         InputError: naming the first of them, with those that can.
     """
-    if isinstance(leave_out, str) or not np.iterable(leave_out):
-        raise InputError(f"leave_out is {leave_out!r:.80}; expected a list of some of {', '.join(map(repr, LEAVABLE))}.")
-    for each in leave_out:
+    for each in listed_items("leave_out", leave_out, f"a list of some of {', '.join(map(repr, LEAVABLE))}"):
         check_choice("what leave_out has", each, LEAVABLE)
 
 

@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
+import coal
 import numpy as np
 import pinocchio as pin
 
@@ -46,8 +47,8 @@ class Solid(Displayed):
     draws: bool = True
     collides: bool = True
 
-    tag: ClassVar[str] = ""
-    """Its element in a URDF."""
+    kind: ClassVar[str] = ""
+    """The shape, as Pinocchio and Coal call it; its element in a URDF is that in small letters."""
     sizes: ClassVar[Mapping[str, int]] = {}
     """{a size of it: of how many numbers}; the element has the same."""
 
@@ -73,7 +74,7 @@ class Solid(Displayed):
     @property
     def volume(self) -> float:
         """[m3]; of a rod its length [m], of a plate its area [m2]: what the density is multiplied by."""
-        raise NotImplementedError
+        return float(getattr(coal, self.kind)(*self._numbers).computeVolume())
 
     @property
     def kilograms(self) -> float:
@@ -82,7 +83,13 @@ class Solid(Displayed):
 
     def _inertia(self, mass: float) -> pin.Inertia:
         """Of a mass [kg], in its own axes."""
-        raise NotImplementedError
+        found: pin.Inertia = getattr(pin.Inertia, f"From{self.kind}")(mass, *self._numbers)
+        return found
+
+    @property
+    def _numbers(self) -> list[float]:
+        """Its sizes, one after the other."""
+        return [float(x) for key in self.sizes for x in np.ravel(getattr(self, key))]
 
     def mass_properties(self) -> pin.Inertia:
         """Its mass [kg], centre of mass (`lever`, (3,) [m]) and inertia about it (3, 3) [kg m2], in the body's axes."""
@@ -112,16 +119,8 @@ class Box(Solid):
 
     size: Sequence[float] | Array = field(kw_only=False)
 
-    tag = "box"
+    kind = "Box"
     sizes = {"size": 3}
-
-    @property
-    def volume(self) -> float:
-        """[m3]."""
-        return float(np.prod(self.size))
-
-    def _inertia(self, mass: float) -> pin.Inertia:
-        return pin.Inertia.FromBox(mass, *self.size)
 
 
 @dataclass(frozen=True)
@@ -138,16 +137,8 @@ class Sphere(Solid):
 
     radius: float = field(kw_only=False)
 
-    tag = "sphere"
+    kind = "Sphere"
     sizes = {"radius": 1}
-
-    @property
-    def volume(self) -> float:
-        """[m3]."""
-        return 4.0 / 3.0 * math.pi * self.radius**3
-
-    def _inertia(self, mass: float) -> pin.Inertia:
-        return pin.Inertia.FromSphere(mass, self.radius)
 
 
 @dataclass(frozen=True)
@@ -166,16 +157,8 @@ class Cylinder(Solid):
     radius: float = field(kw_only=False)
     length: float = field(kw_only=False)
 
-    tag = "cylinder"
+    kind = "Cylinder"
     sizes = {"radius": 1, "length": 1}
-
-    @property
-    def volume(self) -> float:
-        """[m3]."""
-        return math.pi * self.radius**2 * self.length
-
-    def _inertia(self, mass: float) -> pin.Inertia:
-        return pin.Inertia.FromCylinder(mass, self.radius, self.length)
 
 
 @dataclass(frozen=True)
@@ -197,16 +180,8 @@ class Capsule(Solid):
     radius: float = field(kw_only=False)
     length: float = field(kw_only=False)
 
-    tag = "capsule"
+    kind = "Capsule"
     sizes = {"radius": 1, "length": 1}
-
-    @property
-    def volume(self) -> float:
-        """[m3]."""
-        return math.pi * self.radius**2 * (self.length + 4.0 / 3.0 * self.radius)
-
-    def _inertia(self, mass: float) -> pin.Inertia:
-        return pin.Inertia.FromCapsule(mass, self.radius, self.length)
 
 
 def joined(solids: Iterable[Solid]) -> pin.Inertia:
@@ -230,7 +205,7 @@ class Plate(Solid):
 
     size: Sequence[float] | Array = field(kw_only=False)
 
-    tag = "box"
+    kind = "Box"
     sizes = {"size": 2}
 
     @property
@@ -244,7 +219,6 @@ class Plate(Solid):
     def drawn_sizes(self) -> dict[str, tuple[float, ...]]:
         """Those of a box 1 % thick."""
         return {"size": (*self.size, max(THIN * min(self.size), SMALLEST))}
-
 
 
 @dataclass(frozen=True)
@@ -267,7 +241,7 @@ class Rod(Solid):
     start: Sequence[float] | Array = field(kw_only=False)
     end: Sequence[float] | Array = field(kw_only=False)
     radius: float | None = field(default=None, kw_only=True)
-    tag = "cylinder"
+    kind = "Cylinder"
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -338,7 +312,7 @@ class PointMass(Solid):
     kilogram: float = field(kw_only=False)
     radius: float = field(default=0.03, kw_only=True)
     collides: bool = field(default=False, kw_only=True)
-    tag = "sphere"
+    kind = "Sphere"
     sizes = {"radius": 1}
 
     def __post_init__(self) -> None:

@@ -62,7 +62,7 @@ def _inertial(of: pin.Inertia) -> str:
 
 def _shape(solid: Solid, own: Mapping[str, str]) -> Iterator[str]:
     size = " ".join(f'{key}="{spaced(values)}"' for key, values in solid.drawn_sizes().items())
-    inner = f"{_origin(*solid.place())}<geometry><{solid.tag} {size}/></geometry>"
+    inner = f"{_origin(*solid.place())}<geometry><{solid.kind.lower()} {size}/></geometry>"
     color = checked_color("color", solid.color)
     if solid.draws:
         yield f'    <visual>{inner}<material name="{own.get(color, color)}"/></visual>\n'
