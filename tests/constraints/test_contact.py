@@ -387,3 +387,21 @@ def test_feet_can_stand_on_a_body(talos):
     for sole in soles:
         assert on_table.forces[sole.name] == pytest.approx(on_ground.forces[sole.name], abs=1e-5)
     assert on_table.forces.get("still", on_table.multipliers[-6:])[2] == pytest.approx((20.0 + talos.mass) * 9.81, abs=1e-5)
+
+
+class Heel(rbd.SurfaceContact):
+    """A user's sole with a constructor of its own."""
+
+    def __init__(self, side: str, length: float) -> None:
+        super().__init__(f"{side}_heel", "box", half_lengths=(length, 0.05), friction=0.5)
+        self.__dict__["side"] = side
+
+
+def test_contacts_with_constructors_of_their_own_are_copied_whole():
+    """Another friction, an anchor and a new name leave class, size and attributes as they are."""
+    heel, state = Heel("left", 0.1), rbd.State(rbd.testing.box(), [0, 0, 0, 0, 0, 0, 1])
+    others = heel.with_friction(0.9), heel.anchored(state), heel.renamed("b_", None)
+    assert [other.friction for other in others] == [0.9, 0.5, 0.5] and others[2].name == "b_left_heel"
+    for other in others:
+        assert type(other) is Heel and other.side == "left" and np.array_equal(other.corners, heel.corners)
+    assert np.abs(others[1].rows(state).error).max() == 0.0 and others[0].cone.mu == 0.9
