@@ -11,6 +11,7 @@ import math
 import os
 import platform
 import warnings
+from functools import partial
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -41,10 +42,11 @@ from rbd.cli.terminal import (
     in_gravity,
     names_of,
     open_console,
-    print_path,
+    play,
     print_report,
     serve,
     timed,
+    write_outputs,
 )
 from rbd.errors import InputError, ModelWarning, Reason, SimulationStopped
 from rbd.installation import VERSION
@@ -145,8 +147,7 @@ def mechanism(
                 scene.show(report.state)
                 details, note = report.legend()
                 scene.beside(report.poses(), shown=report.shown, details=details, note=note)
-                if html is not None:
-                    print_path(console, "picture", scene.export(html))
+                write_outputs(console, ("picture", html, scene.export))
                 if show:
                     serve(console, scene.open())
 
@@ -201,10 +202,6 @@ def simulate(
         save = None if save is None else Path(os.path.expanduser(save))  # a shell leaves the ~ of --save=~/x.npz
         files = {"--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES), "--html": (html, PAGES), "--json": (json_, ())}
         check_outputs({**files, "--video": (video, VIDEOS)}, reads=robot)
-        if video is not None:
-            from rbd.visual.playback.video import check_video
-
-            check_video(video)
         check_friction(friction, 4)
         slip_law(law)
         seconds: dict[str, float] = {}
@@ -227,20 +224,16 @@ def simulate(
                     raise
                 trajectory, stopped = error.trajectory, error
         print_report(console, SimulateReport(trajectory, given, pushed, seconds), json_, verbose)
-        if save is not None:
-            trajectory.save(save)
-            print_path(console, "trajectory", save)
-        if plot is not None:
-            print_path(console, "plot", draw(trajectory, plot))
-        if html is not None and len(trajectory) > 1:
-            print_path(console, "picture", trajectory.export(html, external=external))
-        if video is not None and len(trajectory) > 1:
-            print_path(console, "video", trajectory.video(video, external=external))
-        if show and len(trajectory) > 1:
-            from rbd.visual.playback.animation import Playback, motion_scene
-
-            with motion_scene(trajectory, Playback(external=external, playing=True)) as scene:
-                serve(console, scene.open())
+        plays = len(trajectory) > 1
+        write_outputs(
+            console,
+            ("trajectory", save, trajectory.save),
+            ("plot", plot, partial(draw, trajectory)),
+            ("picture", html if plays else None, partial(trajectory.export, external=external)),
+            ("video", video if plays else None, partial(trajectory.video, external=external)),
+        )
+        if show and plays:
+            play(console, trajectory, external)
         if stopped is not None:
             raise stopped
         if trajectory.end_reason == Reason.INTERRUPTED:
@@ -278,12 +271,9 @@ def plane(
         console.print(str(task), highlight=False)
         motion = task.motion()
         print_report(console, PlaneReport(task, motion), json_)
-        if out is not None:
-            print_path(console, "picture", draw(motion, out))
-        if html is not None:
-            from rbd.visual import export_motion
+        from rbd.visual import export_motion
 
-            print_path(console, "page", export_motion(motion, html))
+        write_outputs(console, ("picture", out, partial(draw, motion)), ("page", html, partial(export_motion, motion)))
 
 
 def _every(duration: float, step: float) -> int:

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar
 
@@ -32,10 +33,11 @@ from rbd.cli.terminal import (
     in_options,
     names_of,
     open_console,
+    play,
     print_path,
     save_figure,
-    serve,
     write_json,
+    write_outputs,
 )
 from rbd.errors import InputError, RbdError, Reason
 from rbd.installation import VERSION
@@ -121,13 +123,13 @@ def check(
         ranking = Ranking(least_possible)
         steps = [*chosen] if one else track(chosen, "checking", console=open_console(errors=True), transient=True)
         pages = {} if html is None else pages_of(html, chosen)
-        written: list[tuple[str, Path]] = []
+        written: list[Path] = []
         for file in steps:
             try:
                 report = checked_file(file, loaded, reading, settings, (from_, to), filter_, lift, progress=one)
                 ranking.add(file, report)
                 if file in pages:
-                    written.append(("page", report.export(pages[file])))
+                    written.append(report.export(pages[file]))
             except RbdError as error:
                 if one:
                     raise
@@ -135,17 +137,17 @@ def check(
         if one:
             console.print(verdict(report), highlight=False, soft_wrap=True)
             console.print(str(report), highlight=False, soft_wrap=True)
-            written += _one_report(report, save, plot, video)
         else:
             console.print(ranking, highlight=False)
         write_json(json_, ranking)
-        for what, path in written:
-            print_path(console, what, path)
+        for path in written:
+            print_path(console, "page", path)
+        if one:
+            write_outputs(
+                console, ("report", save, report.save), ("plot", plot, partial(draw, report)), ("video", video, report.video)
+            )
         if show:
-            from rbd.visual.playback.animation import Playback, motion_scene
-
-            with motion_scene(report, Playback(playing=True)) as scene:
-                serve(console, scene.open())
+            play(console, report)
         if ranking.code:
             raise typer.Exit(ranking.code)
 
@@ -311,10 +313,6 @@ def _check_outputs(
     if len(files) == 1:
         outputs = {"--html": (html, PAGES), "--json": (json_, ()), "--save": (save, TRAJECTORIES), "--plot": (plot, FIGURES)}
         check_outputs({**outputs, "--video": (video, VIDEOS)}, reads=files[0])
-        if video is not None:
-            from rbd.visual.playback.video import check_video
-
-            check_video(video)
         return
     given_one = {"--save": save, "--plot": plot, "--video": video, "--show": show or None}
     for option, given in ((name, value is not None) for name, value in given_one.items()):
@@ -353,20 +351,13 @@ def pages_of(html: Path, files: Sequence[str]) -> dict[str, Path]:
     return pages
 
 
-def _one_report(report: MotionReport, save: Path | None, plot: Path | None, video: Path | None) -> list[tuple[str, Path]]:
-    written: list[tuple[str, Path]] = []
-    if save is not None:
-        report.save(save)
-        written.append(("report", save))
-    if plot is not None:
-        from matplotlib.figure import Figure
+def draw(report: MotionReport, path: Path) -> Path:
+    """The curves of a report; returns their path."""
+    from matplotlib.figure import Figure
 
-        figure = Figure(figsize=(8.0, 5.6), layout="constrained")
-        report.plot(list(figure.subplots(2, sharex=True)))
-        written.append(("plot", save_figure(figure, plot, dpi=150)))
-    if video is not None:
-        written.append(("video", report.video(video)))
-    return written
+    figure = Figure(figsize=(8.0, 5.6), layout="constrained")
+    report.plot(list(figure.subplots(2, sharex=True)))
+    return save_figure(figure, path, dpi=150)
 
 
 def _loaded(robot: str, feet: list[str] | None, package_dirs: list[Path] | None, motors: Path | None) -> Robot:

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -32,10 +33,10 @@ from rbd.cli.terminal import (
     names_of,
     numbers_of,
     open_console,
-    print_path,
     print_report,
     serve,
     timed,
+    write_outputs,
 )
 from rbd.errors import CannotHold, InputError
 
@@ -155,8 +156,7 @@ def stand(
 
             with Scene(loaded) as scene:
                 scene.show(state, solution, external=external)
-                if html is not None:
-                    print_path(console, "picture", scene.export(html))
+                write_outputs(console, ("picture", html, scene.export))
                 if show:
                     from rbd.cli.live_standing import Standing
                     from rbd.visual.live import explore
@@ -193,8 +193,7 @@ def region(
             robot, package_dir or (), posture, friction=friction, margin=margin, torque_limits=torque_limits, gravity=gravity
         )
         print_report(console, report, json_, verbose)
-        if png is not None:
-            print_path(console, "picture", draw(report.regions, png))
+        write_outputs(console, ("picture", png, partial(draw, report.regions)))
 
 
 def _push(push: str | None, at: str | None) -> np.ndarray | None:

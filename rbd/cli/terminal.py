@@ -34,7 +34,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from rbd.arrays import Array
+    from rbd.control.schedules import Pushes
+    from rbd.motion.report import MotionReport
     from rbd.robots.robot import Robot
+    from rbd.simulation.trajectory import Trajectory
 
 Command: TypeAlias = Callable[..., None]
 NO_SOLUTION, BAD_INPUT, INTERRUPTED = 1, 2, 130
@@ -233,6 +236,10 @@ def check_outputs(outputs: Mapping[str, tuple[Path | None, tuple[str, ...]]], *,
         suffix = path.suffix if endings is TRAJECTORIES else path.suffix.lower()
         if endings and suffix not in endings:
             raise InputError(f"{option} is {str(path)!r:.300}; expected a file that ends in {' or '.join(endings)}.")
+        if endings is VIDEOS:
+            from rbd.visual.playback.video import check_video
+
+            check_video(path)
         if endings is FIGURES and importlib.util.find_spec("matplotlib") is None:
             raise InputError(f"{option} needs Matplotlib. Install the extra: pip install 'rbd-contact[plot]'")
         check_place(path, what=option)
@@ -269,6 +276,27 @@ def print_report(console: Console, report: Any, path: Path | None, verbose: bool
 def print_path(console: Console, what: str, where: Path | str) -> None:
     """Print where a file is."""
     console.print(f"{what}: {where}", soft_wrap=True, highlight=False)
+
+
+def write_outputs(console: Console, *outputs: tuple[str, Path | None, Callable[[Path], object]]) -> None:
+    """Write what was asked for, and print where it is.
+
+    Args:
+        console: Where.
+        outputs: (what it is, its path or None, what writes it there).
+    """
+    for what, path, write in outputs:
+        if path is not None:
+            write(path)
+            print_path(console, what, path)
+
+
+def play(console: Console, motion: Trajectory | MotionReport, external: Pushes | None = None) -> None:
+    """Serve a motion that plays, until Ctrl-C."""
+    from rbd.visual.playback.animation import Playback, motion_scene
+
+    with motion_scene(motion, Playback(external=external, playing=True)) as scene:
+        serve(console, scene.open())
 
 
 def serve(console: Console, url: str) -> None:
