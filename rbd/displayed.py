@@ -25,6 +25,12 @@ class Displayed:
 
     __slots__ = ()
 
+    def __repr__(self) -> str:
+        """Its class, and the first line of what it prints."""
+        if type(self).__str__ in (object.__str__, BaseException.__str__):
+            return super().__repr__()
+        return f"{type(self).__name__}({str(self).partition(chr(10))[0]})"
+
     def _repr_html_(self) -> str:
         """The record as HTML, for Jupyter and its kin; see `rbd.visual.notebook`."""
         return str(drawing("html_of")(self))

@@ -46,20 +46,11 @@ def xarray_or_error() -> Any:
     Raises:
         InputError: if it is not installed; names the extra.
     """
-    return _of_study("xarray")
+    return of_study("xarray")
 
 
-def zarr_or_error() -> Any:
-    """The module zarr; errors as `xarray_or_error`."""
-    return _of_study("zarr")
-
-
-def cloudpickle_or_error() -> Any:
-    """The module cloudpickle; errors as `xarray_or_error`."""
-    return _of_study("cloudpickle")
-
-
-def _of_study(name: str) -> Any:
+def of_study(name: str) -> Any:
+    """A module that the extra `study` installs; errors as `xarray_or_error`."""
     try:
         return import_module(name)
     except ImportError as error:

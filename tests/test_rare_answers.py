@@ -39,7 +39,7 @@ def test_a_nearest_motion_names_what_it_misses():
     lines = str(near).splitlines()
     assert lines[0] == "nearest motion: rows are missed by up to 0.75 m/s2 (rad/s2), least squares"
     assert [line.split()[0] for line in lines[1:3]] == ["low", "high"] and "across" not in "\n".join(lines[1:3])
-    assert near.a == pytest.approx([0.25, 0.0], abs=1e-9) and "violation 0.75" in repr(near)
+    assert near.a == pytest.approx([0.25, 0.0], abs=1e-9) and "by up to 0.75 m/s2" in repr(near)
 
 
 @dataclass(frozen=True)

@@ -315,9 +315,6 @@ class LawComparison(Displayed):
         pairs = ((name, self.under_convex[name].normal, c.normal) for name, c in self.under_coulomb.items())
         return {name: convex / normal if normal > CARRIES_NOTHING_N else float("nan") for name, convex, normal in pairs}
 
-    def __repr__(self) -> str:
-        return f"LawComparison(difference {self.difference:.2g}, contacts {list(self.under_coulomb)})"
-
     def __str__(self) -> str:
         parts = f"they differ: accelerations by {self.difference:.2g}, relative"
         verdict = "the same motion" if self.difference <= SAME else parts

@@ -314,7 +314,7 @@ def solution_of(problem: GaussProblem, solver: Solver) -> Solution:
     return Solution.of(replace(near, problem=problem, infeasible=True, redundant=False, seconds=seconds))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class NearestMotion(Displayed):
     """The motion that violates the constraints least, and of these the one nearest to free motion.
 
@@ -341,9 +341,6 @@ class NearestMotion(Displayed):
     def worst(self) -> float:
         """Largest entry of the violation [m/s2, rad/s2]."""
         return max((max_abs(s) for s in self.violation.values()), default=0.0)
-
-    def __repr__(self) -> str:
-        return f"NearestMotion(violation {self.worst:.3g} m/s2, {self.solution.status}, law {str(self.solution.law)!r})"
 
     def __str__(self) -> str:
         lines = [f"nearest motion: rows are missed by up to {self.worst:.3g} m/s2 (rad/s2), least squares"]

@@ -179,10 +179,6 @@ class TaskActuation(Actuation):
         out.update(joints_at_bounds(self.limits, self.state, self.a, _AT))
         return out
 
-    def __repr__(self) -> str:
-        relaxed = "" if self.violation is None else f", violated by {self.violation.worst:.2g}"
-        return f"TaskActuation({self.state.robot.name!r}, {self.status}{relaxed}, worst residual {self.certificate.worst:.1e})"
-
     def _outcome(self) -> str:
         return "held" if self.still else "meets its tasks at least cost"
 

@@ -180,9 +180,6 @@ class Mobility(Displayed):
             return f"a singular configuration: {ways} {', '.join(map(str, self.branches))} {dof}"
         return f"it moves with {_dof(self.finite)}; other velocities that J allows extend to no finite motion"
 
-    def __repr__(self) -> str:
-        return f"Mobility(counted {self.count.value}, instantaneous {self.instantaneous}, finite {self.finite})"
-
     def __str__(self) -> str:
         s, looked = self.singular_values, self.motion
         how = f"{looked.tried} directions tried {FAR:g} far, {len(looked.points) - 1} extended; seed {self.seed}"

@@ -125,9 +125,6 @@ class Integrability(Displayed):
         """Whether the growth vector stopped growing at all points."""
         return all(r.complete for r in self.reports)
 
-    def __repr__(self) -> str:
-        return f"Integrability({'holonomic' if self.holonomic else 'nonholonomic'}, growth {self.growth} of {self.velocities})"
-
     def __str__(self) -> str:
         n, d, c = self.velocities, self.velocity_dof, self.configuration_dof
         moves = f"{d} {'degree of freedom' if d == 1 else 'degrees of freedom'} of velocity"

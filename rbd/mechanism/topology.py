@@ -111,10 +111,6 @@ class MechanismClass(Displayed):
         """Whether there is a loop."""
         return self.loops > 0
 
-    def __repr__(self) -> str:
-        freedoms = f"{self.degrees_of_freedom} degrees of freedom, mobility {self.mobility}"
-        return f"MechanismClass({self.name!r}, {self.kind}, {freedoms})"
-
     def __str__(self) -> str:
         loops = f"closed, with {self.loops} independent {'loop' if self.loops == 1 else 'loops'}" if self.loops else "open"
         ends = ", ".join(self.ends[:6]) + (f" and {len(self.ends) - 6} more" if len(self.ends) > 6 else "")

@@ -109,9 +109,6 @@ class Regressor(Displayed):
             + ", without contact forces" * (len(self.P) < self.P.shape[1])
         )
 
-    def __repr__(self) -> str:
-        return f"Regressor({self})"
-
 
 def regressor(
     state: State,

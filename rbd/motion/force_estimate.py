@@ -246,10 +246,6 @@ class ForceEstimate(Displayed):
         """Degrees of freedom of `chi_square`: measured coordinates less what was fitted to them."""
         return int(self.measured.sum()) - self.fit.rank
 
-    def __repr__(self) -> str:
-        worst = float(np.abs(self.residual).max(initial=0.0))
-        return f"ForceEstimate({self.state.robot.name!r}, {len(self.rows)} constraints, largest residual {worst:.1e})"
-
     def __str__(self) -> str:
         robot = self.state.robot
         base = self.residual[robot.unactuated]

@@ -390,9 +390,6 @@ class MotionReport(Displayed):
         """Show the motion live in the browser, with its forces and the missing wrench; see `rbd.visual.replay`."""
         drawing("replay")(self, speed=speed)
 
-    def __repr__(self) -> str:
-        return f"MotionReport({self.motion.source!r}, {self.n} frames, {100 * self.share_possible:.1f} % possible)"
-
     def _variables(self) -> list[tuple[str, Array, list[str], str, str]]:
         """Name, array, dimensions after time, unit and meaning."""
         m, lanes = self.motion, self.lanes

@@ -228,9 +228,6 @@ class Residuals(Displayed):
     def __getstate__(self) -> dict[str, object]:
         return {"values": self.values, "answer": self.answer}  # all other cached values can be recomputed
 
-    def __repr__(self) -> str:
-        return f"Residuals({self})"
-
     def __str__(self) -> str:
         return ", ".join(f"{name} {float(r):.1e} {_UNITS[name]}" for name, r in self._given())
 

@@ -183,9 +183,6 @@ class Impact(Displayed):
         W = self.solution.problem.whitened
         return int(np.linalg.matrix_rank(W, tol=1e-9 * max(1e-300, float(np.linalg.norm(W, 2))))) if W.size else 0
 
-    def __repr__(self) -> str:
-        return f"Impact({self.before.robot.name!r}, {', '.join(self.impulses)}, energy_lost={self.energy_lost:.6g})"
-
     def __str__(self) -> str:
         robot, lost = self.before.robot.name, self.energy_lost
         had = kinetic_energy(self.before)

@@ -285,10 +285,6 @@ class Trajectory(Displayed):
     def __iter__(self) -> Iterator[Sample]:
         return (self._sample(i) for i in range(len(self)))
 
-    def __repr__(self) -> str:
-        ended = f", {self.interrupted}" if self.interrupted else ""
-        return f"Trajectory({self.robot.name!r}, {len(self)} samples, {self.t[0]:g} to {self.t[-1]:g} s{ended})"
-
     def __str__(self) -> str:
         return table(vars(self))
 

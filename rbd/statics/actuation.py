@@ -306,9 +306,6 @@ class Actuation(Displayed):
         """What the torques do, in words."""
         return "held" if self.still else "moves as wanted"
 
-    def __repr__(self) -> str:
-        return f"Actuation({self.state.robot.name!r}, {self.status}, worst residual {self.residuals.worst:.1e})"
-
     def __str__(self) -> str:
         robot = self.state.robot
         used = self.torque_use

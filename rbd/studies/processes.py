@@ -24,7 +24,7 @@ from rbd.arrays import Array, check_whole
 from rbd.errors import InputError, StudyStopped
 from rbd.model.content_hash import NoContent, digest, name_of
 from rbd.model.data_pool import RenewedLock
-from rbd.modules import cloudpickle_or_error
+from rbd.modules import of_study
 from rbd.studies.evaluation import BATCH, ONE_AT_A_TIME, Columns, Evaluation, Finished, WarningCounts, recorded
 from rbd.studies.results import KeptRows, words_of
 from rbd.studies.samples import Samples
@@ -207,7 +207,7 @@ def pickled(value: Any, parts: Mapping[str, Any], *, looked_through: bool = Fals
     Raises:
         InputError: it cannot be pickled, or has no content, as an open file; names the value, and what to do.
     """
-    cloudpickle = cloudpickle_or_error()
+    cloudpickle = of_study("cloudpickle")
     try:
         sent: bytes = cloudpickle.dumps(value)
         what = ""

@@ -242,7 +242,7 @@ def test_it_prints_its_certificate(fall: Trajectory):
     ):
         assert part in text
     assert max(map(len, text.splitlines())) < 120 and len(text.splitlines()) < 30
-    assert repr(fall) == "Trajectory('box', 11 samples, 0 to 0.903047 s)" and repr(fall[0]) == "Sample('box', t=0)"
+    assert repr(fall).startswith("Trajectory(box: 0 to 0.903047 s") and repr(fall[0]) == "Sample('box', t=0)"
 
 
 def test_long_lists_of_events_are_cut(fall: Trajectory):

@@ -34,7 +34,7 @@ BALANCED = 1e-12
 _NAMED = 8  # constraints named in a message
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Contradiction(Displayed):
     """Rows that no acceleration satisfies together, though any proper subset can be satisfied.
 
@@ -70,9 +70,6 @@ class Contradiction(Displayed):
     law: Law
     met: Mapping[str, Array]
     unmet: Mapping[str, Array]
-
-    def __repr__(self) -> str:
-        return f"Contradiction({', '.join(self.rows)}; by {self.violation:.3g} m/s2)"
 
     @property
     def who(self) -> str:

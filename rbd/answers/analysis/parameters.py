@@ -104,9 +104,6 @@ class ParameterDerivatives(Displayed):
         most = [f"{self.labels[i]} ({size[i]:.3g})" for i in largest_first(size)[:3]]
         return f"by {self.parameter} of {len(self.labels)}; largest |da|: {', '.join(most) or 'none'}"
 
-    def __repr__(self) -> str:
-        return f"ParameterDerivatives({self})"
-
 
 def checked_parameters(parameters: Sequence[str]) -> tuple[str, ...]:
     """Names of parameters, each once.

@@ -99,9 +99,6 @@ class Derivatives(Displayed):
     along_constraints: bool = False
     parameters: dict[str, ParameterDerivatives] = field(default_factory=dict)
 
-    def __repr__(self) -> str:
-        return f"Derivatives({self})"
-
     def __str__(self) -> str:
         said = [f"{name} {_counted(words)}" for name, words in self.active.items()]
         lost = f"; not unique: forces of {', '.join(self.not_unique)}" if self.not_unique else ""

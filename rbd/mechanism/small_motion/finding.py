@@ -71,10 +71,6 @@ class SteadyState(Displayed):
         """As `Linearised.stable`: None where modes oscillate without damping."""
         return self.linearised.stable
 
-    def __repr__(self) -> str:
-        what = "steady motion" if self.state.v.any() else "equilibrium"
-        return f"SteadyState({what} of {self.state.robot.name!r}, |a| <= {self.acceleration:.1e})"
-
     def __str__(self) -> str:
         what = "steady motion" if self.state.v.any() else "equilibrium"
         around = f"{self.freedoms} directions of such states around it" if self.freedoms else "none beside it"

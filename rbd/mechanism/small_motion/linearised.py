@@ -245,9 +245,6 @@ class Linearised(Displayed):
         found: list[Artist] = drawing("plot_eigenvalues")(ax, self)
         return found
 
-    def __repr__(self) -> str:
-        return f"Linearised({self.state.robot.name!r}, n = {self.n}, {self.verdict[:-1]})"
-
     def __str__(self) -> str:
         moving = "a steady motion" if self.state.v.any() else "an equilibrium"
         moving = moving if self.steady else "a state that is not steady"

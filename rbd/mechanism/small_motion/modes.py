@@ -178,9 +178,6 @@ class Mode(Displayed):
         found: Path = drawing("export_mode")(self, path, **options)
         return found
 
-    def __repr__(self) -> str:
-        return f"Mode({self})"
-
     def __str__(self) -> str:
         real = "0" if self.neutral else f"{self.eigenvalue.real:+.6g}"
         parts = [real + (f" +- {abs(self.eigenvalue.imag):.6g} i" if self.frequency else "") + " 1/s", self.words]

@@ -104,9 +104,6 @@ class BaseParameters(Displayed):
             lines.append(f"  and {self.rank - LISTED} more: .expression(i)")
         return "\n".join(lines)
 
-    def __repr__(self) -> str:
-        return f"BaseParameters({self.rank} of {len(self.names)})"
-
 
 def base_parameters(robot: CheckedModel, *, columns: Sequence[str] = ("inertia",)) -> BaseParameters:
     """The base parameters of a robot, from its regressor at random states: what its motion and its torques can tell.

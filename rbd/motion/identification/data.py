@@ -183,9 +183,6 @@ class MeasuredMotion(Displayed):
         )
         return ", ".join(told)
 
-    def __repr__(self) -> str:
-        return f"MeasuredMotion({self})"
-
 
 def measured_motions(motions: object) -> tuple[MeasuredMotion, ...]:
     """Motions, each with what was measured beside it, of one robot.

@@ -372,9 +372,6 @@ class Excitation(Displayed):
         told = f"{self.rank} of {self.base.rank} combinations told by {self.equations} equations"
         return f"{told}, condition {self.condition:.3g}; least: {', '.join(self.weakest)}"
 
-    def __repr__(self) -> str:
-        return f"Excitation({self})"
-
 
 def excitation(motions: object, *, columns: Sequence[str] = ("inertia",)) -> Excitation:
     """How well motions would tell the base parameters, all torques being measured: to choose motions before they are made.

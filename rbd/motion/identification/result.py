@@ -338,6 +338,3 @@ class Identification(Displayed):
             lines.append(f"  negative, which no joint is: {', '.join(below[:_LISTED])}{', ...' * (len(below) > _LISTED)}")
         lines.append(f"  {proof}")
         return "\n".join(lines)
-
-    def __repr__(self) -> str:
-        return f"Identification({self.model.name!r}, {self.base.rank} base parameters, {self.mass:.5g} kg)"
