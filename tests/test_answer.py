@@ -149,7 +149,7 @@ class TestTheDoorForArrays:
 
     def test_what_is_no_problem_and_no_solver_is_refused(self) -> None:
         """In words, before anything is computed."""
-        with pytest.raises(InputError, match="wants a GaussProblem"):
+        with pytest.raises(InputError, match="expected a GaussProblem"):
             rbd.solve_problem("problem")  # type: ignore[arg-type]
         with pytest.raises(InputError, match="expected a solver"):
             rbd.solve_problem(block(), solver=rbd.ProxQP)  # type: ignore[arg-type]

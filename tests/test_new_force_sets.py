@@ -8,7 +8,7 @@ import pytest
 
 import rbd
 from rbd.problem import Cone, EllipticCone, FrictionCone, NonNegative
-from rbd.problem.cones import HalfLine, Interval
+from rbd.problem.cones import HALF_LINE, Interval
 from rbd.visual.marks.contacts import contact_marks, shown_forces
 from rbd.visual.marks.mark import Sizes
 
@@ -264,7 +264,7 @@ class GroovedPad(Cone):
     def generators(self):
         """Its four edges."""
         rays = [[x * self.mu_x, y * self.mu_y, 1.0] for x in (-1, 1) for y in (-1, 1)]
-        return np.array(rays).T, (HalfLine(),) * 4
+        return np.array(rays).T, (HALF_LINE,) * 4
 
 
 class PartsThatAreSets(GroovedPad):

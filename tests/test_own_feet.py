@@ -51,7 +51,7 @@ def test_contacts_of_ones_own_are_taken_as_they_are() -> None:
     assert (toe.name, toe.frame) == ("toe", "right_foot") and np.abs(toe.offset - own[1].offset).max() < 1e-15
     with pytest.raises(ModelError, match="stands on points"):
         walker.soles()
-    with pytest.raises(UnknownName, match="'right', which is no foot"):
+    with pytest.raises(UnknownName, match="on names what is no foot, 'right'"):
         walker.feet(on={"right": 0.1})
 
 

@@ -22,7 +22,7 @@ from rbd.errors import InputError
 from rbd.errors.inputs import check_different
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, checked
-from rbd.problem.cones import Free, FreeLine
+from rbd.problem.cones import LINE, Free
 from rbd.problem.rows import Rows
 
 RANK = 1e-8
@@ -338,7 +338,7 @@ def poses_nearby(robot: CheckedModel, q: Array, scale: Array | float = 1.0) -> I
 def is_bilateral(rows: Rows) -> bool:
     """Whether the rows are bilateral: no force is bounded, and no row disappears (as a joint limit's does)."""
     parts = rows.cone.generators()[1]
-    return all(isinstance(part, FreeLine) for part in parts) and (len(parts) > 0 or isinstance(rows.cone, Free))
+    return all(part == LINE for part in parts) and (len(parts) > 0 or isinstance(rows.cone, Free))
 
 
 def velocity_of(rows: Rows, state: State) -> Array:

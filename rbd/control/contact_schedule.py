@@ -16,6 +16,7 @@ from rbd.constraints.contact_points import ALWAYS, PointSource, sources_of
 from rbd.control.schedules import INSTANT, AcceptedStep, ContactTouch, TouchesWhenRead
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 
 Interval: TypeAlias = tuple[float, float]
@@ -60,11 +61,8 @@ class ContactSchedule(Displayed):
     flight: bool = False
 
     def __post_init__(self) -> None:
-        if not isinstance(self.intervals, Mapping):
-            raise InputError(
-                f"intervals of ContactSchedule are {self.intervals!r:.80}; expected {{contact: [(start, end), ...]}} [s], e.g. "
-                "{'left_sole': [(0.0, 1.0), (1.6, math.inf)]}."
-            )
+        expected = "{contact: [(start, end), ...]} [s], e.g. {'left_sole': [(0.0, 1.0), (1.6, math.inf)]}"
+        check_kind("intervals of ContactSchedule", self.intervals, Mapping, expected)
         check_number("fade of ContactSchedule", self.fade, 0.0, expected="a time >= 0 [s]")
         check_flag("flight of ContactSchedule", self.flight)
         checked = {name: _checked(name, given) for name, given in self.intervals.items()}
@@ -170,10 +168,9 @@ class ContactSchedule(Displayed):
 _ALWAYS = ((-math.inf, math.inf),)
 
 
-def _checked(name: object, given: object) -> tuple[Interval, ...]:
+def _checked(name: str, given: object) -> tuple[Interval, ...]:
     """The intervals of a contact, sorted."""
-    if not isinstance(name, str):
-        raise InputError(f"ContactSchedule names a contact {name!r:.80}; expected a name, e.g. 'left_sole'.")
+    check_kind("a contact of ContactSchedule", name, str, "a name, e.g. 'left_sole'")
     if isinstance(given, str | bytes) or not isinstance(given, Iterable):
         raise InputError(f"intervals of {name!r:.80} are {given!r:.80}; expected [(start, end), ...] [s].")
     found = sorted(_pair(name, each) for each in given)
@@ -408,8 +405,7 @@ class ContactWatch:
 
 def _met(touch: ContactTouch) -> list[int]:
     """Which points touch that need not: loops and friction of joints, which always act, have gaps of -inf."""
-    found: list[int] = np.flatnonzero(np.asarray(touch.touches) & (np.asarray(touch.gaps) > ALWAYS)).tolist()
-    return found
+    return np.flatnonzero(np.asarray(touch.touches) & (np.asarray(touch.gaps) > ALWAYS)).tolist()
 
 
 def _shape(label: str) -> str:

@@ -10,12 +10,12 @@ import numpy as np
 from rbd.arrays import Array, as_array, identity, lazy
 from rbd.control.task_terms import (
     Cost,
+    FollowingTask,
     Reference,
     Target,
     TaskTerms,
     as_reference,
     checked_costs,
-    checked_law,
     checked_name,
     checked_rates,
     checked_vector,
@@ -28,7 +28,7 @@ from rbd.model.state import State, checked
 
 
 @dataclass(frozen=True, eq=False)
-class MomentumTask(Displayed):
+class MomentumTask(FollowingTask):
     """The momentum about the centre of mass follows a target: its error e decays as e' + k e = 0.
 
     Linear and angular momentum, in world axes; a target of zero damps a robot's rotation. Its rows A = A_g / m are the
@@ -63,12 +63,7 @@ class MomentumTask(Displayed):
     name: str = "momentum"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "name", checked_name(self.name))
-        for what in ("linear_cost", "angular_cost"):
-            object.__setattr__(self, what, checked_costs(f"{what} of task {self.name!r:.80}", getattr(self, what), 3))
-        checked_law(self.name, self.gain)
-        if not callable(self.target):
-            object.__setattr__(self, "target", self._reference(self.target, None))
+        self._settle(linear_cost=3, angular_cost=3)
 
     def _reference(self, target: Any, t: float | None) -> Reference:
         ref = as_reference(target)
@@ -87,7 +82,7 @@ class MomentumTask(Displayed):
         Raises:
             InputError: what a function gives as the target is none.
         """
-        ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
+        ref = self._at(t)
         A_g, bias, mass = checked(state).centroidal()
         wanted = ref.velocity + self.gain * (ref.value - A_g @ state.v) - bias
         return TaskTerms.unchecked(self.name, A_g / mass, wanted / mass, self._cost)

@@ -23,6 +23,7 @@ import numpy as np
 from rbd.arrays import Array, as_float, check_flag, check_number
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, checked
 
@@ -78,8 +79,7 @@ class Limits(Displayed):
 
     def torques(self, robot: CheckedModel) -> Array:
         """Largest torques at rest, shape (nu,) [N, N m]; inf where there is no limit."""
-        if not isinstance(robot, CheckedModel):
-            raise InputError(f"expected a robot, got {robot!r:.80}. Load one with rbd.load_robot(name).")
+        check_kind("robot", robot, CheckedModel, "a robot: rbd.load_robot(name)")
         return np.full(robot.nu, np.inf) if self.torque is None else self.torque * robot.effort_limit
 
     def torque_bounds(self, state: State) -> tuple[Array, Array]:

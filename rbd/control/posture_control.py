@@ -39,6 +39,7 @@ from rbd.constraints.contact_points import PointSource, Structure, sources_of
 from rbd.control.schedules import AcceptedStep
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, generalised
 from rbd.model.state import State
@@ -205,8 +206,7 @@ class HoldPosture(Displayed):
     _off: list[frozenset[str]] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        if not isinstance(self.state, State):
-            raise InputError(f"HoldPosture wants a State first, got {type(self.state).__name__}; e.g. robot.standing().")
+        check_kind("state of HoldPosture", self.state, State, "a State, e.g. robot.standing()")
         check_oscillation("HoldPosture", self.frequency, self.damping_ratio)
         still = self.state.with_velocity(self.state.robot.zero_v)
         contacts = with_loops(still.robot, self.contacts, self.loops)

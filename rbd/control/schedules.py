@@ -9,9 +9,10 @@ from typing import Any, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 
-from rbd.arrays import ABOVE_ZERO, Array, as_array, check_finite, check_number, lazy
+from rbd.arrays import ABOVE_ZERO, Array, as_array, as_finite, check_flag, check_number, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ExternalForce
 from rbd.model.state import State
@@ -167,8 +168,7 @@ def check_model(whose: str, robot: CheckedModel | None) -> None:
     Raises:
         InputError: naming the controller.
     """
-    if not (robot is None or isinstance(robot, CheckedModel)):
-        raise InputError(f"robot of {whose} is {robot!r:.80}; expected a robot, rbd.load_robot(...), or None.")
+    check_kind(f"robot of {whose}", robot, CheckedModel | None, "a robot, rbd.load_robot(...), or None")
 
 
 def told(controller: object, method: Callable[..., None], *given: AcceptedStep, t: float = 0.0) -> None:
@@ -254,17 +254,11 @@ class TorqueSchedule(Displayed):
     held: bool = False
 
     def __post_init__(self) -> None:
-        if not isinstance(self.held, bool):
-            raise InputError(f"held of TorqueSchedule is {self.held!r:.80}; expected True or False.")
-        times, torques = as_array("times of TorqueSchedule", self.times), as_array("torques of TorqueSchedule", self.torques)
-        check_finite("times of TorqueSchedule", times)
-        check_finite("torques of TorqueSchedule", torques)
-        if times.ndim != 1 or not len(times) or (np.diff(times) <= 0.0).any():
+        check_flag("held of TorqueSchedule", self.held)
+        times = as_finite("times of TorqueSchedule", self.times, ("n",), meaning=": one or more, increasing [s]")
+        if not len(times) or (np.diff(times) <= 0.0).any():
             raise InputError(f"times of TorqueSchedule are {str(times.tolist()):.80}; expected one or more, increasing [s].")
-        if torques.ndim != 2 or len(torques) != len(times):
-            raise InputError(
-                f"torques of TorqueSchedule have shape {torques.shape}; expected ({len(times)}, nu), one row per time."
-            )
+        torques = as_finite("torques of TorqueSchedule", self.torques, (len(times), "nu"), meaning=", one row per time")
         object.__setattr__(self, "times", times)
         object.__setattr__(self, "torques", torques)
 
@@ -448,8 +442,7 @@ class Pushes(Displayed):
         if isinstance(given, str | bytes) or not isinstance(given, Sequence):
             raise InputError(f"pushes is {given!r:.80}; expected a list of rbd.control.Push and rbd.ExternalForce.")
         for push in given:
-            if not isinstance(push, Push | ExternalForce):
-                raise InputError(f"pushes hold {push!r:.80}; expected rbd.control.Push or rbd.ExternalForce.")
+            check_kind("an entry of pushes", push, Push | ExternalForce, "rbd.control.Push or rbd.ExternalForce")
         object.__setattr__(self, "pushes", tuple(given))
 
     def __call__(self, state: State, t: float) -> tuple[ExternalForce, ...]:

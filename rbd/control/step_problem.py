@@ -17,6 +17,7 @@ from rbd.control.step_program import Relaxed, StepProgram, relaxed
 from rbd.control.task_terms import Task, TaskTerms, checked_tasks
 from rbd.displayed import Displayed
 from rbd.errors import InputError, UnknownName, nearest
+from rbd.errors.inputs import check_kind
 from rbd.model.external import External, generalised
 from rbd.model.state import State
 from rbd.problem.answer import Status
@@ -367,8 +368,7 @@ def _terms(task: Task, state: State, t: float) -> TaskTerms:
         InputError: others.
     """
     terms = task.terms(state, t)
-    if not isinstance(terms, TaskTerms):
-        raise InputError(f"terms of task {task.name!r:.80} are {terms!r:.80}; expected rbd.control.TaskTerms.")
+    check_kind(f"terms of task {task.name!r:.80}", terms, TaskTerms, "rbd.control.TaskTerms")
     if terms.name != task.name:
         raise InputError(f"the terms of task {task.name!r:.80} are named {terms.name!r:.80}; expected the task's name.")
     if not terms.contact and terms.A.shape[1] != state.robot.nv:
@@ -434,8 +434,7 @@ def _normal_forces(
         UnknownName: a contact that was not given.
         InputError: no mapping, no bounds, or a constraint without a normal.
     """
-    if bounds is not None and not isinstance(bounds, Mapping):
-        raise InputError(f"normal_force is {bounds!r:.80}; expected {{contact: (least, most)}} [N].")
+    check_kind("normal_force", bounds, Mapping | None, "{contact: (least, most)} [N]")
     if not bounds:
         return np.zeros((0, sets.size)), _NONE, _NONE
     W, low, high = [], [], []

@@ -6,7 +6,7 @@
 
 DAQP solves the program: first without limits of torques and with few of joints, then with all, if that answer
 passes one. Every answer is judged by `StepProgram.optimality`; where it is none, equations
-that depend on others are left out, and the optimality conditions are solved on DAQP's active set; then ProxSuite likewise.
+that depend on others are left out, and then Clarabel is asked, whose answer Newton's method makes exact.
 
 Equations of motion, friction pyramids, normal forces and torque limits are kept always: for any torques and forces within
 them there is an acceleration. What accelerations of contacts and of joints miss is least in the sum of squares,
@@ -30,7 +30,8 @@ import numpy as np
 from rbd.arrays import Array, max_abs
 from rbd.problem.conic import Conic
 from rbd.problem.residuals import SOLVED
-from rbd.solvers.qp import POLICY, attempts, independent_rows, solve_strict
+from rbd.solvers.conic_newton import solve_conic
+from rbd.solvers.qp import independent_rows, solve_strict
 
 
 class StepPoint(NamedTuple):
@@ -42,7 +43,7 @@ class StepPoint(NamedTuple):
         z: Of the rows between bounds, shape (q,).
         bounds: Of the bounds of weights, shape (p,).
         iterations: Of the method.
-        method: "DAQP" or "ProxSuite".
+        method: "DAQP", "Clarabel" or "Newton".
     """
 
     x: Array
@@ -98,16 +99,8 @@ class StepProgram:
 
 _NEAR = 20.0
 """Accelerations of joints are bounded from the beginning where a bound is nearer to zero [rad/s2, m/s2]."""
-_PASSED = 1e-11
-"""A row that is passed by more binds."""
 _FAR = 1e-6
 """What is farther from the optimality conditions has most likely no answer."""
-_PUSHES = 1e-14
-"""A multiplier of the wrong sign that is less, over the largest, is rounding."""
-_CORRECTIONS = 10
-_RANK = 1e-15
-_SETTINGS = 3
-"""How many of ProxSuite's settings are tried."""
 
 
 def minimiser(program: StepProgram, *, possible: bool = False) -> tuple[StepPoint | None, float]:
@@ -144,10 +137,16 @@ def _attempts(program: StepProgram, *, possible: bool) -> Iterator[StepPoint]:
         yield second
     if not possible and program.optimality(second) > _FAR:
         return  # there is none, or DAQP left a contradicting equation out
-    yield whole.on_active_set(second)
-    for third in whole.by_proxsuite():
-        yield third
-        yield whole.on_active_set(third)
+    yield by_clarabel(program)
+
+
+def by_clarabel(program: StepProgram) -> StepPoint:
+    """Where Clarabel ends, made exact by Newton's method on the active set that it sees."""
+    P = program.conic
+    found = solve_conic(P, newton=False, tolerance=SOLVED)
+    answer = P.answer_of_X(found.x, found.y, found.z)
+    bounds = np.where(np.isfinite(np.where(answer > 0.0, P.lower, P.upper)), answer, 0.0)[: program.p]
+    return StepPoint(found.x, found.y, found.z, bounds, found.iterations, found.method)
 
 
 class PartialProgram:
@@ -186,44 +185,6 @@ class PartialProgram:
         low, high = np.concatenate([self.b, self.low]), np.concatenate([self.b, self.high])
         found = solve_strict(self.H, self.g, self.lower, self.upper, self.rows, low, high)
         return self._point(found.x, found.z, found.y, found.iterations, "DAQP"), found.solved
-
-    def by_proxsuite(self) -> Iterator[StepPoint]:
-        """One point a setting."""
-        C, low, high = self._all_rows()
-        for found in attempts(self.H, self.g, self.A, self.b, C, low, high, policy=POLICY[:_SETTINGS]):
-            y = np.concatenate([found.y, found.z[self.p :]])
-            yield self._point(found.x, found.z[: self.p], y, found.iterations, "ProxSuite")
-
-    def _all_rows(self) -> tuple[Array, Array, Array]:
-        """(C, low, high) with the bounds of weights as the first rows."""
-        C = np.concatenate([np.eye(self.p, len(self.g)), self.C])
-        return C, np.concatenate([self.lower, self.low]), np.concatenate([self.upper, self.high])
-
-    def on_active_set(self, point: StepPoint) -> StepPoint:
-        """The solution of the optimality conditions with the active set of a point, which is corrected where it is wrong."""
-        p, m, n = self.p, len(self.b), len(self.g)
-        rows, low, high = self._all_rows()
-        pushes = np.concatenate([point.bounds[self._free_weights], point.z[self.between]])
-        side = np.where(low == high, 1.0, np.sign(pushes))
-        x, y = point.x[self.free], np.zeros(m + len(side))
-        for _ in range(_CORRECTIONS):
-            held = side.nonzero()[0]
-            B = np.concatenate([self.A, rows[held]])
-            right = np.concatenate([-self.g, self.b, np.where(side > 0.0, low, high)[held]])
-            system = np.block([[self.H, -B.T], [B, np.zeros((len(B), len(B)))]])
-            both = np.linalg.lstsq(system, right, rcond=_RANK)[0]
-            for _ in range(2):
-                both += np.linalg.lstsq(system, right - system @ both, rcond=_RANK)[0]
-            x, y = both[:n], np.zeros(m + len(side))
-            y[:m], y[m + held] = both[n : n + m], both[n + m :]
-            values, pushes = rows @ x, y[m:]
-            wrong = (pushes * side < -_PUSHES * max_abs(pushes)) & (low < high)
-            below, above = values < low - _PASSED, values > high + _PASSED
-            if not (wrong | ((below | above) & (side == 0.0))).any():
-                break
-            side = np.where(wrong, 0.0, np.where(side == 0.0, 1.0 * below - 1.0 * above, side))
-        y[m:][(y[m:] * side < 0.0) & (low < high)] = 0.0
-        return self._point(x, y[m : m + p], np.concatenate([y[:m], y[m + p :]]), point.iterations, point.method)
 
     @property
     def _free_weights(self) -> Array | slice:

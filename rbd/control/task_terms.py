@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, check_finite, check_number, zeros
+from rbd.arrays import Array, as_array, check_finite, check_number, lazy, zeros
 from rbd.displayed import Displayed
 from rbd.errors import DuplicateName, InputError, RbdError
 from rbd.model.checked_model import CheckedModel
@@ -137,6 +137,49 @@ class Task(Protocol):
 
     def terms(self, state: State, t: float) -> TaskTerms:
         """Its rows at a state and a time [s]."""
+
+
+class FollowingTask(Displayed):
+    """What tasks with a target have in common: checked settings, and the reference at a time."""
+
+    name: str
+    target: Any
+    gain: float
+    damping_ratio = 0.0
+
+    def _settle(self, name: str = "", **costs: int) -> None:
+        """Check and store the name, costs, gains and a target that is no function.
+
+        Args:
+            name: Where the task has none.
+            costs: {attribute: how many axes it has}.
+
+        Raises:
+            InputError: what is none of these.
+        """
+        object.__setattr__(self, "name", checked_name(self.name, name))
+        for what, m in costs.items():
+            object.__setattr__(self, what, checked_costs(f"{what} of task {self.name!r:.80}", getattr(self, what), m))
+        checked_law(self.name, self.gain, self.damping_ratio)
+        if not callable(self.target):
+            object.__setattr__(self, "target", self._reference(self.target, None))
+
+    def _reference(self, target: Any, t: float | None) -> Reference:
+        """The checked reference of a target; t: the time at which a function gave it."""
+        raise NotImplementedError
+
+    def _at(self, t: float) -> Reference:
+        """The reference at a time [s].
+
+        Raises:
+            InputError: what a function gives as the target is none, or it fails, with its own error as the cause.
+        """
+        target = self.target
+        return self._reference(reference_at(self.name, target, t), t) if callable(target) else target
+
+    @lazy
+    def _law(self) -> tuple[float, float]:
+        return checked_law(self.name, self.gain, self.damping_ratio)
 
 
 def checked_tasks(tasks: Sequence[Task], robot: CheckedModel | None = None) -> tuple[Task, ...]:

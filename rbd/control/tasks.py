@@ -22,22 +22,21 @@ from rbd.constraints.constraint import PerRobot
 from rbd.constraints.surface import rigid_placement
 from rbd.control.task_terms import (
     Cost,
+    FollowingTask,
     Reference,
     Target,
     TaskTerms,
     as_reference,
     check_near,
     checked_costs,
-    checked_law,
     checked_name,
     checked_rates,
     checked_vector,
     is_near,
-    reference_at,
     target_of,
 )
-from rbd.displayed import Displayed
 from rbd.errors import InputError, JointNotFound, nearest
+from rbd.errors.inputs import check_choice, check_known
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, checked
 
@@ -45,7 +44,7 @@ _WORLD = pin.LOCAL_WORLD_ALIGNED
 
 
 @dataclass(frozen=True, eq=False)
-class ComTask(Displayed):
+class ComTask(FollowingTask):
     """The centre of mass follows a point, in world axes.
 
     With k the gain and zeta the damping ratio, its error e = c* - c decays by e'' + 2 zeta sqrt(k) e' + k e = 0. Its rows are
@@ -80,20 +79,12 @@ class ComTask(Displayed):
     name: str = "com"
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "name", checked_name(self.name))
-        object.__setattr__(self, "cost", checked_costs(f"cost of task {self.name!r:.80}", self.cost, 3))
-        checked_law(self.name, self.gain, self.damping_ratio)
-        if not callable(self.target):
-            object.__setattr__(self, "target", self._reference(self.target, None))
+        self._settle(cost=3)
 
     def _reference(self, target: Any, t: float | None) -> Reference:
         ref = as_reference(target)
         value = ref.value.com if isinstance(ref.value, State) else ref.value
         return Reference(checked_vector(value, 3, "", t, self.name), *checked_rates(ref, 3, t, self.name))
-
-    @lazy
-    def _law(self) -> tuple[float, float]:
-        return checked_law(self.name, self.gain, self.damping_ratio)
 
     def terms(self, state: State, t: float) -> TaskTerms:
         """Three rows at a state and a time [s]: the acceleration of the centre of mass; fewer where costs are zero.
@@ -101,8 +92,7 @@ class ComTask(Displayed):
         Raises:
             InputError: what a function gives as the target is no point.
         """
-        ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
-        k, d = self._law
+        ref, (k, d) = self._at(t), self._law
         A_g, bias, mass = checked(state).centroidal()
         J = A_g[:3] / mass
         wanted = ref.acceleration + k * (ref.value - state.com) + d * (ref.velocity - J @ state.v) - bias[:3] / mass
@@ -110,7 +100,7 @@ class ComTask(Displayed):
 
 
 @dataclass(frozen=True, eq=False)
-class FrameTask(Displayed):
+class FrameTask(FollowingTask):
     """A frame of the robot, or a point fixed to it, follows a pose, a position or an orientation.
 
     With k the gain and zeta the damping ratio, the position error e = p* - p decays by e'' + 2 zeta sqrt(k) e' + k e = 0. The
@@ -164,15 +154,10 @@ class FrameTask(Displayed):
     def __post_init__(self) -> None:
         if not isinstance(self.frame, str) or not self.frame:
             raise InputError(f"frame of a task is {self.frame!r:.80}; expected the name of a frame. See robot.frames().")
-        object.__setattr__(self, "name", checked_name(self.name, self.frame))
-        for what in ("position_cost", "orientation_cost"):
-            object.__setattr__(self, what, checked_costs(f"{what} of task {self.name!r:.80}", getattr(self, what), 3))
-        checked_law(self.name, self.gain, self.damping_ratio)
-        if not isinstance(self.axes, str) or self.axes not in ("world", "frame"):
-            raise InputError(f"axes of task {self.name!r:.80} are {self.axes!r:.80}; expected 'world' or 'frame'.")
-        object.__setattr__(self, "offset", as_vector3(f"offset of task {self.name!r:.80}", self.offset))
-        if not callable(self.target):
-            object.__setattr__(self, "target", self._reference(self.target, None))
+        said = f"of task {checked_name(self.name, self.frame)!r:.80}"
+        check_choice(f"axes {said}", self.axes, ("world", "frame"))
+        object.__setattr__(self, "offset", as_vector3(f"offset {said}", self.offset))
+        self._settle(self.frame, position_cost=3, orientation_cost=3)
 
     def _reference(self, target: Any, t: float | None) -> Reference:
         """With a `_Place` as its value, and rates of all six axes."""
@@ -198,8 +183,8 @@ class FrameTask(Displayed):
         robot.site(self.frame)
 
     @lazy
-    def _law(self) -> tuple[float, float, pin.SE3]:
-        return *checked_law(self.name, self.gain, self.damping_ratio), pin.SE3(np.eye(3), np.asarray(self.offset))
+    def _placement(self) -> pin.SE3:
+        return pin.SE3(np.eye(3), np.asarray(self.offset))
 
     @lazy
     def _costs(self) -> dict[tuple[bool, bool], Array]:
@@ -216,9 +201,9 @@ class FrameTask(Displayed):
             FrameNotFound: with the nearest names.
             InputError: what a function gives as the target is none.
         """
-        ref = self._reference(reference_at(self.name, self.target, t), t) if callable(self.target) else self.target
-        (p, R), k, d = ref.value, *self._law[:2]
-        X, J, v, bias = checked(state).moving(self.frame, self._law[2], _WORLD)
+        ref, (k, d) = self._at(t), self._law
+        p, R = ref.value
+        X, J, v, bias = checked(state).moving(self.frame, self._placement, _WORLD)
         e = np.zeros(6)
         if p is not None:
             e[:3] = p - X.translation
@@ -281,7 +266,7 @@ def _is_rotation(R: Array) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class PostureTask(Displayed):
+class PostureTask(FollowingTask):
     """The joints with motors follow a posture.
 
     With k the gain and zeta the damping ratio, the errors e of sliding joints and of hinges decay by
@@ -322,15 +307,16 @@ class PostureTask(Displayed):
     _on: PerRobot[_Posture] = field(default_factory=lambda: PerRobot(_posture), init=False, repr=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "name", checked_name(self.name))
-        checked_law(self.name, self.gain, self.damping_ratio)
+        self._settle()
         object.__setattr__(self, "joints", _names(self.name, self.joints))
         object.__setattr__(self, "cost", _costs(self.name, self.cost))
-        if not callable(self.target):
-            ref = as_reference(self.target)
-            object.__setattr__(self, "target", Reference(*(_frozen(self.name, part) for part in ref)))
-            if isinstance(ref.value, State):
-                self.check(ref.value.robot)
+        if not callable(self.target) and isinstance(self.target.value, State):
+            self.check(self.target.value.robot)
+
+    def _reference(self, target: Any, t: float | None) -> Reference:
+        """Its arrays copied, so that nobody changes them; their sizes are checked when the robot is known."""
+        ref = as_reference(target)
+        return ref if t is not None else Reference(*(_frozen(self.name, part) for part in ref))
 
     def check(self, robot: CheckedModel) -> None:
         """Refuse a robot without the joints that are named, and one of another size than the target.
@@ -341,10 +327,6 @@ class PostureTask(Displayed):
         """
         self._on.of(self, robot)
 
-    @lazy
-    def _law(self) -> tuple[float, float]:
-        return checked_law(self.name, self.gain, self.damping_ratio)
-
     def terms(self, state: State, t: float) -> TaskTerms:
         """One row a joint at a state and a time [s]: its acceleration; those of cost zero are left out.
 
@@ -354,8 +336,7 @@ class PostureTask(Displayed):
         """
         robot = checked(state).robot
         on, (k, d) = self._on.of(self, robot), self._law
-        target = self.target
-        ref = on.fixed if not callable(target) else _on_robot(self.name, reference_at(self.name, target, t), robot, t)
+        ref = _on_robot(self.name, self._at(t), robot, t) if callable(self.target) else on.fixed
         at = on.columns
         e = pin.difference(robot.model, state.q, ref.value)[at]
         wanted = ref.acceleration[at] + k * e + d * (ref.velocity[at] - state.v[at])
@@ -393,7 +374,7 @@ def _costs(task: str, cost: Any) -> float | Array | dict[str, float]:
 
 
 def _frozen(task: str, part: Any) -> Any:
-    """A copy of an array that was given, so that nobody changes it; its size is checked when the robot is known."""
+    """A finite copy of an array that was given."""
     if part is None or isinstance(part, State):
         return part
     found = as_array(target_of(task, None), part)
@@ -434,8 +415,7 @@ def _posture(task: PostureTask, robot: CheckedModel) -> _Posture:
             )
     if isinstance(task.cost, Mapping):
         for name in task.cost:
-            if name not in of_joint:
-                raise JointNotFound(f"cost of task {task.name!r:.80} has joint {name!r:.80}; {nearest(name, of_joint)}.")
+            check_known(f"cost of task {task.name!r:.80} has joint", name, of_joint, JointNotFound)
         costs = np.array([float(task.cost.get(name, 1.0)) for name in of_joint])
     else:
         costs = checked_costs(f"cost of task {task.name!r:.80}", task.cost, len(of_joint), "joint")

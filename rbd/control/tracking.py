@@ -24,6 +24,7 @@ from rbd.control.schedules import AcceptedStep, check_model
 from rbd.control.torques import inverse_dynamics, inverse_dynamics_many
 from rbd.displayed import Displayed
 from rbd.errors import CannotMove, InputError, RbdError
+from rbd.errors.inputs import check_choice
 from rbd.mechanism.projection import project_acceleration, project_velocity
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import SampledAccelerations, cubic, cubic_rate, interpolated_q
@@ -183,7 +184,6 @@ def _refuse(
 
 GAINS_EVERY = 0.1
 """Gains are computed at poses of the reference this far apart [s], and are linear between them."""
-TORQUES = ("exact", "nearest", "weight", "none")
 
 
 class Modelled(NamedTuple):
@@ -257,8 +257,7 @@ class TrackingController(Displayed):
         motion = self.motion
         if not isinstance(getattr(motion, "robot", None), CheckedModel) or not all(hasattr(motion, x) for x in "tqva"):
             raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")
-        if not isinstance(self.torques, str) or self.torques not in TORQUES:
-            raise InputError(f"torques is {self.torques!r:.80}; expected one of {', '.join(TORQUES)}.")
+        check_choice("torques", self.torques, ("exact", "nearest", "weight", "none"))
         check_oscillation("TrackingController", self.frequency, self.damping_ratio)
         check_number("every", self.every, 1e-5, 1e6, expected="a time of 1e-5 s or more")
         check_model("TrackingController", self.robot)

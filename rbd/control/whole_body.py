@@ -19,8 +19,8 @@ from rbd.control.step_problem import TaskActuation
 from rbd.control.task_terms import Task, checked_tasks, robot_of
 from rbd.control.whole_body_step import DAMPING, complaints, silent_step
 from rbd.displayed import Displayed
-from rbd.errors import InputError, NoSolution, UnknownName, nearest
-from rbd.errors.inputs import check_different
+from rbd.errors import InputError, NoSolution
+from rbd.errors.inputs import check_different, check_kind, check_known
 from rbd.errors.warned import stacklevel_of_user
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External
@@ -123,8 +123,7 @@ class WholeBodyController(Displayed):
         put(self, "contacts", tuple(made(each) for each in listed(self.contacts)))
         put(self, "schedule", ContactSchedule({}) if self.schedule is None else self.schedule)
         _check_contacts(self.contacts, self.schedule, self.tasks)
-        if not isinstance(self.limits, Limits):
-            raise InputError(f"limits are {self.limits!r:.80}; expected rbd.control.Limits(...).")
+        check_kind("limits", self.limits, Limits, "rbd.control.Limits(...)")
         if self.every is not None:
             put(self, "every", checked_period("every of WholeBodyController", self.every))
             self._check_horizon(self.every)
@@ -162,10 +161,7 @@ class WholeBodyController(Displayed):
             InputError: a state of another robot than before.
             NoSolution: no torques were found, not even those that violate contacts and joint limits least.
         """
-        if not isinstance(step, AcceptedStep):
-            raise InputError(
-                f"WholeBodyController was told {step!r:.80}; expected rbd.control.AcceptedStep(state, t, h, contacts)."
-            )
+        check_kind("what WholeBodyController was told", step, AcceptedStep, "rbd.control.AcceptedStep(state, t, h, contacts)")
         memory, robot = self._memory[0], step.state.robot
         self._check_robot(step.state)
         if self.robot is not None:
@@ -215,8 +211,7 @@ class WholeBodyController(Displayed):
 
     def _check_robot(self, state: State) -> None:
         known = self._memory[0].robot
-        if not isinstance(state, State):
-            raise InputError(f"WholeBodyController got {type(state).__name__} in place of a State.")
+        check_kind("what WholeBodyController got", state, State, "a State")
         if known is not None and not known.is_like(state.robot):
             raise InputError(
                 f"WholeBodyController was told of another robot, and got a state of {state.robot.name}; reset() it."
@@ -290,21 +285,13 @@ def _check_contacts(contacts: Sequence[Constraint], schedule: ContactSchedule, t
     """Refuse contacts of one name, names that are no contact, and a schedule that lifts what it cannot, or everything."""
     names = [contact.name for contact in contacts]
     check_different(names, "contacts")
-    if not isinstance(schedule, ContactSchedule):
-        raise InputError(
-            f"schedule is {schedule!r:.80}; expected rbd.control.ContactSchedule({{contact: [(start, end), ...]}})."
-        )
+    expected = "rbd.control.ContactSchedule({contact: [(start, end), ...]})"
+    check_kind("schedule", schedule, ContactSchedule, expected)
     for name in schedule.intervals:
-        if name not in names:
-            raise UnknownName(
-                f"the schedule names {name!r:.80}, which is no contact of the controller; {nearest(name, names)}."
-            )
+        check_known("the schedule names what is no contact of the controller,", name, names)
     for task in tasks:
-        force_of = getattr(task, "contact", "")
-        if force_of and force_of not in names:
-            raise UnknownName(
-                f"task {task.name!r:.80} is of contact {force_of!r:.80}, which is not there; {nearest(force_of, names)}."
-            )
+        if force_of := getattr(task, "contact", ""):
+            check_known(f"task {task.name!r:.80} is of a contact that is not there,", force_of, names)
     for contact in contacts:
         if contact.name in schedule.intervals and not lifts(contact):
             raise InputError(

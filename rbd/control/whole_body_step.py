@@ -23,7 +23,8 @@ from rbd.control.motion_limits import Limits
 from rbd.control.step_problem import StepCertificate, StepProblem, TaskActuation
 from rbd.control.step_program import Relaxed, StepPoint, minimiser
 from rbd.control.task_terms import Task
-from rbd.errors import InaccurateWarning, InputError, NoSolution, RbdWarning, RelaxedLimitsWarning
+from rbd.errors import InaccurateWarning, NoSolution, RbdWarning, RelaxedLimitsWarning
+from rbd.errors.inputs import check_kind
 from rbd.model.external import External
 from rbd.model.state import State, checked
 from rbd.problem.answer import Status
@@ -115,8 +116,7 @@ def silent_step(
     A controller calls it: filters of warnings are those of all threads, and so nothing here may change them.
     """
     checked(state)
-    if not isinstance(limits, Limits):
-        raise InputError(f"limits is {limits!r:.80}; expected rbd.control.Limits(...).")
+    check_kind("limits", limits, Limits, "rbd.control.Limits(...)")
     time = check_number("t", t, -1e300, 1e300, expected="a time [s]")
     damping = check_number("contact_damping", contact_damping, 0.0, _FASTEST, expected="a rate of 0 or more [1/s]")
     problem = StepProblem.of(

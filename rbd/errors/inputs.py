@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
+from types import UnionType
 from typing import Any
 
 from rbd.errors.reasons import InputError, RbdError, Reason
@@ -256,6 +257,39 @@ def check_choice(what: str, value: object, known: Iterable[str]) -> str:
     if not isinstance(value, str) or value not in known:
         raise InputError(f"{what} is {shown(value)}; {nearest(value, known)}. Expected one of {', '.join(known)}.")
     return value
+
+
+def check_known(what: str, name: object, known: Iterable[str], kind: type[UnknownName] = UnknownName) -> None:
+    """Refuse a name that is none of some.
+
+    Args:
+        what: The beginning of the message: "no parameter".
+        name: The name.
+        known: The names that there are.
+        kind: The error.
+
+    Raises:
+        UnknownName: with the nearest names.
+    """
+    known = list(known)
+    if name not in known:
+        raise kind(f"{what} {shown(name)}; {nearest(name, known)}.")
+
+
+def check_kind(what: str, value: object, kind: type | UnionType, expected: str) -> None:
+    """Refuse a value of another kind.
+
+    Args:
+        what: What it is, for the message.
+        value: The value.
+        kind: What it must be an instance of.
+        expected: What was expected, in words.
+
+    Raises:
+        InputError: it is none.
+    """
+    if not isinstance(value, kind):
+        raise InputError(f"{what} is {shown(value)}; expected {expected}.")
 
 
 def shown(value: object) -> str:

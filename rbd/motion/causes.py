@@ -9,6 +9,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, as_float
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind, check_known
 from rbd.model.checked_model import CheckedModel
 from rbd.model.motors import Motor, TorqueLines
 from rbd.motion.contact_detection import NOISE
@@ -126,11 +127,10 @@ def speed_curves(robot: CheckedModel, given: Mapping[str, tuple[float, float]] |
         InputError: an unknown joint, or numbers that are not positive.
     """
     out = {}
-    if given is not None and not isinstance(given, Mapping):
-        raise InputError(f"torque_speed is {given!r:.80}; expected {{joint: (stall torque [N m], no-load speed [rad/s])}}.")
+    expected = "{joint: (stall torque [N m], no-load speed [rad/s])}"
+    check_kind("torque_speed", given, Mapping | None, expected)
     for name, curve in (given or {}).items():
-        if name not in robot.actuated_names:
-            raise InputError(f"torque_speed names {name!r:.80}, which is no motor of {robot.name}.")
+        check_known(f"torque_speed names what is no motor of {robot.name},", name, robot.actuated_names)
         try:
             stall, fastest = (as_float(x) for x in curve)
         except (TypeError, ValueError):

@@ -11,6 +11,7 @@ from rbd.arrays import Array, check_flag, check_number
 from rbd.constraints.contact import Contact
 from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.motion import causes as why
 from rbd.motion.contact_detection import NOISE, REST_SPEED, find_contacts
 from rbd.motion.contact_timeline import ContactTimeline
@@ -80,8 +81,7 @@ def check_motion(
         >>> print(f"{report.share_possible:.0%}", [c for c in rbd.motion.CAUSES if report.of_cause(c).any()])
         23% ['floats']
     """
-    if not isinstance(motion, Motion):
-        raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")
+    check_kind("motion", motion, Motion, "an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1')")
     robot = motion.robot
     check_robot(robot)
     shares = (("friction", friction), ("threshold", threshold))
@@ -192,8 +192,7 @@ def _lanes(motion: Motion, contacts: ContactTimeline | None, settings: CheckSett
     given = motion.contacts if contacts is None else contacts
     if given is None:
         return find_contacts(motion, bodies=settings.bodies, ground=settings.ground, rest_speed=settings.rest_speed)
-    if not isinstance(given, ContactTimeline):
-        raise InputError(f"contacts is {given!r:.80}; expected ContactTimeline: rbd.motion.find_contacts(motion).")
+    check_kind("contacts", given, ContactTimeline, "ContactTimeline: rbd.motion.find_contacts(motion)")
     if not motion.robot.is_like(given.points.robot) or len(given.t) != motion.n or not np.array_equal(given.t, motion.t):
         raise InputError("contacts are of another motion: their robot or their times differ. Find those of this one.")
     return given

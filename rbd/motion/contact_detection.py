@@ -8,6 +8,7 @@ import pinocchio as pin
 from rbd.arrays import Array, check_flag, check_number
 from rbd.constraints.contact import Contact
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.motion.contact_timeline import ContactTimeline, FloorPoints
 from rbd.motion.frame_terms import carriers, placements
@@ -53,8 +54,7 @@ def find_contacts(
         >>> rbd.motion.find_contacts(hop).intervals("front_left")
         [(0.0, 0.06), (0.56, 0.6)]
     """
-    if not isinstance(motion, Motion):
-        raise InputError(f"motion is {motion!r:.80}; expected an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1').")
+    check_kind("motion", motion, Motion, "an rbd.Motion: rbd.Motion.read('dance.csv', robot='g1')")
     check_flag("bodies", bodies)
     slow = check_number("rest_speed", rest_speed, 0.0, 1e3, expected="a speed of 0 or more [m/s]")
     points = FloorPoints.of(motion.robot, bodies=bodies)

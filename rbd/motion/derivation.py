@@ -17,7 +17,7 @@ from scipy.linalg import solveh_banded
 from rbd.arrays import Array, as_array, as_finite, as_float, check_number, check_positive, check_whole
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.errors.inputs import check_choice
+from rbd.errors.inputs import check_choice, check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import conjugate, flat_coordinates, logarithm, own_rates, product, quaternions
 
@@ -109,8 +109,7 @@ def derivatives(
         >>> print(f"{v[50, 0]:.3f} {3.0 * np.cos(1.5):.3f}, {a[50, 0]:.3f} {-9.0 * np.sin(1.5):.3f}")  # found and exact
         0.212 0.212, -8.977 -8.977
     """
-    if not isinstance(robot, CheckedModel):
-        raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
+    check_kind("robot", robot, CheckedModel, "a robot: rbd.load_robot('g1')")
     t = checked_times(t)
     q = as_finite("q", q, (len(t), robot.nq), meaning=": a row a time, a column a coordinate")
     check_choice("method", method, get_args(Method))

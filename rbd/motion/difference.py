@@ -11,6 +11,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.motion.frame_terms import placements
 from rbd.motion.reference_motion import Motion
 
@@ -60,8 +61,7 @@ class MotionDifference(Displayed):
             InputError: motions of different robots, or times that differ.
         """
         for name, given in (("motion", motion), ("reference", reference)):
-            if not isinstance(given, Motion):
-                raise InputError(f"{name} is {given!r:.80}; expected an rbd.Motion.")
+            check_kind(name, given, Motion, "an rbd.Motion")
         robot, n = motion.robot, motion.n
         if not robot.is_like(reference.robot):
             raise InputError(f"motion is of {robot.name}, reference of {reference.robot.name}; expected motions of one robot.")

@@ -12,6 +12,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError, RbdError, nearest
+from rbd.errors.inputs import check_different, check_known
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import conjugate, rotated
 from rbd.motion.file_frames import standing_q
@@ -102,11 +103,8 @@ def checked_joints(robot: CheckedModel, joints: Sequence[str]) -> tuple[str, ...
         raise InputError(f"joints is {joints!r:.80}; expected a list of names, in the order of the columns.")
     known = single_joints(robot)
     for name in joints:
-        if name not in known:
-            raise InputError(f"no joint {name!r:.80} with one degree of freedom in {robot.name}; {nearest(name, known)}.")
-    if len(set(joints)) != len(joints):
-        twice = next(name for name in joints if list(joints).count(name) > 1)
-        raise InputError(f"joint {twice!r:.80} is named twice.")
+        check_known(f"{robot.name} has, with one degree of freedom, no joint", name, known)
+    check_different(joints, "joints of the columns")
     return tuple(joints)
 
 

@@ -287,9 +287,6 @@ _ROUNDING = 1e-14
 """Weights outside of their sets by less, over the largest, are on the edge."""
 _USABLE = 1e-6
 """A miss of the conic solver from which proximal steps go on."""
-_EMPTY = 1e-5
-"""Points whose normal force is below this share of the weight may be those that carry nothing."""
-_EXACT = 1e-11
 _EDGE = 1e-9
 """Shares of a force by which it is on the edge of its cone."""
 
@@ -368,17 +365,20 @@ def _limited(program: Conic, A: Array, target: Array, best: Array) -> tuple[Arra
         A: Shape (k, p), its largest singular value one.
         target: Shape (k,).
         best: A x of the fit without limits, shape (k,).
+
+    Raises:
+        NoSolution: it was not found to six digits.
     """
-    n = len(program.g)
-    none = np.zeros((0, n))
-    H, g = A.T @ A + _PROXIMAL * np.eye(n), -A.T @ target
-    near = replace(program, H=H, A=none, b=np.zeros(0), g=g)
-    x, size = _minimiser(near, np.zeros(n)), max(1.0, float(np.linalg.norm(target)))
+    n, size, none = len(program.g), max(1.0, float(np.linalg.norm(target))), np.zeros(0)
+    near = replace(program, H=A.T @ A + _PROXIMAL * np.eye(n), A=np.zeros((0, n)), b=np.zeros(0), g=-A.T @ target)
+    x = np.zeros(n)
     for _ in range(_STEPS):
-        near = replace(near, g=g - _PROXIMAL * x)
-        ahead = _minimiser(near, x)
-        moved = float(np.linalg.norm(A @ (ahead - x)))
-        x = ahead
+        posed = replace(near, g=near.g - _PROXIMAL * x)
+        found = newton_steps(posed, x, none, none) or solve_conic(posed, newton=False)
+        if found.miss > _USABLE:
+            how = f"ended {found.outcome.value}, missed by {found.miss:.1e}"
+            raise NoSolution(f"the least squares over the friction cones {how}.")
+        moved, x = float(np.linalg.norm(A @ (found.x - x))), found.x
         if moved <= _SAME * size:
             break
     if float(np.linalg.norm(A @ x - best)) <= _FITS * size:  # cones allow the fit without limits: with other weights
@@ -386,39 +386,6 @@ def _limited(program: Conic, A: Array, target: Array, best: Array) -> tuple[Arra
         if exact.solved:
             return exact.x, True
     return x, False
-
-
-def _minimiser(near: Conic, x: Array) -> Array:
-    """The minimiser of a strictly convex program without equations, from a start.
-
-    Raises:
-        NoSolution: it was not found to six digits.
-    """
-    none = np.zeros(0)
-    quick = newton_steps(near, x, none, none)
-    if quick is not None:
-        return quick.x
-    found = solve_conic(near)
-    if found.solved:
-        return found.x
-    # Points that carry nothing, and need no force to do so, are kinks on which Newton's method does not end: without them.
-    loaded = np.ones(len(x), bool)
-    empty = found.x[near.cones[:, 2]] <= _EMPTY
-    loaded[near.cones[empty]] = False
-    where = np.cumsum(loaded) - 1
-    part = replace(
-        near, H=near.H[np.ix_(loaded, loaded)], g=near.g[loaded], A=near.A[:, loaded], C=near.C[:, loaded],
-        lower=near.lower[loaded], upper=near.upper[loaded], cones=where[near.cones[~empty]], mu=near.mu[~empty],
-    )  # fmt: skip
-    rest = newton_steps(part, found.x[loaded], none, none)
-    if rest is not None:
-        out = np.zeros(len(x))
-        out[loaded] = rest.x
-        if near.miss(out, none, none) <= _EXACT:
-            return out
-    if found.miss > _USABLE:
-        raise NoSolution(f"the least squares over the friction cones ended {found.outcome.value}, missed by {found.miss:.1e}.")
-    return found.x
 
 
 def _tangent(sets: ForceSet, x: Array, slope: Array, zero: float) -> Array:

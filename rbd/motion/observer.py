@@ -20,10 +20,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from rbd.arrays import Array, as_float, check_positive
+from rbd.arrays import Array, as_float, check_flag, check_positive
 from rbd.constraints.constraint import Constraint, WithLoops, check_on, listed, with_loops
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import coriolis_matrix, gravity_torque
 from rbd.model.external import External, generalised
@@ -82,11 +83,9 @@ class MomentumObserver(Displayed):
         noise: SensorNoise | None = None,
         loops: bool = True,
     ) -> None:
-        if not isinstance(robot, CheckedModel):
-            raise InputError(f"MomentumObserver wants a robot first, got {robot!r:.80}. Load one: rbd.load_robot(name).")
-        for what, value in (("torques", torques), ("held", held)):
-            if not isinstance(value, bool):
-                raise InputError(f"{what} of MomentumObserver is {value!r:.80}; expected True or False.")
+        check_kind("robot of MomentumObserver", robot, CheckedModel, "a robot: rbd.load_robot(name)")
+        check_flag("torques of MomentumObserver", torques)
+        check_flag("held of MomentumObserver", held)
         self.robot, self.contacts, self.torques, self.held = robot, with_loops(robot, contacts, loops), torques, held
         self._given, self._loops = listed(contacts), loops
         for contact in self.contacts:

@@ -13,6 +13,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, as_float, check_flag, check_number, check_whole
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import FARTHEST, CheckedModel
 from rbd.model.sampled_motion import (
     conjugate,
@@ -150,8 +151,7 @@ class Motion(Displayed):
                 another length; v or a that is not the rate of q, with the coordinate and the factor; frame numbers as times;
                 a base in millimetres or centimetres.
         """
-        if not isinstance(robot, CheckedModel):
-            raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
+        check_kind("robot", robot, CheckedModel, "a robot: rbd.load_robot('g1')")
         t, q = checked_times(t), as_array("q", q)
         check_shape("q", q, (len(t), robot.nq), FARTHEST)
         if not isinstance(notes, list | tuple) or not all(isinstance(note, str) for note in notes):
@@ -251,8 +251,7 @@ class Motion(Displayed):
     def of_trajectory(cls, trajectory: Trajectory) -> Motion:
         """The motion of a trajectory: its t, q, v and a as they were simulated."""
         x = trajectory
-        if not isinstance(x, Trajectory):
-            raise InputError(f"trajectory is {x!r:.80}; expected what rbd.simulate returns.")
+        check_kind("trajectory", x, Trajectory, "what rbd.simulate returns")
         return cls.of_arrays(x.robot, x.t, x.q, x.v, x.a, source="trajectory", quaternion="xyzw", trust=True)
 
     @classmethod
@@ -467,8 +466,7 @@ def minimum_jerk(
         >>> motion.q[:, 0].round(4), motion.v[:, 0].round(4)
         (array([0.    , 0.1035, 0.5   , 0.8965, 1.    ]), array([0.    , 1.0547, 1.875 , 1.0547, 0.    ]))
     """
-    if not isinstance(robot, CheckedModel):
-        raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
+    check_kind("robot", robot, CheckedModel, "a robot: rbd.load_robot('g1')")
     t, rate = checked_times(times), check_rate(rate)
     listed = isinstance(poses, list | tuple) or (isinstance(poses, np.ndarray) and poses.ndim == 2)
     if not listed or len(poses) != len(t) or len(t) < 2:

@@ -373,18 +373,15 @@ class MotionReport(Displayed):
 
     def export(self, path: str | os.PathLike[str], **settings: Any) -> Path:
         """Write it as one page that plays the motion; returns its path. Settings are those of `rbd.visual.export_motion`."""
-        found: Path = drawing("export_motion")(self, path, **settings)
-        return found
+        return drawing("export_motion")(self, path, **settings)
 
     def video(self, path: str | os.PathLike[str], **settings: Any) -> Path:
         """Write it as a video, .mp4 or .gif; returns its path. Settings are those of `rbd.visual.export_video`."""
-        found: Path = drawing("export_video")(self, path, **settings)
-        return found
+        return drawing("export_video")(self, path, **settings)
 
     def plot(self, axes: Axes | Sequence[Axes] | None = None) -> list[Artist]:
         """Curves of the missing wrench and of torques on axes, or on a new figure; see `rbd.visual.plot_report`."""
-        found: list[Artist] = drawing("plot_report")(axes, self)
-        return found
+        return drawing("plot_report")(axes, self)
 
     def show(self, *, speed: float = 1.0) -> None:
         """Show the motion live in the browser, with its forces and the missing wrench; see `rbd.visual.replay`."""

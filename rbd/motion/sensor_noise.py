@@ -20,6 +20,7 @@ from scipy.linalg import solve_triangular
 from rbd.arrays import Array, as_array, check_finite
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
@@ -147,8 +148,7 @@ def checked_noise(robot: CheckedModel, noise: SensorNoise | None, *, torques: bo
     """
     if noise is None:
         return None
-    if not isinstance(noise, SensorNoise):
-        raise InputError(f"noise is {noise!r:.80}; expected rbd.motion.SensorNoise(q=..., v=..., a=..., tau=...), or None.")
+    check_kind("noise", noise, SensorNoise, "rbd.motion.SensorNoise(q=..., v=..., a=..., tau=...), or None")
     for what in ("q", "v", "a"):
         noise.of(what, robot.nv)
     if noise.of("tau", robot.nu).any() and not torques:

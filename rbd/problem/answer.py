@@ -365,8 +365,7 @@ class Answer(Displayed):
     @property
     def coordinate_axes(self) -> dict[str, Axis]:
         """Labels and units of the robot's coordinates; none of a problem in arrays."""
-        found: dict[str, Axis] = getattr(getattr(self.problem.origin, "state", None), "coordinate_axes", AXES)
-        return found
+        return getattr(getattr(self.problem.origin, "state", None), "coordinate_axes", AXES)
 
     @property
     def no_answer(self) -> tuple[Reason, str] | None:

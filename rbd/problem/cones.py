@@ -9,7 +9,7 @@ from these two, and is a member of `Cone` that a set may answer itself: a new se
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar, NamedTuple, TypeAlias
@@ -19,47 +19,28 @@ import numpy as np
 from rbd.arrays import Array, as_array, as_finite, as_float, block_diagonal
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-
-
-@dataclass(frozen=True)
-class FreeLine:
-    """The whole real line: a component that pulls and pushes."""
-
-    dim: int = 1
-    mu: ClassVar[float] = 0.0
-    facets: ClassVar[int] = 0
-
-    def alone(self) -> Cone:
-        """As a set."""
-        return Free(1)
-
-
-@dataclass(frozen=True)
-class HalfLine:
-    """The numbers >= 0: a component that only pushes."""
-
-    dim: int = 1
-    mu: ClassVar[float] = 0.0
-    facets: ClassVar[int] = 0
-
-    def alone(self) -> Cone:
-        """As a set."""
-        return NonNegative(1)
+from rbd.errors.inputs import check_kind
 
 
 @dataclass(frozen=True)
 class Interval:
-    """The numbers from `lo` to `hi`."""
+    """The numbers from `lo` to `hi`: without ends a line, from zero on a half-line."""
 
-    lo: float
-    hi: float
-    dim: int = 1
+    lo: float = -math.inf
+    hi: float = math.inf
+    dim: ClassVar[int] = 1
     mu: ClassVar[float] = 0.0
     facets: ClassVar[int] = 0
 
     def alone(self) -> Cone:
         """As a set."""
+        if self in (LINE, HALF_LINE):
+            return Free(1) if self == LINE else NonNegative(1)
         return Bounds(np.array([self.lo]), np.array([self.hi]))
+
+
+LINE, HALF_LINE = Interval(), Interval(0.0)
+"""A component that pulls and pushes, and one that only pushes."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +56,7 @@ class SecondOrderCone:
         return FrictionCone(self.mu, self.facets)
 
 
-Part: TypeAlias = FreeLine | HalfLine | Interval | SecondOrderCone
+Part: TypeAlias = Interval | SecondOrderCone
 
 
 class Cone(Displayed):
@@ -129,14 +110,7 @@ class Cone(Displayed):
         Here by projected gradients on the weights of the parts, to about nine digits; sets with a closed form have their own.
         """
         G, parts = self.generators()
-        step = 1.0 / max(float(np.linalg.norm(G, 2)) ** 2, 1e-300)
-        w = ahead = _of_parts(parts, np.linalg.lstsq(G, force, rcond=None)[0])
-        for i in range(5000):
-            new = _of_parts(parts, ahead - step * (G.T @ (G @ ahead - force)))
-            if np.abs(new - w).max(initial=0.0) <= 1e-15 * np.abs(new).max(initial=1.0):
-                break
-            w, ahead = new, new + i / (i + 3.0) * (new - w)
-        return np.asarray(G @ w)
+        return np.asarray(G @ nearest_weights(G, force, lambda w: _of_parts(parts, w), 5000))
 
     @property
     def at_points(self) -> Array | None:
@@ -169,6 +143,25 @@ class Cone(Displayed):
         return found[found[:, 2] > 0.0]
 
 
+def nearest_weights(G: Array, force: Array, project: Callable[[Array], Array], steps: int) -> Array:
+    """Weights in a convex set with G w nearest to a force, by accelerated projected gradients; slow and approximate.
+
+    Args:
+        G: Shape (m, p).
+        force: Shape (m,).
+        project: Gives the nearest weights in the set.
+        steps: How many at most.
+    """
+    step = 1.0 / max(float(np.linalg.norm(G, 2)) ** 2, 1e-300)
+    w = ahead = project(np.linalg.lstsq(G, force, rcond=None)[0])
+    for i in range(steps):
+        new = project(ahead - step * (G.T @ (G @ ahead - force)))
+        if np.abs(new - w).max(initial=0.0) <= 1e-15 * np.abs(new).max(initial=1.0):
+            break
+        w, ahead = new, new + i / (i + 3.0) * (new - w)
+    return w
+
+
 @lru_cache(maxsize=512)
 def checked_generators(cone: Cone) -> tuple[Array, tuple[Part, ...]]:
     """(G, parts) of a set, whose class may be a user's.
@@ -180,7 +173,7 @@ def checked_generators(cone: Cone) -> tuple[Array, tuple[Part, ...]]:
     G, parts = cone.generators()
     if odd := [part for part in parts if not isinstance(part, Part)]:
         raise InputError(
-            f"{kind}.generators() gives a part {odd[0]!r:.80}; expected FreeLine, HalfLine, Interval or SecondOrderCone of "
+            f"{kind}.generators() gives a part {odd[0]!r:.80}; expected Interval, LINE, HALF_LINE or SecondOrderCone of "
             "rbd.problem.cones. The parts of another set are the second of its own generators()."
         )
     return as_finite(f"G of {kind}.generators()", G, (cone.dim, sum(part.dim for part in parts))), parts
@@ -215,7 +208,7 @@ class Free(Cone):
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """Identity and lines."""
-        return np.eye(self.dim), (FreeLine(),) * self.dim
+        return np.eye(self.dim), (LINE,) * self.dim
 
     def feedback(self, u: Array, e: Array | None) -> Array:
         """All of it."""
@@ -245,7 +238,7 @@ class NonNegative(Cone):
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """Identity and half-lines."""
-        return np.eye(self.dim), (HalfLine(),) * self.dim
+        return np.eye(self.dim), (HALF_LINE,) * self.dim
 
     @property
     def at_points(self) -> Array:
@@ -401,10 +394,8 @@ class Product(Cone):
         except TypeError:
             raise InputError(f"Product wants several sets, got {cones!r:.80}.") from None
         for cone in members:
-            if not isinstance(cone, Cone):
-                raise InputError(
-                    f"{cone!r:.80} is no set of forces; expected e.g. rbd.problem.Free(3) or rbd.problem.FrictionCone(0.7)."
-                )
+            expected = "a set of forces, e.g. rbd.problem.Free(3) or rbd.problem.FrictionCone(0.7)"
+            check_kind("a member of Product", cone, Cone, expected)
         object.__setattr__(self, "cones", members)
 
     @property

@@ -17,7 +17,7 @@ from math import hypot, inf, isfinite
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.problem.cones import FreeLine, Interval, Part
+from rbd.problem.cones import HALF_LINE, Interval, Part
 
 REST_SPEED = 1e-6
 """A contact that can break or slip counts as at rest up to this speed [m/s, rad/s], unless its problem gives another."""
@@ -108,9 +108,7 @@ class MotionJudge:
         """
         name, number, of = point
         rest, normal = self.rest_speed, float(u[-1])
-        if isinstance(shape, FreeLine):
-            return _NORMAL, _NORMAL, -inf, inf
-        if isinstance(shape, Interval):
+        if isinstance(shape, Interval) and shape != HALF_LINE:
             against = shape.lo if normal > 0.0 else shape.hi
             rubs = abs(normal) > rest and isfinite(against)
             return _NORMAL, _NORMAL, *((against, against) if rubs else (shape.lo, shape.hi))

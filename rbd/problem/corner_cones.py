@@ -9,7 +9,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, block_diagonal, cross_matrix, is_finite, lazy
 from rbd.errors import InputError, NoSolution
-from rbd.problem.cones import Cone, FrictionCone, HalfLine, Part, check_friction, checked_generators, pushed_out, pyramid
+from rbd.problem.cones import HALF_LINE, Cone, FrictionCone, Part, check_friction, checked_generators, pushed_out, pyramid
 from rbd.problem.programs import nonnegative
 
 
@@ -38,7 +38,7 @@ class _AtCorners(Cone):
 
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """The corner map, and the parts of each corner; without friction, its normal columns and half-lines."""
-        parts = (HalfLine(),) if not self.mu else checked_generators(self.point)[1]
+        parts = (HALF_LINE,) if not self.mu else checked_generators(self.point)[1]
         return self.corner_map @ self.at_points, parts * len(self.corners)
 
     def project(self, force: Array) -> Array:

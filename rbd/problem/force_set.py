@@ -21,7 +21,7 @@ import numpy as np
 
 from rbd.arrays import Array, block_diagonal, lazy
 from rbd.errors import InputError
-from rbd.problem.cones import Cone, HalfLine, Part, checked_generators, project_cones, pyramid
+from rbd.problem.cones import HALF_LINE, Cone, Part, checked_generators, nearest_weights, project_cones, pyramid
 from rbd.problem.contact_motion import REST_SPEED, MotionJudge, Opening, Sliding
 from rbd.problem.programs import between
 from rbd.problem.rows import Rows
@@ -79,8 +79,6 @@ class ForceSet:
         offset: Centripetal part of y, shape (p,): corners of a turning patch; zero else.
         lower: Bounds of the weights, shape (p,): -inf for lines and for the columns of circular cones.
         upper: Upper bounds of the weights, shape (p,); inf where there is none.
-        cone_at: First columns of the circular cones (tangent, tangent, normal), shape (k,).
-        mu: Their friction coefficients, shape (k,).
         push: Force of a unit weight on its point, in contact axes (tangent, tangent, normal), shape (p, 3).
         elements: The simple sets, in the order of their columns.
         slices: The columns of each constraint, in the order of the rows.
@@ -94,8 +92,6 @@ class ForceSet:
     offset: Array
     lower: Array
     upper: Array
-    cone_at: Array
-    mu: Array
     push: Array
     elements: tuple[Element, ...]
     slices: tuple[slice, ...]
@@ -128,6 +124,16 @@ class ForceSet:
         return int(self.G.shape[1])
 
     @lazy
+    def cone_at(self) -> Array:
+        """First columns of the circular cones (tangent, tangent, normal), shape (k,)."""
+        return locked(np.array([e.columns.start for e in self.elements if e.is_cone], int))
+
+    @lazy
+    def mu(self) -> Array:
+        """Their friction coefficients, shape (k,)."""
+        return locked(np.array([e.mu for e in self.elements if e.is_cone], float))
+
+    @lazy
     def facets(self) -> tuple[int, ...]:
         """Facets of the pyramids that replace the cones, ascending."""
         return tuple(sorted({e.shape.facets for e in self.elements if e.shape.facets}))
@@ -143,31 +149,33 @@ class ForceSet:
         Args:
             inscribed: Take the pyramid inside the cone (radius mu) in place of the one around it (mu / cos(pi / n)).
         """
-        rays, elements, new = [], [], {}
-        firsts: list[int] = []
+        rays, elements, firsts = list[Array](), list[Element](), list[int]()
         for e in self.elements:
-            first, facets = e.columns.start, e.shape.facets if e.is_cone else 0
+            facets, at = e.shape.facets if e.is_cone else 0, len(firsts)
             rays.append(_rays(e.mu, facets, inscribed=inscribed) if facets else _ONE)
-            new[first] = at = len(firsts)
-            firsts += [first] * (facets or 1)
+            firsts += [e.columns.start] * (facets or 1)
             elements.append(replace(e, columns=slice(at, len(firsts)), facets=facets))
-        E = block_diagonal(rays)
+        lower = np.where(np.isin(firsts, self.cone_at), 0.0, self.lower[firsts])
+        return self.exchanged(rays, lower, self.upper[firsts], elements)
+
+    def exchanged(self, blocks: Sequence[Array], lower: Array, upper: Array, elements: Sequence[Element]) -> ForceSet:
+        """The same with other columns.
+
+        Args:
+            blocks: Of each element its old columns by its new ones.
+            lower: Bounds of the new weights, shape (p,).
+            upper: Upper bounds, likewise.
+            elements: The sets with their new columns.
+        """
+        E = block_diagonal(blocks)
         G = locked(self.G @ E)
-        return ForceSet(
-            G,
-            G if self.H is self.G else locked(self.H @ E),
-            locked(self.offset @ E),
-            locked(np.where(np.isin(firsts, self.cone_at), 0.0, self.lower[firsts])),
-            locked(self.upper[firsts]),
-            np.zeros(0, int),
-            np.zeros(0),
-            locked(E.T @ self.push),
-            tuple(elements),
-            column_slices(elements, len(self.slices)),
-            tuple([replace(s, column=new[s.column]) for s in self.sliding]),
-            self.openings,
-            self.impact,
-        )
+        new = {old.columns.start: e.columns.start for old, e in zip(self.elements, elements, strict=True)}
+        return replace(
+            self, G=G, H=G if self.H is self.G else locked(self.H @ E), offset=locked(self.offset @ E), lower=locked(lower),
+            upper=locked(upper), push=locked(E.T @ self.push), elements=tuple(elements),
+            slices=column_slices(elements, len(self.slices)),
+            sliding=tuple([replace(s, column=new[s.column]) for s in self.sliding]),
+        )  # fmt: skip
 
     @lazy
     def is_line(self) -> Array:
@@ -309,14 +317,7 @@ class ForceSet:
                 left = f - self.G[:, ~free] @ self.lower[~free]
                 w[free] = between(self.G[:, free], left, self.lower[free], self.upper[free])
             return w
-        step = 1.0 / max(float(np.linalg.norm(self.G, 2)) ** 2, 1e-300)
-        w = ahead = self.project(np.linalg.lstsq(self.G, f, rcond=None)[0])
-        for i in range(2000):
-            new = self.project(ahead - step * (self.G.T @ (self.G @ ahead - f)))
-            if np.abs(new - w).max() <= 1e-15 * max(1.0, np.abs(w).max()):
-                break
-            w, ahead = new, new + i / (i + 3.0) * (new - w)
-        return w
+        return nearest_weights(self.G, f, self.project, 2000)
 
     def gap(self, y: Array) -> Array:
         """Distance of each acceleration from the values that its set allows, whatever the weight, shape (p,).
@@ -362,7 +363,7 @@ def _stacked(cones: Sequence[Cone], names: Sequence[str], velocities: Sequence[A
         points, start, own = cone.at_points, at, slice(at, at + local.shape[1])
         if velocity is not None:
             u[own], inward[own] = local.T @ velocity, cone.inward(velocity)
-            if points is not None and 3 * len(shapes) > len(points) and all(isinstance(shape, HalfLine) for shape in shapes):
+            if points is not None and 3 * len(shapes) > len(points) and all(shape == HALF_LINE for shape in shapes):
                 u[own] = _speeds_of_rays(names[i], cone, points, u[own], rest_speed)
         for number, shape in enumerate(shapes):
             source, first = slice(at, at + shape.dim), len(bounds)
@@ -377,15 +378,12 @@ def _stacked(cones: Sequence[Cone], names: Sequence[str], velocities: Sequence[A
     E = block_diagonal(pull)  # for accelerations; where points slide, forces have another one
     H = locked(B @ E)
     lower_all, upper_all = np.array(bounds).reshape(-1, 2).T
-    round_ones = [e for e in elements if e.is_cone]
     return ForceSet(
         locked(B @ block_diagonal(blocks)) if judge.sliding else H,
         H,
         locked(inward @ E),
         locked(lower_all.copy()),
         locked(upper_all.copy()),
-        locked(np.array([e.columns.start for e in round_ones], int)),
-        locked(np.array([e.mu for e in round_ones])),
         locked(np.vstack(push)),
         tuple(elements),
         column_slices(elements, len(cones)),

@@ -12,7 +12,8 @@ from scipy.linalg import blas, lapack
 
 from rbd.arrays import Array, as_array, as_float, check_finite, inertia_factor, is_finite, lazy
 from rbd.displayed import Displayed
-from rbd.errors import DuplicateName, InputError
+from rbd.errors import InputError
+from rbd.errors.inputs import check_different, check_kind
 from rbd.problem.cones import Cone, Product
 from rbd.problem.contact_motion import REST_SPEED, Opening
 from rbd.problem.force_set import ForceSet
@@ -155,10 +156,7 @@ class GaussProblem(Displayed):
             object.__setattr__(self, "rest_speed", float(self.rest_speed))
         rows = _rows(self.rows)
         object.__setattr__(self, "rows", rows)
-        names = [r.name for r in rows]
-        if len(set(names)) != len(names):
-            twice = next(name for name in names if names.count(name) > 1)
-            raise DuplicateName(f"two constraints are named {twice!r}; give each a different name.")
+        check_different([r.name for r in rows], "constraints")
         for r in rows:
             if r.J.shape[1] != self.nv:
                 raise InputError(f"rows {r.name!r}: J has {r.J.shape[1]} columns; expected nv = {self.nv}.")
@@ -306,8 +304,7 @@ def _rows(rows: Sequence[Rows]) -> tuple[Rows, ...]:
     except TypeError:
         raise InputError(f"rows are {rows!r:.80}; expected a list of rbd.Rows.") from None
     for r in out:
-        if not isinstance(r, Rows):
-            raise InputError(f"rows contain a {type(r).__name__}; expected rbd.Rows.")
+        check_kind("an entry of rows", r, Rows, "rbd.Rows")
     return out
 
 
@@ -317,6 +314,5 @@ def checked(problem: GaussProblem) -> GaussProblem:
     Raises:
         InputError: if it is not one.
     """
-    if not isinstance(problem, GaussProblem):
-        raise InputError(f"a solver wants a GaussProblem, got {problem!r:.80}. For a robot, use rbd.solve(state, tau, ...).")
+    check_kind("problem", problem, GaussProblem, "a GaussProblem. For a robot, use rbd.solve(state, tau, ...)")
     return problem

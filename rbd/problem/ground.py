@@ -9,7 +9,8 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, as_float, as_vector3, check_finite
 from rbd.displayed import Displayed
-from rbd.errors import InputError, UnknownName, nearest
+from rbd.errors import InputError
+from rbd.errors.inputs import check_known
 
 TOUCHES = 1e-3
 """A contact whose points are all within this of its plane touches it [m]."""
@@ -206,8 +207,7 @@ def surfaces_of(names: Sequence[str], on: On | Mapping[str, On]) -> dict[str, Su
         one = surface_of("the feet", on)
         return dict.fromkeys(names, one)
     for name in on:
-        if name not in names:
-            raise UnknownName(f"on names {name!r:.80}, which is no foot; {nearest(name, names)}.")
+        check_known("on names what is no foot,", name, names)
     return {name: surface_of(name, on.get(name, FLOOR)) for name in names}
 
 

@@ -13,16 +13,18 @@ With y the acceleration that a weight of the force set answers to (J a + J_dot v
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import hypot, inf
+from typing import TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, block_diagonal
+from rbd.arrays import Array
 from rbd.problem.cones import Part, SecondOrderCone
-from rbd.problem.force_set import Element, ForceSet, column_slices, locked
+from rbd.problem.force_set import Element, ForceSet
 
 
 @dataclass(frozen=True)
@@ -55,11 +57,8 @@ def allowed_forces(sets: ForceSet, y: Array, still: Array, margin: float = 0.0) 
     """
     if (np.abs(y) <= still).all():
         return narrowed(sets, margin), ()
-    changed: dict[int, _Choice] = {}
-    refused = []
-    counts: dict[int, int] = {}
-    for e in sets.elements:
-        counts[e.rows] = counts.get(e.rows, 0) + 1
+    changed, refused = dict[int, _Choice](), list[Refused]()
+    counts = Counter(e.rows for e in sets.elements)
     for i, e in enumerate(sets.elements):
         at = e.columns.start
         if e.is_cone:
@@ -68,9 +67,9 @@ def allowed_forces(sets: ForceSet, y: Array, still: Array, margin: float = 0.0) 
             if n < -normal:
                 refused.append(Refused(e.rows, e.number, counts[e.rows], False, n))
             elif n > normal:
-                changed[i] = _Choice(_AXIS, 0.0, 0.0)
+                changed[i] = _AXIS, 0.0, 0.0
             elif slip > still[at]:
-                changed[i] = _Choice(np.array([[-e.mu * t / slip], [-e.mu * s / slip], [1.0]]), 0.0, inf)
+                changed[i] = np.array([[-e.mu * t / slip], [-e.mu * s / slip], [1.0]]), 0.0, inf
             continue
         for j in range(at, e.columns.stop):
             low, high, c = float(sets.lower[j]), float(sets.upper[j]), float(y[j])
@@ -78,7 +77,7 @@ def allowed_forces(sets: ForceSet, y: Array, still: Array, margin: float = 0.0) 
                 continue
             bound = low if c > 0.0 else high
             if abs(bound) < inf:
-                changed[i] = _Choice(_ONE, bound, bound)
+                changed[i] = _ONE, bound, bound
             else:
                 refused.append(Refused(e.rows, e.number, counts[e.rows], low == -inf and high == inf, c))
     return _chosen(sets, changed, margin), tuple(refused)
@@ -89,67 +88,32 @@ def narrowed(sets: ForceSet, margin: float) -> ForceSet:
     """The same with friction within 1 - margin of its cones; itself without a margin."""
     if not (margin and len(sets.mu)):
         return sets
-    elements = [replace(e, shape=_narrower(e, margin)) for e in sets.elements]
-    return replace(sets, mu=locked(sets.mu * (1.0 - margin)), elements=tuple(elements))
+    return replace(sets, elements=tuple([replace(e, shape=_narrower(e, margin)) for e in sets.elements]))
 
 
 def _narrower(element: Element, margin: float) -> Part:
     """Its shape; of a circular cone one with less friction."""
-    shape = element.shape
-    if not element.is_cone:
-        return shape
-    return SecondOrderCone(shape.mu * (1.0 - margin), shape.facets)
+    return SecondOrderCone(element.mu * (1.0 - margin), element.shape.facets) if element.is_cone else element.shape
 
 
-@dataclass(frozen=True, eq=False)
-class _Choice:
-    """What is left of an element: its old columns by new ones, and the bounds of these."""
-
-    columns: Array
-    lower: float
-    upper: float
-
-
+_Choice: TypeAlias = tuple[Array, float, float]
+"""What is left of an element: its old columns by new ones, and the bounds of these."""
 _AXIS, _ONE = np.array([[0.0], [0.0], [1.0]]), np.ones((1, 1))
 
 
 def _chosen(sets: ForceSet, changed: dict[int, _Choice], margin: float) -> ForceSet:
     """The sets with some elements' columns exchanged, and other cones narrowed."""
-    blocks, elements = list[Array](), list[Element]()
-    lower, upper, cone_at, mu = list[float](), list[float](), list[int](), list[float]()
-    new: dict[int, int] = {}
+    blocks, elements, lower, upper = list[Array](), list[Element](), list[Array](), list[Array]()
+    at = 0
     for i, e in enumerate(sets.elements):
-        first, choice, shape = len(lower), changed.get(i), e.shape
-        new[e.columns.start] = first
-        if choice is None:
-            blocks.append(np.eye(e.size))
-            lower += sets.lower[e.columns].tolist()
-            upper += sets.upper[e.columns].tolist()
-            if e.is_cone:
-                cone_at.append(first)
-                mu.append(shape.mu * (1.0 - margin))
-                shape = _narrower(e, margin)
-        else:
-            blocks.append(choice.columns)
-            lower.append(choice.lower)
-            upper.append(choice.upper)
-        elements.append(replace(e, shape=shape, columns=slice(first, len(lower))))
-    E = block_diagonal(blocks)
-    return ForceSet(
-        locked(sets.G @ E),
-        locked(sets.H @ E),
-        locked(sets.offset @ E),
-        locked(np.array(lower)),
-        locked(np.array(upper)),
-        locked(np.array(cone_at, int)),
-        locked(np.array(mu)),
-        locked(E.T @ sets.push),
-        tuple(elements),
-        column_slices(elements, len(sets.slices)),
-        tuple([replace(s, column=new[s.column]) for s in sets.sliding]),
-        sets.openings,
-        sets.impact,
-    )
+        block, low, high = changed.get(i, (np.eye(e.size), sets.lower[e.columns], sets.upper[e.columns]))
+        blocks.append(block)
+        lower.append(np.atleast_1d(low))
+        upper.append(np.atleast_1d(high))
+        shape = e.shape if i in changed else _narrower(e, margin)
+        elements.append(replace(e, shape=shape, columns=slice(at, at + block.shape[1])))
+        at += block.shape[1]
+    return sets.exchanged(blocks, np.concatenate(lower), np.concatenate(upper), elements)
 
 
 def refusal_words(refused: Sequence[Refused], names: Sequence[str]) -> str:

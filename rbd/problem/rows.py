@@ -8,7 +8,7 @@ from math import hypot, inf
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, is_finite, zeros
+from rbd.arrays import Array, as_array, as_finite, is_finite, zeros
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.problem.cones import Cone
@@ -149,7 +149,7 @@ class Rows(Displayed):
             elif value is None and what == "error":
                 continue
             elif not (type(value) is np.ndarray and value.shape == shape and value.dtype == float):
-                object.__setattr__(self, what, _vector(self.name, what, value, m))
+                object.__setattr__(self, what, self._vector(what, value, m))
         # J, bias and feedback are checked where they are stacked, in GaussProblem; a patch's velocity is its state's.
         if self.patch is None and not (is_finite(self.velocity) and (self.error is None or is_finite(self.error))):
             raise InputError(f"rows {self.name!r}: velocity or error is not finite.")
@@ -158,23 +158,24 @@ class Rows(Displayed):
         if self.cone.dim != m:
             raise InputError(f"rows {self.name!r}: the cone has dimension {self.cone.dim}, J has {m} rows.")
         if self.resultant is not None:
-            self._check_resultant(m)
+            meaning = ": a column a row of J"
+            object.__setattr__(
+                self, "resultant", as_finite(f"rows {self.name!r}: resultant", self.resultant, ("k", m), meaning=meaning)
+            )
         if self.holonomic is not None:
             self._check_holonomic(m)
         if self.period is not None:
-            object.__setattr__(self, "period", _vector(self.name, "period", self.period, m))
+            object.__setattr__(self, "period", self._vector("period", self.period, m))
             if self.error is None or not (is_finite(self.period) and (self.period >= 0.0).all()):
                 raise InputError(
                     f"rows {self.name!r}: period is {self.period!r:.80}; expected {m} numbers >= 0, and an error with them."
                 )
 
-    def _check_resultant(self, m: int) -> None:
-        resultant = self.resultant
-        if type(resultant) is not np.ndarray or resultant.dtype != float:
-            resultant = as_array(f"resultant of rows {self.name!r}", resultant)
-            object.__setattr__(self, "resultant", resultant)
-        if resultant.ndim != 2 or resultant.shape[1] != m or not is_finite(resultant):
-            raise InputError(f"rows {self.name!r}: resultant has shape {resultant.shape}; expected (k, {m}) finite numbers.")
+    def _vector(self, what: str, value: object, m: int) -> Array:
+        out = as_array(f"{what} of rows {self.name!r}", value)
+        if out.shape != (m,):
+            raise InputError(f"rows {self.name!r}: {what} has shape {out.shape}; expected ({m},), one entry a row of J.")
+        return out
 
     def _check_holonomic(self, m: int) -> None:
         given = np.asarray(self.holonomic)
@@ -225,10 +226,3 @@ def by_rows(rows: Sequence[Rows], stacked: Array) -> Iterator[tuple[Rows, Array]
     for r in rows:
         yield r, stacked[at : at + len(r)]
         at += len(r)
-
-
-def _vector(name: str, what: str, value: object, m: int) -> Array:
-    out = as_array(f"{what} of rows {name!r}", value)
-    if out.shape != (m,):
-        raise InputError(f"rows {name!r}: {what} has shape {out.shape}; expected ({m},), one entry a row of J.")
-    return out

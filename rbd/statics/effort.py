@@ -16,7 +16,8 @@ import numpy as np
 from rbd.arrays import Array, as_array, as_float, check_number
 from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.displayed import Displayed
-from rbd.errors import InputError, JointNotFound, UnknownName, nearest
+from rbd.errors import InputError, JointNotFound
+from rbd.errors.inputs import check_kind, check_known
 from rbd.problem.conic import Conic
 from rbd.problem.rows import Rows, by_rows
 from rbd.statics.force_balance import ForceBalance
@@ -70,8 +71,7 @@ class Effort(Displayed):
 
     def __post_init__(self) -> None:
         check_number("edge_margin", self.edge_margin, 0.0, _MOST, expected="a length of 0 or more [m]")
-        if not isinstance(self.normal_force, Mapping):
-            raise InputError(f"normal_force is {self.normal_force!r:.80}; expected {{contact: (least, most)}} [N].")
+        check_kind("normal_force", self.normal_force, Mapping, "{contact: (least, most)} [N]")
         for name, bounds in self.normal_force.items():
             checked_bounds(name, bounds)
         for what, least in (("torques", 0.0), ("forces", 1e-12)):
@@ -94,8 +94,7 @@ class Effort(Displayed):
         """
         if isinstance(self.torques, Mapping):
             for name in self.torques:
-                if name not in names:
-                    raise JointNotFound(f"torques has a weight for {name!r:.80}, which is no motor; {nearest(name, names)}.")
+                check_known("torques has a weight for what is no motor,", name, names, JointNotFound)
             return np.array([float(self.torques.get(name, 1.0)) for name in names])
         given = as_array("torques", self.torques)
         if given.ndim and given.shape != (len(names),):
@@ -162,9 +161,7 @@ DEFAULT = Effort()
 
 
 def _known(what: str, name: str, rows: Sequence[Rows]) -> None:
-    names = [r.name for r in rows]
-    if name not in names:
-        raise UnknownName(f"{what} speaks of {name!r:.80}, which is no contact here; {nearest(name, names)}.")
+    check_known(f"{what} speaks of what is no contact here,", name, [r.name for r in rows])
 
 
 def _wrench(r: Rows, G: Array) -> Array:

@@ -16,7 +16,7 @@ from rbd.arrays import BELOW_ONE, Array, as_vector3, check_number, lazy
 from rbd.constraints.constraint import Constraint, listed, rows_of, with_loops
 from rbd.constraints.distance_warnings import warn_of_distant, warn_of_limits
 from rbd.errors import InputError, NotAtRest
-from rbd.errors.inputs import check_different
+from rbd.errors.inputs import check_choice, check_different
 from rbd.model.checked_model import FARTHEST
 from rbd.model.joints import Joint
 from rbd.model.state import State, checked
@@ -214,7 +214,6 @@ class ForceBalance:
         return tau, load[robot.unactuated]
 
 
-FRICTIONS = ("cone", "inscribed", "circumscribed")
 SMALLEST_GAP = 1e-6
 """Least area between an inner and an outer polygon that can be asked for [m2]: a hundred programs a square metre's edge."""
 
@@ -273,8 +272,7 @@ def check_area_gap(area_gap: float) -> float:
 def force_sets(rows: Sequence[Rows], friction: str, margin: float = 0.0) -> ForceSet:
     """Sets of the forces of contacts at rest: circular cones, or pyramids inside or around them."""
     share = check_number("margin", margin, 0.0, BELOW_ONE, expected="a share of friction to leave unused, from 0 to below 1")
-    if not isinstance(friction, str) or friction not in FRICTIONS:
-        raise InputError(f"friction is {friction!r:.80}; expected one of {', '.join(map(repr, FRICTIONS))}.")
+    check_choice("friction", friction, ("cone", "inscribed", "circumscribed"))
     sets = narrowed(at_rest(*[r.cone for r in rows]), share)
     return sets if friction == "cone" else sets.with_pyramids(inscribed=friction == "inscribed")
 

@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.problem.conic import Certificate, Conic
-from rbd.problem.programs import LinearAnswer, Outcome, linear_program
+from rbd.problem.conic import Certificate, Conic, ConicAnswer
+from rbd.problem.programs import Outcome, linear_program
 from rbd.solvers.conic_newton import solve_conic
 
 SAME = 1e-9
@@ -30,37 +30,22 @@ class Support:
     """The farthest x along a direction.
 
     Attributes:
-        outcome: How the program ended; the rest is meaningless unless that is SOLVED.
-        gain: The direction, shape (n,).
-        x: Where it is farthest, shape (n,).
+        answer: Of the program whose g is the direction, negative; its x and value are meaningless unless it is solved.
         value: What gain . x does not exceed, by the multipliers.
-        y: Multipliers of A x = b: gain = -(A^T y + C^T z) - r, where r answers to the sets of x.
-        z: Multipliers of the rows between bounds: positive where the lower one holds, negative where the upper one does.
-        contradiction: Where there is no x, the proof, if one was found.
     """
 
-    outcome: Outcome
-    gain: Array
-    x: Array
+    answer: ConicAnswer
     value: float
-    y: Array
-    z: Array
-    contradiction: Certificate | None = None
-
-    @property
-    def solved(self) -> bool:
-        """Whether there is an answer."""
-        return self.outcome is Outcome.SOLVED
 
     @property
     def point(self) -> Array:
         """The last two unknowns, shape (2,)."""
-        return self.x[-2:]
+        return self.answer.x[-2:]
 
     @property
     def direction(self) -> Array:
         """The direction in the plane, shape (2,)."""
-        return self.gain[-2:]
+        return -self.answer.program.g[-2:]
 
 
 def farthest(program: Conic, gain: Array) -> Support:
@@ -70,28 +55,20 @@ def farthest(program: Conic, gain: Array) -> Support:
         program: What x must meet.
         gain: Shape (n,).
     """
-    if not len(program.mu):
-        return _at_a_corner(program, gain)
-    found = solve_conic(replace(program, g=-gain), newton=False, tolerance=_CONIC)
-    if found.outcome in (Outcome.INFEASIBLE, Outcome.UNBOUNDED) or not len(found.y):
-        return Support(found.outcome, gain, found.x, math.nan, found.y, found.z, found.certificate)
+    posed = replace(program, g=-gain)
+    found = solve_conic(posed, newton=False, tolerance=_CONIC) if len(program.mu) else _at_a_corner(posed)
+    if found.outcome is Outcome.INFEASIBLE and not len(program.mu):
+        found = replace(found, certificate=_contradiction(program))
+    if found.outcome in (Outcome.INFEASIBLE, Outcome.UNBOUNDED) or len(found.x) < len(gain):
+        return Support(found, math.nan)
     # What counts is that forces exist, and that nothing is farther than their proof says: not how the method ended.
     value = bound(program, gain, found.y, found.z)
     met = program.outside(found.x) <= _OUTSIDE and value - float(gain @ found.x) <= _BEYOND
-    return Support(Outcome.SOLVED if met else Outcome.NOT_FOUND, gain, found.x, value, found.y, found.z)
+    return Support(replace(found, outcome=Outcome.SOLVED if met else Outcome.NOT_FOUND), value)
 
 
-def _at_a_corner(program: Conic, gain: Array) -> Support:
-    found, z = _linear(replace(program, g=-gain))
-    outcome = Outcome.NOT_FOUND if found.solved and program.outside(found.x) > _OUTSIDE else found.outcome
-    if outcome is not Outcome.SOLVED:
-        proof = _contradiction(program) if outcome is Outcome.INFEASIBLE else None
-        return Support(outcome, gain, found.x, math.nan, found.equal, z, proof)
-    return Support(outcome, gain, found.x, bound(program, gain, found.equal, z), found.equal, z)
-
-
-def _linear(program: Conic) -> tuple[LinearAnswer, Array]:
-    """(answer, multipliers of the rows between bounds) of a program with H = 0 and without cones, by HiGHS."""
+def _at_a_corner(program: Conic) -> ConicAnswer:
+    """By HiGHS, of a program with H = 0 and without cones."""
     up, down = np.isfinite(program.high), np.isfinite(program.low)
     rows = np.vstack([program.C[up], -program.C[down]])
     sides = np.concatenate([program.high[up], -program.low[down]])
@@ -103,14 +80,14 @@ def _linear(program: Conic) -> tuple[LinearAnswer, Array]:
     if found.solved:
         z[up] += found.lower[: int(up.sum())]
         z[down] -= found.lower[int(up.sum()) :]
-    return found, z
+    return ConicAnswer(program, found.outcome, found.x, found.equal, z, "HiGHS", found.pivots)
 
 
 def _contradiction(program: Conic) -> Certificate | None:
     """The multipliers that prove that no x meets the program, by the least sum of what is missed; None if it is nothing."""
-    found, z = _linear(program.missed())
-    lower, upper = np.split(z, 2)
-    proof = Certificate.of(program, found.equal, lower + upper) if found.solved else None
+    found = _at_a_corner(program.missed())
+    lower, upper = np.split(found.z, 2)
+    proof = Certificate.of(program, found.y, lower + upper) if found.solved else None
     return proof if proof is not None and proof.gap > SAME else None
 
 

@@ -16,16 +16,16 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, check_whole
 from rbd.constraints.convex.polygons import convex_hull, inside_distance, nearest_on_edge
 from rbd.displayed import drawing
-from rbd.errors import InaccurateWarning, InputError
+from rbd.errors import InaccurateWarning, NoSolution
 from rbd.model.state import State
 from rbd.problem.conic import Certificate, Conic
 from rbd.problem.programs import POLYGON_PROGRAMS, Outcome, linear_program
 from rbd.records import Field
 from rbd.statics.force_balance import ForceBalance, contact_forces
-from rbd.statics.force_program import SAME, Support, farthest, recession
+from rbd.statics.force_program import SAME, Support, around, farthest, recession
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -105,13 +105,10 @@ class Region:
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Draw it from above: see `rbd.visual.plot_region`."""
-        found: list[Artist] = drawing("plot_region")(ax, self)
-        return found
+        return drawing("plot_region")(ax, self)
 
     def _corner(self, corner: int) -> int:
-        if isinstance(corner, bool) or not isinstance(corner, int | np.integer) or not 0 <= corner < len(self.vertices):
-            raise InputError(f"corner is {corner!r:.80}; expected a whole number from 0 to {len(self.vertices) - 1}.")
-        return int(corner)
+        return check_whole("corner", corner, len(self.vertices) - 1, least=0)
 
     def to_edge(self, at: Array) -> tuple[float, bool]:
         """(distance, known): from a place in the plane to the edge of the polygon [m], and whether that is the region's.
@@ -190,63 +187,68 @@ def planar_set(program: Conic, *, area_gap: float = 0.0, size: float = 1.0) -> P
         size: Of p: lengths below `SAME` times this are rounding.
     """
     n, most = program.A.shape[1], POLYGON_PROGRAMS
-    around: list[Support] = []
+    supports: list[Support] = []
     for angle in _START + np.arange(3) * (2.0 * np.pi / 3.0):
         found = farthest(program, np.append(np.zeros(n - 2), [np.cos(angle), np.sin(angle)]))
-        if found.outcome is not Outcome.SOLVED:
-            return PlanarSet.none(found.outcome, len(around) + 1, found.contradiction)
-        around.append(found)
-    open_ = [_between(around[i], around[(i + 1) % 3]) for i in range(3)]
-    while sum(open_) > area_gap and len(around) < most:
+        if not found.answer.solved:
+            return PlanarSet.none(found.answer.outcome, len(supports) + 1, found.answer.certificate)
+        supports.append(found)
+    open_ = [_between(supports[i], supports[(i + 1) % 3]) for i in range(3)]
+    while sum(open_) > area_gap and len(supports) < most:
         i = int(np.argmax(open_))
-        a, b = around[i], around[(i + 1) % len(around)]
+        a, b = supports[i], supports[(i + 1) % len(supports)]
         along = b.point - a.point
         length = float(np.linalg.norm(along))
         if length <= SAME * size:
             open_[i] = 0.0
             continue
         found = farthest(program, np.append(np.zeros(n - 2), [along[1] / length, -along[0] / length]))
-        if found.outcome is not Outcome.SOLVED:
-            return PlanarSet.none(Outcome.NOT_FOUND, len(around) + 1)
-        around.insert(i + 1, found)
+        if not found.answer.solved:
+            return PlanarSet.none(Outcome.NOT_FOUND, len(supports) + 1)
+        supports.insert(i + 1, found)
         if found.direction @ (found.point - a.point) <= SAME * size:  # an edge of the set
             open_[i : i + 1] = [0.0, 0.0]
         else:
             open_[i : i + 1] = [_between(a, found), _between(found, b)]
     if not area_gap and sum(open_) > 0.0:
-        return PlanarSet.none(Outcome.NOT_FOUND, len(around))
-    return _polygons(tuple(around), size)
+        return PlanarSet.none(Outcome.NOT_FOUND, len(supports))
+    return _polygons(tuple(supports), size)
 
 
-def planar_region(program: Conic, area_gap: float = 0.0) -> tuple[PlanarSet, Array, bool]:
+def planar_region(program: Conic, middle: Array, area_gap: float, what: str) -> tuple[PlanarSet, Array, bool]:
     """(set, directions, cut): the polygon within `WITHIN_M`, directions without end (r, 2), and whether it goes on beyond.
 
+    A warning of its caller's caller tells where inner and outer polygon differ by more than was asked for.
+
     Args:
-        program: Bounds of p `WITHIN_M` around some middle.
-        area_gap: As of `planar_set`.
+        program: The program.
+        middle: Where the region is looked for, shape (2,).
+        area_gap: As of `planar_set`, where there are circular cones.
+        what: What the region is of, for messages.
+
+    Raises:
+        NoSolution: a program was not solved.
     """
-    middle, none = 0.5 * (program.lower[-2:] + program.upper[-2:]), np.zeros((0, 2))
-    found = planar_set(program, area_gap=area_gap)
-    if not len(found.inner) or np.abs(found.inner - middle).max() < WITHIN_M * (1.0 - 1e-6):
-        return found, none, False
-    ends = planar_set(recession(program), area_gap=1e-4 if len(program.mu) else 0.0)
-    if ends.outcome is not Outcome.SOLVED:
-        return PlanarSet.none(Outcome.NOT_FOUND), none, True
-    length = np.linalg.norm(ends.inner, axis=1)
-    endless = length > 0.5  # cut at |p| <= 1: a direction without end reaches that
-    return found, ends.inner[endless] / length[endless, None], True
-
-
-def warn_of_gap(found: PlanarSet, area_gap: float, stacklevel: int) -> None:
-    """Tell where inner and outer polygon differ by more than was asked for."""
+    program, round_ones = around(program, middle, WITHIN_M), len(program.mu) > 0
+    found, directions = planar_set(program, area_gap=area_gap if round_ones else 0.0), np.zeros((0, 2))
+    cut = len(found.inner) > 0 and bool(np.abs(found.inner - middle).max() >= WITHIN_M * (1.0 - 1e-6))
+    outcome = found.outcome
+    if cut:
+        ends = planar_set(recession(program), area_gap=1e-4 if round_ones else 0.0)
+        outcome, length = ends.outcome, np.linalg.norm(ends.inner, axis=1)
+        endless = length > 0.5  # cut at |p| <= 1: a direction without end reaches that
+        directions = ends.inner[endless] / length[endless, None]
+    if outcome is not Outcome.SOLVED and (cut or outcome is not Outcome.INFEASIBLE):
+        raise NoSolution(f"{what}: a program of the region was not solved. Use fewer contacts.")
     gap = area_of(found.outer) - area_of(found.inner)
     if gap > area_gap * (1.0 + 1e-9) + 1e-9:
         warnings.warn(
             f"the region is known to {gap:.2g} m2 after {found.programs} programs; {area_gap:.2g} m2 was asked for: "
             "take a larger area_gap, or friction='inscribed'.",
             InaccurateWarning,
-            stacklevel,
+            stacklevel=3,
         )
+    return found, directions, cut
 
 
 def area_of(polygon: Array) -> float:
@@ -279,7 +281,7 @@ def _polygons(around: tuple[Support, ...], size: float) -> PlanarSet:
     for corner in convex_hull(_merged(points, 10.0 * SAME * size)):
         kept.append(int(np.argmin(np.abs(points - corner).sum(axis=1))))
     outer = convex_hull(np.array([_corner(s, around[(i + 1) % len(around)]) for i, s in enumerate(around)]))
-    x = np.array([around[i].x for i in kept])
+    x = np.array([around[i].answer.x for i in kept])
     return PlanarSet(Outcome.SOLVED, points[kept] + 0.0, x, outer + 0.0, around, len(around))
 
 

@@ -13,6 +13,7 @@ from rbd.answers.least_constraint import solve
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, as_vector3, check_number
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.external import ExternalForce
 from rbd.model.state import State
 from rbd.problem.cones import check_friction
@@ -141,10 +142,8 @@ def _standing(robot: Robot | str, posture: str | None) -> tuple[Robot, State]:
     Raises:
         InputError: what is no robot and no name; as `Robot.standing`.
     """
-    if not isinstance(robot, Robot | str):
-        raise InputError(f"robot is {robot!r:.80}; expected a robot of rbd.load_robot, or its name.")
-    if posture is not None and not isinstance(posture, str):
-        raise InputError(f"posture is {posture!r:.80}; expected a posture's name, or None.")
+    check_kind("robot", robot, Robot | str, "a robot of rbd.load_robot, or its name")
+    check_kind("posture", posture, str | None, "a posture's name, or None")
     return _kept(robot, posture)
 
 

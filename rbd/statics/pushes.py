@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, check_finite, check_positive, lazy, rank_of
+from rbd.arrays import Array, as_array, check_finite, check_positive, check_whole, lazy, rank_of
 from rbd.constraints.constraint import Constraint
 from rbd.displayed import Displayed, drawing
 from rbd.errors import CannotHold, InputError, NoSolution
@@ -154,8 +154,7 @@ class PushLimits(Displayed):
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Draw the largest horizontal pushes from above: see `rbd.visual.plot_pushes`."""
-        found: list[Artist] = drawing("plot_pushes")(ax, self)
-        return found
+        return drawing("plot_pushes")(ax, self)
 
     def __str__(self) -> str:
         count, i = len(self.forces), int(np.nanargmin(self.forces if self.held else self.least))
@@ -182,11 +181,10 @@ class PushLimits(Displayed):
         return _point_jacobian(self.state, self.frame, self.offset).T @ (force * self.directions[number])
 
     def _number(self, number: int) -> int:
-        if isinstance(number, bool) or not isinstance(number, int | np.integer) or not 0 <= number < len(self.forces):
-            raise InputError(f"number is {number!r:.80}; expected a whole number from 0 to {len(self.forces) - 1}.")
-        if np.isnan(self.forces[number]):
+        i = check_whole("number", number, len(self.forces) - 1, least=0)
+        if np.isnan(self.forces[i]):
             raise InputError(f"number is {number}, and no push along this direction holds the robot; expected one of another.")
-        return int(number)
+        return i
 
 
 def push_limits(
@@ -356,27 +354,28 @@ class _PushSearch:
             [(rows | {"push": (self.P @ way)[:, None]}, low, high)],
         )
         found = farthest(program, np.append(np.zeros(loads.sets.size), 1.0 if which == "largest" else -1.0))
-        if not (found.solved or (which == "smallest" and found.outcome is Outcome.INFEASIBLE)):
+        if not (found.answer.solved or (which == "smallest" and found.answer.outcome is Outcome.INFEASIBLE)):
             raise NoSolution(f"{loads.state.robot.name}: the {which} push along {np.round(way, 3)} was not found.")
         return found
 
     def _smallest(self, way: Array) -> _Answer:
         found, still, none = self._program(way, "smallest"), np.zeros(self.loads.state.robot.nv), np.zeros(3)
-        if found.outcome is Outcome.INFEASIBLE:
+        if not found.answer.solved:
             return _Answer(math.nan, math.nan, np.full(len(self.own.lower), math.nan), still, none, 0.0)
-        return _Answer(float(found.x[-1]), -found.value, found.x[:-1], still, none, 0.0)
+        return _Answer(float(found.answer["push"][0]), -found.value, found.answer["forces"], still, none, 0.0)
 
     def _solved(self, way: Array) -> _Answer:
         own, loads, robot = self.own, self.loads, self.loads.state.robot
-        found = self._program(way, "largest")
-        motion, size = np.zeros(robot.nv), float(found.x[-1])
+        largest = self._program(way, "largest")
+        found, motion = largest.answer, np.zeros(robot.nv)
+        size, x = float(found["push"][0]), found["forces"]
         if size >= self.most - _SAME:  # nothing but the end of the search stops it
-            return _Answer(self.most, self.most, found.x[:-1], motion, np.zeros(3), 0.0)
+            return _Answer(self.most, self.most, x, motion, np.zeros(3), 0.0)
         motion[robot.unactuated] = -found.y / loads.row_size
         motion[robot.actuated[loads.limited]] = -found.z * loads.unit / loads.limit[loads.limited]
         a = -(self.B.T @ found.y) - self.P.T @ found.z
         b = bound(own, np.zeros(len(own.lower)), found.y, found.z)
-        return _Answer(size, min(found.value, self.most), found.x[:-1], motion, a, b)
+        return _Answer(size, min(largest.value, self.most), x, motion, a, b)
 
 
 def _gives_way(loads: ForceBalance, motion: Array, x: Array) -> tuple[Limit, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
@@ -26,11 +26,7 @@ from rbd.statics.force_balance import (
     standing_loads,
     torques_left,
 )
-from rbd.statics.force_program import around
-from rbd.statics.planar_projection import WITHIN_M, Region, area_of, planar_region, warn_of_gap
-
-if TYPE_CHECKING:
-    pass
+from rbd.statics.planar_projection import Region, area_of, planar_region
 
 SMALLEST_GAP_M2 = 1e-9
 _SHARE = 1e-2
@@ -230,13 +226,9 @@ def support_region(
     gap = check_area_gap(area_gap)
     loads = standing_loads(state, contacts, friction, margin, loops)
     _check_stands(state)
-    program = _program(loads, torque_limits)
-    found, directions, cut = planar_region(program, gap if len(loads.sets.mu) else 0.0)
+    found, directions, cut = planar_region(_program(loads, torque_limits), _middle(loads), gap, state.robot.name)
     if found.outcome is Outcome.INFEASIBLE and found.contradiction is None:
         raise NoSolution(f"{state.robot.name}: whether the region is empty was not found.")
-    if found.outcome not in (Outcome.SOLVED, Outcome.INFEASIBLE):
-        raise NoSolution(f"{state.robot.name}: a program of the support region was not solved. Use fewer contacts.")
-    warn_of_gap(found, gap, stacklevel=3)
     return SupportRegion(
         loads, friction, bool(torque_limits), float(margin), found.inner, found.outer, found.x[:, : loads.sets.size],
         directions, found.contradiction, found.programs, cut,
@@ -264,12 +256,11 @@ def _program(loads: ForceBalance, limits: bool) -> Conic:
     shift[first + 3 : first + 6] = -R.T @ cross_matrix(down)[:, :2]  # d x down = -down x d
     shift /= loads.row_size[:, None]
     below = along_gravity(down, state.com)
-    program = Conic.of(
+    return Conic.of(
         {"forces": loads.block(), "point": Unknowns(2)},
         [({"forces": loads.A, "point": shift}, loads.b + shift @ below)],
         [loads.torque_rows] if limits else [],  # of the pose: a centre of mass loads no motor
     )
-    return around(program, _middle(loads), WITHIN_M)
 
 
 def _middle(loads: ForceBalance) -> Array:

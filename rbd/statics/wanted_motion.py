@@ -13,7 +13,8 @@ import numpy as np
 
 from rbd.arrays import BELOW_ONE, Array, check_number, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint
-from rbd.errors import CannotMove, ContactMoves, InaccurateWarning, InputError, NoSolution, Reason, SpeedLimitWarning
+from rbd.errors import CannotMove, ContactMoves, InaccurateWarning, NoSolution, Reason, SpeedLimitWarning
+from rbd.errors.inputs import check_choice, check_kind
 from rbd.model.external import External, generalised
 from rbd.model.state import State
 from rbd.problem.answer import Status
@@ -31,7 +32,6 @@ from rbd.statics.nearest_possible_motion import nearest_possible
 
 MARGIN = 0.05
 """How far friction of points that keep still is kept from its limit unless said otherwise, as a share of it."""
-FRICTIONS = ("cone", "inscribed")
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,10 +63,8 @@ class EffortChoice:
             InputError: an objective that is none, an unknown word, a margin or a speed that is none.
         """
         effort = DEFAULT if objective is None else objective
-        if not isinstance(friction, str) or friction not in FRICTIONS:
-            raise InputError(f"friction is {friction!r:.80}; expected 'cone' or 'inscribed' (pyramids inside the cones).")
-        if not isinstance(effort, Effort):
-            raise InputError(f"objective is {effort!r:.80}; expected an rbd.statics.Effort, or None.")
+        check_choice("friction", friction, ("cone", "inscribed"))
+        check_kind("objective", effort, Effort, "an rbd.statics.Effort, or None")
         check_number("rest_speed", rest_speed, 0.0, 1e100, expected="a speed of 0 or more [m/s, rad/s]")
         return cls(effort, friction, None if margin is None else checked_margin(margin), rest_speed, holds)
 

@@ -104,8 +104,7 @@ class ContactWrenchCone(Displayed):
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Draw how far a force through the point may lean: see `rbd.visual.plot_wrench_cone`."""
-        found: list[Artist] = drawing("plot_wrench_cone")(ax, self)
-        return found
+        return drawing("plot_wrench_cone")(ax, self)
 
     def __str__(self) -> str:
         flat = f", in a space of {6 - len(self.equalities)} dimensions" if len(self.equalities) else ""

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,7 +24,6 @@ from rbd.model.state import State, checked
 from rbd.model.world import along_gravity
 from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.ground import Ground, On, plane_of
-from rbd.problem.programs import Outcome
 from rbd.problem.rows import Rows, by_rows
 from rbd.statics.force_balance import (
     ForceBalance,
@@ -35,11 +33,7 @@ from rbd.statics.force_balance import (
     given_rows,
     names_of,
 )
-from rbd.statics.force_program import around
-from rbd.statics.planar_projection import WITHIN_M, Region, planar_region, warn_of_gap
-
-if TYPE_CHECKING:
-    pass
+from rbd.statics.planar_projection import Region, planar_region
 
 LEAST_FORCE = 1e-9
 """A force along the normal below this share of the weight has no zero-moment point."""
@@ -187,10 +181,7 @@ def zmp_region(
     rows = given_rows(state, contacts)
     loads = ForceBalance(state, rows, force_sets(rows, friction, margin), state.h)
     program = (_pendulum if pendular else _any_motion)(loads, ground)
-    found, ways, cut = planar_region(around(program, np.zeros(2), WITHIN_M), gap if len(loads.sets.mu) else 0.0)
-    if found.outcome not in (Outcome.SOLVED, Outcome.INFEASIBLE):
-        raise NoSolution(f"{state.robot.name}: a program of the region of zero-moment points was not solved.")
-    warn_of_gap(found, gap, stacklevel=3)
+    found, ways, cut = planar_region(program, np.zeros(2), gap, state.robot.name)
     foot, axes = _foot(state, ground)[1], _plane_axes(ground)
     return ZmpRegion(
         loads, ground, friction, bool(pendular), foot + found.inner @ axes.T, foot + found.outer @ axes.T,

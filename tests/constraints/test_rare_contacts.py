@@ -165,8 +165,8 @@ def test_a_contact_that_leaves_splits_nothing():
         (lambda: rbd.problem.WrenchCone([[np.nan, 0.0, 0.0]], 0.5), "finite numbers"),
         (lambda: rbd.problem.LineCone(0.0, 0.5), "half_length of a LineCone is 0.0"),
         (lambda: rbd.problem.LineCone(-1.0, 0.5), "half_length of a LineCone is -1.0"),
-        (lambda: rbd.problem.Product([rbd.problem.Free]), "is no set of forces"),
-        (lambda: rbd.problem.Product([3.0]), "3.0 is no set of forces"),
+        (lambda: rbd.problem.Product([rbd.problem.Free]), "expected a set of forces"),
+        (lambda: rbd.problem.Product([3.0]), "a member of Product is 3.0; expected a set of forces"),
         (lambda: rbd.problem.Free(-1), "dimension of a set is -1"),
         (lambda: rbd.problem.NonNegative(True), "dimension of a set is True"),
         (lambda: rbd.problem.Free(100_001), "dimension of a set is 100001"),
@@ -181,8 +181,8 @@ def test_a_contact_that_leaves_splits_nothing():
             lambda: rbd.GaussProblem(np.eye(1), np.zeros(1), Rows("row", np.eye(1), np.zeros(1), rbd.problem.Free(1))),
             "single Rows",
         ),
-        (lambda: rbd.GaussProblem(np.eye(1), np.zeros(1), [3.0]), "rows contain a float"),
-        (lambda: rbd.KKT().solve("problem"), "a solver wants a GaussProblem, got 'problem'"),
+        (lambda: rbd.GaussProblem(np.eye(1), np.zeros(1), [3.0]), "an entry of rows is 3.0; expected rbd.Rows"),
+        (lambda: rbd.KKT().solve("problem"), "problem is 'problem'; expected a GaussProblem"),
     ],
 )
 def test_sets_and_rows_are_checked_when_they_are_made(make, match):

@@ -105,7 +105,7 @@ def test_a_swing_lasts_from_the_last_interval_to_the_next():
     ("given", "message"),
     [
         ([("foot", [(0.0, 1.0)])], "expected {contact: "),
-        ({3: [(0.0, 1.0)]}, "names a contact 3"),
+        ({3: [(0.0, 1.0)]}, "a contact of ContactSchedule is 3"),
         ({"foot": 1.0}, "intervals of 'foot' are 1.0"),
         ({"foot": "now"}, "intervals of 'foot' are 'now'"),
         ({"foot": (0.0, 1.0)}, "an interval of 'foot' is 0.0"),

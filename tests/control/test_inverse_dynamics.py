@@ -418,7 +418,7 @@ def test_what_is_no_question_is_refused(talos: rbd.Robot) -> None:
             rbd.inverse_dynamics(state, wrong, soles)  # type: ignore[arg-type]
     with pytest.raises(DuplicateName, match="two contacts are named 'left_sole'"):
         rbd.inverse_dynamics(state, a, [soles[0], soles[0]])
-    with pytest.raises(InputError, match="friction is 'pyramid'; expected 'cone' or 'inscribed'"):
+    with pytest.raises(InputError, match="friction is 'pyramid'; .*Expected one of cone, inscribed"):
         rbd.inverse_dynamics(state, a, soles, friction="pyramid")
     for margin in (-0.1, 1.0, np.nan, "0.1", None):
         with pytest.raises(InputError, match="margin is .*; expected a number from 0, below 1"):
@@ -434,10 +434,10 @@ def test_what_is_no_question_is_refused(talos: rbd.Robot) -> None:
 def test_names_that_nothing_has_are_refused_with_the_nearest(talos: rbd.Robot) -> None:
     """Of motors, of contacts, of frames of pushes."""
     state, a, soles = talos.standing(), np.zeros(talos.nv), talos.soles()
-    with pytest.raises(JointNotFound, match="'leg_left_9_joint', which is no motor; nearest: 'leg_left_"):
+    with pytest.raises(JointNotFound, match="no motor, 'leg_left_9_joint'; nearest: 'leg_left_"):
         rbd.inverse_dynamics(state, a, soles, objective=Effort(torques={"leg_left_9_joint": 2.0}))
     for field in ({"forces": {"left_sol": 1.0}}, {"normal_force": {"left_sol": (0.0, 1.0)}}):
-        with pytest.raises(UnknownName, match="'left_sol', which is no contact here; nearest: 'left_sole'"):
+        with pytest.raises(UnknownName, match="what is no contact here, 'left_sol'; nearest: 'left_sole'"):
             rbd.inverse_dynamics(state, a, soles, objective=Effort(**field))  # type: ignore[arg-type]
     with pytest.raises(UnknownName):
         rbd.inverse_dynamics(state, a, soles, external=[rbd.ExternalForce("torso", (0.0, 0.0, 1.0))])

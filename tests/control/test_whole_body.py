@@ -413,7 +413,7 @@ def test_it_wants_to_be_told(quadruped: Quadruped, talos: rbd.Robot):
     for ask in (lambda: controller(other, 0.0), lambda: controller.accepted(AcceptedStep(other, 0.0, 1e-3, {}))):
         with pytest.raises(rbd.errors.InputError, match="told of another robot, and got a state of talos"):
             ask()
-    with pytest.raises(rbd.errors.InputError, match="in place of a State"):
+    with pytest.raises(rbd.errors.InputError, match="expected a State"):
         controller(quadruped.state.q, 0.0)
     with pytest.raises(rbd.errors.InputError, match="held for 0.02 s, longer than the horizon"):
         controller.accepted(AcceptedStep(quadruped.state, 0.0, 0.02, {}))

@@ -173,7 +173,7 @@ class TestOpenMasses:
         low, high = found.mass_range("link_1")
         moment, inertia = found.parameter("link_1.mc_x"), found.parameter("link_1.I_yy")
         assert low == pytest.approx(moment**2 / inertia, rel=1e-4) == pytest.approx(0.75, rel=1e-3) and high == np.inf
-        with pytest.raises(rbd.errors.UnknownName, match="no body 'link_2' with a mass"):
+        with pytest.raises(rbd.errors.UnknownName, match="no body with a mass is named 'link_2'"):
             found.mass_range("link_2")
 
     def test_a_mass_that_is_told_has_no_range(self):
@@ -339,7 +339,7 @@ class TestBadInput:
             rbd.identify(MeasuredMotion(motion, tau), columns=["dampng"])
         with pytest.raises(rbd.InputError, match="too few samples"):
             rbd.identify(MeasuredMotion(motion.cut(0.0, 0.5), tau[:2]))
-        with pytest.raises(rbd.errors.UnknownName, match="forces of 'foot', which is none of the contacts"):
+        with pytest.raises(rbd.errors.UnknownName, match="forces of what is none of the contacts, 'foot'"):
             MeasuredMotion(motion, tau, forces={"foot": np.zeros((12, 3))})
 
     def test_a_motion_without_accelerations_says_how_to_derive_them(self):

@@ -226,7 +226,7 @@ def test_impossible_input_is_refused(arm: rbd.Robot, box: rbd.Robot):
         MomentumObserver(arm, [rbd.PointContact("hand", "panda_hnd")], bandwidth=5.0)
     with pytest.raises(rbd.InputError, match="expected True or False"):
         MomentumObserver(arm, [hand], bandwidth=5.0, held="yes")
-    with pytest.raises(rbd.InputError, match="wants a robot first"):
+    with pytest.raises(rbd.InputError, match="expected a robot"):
         MomentumObserver("panda", [hand], bandwidth=5.0)
     observer = MomentumObserver(arm, [hand], bandwidth=5.0)
     with pytest.raises(rbd.InputError, match="made with torques=True"):

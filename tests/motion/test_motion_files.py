@@ -385,7 +385,7 @@ class TestBadTables:
         self.refused(g1, written(tmp_path, [header[:-1], *table(dance)]), "names 35 columns, line 2 has 36")
         plain = written(tmp_path, table(dance))
         self.refused(g1, plain, "no joint 'knee'", joints=["knee"])
-        self.refused(g1, plain, "named twice", joints=["left_knee_joint"] * 29)
+        self.refused(g1, plain, "two joints of the columns are named", joints=["left_knee_joint"] * 29)
         self.refused(g1, plain, "quaternion is 'zyxw'", quaternion="zyxw")
         self.refused(g1, plain, "units is 'grad'", units="grad")
 

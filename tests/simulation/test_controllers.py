@@ -186,7 +186,7 @@ def test_a_posture_that_cannot_be_held_is_refused_with_the_reason(talos):
         HoldPosture(state, talos.feet(0.7), frequency=0)
     with pytest.raises(rbd.InputError, match="damping_ratio of HoldPosture is nan"):
         HoldPosture(state, talos.feet(0.7), damping_ratio=float("nan"))
-    with pytest.raises(rbd.InputError, match="wants a State first, got Robot"):
+    with pytest.raises(rbd.InputError, match="state of HoldPosture is .*; expected a State"):
         HoldPosture(talos, talos.feet(0.7))
     with pytest.raises(rbd.InputError, match="single constraint"):
         HoldPosture(state, talos.feet(0.7)[0])

@@ -21,7 +21,7 @@ from scipy.linalg import blas
 
 from rbd.arrays import RANK, Array
 from rbd.problem.answer import Answer
-from rbd.problem.cones import Free, Interval
+from rbd.problem.cones import HALF_LINE, Free, Interval
 from rbd.problem.force_set import Element, ForceSet, at_rest
 
 RESOLUTION = 1e-6
@@ -139,7 +139,7 @@ def _weight(modes: Modes, element: Element, j: int, still: float, unit: float) -
     """A line, a ray or an interval."""
     low, high = modes.sets.lower[j], modes.sets.upper[j]
     if low == high:  # dry friction against its motion, or separating
-        return "yields" if isinstance(element.shape, Interval) else "opens"
+        return "yields" if isinstance(element.shape, Interval) and element.shape != HALF_LINE else "opens"
     bounded = np.isfinite(low), np.isfinite(high)
     if any(bounded) and abs(modes.y[j]) > still:
         return "yields" if all(bounded) else "opens"

@@ -18,7 +18,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, largest_first
 from rbd.displayed import Displayed
-from rbd.errors import InputError
+from rbd.errors.inputs import check_kind, check_known
 from rbd.model.checked_model import CheckedModel
 from rbd.model.inertial import body_names, checked_columns, inertial_parameters, parameter_names, regressor
 from rbd.model.state import State
@@ -88,8 +88,7 @@ class BaseParameters(Displayed):
         Raises:
             InputError: no such parameter.
         """
-        if not isinstance(name, str) or name not in self.names:
-            raise InputError(f"no parameter {name!r:.80}; expected e.g. {self.names[0]!r}.")
+        check_known("no parameter", name, self.names)
         return self.reaches(np.eye(len(self.names))[self.names.index(name)])
 
     def reaches(self, combination: Array) -> bool:
@@ -122,8 +121,7 @@ def base_parameters(robot: CheckedModel, *, columns: Sequence[str] = ("inertia",
         >>> base.rank, base.tells("FL_LOWER_LEG.m"), base.reaches(np.tile(np.eye(10)[0], 13))  # the total mass is told
         (94, False, True)
     """
-    if not isinstance(robot, CheckedModel):
-        raise InputError(f"robot is a {type(robot).__name__}; expected a robot: rbd.load_robot('g1').")
+    check_kind("robot", robot, CheckedModel, "a robot: rbd.load_robot('g1')")
     asked, rng, model = checked_columns(columns), np.random.default_rng(0), robot.model
     names = parameter_names(robot, asked)
     count = 4 + 2 * -(-len(names) // max(1, robot.nv))

@@ -11,7 +11,8 @@ import numpy as np
 from rbd.arrays import Array, as_finite, null_space
 from rbd.constraints.constraint import Constraint, listed, rows_of, with_loops
 from rbd.displayed import Displayed
-from rbd.errors import InputError, UnknownName, nearest
+from rbd.errors import InputError
+from rbd.errors.inputs import check_kind, check_known
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, generalised
 from rbd.model.inertial import columns_at
@@ -111,12 +112,10 @@ class MeasuredMotion(Displayed):
 
     def _check_forces(self, frames: int) -> None:
         names = [c.name for c in self._given]
-        if not isinstance(self.forces, Mapping):
-            raise InputError(f"forces is {self.forces!r:.80}; expected {{contact: (n, 3) or (n, 6)}}.")
+        check_kind("forces", self.forces, Mapping, "{contact: (n, 3) or (n, 6)}")
         known = {}
         for name, value in self.forces.items():
-            if name not in names:
-                raise UnknownName(f"forces of {name!r:.80}, which is none of the contacts; {nearest(name, names)}.")
+            check_known("forces of what is none of the contacts,", name, names)
             known[name] = as_finite(f"forces of {name!r}", value, (frames, "k"), meaning=": a row for each frame")
         object.__setattr__(self, "forces", known)
         simulated = getattr(self.motion, "forces", None)

@@ -11,7 +11,8 @@ import pinocchio as pin
 
 from rbd.arrays import Array, largest_first, lazy
 from rbd.displayed import Displayed
-from rbd.errors import InputError, UnknownName, nearest
+from rbd.errors import InputError
+from rbd.errors.inputs import check_known
 from rbd.model.checked_model import CheckedModel
 from rbd.model.inertial import body_names
 from rbd.motion.identification.combinations import BaseParameters
@@ -192,8 +193,7 @@ class Identification(Displayed):
         Raises:
             UnknownName: with the nearest names.
         """
-        if name not in self.base.names:
-            raise UnknownName(f"no parameter {name!r:.80}; {nearest(name, self.base.names)}.")
+        check_known("no parameter", name, self.base.names)
         return float(self.theta[self.base.names.index(name)])
 
     @lazy
@@ -252,8 +252,7 @@ class Identification(Displayed):
             NoSolution: a program was not solved.
         """
         names = tuple(self.bodies)
-        if body not in names:
-            raise UnknownName(f"no body {body!r:.80} with a mass; {nearest(body, names)}.")
+        check_known("no body with a mass is named", body, names)
         if body not in self.open_bodies:
             mass = self.bodies[body].mass
             return mass, mass
