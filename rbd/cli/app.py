@@ -107,8 +107,7 @@ def info(
 
     console = open_console()
     with answering(info):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ModelWarning)  # the doctor's findings are printed below in full
+        with warnings.catch_warnings(action="ignore", category=ModelWarning):  # the doctor's findings are printed below in full
             loaded = load_robot(robot, root=_root(root), package_dirs=package_dir or ())
         console.print(robot_info(loaded), soft_wrap=False)
 

@@ -64,8 +64,7 @@ class RobotLine:
 def robot_lines(names: Iterable[str]) -> Iterator[RobotLine]:
     """Each robot loaded, stood on its feet and solved for equilibrium, one after the other."""
     for name in names:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ModelWarning)
+        with warnings.catch_warnings(action="ignore", category=ModelWarning):
             try:
                 robot = load_robot(name)
             except RbdError as error:

@@ -226,8 +226,7 @@ def loaded(
     feet: Sequence[str] | None = None,
 ) -> Robot:
     """The robot; one with motors that neither has feet nor loops nor wheels has a fixed base, unless `root` gives another."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as caught:
         robot = load_robot(name, root=root, package_dirs=package_dirs, feet=feet)
     said = root is not None or robot.mechanism.file.root is not None
     stands = bool(robot.source.feet or robot.loops() or robot.wheels())

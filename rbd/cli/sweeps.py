@@ -222,8 +222,8 @@ def run_sweep(
         if out is None
         else f"What was finished is in {out}; the same command with --resume goes on."
     )
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ModelWarning)  # the robot was loaded, and what is wrong with its file told
+    # The robot was loaded, and what is wrong with its file told.
+    with warnings.catch_warnings(action="ignore", category=ModelWarning):
         try:
             dataset = running.study(partial(withstand_push, robot, **same), samples, executor=workers, out=out)
         except StudyStopped as error:

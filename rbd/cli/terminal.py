@@ -167,8 +167,7 @@ def answering(command: Command | None = None) -> Iterator[None]:
     Args:
         command: The command whose options appear in messages.
     """
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as caught:
         try:
             yield
         except NoSolution as error:

@@ -300,8 +300,7 @@ def _loaded(given: Mapping[str, Any], folder: Path) -> Robot:
         if isinstance(loops, str):
             loops = str(folder / Path(loops).name)
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", ModelWarning)  # they were given when the robot was first loaded
+        with warnings.catch_warnings(action="ignore", category=ModelWarning):  # they were given when the robot was first loaded
             more: dict[str, Any] = {key: given.get(key) for key in ("root", "gravity", "plane")} | (text or {"loops": loops})
             more |= {key: given.get(key, ()) for key in ("passive", "package_dirs", "leave_out")}
             loaded = load_robot(file or None, limits=FileLimits(**given.get("limits", {})), **more)

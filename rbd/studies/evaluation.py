@@ -6,8 +6,7 @@ import inspect
 import sys
 import time
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, TypeAlias
@@ -58,17 +57,6 @@ class WarningCounts:
             where = f"sample {first:,}" if n == 1 else f"{n:,} of {total:,} calls warn so, the first of them sample {first:,}"
             told = f"{'' if known else f'{name}: '}{text} [{where}]"
             warnings.warn(told, category if known and category else StudyWarning, stacklevel=stacklevel_of_user())
-
-
-@contextmanager
-def recorded() -> Iterator[list[warnings.WarningMessage]]:
-    """A list of the warnings that are issued within, all of them, whatever filters are set; none is shown or raised.
-
-    The filters are those of the whole process, so this is used by one thread at a time.
-    """
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        yield caught
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,7 +137,9 @@ class Evaluation:
             except NotKept as error:  # as of a function that drops axes of length one
                 return error
 
-        with ONE_AT_A_TIME, recorded() as caught, np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"):
+        # all warnings are counted, and none is shown, whatever filters are set: those are of the whole process
+        recorded = warnings.catch_warnings(record=True, action="always")
+        with ONE_AT_A_TIME, recorded as caught, np.errstate(divide="warn", over="warn", under="ignore", invalid="warn"):
             if not self.batched:
                 for i, given in enumerate(arguments(columns)):
                     if (error := call(i, i + 1, given)) is not None:

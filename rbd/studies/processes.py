@@ -10,6 +10,7 @@ import signal
 import sys
 import threading
 import time
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
@@ -25,7 +26,7 @@ from rbd.errors import InputError, StudyStopped
 from rbd.model.content_hash import NoContent, digest, name_of
 from rbd.model.data_pool import RenewedLock
 from rbd.modules import of_study
-from rbd.studies.evaluation import BATCH, ONE_AT_A_TIME, Columns, Evaluation, Finished, WarningCounts, recorded
+from rbd.studies.evaluation import BATCH, ONE_AT_A_TIME, Columns, Evaluation, Finished, WarningCounts
 from rbd.studies.results import KeptRows, words_of
 from rbd.studies.samples import Samples
 
@@ -329,8 +330,8 @@ class _Way(NamedTuple):
 
     start: int
     stop: int
-    begun: float
-    suspect: bool
+    suspect: bool = False
+    begun: float = 0.0
 
 
 class Crew:
@@ -391,9 +392,9 @@ class Crew:
 
     def _next(self) -> _Way | None:
         if self.again:
-            return self.again.popleft()._replace(begun=time.monotonic())
+            return self.again.popleft()
         chunk = self.chunks.take()
-        return None if chunk is None else _Way(*chunk, time.monotonic(), False)
+        return None if chunk is None else _Way(*chunk)
 
     def _submit(self, way: _Way) -> None:
         columns = self.samples.columns(way.start, way.stop)
@@ -401,7 +402,7 @@ class Crew:
             future = self.executor.submit(_evaluate, self.sent, way.start, sent_columns(columns))
         else:
             future = self.executor.submit(self.evaluation.run, way.start, columns)
-        self.ways[future] = way
+        self.ways[future] = way._replace(begun=time.monotonic())
         future.add_done_callback(lambda each: self.ended.put((each, time.monotonic())))
 
     def _taken(self, way: _Way, future: Future[Finished], at: float) -> Finished | None:
@@ -424,7 +425,7 @@ class Crew:
         """Processes died of a chunk, twice: of one sample its row says so, of several each is computed alone."""
         if way.stop - way.start > self.chunks.unit:
             parts = range(way.start, way.stop, self.chunks.unit)
-            self.again.extend(_Way(k, min(k + self.chunks.unit, way.stop), 0.0, True) for k in parts)
+            self.again.extend(_Way(k, min(k + self.chunks.unit, way.stop), suspect=True) for k in parts)
             return None
         self.lost += 1
         if self.lost == MOST_LOST:
@@ -449,7 +450,7 @@ def _evaluate(sent: bytes, start: int, columns: Columns | bytes) -> Finished:
     """In another process: the results of a chunk."""
     what = "function"
     try:
-        with ONE_AT_A_TIME, recorded():  # what robots warn of, they did where they were loaded first
+        with ONE_AT_A_TIME, warnings.catch_warnings(action="ignore"):  # robots warned where they were loaded first
             evaluation = _loaded(sent)
             what = "samples"
             loaded: Columns = pickle.loads(columns) if isinstance(columns, bytes) else columns

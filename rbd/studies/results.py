@@ -162,14 +162,17 @@ def variable_of(name: str, value: Any, rows: int | None) -> Variable:
     inner = values.ndim if rows is None else values.ndim - 1
     if given is None:
         return Variable(values, tuple([f"{name}_{i}" for i in range(inner)]))
-    dims = tuple(str(dim) for dim in given.dims[values.ndim - inner :])
-    labels = {dim: tuple(map(_label, given.coords[dim].values.tolist())) for dim in dims if dim in given.coords}
-    units, long_name = (storable(str(given.attrs.get(key, ""))) for key in ("units", "long_name"))
-    return Variable(values, dims, units, long_name, labels)
+    return labelled(given, values, values.ndim - inner)
 
 
-def _label(given: Any) -> Any:
-    return storable(given) if isinstance(given, str) else given
+def labelled(given: Any, values: Array, outer: int) -> Variable:
+    """Values with dimensions, labels, unit and meaning of an array of xarray, less its `outer` first dimensions."""
+    dims = tuple(map(str, given.dims[outer:]))
+    coords = {dim: given.coords[dim].values.tolist() for dim in dims if dim in given.coords}
+    labels = {dim: tuple([storable(x) if isinstance(x, str) else x for x in some]) for dim, some in coords.items()}
+    units, about, meanings = (storable(str(given.attrs.get(key, ""))) for key in ("units", "long_name", "flag_meanings"))
+    flags = zip(given.attrs.get("flag_values", ()), meanings.split(), strict=False)
+    return Variable(values, dims, units, about, labels, dict(flags))
 
 
 def _array(name: str, value: Any) -> Array:
@@ -373,6 +376,7 @@ class Layout:
         self._taken = taken
         self._known: dict[str, tuple[dict[str, Any], str]] = {}
         self._variables: dict[str, Variable] = {}
+        self._forms: dict[str, tuple[Any, ...]] = {}
         self.first: dict[str, tuple[int, int]] = {}
 
     def add(self, block: Block, where: str = "") -> None:
@@ -388,7 +392,7 @@ class Layout:
         start, stop = int(block.numbers[0]), int(block.numbers[-1]) + 1
         for place, (name, v) in enumerate(block.variables.items()):
             if name not in RESERVED:
-                self.agree(name, v, v.values.shape[1:], where or words_of(start, stop))
+                self.agree(name, v, v.values.shape[1:], where or (start, stop))
                 if v.values.size:
                     self.first[name] = min(self.first.get(name, (start, place)), (start, place))
 
@@ -397,19 +401,23 @@ class Layout:
         """Variables, each of some samples, by the first sample that has them, in whatever order blocks were finished."""
         return {name: self._variables[name] for name in sorted(self.first, key=self.first.__getitem__)}
 
-    def agree(self, name: str, variable: Variable, shape: tuple[int, ...], where: str) -> None:
+    def agree(self, name: str, variable: Variable, shape: tuple[int, ...], samples: str | tuple[int, int]) -> None:
         """Refuse a variable that does not agree with the first of its name, or whose dimensions disagree with another's.
 
         Args:
             name: Its name.
             variable: It, of one sample or of many.
             shape: Of one sample's value.
-            where: Which samples have it, for the message.
+            samples: Which have it, for the message: in words, or from the first to the one after the last.
 
         Raises:
             InputError: see above; a name that no variable can have; complex numbers and other objects.
         """
         kind = _KINDS.get(_kind(variable.values.dtype), "")
+        known = kind, shape, variable.dims, variable.units, variable.labels
+        if self._forms.get(name) == known:  # as of most samples
+            return
+        where = samples if isinstance(samples, str) else words_of(*samples)
         if not kind:
             told = "expected real numbers, truth values or text"
             raise InputError(f"{name!r:.80} is an array of {variable.values.dtype} in {where}; {told}.")
@@ -421,6 +429,7 @@ class Layout:
             labels = {"labels": variable.labels[dim]} if dim in variable.labels else {}
             self._compare(dim, f"the dimension {dim!r:.80} of {name!r:.80}", {"length": size, **labels}, where)
         self._variables.setdefault(name, variable)
+        self._forms[name] = known
 
     def _compare(self, name: str, what: str, form: dict[str, Any], where: str) -> None:
         known, since = self._known.setdefault(name, (form, where))
@@ -502,8 +511,7 @@ class KeptRows:
             return error
         for name, v in found:
             column, shape = self._columns.get(name), v.values.shape[rows is not None :]
-            if column is None or not _alike(v, column, shape):
-                self._layout.agree(name, v, shape, words_of(self._start + start, self._start + stop))
+            self._layout.agree(name, v, shape, (self._start + start, self._start + stop))
             if column is None:
                 column = self._columns[name] = empty_of(v, shape, self.n)
             column.values[at] = v.values if v.dims or rows else v.values.item()
@@ -527,18 +535,6 @@ class KeptRows:
     def block(self) -> Block:
         """All that was kept; samples that were not put have `Reason.NOT_RUN`."""
         return Block(np.arange(self._start, self._start + self.n), {**self._own, **self._columns})
-
-
-def _alike(v: Variable, column: Variable, shape: tuple[int, ...]) -> bool:
-    """Whether a variable is plainly of the same form; where this is False, a closer look is needed."""
-    one, other = v.values.dtype, column.values.dtype
-    return (
-        (one is other or _kind(one) == _kind(other))
-        and shape == column.values.shape[1:]
-        and v.dims == column.dims
-        and v.units == column.units
-        and (v.labels is column.labels or v.labels == column.labels)
-    )
 
 
 def text_of(error: BaseException) -> str:

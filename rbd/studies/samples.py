@@ -425,10 +425,6 @@ class Samples(Displayed):
             raise InputError(f"{dim} has no value {label!r:.80}; {nearest(str(name), shown)}.")
         return known.index(name) if name in known else shown.index(str(name))
 
-    def __repr__(self) -> str:
-        parts = [f"{dim} {n:,}" for dim, n in self.dims.items()]
-        return f"Samples({len(self):,}: {' x '.join(parts)}; arguments {', '.join(self.names)})"[:300]
-
     def __str__(self) -> str:
         size = " x ".join(f"{dim} ({n:,})" for dim, n in self.dims.items())
         lines = [f"{len(self):,} sample{'' if len(self) == 1 else 's'}" + (f": {size}" if len(self.dims) > 1 else "")]

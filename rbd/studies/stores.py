@@ -13,6 +13,7 @@ import warnings
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -25,7 +26,7 @@ from rbd.model.output_files import check_place
 from rbd.modules import of_study, xarray_or_error
 from rbd.records import Variable
 from rbd.studies.provenance import check_format, continued, now, storable
-from rbd.studies.results import REASON, Block, Layout, joined
+from rbd.studies.results import REASON, Block, Layout, joined, labelled
 from rbd.studies.samples import ONE, RESERVED, Samples
 
 if TYPE_CHECKING:
@@ -43,6 +44,8 @@ DIMS = "rbd_dims"
 """Attribute of the samples of a study: their dimensions, as JSON."""
 LOADED = 1_000_000_000
 """Datasets up to so many bytes are read into memory, larger ones as they are used."""
+QUIETLY = partial(warnings.catch_warnings, action="ignore")
+"""Without zarr's warnings of what is not in the specification of its format 3 yet: text, the list of arrays."""
 SLAB = 100_000_000
 """Bytes of the results that are in memory at once while a finished store is written."""
 
@@ -84,7 +87,7 @@ def _write(file: Path, dataset: xarray.Dataset) -> None:
     import zarr
 
     made = file.with_name(f".{file.name}")
-    with _without_remarks(), zarr.storage.ZipStore(made, mode="w") as store:
+    with QUIETLY(), zarr.storage.ZipStore(made, mode="w") as store:
         dataset.assign_attrs({ORDER: list(dataset.variables)}).to_zarr(store, zarr_format=3, consolidated=False)
     with open(made, "rb") as written:
         os.fsync(written.fileno())
@@ -105,14 +108,6 @@ def _opened(store: Any, *, consolidated: bool) -> xarray.Dataset:
     found = {name: read.variables[name] for name in read.attrs.pop(ORDER)}
     values = {k: (x.dims, x.values.astype(object), x.attrs) if x.dtype.kind in "UT" else x for k, x in found.items()}
     return read.drop_vars(found).assign(values).set_coords(list(read.coords)).drop_encoding()
-
-
-@contextmanager
-def _without_remarks() -> Iterator[None]:
-    """Without zarr's warnings of what is not in the specification of its format 3 yet: text, the list of arrays."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        yield
 
 
 class Store:
@@ -277,7 +272,7 @@ class Store:
         shutil.rmtree(made, ignore_errors=True)
         each = 100 + sum(v.values[:1].nbytes for v in self.layout.forms.values())
         step, reasons = max(1, SLAB * n // (len(self.done) * each)), list[Array]()
-        with _without_remarks():
+        with QUIETLY():
             for k in range(0, n, step):
                 slab = self._rows(k, min(k + step, n))
                 reasons.append(slab[REASON].values.ravel())
@@ -325,14 +320,7 @@ def _stored(values: Array) -> Array:
 def _block_in(file: Path) -> Block:
     """The block of a part."""
     dataset = _read(file)
-    found: dict[str, Variable] = {}
-    for name, x in dataset.data_vars.items():
-        dims = tuple(str(dim) for dim in x.dims[1:])
-        labels = {dim: tuple(dataset[dim].values.tolist()) for dim in dims if dim in dataset.coords}
-        flags = zip(x.attrs.get("flag_values", ()), str(x.attrs.get("flag_meanings", "")).split(), strict=False)
-        units, about = (str(x.attrs.get(key, "")) for key in ("units", "long_name"))
-        found[str(name)] = Variable(x.values, dims, units, about, labels, dict(flags))
-    return Block(dataset[ONE].values, found)
+    return Block(dataset[ONE].values, {str(name): labelled(x, x.values, 1) for name, x in dataset.data_vars.items()})
 
 
 def _locked(folder: Path) -> int:

@@ -505,7 +505,7 @@ def test_samples_say_what_they_are() -> None:
     many = rbd.grid(**{f"argument_{i}": i for i in range(50)})
     assert len(repr(many)) <= 300 and "and 30 more arguments" in str(many)
     grid = rbd.grid(friction=np.linspace(0.1, 1.0, 19), push=[0.0, 200.0], law="convex").with_units(push="N")
-    assert repr(grid) == "Samples(38: friction 19 x push 2; arguments friction, push, law)"
+    assert repr(grid) == "Samples(38 samples: friction (19) x push (2))"
     assert str(grid).splitlines()[1:] == [
         "  friction  19 values from 0.1 to 1",
         "  push      2 values: 0, 200 N",

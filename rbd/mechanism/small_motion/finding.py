@@ -258,8 +258,7 @@ def _answer(
 ) -> SteadyState:
     """The record, its answer checked under the law of contact."""
     state, robot = found.state, found.state.robot
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", RbdWarning)
+    with warnings.catch_warnings(action="ignore", category=RbdWarning):
         solution = solve(state, tau, constraints, external=external)
     acceleration = max_abs(solution.a + ad_matrix(robot, found.spin) @ state.v)
     if acceleration > 1e-6:

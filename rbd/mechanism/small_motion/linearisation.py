@@ -280,8 +280,7 @@ class Flow:
         def sample(h: float) -> Array:
             return self._sample(h * change, h * torques)
 
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RbdWarning)
+        with warnings.catch_warnings(action="ignore", category=RbdWarning):
             found = slope(sample, self._sample(0.0 * change, 0.0 * torques), STEP, "the state")
         n = len(change)
         return found[:n], found[n:]

@@ -99,8 +99,7 @@ class Search:
         Raises:
             NoSolution: the equations of motion have no answer at the start.
         """
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RbdWarning)
+        with warnings.catch_warnings(action="ignore", category=RbdWarning):
             return self._run(state, tau)
 
     def _run(self, state: State, tau: Array) -> FoundState:

@@ -40,8 +40,7 @@ def finished(text: str, loops: LoopFile, thin: Collection[str], **options: Any) 
         thin: Bodies without extension that were asked for, which are left out of the warning too.
         options: More for `load_robot`.
     """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", ModelWarning)
+    with warnings.catch_warnings(action="ignore", category=ModelWarning):
         robot = load_robot(text=text, loops=loops, **options)
     report = robot.report
     assert report is not None

@@ -55,8 +55,7 @@ def html_of(record: Any) -> str:
 
     Warnings are not repeated: the function that gave the record has given them.
     """
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         return card_html(printed(record), rows_of(record), drawing_of(record))
 
 

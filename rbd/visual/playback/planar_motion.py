@@ -46,9 +46,9 @@ def shown_planar(motion: PlanarMotion) -> ShownMotion:
         raise InputError("the motion has one sample only; expected two at least.")
     text = _drawn(to_urdf(chain, masses=[1.0] * chain.n, plane="xz"), motion)
     coordinates = robot_coordinates(chain)
-    with tempfile.TemporaryDirectory(prefix="rbd-planar-") as folder, warnings.catch_warnings():
+    quietly = warnings.catch_warnings(action="ignore", category=ModelWarning)
+    with tempfile.TemporaryDirectory(prefix="rbd-planar-") as folder, quietly:
         # It has no mass on purpose: then no centre of mass is drawn, of masses that were not given.
-        warnings.simplefilter("ignore", ModelWarning)
         file = Path(folder) / "chain.urdf"
         file.write_text(text, encoding="utf-8")
         robot = load_robot(file, root="fixed")
