@@ -85,23 +85,20 @@ def _columns_of(rows: Iterable[Any]) -> dict[str, list[Any]]:
     Raises:
         InputError: what is no mapping, or has other names than the first; the number of the row.
     """
-    found: dict[str, list[Any]] = {}
-    for i, row in enumerate(rows):
+    listed = list(rows)
+    if not any(listed):
+        raise InputError("samples are empty; give at least one mapping of arguments.")
+    for i, row in enumerate(listed):
         if not isinstance(row, Mapping):
             told = "name its values: {'friction': 0.5, ...}" if isinstance(row, list | tuple | np.ndarray) else f"give {TAKEN}"
             raise InputError(f"sample {i} is {row!r:.80}; expected a mapping of arguments. Please {told}.")
-        found = found if i else {name: [] for name in row}
-        if row.keys() != found.keys():
-            missing = ", ".join(str(name) for name in found if name not in row)
-            more = ", ".join(str(name) for name in row if name not in found)
+        if row.keys() != listed[0].keys():
+            missing = ", ".join(str(name) for name in listed[0] if name not in row)
+            more = ", ".join(str(name) for name in row if name not in listed[0])
             parts = [f"no {missing}"] * bool(missing) + [f"{more}, which sample 0 does not have"] * bool(more)
-            told = f"expected the arguments {', '.join(map(str, found))}, as in sample 0"
+            told = f"expected the arguments {', '.join(map(str, listed[0]))}, as in sample 0"
             raise InputError(f"sample {i} has {', and '.join(parts)}; {told}.")
-        for name, value in row.items():
-            found[name].append(value)
-    if not found:
-        raise InputError("samples are empty; give at least one mapping of arguments.")
-    return found
+    return {name: [row[name] for row in listed] for name in listed[0]}
 
 
 def _of_columns(columns: Mapping[Any, Any], dimension: str) -> Samples:
