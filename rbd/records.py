@@ -186,9 +186,8 @@ def unit_and_meaning(told: str) -> tuple[str, str]:
 
 def rows_of(record: Any) -> list[tuple[str, str, str, str]]:
     """(name, value in a few words, unit, meaning) of each field of a record, for text and HTML."""
-    kind: type = type(record)
     axes, rows = axes_of(record), []
-    for line in fields_of(kind):
+    for line in fields_of(record.__class__):
         if line.value is None and (not hasattr(record, line.name) or callable(getattr(record, line.name))):
             continue
         value = line.read(record)
@@ -204,9 +203,8 @@ def plain_of(record: Any, names: Iterable[str] | None = None) -> dict[str, Any]:
         record: The record.
         names: Of the fields; None: all.
     """
-    kind: type = type(record)
     axes, found = axes_of(record), {}
-    for line in fields_of(kind):
+    for line in fields_of(record.__class__):
         if names is None or line.name in names:
             value = plain(line.read(record))
             axis = axes.get(line.dims[0]) if len(line.dims) == 1 and isinstance(value, list) else None
@@ -277,6 +275,11 @@ def joined(listed: Iterable[object], most: int = 6) -> str:
     told = list(map(str, listed))
     more = f" and {len(told) - most} more" if len(told) > most else ""
     return ", ".join(told[:most]) + more
+
+
+def counted(n: int, one: str, several: str = "") -> str:
+    """A count with its noun, as "1 step" or "2 steps"; with its verb, where the words for several are given."""
+    return f"{n} {one if n == 1 else several or one + 's'}"
 
 
 def words(value: Any) -> str:

@@ -28,7 +28,6 @@ from rbd.cli.terminal import (
     TerminalTable,
     answering,
     check_outputs,
-    counted,
     facts,
     in_options,
     names_of,
@@ -41,7 +40,7 @@ from rbd.cli.terminal import (
 )
 from rbd.errors import InputError, RbdError, Reason
 from rbd.installation import VERSION
-from rbd.records import Field, joined
+from rbd.records import Field, counted, joined
 
 if TYPE_CHECKING:
     from rbd.motion.report import MotionReport

@@ -12,7 +12,7 @@ import pinocchio as pin
 from rich.text import Text
 
 from rbd.arrays import Array, check_seed, check_whole
-from rbd.cli.terminal import counted, in_options
+from rbd.cli.terminal import in_options
 from rbd.constraints.constraint import Constraint
 from rbd.errors import RbdError
 from rbd.mechanism import (
@@ -37,7 +37,7 @@ from rbd.mechanism.assembly import MOST_TRIES, SAME
 from rbd.mechanism.poses import measured
 from rbd.mechanism.singular_configurations import KINDS
 from rbd.model.state import State
-from rbd.records import Field
+from rbd.records import Field, counted
 from rbd.robots.robot import Robot
 
 Answer = TypeVar("Answer")

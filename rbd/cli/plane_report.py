@@ -12,14 +12,14 @@ from rich.console import Group
 from rich.text import Text
 
 from rbd.arrays import Array, as_float
-from rbd.cli.terminal import counted, facts, numbers_of, save_figure
+from rbd.cli.terminal import facts, numbers_of, save_figure
 from rbd.errors import InputError, NoSolution
 from rbd.planar.angles import nearest_turn
 from rbd.planar.chain import MOST_LINKS, Chain
 from rbd.planar.inverse_kinematics import Inverse, inverse
 from rbd.planar.path_following import minimum_jerk
 from rbd.planar.planned_motion import PlanarMotion, endpoint_motion, joint_motion
-from rbd.records import Field
+from rbd.records import Field, counted
 
 SAMPLES = 1001
 SPACES = ("endpoint", "joint")

@@ -16,7 +16,7 @@ from rich.console import Group
 from rich.text import Text
 
 from rbd.cli.mechanism_report import assembled
-from rbd.cli.terminal import counted, facts, numbers_of, save_figure
+from rbd.cli.terminal import facts, numbers_of, save_figure
 from rbd.constraints import joint_limits
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.constraint import Constraint
@@ -25,7 +25,7 @@ from rbd.control.schedules import Controller, Push
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
-from rbd.records import Field, fixed, share, vector
+from rbd.records import Field, counted, fixed, share, vector
 from rbd.robots.loading import load_robot
 from rbd.robots.loop_file import Root
 from rbd.robots.robot import Robot

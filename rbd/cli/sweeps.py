@@ -23,7 +23,6 @@ from rbd.cli.terminal import (
     NO_SOLUTION,
     TerminalTable,
     check_outputs,
-    counted,
     facts,
     in_options,
     open_console,
@@ -33,7 +32,7 @@ from rbd.cli.terminal import (
 )
 from rbd.errors import InputError, ModelWarning, Reason, StudyStopped, nearest
 from rbd.installation import VERSION
-from rbd.records import Field, share
+from rbd.records import Field, counted, share
 
 if TYPE_CHECKING:
     import xarray

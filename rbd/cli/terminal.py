@@ -96,11 +96,6 @@ def facts(title: str | None, rows: Iterable[tuple[str, str]]) -> TerminalTable:
     return table
 
 
-def counted(n: int, what: str) -> str:
-    """A count with its noun, as "1 step" or "2 steps"."""
-    return f"{n} {what}{'' if n == 1 else 's'}"
-
-
 def in_gravity(robot: Robot, gravity: str | None) -> Robot:
     """The robot in a world with the gravity of the option --gravity; as it is where there is none."""
     if gravity is None:

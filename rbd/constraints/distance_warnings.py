@@ -25,6 +25,7 @@ from rbd.problem.contact_motion import Opening, opening_words
 from rbd.problem.force_set import at_rest
 from rbd.problem.ground import TOUCHES
 from rbd.problem.rows import Rows
+from rbd.records import joined
 
 DEEPEST_M = 0.01
 """Two bodies may be this deep inside each other at the start of a motion [m]."""
@@ -52,7 +53,7 @@ def warn_of_moving(robot: CheckedModel, moving: Sequence[tuple[str, float]], *, 
     if moving:
         told = [f"{name!r:.80} at {speed:.3g} m/s or rad/s" for name, speed in moving]
         warnings.warn(
-            f"bilateral constraints of {robot.name} move: {_listed(told)}. Only their accelerations are prescribed, so they "
+            f"bilateral constraints of {robot.name} move: {joined(told)}. Only their accelerations are prescribed, so they "
             "move on. Put the velocity onto them, state = rbd.mechanism.project_velocity(state, constraints); or give what "
             "they move with, on=rbd.Ground(velocity=...); or a larger rest_speed=.",
             MovingConstraintWarning,
@@ -72,7 +73,7 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
     overlapping = [r for r in rows if r.overlaps]
     if overlapping:
         warnings.warn(
-            f"bodies of {robot.name} are inside each other: {_listed([_deepest(r) for r in overlapping])}. They are computed "
+            f"bodies of {robot.name} are inside each other: {joined([_deepest(r) for r in overlapping])}. They are computed "
             "as if they touched. Move one of them, or leave the pair out, pairs=[...].",
             DistantContactWarning,
             stacklevel=stacklevel,
@@ -80,7 +81,7 @@ def warn_of_distant(robot: CheckedModel, rows: Sequence[Rows], *, below_only: bo
     told = distant([r for r in rows if not r.overlaps], below_only=below_only)
     if told:
         warnings.warn(
-            f"contacts of {robot.name} are off the ground that they stand on: {_listed(told)}. Move the robot "
+            f"contacts of {robot.name} are off the ground that they stand on: {joined(told)}. Move the robot "
             "(robot.standing() puts its feet on z = 0), leave out what does not touch, or give the plane: robot.feet(on=0.75), "
             "robot.feet(on={'left_sole': 0.17}), on=rbd.Ground(point=..., normal=...); on=None where it is not known.",
             DistantContactWarning,
@@ -99,13 +100,13 @@ def check_start(robot: CheckedModel, rows: Sequence[Rows], *, stacklevel: int) -
     deep = [_deepest(r) for r in rows if max((depth for _, depth in r.overlaps), default=0.0) > DEEPEST_M]
     if deep:
         raise InputError(
-            f"bodies of {robot.name} are inside each other at the start: {_listed(deep)}; a simulation accepts up to "
+            f"bodies of {robot.name} are inside each other at the start: {joined(deep)}; a simulation accepts up to "
             f"{1e3 * DEEPEST_M:g} mm, as pushing them apart makes energy. Move one of them, or leave the pair out."
         )
     told = [f"{r.name!r:.80} on {words}" for r in rows if (words := _own_plane(r))]
     if told:
         warnings.warn(
-            f"contacts of {robot.name} have no ground, so each stands where it is at the start: {_listed(told)}. Give the "
+            f"contacts of {robot.name} have no ground, so each stands where it is at the start: {joined(told)}. Give the "
             "ground, on=0.0, on=rbd.Ground(point=..., normal=...), or robot.feet(on=...).",
             DistantContactWarning,
             stacklevel=stacklevel,
@@ -131,11 +132,6 @@ def _deepest(r: Rows) -> str:
     point, depth = max(r.overlaps, key=lambda each: each[1])
     which = f" and {len(r.overlaps) - 1} more points" if len(r.overlaps) > 1 else ""
     return f"{r.name!r:.80} {1e3 * depth:.4g} mm at {point!r:.120}{which}"
-
-
-def _listed(told: Sequence[str]) -> str:
-    """The first six, and how many more."""
-    return ", ".join(told[:6]) + (f" and {len(told) - 6} more" if len(told) > 6 else "")
 
 
 def distant(rows: Sequence[Rows], *, below_only: bool = False) -> list[str]:

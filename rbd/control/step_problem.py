@@ -26,7 +26,7 @@ from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.residuals import SOLVED, USABLE
 from rbd.problem.rows import Rows, by_rows
-from rbd.records import Field
+from rbd.records import Field, joined
 from rbd.statics.actuation import Actuation
 from rbd.statics.effort import checked_bounds
 from rbd.statics.force_balance import ForceBalance, contact_rows
@@ -114,7 +114,7 @@ class Violation(Displayed):
     def __str__(self) -> str:
         told = [f"{name!r:.80} accelerates by {np.abs(x).max():.3g} m/s2" for name, x in self.contacts.items()]
         told += [f"{name!r:.80} is {x:.3g} rad/s2 beyond its limit" for name, x in self.joints.items()]
-        return ", ".join(told[:6]) + (f" and {len(told) - 6} more" if len(told) > 6 else "")
+        return joined(told)
 
 
 @dataclass(frozen=True, eq=False, repr=False)

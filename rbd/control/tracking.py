@@ -29,6 +29,7 @@ from rbd.mechanism.projection import project_acceleration, project_velocity
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import SampledAccelerations, cubic, cubic_rate, interpolated_q
 from rbd.model.state import State
+from rbd.records import joined
 
 NEAR = 1e-3
 """A contact of the reference whose nearest point is this near [m] touches."""
@@ -163,9 +164,8 @@ def _refuse(
     for _, run in groupby(enumerate(sorted(refused)), lambda x: x[1] - x[0]):
         at = [i for _, i in run]
         stretches.append(f"{t[at[0]]:.3f} s" if len(at) == 1 else f"{t[at[0]]:.3f} to {t[at[-1]]:.3f} s")
-    more = f" and {len(stretches) - _TOLD} more" if len(stretches) > _TOLD else ""
     words = (
-        f"no torques and contact forces give {robot.name} this motion at {', '.join(stretches[:_TOLD])}{more}. "
+        f"no torques and contact forces give {robot.name} this motion at {joined(stretches, _TOLD)}. "
         "Use torques='nearest' for those of the nearest possible acceleration there, or a motion that "
         "rbd.check_motion finds possible."
     )

@@ -26,6 +26,7 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External
 from rbd.model.state import State
 from rbd.problem.ground import Body
+from rbd.records import counted
 
 SLIPS = 1e-2
 """A contact that moves faster than this [m/s, rad/s] slips. One that sticks has the speed of a step's error."""
@@ -431,25 +432,23 @@ class ControlLog(Displayed):
             return "no step of control yet"
         t, worst = self.t, int(np.argmax(self.residual))
         lines = [
-            f"{_steps(len(t))} of control from {t[0]:.6g} to {t[-1]:.6g} s",
+            f"{counted(len(t), 'step')} of control from {t[0]:.6g} to {t[-1]:.6g} s",
             f"worst residual {self.residual[worst]:.2g} (scaled) at t = {t[worst]:.6g} s",
             f"largest torque {100.0 * self.torque_share.max():.0f} % of its limit",
         ]
         if n := self.violations:
             worst = int(np.argmax(self.violation))
             lines.append(
-                f"{_steps(n)} could not keep contacts or joint limits, by at most {self.violation[worst]:.3g} m/s2 or rad/s2, "
-                f"at t = {t[worst]:.6g} s"
+                f"{counted(n, 'step')} could not keep contacts or joint limits, by at most {self.violation[worst]:.3g} m/s2 "
+                f"or rad/s2, at t = {t[worst]:.6g} s"
             )
         else:
             lines.append("contacts and joint limits were kept in all steps")
         for contact, kinds in self.disagreements.items():
             for kind, n in kinds.items():
-                lines.append(f"{contact}: {MEANING[kind]}, in {_steps(n)}, first at t = {self.first[contact, kind]:.6g} s")
+                lines.append(
+                    f"{contact}: {MEANING[kind]}, in {counted(n, 'step')}, first at t = {self.first[contact, kind]:.6g} s"
+                )
         if not self.disagreements:
             lines.append("what touches is what was planned, in all steps")
         return "\n".join(lines)
-
-
-def _steps(n: int) -> str:
-    return f"{n} step{'s' * (n != 1)}"

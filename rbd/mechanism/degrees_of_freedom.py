@@ -22,7 +22,7 @@ from rbd.constraints.constraint import Constraint, loop_dof
 from rbd.constraints.manifold import CLOSED, RANK, ConstraintManifold, LinearisedRows, RowName, null_space
 from rbd.displayed import Displayed
 from rbd.model.state import State
-from rbd.records import Field
+from rbd.records import Field, counted
 
 _PARALLEL = 1e-9
 
@@ -175,7 +175,7 @@ class Mobility(Displayed):
         if self.motion.regular:
             return f"it moves with {_dof(self.finite)}: every velocity that J allows extends to a finite motion"
         if self.singular:
-            ways = _many(len(self.branches), "branch was found, of", "branches were found, of")
+            ways = counted(len(self.branches), "branch was found, of", "branches were found, of")
             dof = "degree of freedom" if self.branches == (1,) else "degrees of freedom"
             return f"a singular configuration: {ways} {', '.join(map(str, self.branches))} {dof}"
         return f"it moves with {_dof(self.finite)}; other velocities that J allows extend to no finite motion"
@@ -197,7 +197,7 @@ class Mobility(Displayed):
         if len(s):
             lines.append("singular values " + np.array2string(s, precision=3, max_line_width=110, threshold=12))
         if self.redundant:
-            lines.append(f"{_many(len(self.redundant), 'redundant row', 'redundant rows')}, as many states of self-stress:")
+            lines.append(f"{counted(len(self.redundant), 'redundant row', 'redundant rows')}, as many states of self-stress:")
             lines += [f"  {row}" for row in self.redundant[:8]]
             if len(self.redundant) > 8:
                 lines.append(f"  and {len(self.redundant) - 8} more")
@@ -277,12 +277,8 @@ def _redundant(held: ConstraintManifold, J: Array, rank: int) -> tuple[tuple[Red
     return tuple(rows), stresses
 
 
-def _many(k: int, one: str, several: str) -> str:
-    return f"{k} {one if k == 1 else several}"
-
-
 def _dof(k: int) -> str:
-    return _many(k, "degree of freedom", "degrees of freedom")
+    return counted(k, "degree of freedom", "degrees of freedom")
 
 
 def count(held: ConstraintManifold, state: State, seed: int) -> Count:

@@ -17,6 +17,7 @@ from rbd.mechanism.degrees_of_freedom import FAR, ROUGH, neighbours
 from rbd.model.checked_model import CheckedModel
 from rbd.model.inertial import body_names
 from rbd.model.state import State, checked
+from rbd.records import joined
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
@@ -113,10 +114,10 @@ class MechanismClass(Displayed):
 
     def __str__(self) -> str:
         loops = f"closed, with {self.loops} independent {'loop' if self.loops == 1 else 'loops'}" if self.loops else "open"
-        ends = ", ".join(self.ends[:6]) + (f" and {len(self.ends) - 6} more" if len(self.ends) > 6 else "")
         six = ", 6 of them those of a floating base" if self.floating else ""
         lines = [
-            f"{self.name} is a {self.kind} chain: {loops}. Its base is {self.base}; the tree of its file ends at {ends}.",
+            f"{self.name} is a {self.kind} chain: {loops}. Its base is {self.base}; the tree of its file ends at "
+            f"{joined(self.ends)}.",
             f"{self.bodies} moving bodies; {self.degrees_of_freedom} degrees of freedom of its joints{six}.",
         ]
         if self.mobility is None:

@@ -23,7 +23,7 @@ from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
 from rbd.problem.rows import Patch, Rows
-from rbd.records import AXES, SPATIAL, Axis, Field, Variable, key
+from rbd.records import AXES, SPATIAL, Axis, Field, Variable, key, share, vector
 
 CARRIES_NOTHING_N = 1e-6
 """Below this normal force [N] a contact counts as unloaded: no friction ratio and no centre of pressure are given."""
@@ -64,11 +64,8 @@ class ContactForce(Displayed):
         return cls(force[:3], normal, tangential, used, cop)
 
     def __str__(self) -> str:
-        used = "-" if self.friction_used is None else f"{100 * self.friction_used:.1f} %"
-        cop = self.centre_of_pressure
-        # + 0.0 turns the -0.000 of rounding into 0.000
-        where = "-" if cop is None else "(" + ", ".join(f"{x + 0.0:.3f}" for x in np.round(cop, 3)) + ") m"
-        return f"{self.normal:>9.3f} N{self.tangential:>11.3f} N{used:>15}  {where}"
+        where = "-" if self.centre_of_pressure is None else f"{vector(self.centre_of_pressure)} m"
+        return f"{self.normal:>9.3f} N{self.tangential:>11.3f} N{share(self.friction_used):>15}  {where}"
 
 
 def corner_split(rows: Rows, f: Array) -> Array:

@@ -18,6 +18,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.problem.cones import HALF_LINE, Interval, Part
+from rbd.records import joined
 
 REST_SPEED = 1e-6
 """A contact that can break or slip counts as at rest up to this speed [m/s, rad/s], unless its problem gives another."""
@@ -65,8 +66,7 @@ class Sliding:
 def opening_words(openings: Sequence[Opening]) -> str:
     """E.g. "'left_sole' at 0.2 m/s, 'right_sole' (points 1, 2 of 4) at up to 0.3 m/s"; points are counted from 1."""
     names = list(dict.fromkeys(point.rows for point in openings))
-    told = [_told([point for point in openings if point.rows == name]) for name in names[:_LISTED]]
-    return ", ".join(told) + (f" and {len(names) - _LISTED} more" if len(names) > _LISTED else "")
+    return joined((_told([point for point in openings if point.rows == name]) for name in names), _LISTED)
 
 
 def _told(points: list[Opening]) -> str:

@@ -25,6 +25,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.problem.cones import Part, SecondOrderCone
 from rbd.problem.force_set import Element, ForceSet
+from rbd.records import joined
 
 
 @dataclass(frozen=True)
@@ -123,10 +124,10 @@ def refusal_words(refused: Sequence[Refused], names: Sequence[str]) -> str:
         if one.rows not in worst or abs(one.acceleration) > abs(worst[one.rows].acceleration):
             worst[one.rows] = one
     told = []
-    for one in list(worst.values())[:6]:
+    for one in worst.values():
         does = "is held, and would accelerate" if one.holds else f"(point {one.number + 1} of {one.of}) would sink"
         told.append(f"{names[one.rows]!r:.80} {does} at {abs(one.acceleration):.3g}")
-    return ", ".join(told) + (f" and {len(worst) - 6} more" if len(worst) > 6 else "")
+    return joined(told)
 
 
 def given_weights(sets: ForceSet, allowed: ForceSet, w: Array) -> Array:

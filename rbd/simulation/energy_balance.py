@@ -29,6 +29,7 @@ from rbd.model.dynamics import kinetic_energy, potential_energy
 from rbd.model.external import ForceElement, elements_of
 from rbd.model.inertial import body_names
 from rbd.model.state import State
+from rbd.records import joined
 from rbd.simulation.implicit_forces import ElementTerms
 from rbd.simulation.simulated_motion import Integrator, Sample, SimulatedMotion, stored
 from rbd.simulation.trajectory_fields import ENERGY, Fields
@@ -145,12 +146,11 @@ def too_stiff(motion: SimulatedMotion, state: State, h: float, t: float | None =
         stiff = [e.name for e in elements if h * _rate(state, [e], free) > limit] or [e.name for e in elements]
     except Exception:  # an explicit method needs no derivatives: what is wrong with those of a user does not stop it
         return ""
-    more = f" and {len(stiff) - _SHOWN} more" if len(stiff) > _SHOWN else ""
     cure = f"or steps below {RESOLVED / rate:.2g} s."
     if adaptive:
         cure = f"or wait for some {h * rate / STABLE:.2g} steps between samples."
     return (
-        f"stiff force elements ({', '.join(map(repr, stiff[:_SHOWN])):.300}{more}): their fastest rate is {rate:.3g} per "
+        f"stiff force elements ({joined(map(repr, stiff), _SHOWN):.300}): their fastest rate is {rate:.3g} per "
         f"second, {h * rate:.3g} times 1 / step. Use integrator=rbd.TimeStepping(), which takes them implicitly, {cure}"
     )
 

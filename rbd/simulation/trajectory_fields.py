@@ -14,6 +14,7 @@ from rbd.arrays import Array, as_array, as_float
 from rbd.errors import InputError, Reason
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import is_element
+from rbd.records import number
 from rbd.simulation.simulated_motion import Event
 
 Fields: TypeAlias = Mapping[str, Any]
@@ -234,7 +235,7 @@ def table(fields: Fields) -> str:
 
 
 def _headline(x: Fields) -> str:
-    steps = f" by steps of {_number(1e3 * x['step'])} ms" if x["step"] else ""
+    steps = f" by steps of {number(1e3 * x['step'])} ms" if x["step"] else ""
     ended = f"; {x['interrupted']}" if x["interrupted"] else ""
     return f"{x['robot'].name}: {x['t'][0]:g} to {x['t'][-1]:g} s{steps}, {len(x['t'])} samples{ended}"
 
@@ -320,10 +321,6 @@ def _events(x: Fields) -> list[str]:
 
 def _line(what: str, text: str) -> str:
     return f"  {what:<16}{text}"
-
-
-def _number(x: float) -> str:
-    return f"{x:.6g}"
 
 
 def _vector(x: Array) -> str:

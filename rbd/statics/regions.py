@@ -16,7 +16,7 @@ from rbd.model.state import State
 from rbd.model.world import along_gravity
 from rbd.problem.conic import Certificate, Conic, Unknowns
 from rbd.problem.programs import Outcome
-from rbd.records import Field
+from rbd.records import Field, vector
 from rbd.statics.force_balance import (
     ForceBalance,
     check_area_gap,
@@ -155,7 +155,7 @@ class SupportRegion(Region, Displayed):
             why = f" Torque limits in the way: {', '.join(blocked)}." if blocked else ""
             return f"support region: empty, {how}.{why}"
         if not self.bounded:
-            ways = "; ".join("(" + ", ".join(f"{x + 0.0:.3f}" for x in np.round(d, 3)) + ")" for d in self.directions)
+            ways = "; ".join(map(vector, self.directions))
             return f"support region: without end along {ways}, {how}."
         gap = f" and up to {1e4 * self.area_gap:.2f} more" if self.area_gap > SMALLEST_GAP_M2 else ""
         return (

@@ -24,6 +24,7 @@ from rbd.mechanism.small_motion.modes import (
 )
 from rbd.mechanism.small_motion.tangent_space import TangentSpace, ad_matrix, spin_axes
 from rbd.model.state import State
+from rbd.records import counted
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -212,18 +213,20 @@ class Linearised(Displayed):
         still = [mode for mode in modes if mode.neutral and not mode.frequency]
         if growing:
             fastest = min(mode.time_constant for mode in growing)
-            what = f"Unstable: {_many(len(growing), 'mode grows', 'modes grow')}, the fastest by e in {fastest:.3g} s"
+            what = f"Unstable: {counted(len(growing), 'mode grows', 'modes grow')}, the fastest by e in {fastest:.3g} s"
         elif self.stable is None:
             free = sum(mode.neutral and mode.frequency > 0.0 for mode in modes)
-            what = f"Stable to first order: {_many(free, 'mode oscillates', 'modes oscillate')} without damping, and none grows"
+            what = (
+                f"Stable to first order: {counted(free, 'mode oscillates', 'modes oscillate')} without damping, and none grows"
+            )
         elif all(mode.neutral for mode in modes):
             what = (
                 "Neutral: no mode grows or decays" if modes else "No mode: nothing can move, or nothing depends on how it does"
             )
         else:
             what = "Stable: all modes decay" + (" but the neutral ones" if still else "")
-        rest = [f"{_many(len(still), 'eigenvalue is', 'eigenvalues are')} zero, of neighbouring steady states"] * bool(still)
-        rest += [f"nothing depends on {_many(s, 'direction', 'directions')} of position"] * bool(s)
+        rest = [f"{counted(len(still), 'eigenvalue is', 'eigenvalues are')} zero, of neighbouring steady states"] * bool(still)
+        rest += [f"nothing depends on {counted(s, 'direction', 'directions')} of position"] * bool(s)
         return "; ".join([what, *rest]) + "."
 
     def changed(self, x: Sequence[float] | Array) -> State:
@@ -250,8 +253,8 @@ class Linearised(Displayed):
         moving = moving if self.steady else "a state that is not steady"
         lines = [
             self.verdict,
-            f"{self.state.robot.name} about {moving}: {_many(len(self.positions), 'coordinate', 'coordinates')} of position, "
-            f"{len(self.velocities)} of velocity; {_many(self.space.m, 'row', 'rows')} of constraints of rank "
+            f"{self.state.robot.name} about {moving}: {counted(len(self.positions), 'coordinate', 'coordinates')} of position, "
+            f"{len(self.velocities)} of velocity; {counted(self.space.m, 'row', 'rows')} of constraints of rank "
             f"{self.space.rank_v}, {self.space.rank_q} of them of position",
         ]
         modes = self._modes if self.steady else ()
@@ -259,14 +262,12 @@ class Linearised(Displayed):
         if len(modes) > _SHOWN:
             lines.append(f"  and {len(modes) - _SHOWN} more modes, of smaller real parts")
         if len(self.tau):
-            lines.append(f"{_many(len(self.tau), 'motor reaches', 'motors reach')} {self.controllable} of {self.n} dimensions")
+            lines.append(
+                f"{counted(len(self.tau), 'motor reaches', 'motors reach')} {self.controllable} of {self.n} dimensions"
+            )
         lines.append(
             f"largest acceleration of the state {self.acceleration:.1e}, change along the motion {self.variation:.1e}; "
             f"A by {self.method.partition(':')[0]}: off the constraints by {self.invariance:.1e}, from differences of the "
             f"true motion by {self.difference:.1e} (relative)"
         )
         return "\n".join(lines)
-
-
-def _many(k: int, one: str, several: str) -> str:
-    return f"{k} {one if k == 1 else several}"

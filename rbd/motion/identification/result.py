@@ -18,6 +18,7 @@ from rbd.model.inertial import body_names
 from rbd.motion.identification.combinations import BaseParameters
 from rbd.motion.identification.data import Equations, MeasuredMotion, StackedMotions, is_told, measured_motions
 from rbd.motion.identification.possible import Minimum, Prior, mass_interval, pseudo_inertia, whitened_basis
+from rbd.records import joined
 
 _LISTED = 6
 
@@ -328,8 +329,7 @@ class Identification(Displayed):
             lines.append(f"    {self.base.expression(int(i), 2)} = {self.base_values[i]:.4g} {deviation}")
         open_ = self.open_bodies
         if open_:
-            more = f" and {len(open_) - _LISTED} more" if len(open_) > _LISTED else ""
-            some = f"all {len(open_)}" if len(open_) == len(self.bodies) else ", ".join(open_[:_LISTED]) + more
+            some = f"all {len(open_)}" if len(open_) == len(self.bodies) else joined(open_, _LISTED)
             lines.append(f"  masses that are not told alone: {some}; .mass_range(name) says how far")
         first = 10 * len(body_names(self.model)) if "inertia" in self.columns else 0
         below = [f"{name} {x:.2g}" for name, x in zip(self.base.names[first:], self.theta[first:], strict=True) if x < 0.0]
