@@ -336,10 +336,10 @@ def null_space(A: Array, tolerance: float = RANK, *, unit: bool = False) -> Arra
     return np.asarray(Vt[_count(s, tolerance, unit) :].T)
 
 
-def range_of(A: Array, tolerance: float = RANK) -> Array:
-    """Orthonormal basis of the range of A, shape (m, rank)."""
+def range_of(A: Array, tolerance: float = RANK, *, unit: bool = False) -> Array:
+    """Orthonormal basis of the range of A, shape (m, rank); arguments as of `null_space`."""
     U, s, _ = np.linalg.svd(A, full_matrices=False)
-    return np.asarray(U[:, : _count(s, tolerance, False)])
+    return np.asarray(U[:, : _count(s, tolerance, unit)])
 
 
 def rank_of(A: Array, tolerance: float = RANK, *, unit: bool = False) -> int:

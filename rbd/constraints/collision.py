@@ -159,8 +159,6 @@ class CollisionContacts(Displayed):
         """
         found = self._touching(state)
         k = len(found.gaps)
-        if not k:
-            return self._nothing(state)
         error = np.zeros(3 * k)
         error[2::3] = found.gaps
         patch, kept, within, deep = None, self._kept, max(TOUCHES, self.margin), list[tuple[str, float]]()
@@ -220,13 +218,6 @@ class CollisionContacts(Displayed):
         check_state(state, self.name)
         if not self.robot.is_like(state.robot):
             raise InputError(f"contacts {self.name!r:.80} are of {self.robot.name}; the state is of {state.robot.name}.")
-
-    def _nothing(self, state: State) -> Rows:
-        nv = state.robot.nv
-        if self.pairs:
-            return Rows(self.name, np.zeros((0, nv)), np.zeros(0), NonNegative(0))
-        patch = Patch(self._point, self._axes, np.zeros((0, 3)), self.friction)
-        return Rows(self.name, np.zeros((0, nv)), np.zeros(0), NonNegative(0), resultant=np.zeros((6, 0)), patch=patch)
 
     def __reduce__(self) -> tuple[object, ...]:
         """Copies are constructed by the class, in another process too."""
@@ -323,7 +314,7 @@ def _cone(friction: float, facets: int) -> Cone:
 
 @lru_cache(maxsize=256)
 def _stacked(cone: Cone, k: int) -> Cone:
-    return NonNegative(k) if isinstance(cone, NonNegative) else Product([cone] * k)
+    return NonNegative(k) if isinstance(cone, NonNegative) or not k else Product([cone] * k)
 
 
 @lru_cache(maxsize=256)

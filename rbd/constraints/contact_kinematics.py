@@ -35,9 +35,9 @@ from rbd.arrays import Array, cross_matrix, lazy, rows_from
 from rbd.constraints.convex.closest_points import Crossing, Meeting, meeting_at, nearest_points
 from rbd.constraints.convex.convex_shapes import ConvexShape, RoundPart, plane_kernel
 from rbd.constraints.convex.points_near_plane import LowPoints
-from rbd.constraints.surface import BodyMotion, contact_axes
+from rbd.constraints.surface import contact_axes
 from rbd.model.checked_model import CheckedModel
-from rbd.model.state import State
+from rbd.model.state import FrameKinematics, State
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,7 +144,7 @@ class Between:
         p = np.array([X[joint].translation for joint in self.joints])[self._body]
         centres = np.vecdot(R, self._centres[:, None, :]) + p
         away = np.linalg.norm(centres[self.first] - centres[self.second], axis=1)
-        motions: dict[int, BodyMotion] = {}
+        motions: dict[int, FrameKinematics] = {}
         found, times = [], Counter[str]()
         for i in self._asked(R, p, centres, np.flatnonzero(away - self.within <= margin), margin):
             one, other = self.pairs[i]
@@ -176,12 +176,12 @@ class Between:
         """The name of a point."""
         return list(self._known)[number - self.first_number][0]
 
-    def _motion(self, state: State, joint: int) -> BodyMotion:
+    def _motion(self, state: State, joint: int) -> FrameKinematics:
         """The motion of a joint's body; the world for joint 0."""
         if joint == 0:
-            return BodyMotion(pin.SE3.Identity(), np.zeros((6, len(state.v))), np.zeros(6), np.zeros(6))
+            return FrameKinematics(pin.SE3.Identity(), np.zeros((6, len(state.v))), np.zeros(6), np.zeros(6))
         frame, X_FJ = self._frames[joint]
-        return BodyMotion(*state.moving(frame, X_FJ, pin.LOCAL_WORLD_ALIGNED))
+        return FrameKinematics(*state.moving(frame, X_FJ, pin.LOCAL_WORLD_ALIGNED))
 
     def _number(self, name: str, times: Counter[str]) -> int:
         key = name, times[name]
@@ -192,7 +192,7 @@ class Between:
 def _pair(
     met: Meeting,
     shapes: tuple[ConvexShape, ConvexShape],
-    bodies: tuple[BodyMotion, BodyMotion],
+    bodies: tuple[FrameKinematics, FrameKinematics],
     numbers: Array,
     label: Callable[[int], str],
 ) -> Touching:
@@ -205,7 +205,7 @@ def _pair(
     for sign, body in ((1.0, bodies[0]), (-1.0, bodies[1])):
         A = np.empty((3 * k, 6))
         A[:, :3] = np.tile(sign * R.T, (k, 1))
-        A[:, 3:] = sign * ((positions - body.X.translation) @ turn).reshape(3 * k, 3)
+        A[:, 3:] = sign * ((positions - body.X_WF.translation) @ turn).reshape(3 * k, 3)
         J += A @ body.J
         if moves:
             velocity += A @ body.v
@@ -220,7 +220,7 @@ def _pair(
 def _turning(
     met: Meeting,
     shapes: tuple[ConvexShape, ConvexShape],
-    bodies: tuple[BodyMotion, BodyMotion],
+    bodies: tuple[FrameKinematics, FrameKinematics],
     at: Crossing,
     R: Array,
     velocity: Array,
@@ -243,7 +243,7 @@ def _ball(shape: ConvexShape, number: int) -> RoundPart | None:
 
 
 def _normal_rate(
-    met: Meeting, shapes: tuple[ConvexShape, ConvexShape], bodies: tuple[BodyMotion, BodyMotion], at: Crossing
+    met: Meeting, shapes: tuple[ConvexShape, ConvexShape], bodies: tuple[FrameKinematics, FrameKinematics], at: Crossing
 ) -> Array:
     """Derivative of the normal [1/s]: it turns with its face, or with the line between a ball and a ball or corner."""
     if met.carrier:
@@ -252,8 +252,8 @@ def _normal_rate(
     apart = at.gap + sum(ball.reach for ball in balls if ball is not None)
     if apart < 1e-9 or balls == (None, None):  # edges that cross: as if it turned with the second
         return cross_matrix(bodies[1].v[3:]) @ met.normal
-    centres = [body.X.act(ball.centre) if ball else at.position for ball, body in zip(balls, bodies, strict=True)]
-    v = [_arm(c - body.X.translation) @ body.v for c, body in zip(centres, bodies, strict=True)]
+    centres = [body.X_WF.act(ball.centre) if ball else at.position for ball, body in zip(balls, bodies, strict=True)]
+    v = [_arm(c - body.X_WF.translation) @ body.v for c, body in zip(centres, bodies, strict=True)]
     relative = v[0] - v[1]
     return (relative - float(relative @ met.normal) * met.normal) / apart
 
@@ -261,7 +261,7 @@ def _normal_rate(
 def _place_rate(
     met: Meeting,
     shapes: tuple[ConvexShape, ConvexShape],
-    bodies: tuple[BodyMotion, BodyMotion],
+    bodies: tuple[FrameKinematics, FrameKinematics],
     at: Crossing,
     dn: Array,
     opening: float,
@@ -270,12 +270,12 @@ def _place_rate(
     for number, shape, body, sign in zip((at.first, at.second), shapes, bodies, (1.0, -1.0), strict=True):
         if number < 0:
             continue
-        turn, R = cross_matrix(body.v[3:]), body.X.rotation
+        turn, R = cross_matrix(body.v[3:]), body.X_WF.rotation
         on_it = at.position + 0.5 * sign * at.gap * met.normal
         up, rate = sign * (R.T @ met.normal), sign * (R.T @ (dn - turn @ met.normal))
-        rate = body.v[:3] + turn @ (on_it - body.X.translation) + R @ shape.wander(number, up, rate)
+        rate = body.v[:3] + turn @ (on_it - body.X_WF.translation) + R @ shape.wander(number, up, rate)
         return rate - 0.5 * sign * (opening * met.normal + at.gap * dn)
-    return _arm(at.position - bodies[0].X.translation) @ bodies[0].v
+    return _arm(at.position - bodies[0].X_WF.translation) @ bodies[0].v
 
 
 def _axes_rate(R: Array, dn: Array) -> Array:

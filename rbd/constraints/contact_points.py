@@ -106,8 +106,7 @@ class Structure:
         place = {key: i for i, key in enumerate(different)}
         sets, which = tuple(different.values()), np.array([place[id(c)] for c in self.cones], int)
         widths = np.array([c.dim for c in sets], int)[which]
-        for name, value in (("sets", sets), ("which", which), ("widths", widths), ("normals", np.cumsum(widths) - 1)):
-            object.__setattr__(self, name, value)
+        self.__dict__.update(sets=sets, which=which, widths=widths, normals=np.cumsum(widths) - 1)
 
 
 @dataclass(frozen=True, eq=False)

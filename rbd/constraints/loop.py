@@ -102,10 +102,8 @@ class LoopClosure(Displayed):
             )
         if not isinstance(self.kind, str) or self.kind not in KINDS:
             raise InputError(f"kind of loop {self.name!r:.80} is {self.kind!r:.80}; expected one of {', '.join(KINDS)}.")
-        put, axis = object.__setattr__, unit_direction(f"axis of loop {self.name!r:.80}", self.axis)
-        put(self, "axis", axis)
-        put(self, "_axes", contact_axes(axis))
-        put(self, "_cone", Free(KINDS[self.kind]))
+        axis = unit_direction(f"axis of loop {self.name!r:.80}", self.axis)
+        self.__dict__.update(axis=axis, _axes=contact_axes(axis), _cone=Free(KINDS[self.kind]))
 
     @property
     def frames(self) -> tuple[str, str]:

@@ -183,11 +183,13 @@ class KnifeEdge(Displayed):
 
     def __post_init__(self) -> None:
         check_words("what rolls or glides", name=self.name, frame=self.frame)
-        put = object.__setattr__
-        put(self, "direction", unit_direction(f"direction of {self.name!r:.80}", self.direction))
-        put(self, "normal", unit_normal(f"normal of contact {self.name!r}", self.normal))
-        put(self, "offset", as_vector3(f"offset of {self.name!r:.80}", self.offset))
-        put(self, "_X_FP", pin.SE3(np.eye(3), np.asarray(self.offset)))
+        offset = as_vector3(f"offset of {self.name!r:.80}", self.offset)
+        self.__dict__.update(
+            direction=unit_direction(f"direction of {self.name!r:.80}", self.direction),
+            normal=unit_normal(f"normal of contact {self.name!r}", self.normal),
+            offset=offset,
+            _X_FP=pin.SE3(np.eye(3), offset),
+        )
 
     @property
     def frames(self) -> tuple[str]:
@@ -266,8 +268,8 @@ class Rolling:
             on = plane_of(self.name, on)
         elif on.frame == self.frame:
             raise InputError(f"contact {self.name!r} is between {self.frame!r} and itself; expected a frame of another body.")
-        object.__setattr__(self, "on", on)
-        object.__setattr__(self, "_axes", contact_axes(UP if on.normal is None else np.asarray(on.normal)))
+        axes = contact_axes(UP if on.normal is None else np.asarray(on.normal))
+        self.__dict__.update(on=on, _axes=axes)
         if isinstance(on, Ground) and on.moves and on.about is None:
             on = replace(on, about=on.point)
         object.__setattr__(self, "_touched", Counterpart(self.name, on, None))

@@ -16,6 +16,7 @@ another point of the surface, at a distance r from the contact, they are convert
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -33,16 +34,6 @@ HERE = pin.SE3.Identity()
 UP = np.array([0.0, 0.0, 1.0])
 _ALONG = 0.7
 """Largest cosine between line and normal: at 45 degrees to the surface it is no line contact."""
-
-
-@dataclass(frozen=True, eq=False)
-class BodyMotion:
-    """A point of a body with axes: pose, Jacobian, velocity and J_dot v, world axes, linear then angular."""
-
-    X: pin.SE3
-    J: Array
-    v: Array
-    bias: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,6 +190,15 @@ def unit_direction(what: str, given: Sequence[float] | Array) -> Array:
     if not 1e-9 < length < 1e9:
         raise InputError(f"{what} has length {length:.3g}; expected a direction, e.g. (1, 0, 0).")
     return out / length
+
+
+def shortest_turn(a: Array, b: Array, half: Array | None = None) -> Array:
+    """The shortest rotation vector from one unit vector to another; for opposite ones about a unit vector, by default x."""
+    axis = cross_matrix(a) @ b
+    sine, cosine = float(np.linalg.norm(axis)), float(a @ b)
+    if sine > 1e-12:
+        return axis * (math.atan2(sine, cosine) / sine)
+    return axis if cosine > 0.0 else math.pi * (np.array([1.0, 0.0, 0.0]) if half is None else half)
 
 
 def edge_axes(name: str, x: Array, n: Array) -> Array:

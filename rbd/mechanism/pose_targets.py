@@ -10,9 +10,10 @@ from typing import TypeAlias
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_finite, as_float, as_vector3, check_finite, cross_matrix
+from rbd.arrays import Array, as_finite, as_float, as_vector3, check_finite
 from rbd.constraints.constraint import made, member
 from rbd.constraints.contact import Contact
+from rbd.constraints.surface import shortest_turn
 from rbd.errors import FrameNotFound, InputError, nearest
 from rbd.errors.inputs import check_different
 from rbd.model.checked_model import FARTHEST, CheckedModel
@@ -91,7 +92,7 @@ class Target:
             rows.append(J[3:])
         elif self.normal is not None:
             T = np.linalg.svd(self.normal[None])[2][1:]  # two directions across the normal
-            e.append(-T @ _turn(X_WP.rotation[:, 2], self.normal, T[0]))
+            e.append(-T @ shortest_turn(X_WP.rotation[:, 2], self.normal, T[0]))
             rows.append(T @ J[3:])
         return np.concatenate(e), np.concatenate(rows)
 
@@ -105,7 +106,7 @@ class Target:
         if self.axes is not None:
             angle = float(np.linalg.norm(pin.log3(self.axes.T @ X_WP.rotation)))
         elif self.normal is not None:
-            angle = float(np.linalg.norm(_turn(X_WP.rotation[:, 2], self.normal, np.zeros(3))))
+            angle = float(np.linalg.norm(shortest_turn(X_WP.rotation[:, 2], self.normal)))
         return Miss(distance, angle)
 
 
@@ -257,16 +258,6 @@ def _orthonormal(R: Array) -> Array:
     """The nearest rotation to a matrix that is one to 1e-6."""
     U, _, Vt = np.linalg.svd(R)
     return np.asarray(U @ Vt)
-
-
-def _turn(z: Array, normal: Array, across: Array) -> Array:
-    """The shortest rotation vector from one unit vector to another; for opposite ones, about `across`."""
-    axis = cross_matrix(z) @ normal
-    sine, cosine = float(np.linalg.norm(axis)), float(z @ normal)
-    angle = math.atan2(sine, cosine)
-    if sine > 1e-12:
-        return axis * (angle / sine)
-    return axis if cosine > 0.0 else math.pi * (across if across.any() else np.array([1.0, 0.0, 0.0]))
 
 
 @dataclass(frozen=True)

@@ -7,8 +7,10 @@ reaches it here unchecked.
 from __future__ import annotations
 
 import copy
+import hashlib
 import math
 from collections.abc import Iterable, Mapping, Sequence
+from functools import partial
 from types import MappingProxyType
 from typing import Any, Self, TypeVar
 
@@ -25,7 +27,7 @@ from rbd.model.data_pool import DataPool
 from rbd.model.joint_table import Joints
 from rbd.model.joints import FORCE_OF, ROUNDED, UNIT_TOLERANCE, Coordinate, normalise
 from rbd.model.motors import Motor, Motors, TorqueLines, checked_motors, motors_of_plain, put_motors, torque_use
-from rbd.model.pickling import Recipe, Travelling, packed, unpacked
+from rbd.model.pickling import Parcel, Recipe, arrived, packed, put_numbers, unpacked
 from rbd.model.world import Plane, base_turn, checked_gravity, plane_of_base
 from rbd.records import AXES, Axis
 
@@ -38,7 +40,7 @@ FARTHEST = 1e5
 """Largest entry of q and of v: at 100 km from the origin M is right to 3e-11 of its largest entry, beyond it gets worse."""
 
 
-class CheckedModel(Travelling, Displayed):
+class CheckedModel(Displayed):
     """A pin.Model whose names, sizes and numbers are checked before Pinocchio sees them.
 
     Args:
@@ -68,6 +70,7 @@ class CheckedModel(Travelling, Displayed):
     """
 
     motor_data: Motors = MappingProxyType({})
+    _parcel: Parcel | None = None
 
     def __init__(self, model: pin.Model, *, passive: Iterable[str] = (), name: str | None = None) -> None:
         self.model = model
@@ -164,15 +167,72 @@ class CheckedModel(Travelling, Displayed):
         wrench[:3] = self.mass * self.model.gravity.linear
         return wrench
 
+    @property
+    def digest(self) -> str:
+        """A digest of the robot in hexadecimal digits: equal for robots with equal numbers, names, feet and postures."""
+        return self._sent().key
+
+    def __reduce__(self) -> tuple[object, ...]:
+        """A recipe of a few hundred bytes for robots of the catalogue, a few kilobytes for others."""
+        sent = self._sent()
+        return arrived, (sent.key, sent.recipe, sent.changed, sent.extras, self._files())
+
+    def __copy__(self) -> Self:
+        out = self._with_model(self.model, None)
+        out._as_made = self._as_made
+        out._take_extras(self._extras())
+        return out
+
+    def __deepcopy__(self, memo: dict[int, object]) -> Self:
+        out = self._with_model(self._as_made.copy(), memo)
+        memo[id(self)] = out
+        out._take_extras(self._extras())
+        if not self._is_as_made():
+            put_numbers(out.model, packed(self.model))
+        return out
+
+    def _sent(self) -> Parcel:
+        """The parcel, made anew if the robot changed since the last one."""
+        last, now, same = self._parcel, self._extras(), self._is_as_made()
+        if last is None or last.extras != now or (last.changed is None) != same or not (same or last.model == self.model):
+            changed = None if same else packed(self.model)
+            recipe = self._recipe()
+            key = hashlib.sha256(f"{self._content()}{now!r}".encode())
+            key.update(self.model.saveToString().encode())
+            self._parcel = last = Parcel(key.hexdigest()[:32], recipe, self.model.copy(), changed, now)
+        return last
+
+    def _is_as_made(self) -> bool:
+        """Whether the model has the numbers that it had when the robot was made."""
+        return bool(self.model == self._as_made)
+
     def _recipe(self) -> Recipe:
-        """Of the model's numbers."""
-        return Recipe(_remade, (packed(self._as_made), pin.__version__, sorted(self.passive), self.name))
+        """For the robot as it was made: of the model's numbers."""
+        return partial(_remade, packed(self._as_made), pin.__version__, sorted(self.passive), self.name)
 
     def _content(self) -> str:
+        """What the digest covers besides the model's numbers."""
         return repr((self.name, sorted(self.passive)))
 
     def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> Any:
+        """The same robot with another model, without extras; its parts copied with the memo of a deep copy, or shared."""
         return CheckedModel(model, passive=self.passive, name=self.name)
+
+    def _extras(self) -> tuple[Any, ...]:
+        """What is put on again after the robot is made: whether its inertia is sound, what the user changed; comparable."""
+        return self.sound, *self.motor_data.items()
+
+    def _take_extras(self, extras: tuple[Any, ...]) -> None:
+        """Have what the user changed on the other side."""
+        self.sound, *motors = extras
+        self._take_motors(dict(motors))
+
+    def _files(self) -> dict[str, bytes] | None:
+        """Files that travel with the robot; None if there are none."""
+        return None
+
+    def _take_files(self, files: dict[str, bytes]) -> None:
+        """Keep files that came with the robot."""
 
     def is_like(self, other: CheckedModel) -> bool:
         """Whether another robot is this one, or has the same model and motors, as one from another process has.
@@ -433,13 +493,6 @@ class CheckedModel(Travelling, Displayed):
             v: Velocity, shape (nv,) or (n, nv) [m/s, rad/s]; None: at rest.
         """
         return torque_use(np.zeros(self.nu) if tau is None else tau, *self.limits_at(v))
-
-    def _extras(self) -> tuple[Any, ...]:
-        return self.sound, *self.motor_data.items()
-
-    def _take_extras(self, extras: tuple[Any, ...]) -> None:
-        self.sound, *motors = extras
-        self._take_motors(dict(motors))
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({self.name!r}, nq={self.nq}, nv={self.nv}, nu={self.nu}, mass={self.mass:.3f} kg)"

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from rbd.errors import InputError
-from rbd.model.pickling import Travelling
+from rbd.model.checked_model import CheckedModel
 
 _UTF = ("utf-8", "surrogatepass")
 _OF_CLASSES = {"__dict__", "__weakref__", "__doc__", "_abc_impl"}
@@ -223,7 +223,7 @@ def _leaf(x: Any) -> tuple[bytes, ...] | None:
     if isinstance(x, np.ndarray | np.generic) and x.dtype.kind in "biufcSUmM":
         little = x.dtype.newbyteorder("<")
         return b"array", f"{little.str} {x.shape}".encode(), np.ascontiguousarray(x, little).tobytes()
-    if isinstance(x, Travelling):
+    if isinstance(x, CheckedModel):
         return b"robot", x.digest.encode()
     if x is sys.stdout or x is sys.stderr:
         return b"stream", x.name.encode()

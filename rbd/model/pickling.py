@@ -2,7 +2,8 @@
 
 A robot's pickle is a recipe: a function, what it makes the robot of, and a digest of the robot. A process that unpickles
 the digest a second time gets the robot that it has. So a thousand states that arrive one by one share one robot, and it is
-built once. A robot that was changed since it arrived is not handed out again; the next pickle builds another one.
+built once. A robot that was changed since it arrived is not handed out again; the next pickle builds another one. To change
+one, make a deep copy of it first: `copy.deepcopy` makes an independent robot, `copy.copy` another one with the same model.
 
 The recipe of a bare model is the model's numbers. `rbd.robots` has shorter ones. Whoever changes `robot.model` (masses,
 gravity, limits) after the robot was made sends the changed model too, by its numbers.
@@ -14,32 +15,21 @@ import hashlib
 import weakref
 import zlib
 from collections import OrderedDict
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Self
+from functools import partial
+from typing import Any, TypeAlias
 
 import pinocchio as pin
 
 from rbd.errors import ModelError
 from rbd.model.data_pool import RenewedLock
 
+Recipe: TypeAlias = partial[Any]
+"""How another process makes a robot: a function that a pickle can name, with plain values."""
 MOST_KEPT = 8
 """So many robots that arrived last are kept, also while no state of theirs exists."""
 DIGITS = 9
 """Decimals of the numbers in `numbers_digest`: two machines' sines may differ in the last bit."""
-
-
-@dataclass(frozen=True, eq=False)
-class Recipe:
-    """How another process makes a robot.
-
-    Attributes:
-        build: A function that a pickle can name; it makes the robot of `parts`.
-        parts: What it is given; plain values.
-    """
-
-    build: Callable[..., Any]
-    parts: tuple[Any, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,10 +38,10 @@ class Parcel:
 
     Attributes:
         key: Digest of the robot.
-        recipe: For the robot as it was made.
+        recipe: Makes the robot as it was made: a function that a pickle can name, of plain values.
         model: Its model now, copied: a robot whose model differs needs another parcel.
         changed: That model in bytes, if it was changed since the robot was made.
-        extras: What else was changed, see `Travelling._extras`.
+        extras: What else was changed, see `CheckedModel._extras`.
     """
 
     key: str
@@ -59,83 +49,6 @@ class Parcel:
     model: pin.Model
     changed: bytes | None
     extras: tuple[Any, ...]
-
-
-class Travelling:
-    """A robot that pickles as a recipe, and whose copies are independent of it.
-
-    `copy.deepcopy` makes an independent robot, `copy.copy` another one with the same Pinocchio model. Unpickling gives a robot
-    that the process may have already: to change one, make a deep copy of it first.
-    """
-
-    model: pin.Model
-    _as_made: pin.Model
-    _parcel: Parcel | None = None
-
-    @property
-    def digest(self) -> str:
-        """A digest of the robot in hexadecimal digits: equal for robots with equal numbers, names, feet and postures."""
-        return self._sent().key
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """A recipe of a few hundred bytes for robots of the catalogue, a few kilobytes for others."""
-        sent = self._sent()
-        return arrived, (sent.key, sent.recipe.build, sent.recipe.parts, sent.changed, sent.extras, self._files())
-
-    def __copy__(self) -> Self:
-        out = self._with_model(self.model, None)
-        out._as_made = self._as_made
-        out._take_extras(self._extras())
-        return out
-
-    def __deepcopy__(self, memo: dict[int, object]) -> Self:
-        out = self._with_model(self._as_made.copy(), memo)
-        memo[id(self)] = out
-        out._take_extras(self._extras())
-        if not self._is_as_made():
-            put_numbers(out.model, packed(self.model))
-        return out
-
-    def _sent(self) -> Parcel:
-        """The parcel, made anew if the robot changed since the last one."""
-        last, now, same = self._parcel, self._extras(), self._is_as_made()
-        if last is None or last.extras != now or (last.changed is None) != same or not (same or last.model == self.model):
-            changed = None if same else packed(self.model)
-            recipe = self._recipe()
-            key = hashlib.sha256(f"{self._content()}{now!r}".encode())
-            key.update(self.model.saveToString().encode())
-            self._parcel = last = Parcel(key.hexdigest()[:32], recipe, self.model.copy(), changed, now)
-        return last
-
-    def _is_as_made(self) -> bool:
-        """Whether the model has the numbers that it had when the robot was made."""
-        return bool(self.model == self._as_made)
-
-    def _recipe(self) -> Recipe:
-        """For the robot as it was made."""
-        raise NotImplementedError
-
-    def _with_model(self, model: pin.Model, memo: dict[int, object] | None) -> Self:
-        """The same robot with another model, without extras; its parts copied with the memo of a deep copy, or shared."""
-        raise NotImplementedError
-
-    def _content(self) -> str:
-        """What the digest covers besides the model's numbers."""
-        raise NotImplementedError
-
-    def _extras(self) -> tuple[Any, ...]:
-        """What is put on again after the robot is made: whether its inertia is sound, what the user changed; comparable."""
-        return ()
-
-    def _take_extras(self, extras: tuple[Any, ...]) -> None:
-        """Have what the user changed on the other side."""
-
-    def _files(self) -> dict[str, bytes] | None:
-        """Files that travel with the robot; None if there are none."""
-        return None
-
-    def _take_files(self, files: dict[str, bytes]) -> None:
-        """Keep files that came with the robot."""
 
 
 def packed(model: pin.Model) -> bytes:
@@ -182,47 +95,24 @@ def numbers_digest(model: pin.Model) -> str:
     return found.hexdigest()[:32]
 
 
-class _Arrivals:
-    """The robots that arrived in this process, by digest; those in use, and the last few."""
-
-    def __init__(self) -> None:
-        self._all: weakref.WeakValueDictionary[str, Travelling] = weakref.WeakValueDictionary()
-        self._last: OrderedDict[str, Travelling] = OrderedDict()
-        self._lock = RenewedLock()
-
-    def get(self, key: str) -> Travelling | None:
-        """The robot of this digest, if it is here and was not changed since it arrived."""
-        robot = self._all.get(key)
-        return robot if robot is not None and robot.digest == key else None
-
-    def keep(self, key: str, robot: Travelling) -> Travelling:
-        """Keep a robot as the last; what is handed out, which is that of another thread if that was faster."""
-        with self._lock:
-            robot = self.get(key) or robot
-            self._all[key] = self._last[key] = robot
-            self._last.move_to_end(key)
-            while len(self._last) > MOST_KEPT:
-                self._last.popitem(last=False)
-        return robot
+_here: weakref.WeakValueDictionary[str, Any] = weakref.WeakValueDictionary()
+_last: OrderedDict[str, Any] = OrderedDict()
+"""The robots that arrived in this process, by digest: those in use, and the last few."""
+_lock = RenewedLock()
 
 
-_arrivals = _Arrivals()
+def _unchanged(key: str) -> Any:
+    """The robot of this digest, if it is here and was not changed since it arrived; else None."""
+    robot = _here.get(key)
+    return robot if robot is not None and robot.digest == key else None
 
 
-def arrived(
-    key: str,
-    build: Callable[..., Any],
-    parts: tuple[Any, ...],
-    changed: bytes | None,
-    extras: tuple[Any, ...],
-    files: dict[str, bytes] | None,
-) -> Any:
+def arrived(key: str, recipe: Recipe, changed: bytes | None, extras: tuple[Any, ...], files: dict[str, bytes] | None) -> Any:
     """The robot of a pickle: that of the same digest, if this process has it unchanged, else a new one.
 
     Args:
         key: Its digest.
-        build: Makes it as it was made first.
-        parts: What `build` is given.
+        recipe: Makes it as it was made first.
         changed: The model in bytes, if it was changed since.
         extras: What else was changed.
         files: Files that came with it.
@@ -230,15 +120,19 @@ def arrived(
     Raises:
         ModelError: it cannot be made here; the message says why.
     """
-    robot = _arrivals.get(key)
+    robot = _unchanged(key)
     if robot is None:
-        robot = build(*parts)
-        assert isinstance(robot, Travelling)
+        robot = recipe()
         if changed is not None:
             put_numbers(robot.model, changed)  # tables that were made of the first model stay, as on the other side
         robot._take_extras(extras)
-        robot._parcel = Parcel(key, Recipe(build, parts), robot.model.copy(), changed, extras)
-    robot = _arrivals.keep(key, robot)
+        robot._parcel = Parcel(key, recipe, robot.model.copy(), changed, extras)
+    with _lock:
+        robot = _unchanged(key) or robot  # that of another thread, if that was faster
+        _here[key] = _last[key] = robot
+        _last.move_to_end(key)
+        while len(_last) > MOST_KEPT:
+            _last.popitem(last=False)
     if files is not None:
         robot._take_files(files)
     return robot

@@ -68,9 +68,7 @@ class Chain(Displayed):
 
     def __init__(self, n: int, *, lengths: Sequence[Any] | Array | None = None, angles: str = JOINT) -> None:
         count = _check_count(n)
-        object.__setattr__(self, "n", count)
-        object.__setattr__(self, "angles", check_convention(angles))
-        object.__setattr__(self, "lengths", _check_lengths(count, lengths))
+        self.__dict__.update(n=count, angles=check_convention(angles), lengths=_check_lengths(count, lengths))
 
     # The symbols
 

@@ -96,9 +96,8 @@ def joint_rates(
         raise SingularPose(_singular_message(arm, pose, singular))
     good = ~singular
     motion = [m[good] for m in motion]
-    solve = _along_the_circle if arm.n == 1 else _two_links if arm.n == 2 else _least
     out = []
-    for rates in solve(arm, pose[good], J[good], motion):
+    for rates in _rates(arm, pose[good], J[good], motion):
         full = np.full(pose.shape, np.nan)
         full[good] = rates
         out.append(full[0] if single else full)
@@ -121,22 +120,37 @@ def _singular_message(arm: ChainNumbers, pose: Array, singular: Array) -> str:
     )
 
 
-def _along_the_circle(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
+def _rates(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
+    """Rates, accelerations and jerks, as far as motion is given: along the circle of one link, the least of more than two."""
     out: list[Array] = []
+    multipliers: list[Array] = []
+    JT = np.swapaxes(J, 1, 2)
     for order, given in enumerate(motion):
         wanted = given - _lower(arm, q, out, out, order)
-        rate = np.sum(J[:, :, 0] * wanted, axis=1) / arm.outer**2
-        off = np.abs(wanted - J[:, :, 0] * rate[:, None]).max(axis=1, initial=0.0)
-        size = np.abs(given).max(axis=1, initial=0.0) + np.abs(wanted).max(axis=1, initial=0.0)
-        if (off > CONTRADICTS * size).any():
-            k = int(np.argmax(off - CONTRADICTS * size))
-            what = ("velocity", "acceleration", "jerk")[order]
-            raise InputError(
-                f"the {what} at sample {k}, ({given[k, 0]:g}, {given[k, 1]:g}), is off by {off[k]:g} from what a single link "
-                "can do on its circle; expected one of a motion along it."
-            )
-        out.append(rate[:, None])
+        if arm.n == 1:
+            rate = _times(JT, wanted) / arm.outer**2
+            _check_on_circle(order, given, wanted, wanted - _times(J, rate))
+        elif arm.n == 2:
+            rate = np.linalg.solve(J, wanted[..., None])[..., 0]
+        else:
+            # The part of the rate that the multipliers known so far give, of q' = J^T l differentiated.
+            rest = _lower(arm, q, out, multipliers, order, transposed=True)
+            multipliers.append(np.linalg.solve(J @ JT, (wanted - _times(J, rest))[..., None])[..., 0])
+            rate = _times(JT, multipliers[-1]) + rest
+        out.append(rate)
     return out
+
+
+def _check_on_circle(order: int, given: Array, wanted: Array, rest: Array) -> None:
+    off = np.abs(rest).max(axis=1, initial=0.0)
+    size = np.abs(given).max(axis=1, initial=0.0) + np.abs(wanted).max(axis=1, initial=0.0)
+    if (off > CONTRADICTS * size).any():
+        k = int(np.argmax(off - CONTRADICTS * size))
+        what = ("velocity", "acceleration", "jerk")[order]
+        raise InputError(
+            f"the {what} at sample {k}, ({given[k, 0]:g}, {given[k, 1]:g}), is off by {off[k]:g} from what a single link "
+            "can do on its circle; expected one of a motion along it."
+        )
 
 
 def _lower(
@@ -148,27 +162,6 @@ def _lower(
     Js = [arm.jacobian_rate(q, rates[0])] + ([arm.jacobian_second_rate(q, rates[0], rates[1])] if order > 1 else [])
     Js = [np.swapaxes(J, 1, 2) for J in Js] if transposed else Js
     return _times(Js[0], terms[0]) if order == 1 else 2.0 * _times(Js[0], terms[1]) + _times(Js[1], terms[0])
-
-
-def _two_links(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
-    out: list[Array] = []
-    for order, given in enumerate(motion):
-        out.append(np.linalg.solve(J, (given - _lower(arm, q, out, out, order))[..., None])[..., 0])
-    return out
-
-
-def _least(arm: ChainNumbers, q: Array, J: Array, motion: list[Array]) -> list[Array]:
-    JT = np.swapaxes(J, 1, 2)
-    G = J @ JT
-    out: list[Array] = []
-    multipliers: list[Array] = []
-    for order, given in enumerate(motion):
-        # The part of the rate that the multipliers known so far give, of q' = J^T l differentiated.
-        rest = _lower(arm, q, out, multipliers, order, transposed=True)
-        wanted = given - _lower(arm, q, out, out, order) - _times(J, rest)
-        multipliers.append(np.linalg.solve(G, wanted[..., None])[..., 0])
-        out.append(_times(JT, multipliers[-1]) + rest)
-    return out
 
 
 def _times(matrix: Array, vector: Array) -> Array:

@@ -96,10 +96,7 @@ class MinimumJerk(Displayed):
             )
         for array in (start, stop, step):
             array.flags.writeable = False
-        object.__setattr__(self, "start", start)
-        object.__setattr__(self, "stop", stop)
-        object.__setattr__(self, "duration", duration)
-        object.__setattr__(self, "_step", step)
+        self.__dict__.update(start=start, stop=stop, duration=duration, _step=step)
 
     def displacement(self, t: float | Sequence[float] | Array) -> Array:
         """Position at times t, shape `(*t.shape, *start.shape)`; exactly `start` before it and `stop` after."""

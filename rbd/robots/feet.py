@@ -12,7 +12,7 @@ import pinocchio as pin
 from rbd.arrays import Array, largest_first
 from rbd.constraints.contact import Contact, PointContact, SurfaceContact
 from rbd.constraints.convex.convex_shapes import parts_of
-from rbd.constraints.convex.polygons import RIM_CORNERS, convex_hull
+from rbd.constraints.convex.polygons import RIM_CORNERS, area_of, convex_hull
 from rbd.errors import DuplicateName, InputError, ModelError
 from rbd.errors.inputs import listed_items
 from rbd.model.checked_model import CheckedModel
@@ -210,7 +210,7 @@ def flat_underside(
         raise ModelError("no collision shape that has points")
     best, most = level, 0.0
     for i, down in enumerate([level, *_facets(points, level)]):
-        area = _area(_lowest(_points(shapes, down), _axes(down, R_WF), tolerance)[0])
+        area = area_of(_lowest(_points(shapes, down), _axes(down, R_WF), tolerance)[0])
         if area > most * (1.0 if i == 0 else 1.1):
             best, most = down, area
     axes = _axes(best, R_WF)
@@ -218,7 +218,7 @@ def flat_underside(
     hull, height = _lowest(points, axes, tolerance)
     if len(hull) > 2 and _width(hull) < ROUND_WIDTH_M:
         bottom, _ = _lowest(points, axes, tolerance / 4.0)
-        if _area(bottom) < ROUND_SHARE * _area(hull):
+        if area_of(bottom) < ROUND_SHARE * area_of(hull):
             hull = bottom[:1] if len(bottom) < 3 else bottom.mean(axis=0)[None]
     hull = _simplified(hull)
     if len(hull) > 2 and _width(hull) < LEAST_WIDTH_M:
@@ -262,13 +262,6 @@ def _facets(points: Array, level: Array) -> list[Array]:
     return [normals[i] for i in facing[largest_first(area[facing])][:30]]
 
 
-def _area(hull: Array) -> float:
-    if len(hull) < 3:
-        return 0.0
-    x, y = hull.T
-    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
-
-
 def _width(hull: Array) -> float:
     """The smallest width of a convex polygon."""
     edges = np.roll(hull, -1, axis=0) - hull
@@ -278,11 +271,11 @@ def _width(hull: Array) -> float:
 
 def _simplified(hull: Array) -> Array:
     """The hull without the corners that contribute least area."""
-    whole = _area(hull)
+    whole = area_of(hull)
     while len(hull) > 3:
         without = [np.delete(hull, i, axis=0) for i in range(len(hull))]
-        best = max(without, key=_area)
-        if len(hull) <= MOST_CORNERS and _area(best) < (1.0 - AREA_LOST) * whole:
+        best = max(without, key=area_of)
+        if len(hull) <= MOST_CORNERS and area_of(best) < (1.0 - AREA_LOST) * whole:
             break
         hull = best
     return hull

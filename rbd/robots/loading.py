@@ -6,6 +6,7 @@ import os
 import warnings
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 from rbd.arrays import Array, check_flag
@@ -15,7 +16,6 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.files import build_model, check_freedoms, read
 from rbd.model.input_files import FileLimits, parse_xml
 from rbd.model.mjcf import Mjcf, check_leave_out
-from rbd.model.pickling import Recipe
 from rbd.model.world import STANDARD, Plane, checked_gravity, checked_plane, is_standard
 from rbd.robots import catalogue, travelling
 from rbd.robots.diagnosis import ModelIssue, ModelReport, examine, refuse, with_rotors
@@ -110,7 +110,7 @@ def load_robot(
     if place is not None:
         kept = None if limits == FileLimits() else limits
         options = robot.root, sorted(robot.passive), kept, loops, sorted(robot.leave_out), robot.plane
-        robot.known = Recipe(_known_again, (place, options, None if feet is None else robot.source.feet))
+        robot.known = partial(_known_again, place, options, None if feet is None else robot.source.feet)
     if rotors:
         robot = robot.with_motors(robot.rotors())
         assert robot.report is not None
@@ -205,7 +205,7 @@ def _known_again(
     if feet is not None:
         robot.source = replace(source, feet=feet)
     travelling.check_same(robot, digest, versions)
-    robot.known = Recipe(_known_again, (place, options, feet))
+    robot.known = partial(_known_again, place, options, feet)
     return robot
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import warnings
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any, TypeVar
 
 import numpy as np
@@ -63,7 +64,7 @@ class RobotPair(CheckedModel):
 
     def _recipe(self) -> Recipe:
         """The two robots."""
-        return Recipe(RobotPair, (*self.members, self.placement, self.prefixes))
+        return partial(RobotPair, *self.members, self.placement, self.prefixes)
 
     def _content(self) -> str:
         members = [robot.digest for robot in self.members]

@@ -14,6 +14,7 @@ import pinocchio as pin
 from rbd.arrays import Array
 from rbd.constraints.constraint import listed, made, member
 from rbd.constraints.contact import Contact
+from rbd.constraints.surface import shortest_turn
 from rbd.errors import DistantContactWarning, InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import FileLimits, read_xml
@@ -223,7 +224,7 @@ def corner_points(state: State, feet: Sequence[Contact]) -> Array:
     for foot in feet:
         patch = foot.rows(state).patch
         assert patch is not None
-        out.append(patch.point + patch.corners @ patch.axes.T)
+        out.append(patch.corners_W)
     return np.concatenate(out)
 
 
@@ -241,7 +242,7 @@ def _levelling(state: State, feet: Sequence[Contact], normal: Array, axis: Array
         up = normal - (along @ normal) * along if on_line else across if across @ normal >= 0.0 else -across
     up = _spread(up, axis)
     length = float(np.linalg.norm(up))  # zero for opposite soles, and for points on one vertical
-    return _rotation_between(up / length, normal, axis) if length > 1e-9 else np.eye(3)
+    return pin.exp3(shortest_turn(up / length, normal, axis)) if length > 1e-9 else np.eye(3)
 
 
 def _spread(points: Array, axis: Array | None) -> Array:
@@ -288,13 +289,3 @@ def _move(robot: CheckedModel, q: Array, X: pin.SE3) -> None:
     (x, y, c, s), P = q[:4], robot.model.jointPlacements[1]
     moved = P.actInv(X * P * pin.SE3(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, 0.0])))
     q[:4] = *moved.translation[:2], *moved.rotation[:2, 0]
-
-
-def _rotation_between(a: Array, b: Array, axis: Array | None) -> Array:
-    """The smallest rotation that takes unit vector a to unit vector b, shape (3, 3); half a turn is about the axis, or x."""
-    cross, cos = np.cross(a, b), float(a @ b)
-    if np.linalg.norm(cross) < 1e-15 and cos > 0.0:
-        return np.eye(3)
-    if cos < -1.0 + 1e-12:
-        return pin.exp3(np.pi * (np.array([1.0, 0.0, 0.0]) if axis is None else axis))
-    return pin.exp3(cross / np.linalg.norm(cross) * np.arctan2(np.linalg.norm(cross), cos))

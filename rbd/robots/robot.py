@@ -6,6 +6,7 @@ import copy
 import pickle
 from collections.abc import Iterable, Mapping
 from dataclasses import replace
+from functools import partial
 from types import MappingProxyType
 from typing import Any
 
@@ -93,18 +94,12 @@ class Robot(ShapedRobot):
     def _recipe(self) -> Recipe:
         """By name, of a robot of the catalogue as it is there; else the numbers of the model, the text, and the rest."""
         if self.known is not None:
-            return Recipe(self.known.build, (*self.known.parts, *travelling.numbers_and_versions(self._as_made)))
-        numbers = packed(self._as_made), pin.__version__
-        parts = (
-            replace(self.source, srdf=None),  # its postures are sent
-            self.root,
-            sorted(self.passive),
-            self.limits,
-            self.mechanism,
-            sorted(self.leave_out),
-        )
+            return partial(self.known, *travelling.numbers_and_versions(self._as_made))
+        source = replace(self.source, srdf=None)  # its postures are sent
+        names, left_out = sorted(self.passive), sorted(self.leave_out)
         kept = dict(self.postures), self._text, self._mesh_names, self.report, dict(self.springs)
-        return Recipe(_robot_again, (*numbers, *parts, *kept))
+        rest = (self.root, names, self.limits, self.mechanism, left_out, *kept)
+        return partial(_robot_again, packed(self._as_made), pin.__version__, source, *rest)
 
     def _content(self) -> str:
         postures = [(name, q.tolist()) for name, q in self.postures.items()]

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, ClassVar
 import numpy as np
 
 from rbd.arrays import Array, check_whole
-from rbd.constraints.convex.polygons import convex_hull, inside_distance, nearest_on_edge
+from rbd.constraints.convex.polygons import area_of, convex_hull, inside_distance, nearest_on_edge
 from rbd.displayed import drawing
 from rbd.errors import InaccurateWarning, NoSolution
 from rbd.model.state import State
@@ -249,14 +249,6 @@ def planar_region(program: Conic, middle: Array, area_gap: float, what: str) -> 
             stacklevel=3,
         )
     return found, directions, cut
-
-
-def area_of(polygon: Array) -> float:
-    """Of a polygon whose corners go counterclockwise [m2]; zero of fewer than three."""
-    if len(polygon) < 3:
-        return 0.0
-    x, y = polygon.T
-    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
 
 
 def _between(a: Support, b: Support) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_flag, cross_matrix, is_finite, lazy
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.convex.polygons import area_of
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
@@ -26,7 +27,7 @@ from rbd.statics.force_balance import (
     standing_loads,
     torques_left,
 )
-from rbd.statics.planar_projection import Region, area_of, planar_region
+from rbd.statics.planar_projection import Region, planar_region
 
 SMALLEST_GAP_M2 = 1e-9
 _SHARE = 1e-2

@@ -68,8 +68,7 @@ class ConvexShape:
         centre = 0.5 * (points.min(axis=0) + points.max(axis=0))
         away = [float(np.linalg.norm(self.vertices - centre, axis=1).max(initial=0.0))]
         away += [float(np.linalg.norm(r.centre - centre)) + r.reach for r in self.rounds]
-        object.__setattr__(self, "centre", centre)
-        object.__setattr__(self, "reach", max(away))
+        self.__dict__.update(centre=centre, reach=max(away))
 
     def low(self, up: Array, limit: float) -> tuple[list[int], Array]:
         """(numbers, points (k, 3) [m]) of the points not above `limit` [m] along `up`: those that can touch, see `spread`.

@@ -40,6 +40,14 @@ def convex_hull(points: Array) -> Array:
     return order if len(order) < 3 else order[_around(order, range(len(order)))]
 
 
+def area_of(polygon: Array) -> float:
+    """Of a polygon whose corners go counterclockwise [m2]; zero of fewer than three."""
+    if len(polygon) < 3:
+        return 0.0
+    x, y = polygon.T
+    return 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
+
+
 def inside_distance(point: Array, hull: Array) -> float:
     """Signed distance from a point to the edge of a convex hull: positive inside, negative outside.
 

@@ -75,8 +75,7 @@ class BetweenPlaces(ByValue, Displayed):
         given = f"{kind} from {places[1]} to {places[0]}" if self.name is None else self.name
         if not isinstance(given, str) or not given:
             raise InputError(f"name of {what} is {given!r:.80}; expected text.")
-        object.__setattr__(self, "_ends", places)
-        object.__setattr__(self, "name", given)
+        self.__dict__.update(_ends=places, name=given)
         return repr(given)[:82]
 
     def check_on(self, robot: CheckedModel) -> None:

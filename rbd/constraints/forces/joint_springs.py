@@ -73,13 +73,12 @@ class JointSpring(ByValue, Displayed):
         if rest.shape and not abs(np.linalg.norm(rest) - 1.0) <= 1e-6:
             norm = f"{np.linalg.norm(rest):.6g}"
             raise InputError(f"rest of {what} is the quaternion {rest.tolist()!r:.80} of norm {norm}; expected norm 1.")
-        for key, value in (
-            ("rest", rest / np.linalg.norm(rest) if rest.shape else float(rest)),
-            ("preload", number(f"preload of {what}", self.preload)),
-            ("stiffness", stiffness_of(what, self.stiffness)),
-            ("name", f"spring in {self.joint}" if self.name is None else self.name),
-        ):
-            object.__setattr__(self, key, value)
+        self.__dict__.update(
+            rest=rest / np.linalg.norm(rest) if rest.shape else float(rest),
+            preload=number(f"preload of {what}", self.preload),
+            stiffness=stiffness_of(what, self.stiffness),
+            name=f"spring in {self.joint}" if self.name is None else self.name,
+        )
         if not isinstance(self.name, str) or not self.name:
             raise InputError(f"name of {what} is {self.name!r:.80}; expected text.")
 
@@ -207,9 +206,7 @@ class JointDamping(ByValue, Displayed):
         if not isinstance(name, str) or not name:
             raise InputError(f"name of joint damping is {name!r:.80}; expected text.")
         found = {each: damping_of(f"joint {each!r:.80}", d) for each, d in given.items()}
-        object.__setattr__(self, "damping", MappingProxyType(found))
-        object.__setattr__(self, "name", name)
-        object.__setattr__(self, "_diagonal", PerRobot(_diagonal))
+        self.__dict__.update(damping=MappingProxyType(found), name=name, _diagonal=PerRobot(_diagonal))
 
     def __reduce__(self) -> tuple[object, ...]:
         return JointDamping, (dict(self.damping), None, self.name)

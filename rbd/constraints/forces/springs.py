@@ -122,9 +122,8 @@ class Spring(_Line):
             )
         if not abs(rest) <= FARTHEST:
             raise InputError(f"rest of {what} is {rest:g}; expected at most {FARTHEST:g}.")
-        object.__setattr__(self, "rest", rest)
-        object.__setattr__(self, "preload", number(f"preload of {what}", self.preload))
-        object.__setattr__(self, "stiffness", stiffness_of(what, self.stiffness))
+        preload, stiffness = number(f"preload of {what}", self.preload), stiffness_of(what, self.stiffness)
+        self.__dict__.update(rest=rest, preload=preload, stiffness=stiffness)
 
     def _coordinates(self, pair: Pair) -> Coordinates:
         what = repr(self.name)[:82]
@@ -260,11 +259,11 @@ class Bushing(BetweenPlaces):
 
     def __post_init__(self) -> None:
         what = self._settle("bushing", self.to, self.offset, self.to_offset)
-        for key, value in (
-            ("damping", damping_matrix(what, self.damping)), ("preload", six(f"preload of {what}", self.preload)),
-            ("stiffness", stiffness_matrix(what, self.stiffness)),
-        ):  # fmt: skip
-            object.__setattr__(self, key, value)
+        self.__dict__.update(
+            damping=damping_matrix(what, self.damping),
+            preload=six(f"preload of {what}", self.preload),
+            stiffness=stiffness_matrix(what, self.stiffness),
+        )
 
     @classmethod
     def relaxed_at(

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_float, largest_first, max_abs
+from rbd.arrays import Array, as_float, largest_first, max_abs, null_space, range_of
 from rbd.displayed import Displayed, drawing
 from rbd.errors import InputError
 from rbd.model.state import State
@@ -252,10 +252,10 @@ def spectrum_of(A: Array, C: Array, known: Array | None = None) -> Spectrum:
         known: Further symmetries, which may change velocities, as columns, shape (n, j); those with A x = 0 are taken.
     """
     n, size = len(A), float(np.abs(A).max(initial=0.0)) or 1.0
-    S = _kernel(C, max(1.0, float(np.abs(C).max(initial=0.0))))
+    S = null_space(C / max(1.0, float(np.abs(C).max(initial=0.0))), INVARIANT, unit=True)
     while S.shape[1]:
         AS = A @ S
-        out = _kernel(AS - S @ (S.T @ AS), size)
+        out = null_space((AS - S @ (S.T @ AS)) / size, INVARIANT, unit=True)
         if out.shape[1] == S.shape[1]:
             break
         S = np.linalg.qr(S @ out)[0] if out.shape[1] else S[:, :0]
@@ -282,29 +282,16 @@ def spectrum_of(A: Array, C: Array, known: Array | None = None) -> Spectrum:
     return Spectrum(S, values, right, right + S @ along, P, A_p, condition)
 
 
-def _kernel(A: Array, size: float) -> Array:
-    """Orthonormal basis of A x = 0, shape (n, d); singular values up to a part of `size` are zero."""
-    if not A.size:
-        return np.eye(A.shape[1])
-    _, s, Vt = np.linalg.svd(A)
-    return np.asarray(Vt[int((s > INVARIANT * size).sum()) :].T)
-
-
 def controllable(A: Array, B: Array) -> int:
     """Dimension of the x that inputs reach: of B, A B, A^2 B, ..., orthonormal directions one step at a time."""
     size = float(np.abs(A).max(initial=0.0)) or 1.0
     largest = float(np.linalg.norm(B, axis=0).max(initial=0.0))
-    reached = _range(B / largest, 1.0) if largest else np.zeros((len(A), 0))
+    reached = range_of(B / largest, INVARIANT, unit=True) if largest else np.zeros((len(A), 0))
     newest = reached
     while newest.shape[1] and reached.shape[1] < len(A):
         more = A @ newest / size
         more -= reached @ (reached.T @ more)
         more -= reached @ (reached.T @ more)
-        newest = _range(more, 1.0)
+        newest = range_of(more, INVARIANT, unit=True)
         reached = np.hstack([reached, newest])
     return reached.shape[1]
-
-
-def _range(X: Array, size: float) -> Array:
-    U, s, _ = np.linalg.svd(X, full_matrices=False)
-    return np.asarray(U[:, s > INVARIANT * size])
