@@ -15,6 +15,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
+from rbd.answers.prepared.contact_bodies import Workspace
 from rbd.answers.prepared.contact_dynamics import ContactDynamics, prepared
 from rbd.problem.residuals import residuals_of
 
@@ -87,7 +88,7 @@ def _after(patch: pytest.MonkeyPatch, owner: object, name: str, change: Callable
 
 def sign_of_the_forces(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
     """Forces on the surroundings in place of those on the robot."""
-    _after(patch, form.bodies, "held", lambda found, *_: (found[0], -found[1]))
+    _after(patch, form.bodies, "held", lambda found, *_: (found[0], -found[1], found[2]))
 
 
 def forces_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
@@ -96,7 +97,7 @@ def forces_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDynamics) 
 
     def stale(found, *_):
         last.append(found[1].copy())
-        return found[0], last[-2]
+        return found[0], last[-2], found[2]
 
     _after(patch, form.bodies, "held", stale)
 
@@ -107,7 +108,7 @@ def acceleration_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDyna
 
     def stale(found, *_):
         last.append(found[0].copy())
-        return last[-2].copy(), found[1]
+        return last[-2].copy(), found[1], found[2]
 
     _after(patch, form.bodies, "held", stale)
 
@@ -118,14 +119,14 @@ def both_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDynamics) ->
 
     def stale(found, *_):
         last.append((found[0].copy(), found[1].copy()))
-        return last[-2]
+        return *last[-2], found[2]
 
     _after(patch, form.bodies, "held", stale)
 
 
 def another_site(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
     """A contact a millimetre off its place and turned by a milliradian, in Pinocchio's model alone."""
-    model = form.bodies._workspace.models[0]
+    model = form.bodies.spare[-1].models[0]
     right = model.joint1_placement.copy()
     model.joint1_placement = right * pin.SE3(pin.exp3(np.array([1e-3, 0.0, 0.0])), np.array([1e-3, 0.0, 0.0]))
 
@@ -247,11 +248,11 @@ def motion_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDynamics) 
     """The change of the acceleration is that of another state."""
     last = [np.zeros(form.bodies.robot.nv)]
 
-    def stale(moved, *_):
-        last.append(moved.copy())
-        return last[-2]
+    def stale(change, *_):
+        last.append(change[0].copy())
+        return last[-2], change[1]
 
-    _after(patch, form.bodies, "moved", stale)
+    _after(patch, Workspace, "change", stale)
 
 
 SLIPPING: list[Fault] = [

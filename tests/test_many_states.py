@@ -17,8 +17,8 @@ import pytest
 import rbd
 from rbd.answers.many import Solutions, StateStatus
 from rbd.answers.many.many_answers import WARNINGS
-from rbd.answers.prepared.many_states import prepared_blocks
-from rbd.answers.prepared.sites import MOST, MOST_BODIES
+from rbd.answers.prepared.contact_bodies import MOST, MOST_BODIES
+from rbd.answers.prepared.contact_dynamics import prepared
 from rbd.errors import DistantContactWarning, EffortLimitWarning, OpeningContactWarning
 
 URDF = Path(__file__).parents[1] / "urdf"
@@ -412,32 +412,33 @@ class TestActuations:
 )
 def test_a_corrupted_block_is_not_certified(talos: rbd.Robot, rng: np.random.Generator, law: str, fault: str, monkeypatch):
     """What finds the answers is spoilt, what judges them is not: not one row of a block is certified."""
-    blocks = prepared_blocks(talos, tuple(anywhere(talos.soles(0.7))))
+    blocks = prepared(talos, tuple(anywhere(talos.soles(0.7))))
     assert blocks is not None
     q, v, n = near(talos, rng, 12), np.zeros((12, talos.nv)), 12
     generalised = np.zeros((n, talos.nv))
     generalised[:, talos.motors] = pushed(talos, rng, n)
     asked = {"coulomb": law == "coulomb", "rest_speed": 1e-6, "mu": None}
     assert blocks.solve(q, v, generalised, **asked).found.any()
-    found = blocks.bodies.motions
+    found, last = blocks._found, [np.zeros(talos.nv)]
 
-    def spoilt(q, v, generalised, a, f, *rest):
+    def spoilt(space, q, v, *rest, **asked):
         if fault == "another q":
-            q = np.array([pin.integrate(talos.model, x, np.full(talos.nv, 1e-4)) for x in q])
+            q = pin.integrate(talos.model, q, np.full(talos.nv, 1e-4))
         elif fault == "another v":
             v = v + 0.05
-        places = found(q, v, generalised, a, f, *rest)
-        if fault == "sign of forces":
-            f *= -1.0
-        elif fault == "scaled forces":
-            f *= 1.0 + 1e-7
-        elif fault == "stale acceleration":
-            a[:] = np.roll(a, 1, axis=0)
-        elif fault == "wrong site":
-            f[:] = np.roll(f, 6, axis=1)
-        return places
+        answer = found(space, q, v, *rest, **asked)
+        if answer is None:
+            return None
+        last.append(answer.a)
+        spoils = {
+            "sign of forces": {"weights": -answer.weights},
+            "scaled forces": {"weights": (1.0 + 1e-7) * answer.weights},
+            "stale acceleration": {"a": last[-2]},
+            "wrong site": {"weights": np.roll(answer.weights, 12)},
+        }
+        return answer._replace(**spoils.get(fault, {}))
 
-    monkeypatch.setattr(blocks.bodies, "motions", spoilt)
+    monkeypatch.setattr(blocks, "_found", spoilt)
     assert not blocks.solve(q, v, generalised, **asked).found.any()
 
 

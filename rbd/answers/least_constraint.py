@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from rbd.answers.analysis.sensitivity import StateOrigin
-from rbd.answers.prepared.contact_dynamics import prepared
+from rbd.answers.prepared.contact_dynamics import ContactDynamics, prepared
 from rbd.answers.solution import Solution, nearest_motion, solution_of
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, is_open, rows_of, with_loops
@@ -110,32 +110,27 @@ def solve(
         array([-0.342, -0.03 ,  0.575])
     """
     _check_is_bool(check)
-    if solver is None and isinstance(loops, bool):
-        found = _prepared_answer(state, tau, constraints, law, external, rest_speed)
-        if found is not None:
-            return found
+    plain = solver is None and isinstance(loops, bool) and type(rest_speed) is float and 0.0 <= rest_speed < 1e100
+    given = tuple(constraints) if isinstance(constraints, list | tuple) else ()
+    contacts = prepared(state.robot, given) if plain and type(state) is State and not state.robot.loops() else None
+    found = None if contacts is None else _prepared_answer(contacts, state, tau, given, law, external, rest_speed)
+    if found is not None:
+        return found
     chosen = solver_of(law, solver)
-    problem = assembled(state, tau, constraints, external, rest_speed, loops)
-    return answered(problem, chosen, check=check)
+    return answered(assembled(state, tau, constraints, external, rest_speed, loops), chosen, check=check)
 
 
 def _prepared_answer(
+    contacts: ContactDynamics,
     state: State,
     tau: Array | None,
-    constraints: Sequence[Constraint],
+    given: tuple[Constraint, ...],
     law: Law | str | None,
     external: External,
     rest_speed: float,
 ) -> Solution | None:
-    """The answer by the contacts' prepared form, certified; None where the general way has to be taken."""
-    start = time.perf_counter()
-    if type(state) is not State or type(rest_speed) is not float or not 0.0 <= rest_speed < 1e100:
-        return None
-    given = tuple(constraints) if isinstance(constraints, list | tuple) else ()
-    contacts = None if state.robot.loops() else prepared(state.robot, given)
-    if contacts is None:
-        return None
-    told = COULOMB if law is None else slip_law(law)
+    """The answer by the contacts' prepared form; None where it has none that is certified."""
+    start, told = time.perf_counter(), COULOMB if law is None else slip_law(law)
     robot = state.robot
     torques = robot.check_tau(tau)
     generalised = np.zeros(robot.nv)

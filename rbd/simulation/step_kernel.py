@@ -84,58 +84,44 @@ def moved(q: Array, out: Array, v: Array, h: float, bases: Array) -> Array:
 
 
 @compiled
-def _mapped(matrix: Array, X: Array, x: Array, place: Array, other: Array) -> Array:
-    products, out = np.empty(len(place)), np.zeros(len(matrix))
-    for c in range(len(place)):
-        products[c] = X[place[c]] * x[other[c]]
+def _mapped(matrix: Array, X: Array, x: Array, one: Array, other: Array) -> Array:
+    """`rbd.answers.prepared.contact_bodies.BilinearMap`."""
+    products, out = np.empty(len(one)), np.zeros(len(matrix))
+    for c in range(len(one)):
+        products[c] = X[one[c]] * x[other[c]]
     for r in range(len(matrix)):
         total = 0.0
-        for c in range(len(place)):
+        for c in range(len(one)):
             total += matrix[r, c] * products[c]
         out[r] = total
     return out
 
 
 @compiled
-def _of_joints(rows: Array, joints: Array) -> Array:
-    n = rows.shape[1]
-    out = np.empty(n * len(joints))
-    for b in range(len(joints)):
-        for k in range(n):
-            out[n * b + k] = rows[joints[b], k]
-    return out
-
-
-@compiled
-def points(
-    places: Array, rates: Array, joints: Array, gaps: Array, height: Array, matrix: Array, place: Array, other: Array
-) -> tuple[Array, Array]:
+def points(X: Array, V: Array, gaps: Array, height: Array, matrix: Array, one: Array, other: Array) -> tuple[Array, Array]:
     """(gap, velocity) of all points."""
-    X = _of_joints(places, joints)
     gap = np.empty(len(height))
     for i in range(len(height)):
         total = -height[i]
         for c in range(len(X)):
             total += gaps[i, c] * X[c]
         gap[i] = total
-    return gap, _mapped(matrix, X, _of_joints(rates, joints), place, other)
+    return gap, _mapped(matrix, X, V, one, other)
 
 
 @compiled
-def target(rates: Array, joints: Array, row_velocity: Array, h: float, out: Array) -> None:
+def target(V: Array, row_rates: Array, h: float, out: Array) -> None:
     """Accelerations of the bodies' rows that bring them to rest within h, into the beginning of `out`."""
-    V = _of_joints(rates, joints)
-    for r in range(len(row_velocity)):
+    for r in range(len(row_rates)):
         total = 0.0
         for c in range(len(V)):
-            total += row_velocity[r, c] * V[c]
+            total += row_rates[r, c] * V[c]
         out[r] = -total / h
 
 
 @compiled
 def sticking(
-    places: Array,
-    joints: Array,
+    X: Array,
     F: Array,
     change: Array,
     a: Array,
@@ -143,14 +129,13 @@ def sticking(
     h: float,
     mu: Array,
     matrix: Array,
-    place: Array,
+    one: Array,
     other: Array,
 ) -> tuple[bool, Array, Array]:
     """(whether all forces are in their cones, impulses, velocity) of points that stick.
 
     Args:
-        places: Placements of all joints.
-        joints: Those of the bodies.
+        X: Placements of the bodies.
         F: Forces on the bodies that hold them without acceleration.
         change: What the factors gave for their accelerations: less forces, then accelerations of the robot; or nothing.
         a: Acceleration without it.
@@ -158,7 +143,7 @@ def sticking(
         h: Length of the step [s].
         mu: Friction coefficients.
         matrix: Of the map to forces of points.
-        place: Of the same map.
+        one: Of the same map.
         other: Of the same map.
     """
     n = len(F)
@@ -171,7 +156,7 @@ def sticking(
     else:
         for i in range(len(a)):
             v[i] = start[i] + h * a[i]
-    f, inside = _mapped(matrix, _of_joints(places, joints), wrench, place, other), True
+    f, inside = _mapped(matrix, X, wrench, one, other), True
     for i in range(len(mu)):
         if not math.hypot(f[3 * i], f[3 * i + 1]) <= mu[i] * f[3 * i + 2]:
             inside = False

@@ -44,7 +44,7 @@ from rbd.simulation.implicit_forces import ElementTerms, ImplicitElements
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, Touch, WholeStep
 from rbd.simulation.simulated_motion import SimulatedMotion
 from rbd.simulation.stacked_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
-from rbd.simulation.velocity_problem import VelocityAnswer, solve_velocity
+from rbd.simulation.velocity_problem import StepEquations, VelocityAnswer, solve_velocity
 
 _SLOW = 0.2
 """Longest half step over the time scale of force elements in which their forces are taken as constant."""
@@ -116,18 +116,11 @@ class StepSystem:
         v, u, guess = at.state.v, start.rates(active), half * start.force
         turned = self.bases.turned(v, v, half)
         terms = None if exact else ElementTerms.of(at.state, elements)
-        fast, force, E = self.ground is not None and self.implicit.is_light(terms), applied, None
-        if terms is not None:
-            E, force = self.implicit.first_half(terms, at.state, turned, applied, h)
+        E, force = (None, applied) if terms is None else self.implicit.first_half(terms, at.state, turned, applied, h)
+        equations = StepEquations(at.state, start.t, at, self._by_bodies(terms), active, turned, half, u, at.error)
 
         def solution(shift: Array | None, guess: Array, norms: Array | None) -> VelocityAnswer:
-            if self.ground is not None and fast:
-                answer = self.ground.answer(
-                    at.state.q, v, force, turned, half, active, guess, law=self.motion.law, shift=shift, u=u, added=E
-                )
-                if answer is not None:
-                    return answer
-            return self._general(at, active, force, turned, half, guess, u, at.error, shift, norms, u, 1.0, E)
+            return self._answer(equations, force, E, guess, shift, norms)
 
         def result(answer: VelocityAnswer) -> HalfStep:
             return HalfStep(start, active, tau, answer, h, u, turned, applied, elements, terms)
@@ -150,25 +143,48 @@ class StepSystem:
             h *= min(1.0, _SLOW / max(h * half.implicit.rate(half.start.at.state.M), _SLOW))
         return self.solved(half.start, h, exact=True)
 
-    def _general(
+    def _by_bodies(self, terms: ElementTerms | None) -> bool:
+        """Whether the bodies in contact may answer: they have a prepared form, and force elements are light."""
+        return self.ground is not None and self.implicit.is_light(terms)
+
+    def _answer(
         self,
-        at: Snapshot,
-        active: Array,
+        equations: StepEquations,
         applied: Array,
-        start: Array,
-        h: float,
+        E: Array | None,
         guess: Array,
-        u: Array,
-        error: Array,
         shift: Array | None,
         norms: Array | None,
-        begins: Array,
-        share: float,
-        E: Array | None,
     ) -> VelocityAnswer:
-        """The step from `start`, with u+ = begins + J (v+ - start) + share h J_dot v, by M + E, h and J."""
-        state = at.state
+        """Velocity and impulses of either half: of the bodies in contact where these can answer, else the general way.
+
+        Args:
+            equations: The half.
+            applied: S^T tau + tau_ext, shape (nv,).
+            E: What force elements add to M, shape (nv, nv); None: nothing.
+            guess: Impulses to start from, shape (p,).
+            shift: Added to u+ only in the contact law, shape (p,).
+            norms: As of `solve_velocity`.
+        """
+        answer = None
+        if self.ground is not None and equations.by_bodies:
+            answer = self.ground.answer(equations, applied, guess, law=self.motion.law, shift=shift, added=E)
+        return self._general(equations, applied, E, guess, shift, norms) if answer is None else answer
+
+    def _general(
+        self,
+        equations: StepEquations,
+        applied: Array,
+        E: Array | None,
+        guess: Array,
+        shift: Array | None,
+        norms: Array | None,
+    ) -> VelocityAnswer:
+        """`_answer` by M + E, h and J."""
+        state, t, at, _, active, start, h, u, error, mean = equations
+        at = at or self.points.at(state, t)
         M = state.M if E is None else state.M + E
+        begins, share = (u, 1.0) if mean is None else (at.velocity + at.J @ (mean - state.v), 0.5)
         offset = begins - at.J @ start + share * h * at.bias
         rhs = M @ start + h * (applied - state.h)
         wanted = self.correction.wanted(at.layout, u, error, h)
@@ -218,31 +234,24 @@ class StepSystem:
 
     def _finish(self, half: HalfStep, h: float) -> WholeStep:
         """The step of length h before positions are corrected."""
-        bases, start, ground = self.bases, half.start, self.ground
+        bases, start = self.bases, half.start
         t, q, v = start.t, start.at.state.q, start.at.state.v
         v_h = half.answer.v if h == half.h else v + (half.answer.v - v) * (h / half.h)
         q_m, v, v_h, turned, mean = bases.middle(q, v, v_h, h)
         state = self.motion.reached(q_m, v_h, t + 0.5 * h)
         tau, applied, elements, pushes = self.motion.acting(state, t + 0.5 * h)
         terms = ElementTerms.of(state, elements)
-        fast = ground is not None and self.implicit.is_light(terms)
-        middle = None if fast else self.points.at(state, t + 0.5 * h)
+        by_bodies = self._by_bodies(terms)
+        middle = None if by_bodies else self.points.at(state, t + 0.5 * h)
         layout = start.at.layout if middle is None else middle.layout
         active, u0, error, before = half.points_in(layout)
         guess = before.impulse * (2.0 * h / half.h)
         still = self._still(u0) and self._still(before.velocity)
         shift = None if still else turned_back(layout, active, u0, before.velocity - u0, guess)
+        equations = StepEquations(state, t + 0.5 * h, middle, by_bodies, active, turned, h, u0, error, mean)
 
         def solution(force: Array, E: Array | None) -> VelocityAnswer:
-            if ground is not None and fast:
-                answer = ground.answer(
-                    state.q, state.v, force, turned, h, active, guess, law=self.motion.law, shift=shift, mean=mean, added=E
-                )
-                if answer is not None:
-                    return answer
-            at = middle or self.points.at(state, t + 0.5 * h)
-            begins = at.velocity + at.J @ (mean - v_h)
-            return self._general(at, active, force, turned, h, guess, u0, error, shift, before.norms, begins, 0.5, E)
+            return self._answer(equations, force, E, guess, shift, before.norms)
 
         if terms is None:
             answer, dissipated, implicit = solution(applied, None), 0.0, None

@@ -27,6 +27,7 @@ from rbd.arrays import Array, inertia_factor, is_finite, max_abs
 from rbd.errors import NoSolution
 from rbd.mechanism.projection import ZERO
 from rbd.mechanism.redundant_accelerations import CONTRADICTION, INDEPENDENT, OWED
+from rbd.model.state import State
 from rbd.problem.cones import Bounds, Cone, Product
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.gauss_problem import GaussProblem
@@ -75,6 +76,34 @@ class VelocityAnswer(NamedTuple):
     least: bool = False
     norms: Array | None = None
     redundant: bool = False
+
+
+class StepEquations(NamedTuple):
+    """The two halves of a time step in one form: v+ = start + h a, and the velocities of the points after it.
+
+    Attributes:
+        state: Where forces are computed, and at which velocity.
+        t: Its time [s].
+        at: Its points; None where they are measured only if they are needed.
+        by_bodies: Whether Pinocchio's contact dynamics may answer.
+        active: Which points are active, shape (k,).
+        start: Velocity to which h a is added, shape (nv,).
+        h: Length of the (half) step [s].
+        u: The points' velocities at the step's beginning, shape (p,).
+        error: Their position errors there, shape (p,).
+        mean: Velocity w for u+ = J w + h J a + h/2 J_dot v; None: u+ = u + h (J a + J_dot v).
+    """
+
+    state: State
+    t: float
+    at: Snapshot | None
+    by_bodies: bool
+    active: Array
+    start: Array
+    h: float
+    u: Array
+    error: Array
+    mean: Array | None = None
 
 
 @dataclass(frozen=True, eq=False)

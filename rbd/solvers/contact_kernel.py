@@ -30,7 +30,6 @@ _NEARLY = 1e-12
 """Merit at which no further points are taken into account."""
 _EARLY = 6
 """First steps in which the sum of squares may grow."""
-UNKNOWN, STICK, MOVE = 0, 1, 2
 
 
 @compiled
@@ -157,57 +156,6 @@ body_forces = compiled(
     signature(
         (NUMBER, COUNT, FLAG), array(2), array(1), array(1), FLAG,
         array(2), array(1, COUNT), array(1), array(1, COUNT), array(1, written=True),
-    ),
-)  # fmt: skip
-
-
-def _release(
-    D: Array, f: Array, w: Array, change: Array, least_norm: Array, P: Array, first: Array, mu: Array, seeds: Array
-) -> int:
-    """`ContactNewton.release`: f, w and the beginning of `change` are written where the points do not all stick.
-
-    Args:
-        D: Inverse inertia of the bodies' rows, shape (nw, nw).
-        f: Row forces that hold the bodies, shape (nw,).
-        w: Weights of the points, shape (3 k,).
-        change: Accelerations of the rows, in its first nw entries.
-        least_norm: Weights of minimum norm for row forces, shape (3 k, nw).
-        P: As of `body_forces`, like those after it.
-        first: First row of each point.
-        mu: Frictions.
-        seeds: Points with which the search begins.
-    """
-    n, nw = len(w), len(f)
-    c, start, out = np.zeros(nw), np.zeros(n), np.empty(n + nw)
-    for r in range(nw):
-        for s in range(nw):
-            c[r] -= D[r, s] * f[s]
-    for j in range(n):
-        for s in range(nw):
-            start[j] += least_norm[j, s] * f[s]
-    sticks = True
-    for i in range(len(mu)):
-        sticks = sticks and math.hypot(start[3 * i], start[3 * i + 1]) <= mu[i] * start[3 * i + 2]
-    if sticks:
-        return STICK
-    merit, _, _ = body_forces(D, c, start, False, P, first, mu, seeds, out)
-    if not merit <= FOUND:
-        return UNKNOWN
-    for r in range(nw):
-        change[r] = c[r]
-        for s in range(nw):
-            change[r] += D[r, s] * out[n + s]
-        f[r] = out[n + r]
-    for j in range(n):
-        w[j] = out[j]
-    return MOVE
-
-
-release = compiled(
-    _release,
-    signature(
-        COUNT, array(2), array(1, written=True), array(1, written=True), array(1, written=True), array(2),
-        array(2), array(1, COUNT), array(1), array(1, COUNT),
     ),
 )  # fmt: skip
 

@@ -90,22 +90,6 @@ class ContactNewton:
         merit, steps, opened = contact_kernel().body_forces(D, c, start, coulomb, *self._fixed, out)
         return ContactForces(out[:n], out[n:], merit, steps, opened)
 
-    def release(self, D: Array, f: Array, w: Array, change: Array, least_norm: Array) -> int:
-        """Forces of the convex law on bodies that are held, in one call.
-
-        Returns:
-            2 if they are found, 1 if all points stick, and nothing is written; 0 if nothing is known.
-
-        Args:
-            D: As in `forces`.
-            f: Forces on the rows that hold them, shape (nw,); written: those of the points.
-            w: Written: weights, shape (3 k,).
-            change: Its first entries are written: accelerations of the rows, shape (nw or more,).
-            least_norm: Weights of minimum norm for forces on the rows, from which to start, shape (3 k, nw).
-        """
-        D = D if D.flags.c_contiguous else D.T  # symmetric
-        return int(contact_kernel().release(D, f, w, change, least_norm, *self._fixed))
-
     def found(self, D: Array, c: Array, start: Array, *, coulomb: bool) -> ContactForces:
         """Forces that obey the law, searched from the other law's forces too; arguments as of `forces`.
 

@@ -17,7 +17,7 @@ import numpy as np
 from rbd.answers.many.blocks import friction_of, write
 from rbd.answers.many.many_answers import INACCURATE, LIMIT, OPENED, SPEED, ManyAnswers, Sheet, beyond_limits, of_rows, warn
 from rbd.answers.many.states import ManyStates
-from rbd.answers.prepared.many_states import BLOCK, BlockAnswer, ContactBlocks, prepared_blocks
+from rbd.answers.prepared.contact_dynamics import BLOCK, BlockAnswer, ContactDynamics, prepared
 from rbd.arrays import Array, zeros
 from rbd.displayed import Displayed
 from rbd.errors import CannotHold, CannotMove, RbdError
@@ -132,7 +132,7 @@ def _by_blocks(sheet: Sheet, choice: EffortChoice, tau: Array, margin: Array, le
     """Answer the states whose least effort is inside all limits; the numbers of those that are left."""
     states, left = sheet.states, np.ones(len(sheet.states), bool)
     left[list(states.refused)] = False
-    effort, blocks = choice.effort, prepared_blocks(states.robot, states.constraints)
+    effort, blocks = choice.effort, prepared(states.robot, states.constraints)
     plain = (
         choice.friction == "cone"
         and not effort.normal_force
@@ -201,7 +201,7 @@ class LeastEffort(NamedTuple):
 
 
 def least_effort_of(
-    blocks: ContactBlocks, states: ManyStates, part: Array, tau_ext: Array, a: Array, mu: Array | None, effort: Effort,
+    blocks: ContactDynamics, states: ManyStates, part: Array, tau_ext: Array, a: Array, mu: Array | None, effort: Effort,
     margin: float, rest_speed: float,
 ) -> LeastEffort:  # fmt: skip
     """Torques and forces of wanted motions whose contact points all keep still.
@@ -220,8 +220,8 @@ def least_effort_of(
     robot, q, v, T = states.robot, states.q[part], states.v[part], blocks.force_set
     unit = robot.force_unit
     limit = np.where(np.isfinite(robot.effort_limit), robot.effort_limit, unit)
-    with blocks.bodies.lock:
-        need, J, speeds, places = blocks.bodies.loads(q, v, a)
+    with blocks.bodies.workspace() as space:
+        need, J, speeds, X = blocks.bodies.loads(space, q, v, a)
         need -= tau_ext
         per_weight = J.transpose(0, 2, 1) @ blocks.G
         A, b = per_weight[:, robot.unactuated], need[:, robot.unactuated] / unit
@@ -231,8 +231,8 @@ def least_effort_of(
         tau = (need - (per_weight @ w[:, :, None])[:, :, 0])[:, robot.actuated]
         generalised = tau_ext.copy()
         generalised[:, robot.actuated] += tau
-        method = np.zeros(len(part), np.int8)
-        answer = blocks.judged(q, v, generalised, a, w @ blocks.G.T, w, places, method, coulomb=True, mu=mu)
+        method, none = np.zeros(len(part), np.int8), np.zeros(len(part), bool)
+        answer = blocks.judged(space, q, v, generalised, a, w, X, method, none, coulomb=True, mu=mu)
     own = np.broadcast_to(T.mu, (len(part), len(T.mu))) if mu is None else mu
     cones = w[:, T.cone_columns]
     with np.errstate(invalid="ignore"):

@@ -147,14 +147,14 @@ def test_residuals_see_an_answer_that_is_wrong(monkeypatch, name, wrong):
     assert ground is not None
     dynamics = pin.constraintDynamics
     if wrong == "a sign":
-        ground._forces._matrix[::3] *= -1.0
+        ground._forces.matrix[::3] *= -1.0
     elif wrong == "a stale force":
         fast._finish(right, H)
-        stale = ground._data.lambda_c.copy()  # that of the step's middle
+        stale = ground._workspace.row_forces.copy()  # that of the step's middle
 
         def forgetful(*given):
             a = dynamics(*given)
-            ground._data.lambda_c[:] = stale
+            ground._workspace.row_forces[:] = stale
             return a
 
         monkeypatch.setattr(pin, "constraintDynamics", forgetful)
@@ -170,7 +170,7 @@ def test_residuals_see_an_answer_that_is_wrong(monkeypatch, name, wrong):
     elif wrong == "another acceleration":
         monkeypatch.setattr(pin, "constraintDynamics", lambda *given: dynamics(*given) + 1e-4)
     else:
-        ground._forces._matrix[0] *= 1.0 + 1e-3
+        ground._forces.matrix[0] *= 1.0 + 1e-3
     assert fast.law_residual(fast.solved(now, H)) > 1e-7
 
 

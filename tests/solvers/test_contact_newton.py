@@ -134,30 +134,6 @@ def test_weights_in_one_call_are_those_of_its_parts_to_the_last_bit(coulomb, rng
     assert compiled_weights(np.eye(4), np.zeros(4), turned, np.zeros(4), **settings) is None  # another order
 
 
-def test_bodies_that_are_let_go_have_the_forces_of_the_convex_law(rng):
-    """In one call the wrench, weights and accelerations of `forces`; nothing is written where all points stick, or for NaN."""
-    P = soles(CORNERS, ring(5))
-    newton, least_norm, codes = ContactNewton(P, np.full(P.shape[1] // 3, 0.6)), np.linalg.pinv(P), []
-    for k in range(60):
-        D, c, start = drawn(rng, P, push=1.0 if k % 2 else 0.05)
-        held = -np.linalg.solve(D, c)
-        f, w, change = held.copy(), np.full(P.shape[1], 7.0), np.full(len(P) + 3, 7.0)
-        codes.append(newton.release(D, f, w, change, least_norm))
-        found = newton.forces(D, c, start, coulomb=False)
-        assert (change[len(P) :] == 7.0).all()
-        sticks = (np.hypot(*start.reshape(-1, 3)[:, :2].T) <= 0.6 * start.reshape(-1, 3)[:, 2]).all()
-        assert codes[-1] == (1 if sticks else 2)
-        if sticks:
-            assert np.array_equal(f, held) and (w == 7.0).all()
-            continue
-        assert found.merit < FOUND and law_missed(D, c, P, newton.mu, found._replace(weights=w, wrench=f), coulomb=False) < 1e-9
-        assert np.abs(D @ (f - held) - change[: len(P)]).max() < 1e-9 * max(1.0, np.abs(c).max())
-        assert np.abs(D @ (f - found.wrench)).max() < 1e-9 * max(1.0, np.abs(c).max())
-    assert {*codes} == {1, 2}
-    f = held.copy()
-    assert newton.release(np.full_like(D, np.nan), f, w, change, least_norm) == 0 and np.array_equal(f, held)
-
-
 def test_whole_numbers_as_friction_and_bounds():
     """Frictions and bounds given as integers are numbers like others."""
     S = scaled(np.eye(4), np.array([-1.0, -1.0, 0.0, -1.0]), at_rest(Product([FrictionCone(1), Bounds([0], [2])])))

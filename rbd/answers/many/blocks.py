@@ -10,8 +10,7 @@ import numpy as np
 from rbd.answers.least_constraint import posed
 from rbd.answers.many.many_answers import DISTANT, MOVES, Sheet
 from rbd.answers.many.states import ManyStates
-from rbd.answers.prepared.contact_dynamics import DOUBTFUL, FoundForces
-from rbd.answers.prepared.many_states import BLOCK, METHODS, BlockAnswer, prepared_blocks
+from rbd.answers.prepared.contact_dynamics import BLOCK, DOUBTFUL, METHODS, BlockAnswer, FoundForces, prepared
 from rbd.answers.solution import Solution
 from rbd.arrays import Array
 from rbd.constraints.constraint import member
@@ -26,7 +25,7 @@ def by_blocks(sheet: Sheet, law: Law, rest_speed: float) -> Array:
     states = sheet.states
     left = np.ones(len(states), bool)
     left[list(states.refused)] = False
-    blocks = prepared_blocks(states.robot, states.constraints)
+    blocks = prepared(states.robot, states.constraints)
     if blocks is None:
         return np.flatnonzero(left)
     mu = friction_of(states)

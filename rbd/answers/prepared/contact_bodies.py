@@ -1,6 +1,6 @@
-"""Constrained accelerations of bodies in contact by Pinocchio's contact dynamics, at one state and at many.
+"""Bodies in contact in Pinocchio's contact dynamics: what holds them still, and what judges their motion.
 
-For bodies of full row rank `pin.constraintDynamics` gives the acceleration that holds them all still and the forces f_0 on
+For bodies of full row rank `pin.constraintDynamics` gives the acceleration a_0 that holds them all still and the forces f_0 on
 them, with the factors of the operational-space inertia L = (J M^-1 J^T)^-1. A row acceleration s then costs
 
     f = f_0 + L s,        a = a_0 + M^-1 J^T L s
@@ -10,39 +10,91 @@ motion takes: less those given, that is the residual of the equations of motion,
 of momentum. It leaves the acceleration of every body, from which the row accelerations follow through constant matrices.
 Neither M, J and J_dot v as arrays, nor the factors that found the answer, take part.
 
-Rows are in Pinocchio's axes: three of a point in world axes, six of a patch in its own.
+Rows are in Pinocchio's axes: three of a point in world axes, or in its body's; six of a patch in its own. What Pinocchio leaves
+of the bodies is read as arrays, X of placements (R_WJ by columns, then p_WJ), V of velocities (v, w) and A of accelerations in
+joint axes, one body after the other: of one state, shape (12 or 6 times the bodies,), or of n, with n first. What follows from
+them is one product with a constant matrix, of the entries or of products of two.
 
 Source: [Carpentier2021] for the factors of constrained dynamics.
 """
 
 from __future__ import annotations
 
-import threading
-from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import blas
 
-from rbd.answers.prepared.sites import Site
-from rbd.arrays import Array, block_diagonal, max_abs, zeros
+from rbd.arrays import Array, block_diagonal, cross_matrix, max_abs, rows_from
+from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
-from rbd.model.data_pool import renewed_after_fork
-from rbd.problem.residuals import SOLVED
+from rbd.problem.cones import Cone
 
 DEPENDENT = 1e-9
 """Pivots of the contact rows below this, over the largest: rows that may be dependent."""
 SETTINGS = (1e-10, 1e-10, 0.0, 1)
 """Of Pinocchio's proximal iterations: a single one, without regularisation, is exact where rows are independent."""
-_STILL = 1e-15
-"""Squares of a body's velocity up to this leave its centripetal acceleration in the rounding."""
+STILL = 1e-15
+"""Squares of the bodies' velocities up to this leave their centripetal accelerations in the rounding."""
 TURNS = 1e-13
 """Centripetal accelerations up to this are rounding [m/s2]."""
+MOST, MOST_BODIES = 64, 16
+"""Sets of contacts, and of bodies in contact, that are kept with a robot."""
+MOST_SPARE = 2
+"""Workspaces that are kept with a set of bodies."""
+
+
+@dataclass(frozen=True, eq=False)
+class Site:
+    """The place of one contact on the body of one joint.
+
+    Attributes:
+        joint: The joint's number.
+        X_JC: From the joint to the contact's centre and axes; of a point, in the joint's axes.
+        size: Number of rows: 3 of a point, in world axes; 6 of a patch, in its own.
+        turns: Whether a point's rows are in the joint's axes instead, and turn with it.
+    """
+
+    joint: int
+    X_JC: pin.SE3
+    size: int
+    turns: bool = False
+
+    @classmethod
+    def of(cls, robot: CheckedModel, contact: Contact) -> Site:
+        """The site of a contact that `covered` accepts.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+        """
+        joint, X_JF = robot.site(contact.frame)
+        X_JC = X_JF * contact.placement
+        if len(contact.corners) == 1:
+            return cls(joint, pin.SE3(np.eye(3), X_JC.translation), 3)
+        return cls(joint, X_JC, 6)
+
+    @property
+    def key(self) -> tuple[object, ...]:
+        """Its values."""
+        return self.joint, self.size, self.turns, self.X_JC.homogeneous.tobytes()
+
+    def in_joint_axes(self, corners: Array) -> Array:
+        """Points of the contact in the joint's axes, shape (k, 3) [m]."""
+        return np.ascontiguousarray(corners @ self.X_JC.rotation.T + self.X_JC.translation)
+
+    def pinocchio(self, model: pin.Model) -> pin.RigidConstraintModel:
+        """The contact as Pinocchio has it."""
+        point = self.size == 3
+        kind = pin.ContactType.CONTACT_3D if point else pin.ContactType.CONTACT_6D
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED if point and not self.turns else pin.ReferenceFrame.LOCAL
+        return pin.RigidConstraintModel(kind, model, self.joint, self.X_JC, axes)
 
 
 class Workspace:
-    """Pinocchio's contact dynamics of bodies, and its memory, of megabytes for a humanoid.
+    """Pinocchio's contact dynamics of bodies, and its memory, of megabytes for a humanoid; views of it follow the data.
 
     Attributes:
         data: The data.
@@ -50,11 +102,18 @@ class Workspace:
         contacts: Its data.
         fixed: The last arguments of `pin.constraintDynamics`.
         factors: Of the constrained dynamics, as `held` left them.
+        row_forces: Forces on the rows that hold them, a view, as `held` left them, shape (m,).
         forces: Forces at all joints, for `pin.rnea`.
+        target: Where `change` takes row accelerations from, shape (m + nv,): its first m entries are to be written.
+        places: Placements of all joints, one after the other, a view: R_Wj by columns, then p_Wj.
+        rates: Velocities (v, w) of all joints in their axes, likewise.
+        lifts: Their spatial accelerations less that of gravity, as `pin.rnea` leaves them.
+        pushes: Forces (f, moment) at all joints, a view of `forces`.
+        site_rates: Velocities (v, w) of the sites in their axes, as `held` left them, shape (sites, 6).
     """
 
     def __init__(self, model: pin.Model, sites: Sequence[Site]) -> None:
-        self.data, self.models = model.createData(), pin.StdVec_RigidConstraintModel()
+        self._model, self.data, self.models = model, model.createData(), pin.StdVec_RigidConstraintModel()
         self.contacts = pin.StdVec_RigidConstraintData()
         for site in sites:
             self.models.append(site.pinocchio(model))
@@ -62,350 +121,313 @@ class Workspace:
         pin.initConstraintDynamics(model, self.data, self.models, self.contacts)
         self.fixed = (self.models, self.contacts, pin.ProximalSettings(*SETTINGS))
         self.factors, self._size = self.data.constraint_chol, sum(site.size for site in sites)
-        self.forces = pin.StdVec_Force()
+        self.target, self.forces = np.zeros(self._size + model.nv), pin.StdVec_Force()
         for _ in range(model.njoints):
             self.forces.append(pin.Force.Zero())
+        n, data = range(model.njoints), self.data
+        self.row_forces, self._pivots = data.lambda_c, self.factors.D[: self._size]
+        self.places = rows_from([(X.rotation, X.translation) for X in (data.oMi[j] for j in n)], 12).reshape(-1)
+        self.site_rates, rates, lifts, pushes = (
+            rows_from([(x.linear, x.angular) for x in parts], 6)
+            for parts in (
+                [contact.contact1_velocity for contact in self.contacts],
+                [data.v[j] for j in n], [data.a_gf[j] for j in n], [self.forces[j] for j in n],
+            )
+        )  # fmt: skip
+        self.rates, self.lifts, self.pushes = (each.reshape(-1) for each in (rates, lifts, pushes))
 
-    def held(self, model: pin.Model, q: Array, v: Array, generalised: Array) -> Array | None:
-        """Acceleration that gives every row none, of Pinocchio's spatial kind; None if rows may be dependent."""
-        a = pin.constraintDynamics(model, self.data, q, v, generalised, *self.fixed)
-        pivots = self.factors.D[: self._size]
-        return a if pivots[pivots.argmax()] < DEPENDENT * pivots[pivots.argmin()] else None  # all are negative
+    def held(self, q: Array, v: Array, generalised: Array, model: pin.Model | None = None) -> Array | None:
+        """Acceleration that gives every row none, of Pinocchio's spatial kind; None if rows may be dependent.
+
+        The forces for it are `row_forces`.
+
+        Args:
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            generalised: S^T tau + tau_ext, shape (nv,).
+            model: In place of the robot's, one with other rotor inertias.
+        """
+        a = pin.constraintDynamics(self._model if model is None else model, self.data, q, v, generalised, *self.fixed)
+        pivots = self._pivots  # all are negative
+        return a if pivots[pivots.argmax()] < DEPENDENT * pivots[pivots.argmin()] else None
+
+    def change(self, s: Array) -> tuple[Array, Array]:
+        """(M^-1 J^T L s, L s): what row accelerations s, shape (m,), add to the acceleration and to the row forces."""
+        self.target[: self._size] = s
+        change = self.factors.solve(self.target)
+        return change[self._size :], -change[: self._size]
+
+    def mobility(self) -> Array:
+        """L^-1 = J M^-1 J^T, shape (m, m)."""
+        return np.asarray(self.factors.getInverseOperationalSpaceInertiaMatrix())
+
+
+class BilinearMap:
+    """The map (x, y) -> T x y, as one constant matrix on the products of entries of x and y that take part.
+
+    Args:
+        T: Shape (p, len(x), len(y)).
+    """
+
+    def __init__(self, T: Array) -> None:
+        used = np.flatnonzero(T.any(axis=0))
+        self.matrix = T.reshape(len(T), -1)[:, used].copy()
+        self.one, self.other = np.unravel_index(used, T.shape[1:])
+
+    @property
+    def parts(self) -> tuple[Array, Array, Array]:
+        """The matrix; and of each product, which entry of x and which of y it has."""
+        return self.matrix, self.one, self.other
+
+    def __call__(self, x: Array, y: Array) -> Array:
+        """Shape (..., p), of x and y with the same leading dimensions."""
+        products = x.take(self.one, axis=-1)
+        products *= y.take(self.other, axis=-1)
+        return np.asarray(products @ self.matrix.T)
+
+
+_CROSS = np.stack([cross_matrix(e) for e in np.eye(3)], axis=1)
+"""T of the product w x v."""
 
 
 class ContactBodies:
-    """The bodies of a robot that contacts touch: what is constant, and the memory for what is not.
-
-    Everything is used under `lock`, in the order `held`, `moved`, `stationarity`, `row_accelerations`.
+    """The bodies of a robot that contacts touch, as `prepared` and a time step have them: what is constant.
 
     Attributes:
         robot: The robot.
         sites: The contacts' places on their bodies, in the order of the rows.
+        joints: Their joints, shape (sites,).
+        rows: The rows of each.
         m: Number of rows.
-        lock: For all methods, and for what they leave.
-        placements: Poses of the bodies in W, as `held` left them.
+        entries: Which of the sites' (v, w) are rows, shape (m,).
+        row_rates: Velocities of the rows by those (v, w) of the bodies; points in the joint's axes. Shape (m, 6 sites).
+        spare: Workspaces that nobody uses.
     """
 
     def __init__(self, robot: CheckedModel, sites: Sequence[Site]) -> None:
-        self.robot, self.sites, self.lock = robot, tuple(sites), threading.Lock()
-        self._model = model = robot.model
-        self._workspace = space = Workspace(model, sites)
-        self._data = data = space.data
-        self._factors, self._forces = space.factors, space.forces
-        self.m = m = sum(site.size for site in sites)
-        ends = np.cumsum([site.size for site in sites])
-        self._rows = [slice(int(end) - site.size, int(end)) for end, site in zip(ends, sites, strict=True)]
-        self._target = np.zeros(m + model.nv)
-        # References into the data: they follow it.
-        joints = [site.joint for site in sites]
-        self._slots = [self._forces[j] for j in joints]
-        self.placements = [data.oMi[j] for j in joints]
-        self._accelerations, self._twists = [data.a_gf[j] for j in joints], [data.v[j] for j in joints]
-        self._velocities = [each.contact1_velocity for each in space.contacts]
-        self._prepare_maps(np.array(model.gravity.linear))
-        self._points = [i for i, site in enumerate(sites) if site.size == 3]
-        self._per_inertia = 1.0 / robot.least_inertia
-        renewed_after_fork(self)
+        self.robot, self.sites, self.joints = robot, tuple(sites), np.array([site.joint for site in sites])
+        ends, n = np.cumsum([site.size for site in sites]).tolist(), len(sites)
+        self.rows, self.m = [slice(end - site.size, end) for end, site in zip(ends, sites, strict=True)], ends[-1]
+        self._site_rates = block_diagonal([site.X_JC.toActionMatrixInverse() for site in sites])
+        self.entries = np.concatenate([6 * i + np.arange(site.size) for i, site in enumerate(sites)])
+        self.row_rates, self._per_inertia = self._site_rates[self.entries], 1.0 / robot.least_inertia
+        gravity = np.zeros((12, 6))
+        gravity[:9, :3] = np.kron(np.eye(3), np.reshape(robot.model.gravity.linear, (3, 1)))
+        self._fall = block_diagonal([gravity] * n)
+        turning, turned = np.zeros((self.m, 6 * n, 6 * n)), np.zeros((self.m, 12 * n, self.m))
+        r, c = np.indices((3, 3))
+        for i, (site, rows) in enumerate(zip(sites, self.rows, strict=True)):
+            turning[rows.start : rows.start + 3, 6 * i + 3 : 6 * i + 6, 6 * i : 6 * i + 3] = _CROSS
+            if site.size == 3 and not site.turns:
+                turned[rows.start + r, 12 * i + 3 * c + r, rows.start + c] = 1.0
+        #: w x v of the sites' (v, w): classical accelerations of the rows less spatial ones; and of patches alone.
+        self._turning = BilinearMap(turning)
+        patches = np.repeat([site.size == 6 for site in sites], [site.size for site in sites])
+        self._patch_turning = BilinearMap(turning * patches[:, None, None])
+        self._to_world, self._to_joints = BilinearMap(turned), BilinearMap(turned.transpose(2, 1, 0))
+        self._unturned, self._turns = 1.0 - turned.any(axis=(1, 2)), bool(turned.any())
+        #: Where the bodies are among all joints' placements, and among their velocities.
+        self._twelve, self._six = ((size * self.joints[:, None] + np.arange(size)).ravel() for size in (12, 6))
+        self.spare: list[Workspace] = []
 
-    def _prepare_maps(self, gravity: Array) -> None:
-        """Constant matrices: wrenches on the bodies, and row accelerations from those of the bodies.
+    @classmethod
+    def of(cls, robot: CheckedModel, sites: Sequence[Site]) -> ContactBodies:
+        """Those of a robot, by the values of their sites: contacts are often made anew, with another friction."""
+        key = (cls, *[site.key for site in sites])
+        found: ContactBodies | None = robot.kept_bodies.get(key)
+        if found is None:
+            found = cls(robot, sites)
+            keep(robot.kept_bodies, key, found, MOST_BODIES)
+        return found
 
-        The latter are of a - R^T g of each body, and of the third row of its R where gravity is along z, else of R^T g.
-        """
-        self._gravity = gravity if gravity[:2].any() else None
-        fall = float(gravity[2]) if self._gravity is None else 1.0
-        self._dual = [site.X_JC.toDualActionMatrix()[:, : site.size] for site in self.sites]
-        self._all_dual = block_diagonal(self._dual)
-        self._to_contact = [site.X_JC.toActionMatrixInverse() for site in self.sites]
-        own = [A[: site.size] for A, site in zip(self._to_contact, self.sites, strict=True)]
-        self._accelerate = np.hstack([block_diagonal(own), block_diagonal([fall * A[:, :3] for A in own])])
-        self._seen = np.zeros(9 * len(own))
+    def taken(self) -> Workspace:
+        """A workspace that nobody else uses, until it is `put_back`."""
+        try:
+            return self.spare.pop()
+        except IndexError:
+            return Workspace(self.robot.model, self.sites)
 
-    def renew_after_fork(self) -> None:
-        """In a forked child: a new lock."""
-        self.lock = threading.Lock()
+    def put_back(self, space: Workspace) -> None:
+        """The end of the use of a workspace."""
+        if len(self.spare) < MOST_SPARE:
+            self.spare.append(space)
 
-    def held(self, q: Array, v: Array, generalised: Array, *, at_rest: bool) -> tuple[Array, Array] | None:
-        """(a, row forces) that hold the bodies, J a + J_dot v = 0; None if the rows may be dependent.
+    @contextmanager
+    def workspace(self) -> Iterator[Workspace]:
+        """A workspace for the block."""
+        space = self.taken()
+        try:
+            yield space
+        finally:
+            self.put_back(space)
+
+    def held(self, space: Workspace, q: Array, v: Array, generalised: Array) -> tuple[Array, Array, Array] | None:
+        """(a, row forces) that hold the bodies, J a + J_dot v = 0, and J v; None if the rows may be dependent.
 
         Args:
+            space: Used, and left with what it found.
             q: Configuration, shape (nq,).
             v: Velocity, shape (nv,).
             generalised: S^T tau + tau_ext, shape (nv,).
-            at_rest: v is zero.
         """
-        a = self._workspace.held(self._model, q, v, generalised)
+        a = space.held(q, v, generalised)
         if a is None:
             return None
-        forces = self._data.lambda_c.copy()
-        if not at_rest:
-            turning = self._centripetal()
-            if turning is not None:
-                a += self.moved(turning)
-                forces += self.inertia() @ turning
-        return a, forces
+        u, forces = space.site_rates.ravel(), space.row_forces.copy()
+        rates = u[self.entries]
+        if rates.dot(rates) > TURNS:  # |w x v| of patches is at most half of that
+            turning = self._patch_turning(u, u)  # what Pinocchio's spatial acceleration of patches lacks
+            if max_abs(turning) > TURNS:
+                change, more = space.change(-turning)
+                a += change
+                forces += more
+        return a, forces, rates
 
-    def _centripetal(self) -> Array | None:
-        """Row accelerations -(w x v) of patches that move: what Pinocchio's spatial acceleration lacks; None if zero."""
-        out, moves = zeros(self.m), False
-        for site, rows, velocity in zip(self.sites, self._rows, self._velocities, strict=True):
-            u = velocity.vector
-            if site.size == 6 and blas.ddot(u, u) > TURNS:  # |w x v| is at most half of that
-                x, y, z, p, q, r = u.tolist()
-                turn = (r * y - q * z, p * z - r * x, q * x - p * y)
-                if not max(map(abs, turn)) <= TURNS:
-                    out = out if moves else np.zeros(self.m)
-                    out[rows.start : rows.start + 3] = turn
-                    moves = True
-        return out if moves else None
+    def placements(self, space: Workspace) -> Array:
+        """X of the bodies, as `held` left it, shape (12 sites,)."""
+        return space.places[self._twelve]
 
-    def speed(self, i: int) -> float:
-        """Largest entry of a site's velocity [m/s, rad/s], as `held` left it."""
-        velocity = self._velocities[i].vector
-        return max_abs(velocity if self.sites[i].size == 6 else velocity[:3])
+    def velocities(self, space: Workspace) -> Array:
+        """V of the bodies, as Pinocchio's kinematics or `inverse_dynamics` left it, shape (6 sites,)."""
+        return space.rates[self._six]
 
-    def inertia(self) -> Array:
-        """Operational-space inertia L of the rows, shape (m, m)."""
-        return np.asarray(self._factors.getOperationalSpaceInertiaMatrix())
+    def lifts(self, space: Workspace) -> Array:
+        """Their spatial accelerations less that of gravity, as `inverse_dynamics` left them, shape (6 sites,)."""
+        return space.lifts[self._six]
 
-    def mobility(self) -> Array:
-        """L^-1 = J M^-1 J^T, shape (m, m)."""
-        return np.asarray(self._factors.getInverseOperationalSpaceInertiaMatrix())
+    def speeds(self, rates: Array) -> Array:
+        """Largest entry of each site's velocity, shape (..., sites) [m/s, rad/s], of those of the rows, shape (..., m)."""
+        return np.maximum.reduceat(np.abs(rates), [rows.start for rows in self.rows], axis=-1)
 
-    @property
-    def target(self) -> Array:
-        """Where `moved_to_target` takes row accelerations from, shape (m or more,): its first m entries are to be written."""
-        return self._target
+    def accelerations(self, X: Array, lifts: Array) -> Array:
+        """Spatial accelerations of the bodies, shape (..., 6 sites), from those less gravity's that `pin.rnea` leaves."""
+        return np.asarray(lifts + X @ self._fall)
 
-    def moved_to_target(self) -> Array:
-        """`moved`, by the row accelerations in `target`."""
-        return np.asarray(self._factors.solve(self._target)[self.m :])
+    def row_accelerations(self, V: Array, A: Array) -> Array:
+        """J a + J_dot v, shape (..., m), points in their joints' axes."""
+        c: Array = A @ self.row_rates.T
+        if np.vdot(V, V) > STILL:
+            u = V @ self._site_rates.T
+            c += self._turning(u, u)
+        return c
 
-    def moved(self, s: Array) -> Array:
-        """M^-1 J^T L s: the change of the acceleration by row accelerations s, shape (nv,)."""
-        self._target[: self.m] = s
-        return self.moved_to_target()
+    def in_row_axes(self, x: Array, X: Array) -> Array:
+        """Rows of points turned from their joints' axes to the world's where they have those, shape (..., m)."""
+        return self._to_world(X, x) + x * self._unturned if self._turns else x
 
-    def stationarity(self, q: Array, v: Array, a: Array, forces: Array, generalised: Array) -> float:
-        """Residual of the equations of motion, scaled; leaves the bodies' accelerations for `row_accelerations`.
+    def wrenches(self, f: Array, X: Array) -> Array:
+        """Row forces as wrenches on the bodies in their joints' axes, shape (..., 6 sites)."""
+        own = self._to_joints(X, f) + f * self._unturned if self._turns else f
+        return np.asarray(own @ self.row_rates)
 
-        Args:
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
-            a: Acceleration, shape (nv,).
-            forces: Row forces, shape (m,).
-            generalised: S^T tau + tau_ext, shape (nv,).
-        """
-        if self._points:
-            forces = forces.copy()
-            for i in self._points:
-                forces[self._rows[i]] = self.placements[i].rotation.T.dot(forces[self._rows[i]])
-        wrenches, at = self._all_dual.dot(forces), 0
-        for slot in self._slots:
-            slot.vector = wrenches[at : at + 6]
-            at += 6
-        left = pin.rnea(self._model, self._data, q, v, a, self._forces)
-        left -= generalised
-        scaled = max_abs(left * self._per_inertia)
-        # Bodies of a few grams may have accelerations of 1e5: then the terms of each equation are its scale.
-        return scaled if scaled <= SOLVED else max_abs(left / np.maximum(self._terms(a), 1.0 / self._per_inertia))
-
-    def _terms(self, a: Array) -> Array:
-        """|M| |a|, shape (nv,), of the upper triangle that Pinocchio's contact dynamics left."""
-        M, size = np.triu(np.abs(self._data.M)), np.abs(a)
-        return np.asarray(M @ size + M.T @ size - M.diagonal() * size)
-
-    def row_accelerations(self, *, at_rest: bool, turned: bool = True) -> Array:
-        """J a + J_dot v by the bodies' accelerations that `stationarity` left, shape (m,).
-
-        Args:
-            at_rest: v is zero.
-            turned: Points in world axes; else in those of their bodies.
-        """
-        seen, at, up = self._seen, 0, 6 * len(self.sites)
-        for acceleration, X in zip(self._accelerations, self.placements, strict=True):
-            seen[at : at + 6] = acceleration.vector
-            seen[up : up + 3] = X.rotation[2] if self._gravity is None else self._gravity.dot(X.rotation)
-            at += 6
-            up += 3
-        c = self._accelerate.dot(seen)
-        if not at_rest:
-            for rows, A, twist in zip(self._rows, self._to_contact, self._twists, strict=True):
-                u = twist.vector
-                if blas.ddot(u, u) > _STILL:
-                    x, y, z, p, q, r = A.dot(u).tolist()
-                    c[rows.start : rows.start + 3] += q * z - r * y, r * x - p * z, p * y - q * x
-        if turned:
-            for i in self._points:
-                c[self._rows[i]] = self.placements[i].rotation.dot(c[self._rows[i]])
-        return np.asarray(c)
-
-
-class Places(NamedTuple):
-    """Where the bodies are at n states.
-
-    Attributes:
-        R: Orientations R_WJ of the joints, shape (bodies, n, 3, 3).
-        p: Their origins in W, shape (bodies, n, 3) [m].
-        independent: At which states the rows are linearly independent, shape (n,), truth values.
-    """
-
-    R: Array
-    p: Array
-    independent: Array
-
-
-class BlockBodies(ContactBodies):
-    """The bodies of a robot that contacts touch, at the states of a block; everything is used under `lock`.
-
-    Attributes:
-        rows: The rows of each contact.
-    """
-
-    def __init__(self, robot: CheckedModel, sites: Sequence[Site]) -> None:
-        super().__init__(robot, sites)
-        self.rows, data = self._rows, self._data
-        # Views of the data: they follow it, and nothing is made where they are read.
-        joints = [site.joint for site in sites]
-        self._wrench_views = [self._forces[j].vector for j in joints]
-        self._poses = [(data.oMi[j].rotation, data.oMi[j].translation) for j in joints]
-        self._acceleration_views = [data.a_gf[j].vector for j in joints]
-        self._velocity_views = [velocity.vector[: site.size] for velocity, site in zip(self._velocities, sites, strict=True)]
-        self._twist_views = [data.v[j].vector for j in joints]
-
-    def motions(
-        self, q: Array, v: Array, generalised: Array, a: Array, f: Array, judge: Callable[[int, bool], None], clear: Array,
-        rest_speed: float,
-    ) -> Places:  # fmt: skip
-        """Hold the bodies at each state: accelerations and row forces go into a and f.
-
-        Args:
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
-            generalised: S^T tau + tau_ext, shape (n, nv).
-            a: Accelerations, shape (n, nv); written.
-            f: Row forces, shape (n, m); written.
-            judge: Called with a state's number, and whether its contacts rest, while the factors are of that state; it may
-                change its a and f.
-            clear: It is not called where contacts rest and the row forces make all of clear @ f positive, shape (j, m).
-            rest_speed: Contacts that are slower for certain rest [m/s, rad/s].
-        """
-        n, j, data, factors, moves = len(q), len(clear), self._data, self._factors, np.any(v, axis=1).tolist()
-        R, p, pivots = np.empty((len(self.sites), n, 3, 3)), np.empty((len(self.sites), n, 3)), np.empty((n, self.m))
-        run, fixed = pin.constraintDynamics, self._workspace.fixed
-        model = self._model
-        run(model, data, q[0], v[0], generalised[0], *fixed)
-        force, own_pivots = data.lambda_c, factors.D[: self.m]  # views that follow
-        bodies = [(*pose, R[k], p[k]) for k, pose in enumerate(self._poses)]
-        square = blas.ddot  # a third of ndarray.dot's time
-        velocities, slow = self._velocity_views, min(TURNS, rest_speed**2)  # |w x v| is at most half the square of (v, w)
-        i = -1
-        for q_i, v_i, generalised_i in zip(q, v, generalised, strict=True):
-            i += 1
-            a[i] = run(model, data, q_i, v_i, generalised_i, *fixed)
-            f[i] = force
-            pivots[i] = own_pivots
-            for rotation, translation, rotations, translations in bodies:
-                rotations[i] = rotation
-                translations[i] = translation
-            rests = True
-            if moves[i]:
-                for velocity in velocities:
-                    rests = rests and square(velocity, velocity) <= slow
-                if not rests:
-                    turning = self._centripetal()
-                    if turning is not None:
-                        a[i] += self.moved(turning)
-                        f[i] += self.inertia() @ turning
-            if j and rests:
-                room = clear.dot(force)
-                if room[room.argmin()] >= 0.0:
-                    continue
-            judge(i, rests)
-        turned = np.ascontiguousarray(pivots.T)
-        with np.errstate(invalid="ignore"):  # all are negative
-            return Places(R, p, turned.max(axis=0) < DEPENDENT * turned.min(axis=0))
-
-    def loads(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Places]:
-        """What a wanted motion takes, and through what forces act, at each state.
-
-        Args:
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
-            a: Accelerations, shape (n, nv).
-
-        Returns:
-            M a + h, shape (n, nv); the rows' Jacobians (n, m, nv) and speeds (n, contacts), the largest entries [m/s, rad/s];
-            where the bodies are.
-        """
-        n, model, data, nc = len(q), self._model, self._data, len(self.sites)
-        need, J = np.empty((n, model.nv)), np.empty((n, self.m, model.nv))
-        R, p, u = np.empty((nc, n, 3, 3)), np.empty((nc, n, 3)), np.empty((nc, n, 6))
-        axes = {3: pin.LOCAL_WORLD_ALIGNED, 6: pin.LOCAL}
-        fixed = [
-            (rows, site.size, site.joint, site.X_JC, axes[site.size]) for rows, site in zip(self._rows, self.sites, strict=True)
-        ]
-        bodies = [
-            (*pose, twist, R[k], p[k], u[k]) for k, (pose, twist) in enumerate(zip(self._poses, self._twist_views, strict=True))
-        ]
-        for i in range(n):
-            need[i] = pin.rnea(model, data, q[i], v[i], a[i])
-            pin.computeJointJacobians(model, data, q[i])
-            for rows, size, joint, X, seen in fixed:
-                J[i, rows] = pin.getFrameJacobian(model, data, joint, X, seen).reshape(6, -1)[:size]
-            for rotation, translation, twist, rotations, translations, twists in bodies:
-                rotations[i] = rotation
-                translations[i] = translation
-                twists[i] = twist
-        speeds = np.empty((n, nc))
-        for k, site in enumerate(self.sites):
-            speeds[:, k] = np.abs(u[k] @ self._to_contact[k].T)[:, : site.size].max(axis=1)
-        return need, J, speeds, Places(R, p, np.ones(n, bool))
-
-    def checked(self, q: Array, v: Array, generalised: Array, a: Array, f: Array, places: Places) -> tuple[Array, Array]:
+    def checked(
+        self, space: Workspace, q: Array, v: Array, generalised: Array, a: Array, f: Array, X: Array
+    ) -> tuple[Array, Array]:
         """(residuals of the equations of motion over lower bounds of their scales, row accelerations), by `pin.rnea`.
 
         Args:
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
-            generalised: S^T tau + tau_ext, shape (n, nv).
-            a: Accelerations, shape (n, nv).
-            f: Row forces, shape (n, m).
-            places: As `motions` left them.
+            space: Used.
+            q: Configuration, shape (nq,), or (n, nq) of n states.
+            v: Velocity, shape (..., nv).
+            generalised: S^T tau + tau_ext, shape (..., nv).
+            a: Acceleration, shape (..., nv).
+            f: Row forces, shape (..., m).
+            X: Placements of the bodies, shape (..., 12 sites).
 
         Returns:
-            Shapes (n, nv) and (n, m).
+            Shapes (..., nv) and (..., m), the latter as of `row_accelerations`.
         """
-        n, moves, sites = len(q), bool(v.any()), list(zip(range(len(self.sites)), self.sites, self._rows, strict=True))
-        left, x, u = np.empty((n, self._model.nv)), np.empty((len(sites), n, 6)), np.zeros((len(sites), n, 6))
-        wrenches = np.empty((len(sites), n, 6))
-        for k, site, rows in sites:
-            own = f[:, rows] if site.size == 6 else np.einsum("nij,ni->nj", places.R[k], f[:, rows])
-            wrenches[k] = own @ self._dual[k].T
-        bodies = list(zip(self._wrench_views, wrenches, self._acceleration_views, x, strict=True))
-        twists = list(zip(self._twist_views, u, strict=True)) if moves else []
-        run, model, data, forces = pin.rnea, self._model, self._data, self._forces
-        i = -1
-        for q_i, v_i, a_i in zip(q, v, a, strict=True):
-            i += 1
-            for slot, wrench, _, _ in bodies:
-                slot[:] = wrench[i]
-            left[i] = run(model, data, q_i, v_i, a_i, forces)
-            for _, _, acceleration, seen in bodies:
-                seen[i] = acceleration
-            for twist, seen in twists:
-                seen[i] = twist
+        wrenches = self.wrenches(f, X)
+        if q.ndim == 1:
+            left = self.inverse_dynamics(space, q, v, a, wrenches)
+            V, lifts = self.velocities(space), self.lifts(space)
+        else:
+            left, V, lifts = np.empty(v.shape), np.empty(wrenches.shape), np.empty(wrenches.shape)
+            for i, (q_i, v_i, a_i, wrench) in enumerate(zip(q, v, a, wrenches, strict=True)):
+                left[i] = self.inverse_dynamics(space, q_i, v_i, a_i, wrench)
+                V[i], lifts[i] = self.velocities(space), self.lifts(space)
         left -= generalised
         left *= self._per_inertia
         left /= np.maximum(np.abs(a), 1.0)  # M_ii |a_i| is a term of row i
-        gravity, c = np.array(self._model.gravity.linear), np.empty((n, self.m))
-        for k, site, rows in sites:
-            x[k, :, :3] += gravity @ places.R[k]  # rnea leaves a - R^T g
-            own = x[k] @ self._to_contact[k].T
-            if moves:
-                x_1, x_2, x_3, w_1, w_2, w_3 = self._to_contact[k] @ u[k].T
-                own[:, 0] += w_2 * x_3 - w_3 * x_2
-                own[:, 1] += w_3 * x_1 - w_1 * x_3
-                own[:, 2] += w_1 * x_2 - w_2 * x_1
-            c[:, rows] = own if site.size == 6 else np.einsum("nij,nj->ni", places.R[k], own[:, :3])
-        return left, c
+        return left, self.row_accelerations(V, self.accelerations(X, lifts))
+
+    def inverse_dynamics(self, space: Workspace, q: Array, v: Array, a: Array, wrenches: Array) -> Array:
+        """M a + h less the generalised forces of wrenches on the bodies in joint axes, shapes (nv,) and (6 sites,)."""
+        space.pushes[self._six] = wrenches
+        return np.asarray(pin.rnea(self.robot.model, space.data, q, v, a, space.forces))
+
+    def loads(self, space: Workspace, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
+        """What a wanted motion takes, and through what forces act, at each of n states.
+
+        Args:
+            space: Used.
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            a: Accelerations, shape (n, nv).
+
+        Returns:
+            M a + h, shape (n, nv); the rows' Jacobians (n, m, nv) and speeds of the sites (n, sites) [m/s, rad/s]; placements
+            of the bodies (n, 12 sites).
+        """
+        n, model, data, count = len(q), self.robot.model, space.data, len(self.sites)
+        need, J, X, V = np.empty(v.shape), np.empty((n, self.m, model.nv)), np.empty((n, 12 * count)), np.empty((n, 6 * count))
+        axes = {3: pin.LOCAL_WORLD_ALIGNED, 6: pin.LOCAL}
+        fixed = [(rows, s.size, s.joint, s.X_JC, axes[s.size]) for rows, s in zip(self.rows, self.sites, strict=True)]
+        for i in range(n):
+            need[i] = pin.rnea(model, data, q[i], v[i], a[i])
+            pin.computeJointJacobians(model, data, q[i])
+            for rows, size, joint, X_JC, seen in fixed:
+                J[i, rows] = pin.getFrameJacobian(model, data, joint, X_JC, seen).reshape(6, -1)[:size]
+            X[i], V[i] = self.placements(space), self.velocities(space)
+        return need, J, self.speeds(V @ self.row_rates.T), X
+
+
+def rotations(X: Array) -> Array:
+    """R_WJ of placements of bodies, shape (..., bodies, 3, 3)."""
+    return X.reshape(*X.shape[:-1], -1, 12)[..., :9].reshape(*X.shape[:-1], -1, 3, 3).swapaxes(-1, -2)
+
+
+def gap_map(body: Array, arms: Array, normals: Array, bodies: int) -> Array:
+    """Heights n . (R x + p) of points by the placements X of their bodies: a matrix, shape (k, 12 bodies).
+
+    Args:
+        body: The body of each point, shape (k,).
+        arms: x, where it is in the body's axes, shape (k, 3) [m].
+        normals: n, shape (k, 3).
+        bodies: How many.
+    """
+    k = np.arange(len(arms))
+    out = np.zeros((len(arms), bodies, 12))
+    out[k, body, :9] = (arms[:, :, None] * normals[:, None]).reshape(-1, 9)
+    out[k, body, 9:] = normals
+    return out.reshape(len(arms), 12 * bodies)
+
+
+def covered(robot: CheckedModel, contacts: tuple[object, ...]) -> bool:
+    """Whether the contacts are points and patches on still ground, each on a body of its own, with friction or bilateral.
+
+    Raises:
+        FrameNotFound: with the nearest names.
+    """
+    if not robot.sound:
+        return False
+    joints, names = set(), set()
+    for contact in contacts:
+        if (
+            not isinstance(contact, Contact)
+            or len(contact.corners) == 2
+            or contact.friction == 0.0
+            or isinstance(contact.friction, Cone)
+            or not contact.on_still_ground
+        ):
+            return False
+        joints.add(robot.site(contact.frame)[0])
+        names.add(contact.name)
+    return 0 < len(contacts) == len(joints) == len(names) and 0 not in joints
+
+
+def keep(kept: dict[Any, Any], key: object, value: object, most: int) -> None:
+    """Store a value under a key; if there are `most` values already, the oldest is removed."""
+    while len(kept) >= most:  # another thread may have removed it
+        kept.pop(next(iter(kept)), None)
+    kept[key] = value

@@ -3,31 +3,39 @@
     sticking    s = 0, if the corner forces of minimum norm are inside their cones
     slipping    y = G^T (L^-1 G w - L^-1 f_0),  forces f = G w, weights w and accelerations y under the law
 
-with L and f_0 of `rbd.answers.prepared.contact_bodies`, which also judges what was found. What is not covered gets None, and is
-solved the general way: contacts of other kinds, on moving ground or on bodies, two on one body, linearly dependent rows.
+with L and f_0 of `rbd.answers.prepared.contact_bodies`, which also judges what was found: at one state, or at a block of them
+in array operations. What is not covered gets None, and is solved the general way: contacts of other kinds, on moving ground or
+on bodies, two on one body, linearly dependent rows.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import blas
 
-from rbd.answers.prepared.contact_bodies import ContactBodies
-from rbd.answers.prepared.sites import kept_bodies, kept_form
-from rbd.arrays import Array, max_abs
+from rbd.answers.prepared.contact_bodies import MOST, ContactBodies, Site, Workspace, covered, gap_map, keep, rotations
+from rbd.arrays import Array, each_times, max_abs
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
+from rbd.problem.answer import CARRIES_NOTHING_N
+from rbd.problem.corner_cones import WrenchCone
 from rbd.problem.force_set import ForceSet, at_rest
-from rbd.solvers.contact_newton import ContactNewton, law_residual
+from rbd.problem.ground import TOUCHES
+from rbd.problem.residuals import SOLVED
+from rbd.solvers.contact_newton import ContactNewton, law_residual, point_misses
 from rbd.solvers.newton import FOUND
 
+BLOCK = 512
+"""States whose working arrays are in memory at a time; of two soles on a Talos 1.5 MB."""
 DOUBTFUL = 1e-6
 """Upper bounds of the scaled residuals above this are not looked into: the general way is taken."""
-_FEW = 16
-"""Points up to which one matrix tells which are inside their cones."""
+METHODS = ("closed form", "cones: Newton")
+"""Of contacts that are held or stick, and of those that slip or open."""
+_COEFFICIENTS = 64
+"""Sets of coefficients for which Newton's method is kept."""
 
 
 class FoundForces(NamedTuple):
@@ -52,6 +60,37 @@ class FoundForces(NamedTuple):
     moving: tuple[tuple[int, float], ...] = ()
 
 
+@dataclass(frozen=True, eq=False)
+class BlockAnswer:
+    """Answers at the n states of a block.
+
+    Attributes:
+        found: Which are certified, shape (n,), truth values; the other rows mean nothing.
+        a: Accelerations, shape (n, nv).
+        forces: Of each contact, world axes, shapes (n, 3) or (n, 6).
+        corner_forces: Of each contact, world axes, shapes (n, k, 3).
+        friction_used: Of each contact, shape (n,); NaN where there is none.
+        centre_of_pressure: Of each contact, shape (n, 3); NaN where unloaded.
+        residuals: {equation: upper bound of its scaled residual, shape (n,)}.
+        method: Which of `METHODS` found them, shape (n,); -1 where none did.
+        distant: Which have a contact off its plane, shape (n,).
+        still: Largest acceleration of a contact point [m/s2], or of a bilateral row, shape (n,).
+        moving: Which have a bilateral contact with a velocity, shape (n,).
+    """
+
+    found: Array
+    a: Array
+    forces: list[Array]
+    corner_forces: list[Array]
+    friction_used: list[Array]
+    centre_of_pressure: list[Array]
+    residuals: dict[str, Array]
+    method: Array
+    distant: Array
+    still: Array
+    moving: Array
+
+
 class ContactDynamics:
     """Contacts of one robot, prepared.
 
@@ -63,68 +102,40 @@ class ContactDynamics:
     """
 
     def __init__(self, bodies: ContactBodies, contacts: tuple[Contact, ...]) -> None:
-        self.bodies = bodies
+        self.bodies, self._contacts = bodies, contacts
         self.force_set = T = at_rest(*[contact.cone for contact in contacts])
         self.bilateral = T.bilateral
-        self._turns = [contact.turned for contact in contacts]
-        self._turned = any(turn is not None for turn in self._turns)
-        self._frictional = [i for i, contact in enumerate(contacts) if contact.friction is not None]
-        self._held = [i for i, contact in enumerate(contacts) if contact.friction is None]
-        self.G = self._turn_back(T.G) if self._turned else T.G
-        self._pull = np.ascontiguousarray(self.G.T)
-        self._least_norm = np.ascontiguousarray(_pseudo_inverse(T) if not self._turned else np.linalg.pinv(self.G))
-        self._room = _room_of(T) if len(T.mu) <= _FEW else None
-        self._weights_and_squares = np.empty(2 * T.size)
+        turns = [(contact.turned, rows) for contact, rows in zip(contacts, bodies.rows, strict=True)]
+        self._turns = [(turn, rows) for turn, rows in turns if turn is not None]
+        self.G, self._least_norm = T.G, _pseudo_inverse(T)
+        if self._turns:
+            self.G = T.G.copy()
+            for turn, rows in self._turns:
+                self.G[rows] = turn @ self.G[rows]
+            self._least_norm = np.linalg.pinv(self.G)
+        self._pull, self._cones = np.ascontiguousarray(self.G.T), np.ascontiguousarray(T.cone_columns.T)
+        self._frictional = np.array([contact.friction is not None for contact in contacts])
         self._newton = ContactNewton(self.G, T.mu) if T.only_cones else None
-        planes = [(c.plane, c, X, site) for c, X, site in zip(contacts, bodies.placements, bodies.sites, strict=True)]
-        self._planes = [
-            (plane, X, site.in_joint_axes(c.corners), plane.level, plane.height) for plane, c, X, site in planes if plane
-        ]
+        self._newtons: dict[bytes, ContactNewton] = {}
+        standing = [(i, c, c.plane, site) for i, (c, site) in enumerate(zip(contacts, bodies.sites, strict=True)) if c.plane]
+        each = np.repeat(np.arange(len(standing)), [len(c.corners) for _, c, _, _ in standing])
+        arms = np.concatenate([np.zeros((0, 3)), *[site.in_joint_axes(c.corners) for _, c, _, site in standing]])
+        normals = np.array([plane.normal for _, _, plane, _ in standing]).reshape(-1, 3)[each]
+        self._gaps = gap_map(np.array([i for i, *_ in standing], int)[each], arms, normals, len(contacts))
+        self._heights = np.array([plane.height for _, _, plane, _ in standing])[each]
 
-    def _turn_back(self, G: Array) -> Array:
-        """G with the rows of points in world axes."""
-        out = G.copy()
-        for turn, rows in self._point_rows():
-            out[rows] = turn @ out[rows]
-        return out
+    def off_plane(self, X: Array) -> Array:
+        """Largest distance of a corner from the plane on which it stands, where that is known, shape (...,) [m]."""
+        if not len(self._heights):
+            return np.zeros(X.shape[:-1])
+        return np.asarray(np.abs(X @ self._gaps.T - self._heights).max(axis=-1))
 
-    def _in_contact_axes(self, forces: Array) -> Array:
-        if self._turned:
-            for turn, rows in self._point_rows():
-                forces[rows] = turn.T @ forces[rows]
-        return forces
-
-    def _point_rows(self) -> list[tuple[Array, slice]]:
-        ends = np.cumsum([site.size for site in self.bodies.sites]).tolist()
-        return [(turn, slice(end - 3, end)) for turn, end in zip(self._turns, ends, strict=True) if turn is not None]
-
-    def touches(self, within: float) -> bool:
-        """Whether every corner is near the plane on which it stands, where that is known; after `bodies.held`."""
-        for plane, X, corners, level, height in self._planes:
-            if level:
-                gaps = corners.dot(X.rotation[2])
-                gaps += X.translation[2] - height
-            else:
-                gaps = plane.distances(corners @ X.rotation.T + X.translation)
-            if not -within <= gaps[gaps.argmin()] or not gaps[gaps.argmax()] <= within:
-                return False
-        return True
-
-    def sticking(self, forces: Array) -> tuple[Array, bool]:
-        """(weights of minimum norm of row forces, whether they are in their cones)."""
+    def sticking(self, forces: Array, mu: Array | None = None) -> tuple[Array, bool]:
+        """(weights of minimum norm of row forces, whether they are in their cones, of the points' friction or another)."""
         w = self._least_norm.dot(forces)
-        return w, self.inside(w)
-
-    def inside(self, w: Array) -> bool:
-        """Whether weights are in their cones, shape (p,)."""
-        T = self.force_set
-        if self._room is None:
-            return in_cones(w, T.cone_at, T.mu) if self._newton is None else _inside(w.reshape(-1, 3).T, T.mu)
-        both = self._weights_and_squares
-        both[: T.size] = w
-        np.multiply(w, w, both[T.size :])
-        room = self._room.dot(both)
-        return bool(room[room.argmin()] >= 0.0)
+        x, y, n = w.take(self._cones)
+        room = (self.force_set.mu if mu is None else mu) * n - np.hypot(x, y)
+        return w, bool(room[room.argmin()] >= 0.0)
 
     def answer(
         self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, within: float
@@ -139,76 +150,193 @@ class ContactDynamics:
             rest_speed: If a frictional contact moves faster, the general way is taken [m/s, rad/s].
             within: If a corner is farther off its plane, the general way is taken [m].
         """
-        bodies, still = self.bodies, blas.ddot(v, v) == 0.0
-        with bodies.lock:
-            held = bodies.held(q, v, generalised, at_rest=still)
-            if held is None or not self.touches(within):
+        with self.bodies.workspace() as space:
+            found = self._found(space, q, v, generalised, coulomb=coulomb, rest_speed=rest_speed)
+            X = self.bodies.placements(space)
+            if found is None or not self.off_plane(X) <= within:
                 return None
-            a, forces = held
-            w, fixed = None, () if still else self._held
-            moving = tuple([(i, speed) for i in fixed if (speed := bodies.speed(i)) > rest_speed])
-            if not self.bilateral:
-                if not still and max(map(bodies.speed, self._frictional)) > rest_speed:
-                    return None
-                w, inside = self.sticking(forces)
-                if not inside:
-                    found = self._slipping(q, v, generalised, a, forces, w, coulomb=coulomb, still=still)
-                    return found if found is None or not moving else found._replace(moving=moving)
-                forces = self.G.dot(w)  # what is judged are the corner forces
-            worst = bodies.stationarity(q, v, a, forces, generalised)
-            worst = max(worst, 10.0 * max_abs(bodies.row_accelerations(at_rest=still, turned=False)))
-            if not worst <= DOUBTFUL:
-                return None
-            return FoundForces(a, self._in_contact_axes(forces), w, "closed form", 0, worst, moving)
-
-    def _slipping(
-        self, q: Array, v: Array, generalised: Array, a: Array, held: Array, start: Array, *, coulomb: bool, still: bool
-    ) -> FoundForces | None:
-        """The law where the forces that hold all bodies are not in their cones; searched from weights `start`."""
-        if self._newton is None:
-            return None
-        bodies = self.bodies
-        mobility = bodies.mobility()
-        found = self._newton.found(mobility, -mobility.dot(held), start, coulomb=coulomb)
-        if not found.merit <= FOUND:
-            return None
-        w = found.weights
-        forces = self.G.dot(w)
-        a += bodies.moved(mobility.dot(forces - held))
-        worst = bodies.stationarity(q, v, a, forces, generalised)
-        c = bodies.row_accelerations(at_rest=still)
-        worst = max(worst, law_residual(self._pull.dot(c), w, self.force_set.mu, coulomb=coulomb))
+            a, f, w, method, steps, _, moving = found
+            left, c = self.bodies.checked(space, q, v, generalised, a, f, X)
+        if w is None or method == METHODS[0]:
+            law = 10.0 * max_abs(c)
+        else:
+            law = law_residual(self._pull.dot(self.bodies.in_row_axes(c, X)), w, self.force_set.mu, coulomb=coulomb)
+        worst = max(max_abs(left), law)
         if not worst <= DOUBTFUL:
             return None
-        return FoundForces(a, self._in_contact_axes(forces), w, "cones: Newton", found.steps, worst)
+        for turn, rows in self._turns:
+            f[rows] = turn.T @ f[rows]
+        return FoundForces(a, f, w, method, steps, worst, moving)
 
+    def _found(
+        self,
+        space: Workspace,
+        q: Array,
+        v: Array,
+        generalised: Array,
+        *,
+        coulomb: bool,
+        rest_speed: float,
+        mu: Array | None = None,
+    ) -> FoundForces | None:
+        """What obeys the law at one state, not yet certified, forces in the axes of the bodies; None where nothing is known."""
+        held = self.bodies.held(space, q, v, generalised)
+        if held is None:
+            return None
+        a, f, rates = held
+        moving: tuple[tuple[int, float], ...] = ()
+        if rates.dot(rates) > rest_speed * rest_speed:
+            fast = [(i, speed) for i, speed in enumerate(self.bodies.speeds(rates).tolist()) if speed > rest_speed]
+            if any(self._frictional[i] for i, _ in fast):
+                return None
+            moving = tuple(fast)
+        if self.bilateral:
+            return FoundForces(a, f, None, METHODS[0], moving=moving)
+        w, sticks = self.sticking(f, mu)
+        if sticks:
+            return FoundForces(a, self.G.dot(w), w, METHODS[0], moving=moving)
+        newton = self._newton if mu is None else self._newton_of(mu)
+        if newton is None:
+            return None
+        mobility = space.mobility()
+        slipping = newton.found(mobility, -mobility.dot(f), w, coulomb=coulomb)
+        if not slipping.merit <= FOUND:
+            return None
+        forces = self.G.dot(slipping.weights)  # what is judged are the corner forces
+        a += space.change(mobility.dot(forces - f))[0]
+        return FoundForces(a, forces, slipping.weights, METHODS[1], slipping.steps, moving=moving)
 
-def in_cones(w: Array, at: Array, mu: Array) -> bool:
-    """Whether the weights of each cone (tangent, tangent, normal from column `at` on) are in it."""
-    return _inside((w[at], w[at + 1], w[at + 2]), mu)
+    def _newton_of(self, mu: Array) -> ContactNewton | None:
+        """Newton's method with other coefficients; sweeps repeat them."""
+        if not self.force_set.only_cones:
+            return None
+        key = mu.tobytes()
+        found = self._newtons.get(key)
+        if found is None:
+            found = ContactNewton(self.G, mu)
+            keep(self._newtons, key, found, _COEFFICIENTS)
+        return found
 
+    def solve(
+        self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, mu: Array | None
+    ) -> BlockAnswer:
+        """Accelerations and forces at n states, certified.
 
-def _inside(w: Array | tuple[Array, Array, Array], mu: Array) -> bool:
-    """`in_cones`, of all tangential and normal weights."""
-    x, y, n = w
-    n = mu * n
-    room = n * n - x * x - y * y
-    return bool(n[n.argmin()] >= 0.0 and room[room.argmin()] >= 0.0)
+        Args:
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            generalised: S^T tau + tau_ext, shape (n, nv).
+            coulomb: Coulomb's law; else the convex one.
+            rest_speed: States with a frictional contact that moves faster are not answered [m/s, rad/s].
+            mu: Friction of the points at each state, shape (n, k); None: the contacts' own.
+        """
+        n, bodies = len(q), self.bodies
+        a, f, w = np.zeros(v.shape), np.zeros((n, bodies.m)), np.zeros((n, self.force_set.size))
+        X, method, moving = np.zeros((n, 12 * len(bodies.sites))), np.full(n, -1, np.int8), np.zeros(n, bool)
+        with bodies.workspace() as space:
+            for i in range(n):
+                found = self._found(
+                    space, q[i], v[i], generalised[i], coulomb=coulomb, rest_speed=rest_speed, mu=None if mu is None else mu[i]
+                )
+                X[i] = bodies.placements(space)
+                if found is not None:
+                    a[i], method[i], moving[i] = found.a, METHODS.index(found.method), bool(found.moving)
+                    if found.weights is None:
+                        f[i] = found.forces
+                    else:
+                        w[i] = found.weights
+            return self.judged(
+                space, q, v, generalised, a, w, X, method, moving, coulomb=coulomb, mu=mu, forces=f if self.bilateral else None
+            )
 
+    def judged(
+        self, space: Workspace, q: Array, v: Array, generalised: Array, a: Array, w: Array, X: Array, method: Array,
+        moving: Array, *, coulomb: bool, mu: Array | None, forces: Array | None = None,
+    ) -> BlockAnswer:  # fmt: skip
+        """The certificate of n answers, and what they are in world axes.
 
-def _room_of(T: ForceSet) -> Array:
-    """Maps weights over their squares to n, and mu^2 n^2 - x^2 - y^2, of each cone: both are positive inside."""
-    k = len(T.mu)
-    out = np.zeros((2 * k, 2 * T.size))
-    for i, (at, mu) in enumerate(zip(T.cone_at.tolist(), T.mu.tolist(), strict=True)):
-        out[i, at + 2] = 1.0
-        out[k + i, T.size + at : T.size + at + 3] = -1.0, -1.0, mu * mu
-    return out
+        Args:
+            space: Used.
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            generalised: S^T tau + tau_ext, shape (n, nv).
+            a: Accelerations, shape (n, nv).
+            w: Weights of the force set, shape (n, p).
+            X: Placements of the bodies, shape (n, 12 sites).
+            method: Numbers of what found them, shape (n,); -1 where nothing did.
+            moving: Which have a bilateral contact with a velocity, shape (n,).
+            coulomb: Coulomb's law; else the convex one.
+            mu: As of `solve`.
+            forces: Row forces in the axes of the bodies, shape (n, m), in place of those of the weights.
+        """
+        f = w @ self.G.T if forces is None else forces
+        left, c = self.bodies.checked(space, q, v, generalised, a, f, X)
+        c = self.bodies.in_row_axes(c, X)
+        used = np.broadcast_to(self.force_set.mu, (len(q), len(self.force_set.mu))) if mu is None else mu
+        # States along the last axis: maxima are four times as fast.
+        residuals = {"stationarity": np.abs(np.ascontiguousarray(left.T)).max(axis=0), **self._misses(c, w, used, coulomb)}
+        with np.errstate(invalid="ignore"):
+            found = (method >= 0) & (np.maximum.reduce(list(residuals.values())) <= SOLVED)
+        still = np.abs(c if self.bilateral else c @ self.G).max(axis=1)
+        world = self._in_world(f, w, used, X)
+        return BlockAnswer(found, a, *world, residuals, method, self.off_plane(X) > TOUCHES, still, moving)
+
+    def _misses(self, c: Array, w: Array, mu: Array, coulomb: bool) -> dict[str, Array]:
+        """Upper bounds of the scaled residuals of the law, as `rbd.solvers.contact_newton` has them."""
+        if self.bilateral:
+            none = np.zeros(len(c))
+            return {"feasibility": np.abs(c).max(axis=1), "cone": none, "complementarity": none}
+        T, y = self.force_set, c @ self.G
+        at = T.cone_columns.ravel()
+        sinks, outside, far = point_misses(y[:, at], w[:, at], mu, coulomb=coulomb)
+        lines = np.delete(y, at, axis=1)
+        sinks = np.maximum(np.abs(lines).max(axis=1, initial=0.0), sinks)
+        return {"feasibility": sinks, "cone": outside, "complementarity": far}
+
+    def _in_world(self, f: Array, w: Array, mu: Array, X: Array) -> tuple[list[Array], list[Array], list[Array], list[Array]]:
+        """Forces, corner forces, friction used and centres of pressure of each contact at n states, as of `BlockAnswer`."""
+        n, T, R_WJ = len(f), self.force_set, rotations(X)
+        forces, corners, friction, pressures = list[Array](), list[Array](), list[Array](), list[Array]()
+        for k, (contact, site, rows) in enumerate(zip(self._contacts, self.bodies.sites, self.bodies.rows, strict=True)):
+            R, own = R_WJ[:, k], f[:, rows]
+            centre = R @ site.X_JC.translation + X[:, 12 * k + 9 : 12 * k + 12]
+            if site.size == 6:
+                axes, local = R @ site.X_JC.rotation, own
+                forces.append(each_times(axes[:, None], own.reshape(n, 2, 3)).reshape(n, 6))
+            else:
+                turn = np.eye(3) if contact.turned is None else contact.turned
+                axes, local = np.broadcast_to(turn, (n, 3, 3)), own @ turn
+                forces.append(own.copy())
+            if contact.friction is not None:
+                points = w[:, T.slices[k]].reshape(n, -1, 3)
+            elif len(contact.corners) > 1:
+                points = (local @ _corner_split(contact)).reshape(n, -1, 3)
+            else:
+                points = local[:, None, :3]
+            corners.append(points @ axes.transpose(0, 2, 1))
+            with np.errstate(invalid="ignore", divide="ignore"):
+                loaded = np.where(local[:, 2] >= CARRIES_NOTHING_N, local[:, 2], np.nan)
+                if contact.friction is None:
+                    friction.append(np.full(n, np.nan))
+                else:
+                    first = int(np.searchsorted(T.cone_at, T.slices[k].start))
+                    friction.append(np.hypot(local[:, 0], local[:, 1]) / (mu[:, first] * loaded))
+                if site.size == 6:
+                    at = np.stack([-local[:, 4] / loaded, local[:, 3] / loaded, 0.0 * loaded], axis=1)
+                    pressures.append(centre + each_times(axes, at))
+                else:
+                    pressures.append(np.where(np.isnan(loaded)[:, None], np.nan, centre))
+        return forces, corners, friction, pressures
 
 
 @lru_cache(maxsize=256)
 def _pseudo_inverse(T: ForceSet) -> Array:
-    return np.asarray(np.linalg.pinv(T.G))
+    return np.ascontiguousarray(np.linalg.pinv(T.G))
+
+
+def _corner_split(contact: Contact) -> Array:
+    """Forces of least norm at the corners of a patch, shape (6, 3 k), for unit wrenches."""
+    return np.linalg.pinv(WrenchCone(contact.corners, 0.0).corner_map).T
 
 
 def prepared(robot: CheckedModel, contacts: tuple[object, ...]) -> ContactDynamics | None:
@@ -217,9 +345,16 @@ def prepared(robot: CheckedModel, contacts: tuple[object, ...]) -> ContactDynami
     Raises:
         FrameNotFound: with the nearest names.
     """
-    found: ContactDynamics | None = kept_form(robot, contacts, contacts, _made)
+    known: dict[object, ContactDynamics | None] = robot.kept
+    try:
+        return known[contacts]
+    except KeyError:
+        pass
+    except TypeError:  # objects that cannot be keys
+        return None
+    found = None
+    if covered(robot, contacts):
+        given: tuple[Contact, ...] = contacts  # type: ignore[assignment]
+        found = ContactDynamics(ContactBodies.of(robot, tuple([Site.of(robot, c) for c in given])), given)
+    keep(known, contacts, found, MOST)
     return found
-
-
-def _made(robot: CheckedModel, contacts: tuple[Contact, ...]) -> ContactDynamics:
-    return ContactDynamics(kept_bodies(robot, contacts, ContactBodies), contacts)
