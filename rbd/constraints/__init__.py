@@ -1,5 +1,7 @@
 """Constraints: each returns named rows with a force set, and does not depend on a solver."""
 
+from functools import partial as _partial
+
 from rbd.constraints.collision import CollisionContacts
 from rbd.constraints.contact import Contact, LineContact, PointContact, SurfaceContact
 from rbd.constraints.contact_points import ContactPoints
@@ -35,5 +37,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

@@ -1,5 +1,7 @@
 """Motor torques and pushes over time: controllers, schedules and pushes; tasks, and the torques that meet them best."""
 
+from functools import partial as _partial
+
 from rbd.control.contact_schedule import ContactSchedule
 from rbd.control.force_tasks import ForceTask, MomentumTask
 from rbd.control.motion_limits import Limits
@@ -44,5 +46,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

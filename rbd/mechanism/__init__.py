@@ -1,5 +1,7 @@
 """Mechanisms: assembly, mobility, branches and singularities of closed loops and rolling."""
 
+from functools import partial as _partial
+
 from rbd.mechanism.assembly import Assembly, Branch, Branches, assemble, branches
 from rbd.mechanism.branch_tracing import Trace, trace
 from rbd.mechanism.degrees_of_freedom import Mobility, mobility
@@ -60,5 +62,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

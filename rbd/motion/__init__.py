@@ -1,5 +1,7 @@
 """Motions over time: reference motions, read, made, edited and checked; measured motions, and their contact forces."""
 
+from functools import partial as _partial
+
 from rbd.modules import submodule as _submodule
 from rbd.motion.causes import CAUSES
 from rbd.motion.checking import check_motion
@@ -35,5 +37,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

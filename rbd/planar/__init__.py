@@ -3,6 +3,8 @@
 Needs the extra `symbolic`: pip install "rbd-contact[symbolic]".
 """
 
+from functools import partial as _partial
+
 from rbd.modules import submodule as _submodule
 
 try:
@@ -60,5 +62,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

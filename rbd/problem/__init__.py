@@ -1,5 +1,7 @@
 """The least-constraint problem in arrays: cones, rows, force sets, residuals. Depends on NumPy, not on robots or solvers."""
 
+from functools import partial as _partial
+
 from rbd.modules import submodule as _submodule
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Bounds, Cone, EllipticCone, Free, FrictionCone, NonNegative, Product
@@ -26,5 +28,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

@@ -1,5 +1,7 @@
 """Robots: load them by name or file, standing postures, soles, loops, merging, and faults of a model."""
 
+from functools import partial as _partial
+
 from rbd.modules import submodule as _submodule
 from rbd.robots.building import Box, Capsule, Cylinder, Plate, PointMass, RobotBuilder, Rod, Sphere
 from rbd.robots.diagnosis import ModelIssue, ModelReport
@@ -30,5 +32,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

@@ -1,5 +1,7 @@
 """Motion over time: smooth motion on bilateral constraints, and contact with impacts."""
 
+from functools import partial as _partial
+
 from rbd.mechanism.projection import Projection
 from rbd.modules import submodule as _submodule
 from rbd.simulation.events import StateEvent, Switch
@@ -24,5 +26,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

@@ -1,5 +1,6 @@
 """Solvers: each takes a `GaussProblem` and returns an `Answer`. They know no robots, and return the best answer found."""
 
+from functools import partial as _partial
 from typing import Protocol
 
 from rbd.errors import InputError
@@ -47,5 +48,4 @@ def checked_solver(solver: Solver) -> Solver:
     return solver
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

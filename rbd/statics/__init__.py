@@ -1,5 +1,7 @@
 """Torques and contact forces for wanted motions and for robots at rest; support regions, wrench cones and largest pushes."""
 
+from functools import partial as _partial
+
 from rbd.modules import submodule as _submodule
 from rbd.statics.actuation import Actuation, ActuationUniqueness, Margins
 from rbd.statics.actuations import Actuations
@@ -34,5 +36,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

@@ -1,5 +1,7 @@
 """Studies: a function at many samples as one dataset; and answers to one problem compared, by both laws, by several solvers."""
 
+from functools import partial as _partial
+
 from rbd.answers.comparison import LawComparison, SolverComparison, compare_laws, compare_solvers
 from rbd.modules import submodule as _submodule
 from rbd.statics.push_functions import move_under_push, withstand_push
@@ -29,5 +31,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

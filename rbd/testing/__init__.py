@@ -10,6 +10,8 @@ forms.
       TaskWrong           rows of a task that are not the acceleration of its value
 """
 
+from functools import partial as _partial
+
 from rbd.modules import submodule as _submodule
 from rbd.testing.constraint_check import ConstraintReport, TaskReport, check_constraint, check_task
 from rbd.testing.reference import ReferenceProblem, box, reference_problems
@@ -41,5 +43,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

@@ -1,5 +1,7 @@
 """Pictures: the robot with its forces in three dimensions, at rest and in motion; curves; screenshots by a headless browser."""
 
+from functools import partial as _partial
+
 from rbd.modules import submodule as _submodule
 from rbd.visual.figures.planar_figures import plot_ellipses, plot_sticks
 from rbd.visual.figures.planar_plots import plot_panels, plot_paths, plot_split
@@ -59,5 +61,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

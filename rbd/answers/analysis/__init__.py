@@ -5,6 +5,8 @@ Uniqueness, force distribution, contradictory rows, derivatives.
 Works on arrays; users call it through `rbd.Solution`.
 """
 
+from functools import partial as _partial
+
 from rbd.answers.analysis.infeasibility import Contradiction, contradiction
 from rbd.answers.analysis.parameters import ParameterDerivatives
 from rbd.answers.analysis.sensitivity import Derivatives
@@ -14,5 +16,4 @@ from rbd.modules import submodule as _submodule
 __all__ = ["Contradiction", "Derivatives", "ParameterDerivatives", "Uniqueness", "contradiction"]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

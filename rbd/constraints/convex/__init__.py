@@ -1,7 +1,7 @@
 """Convex shapes: their vertices, faces and closest points."""
 
+from functools import partial as _partial
+
 from rbd.modules import submodule as _submodule
 
-
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

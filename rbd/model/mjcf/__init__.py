@@ -1,5 +1,7 @@
 """MJCF files, read by MuJoCo; what cannot be expressed is refused or reported by name."""
 
+from functools import partial as _partial
+
 from rbd.model.mjcf.includes import carry_out_includes
 from rbd.model.mjcf.pinocchio_model import build, pose
 from rbd.model.mjcf.reading import LEAVABLE, Mjcf, check_leave_out, read_mjcf
@@ -8,5 +10,4 @@ from rbd.modules import submodule as _submodule
 __all__ = ["LEAVABLE", "Mjcf", "build", "carry_out_includes", "check_leave_out", "pose", "read_mjcf"]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)

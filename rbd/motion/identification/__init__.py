@@ -1,5 +1,7 @@
 """Parameters of a robot from measured motions: base parameters, and inertias that a body can have."""
 
+from functools import partial as _partial
+
 from rbd.modules import submodule as _submodule
 from rbd.motion.identification.combinations import BaseParameters, base_parameters
 from rbd.motion.identification.data import MeasuredMotion
@@ -19,5 +21,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    return _submodule(__name__, name)
+__getattr__ = _partial(_submodule, __name__)
