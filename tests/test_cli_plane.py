@@ -61,7 +61,8 @@ def test_of_a_long_chain_the_first_angles_are_told():
 def test_an_unreachable_target_is_told_by_how_much():
     """Exit code 1, the distance, and the nearest point; so is a way that leads through a hole, and a single link's chord."""
     code, out, complaint = run("--from", "1,0", "--to", "1.2,0.5")
-    assert code == 1 and "out of reach by 0.3 m" in out and "(0.92308, 0.38461)" in complaint  # on the way to it, at 1 m
+    assert code == 1 and "Not reached: (1.2, 0.5) m by 0.3 m." in out
+    assert "out of reach by 0.3 m" in complaint and "(0.92308, 0.38461)" in complaint  # on the way to it, at 1 m
     code, _, complaint = run("--lengths", "0.7,0.3", "--from", "0.9,0", "--to", "-0.9,0")
     assert code == 1 and "out of reach by 0.4 m" in complaint
     code, _, complaint = run("--links", "1", "--from", "1,0", "--to", "0,1", "--space", "endpoint")

@@ -52,11 +52,11 @@ class PlaneTask:
         lengths = ", ".join(f"{float(length):.4g}" for length in self.chain.lengths)
         angles = "from the vertical" if self.chain.angles == "vertical" else self.chain.angles
         ends = {"from": self.start, "to": self.stop}
-        far = {_tuple(end.target): end.distance for end in ends.values() if not end.reachable}
-        missed = [f"{target} m is out of reach by {distance:.6g} m" for target, distance in far.items()]
+        missed = [f"{_tuple(end.target)} m by {end.distance:.6g} m" for end in ends.values() if not end.reachable]
+        verdict = f"Not reached: {' and '.join(missed)}." if missed else "Both points are reached."
         reached = [f"  {name} {end}" for name, end in ends.items() if end.reachable]
         chain = f"planar chain, {counted(self.chain.n, 'link')} of {lengths} m, angles: {angles}"
-        return "\n".join([f"{' and '.join(missed) or 'Both points are reached'}.", chain, *reached])
+        return "\n".join([verdict, chain, *reached])
 
     def motion(self) -> PlanarMotion:
         """The motion, at 1001 times.

@@ -264,7 +264,7 @@ def print_report(console: Console, report: Any, path: Path | None, verbose: bool
     write_json(path, report)
     console.print(report, highlight=False)
     if verbose:
-        console.print("times: " + ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in report.seconds.items()), highlight=False)
+        console.print("times  " + ", ".join(f"{what} {1e3 * t:.2f} ms" for what, t in report.seconds.items()), highlight=False)
 
 
 def print_path(console: Console, what: str, where: Path | str) -> None:
