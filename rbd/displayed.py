@@ -16,8 +16,7 @@ def drawn_by(pictures: Callable[[], ModuleType]) -> None:
 
 def drawing(name: str) -> Callable[..., Any]:
     """A function of the module that draws, `rbd.visual`, by its name there."""
-    found: Callable[..., Any] = getattr(_pictures[0](), name)
-    return found
+    return getattr(_pictures[0](), name)
 
 
 class Displayed:

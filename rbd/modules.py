@@ -36,8 +36,7 @@ def named(package: str, homes: Mapping[str, str], name: str) -> object:
     """
     if name not in homes:
         return submodule(package, name)
-    found: object = getattr(import_module(homes[name]), name)
-    return found
+    return getattr(import_module(homes[name]), name)
 
 
 def xarray_or_error() -> Any:

@@ -137,8 +137,7 @@ def _unit_of(form: str, units: tuple[str, ...]) -> str:
 
 def axes_of(record: Any) -> Mapping[str, Axis]:
     """{dimension: labels along it}, of what a record has."""
-    found: Mapping[str, Axis] = getattr(record, "coordinate_axes", AXES)
-    return found
+    return getattr(record, "coordinate_axes", AXES)
 
 
 @lru_cache(maxsize=1000)
@@ -242,8 +241,7 @@ def dataset(variables: Iterable[Named], along: Mapping[str, Any], attributes: Ma
     for name, variable in variables:
         data[name] = ((*along, *variable.dims), variable.values, variable.attributes)
         coords |= {dim: np.array(labels, None if labels else str) for dim, labels in variable.labels.items()}
-    found: xarray.Dataset = xarray_or_error().Dataset(data, coords, attributes)
-    return found
+    return xarray_or_error().Dataset(data, coords, attributes)
 
 
 FEW = 6

@@ -145,8 +145,7 @@ def made(constraint: Any) -> Constraint:
     named = isinstance(getattr(constraint, "name", None), str) and callable(getattr(constraint, "rows", None))
     if isinstance(constraint, type) or not named:
         raise InputError(f"{constraint!r:.80} is no constraint: it wants a name and rows(state), as rbd.JointLock has.")
-    out: Constraint = constraint
-    return out
+    return constraint
 
 
 def member(constraint: object, name: str) -> Any:
@@ -177,8 +176,7 @@ def anchored(constraint: Constraint, rows: Rows, state: State) -> Constraint:
     put = member(constraint, "anchored")
     if rows.error is not None or is_carried(constraint) or not callable(put):
         return constraint
-    out: Constraint = put(state)
-    return out
+    return put(state)
 
 
 def has_friction(constraint: Constraint) -> bool:
@@ -231,5 +229,4 @@ def renamed(constraint: Kind, prefix: str, placement: pin.SE3 | None) -> Kind:
     rename = member(constraint, "renamed")
     if not callable(rename):
         raise InputError(f"{constraint!r:.80} is no contact; expected PointContact, SurfaceContact or LineContact.")
-    made: Kind = rename(prefix, placement)
-    return made
+    return rename(prefix, placement)

@@ -59,8 +59,7 @@ def _under(surface: Ground, points: Array, velocity: Array) -> tuple[Array, Arra
 def _axes_at(contact: Any, ground: Ground | None, X_WP: pin.SE3) -> Array:
     """R_WC: contact axes at the start, or those of the anchor; for a patch, x along the projection of its x."""
     if len(contact.corners) == 1:
-        axes: Array = contact._axes  # of its normal
-        return axes
+        return contact._axes  # of its normal
     if ground is not None and ground.normal is not None and (ground.point is not None or len(contact.corners) > 2):
         return contact_axes(np.asarray(ground.normal), X_WP.rotation[:, 0])
     if contact.normal is not None:

@@ -292,8 +292,7 @@ def _distance(s: Array, rank: int) -> float:
 def _minima(d: Array) -> list[int]:
     """Indices of a sequence's local minima; of equal neighbours, the first."""
     left, right = np.append(np.inf, d[:-1]), np.append(d[1:], np.inf)
-    lowest: list[int] = np.flatnonzero((d < left) & (d <= right) & ~((d == right) & (d > 0.5))).tolist()
-    return lowest
+    return np.flatnonzero((d < left) & (d <= right) & ~((d == right) & (d > 0.5))).tolist()
 
 
 def _refined(

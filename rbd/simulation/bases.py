@@ -59,8 +59,7 @@ class Bases:
 
     def turned(self, start: Array, v: Array, h: float) -> Array:
         """The velocity start + h W x v: W x v is a of the frozen axes less a of the base's, in its linear part, shape (nv,)."""
-        turned: Array = self._kernel.turned(start, v, h, self._indices)
-        return turned
+        return self._kernel.turned(start, v, h, self._indices)
 
     def middle(self, q: Array, v: Array, v_h: Array, h: float) -> Middle:
         """The middle of a step of length h from q, with v and v_h in the axes of q."""

@@ -124,8 +124,7 @@ class ImplicitElements:
         W = _whitened(L, D)
         part = 0.5 * np.linalg.solve(np.eye(len(W)) + (h / 6.0) * W, W + (h / 3.0) * W @ W)
         L = np.tril(L)
-        out: Array = L @ (0.5 * (part + part.T)) @ L.T
-        return out
+        return L @ (0.5 * (part + part.T)) @ L.T
 
     def first_half(self, terms: ElementTerms, state: State, start: Array, applied: Array, h: float) -> tuple[Array, Array]:
         """(E, shape (nv, nv), and `applied`, shape (nv,)) of the first half of a step.
@@ -192,8 +191,7 @@ class ImplicitElements:
 def _whitened(L: Array, A: Array) -> Array:
     """L^-1 A L^-T of a symmetric A."""
     half = blas.dtrsm(1.0, L, A, lower=1)
-    out: Array = blas.dtrsm(1.0, L, half.T, lower=1)
-    return out
+    return blas.dtrsm(1.0, L, half.T, lower=1)
 
 
 def _is_diagonal(A: Array) -> bool:

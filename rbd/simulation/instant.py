@@ -112,8 +112,7 @@ class Instant:
         before = self.previous
         if before is None or before.at.layout is not self.at.layout:
             return None
-        change: Array = (self.at.velocity - before.at.velocity) * (h / before.h)
-        return change
+        return (self.at.velocity - before.at.velocity) * (h / before.h)
 
 
 class HalfStep(NamedTuple):

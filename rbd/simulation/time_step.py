@@ -417,5 +417,4 @@ class StepSystem:
 
     def _leaves(self, at: Snapshot) -> Array:
         """Which points separate from their surface faster than the rest speed, shape (k,)."""
-        leaves: Array = at.layout.pushes & (at.approach > self.impact_speed)
-        return leaves
+        return at.layout.pushes & (at.approach > self.impact_speed)

@@ -343,18 +343,15 @@ class Trajectory(Displayed):
 
     def plot_forces(self, ax: Axes | None = None, *, names: Sequence[str] | None = None) -> list[Artist]:
         """Forces over time, see `rbd.visual.plot_forces`; on axes of a new figure if none are given."""
-        found: list[Artist] = drawing("plot_forces")(drawing("axes_or_new")(ax), self, names=names)
-        return found
+        return drawing("plot_forces")(drawing("axes_or_new")(ax), self, names=names)
 
     def plot_energy(self, ax: Axes | None = None) -> list[Artist]:
         """Energies over time, see `rbd.visual.plot_energy`; on axes of a new figure if none are given."""
-        found: list[Artist] = drawing("plot_energy")(drawing("axes_or_new")(ax), self)
-        return found
+        return drawing("plot_energy")(drawing("axes_or_new")(ax), self)
 
     def plot_joint(self, joint: str | Sequence[str], ax: Axes | None = None, *, what: str = "q") -> list[Artist]:
         """A joint over time, see `rbd.visual.plot_joint`; on axes of a new figure if none are given."""
-        found: list[Artist] = drawing("plot_joint")(drawing("axes_or_new")(ax), self, joint, what=what)
-        return found
+        return drawing("plot_joint")(drawing("axes_or_new")(ax), self, joint, what=what)
 
     def replay(self, *, speed: float = 1.0, external: External | ExternalAt = None) -> None:
         """Show it live in the browser, `speed` seconds a second; `external`, as it was simulated, draws pushes.
@@ -377,16 +374,14 @@ class Trajectory(Displayed):
 
         `options` are the others of `rbd.visual.export_motion`, such as charts=["forces"], ghost= or beside=.
         """
-        found: Path = drawing("export_motion")(self, path, fps=fps, speed=speed, title=title, external=external, **options)
-        return found
+        return drawing("export_motion")(self, path, fps=fps, speed=speed, title=title, external=external, **options)
 
     def video(self, path: str | os.PathLike[str], *, fps: float = 30.0, speed: float = 1.0, **options: Any) -> Path:
         """Write a video, .mp4 (by the ffmpeg on PATH) or .gif, with the legend and the time; forces move along.
 
         See `rbd.visual.export_video`, which has the other options: `external`, `ghost`, `follow`, `width`, `height`, ...
         """
-        found: Path = drawing("export_video")(self, path, fps=fps, speed=speed, **options)
-        return found
+        return drawing("export_video")(self, path, fps=fps, speed=speed, **options)
 
     def _index(self, i: int) -> int:
         if isinstance(i, bool) or not isinstance(i, int | np.integer):

@@ -177,8 +177,7 @@ def law_residual(y: Array, w: Array, mu: Array, *, coulomb: bool) -> float:
         mu: Friction coefficients, shape (k,).
         coulomb: Coulomb's law; else the convex one.
     """
-    residual: float = contact_kernel().point_misses(y[None], w[None], mu[None], LEAST_PUSH, coulomb, np.empty((1, 3)))
-    return residual
+    return contact_kernel().point_misses(y[None], w[None], mu[None], LEAST_PUSH, coulomb, np.empty((1, 3)))
 
 
 def point_misses(y: Array, w: Array, mu: Array, *, coulomb: bool) -> Array:

@@ -442,8 +442,7 @@ def _loaded(sent: bytes) -> Evaluation:
     """An evaluation from its bytes, in another process: once, so that its robots are built once."""
     if multiprocessing.parent_process() is not None and threading.current_thread() is threading.main_thread():
         signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})  # Ctrl-C is for the process that started it
-    found: Evaluation = pickle.loads(sent)
-    return found
+    return pickle.loads(sent)
 
 
 def _evaluate(sent: bytes, start: int, columns: Columns | bytes) -> Finished:

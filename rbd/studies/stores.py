@@ -66,8 +66,7 @@ def filled(
         name: ((*dims, *v.dims), v.values.reshape(*dims.values(), *v.values.shape[1:]), v.attributes)
         for name, v in variables.items()
     }
-    made: xarray.Dataset = xarray_or_error().Dataset(values, {**coords, **labels}, attributes)
-    return made
+    return xarray_or_error().Dataset(values, {**coords, **labels}, attributes)
 
 
 def outcome_of(reason: Array) -> dict[str, str]:

@@ -157,8 +157,7 @@ class ManyStates:
 
 def with_friction(contact: Constraint, mu: float) -> Constraint:
     """A contact with another coefficient."""
-    out: Constraint = contact.with_friction(mu)  # type: ignore[attr-defined]
-    return out
+    return contact.with_friction(mu)  # type: ignore[attr-defined]
 
 
 class _Table:

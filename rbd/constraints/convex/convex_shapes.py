@@ -289,8 +289,7 @@ def spread(points: Array, height: Array, up: Array) -> Array:
     if len(points) <= MOST_POINTS:
         return every
     places, heights, along = (np.ascontiguousarray(given) for given in (points.T, height, up))
-    chosen: Array = plane_kernel().spread(places, heights, every, along)
-    return chosen
+    return plane_kernel().spread(places, heights, every, along)
 
 
 @cache

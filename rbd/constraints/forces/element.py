@@ -54,8 +54,7 @@ class BetweenPlaces(ByValue, Displayed):
 
     def _places(self) -> tuple[Place, Place]:
         """(to, frame)."""
-        ends: tuple[Place, Place] = self.__dict__["_ends"]
-        return ends
+        return self.__dict__["_ends"]
 
     def _coordinates(self, pair: Pair) -> Coordinates:
         raise NotImplementedError

@@ -225,8 +225,7 @@ class JointDamping(ByValue, Displayed):
         Raises:
             JointNotFound: with the nearest names.
         """
-        found: Array = self.__dict__["_diagonal"].of(self, robot)
-        return found
+        return self.__dict__["_diagonal"].of(self, robot)
 
     def generalised(self, state: State) -> tuple[Array, Array]:
         """(tau, wrench) at a state; the wrench is zero."""

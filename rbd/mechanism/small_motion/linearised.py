@@ -109,8 +109,7 @@ class Linearised(Displayed):
         """Turns of spinning bodies of revolution about their axes, with the velocity in axes that turn along, shape (n, j)."""
         robot, nv = self.state.robot, self.state.robot.nv
         axes = spin_axes(robot) if self.spin.any() else np.zeros((nv, 0))
-        turned: Array = np.vstack([axes, ad_matrix(robot, self.state.v) @ axes])[self.space.picked]
-        return turned
+        return np.vstack([axes, ad_matrix(robot, self.state.v) @ axes])[self.space.picked]
 
     @property
     def eigenvalues(self) -> Array:
@@ -121,8 +120,7 @@ class Linearised(Displayed):
     def symmetries(self) -> Array:
         """Directions dq on which nothing depends, as columns, shape (nv, s): a place on the ground, the angle of a wheel."""
         T_q = self.space.T_q
-        found: Array = T_q @ (self._scale[:, None] * self._spectrum.S)[: T_q.shape[1]]
-        return found
+        return T_q @ (self._scale[:, None] * self._spectrum.S)[: T_q.shape[1]]
 
     @lazy
     def zero(self) -> float:
@@ -245,8 +243,7 @@ class Linearised(Displayed):
 
     def plot(self, ax: Axes) -> list[Artist]:
         """Its eigenvalues in the complex plane, on axes; see `rbd.visual.plot_eigenvalues`."""
-        found: list[Artist] = drawing("plot_eigenvalues")(ax, self)
-        return found
+        return drawing("plot_eigenvalues")(ax, self)
 
     def __str__(self) -> str:
         moving = "a steady motion" if self.state.v.any() else "an equilibrium"

@@ -165,18 +165,15 @@ class Mode(Displayed):
 
     def scene(self, **options: Any) -> Any:
         """A `rbd.visual.Scene` with its two poses of largest displacement; see `rbd.visual.mode_scene`."""
-        found: Any = drawing("mode_scene")(self, **options)
-        return found
+        return drawing("mode_scene")(self, **options)
 
     def plot(self, ax: Axes, **options: Any) -> list[Artist]:
         """Bars of its shape on axes; see `rbd.visual.plot_mode`."""
-        found: list[Artist] = drawing("plot_mode")(ax, self, **options)
-        return found
+        return drawing("plot_mode")(ax, self, **options)
 
     def export(self, path: str | os.PathLike[str], **options: Any) -> Path:
         """Write it as an HTML page that plays one period for ever; see `rbd.visual.export_mode`."""
-        found: Path = drawing("export_mode")(self, path, **options)
-        return found
+        return drawing("export_mode")(self, path, **options)
 
     def __str__(self) -> str:
         real = "0" if self.neutral else f"{self.eigenvalue.real:+.6g}"

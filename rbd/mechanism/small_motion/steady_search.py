@@ -184,8 +184,7 @@ class Search:
     def _step(self, slopes: Array, F: Array, nu: int) -> Array:
         """The least step that solves the linearised equations; the torques do what they can before anything moves."""
         if not self.free_torques or not nu:
-            z: Array = -np.linalg.lstsq(slopes, F, rcond=SINGULAR)[0]
-            return z
+            return -np.linalg.lstsq(slopes, F, rcond=SINGULAR)[0]
         moves, torques = slopes[:, :-nu], slopes[:, -nu:]
         U = range_of(torques, SINGULAR)
         first = np.linalg.lstsq(moves - U @ (U.T @ moves), -(F - U @ (U.T @ F)), rcond=SINGULAR)[0]
@@ -285,8 +284,7 @@ class _Point:
     @property
     def spin(self) -> Array:
         """eta, shape (nv,)."""
-        eta: Array = self.axes @ self.s
-        return eta
+        return self.axes @ self.s
 
     def at(self, t: float) -> State:
         """The state after a time of the motion with constant v, in axes that do not spin."""
@@ -306,6 +304,5 @@ def held_together(constraint: Constraint) -> Constraint:
     """The constraint without its limits of friction, which are checked at the end: it holds, and neither slips nor opens."""
     given = getattr(constraint, "__dataclass_fields__", {}).get("friction")
     if has_friction(constraint) and float(member(constraint, "friction")) > 0.0 and given is not None and given.init:
-        out: Constraint = replace(constraint, friction=None)  # type: ignore[type-var]
-        return out
+        return replace(constraint, friction=None)  # type: ignore[type-var]
     return constraint

@@ -115,8 +115,7 @@ def held_rows(answer: Answer, words: dict[str, tuple[str, ...]]) -> Array:
         return np.zeros((0, 0))
     modes = modes_of(answer)
     psi = np.array(modes.psi).reshape(len(modes.start), -1)
-    rows: Array = psi @ modes.sets.H.T
-    return rows
+    return psi @ modes.sets.H.T
 
 
 def allowed_changes(state: State, manifold: ConstraintManifold, S: Array) -> TangentSpace:

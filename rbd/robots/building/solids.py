@@ -83,8 +83,7 @@ class Solid(Displayed):
 
     def _inertia(self, mass: float) -> pin.Inertia:
         """Of a mass [kg], in its own axes."""
-        found: pin.Inertia = getattr(pin.Inertia, f"From{self.kind}")(mass, *self._numbers)
-        return found
+        return getattr(pin.Inertia, f"From{self.kind}")(mass, *self._numbers)
 
     @property
     def _numbers(self) -> list[float]:

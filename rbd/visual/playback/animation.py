@@ -123,8 +123,7 @@ class Playback:
         if speed < LEAST_SPEED:
             raise InputError(f"speed is {speed:.3g}; expected at least {LEAST_SPEED:g}.")
         fps = None if given.fps is None else check_positive("fps", given.fps, MOST_FPS)
-        found: Playback = replace(given, speed=speed, fps=fps, title=given.title or shown.title)
-        return found
+        return replace(given, speed=speed, fps=fps, title=given.title or shown.title)
 
 
 def shown_motion(motion: Any) -> ShownMotion:

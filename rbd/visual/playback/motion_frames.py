@@ -307,8 +307,7 @@ def checked_ghost(ghost: Any, robot: CheckedModel) -> SampledPoses:
         raise InputError(f"ghost is a motion of {ghost.robot.name}, shown beside one of {robot.name}; expected the same robot.")
     if not len(ghost.t) or not np.isfinite(ghost.q).all():
         raise InputError("ghost has no samples, or its q is not finite.")
-    found: SampledPoses = ghost
-    return found
+    return ghost
 
 
 def ghost_poses(ghost: SampledPoses, times: Array, joints: Sequence[int], down: float) -> Array:

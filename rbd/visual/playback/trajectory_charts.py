@@ -304,8 +304,7 @@ def normals_of(points: Array, forces: Array) -> Array | None:
     if np.einsum("ni,ni->", normal[known], forces.sum(axis=1)[known]) < 0.0:
         normal = -normal
     last = np.maximum.accumulate(np.where(known, np.arange(n), -1))
-    found: Array = normal[np.where(last < 0, int(known.argmax()), last)]
-    return found
+    return normal[np.where(last < 0, int(known.argmax()), last)]
 
 
 def edge_distances(points: Array, forces: Array) -> Array | None:
@@ -339,8 +338,7 @@ def edge_distances(points: Array, forces: Array) -> Array | None:
     edge = end - begin
     across = np.cross(edge, centre[:, None] - begin)
     far = np.linalg.norm(across, axis=2) / np.linalg.norm(edge, axis=2)
-    nearest: Array = far.min(axis=1)
-    return nearest
+    return far.min(axis=1)
 
 
 def carries_weight(points: Array, forces: Array) -> bool:
