@@ -298,11 +298,11 @@ def test_scenes_draw_gravity(gravity: tuple[float, ...], arrow: bool, line: bool
     assert ("com/gravity" in marks) == arrow
     assert ("com/drop_line" in marks) == line
     if arrow:
-        tip = marks["com/gravity"].mesh.vertices - state.com
+        tip = marks["com/gravity"].points - state.com
         along = solo.gravity / np.linalg.norm(solo.gravity)
         assert np.linalg.norm(tip - np.outer(tip @ along, along), axis=1).max() < 0.2 * (tip @ along).max()
     if line:
-        foot = marks["com/on_the_ground"].mesh.vertices.mean(axis=0)
+        foot = marks["com/on_the_ground"].points.mean(axis=0)
         assert np.abs(foot[:2] - (state.com[:2] - state.com[2] / solo.gravity[2] * solo.gravity[:2])).max() < 1e-2
     assert ('\\"gravity\\"' in legend or '"gravity"' in legend) == (not np.array_equal(gravity, DOWN))
 

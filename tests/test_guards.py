@@ -229,7 +229,7 @@ def use_scene(state: Any, solution: Any, external: Any, arrow_per_weight: Any, s
     """The scale of a picture, and its marks."""
     scene = Scene(BOLT, arrow_per_weight=arrow_per_weight, seen_from=seen_from)
     scene.show(state, solution, external=external)
-    return scene.metres_per_newton, [mark.mesh.vertices for mark in scene.drawn]
+    return scene.metres_per_newton, [mark.points for mark in scene.drawn]
 
 
 def use_explore(controls: Any, values: Any) -> Any:

@@ -313,7 +313,7 @@ class TestPictures:
         state = raised(talos.standing(), 0.75)
         scene = Scene(talos)
         scene.show(state, rbd.hold(state, talos.soles(on=0.75)))
-        at = {mark.path: mark.mesh.vertices[:, 2] for mark in scene.drawn}
+        at = {mark.path: mark.points[:, 2] for mark in scene.drawn}
         assert at["support/area"] == pytest.approx(0.75, abs=0.01)
         assert at["com/on_the_ground"] == pytest.approx(0.75, abs=0.02)
 

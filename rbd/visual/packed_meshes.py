@@ -19,7 +19,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.visual.marks.mark import Mark
 from rbd.visual.robot_meshes import RobotPart
-from rbd.visual.shapes import Mesh
+from rbd.visual.shapes import Mesh, joined
 
 MARK = b"\xc1"
 """First byte of our messages: Meshcat's, which are msgpack, never begin with it."""
@@ -110,7 +110,11 @@ def send_part(viewer: meshcat.Visualizer, path: str, part: RobotPart, *, nearer:
 def send_mark(viewer: meshcat.Visualizer, mark: Mark) -> None:
     """Send a mark; the page also draws its ghost if it shines through what hides it, at the path and "_seen_through"."""
     told = {"kind": "mark", "color": mark.color, "opacity": mark.opacity, "through": mark.seen_through}
-    _send(viewer[f"marks/{mark.path}"], mark.mesh, told)
+    if isinstance(mark.shape, Mesh):
+        _send(viewer[f"marks/{mark.path}"], mark.shape, told)
+    else:
+        drawn = [one.data() for one in mark.shape if not one.empty]
+        _send(viewer[f"marks/{mark.path}"], joined([]), {**told, "primitives": drawn})
 
 
 def described(marks: Sequence[Mark], layers: Mapping[str, bool]) -> str:

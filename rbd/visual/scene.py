@@ -127,7 +127,7 @@ class Scene(Displayed):
 
     @property
     def drawn(self) -> tuple[Mark, ...]:
-        """The marks now in the picture: arrows, cones, patches, polygon and centre of mass, as triangles in W."""
+        """The marks now in the picture: arrows, cones, patches, polygon and centre of mass, by their points in W."""
         return tuple(self._drawn)
 
     @property
@@ -356,7 +356,7 @@ class Scene(Displayed):
 
     def _view(self) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
-        drawn = [mark.mesh.vertices for mark in self._drawn if self._layers[mark.layer]]
+        drawn = [mark.points for mark in self._drawn if self._layers[mark.layer]]
         contacts, body = self._picture.contacts, self._body
         direction = seen_from(contacts) if self._seen_from is None else self._seen_from
         front, clouds = front_of(self._robot, body.data, contacts), [body.cloud, body.further, self._around, *drawn]

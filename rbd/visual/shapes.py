@@ -1,4 +1,4 @@
-"""Triangles of the shapes in a picture of forces: arrows, cones, tubes, polygons, balls."""
+"""Triangles of what has no simpler form: pieces of robots, coils, ribbons; round numbers, and the outermost of some points."""
 
 from __future__ import annotations
 
@@ -150,58 +150,6 @@ def creased(mesh: Mesh, *, angle_deg: float = 35.0) -> Mesh:
     return Mesh(vertices, group.reshape(-1, 3))
 
 
-def arrow(start: Array, vector: Array, *, radius: float, longest: float = np.inf) -> Mesh:
-    """An arrow from `start` along `vector`, both of shape (3,) [m]: its tip is at start + vector.
-
-    The head is six shaft radii long, less on arrows too short for that. A zero vector gives no triangles. An arrow that would
-    be longer than `longest` [m] is cut there, and has two heads.
-    """
-    wanted = float(np.linalg.norm(vector))
-    if wanted == 0.0:
-        return joined([])
-    length = min(wanted, longest)
-    head = min(6.0 * radius, 0.5 * length)
-    neck = length - head
-    wide = 2.6 * radius * min(1.0, head / (6.0 * radius) + 0.25)
-    thin = min(radius, 0.6 * wide)
-    profile = [(0.0, 0.0), (thin, 0.0), (thin, neck), (wide, neck), (0.0, length)]
-    axes = axes_along(vector)
-    mesh = revolved(profile, segments=24).placed(axes, start)
-    if wanted <= longest:
-        return mesh
-    low = neck - 0.8 * head
-    return joined([mesh, revolved([(0.0, low), (wide, low), (0.0, low + head)], segments=24).placed(axes, start)])
-
-
-def arc_arrow(centre: Array, axes: Array, radius: float, angle: float, *, thickness: float, heads: int = 1) -> Mesh:
-    """A bent arrow about the third axis of `axes`: it begins on the first one, and its tip is on the circle at `angle` [rad].
-
-    Args:
-        centre: Of the circle, in W, shape (3,) [m].
-        axes: R_WA; positive angles turn from the first axis to the second, negative ones the other way.
-        radius: Of the circle [m].
-        angle: From the start to the tip [rad]. Zero gives no triangles.
-        thickness: Radius of the bent shaft [m].
-        heads: How many heads it has at its end.
-    """
-    if angle == 0.0:
-        return joined([])
-    way, size = np.sign(angle), abs(angle)
-    head = min(6.0 * thickness / radius, 0.6 * size)  # the angle that a head takes
-    end = way * (size - head)
-    turns = np.linspace(0.0, end, max(2, int(np.ceil(abs(end) / 0.12)) + 1))
-    thin = min(thickness, 0.4 * radius * head)
-    pieces = [wound(radius * np.column_stack([np.cos(turns), np.sin(turns), np.zeros(len(turns))]), thin, 12)]
-    for i in range(heads):
-        back = end - way * 0.8 * head * i
-        foot, tip = (radius * np.array([np.cos(a), np.sin(a), 0.0]) for a in (back, back + way * head))
-        along = tip - foot
-        length = float(np.linalg.norm(along))
-        wide = 2.6 * thin
-        pieces.append(revolved([(0.0, 0.0), (wide, 0.0), (0.0, length)], segments=20).placed(axes_along(along), foot))
-    return joined(pieces).placed(axes, centre)
-
-
 def ribbon(start: Array, end: Array, normal: Array, width: float) -> Mesh:
     """A flat line from `start` to `end`, shape (3,) [m], in the plane with this normal, so wide [m]: two triangles."""
     along = end - start
@@ -211,21 +159,6 @@ def ribbon(start: Array, end: Array, normal: Array, width: float) -> Mesh:
         return joined([])
     half = 0.5 * width / length * side
     return Mesh(np.array([start - half, end - half, end + half, start + half]), np.array([[0, 1, 2], [0, 2, 3]]))
-
-
-def fan(apex: Array, rim: Array) -> Mesh:
-    """Triangles from a point, shape (3,) [m], to each side of a closed line, shape (n, 3) [m]: a cone without its lid."""
-    n = len(rim)
-    after = np.roll(rim, -1, axis=0)
-    corners = np.stack([np.broadcast_to(apex, rim.shape), after, rim], axis=1)
-    return Mesh(corners.reshape(-1, 3), np.arange(3 * n).reshape(-1, 3))
-
-
-def ring(centre: Array, axes: Array, radius: float, *, thickness: float, facets: int = 10) -> Mesh:
-    """A ring about the third axis of `axes`, drawn as a tube of radius `thickness` [m] with so many facets around it."""
-    angles = np.linspace(-np.pi, np.pi, facets + 1)
-    section = [(radius + thickness * np.cos(a), thickness * np.sin(a)) for a in angles]
-    return revolved(section, smooth=True, segments=64 if facets > 8 else 40).placed(axes, centre)
 
 
 def tube(points: Array, *, radius: float, closed: bool = False) -> Mesh:
@@ -271,13 +204,6 @@ def _knee(radius: float, centre: Array) -> Mesh:
     return revolved([(radius * np.cos(a), radius * np.sin(a)) for a in latitudes], smooth=True, segments=10).placed(
         np.eye(3), centre
     )
-
-
-def polygon(points: Array) -> Mesh:
-    """The inside of a convex polygon with these corners in order, shape (n, 3) [m]; empty for n < 3."""
-    n = len(points)
-    fan = np.array([[0, i, i + 1] for i in range(1, n - 1)], int).reshape(-1, 3)
-    return Mesh(np.asarray(points, float), fan)
 
 
 def round_number(x: float) -> float:

@@ -44,7 +44,7 @@ def test_both_bodies_arrows_start_at_the_contact_and_point_apart(stack):
     pair, state, solution = stack
     with Scene(pair) as scene:
         scene.show(state, solution)
-        drawn, scale = {mark.path: mark.mesh.vertices for mark in scene.drawn}, scene.metres_per_newton
+        drawn, scale = {mark.path: mark.points for mark in scene.drawn}, scene.metres_per_newton
         start = next(c.start for c in scene.contacts if c.name == "between")
     force = scale * solution.forces["between"][:3]
     assert force[2] > 0.0
@@ -67,7 +67,7 @@ def test_the_legend_says_what_is_touched(stack, tmp_path):
     with Scene(pair) as scene:
         scene.show(state, solution)
         text = scene.export(tmp_path / "stack.html").read_text(encoding="utf-8")
-    assert "against lower_box, normal 98.1 N, friction used 0.0 % of mu 0.5" in text
+    assert "against lower_box, normal 98.1 N, friction 0.0 % of mu 0.5" in text
 
 
 def test_a_line_is_drawn_from_end_to_end_with_its_end_forces(edge):
@@ -75,12 +75,12 @@ def test_a_line_is_drawn_from_end_to_end_with_its_end_forces(edge):
     robot, state, solution = edge
     with Scene(robot) as scene:
         scene.show(state, solution)
-        drawn = {mark.path: mark.mesh.vertices for mark in scene.drawn}
-        contact = scene.contacts[0]
-        ball = 1.3 * scene._shown().shaft  # the ends' balls stand out by their radius
+        drawn = {mark.path: mark for mark in scene.drawn}
+        contact, (balls,) = scene.contacts[0], drawn["contacts/line/ends"].shape
+        assert balls.sizes["radius"] == 1.3 * scene.sizes.shaft
     ends = np.array([[0.15, 0.0, 0.0], [-0.15, 0.0, 0.0]])
     assert contact.corners == pytest.approx(ends, abs=1e-15) and contact.corner_forces.shape == (2, 3)
-    assert np.abs(drawn["contacts/line/ends"][:, 0]).max() == pytest.approx(0.15 + ball, rel=0.02)
+    assert np.abs(balls.points[:, 0]) == pytest.approx([0.15, 0.15])
     assert {"contacts/line/outline", "contacts/line/corner_forces", "contacts/line/force"} <= set(drawn)
     assert "contacts/line/patch" not in drawn  # a line has no area
     # Statics: the push of 20 N at 0.1 m shifts the load by 20 * 0.1 / 98.1 m along the line.

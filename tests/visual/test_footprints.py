@@ -81,8 +81,8 @@ def test_a_page_draws_them_where_they_are(box, tmp_path):
         page = scene.export(tmp_path / "box.html").read_text(encoding="utf-8")
     area = marks["statics/0/areas"]
     assert area.color == rbd.visual.contact_colors(["face"])["face"]
-    assert np.abs(np.ptp(area.mesh.vertices, axis=0) - [SIDE + 0.3, SIDE, 0.0]).max() < 1e-9
-    assert 0.0 < area.mesh.vertices[0, 2] - found[0].outlines[0, 0, 2] < 0.01
+    assert np.abs(np.ptp(area.points, axis=0) - [SIDE + 0.3, SIDE, 0.0]).max() < 1e-9
+    assert 0.0 < area.points[0, 2] - found[0].outlines[0, 0, 2] < 0.01
     assert "footprints of face" in page
     drawn, bare = tmp_path / "drawn.html", tmp_path / "bare.html"
     export_motion(walks, drawn)

@@ -61,7 +61,7 @@ def test_every_element_is_drawn_between_its_ends(scene: Scene, high: rbd.State, 
     marks = marks_of(scene)
     assert "force elements" in LAYERS
     for i, element in enumerate(shown[:3]):
-        vertices, (a, b) = marks[f"force_elements/{i}/0"].mesh.vertices, element.points  # type: ignore[attr-defined]
+        vertices, (a, b) = marks[f"force_elements/{i}/0"].points, element.points  # type: ignore[attr-defined]
         along = (b - a) / np.linalg.norm(b - a)
         places = (vertices - a) @ along
         assert abs(places.min()) < 0.01 and abs(places.max() - np.linalg.norm(b - a)) < 0.01

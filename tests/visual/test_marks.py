@@ -103,7 +103,7 @@ class TestSupport:
         n = X.rotation[:, 2]
         off = (scene._picture.outline - X.translation) @ n
         assert len(off) >= 4 and np.abs(off).max() < 1e-9
-        drawn = (marks["support/area"].mesh.vertices - X.translation) @ n
+        drawn = (marks["support/area"].points - X.translation) @ n
         assert np.ptp(drawn) < 1e-9 and 0.0 < drawn[0] < 0.01
 
     def test_it_shines_through_the_feet(self, talos, pushed):
@@ -121,7 +121,7 @@ class TestMoments:
         mark, sizes = marks["pushes/0/moment"], scene.sizes
         centre = pushed[0].frame(PUSH.frame, PUSH.offset).X_WF.translation
         expected = 12.0 / sizes.full_moment * FULL_TURN
-        assert tip_angle(mark.mesh.vertices, centre, np.array([0.0, 0.0, 1.0]), sizes.arc) == pytest.approx(expected, abs=1e-9)
+        assert tip_angle(mark.points, centre, np.array([0.0, 0.0, 1.0]), sizes.arc) == pytest.approx(expected, abs=1e-9)
         assert mark.layer == "moments" and mark.label.lines[0] == "|m| 12 N m"
 
 
@@ -135,7 +135,7 @@ def tip_angle(vertices, centre, axis, radius) -> float:
 
 def arrow_ends(mark) -> tuple[np.ndarray, np.ndarray]:
     """(start, tip) of an arrow's mark: its first vertices are the start, its last ones the tip."""
-    return mark.mesh.vertices[0], mark.mesh.vertices[-1]
+    return mark.points[0], mark.points[-1]
 
 
 class TestLoops:
@@ -184,7 +184,7 @@ class TestTorques:
             if t.slides or not np.isfinite(limit) or abs(tau) / limit * FULL_TURN < SMALLEST_ARC:
                 continue
             expected = tau / limit * FULL_TURN % (2.0 * np.pi)
-            assert tip_angle(mark.mesh.vertices, t.point, t.axis, scene.sizes.arc) == pytest.approx(expected, abs=1e-9)
+            assert tip_angle(mark.points, t.point, t.axis, scene.sizes.arc) == pytest.approx(expected, abs=1e-9)
             assert mark.color == share_color(abs(tau) / limit) and mark.layer == "joint torques"
             checked += 1
         assert checked > 5 and not LAYERS["joint torques"]
@@ -233,7 +233,7 @@ class TestTorques:
         assert stopped.size == pytest.approx(4.905) and arc.layer == "moments"
         expected = 4.905 / scene.sizes.full_moment * FULL_TURN
         assert scene.sizes.full_moment == 5.0  # the first picture's largest moment, rounded up
-        angle = tip_angle(arc.mesh.vertices, stopped.start, axis, scene.sizes.arc)
+        angle = tip_angle(arc.points, stopped.start, axis, scene.sizes.arc)
         assert angle == pytest.approx(expected % (2.0 * np.pi), abs=1e-9)
 
 
@@ -247,7 +247,7 @@ class TestSurfaces:
         hand = rbd.PointContact("hand", "gripper_left_base_link", on=wall, friction=0.5)
         marks, scene = shown(talos, state, rbd.hold(state, [*talos.soles(friction=0.7), hand]))
         assert [s.names for s in scene._picture.surfaces] == [("hand",)]
-        area, at = marks["surfaces/0/area"].mesh.vertices, state.frame("gripper_left_base_link").X_WF.translation
+        area, at = marks["surfaces/0/area"].points, state.frame("gripper_left_base_link").X_WF.translation
         assert np.abs(area[:, 1] - at[1]).max() < scene.sizes.lift
         assert (area.min(axis=0)[[0, 2]] < at[[0, 2]]).all() and (area.max(axis=0)[[0, 2]] > at[[0, 2]]).all()
         assert marks["surfaces/0/area"].label.title == "wall" and marks["surfaces/0/area"].layer == "surfaces"
@@ -263,8 +263,8 @@ class TestSurfaces:
         surface = picture.surfaces[0]
         assert surface.moves and surface.title == "moving ground" and surface.lines[0] == "velocity (0, 0.5, 0) m/s"
         marks = {mark.path: mark for mark in surface_marks(0, surface, Sizes(1.0, 1e-3))}
-        spread = np.ptp(marks["surfaces/0/velocity"].mesh.vertices, axis=0)
-        flat = np.ptp(marks["surfaces/0/area"].mesh.vertices, axis=0)
+        spread = np.ptp(marks["surfaces/0/velocity"].points, axis=0)
+        flat = np.ptp(marks["surfaces/0/area"].points, axis=0)
         assert spread[1] - 2.0 / 3.0 * flat[1] == pytest.approx(0.16, abs=1e-9)
 
     def test_a_turntable_s_arrows_go_around(self, solo):
@@ -323,7 +323,7 @@ class TestLeftOut:
         huge = rbd.ExternalForce("torso_2_link", (1e5, 0.0, 0.0))
         marks, scene = shown(talos, state, held, huge)
         at = state.frame("torso_2_link").X_WF.translation
-        assert marks["pushes/0/force"].mesh.vertices[:, 0].max() == pytest.approx(at[0] + scene.sizes.longest)
+        assert marks["pushes/0/force"].points[:, 0].max() == pytest.approx(at[0] + scene.sizes.longest)
         assert "Double arrowhead: not drawn to full length (push on torso_2_link)." in scene.left_out
 
     def test_wheels_and_edges_have_their_force_where_they_touch(self):

@@ -14,6 +14,7 @@ from PIL import Image
 import rbd
 from rbd.errors import PictureError
 from rbd.visual import Scene, export_motion, shapes
+from rbd.visual.marks import primitives
 from rbd.visual.packed_meshes import STEPS, in_order, message, split
 from rbd.visual.robot_meshes import robot_parts
 from rbd.visual.shapes import Mesh
@@ -73,7 +74,7 @@ def test_a_page_of_a_motion_is_as_small(standing_page, tmp_path):
     "mesh",
     [
         shapes.ball(0.3, centre=np.array([5.0, -2.0, 1.0])),
-        shapes.polygon(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])),
+        Mesh(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]]), np.array([[0, 1, 2]])),
         Mesh(np.eye(3), np.array([[2, 1, 0], [0, 1, 2]])),
         Mesh(np.zeros((0, 3)), np.zeros((0, 3), int)),
         shapes.revolved([(1.0, z) for z in np.linspace(0.0, 9.0, 400)], smooth=True, segments=200),
@@ -114,17 +115,84 @@ def test_a_mark_that_shines_through_the_robot_is_sent_once(standing_page):
 
 
 def test_the_browser_reads_the_same_triangles_as_python(standing_page, browser):
-    """Vertices and triangle corners of a part and of an arrow, read back from three.js."""
+    """Vertices and triangle corners of two parts, read back from three.js."""
     page = standing_page("talos")
     sent = meshes(page)
     with browser.open(page, width=160, height=120) as shown:
-        for path in ("robot/3", next(p for p in sent if "/marks/" in p and "force" in p).removeprefix("/meshcat/")):
+        for path in ("robot/3", "robot/5"):
             found = f"stage.layers.object({json.dumps(path)}).children[0].geometry"
             vertices = np.reshape(shown.evaluate(f"Array.from({found}.attributes.position.array)"), (-1, 3))
             corners = np.reshape(shown.evaluate(f"Array.from({found}.index.array)"), (-1, 3))
             mesh = sent[f"/meshcat/{path}"]
             assert np.array_equal(corners, mesh.faces)
             assert np.abs(vertices - mesh.vertices).max() < 1e-6
+
+
+START, VECTOR = np.array([0.3, -0.2, 0.1]), np.array([0.2, 0.3, -0.6])
+
+
+@pytest.fixture(scope="module")
+def drawn(standing_page, browser):
+    """The points of primitives as the page draws them, shape (n, 3) [m]."""
+    with browser.open(standing_page("talos"), width=160, height=120) as shown:
+
+        def points(*some: primitives.Primitive) -> np.ndarray:
+            given = json.dumps([one.data() for one in some])
+            return np.reshape(shown.evaluate(f"Array.from(solid({given}).attributes.position.array)"), (-1, 3))
+
+        yield points
+
+
+def test_an_arrow_is_drawn_from_its_point_along_its_vector(drawn):
+    """All triangles lie between tail and tip; the tail is at the point, the tip at point + vector, or where it is cut."""
+    for longest, heads in ((np.inf, 1), (0.5, 2)):
+        arrow = primitives.arrow(START, VECTOR, radius=0.01, longest=longest)
+        length = min(longest, np.linalg.norm(VECTOR))
+        n = VECTOR / np.linalg.norm(VECTOR)
+        vertices = drawn(arrow)
+        along = (vertices - START) @ n
+        assert abs(along.min()) < 1e-6 and abs(along.max() - length) < 1e-6 and arrow.data()["heads"] == heads
+        assert np.abs(vertices[along.argmax()] - arrow.points[1]).max() < 1e-6
+        off_axis = np.linalg.norm(vertices - START - along[:, None] * n, axis=1)
+        assert off_axis.max() == pytest.approx(0.026, abs=1e-6)  # of the heads, 2.6 radii
+        assert (off_axis[np.abs(along) < 1e-6] < 0.0101).all()
+
+
+@pytest.mark.parametrize("angle", [2.0, -2.0, 5.0, 0.05])
+def test_an_arc_is_drawn_around_its_axis_to_its_angle(drawn, angle):
+    """Its head ends on the circle at the angle; all of it is near the circle, on its side of the start."""
+    axes = shapes.axes_along(np.array([1.0, 2.0, -0.5]))
+    arc = primitives.arc(START, axes, 0.2, angle, thickness=0.005)
+    local = (drawn(arc) - START) @ axes
+    tip = 0.2 * np.array([np.cos(angle), np.sin(angle), 0.0])
+    assert np.linalg.norm(local - tip, axis=1).min() < 1e-6 and np.abs((arc.points[-1] - START) @ axes - tip).max() < 1e-12
+    assert np.abs(local[:, 2]).max() < 0.0131 and np.abs(np.hypot(local[:, 0], local[:, 1]) - 0.2).max() < 0.0131
+    turned = np.arctan2(local[:, 1], local[:, 0]) * np.sign(angle) % (2.0 * np.pi)
+    assert ((turned < abs(angle) + 1e-6) | (turned > 2.0 * np.pi - 0.03)).all()
+    ring = (drawn(primitives.ring(START, axes, 0.2, thickness=0.005)) - START) @ axes
+    assert np.allclose(np.hypot(np.hypot(ring[:, 0], ring[:, 1]) - 0.2, ring[:, 2]), 0.005, atol=2e-4)
+
+
+def test_lines_areas_cones_and_balls_have_their_points(drawn):
+    """A line is as thick as it says, and closed where it says so; corners of areas and rims are there."""
+    corners = np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
+    counts = []
+    for closed in (False, True):
+        vertices = drawn(primitives.line(corners, radius=0.01, closed=closed))
+        ends = np.vstack([corners, corners[:1]]) if closed else corners
+        along = np.diff(ends, axis=0)
+        share = np.clip(np.einsum("pij,ij->pi", vertices[:, None] - ends[:-1], along) / (along**2).sum(axis=1), 0.0, 1.0)
+        off = np.linalg.norm(vertices[:, None] - ends[:-1] - share[..., None] * along, axis=2).min(axis=1)
+        assert off.max() < 0.0101
+        counts.append(len(vertices))
+    assert counts[1] > 1.3 * counts[0]  # a third side
+    assert np.array_equal(drawn(primitives.polygon(corners)), corners)
+    rim = drawn(primitives.fan(START, corners))
+    assert {tuple(p) for p in rim.round(6)} == {tuple(p) for p in np.vstack([START, corners]).round(6)} and len(rim) == 9
+    balls = drawn(primitives.ball(0.1, corners))
+    assert np.allclose(np.linalg.norm(balls[:, None] - corners, axis=2).min(axis=1), 0.1, atol=1e-6)
+    both = drawn(primitives.polygon(corners), primitives.ball(0.1, corners))
+    assert len(both) == 3 + len(balls)
 
 
 def test_equal_meshes_share_one_geometry_in_the_browser(tmp_path, browser):

@@ -84,7 +84,7 @@ def test_the_arrows_drawn_are_the_forces_solved_for(scene, held):
     """Each arrow starts where its contact's resultant acts, and is force times the scene's scale long."""
     drawn = {mark.path: mark for mark in scene.drawn}
     for name, wrench in held.forces.items():
-        vertices = drawn[f"contacts/{name}/force"].mesh.vertices
+        vertices = drawn[f"contacts/{name}/force"].points
         vector = scene.metres_per_newton * wrench[:3]
         start = held.contacts[name].centre_of_pressure
         along = (vertices - start) @ vector / (vector @ vector)
@@ -94,7 +94,7 @@ def test_the_arrows_drawn_are_the_forces_solved_for(scene, held):
 
 def test_the_push_starts_at_the_point_that_is_pushed(scene, standing):
     """The arrow of an external force starts at frame + offset, in world axes."""
-    vertices = next(mark for mark in scene.drawn if mark.path == "pushes/0/force").mesh.vertices
+    vertices = next(mark for mark in scene.drawn if mark.path == "pushes/0/force").points
     at = standing.frame(PUSH.frame, PUSH.offset).X_WF.translation
     tail = vertices[vertices[:, 1].argmin()]
     assert abs(tail[1] - at[1]) < 1e-9 and np.linalg.norm(tail - at) < 0.02

@@ -7,6 +7,7 @@ import pytest
 
 import rbd
 from rbd.visual import shapes
+from rbd.visual.marks import primitives
 from rbd.visual.robot_meshes import read_collada
 
 COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" version="1.4.1">
@@ -31,27 +32,16 @@ COLLADA = """<COLLADA xmlns="http://www.collada.org/2005/11/COLLADASchema" versi
 </node></visual_scene></library_visual_scenes></COLLADA>"""
 
 
-def test_an_arrow_runs_from_its_point_along_its_vector():
-    """All triangles lie between tail and tip; the tail is at the point, the tip at point + vector."""
-    start, vector = np.array([0.3, -0.2, 0.1]), np.array([0.2, 0.3, -0.6])
-    vertices = shapes.arrow(start, vector, radius=0.01).vertices
-    along = (vertices - start) @ vector / (vector @ vector)
-    assert abs(along.min()) < 1e-12 and abs(along.max() - 1.0) < 1e-12
-    assert np.allclose(vertices[along.argmax()], start + vector)
-    off_axis = np.linalg.norm(vertices - start - along[:, None] * vector, axis=1)
-    assert off_axis.max() < 0.03
-
-
 def test_an_arrow_of_no_force_is_not_drawn():
-    """A zero vector has no direction: no triangles, and no division by zero."""
-    assert len(shapes.arrow(np.zeros(3), np.zeros(3), radius=0.01).faces) == 0
+    """A zero vector has no direction: nothing to draw, and no division by zero."""
+    assert primitives.arrow(np.zeros(3), np.zeros(3), radius=0.01).empty
 
 
 def test_the_friction_cone_opens_along_the_normal_with_the_right_angle():
     """The rim is at tan(angle) = mu, whatever the normal."""
     axes = shapes.axes_along(np.array([1.0, 2.0, -0.5]))
     around = rbd.problem.FrictionCone(0.6).rim()
-    cone = shapes.fan(np.ones(3), 1.0 + 0.2 / np.hypot(1.0, 0.6) * around @ axes.T).vertices - 1.0
+    cone = primitives.fan(np.ones(3), 1.0 + 0.2 / np.hypot(1.0, 0.6) * around @ axes.T).points - 1.0
     rim = cone[np.linalg.norm(cone, axis=1) > 1e-9]
     normal = rim @ axes[:, 2]
     assert np.allclose(np.linalg.norm(rim, axis=1), 0.2)

@@ -83,7 +83,7 @@ def test_pushes_that_must_be_there_are_drawn_from_the_smallest_to_the_largest(ta
         scene.show(state)
         scene.draw(limits)
         drawn = {mark.path: mark for mark in scene.drawn}
-        nearest = np.linalg.norm(drawn["statics/0/edge"].mesh.vertices - limits.point, axis=1).min()
+        nearest = np.linalg.norm(drawn["statics/0/edge"].points - limits.point, axis=1).min()
         assert "statics/0/around" not in drawn and nearest > 0.5 * scene.metres_per_newton * limits.least[some].min()
     assert "cannot be held without a push" in limits._repr_html_()
 
@@ -113,9 +113,9 @@ def test_the_scene_draws_them_around_the_robot(talos, standing):
         before = len(scene.drawn)
         scene.draw(region, limits, zmp_region(state, soles), wrench_cone(state, soles))
         drawn = {mark.path: mark for mark in scene.drawn}
-        area = drawn["statics/0/area"].mesh.vertices
+        area = drawn["statics/0/area"].points
         assert np.abs(area[:, 2]).max() < 0.05 and np.allclose(area[:, :2].max(axis=0), region.vertices.max(axis=0))
-        tips = drawn["statics/1/edge"].mesh.vertices - limits.point
+        tips = drawn["statics/1/edge"].points - limits.point
         assert abs(tips[:, 1].max() - scene.metres_per_newton * limits.forces[1]) < 1e-6
         assert drawn["statics/3/cone"].color == WRENCH_COLOR
         assert "largest pushes" in scene.page() and "support region" in scene.page()

@@ -129,11 +129,12 @@ def plot_energy(ax: Axes, trajectory: Trajectory) -> list[Artist]:
     """
     _check(ax, trajectory)
     drawn: list[Artist] = []
-    for name, color, values in energy_curves(trajectory):
-        label, total = name, name == "total"
+    for line in energy_curves(trajectory):
+        label, total = line.name, line.name == "total"
         if total:
-            label = f"total, changes by {values[-1] - values[0]:.3g} J".replace("by -", "by \N{MINUS SIGN}")
-        drawn += ax.plot(trajectory.t, values, color=color, lw=_BOLD, label=label, zorder=4 if total else 3)
+            change = line.values[-1] - line.values[0]
+            label = f"total, changes by {change:.3g} J".replace("by -", "by \N{MINUS SIGN}")
+        drawn += ax.plot(trajectory.t, line.values, color=line.color, lw=_BOLD, label=label, zorder=4 if total else 3)
     marks = _event_marks(ax, trajectory, trajectory.contacts)
     _dress(ax, trajectory, "energy [J]")
     _legend(ax, [])

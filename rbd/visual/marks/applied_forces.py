@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, cast
 
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.errors import InputError
-from rbd.model.external import External, ExternalForce, ForceElement, elements_of
+from rbd.model.external import External, ExternalForce, ForceElement, acting, elements_of, generalised
 from rbd.model.state import State
 from rbd.records import joined
 from rbd.visual import shapes
@@ -129,14 +127,6 @@ def shown_element(state: State, element: ForceElement) -> ShownElement | None:
     return ShownElement(element.name, shape, points, direction, given.value, unit)
 
 
-def only_pushes(external: Any) -> External:
-    """The external forces without force elements; generalised forces as they are."""
-    if not elements_of(external):
-        return external
-    pushes = external if isinstance(external, Sequence) else ()
-    return [each for each in pushes if isinstance(each, ExternalForce)]
-
-
 def color_of(element: ShownElement, sizes: Sizes) -> str:
     """Its colour, from grey to that of pulling or pushing."""
     share = min(1.0, abs(element.tension) / full_of(element.unit, sizes)) ** 0.5
@@ -244,65 +234,30 @@ def spiral(radius: float) -> Array:
     return np.column_stack([r * np.cos(angle), r * np.sin(angle), np.zeros(len(angle))])
 
 
-@runtime_checkable
-class DrawnPush(Protocol):
-    """An external force at a frame, like `rbd.ExternalForce`: only the members that a picture needs."""
-
-    @property
-    def frame(self) -> str:
-        """Name of the frame that is pushed."""
-
-    @property
-    def force(self) -> Sequence[float] | Array:
-        """Force in W, shape (3,) [N]."""
-
-    @property
-    def offset(self) -> Sequence[float] | Array:
-        """Point of application from the frame's origin, in frame axes, shape (3,) [m]."""
-
-
-def pushes(state: State, external: object) -> tuple[list[ShownForce], list[str]]:
+def pushes(state: State, external: External) -> tuple[list[ShownForce], list[str]]:
     """The external forces that have a place in the picture, and what is left out of it, in words.
 
     Args:
         state: The robot.
-        external: What `rbd.solve` takes: `ExternalForce` objects, or one, or a generalised force, or None.
+        external: What `rbd.solve` takes.
 
     Raises:
-        InputError: if `external` is none of these.
+        InputError: it is something else.
     """
-    if external is None:
-        return [], []
-    model, given = state.robot, external
-    if isinstance(given, DrawnPush):
-        given = [given]
-    if isinstance(given, str | bytes) or not isinstance(given, Iterable) or (isinstance(given, np.ndarray) and not given.ndim):
-        raise InputError(f"external is {external!r:.80}; expected ExternalForces, or one generalised force (nv,).")
-    entries = given if isinstance(given, np.ndarray) else list(given)
-    if all(isinstance(push, DrawnPush) for push in entries):
-        return [_shown(i, state, push) for i, push in enumerate(entries)], []
-    try:
-        generalised = np.asarray(entries, float)
-    except (TypeError, ValueError, OverflowError):
-        generalised = np.zeros(0)
-    if generalised.shape != (model.nv,) or not np.isfinite(generalised).all():
-        odd = next((push for push in entries if not isinstance(push, DrawnPush)), entries)
-        raise InputError(
-            f"external holds {type(odd).__name__} {odd!r:.80}; expected ExternalForces, or one generalised force "
-            f"of shape ({model.nv},), finite."
-        )
-    if not generalised.any():
-        return [], []
-    most = int(np.abs(generalised).argmax())
-    where = model.joints.velocities[most].name
-    return [], [
+    force, given, _ = acting(external)
+    shown, tau = [_shown(i, state, push) for i, push in enumerate(given)], generalised(state, cast(External, force))[0]
+    if not tau.any():
+        return shown, []
+    most = int(np.abs(tau).argmax())
+    where = state.robot.joints.velocities[most].name
+    return shown, [
         "The generalised external force is not drawn: it has no point of application. "
-        f"Its largest entry is {number(float(generalised[most]))} at {where}."
+        f"Its largest entry is {number(float(tau[most]))} at {where}."
     ]
 
 
-def _shown(i: int, state: State, push: Any) -> ShownForce:
+def _shown(i: int, state: State, push: ExternalForce) -> ShownForce:
     point = np.array(state.frame(push.frame, push.offset).X_WF.translation)
-    force, moment = np.asarray(push.force, float), np.asarray(getattr(push, "moment", np.zeros(3)), float)
+    force, moment = np.asarray(push.force, float), np.asarray(push.moment, float)
     detail = f"{numbers(force)} N" + (f", moment {numbers(moment)} N m" if moment.any() else "")
     return ShownForce(f"pushes/{i}", f"push on {push.frame}", force, point, moment, detail, "pushes", PUSH_COLOR)

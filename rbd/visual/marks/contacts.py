@@ -14,7 +14,7 @@ from rbd.model.world import LEAST_FALL, STANDARD, along_gravity, is_along_z
 from rbd.problem.answer import ContactForce
 from rbd.problem.cones import Cone, FrictionCone
 from rbd.problem.ground import Ground
-from rbd.visual import shapes
+from rbd.visual.marks import primitives
 from rbd.visual.marks.mark import Label, Mark, Sizes, node, number, numbers
 from rbd.visual.marks.shown_force import ShownForce, force_marks
 from rbd.visual.style import COM_COLOR, SUPPORT_COLOR
@@ -87,7 +87,7 @@ def _friction(patch: Patch, used: float | None) -> list[str]:
     if patch.friction is None:
         return ["bilateral: held without a limit"]
     mu = "" if isinstance(patch.friction, Cone) else f" of mu {patch.friction:g}"
-    return [] if used is None else [f"friction used {100.0 * used:.1f} %{mu}"]
+    return [] if used is None else [f"friction {100.0 * used:.1f} %{mu}"]
 
 
 def contact_marks(contact: ShownForce, color: str, sizes: Sizes) -> list[Mark]:
@@ -98,13 +98,13 @@ def contact_marks(contact: ShownForce, color: str, sizes: Sizes) -> list[Mark]:
     place = Label(contact.name, contact.lines, patch.point, tag=False)
     marks = []
     if len(outline) >= 2:
-        marks.append(Mark(f"{at}/patch", shapes.polygon(outline), color, 0.55, label=place))
-        edge = shapes.tube(outline, radius=sizes.line, closed=len(outline) > 2)
-        marks.append(Mark(f"{at}/outline", edge, color, seen_through=True, label=place))
+        marks.append(Mark(f"{at}/patch", (primitives.polygon(outline),), color, 0.55, label=place))
+        edge = primitives.line(outline, radius=sizes.line, closed=len(outline) > 2)
+        marks.append(Mark(f"{at}/outline", (edge,), color, seen_through=True, label=place))
     if len(outline) <= 2:
         radius, kind = ((2.0, "point") if len(outline) < 2 else (1.3, "ends"))
-        dots = [shapes.ball(radius * sizes.shaft, centre=end) for end in (outline if len(outline) == 2 else [patch.point])]
-        marks.append(Mark(f"{at}/{kind}", shapes.joined(dots), color, seen_through=True, label=place))
+        dots = primitives.ball(radius * sizes.shaft, outline if len(outline) == 2 else patch.point)
+        marks.append(Mark(f"{at}/{kind}", (dots,), color, seen_through=True, label=place))
     if patch.friction:
         marks += _cone_marks(contact, patch, color, sizes)
     return marks + force_marks(contact, color, sizes)
@@ -125,10 +125,10 @@ def _cone_marks(contact: ShownForce, patch: Patch, color: str, sizes: Sizes) -> 
         words = f"mu {friction:g}, half angle {np.degrees(np.arctan(friction)):.0f} degrees"
     lines = (words, *_friction(patch, contact.friction_used))
     label = Label(f"{contact.name}: friction cone", lines, rim.mean(axis=0), tag=False)
-    edge = shapes.tube(rim, radius=0.7 * sizes.line, closed=True)
+    edge = primitives.line(rim, radius=0.7 * sizes.line, closed=True)
     return [
-        Mark(f"{contact.path}/cone", shapes.fan(contact.start, rim), color, 0.28, True, "cones", label),
-        Mark(f"{contact.path}/rim", edge, color, 1.0, True, "cones", label),
+        Mark(f"{contact.path}/cone", (primitives.fan(contact.start, rim),), color, 0.28, True, "cones", label),
+        Mark(f"{contact.path}/rim", (edge,), color, 1.0, True, "cones", label),
     ]
 
 
@@ -232,10 +232,10 @@ def support_marks(outline: Array, sizes: Sizes) -> list[Mark]:
     area = 0.5 * float(x @ np.roll(y, -1) - y @ np.roll(x, -1))
     words = (f"area {number(area)} m2", f"{len(outline)} corners, seen along z; of the loaded contacts with the ground")
     label = Label("support polygon", words, flat.mean(axis=0))
-    edge = shapes.tube(flat, radius=1.8 * sizes.line, closed=len(outline) > 2)
-    marks = [Mark("support/outline", edge, SUPPORT_COLOR, seen_through=True, layer=layer, label=replace(label, tag=False))]
+    edge = primitives.line(flat, radius=1.8 * sizes.line, closed=len(outline) > 2)
+    marks = [Mark("support/outline", (edge,), SUPPORT_COLOR, seen_through=True, layer=layer, label=replace(label, tag=False))]
     if len(outline) > 2:
-        marks.append(Mark("support/area", shapes.polygon(flat), SUPPORT_COLOR, 0.3, True, layer, label))
+        marks.append(Mark("support/area", (primitives.polygon(flat),), SUPPORT_COLOR, 0.3, True, layer, label))
     return marks
 
 
@@ -252,23 +252,22 @@ def com_marks(com: Array, sizes: Sizes, ground: float = 0.0, gravity: Array = DO
         gravity: In W, shape (3,) [m/s2].
     """
     label = Label("centre of mass", (f"{numbers(com)} m",), com)
-    marks = [Mark("com/ball", shapes.ball(0.02 * sizes.body, centre=com), COM_COLOR, 1.0, True, "centre of mass", label)]
+    marks = [Mark("com/ball", (primitives.ball(0.02 * sizes.body, com),), COM_COLOR, 1.0, True, "centre of mass", label)]
     size = float(np.linalg.norm(gravity))
     if not is_along_z(gravity) and size:
-        arrow = shapes.arrow(com, GRAVITY_LENGTH * sizes.body * gravity / size, radius=0.7 * sizes.shaft)
+        arrow = primitives.arrow(com, GRAVITY_LENGTH * sizes.body * gravity / size, radius=0.7 * sizes.shaft)
         words = Label("gravity", (f"{number(size)} m/s2", f"{numbers(gravity)} m/s2"), com + 0.3 * sizes.body * gravity / size)
-        marks.append(Mark("com/gravity", arrow, COM_COLOR, 1.0, True, "centre of mass", words))
+        marks.append(Mark("com/gravity", (arrow,), COM_COLOR, 1.0, True, "centre of mass", words))
     if not -gravity[2] > LEAST_FALL * size:
         return marks
     foot = np.array([*along_gravity(gravity, com, ground), ground + sizes.lift])
     r = 0.028 * sizes.body
-    ring = shapes.ring(foot, np.eye(3), r, thickness=0.8 * sizes.line)
-    cross = [shapes.tube(np.array([foot - 1.5 * r * e, foot + 1.5 * r * e]), radius=0.8 * sizes.line) for e in np.eye(3)[:2]]
-    mark = shapes.joined([ring, *cross])
-    drop = shapes.tube(np.array([com, foot]), radius=sizes.line)
+    ring = primitives.ring(foot, np.eye(3), r, thickness=0.8 * sizes.line)
+    cross = [primitives.line([foot - 1.5 * r * e, foot + 1.5 * r * e], radius=0.8 * sizes.line) for e in np.eye(3)[:2]]
+    drop = primitives.line([com, foot], radius=sizes.line)
     layer, below = "centre of mass", replace(label, title="below the centre of mass", at=foot, tag=False)
     return [
         *marks,
-        Mark("com/drop_line", drop, COM_COLOR, 1.0, True, layer, below),
-        Mark("com/on_the_ground", mark, COM_COLOR, 1.0, True, layer, below),
+        Mark("com/drop_line", (drop,), COM_COLOR, 1.0, True, layer, below),
+        Mark("com/on_the_ground", (ring, *cross), COM_COLOR, 1.0, True, layer, below),
     ]

@@ -1,15 +1,16 @@
-"""A mark: a coloured shape in the world, its layer and its label; the sizes of marks, and arrows of forces and moments."""
+"""A mark: coloured shapes in the world, their layer and label; the sizes of marks, and arrows of forces and moments."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rbd.arrays import Array
 from rbd.model.checked_model import CheckedModel
-from rbd.visual import shapes
-from rbd.visual.shapes import Mesh, round_number
+from rbd.visual.marks.primitives import Primitive, arc, arrow
+from rbd.visual.shapes import Mesh, axes_along, round_number
 from rbd.visual.style import hexadecimal, rgb
 
 WEIGHTLESS_N = 100.0
@@ -37,11 +38,11 @@ class Label:
 
 @dataclass(frozen=True, eq=False, slots=True)
 class Mark:
-    """One coloured shape in the world.
+    """Shapes of one colour in the world.
 
     Attributes:
         path: Path in the viewer's tree, such as 'forces/left_sole/arrow'.
-        mesh: Triangles in W [m].
+        shape: In W: primitives, or triangles [m] of what is none.
         color: '#rrggbb'.
         opacity: 1 is solid.
         seen_through: Whether it shines faintly through what hides it.
@@ -50,12 +51,19 @@ class Mark:
     """
 
     path: str
-    mesh: Mesh
+    shape: Mesh | Sequence[Primitive]
     color: str
     opacity: float = 1.0
     seen_through: bool = False
     layer: str = "forces"
     label: Label | None = None
+
+    @property
+    def points(self) -> Array:
+        """What its shapes span, in W, shape (k, 3) [m]."""
+        if isinstance(self.shape, Mesh):
+            return self.shape.vertices
+        return np.vstack([np.zeros((0, 3)), *(one.points for one in self.shape if not one.empty)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,16 +168,9 @@ LOW, HALF, FULL = "#009e73", "#e69f00", "#c1272d"
 """Colours of a torque of zero, half and all of its limit."""
 
 
-def force_arrow(start: Array, force: Array, sizes: Sizes, *, thick: float = 1.0) -> Mesh:
+def force_arrow(start: Array, force: Array, sizes: Sizes, *, thick: float = 1.0) -> Primitive:
     """The arrow of a force [N] from its point in W, both of shape (3,); `thick` in radii of the scene's arrows."""
-    return shapes.arrow(start, sizes.metres_per_newton * force, radius=thick * sizes.shaft, longest=sizes.longest)
-
-
-def tip_of(start: Array, force: Array, sizes: Sizes) -> Array:
-    """Where the arrow of a force [N] from its point in W ends, shape (3,) [m]."""
-    vector = sizes.metres_per_newton * np.asarray(force)
-    length = float(np.linalg.norm(vector))
-    return np.asarray(start + vector * min(1.0, sizes.longest / length if length else 1.0))
+    return arrow(start, sizes.metres_per_newton * force, radius=thick * sizes.shaft, longest=sizes.longest)
 
 
 def is_cut(force: Array, sizes: Sizes) -> bool:
@@ -189,10 +190,10 @@ def moment_marks(path: str, title: str, point: Array, moment: Array, color: str,
     if angle < SMALLEST_ARC:
         return []
     heads = 2 if size > sizes.full_moment else 1
-    mesh = shapes.arc_arrow(point, shapes.axes_along(moment), sizes.arc, angle, thickness=0.6 * sizes.shaft, heads=heads)
+    bent = arc(point, axes_along(moment), sizes.arc, angle, thickness=0.6 * sizes.shaft, heads=heads)
     lines = (f"|m| {number(size)} N m", f"moment on the robot {numbers(moment)} N m")
-    label = Label(f"moment of {title}", lines, mesh.vertices[-1], tag=False)
-    return [Mark(path, mesh, color, seen_through=True, layer="moments", label=label)]
+    label = Label(f"moment of {title}", lines, bent.points[-1], tag=False)
+    return [Mark(path, (bent,), color, seen_through=True, layer="moments", label=label)]
 
 
 def share_color(share: float) -> str:

@@ -14,10 +14,10 @@ from rbd.constraints.constraint import Constraint, closes_loop, frames_of, membe
 from rbd.constraints.contact_points import ContactPoints
 from rbd.model.external import generalised
 from rbd.model.state import State
-from rbd.visual import shapes
 from rbd.visual.marks.mark import FULL_TURN, SMALLEST_ARC, Label, Mark, Sizes, node, number, share_color
+from rbd.visual.marks.primitives import Primitive, arc, arrow, line, ring
 from rbd.visual.marks.shown_force import ShownForce
-from rbd.visual.shapes import Mesh
+from rbd.visual.shapes import axes_along
 from rbd.visual.style import LIMITED_COLOR
 
 if TYPE_CHECKING:
@@ -165,27 +165,27 @@ def torque_marks(torques: Sequence[ShownTorque], sizes: Sizes) -> list[Mark]:
             color = share_color(share)
         at, size = f"torques/{node(t.name)}", float(np.copysign(min(share, 1.0), t.value))
         heads = 2 if share > 1.0 else 1
-        mesh, track = _bar(t, size, sizes) if t.slides else _arc(t, size, heads, sizes)
+        used, track = _bar(t, size, sizes) if t.slides else _arc(t, size, heads, sizes)
         label = Label(t.name, t.lines, t.point + sizes.arc * t.axis)
-        marks.append(Mark(f"{at}/limit", track, color, 0.6, True, "joint torques", replace(label, tag=False)))
-        if len(mesh.faces):
-            marks.append(Mark(f"{at}/torque", mesh, color, seen_through=True, layer="joint torques", label=label))
+        marks.append(Mark(f"{at}/limit", (track,), color, 0.6, True, "joint torques", replace(label, tag=False)))
+        if not used.empty:
+            marks.append(Mark(f"{at}/torque", (used,), color, seen_through=True, layer="joint torques", label=label))
     return marks
 
 
-def _arc(t: ShownTorque, share: float, heads: int, sizes: Sizes) -> tuple[Mesh, Mesh]:
+def _arc(t: ShownTorque, share: float, heads: int, sizes: Sizes) -> tuple[Primitive, Primitive]:
     """The arc of a share of the limit in [-1, 1], and the ring of the whole limit."""
-    axes, thickness = shapes.axes_along(t.axis), 0.75 * sizes.shaft
+    axes, thickness = axes_along(t.axis), 0.75 * sizes.shaft
     angle = share * FULL_TURN if abs(share) * FULL_TURN > SMALLEST_ARC else 0.0
-    ring = shapes.ring(t.point, axes, sizes.arc, thickness=0.5 * sizes.line, facets=5)
-    return shapes.arc_arrow(t.point, axes, sizes.arc, angle, thickness=thickness, heads=heads), ring
+    whole = ring(t.point, axes, sizes.arc, thickness=0.5 * sizes.line)
+    return arc(t.point, axes, sizes.arc, angle, thickness=thickness, heads=heads), whole
 
 
-def _bar(t: ShownTorque, share: float, sizes: Sizes) -> tuple[Mesh, Mesh]:
+def _bar(t: ShownTorque, share: float, sizes: Sizes) -> tuple[Primitive, Primitive]:
     """The bar of a share of the limit in [-1, 1] along the axis, and the line of the whole limit."""
     full = BAR * sizes.body * t.axis
-    line = shapes.tube(np.array([t.point - full, t.point + full]), radius=0.5 * sizes.line)
-    return shapes.arrow(t.point, share * full, radius=0.8 * sizes.shaft), line
+    whole = line([t.point - full, t.point + full], radius=0.5 * sizes.line)
+    return arrow(t.point, share * full, radius=0.8 * sizes.shaft), whole
 
 
 LOOP_COLOR = "#5e4fa2"
@@ -193,7 +193,7 @@ LOOP_COLOR = "#5e4fa2"
 
 def origin_of(answer: Any) -> Any:
     """What has the state, constraints and external forces of an answer: an actuation itself, else its problem's origin."""
-    return answer.problem.origin if hasattr(answer, "problem") else answer
+    return getattr(answer.problem, "origin", None) if hasattr(answer, "problem") else answer
 
 
 def other_forces(

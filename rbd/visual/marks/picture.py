@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from rbd.arrays import Array
+from rbd.model.external import External
 from rbd.model.state import State
 from rbd.model.world import is_standard
 from rbd.visual.marks.applied_forces import (
@@ -17,7 +18,6 @@ from rbd.visual.marks.applied_forces import (
     ShownElement,
     color_of,
     element_marks,
-    only_pushes,
     pushes,
     shown_elements,
 )
@@ -70,7 +70,7 @@ class Picture:
     gravity: Array = field(default_factory=DOWN.copy)
 
     @classmethod
-    def of(cls, state: State, solution: Solution | Actuation | None, external: object) -> Picture:
+    def of(cls, state: State, solution: Solution | Actuation | None, external: External) -> Picture:
         """The picture of a state, its solution, and the external forces that were given.
 
         Without these, the force elements are those that the solution was made with.
@@ -78,7 +78,7 @@ class Picture:
         Raises:
             InputError: if `external` is not what `rbd.solve` takes.
         """
-        pushed, unshown = pushes(state, only_pushes(external))
+        pushed, unshown = pushes(state, external)
         given_with = getattr(origin_of(solution), "external", None)
         elements, words = shown_elements(state, given_with if external is None else external)
         contacts, others, given, left_out = list[ShownForce](), list[ShownForce](), dict[str, Any](), list[str]()
@@ -123,7 +123,7 @@ class Picture:
         drawn += torque_marks(() if "joint torques" in without else self.torques, sizes)
         for i, element in enumerate(self.elements):
             drawn += element_marks(i, element, sizes)
-        return [mark for mark in drawn if len(mark.mesh.faces) and mark.layer not in without]
+        return [mark for mark in drawn if len(mark.points) and mark.layer not in without]
 
     def has_moments(self, sizes: Sizes) -> bool:
         """Whether an arc of a moment is drawn."""

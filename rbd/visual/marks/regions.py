@@ -14,7 +14,7 @@ from rbd.statics.pushes import PushLimits
 from rbd.statics.regions import SupportRegion
 from rbd.statics.wrench_cones import ContactWrenchCone
 from rbd.statics.zero_moment_point import ZmpRegion
-from rbd.visual import shapes
+from rbd.visual.marks import primitives
 from rbd.visual.marks.mark import Label, Mark, Sizes, number
 from rbd.visual.style import LIMIT_COLORS, LIMITED_COLOR, SUPPORT_COLOR, WRENCH_COLOR, ZMP_COLOR, contact_colors
 
@@ -107,7 +107,7 @@ def marks_of(drawn: Sequence[Drawn], sizes: Sizes) -> list[Mark]:
 
 def _labelled(mark: Mark, title: str) -> Mark:
     """The mark in the layer of regions, with its name; an area or a cone has a tag."""
-    at = mark.mesh.vertices.mean(axis=0) if len(mark.mesh.vertices) else np.zeros(3)
+    at = mark.points.mean(axis=0) if len(mark.points) else np.zeros(3)
     kind = mark.path.rsplit("/", 1)[1]
     words = (f"limit: {LIMIT_COLORS[kind][1]}",) if kind in LIMIT_COLORS else ()
     return replace(mark, layer="regions", label=Label(title, words, at, tag=kind in ("area", "cone")))
@@ -152,21 +152,18 @@ def _area(at: str, corners: Array, color: str, number: int, sizes: Sizes, com: A
         return []
     reach = _FARTHEST * sizes.body
     corners = np.clip(corners, com - reach, com + reach) + [0.0, 0.0, (2.0 + number) * sizes.lift]
-    edge = shapes.tube(corners, radius=1.8 * sizes.line, closed=len(corners) > 2)
-    marks = [Mark(f"{at}/edge", edge, color, seen_through=True)]
+    edge = primitives.line(corners, radius=1.8 * sizes.line, closed=len(corners) > 2)
+    marks = [Mark(f"{at}/edge", (edge,), color, seen_through=True)]
     if len(corners) > 2:
-        marks.append(Mark(f"{at}/area", shapes.polygon(corners), color, 0.22))
+        marks.append(Mark(f"{at}/area", (primitives.polygon(corners),), color, 0.22))
     return marks
 
 
 def _footprints(at: str, stood: Footprints, sizes: Sizes) -> list[Mark]:
     flat = stood.outlines + [0.0, 0.0, sizes.lift]
-    edges = [shapes.tube(outline, radius=0.7 * sizes.line, closed=True) for outline in flat]
-    areas = [shapes.polygon(outline) for outline in flat]
-    return [
-        Mark(f"{at}/edges", shapes.joined(edges), stood.color, 0.6),
-        Mark(f"{at}/areas", shapes.joined(areas), stood.color, 0.18),
-    ]
+    edges = [primitives.line(outline, radius=0.7 * sizes.line, closed=True) for outline in flat]
+    areas = [primitives.polygon(outline) for outline in flat]
+    return [Mark(f"{at}/edges", edges, stood.color, 0.6), Mark(f"{at}/areas", areas, stood.color, 0.18)]
 
 
 def _pushes(at: str, limits: PushLimits, sizes: Sizes) -> list[Mark]:
@@ -181,14 +178,14 @@ def _pushes(at: str, limits: PushLimits, sizes: Sizes) -> list[Mark]:
     kinds = [given[0].kind if given else "none" for given, holds in zip(limits.gives_way, some, strict=True) if holds]
     for kind, (color, _) in LIMIT_COLORS.items():
         own = [(start, tip - start) for start, tip, k in zip(starts, whole, kinds, strict=True) if k == kind]
-        arrows = [shapes.arrow(point + start, way, radius=0.3 * sizes.shaft, longest=reach) for start, way in own]
+        arrows = [primitives.arrow(point + start, way, radius=0.3 * sizes.shaft, longest=reach) for start, way in own]
         if arrows:
-            marks.append(Mark(f"{at}/{kind}", shapes.joined(arrows), color, seen_through=True))
+            marks.append(Mark(f"{at}/{kind}", arrows, color, seen_through=True))
     if limits.held and len(tips) > 2 and rank_of(limits.directions) == 2:
         U = np.linalg.svd(limits.directions)[2][:2]
         order = np.argsort(np.arctan2(*(U @ limits.directions.T)[::-1]), kind="stable")
-        around = shapes.tube(point + tips[order], radius=sizes.line, closed=True)
-        marks.append(Mark(f"{at}/around", around, "#7f7f7f", seen_through=True))
+        around = primitives.line(point + tips[order], radius=sizes.line, closed=True)
+        marks.append(Mark(f"{at}/around", (around,), "#7f7f7f", seen_through=True))
     return marks
 
 
@@ -199,8 +196,8 @@ def _cone(at: str, cone: ContactWrenchCone, sizes: Sizes) -> list[Mark]:
     height = 2.0 * sizes.cone
     rim = np.column_stack([leans, np.ones(len(leans))]) * height
     rim *= np.minimum(1.0, 2.0 * height / np.linalg.norm(rim, axis=1))[:, None]
-    edge = shapes.tube(cone.about + rim, radius=sizes.line, closed=True)
+    edge = primitives.line(cone.about + rim, radius=sizes.line, closed=True)
     return [
-        Mark(f"{at}/cone", shapes.fan(cone.about, cone.about + rim), WRENCH_COLOR, 0.28, seen_through=True),
-        Mark(f"{at}/rim", edge, WRENCH_COLOR, seen_through=True),
+        Mark(f"{at}/cone", (primitives.fan(cone.about, cone.about + rim),), WRENCH_COLOR, 0.28, seen_through=True),
+        Mark(f"{at}/rim", (edge,), WRENCH_COLOR, seen_through=True),
     ]

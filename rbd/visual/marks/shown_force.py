@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from rbd.arrays import Array
-from rbd.visual import shapes
-from rbd.visual.marks.mark import Label, Mark, Sizes, force_arrow, moment_marks, number, numbers, tip_of
+from rbd.visual.marks.mark import Label, Mark, Sizes, force_arrow, moment_marks, number, numbers
+from rbd.visual.marks.primitives import ball
 
 if TYPE_CHECKING:
     from rbd.problem.rows import Patch
@@ -112,18 +112,18 @@ def force_marks(shown: ShownForce, color: str, sizes: Sizes) -> list[Mark]:
         return marks
     if shown.pin:
         place = Label(title, shown.lines, shown.start, tag=False)
-        marks.append(Mark(f"{at}/point", shapes.ball(1.6 * sizes.shaft, centre=shown.start), label=place, **look))  # type: ignore[arg-type]
+        marks.append(Mark(f"{at}/point", (ball(1.6 * sizes.shaft, shown.start),), label=place, **look))  # type: ignore[arg-type]
     arrow = force_arrow(shown.start, shown.force, sizes, thick=shown.thick)
-    tip = Label(title, shown.lines, tip_of(shown.start, shown.force, sizes))
-    marks.append(Mark(f"{at}/force", arrow, label=tip, **look))  # type: ignore[arg-type]
+    tip = Label(title, shown.lines, arrow.points[-1])
+    marks.append(Mark(f"{at}/force", (arrow,), label=tip, **look))  # type: ignore[arg-type]
     if shown.against:
         back = force_arrow(shown.start, -shown.force, sizes, thick=0.6 * shown.thick)
         lines = (f"force on {shown.against} {numbers(-shown.force)} N", f"the opposite of that on {shown.on} at {title}")
-        label = Label(f"{title}, on {shown.against}", lines, tip_of(shown.start, -shown.force, sizes), tag=False)
-        marks.append(Mark(f"{at}/reaction", back, opacity=0.6, label=label, **look))  # type: ignore[arg-type]
+        label = Label(f"{title}, on {shown.against}", lines, back.points[-1], tag=False)
+        marks.append(Mark(f"{at}/reaction", (back,), opacity=0.6, label=label, **look))  # type: ignore[arg-type]
     turns = moment_marks(f"{at}/moment", title, shown.start, shown.moment, color, sizes)
     own = not shown.force.any()  # then the arc has the tag
-    return [*marks, *(replace(mark, label=replace(tip, at=mark.mesh.vertices[-1])) if own else mark for mark in turns)]
+    return [*marks, *(replace(mark, label=replace(tip, at=mark.points[-1])) if own else mark for mark in turns)]
 
 
 def _corner_mark(shown: ShownForce, color: str, sizes: Sizes) -> Mark:
@@ -132,11 +132,11 @@ def _corner_mark(shown: ShownForce, color: str, sizes: Sizes) -> Mark:
     pieces = [force_arrow(corner, force, sizes, thick=0.6 if shown.only_points else 0.45) for corner, force in pairs]
     middle = shown.corners.mean(axis=0)
     if shown.only_points:
-        pieces += [shapes.ball(1.4 * sizes.shaft, centre=point) for point in shown.corners]
+        pieces.append(ball(1.4 * sizes.shaft, shown.corners))
         label, layer = Label(shown.name, shown.lines, middle), shown.layer
     else:
         lines = [f"corner {i}: {numbers(force)} N at {numbers(p)} m" for i, (p, force) in enumerate(pairs[:LISTED], 1)]
         lines += [f"and {len(pairs) - LISTED} more"] if len(pairs) > LISTED else []
         label, layer = Label(f"{shown.name}: corner forces on the robot", tuple(lines), middle, tag=False), "corner forces"
     path = shown.path if shown.only_points else f"{shown.path}/corner_forces"
-    return Mark(path, shapes.joined(pieces), color, seen_through=True, layer=layer, label=label)
+    return Mark(path, pieces, color, seen_through=True, layer=layer, label=label)

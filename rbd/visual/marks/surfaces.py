@@ -12,6 +12,7 @@ from rbd.arrays import Array
 from rbd.constraints.constraint import member
 from rbd.problem.ground import Ground
 from rbd.visual import shapes
+from rbd.visual.marks import primitives
 from rbd.visual.marks.contacts import plane_of
 from rbd.visual.marks.mark import Label, Mark, Sizes, number, numbers
 
@@ -162,12 +163,12 @@ def surface_marks(place: int, surface: ShownSurface, sizes: Sizes) -> list[Mark]
         for s in steps[:: max(1, len(steps) // MOST_LINES)]:
             ends = ((s, low[1]), (s, high[1])) if k == 0 else ((low[0], s), (high[0], s))
             lines.append(shapes.ribbon(there(*ends[0]), there(*ends[1]), surface.normal, 0.8 * sizes.line))
-    edge = shapes.tube(rim, radius=0.7 * sizes.line, closed=True)
+    edge = primitives.line(rim, radius=0.7 * sizes.line, closed=True)
     hover = Label(surface.title, surface.lines, rim[2], tag=False)
     marks = [
-        Mark(f"{at}/area", shapes.polygon(rim), color, 0.22, layer="surfaces", label=label),
+        Mark(f"{at}/area", (primitives.polygon(rim),), color, 0.22, layer="surfaces", label=label),
         Mark(f"{at}/grid", shapes.joined(lines), color, 0.45, layer="surfaces", label=hover),
-        Mark(f"{at}/edge", edge, color, 0.8, layer="surfaces", label=hover),
+        Mark(f"{at}/edge", (edge,), color, 0.8, layer="surfaces", label=hover),
     ]
     if surface.moves:
         marks += _flow(at, surface, [there(x, y) for x in _inside(low[0], high[0]) for y in _inside(low[1], high[1])], sizes)
@@ -187,9 +188,9 @@ def _flow(at: str, surface: ShownSurface, points: Sequence[Array], sizes: Sizes)
         return []
     lift = 2.0 * sizes.lift * surface.normal
     scale = FASTEST * sizes.body / fastest
-    arrows = [shapes.arrow(p + lift, scale * v, radius=0.4 * sizes.shaft) for p, v in zip(where, velocity, strict=True)]
+    arrows = [primitives.arrow(p + lift, scale * v, radius=0.4 * sizes.shaft) for p, v in zip(where, velocity, strict=True)]
     label = Label(surface.title, (*surface.lines, f"its longest arrow is {number(fastest)} m/s"), where[-1], tag=False)
-    return [Mark(f"{at}/velocity", shapes.joined(arrows), MOVING_COLOR, seen_through=True, layer="surfaces", label=label)]
+    return [Mark(f"{at}/velocity", arrows, MOVING_COLOR, seen_through=True, layer="surfaces", label=label)]
 
 
 def plane_axes(normal: Array) -> Array:

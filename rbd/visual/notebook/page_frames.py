@@ -16,9 +16,8 @@ from rbd.errors import InputError, PictureError
 from rbd.motion.reference_motion import Motion
 from rbd.motion.report import MotionReport
 from rbd.simulation.trajectory import Trajectory
-from rbd.visual.pages.browser import Browser, find_browser, one_browser
-from rbd.visual.pages.link import page_link
-from rbd.visual.pages.page import write_page
+from rbd.visual.pages.browser import Browser, find_browser
+from rbd.visual.pages.page import photograph
 from rbd.visual.playback.animation import Playback, motion_scene
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_path, is_there
@@ -157,8 +156,4 @@ def _picture(page: str, height: int, browser: Browser | None = None) -> bytes:
     if browser is None and find_browser() is None:
         return b""
     with tempfile.TemporaryDirectory(prefix="rbd-notebook-") as folder:
-        target = Path(folder) / "page.html"
-        write_page(target, page)
-        link = page_link(controls=False)
-        with one_browser(browser) as used, used.open(target, width=WIDTH, height=height, fragment=link) as opened:
-            return opened.picture()
+        return photograph(page, Path(folder) / "picture.png", WIDTH, height, browser).read_bytes()

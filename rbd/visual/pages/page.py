@@ -62,7 +62,8 @@ $start
 </html>
 """)
 SCRIPTS = (
-    *("stage.js", "meshes.js", "layers.js", "legend.js", "labels.js", "naming.js", "views.js", "gauges.js", "toolbar.js"),
+    *("stage.js", "meshes.js", "primitives.js", "layers.js", "legend.js", "labels.js", "naming.js"),
+    *("views.js", "gauges.js", "toolbar.js"),
     *("support.js", "force_elements.js", "animation.js", "curves.js", "reel.js", "timeline.js"),
     *("live.js", "controls.js", "backdrop.js"),
 )

@@ -15,6 +15,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_positive, check_whole
 from rbd.errors import InputError, PictureError, nearest
+from rbd.model.external import External
 from rbd.model.state import State
 from rbd.motion.report import MotionReport
 from rbd.visual.marks.mark import Sizes
@@ -22,7 +23,7 @@ from rbd.visual.marks.regions import footprints_of
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import photograph, write_page
 from rbd.visual.playback.curves import Choice, described, together
-from rbd.visual.playback.motion_frames import Pushes, PushesAt, frames_of
+from rbd.visual.playback.motion_frames import PushesAt, frames_of
 from rbd.visual.playback.motion_page import MotionPage
 from rbd.visual.playback.planar_motion import is_planar, shown_planar
 from rbd.visual.playback.report_motion import shown_report
@@ -82,10 +83,10 @@ class Playback:
     title: str | None = None
     start: float | None = None
     playing: bool = False
-    external: Pushes | PushesAt = None
+    external: External | PushesAt = None
     ghost: Trajectory | Motion | None = None
     beside: Trajectory | Motion | None = None
-    beside_external: Pushes | PushesAt = None
+    beside_external: External | PushesAt = None
     charts: Choice = True
     follow: bool | None = None
     trace: bool | None = None
@@ -145,10 +146,10 @@ def export_motion(
     speed: float | None = None,
     title: str | None = None,
     start: float | None = None,
-    external: Pushes | PushesAt = None,
+    external: External | PushesAt = None,
     ghost: Trajectory | Motion | None = None,
     beside: Trajectory | Motion | None = None,
-    beside_external: Pushes | PushesAt = None,
+    beside_external: External | PushesAt = None,
     charts: Choice = True,
     follow: bool | None = None,
     trace: bool | None = None,
@@ -334,7 +335,7 @@ def replay(
     *,
     speed: float | None = None,
     scene: Scene | None = None,
-    external: Pushes | PushesAt = None,
+    external: External | PushesAt = None,
 ) -> None:
     """Show a motion live: the page plays it as it opens; returns when it is over. Ctrl-C ends it sooner, and is no error.
 

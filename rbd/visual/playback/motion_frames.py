@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, TypeAlias
 
@@ -13,6 +13,7 @@ import pinocchio as pin
 from rbd.arrays import Array, lazy
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
+from rbd.model.external import External
 from rbd.model.sampled_motion import SampledPoses
 from rbd.model.state import State
 from rbd.records import joined
@@ -21,19 +22,16 @@ from rbd.visual.marks.applied_forces import (
     PUSHES,
     RELAXED,
     TURNED,
-    DrawnPush,
     ElementPiece,
     element_pieces,
     full_of,
-    only_pushes,
     pushes,
     shown_elements,
 )
 from rbd.visual.marks.mark import Sizes
 from rbd.visual.playback.shown_motion import ShownMotion, Track
 
-Pushes: TypeAlias = Iterable[DrawnPush] | DrawnPush | Array | None
-PushesAt: TypeAlias = Callable[[State, float], Pushes]
+PushesAt: TypeAlias = Callable[[State, float], External]
 
 FPS = 30.0
 """Frames a second of playback if no body turns fast: the page interpolates linearly between two."""
@@ -99,7 +97,7 @@ def frames_of(
     *,
     fps: float | None = None,
     speed: float = 1.0,
-    external: Pushes | PushesAt = None,
+    external: External | PushesAt = None,
 ) -> PageFrames:
     """Frames of a motion, evenly in time: its samples where they are near, else interpolated.
 
@@ -231,7 +229,7 @@ def _applied(
     for i in range(n):
         state = State(robot, q[i], v[i])
         given = external(state, float(times[i])) if callable(external) else external
-        drawn, generalised = pushes(state, only_pushes(given))
+        drawn, generalised = pushes(state, given)
         shown, unseen = shown_elements(state, given)
         words |= dict.fromkeys([*([GENERALISED] if generalised else []), *unseen])
         words |= dict.fromkeys([MOMENTS for push in drawn if push.moment.any()])

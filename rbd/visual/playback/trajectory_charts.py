@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.convex.polygons import convex_hull
+from rbd.constraints.convex.polygons import convex_hull, half_planes
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel
 from rbd.model.joints import FORCE_OF
@@ -167,15 +168,7 @@ def _pressure(shown: Any) -> CurveChart | None:
 TOTAL_COLOR = "#1a1a1a"
 
 
-class EnergyCurve(NamedTuple):
-    """One curve: its name, its colour, and its values at the samples [J], shape (n,)."""
-
-    name: str
-    color: str
-    values: Array
-
-
-def energy_curves(shown: Any) -> list[EnergyCurve]:
+def energy_curves(shown: Any) -> list[CurveLine]:
     """Kinetic, potential (from its start) and total energy; then, where there are any, of springs, and work of dampers.
 
     Args:
@@ -184,20 +177,22 @@ def energy_curves(shown: Any) -> list[EnergyCurve]:
     n = len(shown.kinetic)
     elastic, taken = (getattr(shown, name, np.zeros(n)) for name in ("elastic", "dissipated"))
     potential, taken = shown.potential - shown.potential[0], taken - taken[:1]
-    out = [EnergyCurve("kinetic", CONTACT_COLORS[0], shown.kinetic)]
-    out.append(EnergyCurve("potential, from its start", CONTACT_COLORS[2], potential))
-    out.append(EnergyCurve("total", TOTAL_COLOR, shown.kinetic + potential + elastic))
-    if elastic.any():
-        out.append(EnergyCurve("in springs", CONTACT_COLORS[3], elastic))
-    if taken.any():
-        out.append(EnergyCurve("work taken by dampers", CONTACT_COLORS[4], taken))
-    return out
+    always = [
+        CurveLine("kinetic", CONTACT_COLORS[0], shown.kinetic),
+        CurveLine("potential, from its start", CONTACT_COLORS[2], potential),
+        CurveLine("total", TOTAL_COLOR, shown.kinetic + potential + elastic),
+    ]
+    further = [
+        CurveLine("in springs", CONTACT_COLORS[3], elastic),
+        CurveLine("work taken by dampers", CONTACT_COLORS[4], taken),
+    ]
+    return always + [line for line in further if line.values.any()]
 
 
 def _energy(shown: Any) -> CurveChart | None:
     if not all(hasattr(shown, name) for name in ("kinetic", "potential", "motor_work")):
         return None
-    lines = [CurveLine(name.split(",")[0], color, values) for name, color, values in energy_curves(shown)]
+    lines = [replace(line, name=line.name.split(",")[0]) for line in energy_curves(shown)]
     if np.any(shown.motor_work):
         lines.append(CurveLine("work of the motors", CONTACT_COLORS[1], shown.motor_work - shown.motor_work[0]))
     return chart("energy", "energy, J (potential from its start)", lines, signed=True)
@@ -330,15 +325,11 @@ def edge_distances(points: Array, forces: Array) -> Array | None:
     hull = convex_hull(flat)
     if len(hull) < 3 or sizes[2] ** 2 > _FLAT * sizes[0] ** 2:
         return None
-    around = [int(((flat - corner) ** 2).sum(axis=1).argmin()) for corner in hull]
+    inward, offsets = half_planes(hull)
     load = np.maximum(np.einsum("nki,ni->nk", forces, normal), 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):
-        centre = np.einsum("nk,nki->ni", load, np.where(complete[:, None, None], points, np.nan)) / load.sum(axis=1)[:, None]
-    begin, end = points[:, around], points[:, np.roll(around, -1)]
-    edge = end - begin
-    across = np.cross(edge, centre[:, None] - begin)
-    far = np.linalg.norm(across, axis=2) / np.linalg.norm(edge, axis=2)
-    return far.min(axis=1)
+        centre = load @ flat / load.sum(axis=1)[:, None]
+    return np.where(complete, (centre @ inward.T - offsets).min(axis=1), np.nan)
 
 
 def carries_weight(points: Array, forces: Array) -> bool:

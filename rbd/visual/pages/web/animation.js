@@ -4,10 +4,9 @@ class Arrow {
     const T = MeshCat.THREE;
     this.radius = radius;
     this.node = new T.Group();
-    const tube = new T.CylinderGeometry(1, 1, 1, 24).rotateX(Math.PI / 2).translate(0, 0, 0.5);
-    const cone = new T.ConeGeometry(1, 1, 24).rotateX(Math.PI / 2).translate(0, 0, 0.5);
-    this.shaft = twice(tube, color);
-    this.heads = [twice(cone, color), twice(cone, color)];
+    const head = cone(1, 1);
+    this.shaft = twice(cylinder(1, 1, 24), color);
+    this.heads = [twice(head, color), twice(head, color)];
     this.node.add(this.shaft, ...this.heads);
     group.add(this.node);
   }
@@ -19,10 +18,7 @@ class Arrow {
     const wanted = v.length();
     this.node.visible = Number.isFinite(wanted) && Number.isFinite(start[0]) && wanted > 1e-3 * this.radius;
     if (!this.node.visible) return;
-    const length = Math.min(wanted, longest), r = this.radius;
-    const head = Math.min(6 * r, 0.5 * length);
-    const wide = 2.6 * r * Math.min(1, head / (6 * r) + 0.25);
-    const thin = Math.min(r, 0.6 * wide);
+    const length = Math.min(wanted, longest), { head, wide, thin } = arrowSizes(length, this.radius);
     this.node.position.set(...start);
     this.node.quaternion.setFromUnitVectors(new T.Vector3(0, 0, 1), v.divideScalar(wanted));
     this.shaft.scale.set(thin, thin, length - head);
@@ -78,8 +74,7 @@ class Cast {
     this.tracks = [...motion.contacts.map((track) => ({ ...track, layer: "forces" })),
       ...motion.pushes.map((track) => ({ ...track, layer: "pushes" }))].map((track) => this.makeTrack(track, sizes));
     this.elements = (motion.elements || []).map((look) => new ForceElement(stage, this.layer("force elements"), look, this.shift));
-    const most = this.tracks.reduce((sum, track) => sum + (track.supports ? track.points : 0), 0);
-    this.support = most ? new Support(this.layer("support polygon"), most, sizes, motion.support) : null;
+    this.support = motion.contacts.some(({ supports }) => supports) ? new Support(this.layer("support polygon"), sizes, motion.support) : null;
   }
 
   // What is shown and hidden with a layer.
@@ -149,20 +144,16 @@ class Cast {
   }
 
   makeCom({ body, line }) {
-    const T = MeshCat.THREE;
-    const color = this.motion.com;
-    this.ball = twice(new T.SphereGeometry(0.02 * body, 24, 16), color);
+    const color = this.motion.com, r = 0.028 * body, origin = [0, 0, 0];
+    this.ball = twice(solid([{ kind: "ball", points: [origin], radius: 0.02 * body }]), color);
     const group = this.layer("centre of mass");
     group.add(this.ball);
     this.ball.userData.label = () => comLabel(this.ball.position.toArray(), this.shift);
     if (!this.motion.ground) return;
-    this.drop = twice(new T.CylinderGeometry(line, line, 1, 10).rotateX(Math.PI / 2), color);
-    this.foot = new T.Group();
-    const r = 0.028 * body;
-    this.foot.add(twice(new T.TorusGeometry(r, 0.8 * line, 10, 48), color));
-    for (const turn of [0, Math.PI / 2]) {
-      this.foot.add(twice(new T.CylinderGeometry(0.8 * line, 0.8 * line, 3 * r, 10).rotateZ(turn), color));
-    }
+    this.drop = twice(cylinder(line, 1).translate(0, 0, -0.5), color);
+    const ring = { kind: "arc", points: [origin, [r, 0, 0]], axis: [0, 0, 1], angle: 2 * Math.PI, radius: 0.8 * line, heads: 0 };
+    const cross = [[1.5 * r, 0, 0], [0, 1.5 * r, 0]].map((end) => ({ kind: "line", points: [end.map((x) => -x), end], radius: 0.8 * line }));
+    this.foot = twice(solid([ring, ...cross]), color);
     group.add(this.drop, this.foot);
   }
 

@@ -59,11 +59,12 @@ class Meshes {
     if (data[0] !== OURS) return this.viewer.handle_command_bytearray(data);
     const length = new DataView(data.buffer, data.byteOffset).getUint32(1, true);
     const header = JSON.parse(new TextDecoder().decode(data.subarray(5, 5 + length)));
-    this.put(header, geometry(header, data.subarray(5 + length)));
+    this.put(header, header.primitives ? solid(header.primitives) : geometry(header, data.subarray(5 + length)));
   }
 
   // An object of this page: its header, and the number of its triangles' piece.
   place(header, number) {
+    if (header.primitives) return this.put(header, solid(header.primitives));
     const key = [number, ...header.low, ...header.side].join();
     if (!this.made.has(key)) this.made.set(key, geometry(header, this.pieces[number]));
     this.put(header, this.made.get(key));
