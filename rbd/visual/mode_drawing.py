@@ -14,9 +14,9 @@ from rbd.errors import InputError
 from rbd.mechanism.small_motion.linearised import Linearised
 from rbd.mechanism.small_motion.modes import Mode
 from rbd.motion.reference_motion import Motion
-from rbd.robots.robot import Robot
 from rbd.visual.figures.plots import an_axis
 from rbd.visual.playback.animation import export_motion
+from rbd.visual.robot_meshes import drawable
 from rbd.visual.scene import Scene
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ def mode_scene(mode: Mode, *, amplitude: float = AMPLITUDE, **options: Any) -> S
     turned = "a quarter later" if np.iscomplexobj(mode.dq) else "the other way"
     later = -1j if np.iscomplexobj(mode.dq) else -1.0
     poses = {mode.title: mode.pose(size), turned: mode.pose(size * later)}
-    scene = Scene(_robot(mode), **options)
+    scene = Scene(drawable(mode.state.robot), **options)
     scene.show(mode.state.with_velocity(mode.state.robot.zero_v))
     scene.beside(poses, note=f"{mode.words}; drawn with {size:g} rad (or robot's lengths) at the largest")
     return scene
@@ -89,7 +89,8 @@ def export_mode(mode: Mode, path: str | PathLike[str], *, amplitude: float = AMP
     period = 1.0 / mode.frequency if mode.frequency else 1.0
     phases = np.linspace(0.0, 2.0 * math.pi, FRAMES + 1)
     q = np.array([mode.pose(size * np.exp(1j * phase)).q for phase in phases])
-    motion = Motion.of_arrays(_robot(mode), period * phases / (2.0 * math.pi), q, source="mode", quaternion="xyzw", trust=True)
+    robot, t = drawable(mode.state.robot), period * phases / (2.0 * math.pi)
+    motion = Motion.of_arrays(robot, t, q, source="mode", quaternion="xyzw", trust=True)
     settings: dict[str, Any] = {"charts": False, "trace": False, "title": mode.title, "follow": False} | options
     return export_motion(motion, path, **settings)
 
@@ -170,18 +171,6 @@ def plot_eigenvalues(ax: Axes, linearised: Linearised) -> list[Artist]:
     ax.axvline(0.0, color="black", lw=0.6)
     ax.set(xlabel="real part [1/s]", ylabel="imaginary part [1/s]")
     return artists
-
-
-def _robot(mode: Mode) -> Robot:
-    """The robot of a mode.
-
-    Raises:
-        InputError: a bare model, which has no shapes to draw.
-    """
-    robot = mode.state.robot
-    if not isinstance(robot, Robot):
-        raise InputError(f"{robot.name!r} is a bare model, which has nothing to draw; load a robot with rbd.load_robot.")
-    return robot
 
 
 def _check(mode: Mode) -> None:

@@ -13,7 +13,7 @@ import xml.etree.ElementTree as ElementTree
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 from weakref import WeakKeyDictionary
 
 import coal
@@ -28,6 +28,7 @@ from rbd.visual.shapes import Mesh, joined, outermost
 from rbd.visual.style import COLLISION_COLOR, INERTIA_COLOR, SKELETON_COLOR, hexadecimal
 
 if TYPE_CHECKING:
+    from rbd.model.checked_model import CheckedModel
     from rbd.robots.robot import Robot
 
 INERTIA_OPACITY = 0.55
@@ -70,9 +71,15 @@ class RobotPart:
 _DONE: WeakKeyDictionary[Robot, tuple[RobotPart, ...]] = WeakKeyDictionary()
 
 
-def without_meshes(name: str) -> InputError:
-    """The error of a bare model, which cannot be drawn."""
-    return InputError(f"{name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
+def drawable(robot: CheckedModel) -> Robot:
+    """The robot, which has shapes to draw.
+
+    Raises:
+        InputError: a bare model, which has none.
+    """
+    if not hasattr(robot, "visual_model"):
+        raise InputError(f"{robot.name!r} has no meshes: it is a bare model. Load the robot with rbd.load_robot.")
+    return cast("Robot", robot)
 
 
 def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
@@ -84,9 +91,7 @@ def robot_parts(robot: Robot) -> tuple[RobotPart, ...]:
     Raises:
         InputError: a bare model, which has no shapes.
     """
-    if not hasattr(robot, "visual_model"):
-        raise without_meshes(robot.name)
-    if robot not in _DONE:  # a second of work for Talos, and as many scenes as one likes
+    if drawable(robot) not in _DONE:  # a second of work for Talos, and as many scenes as one likes
         _DONE[robot] = tuple(_made(robot))
     return _DONE[robot]
 
@@ -232,12 +237,12 @@ def skeleton(model: pin.Model, loop_ends: Sequence[tuple[int, Array]] = ()) -> l
     for joint in range(1, model.njoints):
         pieces = [shapes.ball(1.8 * radius)]
         closed = [end for at, end in loop_ends if at == joint]
-        pieces += [shapes.tube(np.array([np.zeros(3), end]), radius=radius) for end in (*bones[joint], *closed)]
+        pieces += [shapes.tube(np.array([np.zeros(3), end]), radius) for end in (*bones[joint], *closed)]
         parts.append(RobotPart(model.names[joint], joint, pin.SE3.Identity(), shapes.joined(pieces), SKELETON_COLOR, 1.0))
     rooted = [joint for joint in range(1, model.njoints) if model.parents[joint] == 0]
     pivots = [np.array(model.jointPlacements[joint].translation) for joint in rooted] + [p for at, p in loop_ends if at == 0]
     if len(pivots) > 1:
-        bars = [shapes.tube(np.array([pivots[0], other]), radius=radius) for other in pivots[1:]]
+        bars = [shapes.tube(np.array([pivots[0], other]), radius) for other in pivots[1:]]
         parts.append(RobotPart("ground", 0, pin.SE3.Identity(), shapes.joined(bars), hexadecimal((0.6, 0.6, 0.6)), 1.0))
     return parts
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import webbrowser
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -17,7 +17,7 @@ from rbd.arrays import Array, check_positive
 from rbd.displayed import Displayed
 from rbd.errors import InputError, PictureError
 from rbd.model.checked_model import CheckedModel
-from rbd.model.external import External, ExternalForce, ForceElement
+from rbd.model.external import External
 from rbd.model.state import State
 from rbd.visual.drawn_robot import Details, DrawnRobot, OtherPoses, check_poses
 from rbd.visual.marks.mark import Mark, Sizes
@@ -97,7 +97,8 @@ class Scene(Displayed):
         self._body = DrawnRobot(robot, self._viewer, self._recorder)
         self._sizes: Sizes | None = None
         self._seen: list[str] = []
-        self._drawn: list[Mark] = []
+        self._marks: list[Mark] = []
+        self._around_marks: list[Mark] = []
         self._picture = Picture(np.zeros(3))
         self._server: LiveServer | None = None
         self._around = np.zeros((0, 3))
@@ -128,7 +129,7 @@ class Scene(Displayed):
     @property
     def drawn(self) -> tuple[Mark, ...]:
         """The marks now in the picture: arrows, cones, patches, polygon and centre of mass, by their points in W."""
-        return tuple(self._drawn)
+        return (*self._marks, *self._around_marks)
 
     @property
     def left_out(self) -> tuple[str, ...]:
@@ -169,7 +170,7 @@ class Scene(Displayed):
         state: State,
         solution: Solution | Actuation | None = None,
         *,
-        external: External | Iterable[ExternalForce | ForceElement] = None,
+        external: External = None,
         without: Collection[str] = (),
     ) -> None:
         """Draw the robot in this state with the forces of this solution, in place of what was shown.
@@ -205,14 +206,9 @@ class Scene(Displayed):
             moment = self._picture.largest_moment
             self._sizes = Sizes.of(self._robot, self._body.cloud, self._arrow_per_weight, moment)
         self._seen += [name for name in self._picture.colored if name not in self._seen]
-        self._drawn = self._picture.marks(contact_colors(self._seen), self._sizes, without)
-        self._drawn += marks_of(self._statics, self._sizes)
-        self._viewer["marks"].delete()
-        for mark in self._drawn:
-            send_mark(self._viewer, mark)
-        self._describe()
-        if self._legend:
-            self._write_legend()
+        self._marks = self._picture.marks(contact_colors(self._seen), self._sizes, without)
+        self._around_marks = marks_of(self._statics, self._sizes)
+        self._send_marks()
         if reframed:
             self._recorder.post("view", self._view())
 
@@ -224,15 +220,8 @@ class Scene(Displayed):
             InputError: of something else.
             PictureError: if nothing has been shown yet.
         """
-        added = marks_of(statics, self._shown())
-        self._drawn = [mark for mark in self._drawn if not mark.path.startswith("statics/")] + added
-        self._statics = statics
-        self._viewer["marks/statics"].delete()
-        for mark in added:
-            send_mark(self._viewer, mark)
-        self._describe()
-        if self._legend:
-            self._write_legend()
+        self._around_marks, self._statics = marks_of(statics, self._shown()), statics
+        self._send_marks()
 
     @drawn_together
     def beside(self, states: Mapping[str, State], *, shown: str = "", details: Details = None, note: str = "") -> None:
@@ -255,8 +244,7 @@ class Scene(Displayed):
         self._shown()
         check_poses(self._robot, states, shown)
         self._body.draw_poses(OtherPoses(states, shown, details or {}, note))
-        if self._legend:
-            self._write_legend()
+        self._write_legend()
 
     def export(self, path: str | PathLike[str]) -> Path:
         """Write the scene as one HTML file that needs no network and no server; returns its path.
@@ -309,12 +297,11 @@ class Scene(Displayed):
         """
         self._shown()
         self._title = title or self._robot.name
-        self._viewer["marks"].delete()
         for path, parts in (further or {}).items():
             for i, part in enumerate(parts):
                 send_part(self._viewer, f"{path}/{i}", part)
-        self._drawn, self._around, self._moving = [], around, True
-        self._describe()
+        self._marks, self._around_marks, self._around, self._moving = [], [], around, True
+        self._send_marks()
         self._recorder.post("motion", motion)
         self._recorder.post("view", self._view())
 
@@ -344,19 +331,25 @@ class Scene(Displayed):
             raise PictureError("the scene is empty: call scene.show(state, solution) first.")
         return self._sizes
 
-    def _describe(self) -> None:
-        """Send the frames, the layers, and the layer and label of every mark."""
+    def _send_marks(self) -> None:
+        """Send the marks, the frames, the layers, and the layer and label of every mark; and the legend."""
+        self._viewer["marks"].delete()
+        for mark in self.drawn:
+            send_mark(self._viewer, mark)
         self._recorder.post("frames", frames(self._robot, self._body.data, self._picture.contacts, self._shown().body))
-        self._recorder.post("marks", described(self._drawn, self._layers))
+        self._recorder.post("marks", described(self.drawn, self._layers))
+        self._write_legend()
 
     def _write_legend(self) -> None:
+        if not self._legend:
+            return
         colors, poses = contact_colors(self._seen), self._body.poses
         what = legend_data(self._robot.name, self._picture, colors, self._shown(), self._statics, poses.entries(), poses.note)
         self._recorder.post("legend", json.dumps({"legend": what}))
 
     def _view(self) -> str:
         """Camera, light and ground for the present scene, in the page's format."""
-        drawn = [mark.points for mark in self._drawn if self._layers[mark.layer]]
+        drawn = [mark.points for mark in self.drawn if self._layers[mark.layer]]
         contacts, body = self._picture.contacts, self._body
         direction = seen_from(contacts) if self._seen_from is None else self._seen_from
         front, clouds = front_of(self._robot, body.data, contacts), [body.cloud, body.further, self._around, *drawn]

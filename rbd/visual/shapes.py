@@ -83,10 +83,10 @@ def _revolved(profile: tuple[tuple[float, float], ...], smooth: bool, segments: 
     return out
 
 
-def ball(radius: float, *, centre: Array | None = None) -> Mesh:
+def ball(radius: float, *, centre: Array | None = None, segments: int = 24) -> Mesh:
     """A sphere of this radius [m] about `centre`, shape (3,) [m]; the origin when none is given."""
-    latitudes = np.linspace(-np.pi / 2.0, np.pi / 2.0, 17)
-    mesh = revolved([(radius * np.cos(a), radius * np.sin(a)) for a in latitudes], smooth=True, segments=24)
+    latitudes = np.linspace(-np.pi / 2.0, np.pi / 2.0, 2 * segments // 3 + 1)
+    mesh = revolved([(radius * np.cos(a), radius * np.sin(a)) for a in latitudes], smooth=True, segments=segments)
     return mesh if centre is None else mesh.placed(np.eye(3), centre)
 
 
@@ -161,19 +161,7 @@ def ribbon(start: Array, end: Array, normal: Array, width: float) -> Mesh:
     return Mesh(np.array([start - half, end - half, end + half, start + half]), np.array([[0, 1, 2], [0, 2, 3]]))
 
 
-def tube(points: Array, *, radius: float, closed: bool = False) -> Mesh:
-    """A line through `points`, shape (n, 3) [m], thick enough to be visible: browsers draw plain lines one pixel wide."""
-    ends = np.vstack([points, points[:1]]) if closed else np.asarray(points)
-    pieces = [ball(radius, centre=ends[0])] if len(ends) else []
-    for a, b in zip(ends[:-1], ends[1:], strict=True):
-        length = float(np.linalg.norm(b - a))
-        if length > 0.0:
-            side = revolved([(radius, 0.0), (radius, length)], segments=10)
-            pieces += [side.placed(axes_along(b - a), a), _knee(radius, b)]
-    return joined(pieces)
-
-
-def wound(points: Array, radius: float, sides: int = 8) -> Mesh:
+def tube(points: Array, radius: float, sides: int = 8) -> Mesh:
     """One tube through many points, shape (n, 3) [m], with its ends closed: rings that are turned as little as possible."""
     points = points[np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-12])]
     if len(points) < 2:
@@ -195,15 +183,8 @@ def wound(points: Array, radius: float, sides: int = 8) -> Mesh:
         np.stack([low + here, low + after, low + sides + after], -1),
         np.stack([low + here, low + sides + after, low + sides + here], -1),
     ]
-    tube = Mesh(np.concatenate(rings), np.concatenate([f.reshape(-1, 3) for f in faces]))
-    return joined([tube, _knee(radius, points[0]), _knee(radius, points[-1])])
-
-
-def _knee(radius: float, centre: Array) -> Mesh:
-    latitudes = np.linspace(-np.pi / 2.0, np.pi / 2.0, 5)
-    return revolved([(radius * np.cos(a), radius * np.sin(a)) for a in latitudes], smooth=True, segments=10).placed(
-        np.eye(3), centre
-    )
+    side_walls = Mesh(np.concatenate(rings), np.concatenate([f.reshape(-1, 3) for f in faces]))
+    return joined([side_walls, *(ball(radius, centre=end, segments=12) for end in (points[0], points[-1]))])
 
 
 def round_number(x: float) -> float:

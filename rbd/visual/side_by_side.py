@@ -21,6 +21,7 @@ from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import screenshot, write_page
+from rbd.visual.robot_meshes import drawable
 from rbd.visual.scene import Scene
 from rbd.visual.style import a_page, a_picture
 
@@ -133,11 +134,7 @@ def _scene(caption: str, given: object, seen_from: Sequence[float] | Array | Non
             raise PictureError(f"the scene {caption!r:.80} is empty: call its show(state, solution) first.")
         return given
     state, solution, external = _parts(caption, given)
-    if not isinstance(state.robot, Robot):
-        raise InputError(
-            f"{caption!r:.80} shows {state.robot.name!r}, which has no shapes; load a robot: rbd.load_robot(path)."
-        )
-    scene = Scene(state.robot, seen_from=seen_from, legend=legend)
+    scene = Scene(drawable(state.robot), seen_from=seen_from, legend=legend)
     scene.show(state, solution, external=external)
     return scene
 

@@ -164,7 +164,7 @@ def test_elements_of_a_function_of_time_are_drawn_if_it_is_given(high: rbd.State
 
 def test_coils_and_spirals_are_smooth_closed_tubes() -> None:
     for line in (coil(0.5, 0.02, turns_of(0.5, 0.02)), spiral(0.05)):
-        mesh = shapes.wound(line, 2e-3)
+        mesh = shapes.tube(line, 2e-3)
         assert np.isfinite(mesh.vertices).all() and len(mesh.faces) > 100
         far = np.linalg.norm(mesh.vertices[:, None] - line[None, :], axis=2).min(axis=1)
         assert far.max() < 6e-3

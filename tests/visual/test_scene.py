@@ -213,7 +213,7 @@ def test_wrong_uses_are_refused_in_words(talos, standing, tmp_path):
     with Scene(talos) as scene:
         with pytest.raises(PictureError, match="call scene.show"):
             scene.export(tmp_path / "empty.html")
-        with pytest.raises(InputError, match="external holds .*expected ExternalForces, or one generalised force"):
+        with pytest.raises(InputError, match=r"external of talos has shape \(39,\); expected \(38,\): nv"):
             scene.show(standing, external=np.zeros(talos.nv + 1))
         scene.show(standing)
         with pytest.raises(PictureError, match="No such file or directory. Give a file in a folder"):

@@ -80,7 +80,7 @@ def test_what_cannot_be_shown_is_refused(tmp_path):
         ({}, "0 scenes"),
         ([BOX], "expected {caption"),
         ({"a": 3}, "'a' is 3"),
-        ({"a": rbd.State(rbd.testing.box(), [0, 0, 0, 0, 0, 0, 1])}, "no shapes"),
+        ({"a": rbd.State(rbd.testing.box(), [0, 0, 0, 0, 0, 0, 1])}, "no meshes"),
         ({str(i): BOX for i in range(13)}, "13 scenes"),
         ({"a": rbd.solve_problem(rbd.GaussProblem(np.eye(1), np.ones(1), []))}, "built by hand"),
     ):

@@ -200,7 +200,7 @@ def element_pieces(shape: str, length: float, sizes: Sizes) -> list[ElementPiece
     rod = shapes.revolved([(0.0, 0.0), (wire, 0.0), (wire, 1.0), (0.0, 1.0)], segments=10)
     if shape == "coil":
         long = max(length, 1e-3 * sizes.body)
-        mesh = shapes.wound(coil(long, min(r, 0.5 * long + wire), turns_of(long, r)), wire)
+        mesh = shapes.tube(coil(long, min(r, 0.5 * long + wire), turns_of(long, r)), wire)
         return [ElementPiece(Mesh(mesh.vertices / [1.0, 1.0, long], mesh.faces), stretched=True)]
     if shape == "cylinder":
         body, thin = 0.4 * length, Mesh(rod.vertices * [1.0, 1.0, 0.15 * length], rod.faces)
@@ -209,7 +209,7 @@ def element_pieces(shape: str, length: float, sizes: Sizes) -> list[ElementPiece
     if shape == "bushing":
         ends = [ElementPiece(shapes.ball(1.3 * r), opacity=0.35), ElementPiece(shapes.ball(0.6 * r), None)]
         return [*ends, ElementPiece(rod, stretched=True)]
-    mesh = shapes.cylinder(0.6 * big, 0.5 * big) if shape == "drum" else shapes.wound(spiral(big), wire)
+    mesh = shapes.cylinder(0.6 * big, 0.5 * big) if shape == "drum" else shapes.tube(spiral(big), wire)
     return [ElementPiece(mesh)]
 
 

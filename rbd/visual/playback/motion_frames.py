@@ -14,7 +14,7 @@ from rbd.arrays import Array, lazy
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External
-from rbd.model.sampled_motion import SampledPoses
+from rbd.model.sampled_motion import SampledPoses, flat_coordinates, from_flat, interpolated, quaternions
 from rbd.model.state import State
 from rbd.records import joined
 from rbd.visual.marks.applied_forces import (
@@ -123,7 +123,7 @@ def frames_of(
         fps = min(fps, max(1.0, MOST_NUMBERS / width * speed / (times[-1] - times[0])))
     at = frame_times(times, speed / fps)
     low, share = _between(times, at)
-    q = _configurations(shown, low, share)
+    q = configurations(shown, low, share)
     poses, com = body_poses(robot, q, joints)
     contacts = tuple(
         Track(name, _blend(points, low, share), _blend(shown.point_forces[name], low, share))
@@ -209,7 +209,7 @@ def _fastest_turn(shown: ShownMotion, joints: Sequence[int]) -> float:
 
 
 def _applied(
-    robot: CheckedModel, q: Sequence[Array], v: Array, times: Array, external: Any
+    robot: CheckedModel, q: Array, v: Array, times: Array, external: Any
 ) -> tuple[list[Track], list[ElementTrack], list[str]]:
     """(pushes, force elements at every frame, what of them is not drawn); one that is not given at some times is zero then.
 
@@ -253,27 +253,15 @@ def _between(times: Array, at: Array) -> tuple[Array, Array]:
     return low, np.clip((at - times[low]) / step, 0.0, 1.0)
 
 
-def _configurations(motion: SampledPoses, low: Array, share: Array) -> list[Array]:
-    """Those between two samples: see `configuration_between`."""
-    return [configuration_between(motion, int(i), float(w)) for i, w in zip(low, share, strict=True)]
+def configurations(motion: SampledPoses, low: Array, share: Array) -> Array:
+    """Between each sample `low` and the next: joints on their manifold, bodies straight and turning evenly, shape (n, nq)."""
+    robot, q = motion.robot, np.asarray(motion.q, float)
+    x, after, w = flat_coordinates(robot, q), np.minimum(low + 1, len(q) - 1), share[:, None]
+    turns = [interpolated(q[low][:, at], q[after][:, at], share) for at, _ in quaternions(robot)]
+    return from_flat(robot, (1.0 - w) * x[low] + w * x[after], turns)
 
 
-def configuration_between(trajectory: SampledPoses, i: int, share: float) -> Array:
-    """Between sample i and the next: joints on their manifold, free bases straight and turning evenly, shape (nq,)."""
-    q = trajectory.q
-    if share in (0.0, 1.0):
-        return np.array(q[i + int(share)], float)
-    model, before, after = trajectory.robot.model, np.array(q[i], float), np.array(q[i + 1], float)
-    between = np.array(pin.interpolate(model, before, after, share))
-    # Pinocchio takes a free base along a screw, in a bow that grows with its turn; a flying body moves nearly straight.
-    for joint in model.joints:
-        if joint.shortname() == "JointModelFreeFlyer":
-            at = slice(joint.idx_q, joint.idx_q + 3)
-            between[at] = (1.0 - share) * before[at] + share * after[at]
-    return between
-
-
-def body_poses(robot: CheckedModel, q: Sequence[Array], joints: Sequence[int]) -> tuple[Array, Array]:
+def body_poses(robot: CheckedModel, q: Array, joints: Sequence[int]) -> tuple[Array, Array]:
     """(X_WJ of joints as position and quaternion, shape (n, k, 7); centre of mass, (n, 3), or (0, 3) of a robot without mass).
 
     A quaternion is in the half-space of the one before.
@@ -317,7 +305,7 @@ def ghost_poses(ghost: SampledPoses, times: Array, joints: Sequence[int], down: 
         joints: Of the poses.
         down: By how much it is lowered [m].
     """
-    q = _configurations(ghost, *_between(np.asarray(ghost.t, float), times))
+    q = configurations(ghost, *_between(np.asarray(ghost.t, float), times))
     poses, _ = body_poses(ghost.robot, q, joints)
     poses[:, :, 2] -= down
     return poses

@@ -14,8 +14,9 @@ from rbd.motion.report import MotionReport
 from rbd.simulation.simulated_motion import OPEN, SLIPS, STICKS, Event
 from rbd.visual.playback.curves import FINE, GREY, Choice, CurveChart, CurveLine, chart, most_used
 from rbd.visual.playback.motion_frames import MOST_NUMBERS
-from rbd.visual.playback.shown_motion import ShownMotion, Track, robot_of
+from rbd.visual.playback.shown_motion import ShownMotion, Track
 from rbd.visual.playback.trajectory_charts import OF_POSES, Maker, chosen_charts, makers_of
+from rbd.visual.robot_meshes import drawable
 from rbd.visual.style import CONTACT_COLORS, WRENCH_COLOR, contact_colors, distinct_colors
 
 MOMENT_ARM = 0.3
@@ -127,7 +128,7 @@ def shown_report(report: MotionReport) -> ShownMotion:
     start = float(motion.t[0] if report.possible.all() else motion.t[worst])
     return ShownMotion(
         report,
-        robot_of(motion.robot),
+        drawable(motion.robot),
         motion.t,
         q,
         motion.v,

@@ -16,7 +16,7 @@ from rbd.robots.robot import Robot
 from rbd.simulation.simulated_motion import Event
 from rbd.visual.playback.curves import Choice, CurveChart
 from rbd.visual.playback.trajectory_charts import charts_of
-from rbd.visual.robot_meshes import without_meshes
+from rbd.visual.robot_meshes import drawable
 from rbd.visual.style import PUSH_COLOR
 
 FORCES = ("points", "point_forces", "modes", "events")
@@ -108,20 +108,9 @@ class ShownMotion:
         if missing - set(FORCES) or not isinstance(getattr(trajectory, "robot", None), CheckedModel):
             raise InputError(f"{trajectory!r:.80} is no trajectory; expected what rbd.simulate returned, or an rbd.Motion.")
         forces = {} if missing else {name: getattr(trajectory, name) for name in FORCES}
-        robot, t = robot_of(trajectory.robot), np.asarray(trajectory.t, float)
+        robot, t = drawable(trajectory.robot), np.asarray(trajectory.t, float)
         charts = partial(charts_of, trajectory)
         return cls(trajectory, robot, t, trajectory.q, trajectory.v, robot.name, charts=charts, **forces)
-
-
-def robot_of(robot: CheckedModel) -> Robot:
-    """A robot with meshes.
-
-    Raises:
-        InputError: it has none.
-    """
-    if not isinstance(robot, Robot):
-        raise without_meshes(robot.name)
-    return robot
 
 
 def a_time(what: str, value: object, first: float, last: float) -> float:
