@@ -19,6 +19,7 @@ from rbd.robots.loading import load_robot
 from rbd.robots.robot import Robot
 from rbd.statics.actuation import Actuation
 from rbd.statics.equilibrium import hold
+from rbd.visual.marks.other_constraints import origin_of
 from rbd.visual.pages.browser import Browser
 from rbd.visual.pages.page import screenshot, write_page
 from rbd.visual.robot_meshes import drawable
@@ -145,15 +146,13 @@ def _parts(caption: str, given: Any) -> tuple[State, Any, Any]:
         return given, None, None
     if isinstance(given, list | tuple) and 1 <= len(given) <= 3 and isinstance(given[0], State):
         return (*given, None, None)[:3]
-    if isinstance(given, Actuation):
-        return given.state, given, given.external
     answer = given.solution if isinstance(given, NearestMotion) else given
-    if not isinstance(answer, Solution):
+    if not isinstance(answer, Solution | Actuation):
         raise InputError(
             f"{caption!r:.80} is {given!r:.80}; expected what rbd.hold or rbd.solve returned, a state, "
             "(state, solution, external), or a Scene."
         )
-    origin: Any = answer.problem.origin
+    origin = origin_of(answer)
     if not isinstance(getattr(origin, "state", None), State):
         raise InputError(f"{caption!r:.80} answers a problem built by hand, which has no state: give (state, solution).")
     return origin.state, answer, origin.external

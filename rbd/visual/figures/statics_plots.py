@@ -76,12 +76,8 @@ def plot_region(ax: Axes, *regions: SupportRegion | ZmpRegion, labels: Sequence[
     com = _seen(state, state.com)
     drawn += ax.plot(com[:1], com[1:], "o", color=COM_COLOR, ms=6.0, mec="white", mew=0.8, label="centre of mass")
     _limits(ax, regions)
-    ax.set_aspect("equal")
     along = "" if is_along_z(state.robot.gravity) else " on z = 0, along gravity"
-    ax.set_xlabel(f"x{along} [m]")
-    ax.set_ylabel("y [m]")
-    ax.legend(frameon=False, fontsize="small", loc="center left", bbox_to_anchor=(1.0, 0.5))
-    frame(ax, "both")
+    _plane(ax, f"x{along} [m]", "y [m]", legend="")
     return drawn
 
 
@@ -126,11 +122,7 @@ def plot_pushes(ax: Axes, limits: PushLimits) -> list[Artist]:
         if len(of):
             drawn += ax.plot(of[:, 0], of[:, 1], "o", color=color, ms=5.0, mec="white", mew=0.6, label=label, zorder=2)
     ax.plot([0.0], [0.0], "+", color=COM_COLOR, ms=9.0)
-    ax.set_aspect("equal")
-    ax.set_xlabel(f"push at {limits.frame} along x [N]")
-    ax.set_ylabel("along y [N]")
-    ax.legend(frameon=False, fontsize="small", title="limit reached first", loc="center left", bbox_to_anchor=(1.0, 0.5))
-    frame(ax, "both")
+    _plane(ax, f"push at {limits.frame} along x [N]", "along y [N]", legend="limit reached first")
     return drawn
 
 
@@ -167,11 +159,17 @@ def plot_wrench_cone(ax: Axes, cone: ContactWrenchCone) -> list[Artist]:
         drawn += ax.fill(*_closed(corners), color=WRENCH_COLOR, alpha=0.2, lw=0.0)
         drawn += ax.plot(*_closed(corners), "-", color=WRENCH_COLOR, lw=1.8)
     drawn += ax.plot([0.0], [0.0], "+", color=COM_COLOR, ms=9.0)
-    ax.set_aspect("equal")
-    ax.set_xlabel("$f_x / f_z$ of a force through the point, without a moment")
-    ax.set_ylabel("$f_y / f_z$")
-    frame(ax, "both")
+    _plane(ax, "$f_x / f_z$ of a force through the point, without a moment", "$f_y / f_z$")
     return drawn
+
+
+def _plane(ax: Axes, across: str, up: str, *, legend: str | None = None) -> None:
+    """The same scale across and up, the names of both, and a legend on the right with this title, where one is given."""
+    ax.set_aspect("equal")
+    ax.set(xlabel=across, ylabel=up)
+    if legend is not None:
+        ax.legend(frameon=False, fontsize="small", title=legend or None, loc="center left", bbox_to_anchor=(1.0, 0.5))
+    frame(ax, "both")
 
 
 def _closed(corners: Array) -> tuple[Array, Array]:

@@ -171,7 +171,7 @@ def support_outline(contacts: Iterable[ShownForce]) -> Array:
     corners = np.vstack([c.corners for c in given])
     planes = [plane_of(c) for c in given for _ in c.corners]
     nearest = [int(np.argmin(((corners[:, :2] - p) ** 2).sum(axis=1))) for p in hull]
-    return np.column_stack([hull, [_height(planes[i], p) for i, p in zip(nearest, hull, strict=True)]])
+    return np.column_stack([hull, [planes[i].below(*p.tolist()) for i, p in zip(nearest, hull, strict=True)]])
 
 
 def ground_under(point: Array, contacts: Iterable[ShownForce]) -> float:
@@ -180,7 +180,7 @@ def ground_under(point: Array, contacts: Iterable[ShownForce]) -> float:
     That of the plane of all contacts; on stairs the lowest; zero if there is none.
     """
     planes = [plane_of(c) for c in contacts if not c.against and _upright(c)]
-    return min((_height(plane, point) for plane in planes), default=0.0)
+    return min((plane.below(float(point[0]), float(point[1])) for plane in planes), default=0.0)
 
 
 def plane_of(contact: ShownForce) -> Ground:
@@ -190,10 +190,6 @@ def plane_of(contact: ShownForce) -> Ground:
     if patch.on is not None:
         return patch.on
     return Ground(point=contact.corners.mean(axis=0), normal=patch.axes[:, 2])
-
-
-def _height(plane: Ground, point: Array) -> float:
-    return plane.below(float(point[0]), float(point[1]))
 
 
 def _upright(contact: ShownForce) -> bool:
