@@ -67,7 +67,7 @@ def test_the_legend_says_what_is_touched(stack, tmp_path):
     with Scene(pair) as scene:
         scene.show(state, solution)
         text = scene.export(tmp_path / "stack.html").read_text(encoding="utf-8")
-    assert "against lower_box, normal 98.1 N, friction 0.0 % of mu 0.5" in text
+    assert "against lower_box, normal 98.1 N, friction used 0.0 % of mu 0.5" in text
 
 
 def test_a_line_is_drawn_from_end_to_end_with_its_end_forces(edge):

@@ -87,7 +87,7 @@ def _friction(patch: Patch, used: float | None) -> list[str]:
     if patch.friction is None:
         return ["bilateral: held without a limit"]
     mu = "" if isinstance(patch.friction, Cone) else f" of mu {patch.friction:g}"
-    return [] if used is None else [f"friction {100.0 * used:.1f} %{mu}"]
+    return [] if used is None else [f"friction used {100.0 * used:.1f} %{mu}"]
 
 
 def contact_marks(contact: ShownForce, color: str, sizes: Sizes) -> list[Mark]:
