@@ -134,11 +134,6 @@ class ContactNewton:
         return law_residual(self._pull.dot(y), gauss.weights / push, self.mu, coulomb=True)
 
 
-def contact_forces(D: Array, c: Array, P: Array, mu: Array, start: Array, *, coulomb: bool) -> ContactForces:
-    """Forces of the points of contact bodies: `ContactNewton.forces`, for one call."""
-    return ContactNewton(P, mu).forces(D, c, start, coulomb=coulomb)
-
-
 def seeds(columns: Array, first: Array) -> Array:
     """The points with which the search begins: all of a few, else four of each body, far from each other."""
     if len(first) <= _ALL:

@@ -14,10 +14,10 @@ from typing import ClassVar, NamedTuple
 
 import numpy as np
 
-from rbd.answers.many.blocks import friction_of, write
+from rbd.answers.many.blocks import in_blocks
 from rbd.answers.many.many_answers import INACCURATE, LIMIT, OPENED, SPEED, ManyAnswers, Sheet, beyond_limits, of_rows, warn
 from rbd.answers.many.states import ManyStates
-from rbd.answers.prepared.contact_dynamics import BLOCK, BlockAnswer, ContactDynamics, prepared
+from rbd.answers.prepared.contact_dynamics import BlockAnswer, ContactDynamics
 from rbd.arrays import Array, zeros
 from rbd.displayed import Displayed
 from rbd.errors import CannotHold, CannotMove, RbdError
@@ -130,29 +130,22 @@ def actuations_of(states: ManyStates, choice: EffortChoice, *, stacklevel: int) 
 
 def _by_blocks(sheet: Sheet, choice: EffortChoice, tau: Array, margin: Array, least: Array) -> Array:
     """Answer the states whose least effort is inside all limits; the numbers of those that are left."""
-    states, left = sheet.states, np.ones(len(sheet.states), bool)
-    left[list(states.refused)] = False
-    effort, blocks = choice.effort, prepared(states.robot, states.constraints)
+    states, effort, kept = sheet.states, choice.effort, choice.margins[0]
+
+    def answered(blocks: ContactDynamics, part: Array, mu: Array | None) -> BlockAnswer:
+        a = np.zeros((len(part), states.robot.nv)) if choice.holds else states.vectors["a"][part]
+        found = least_effort_of(blocks, states, part, states.external_of(part), a, mu, effort, kept, choice.rest_speed)
+        good = found.answer.found
+        tau[part[good]], margin[part[good]], least[part[good]] = found.tau[good], kept, True
+        return found.answer
+
     plain = (
         choice.friction == "cone"
         and not effort.normal_force
         and not effort.edge_margin
         and not isinstance(effort.forces, Mapping)
     )
-    if blocks is None or not plain:
-        return np.flatnonzero(left)
-    mu, kept = friction_of(states), choice.margins[0]
-    some = np.flatnonzero(left if mu is None else left & (mu > 0.0).all(axis=1))
-    for start in range(0, len(some), BLOCK):
-        part = some[start : start + BLOCK]
-        a = np.zeros((len(part), states.robot.nv)) if choice.holds else states.vectors["a"][part]
-        own = None if mu is None else mu[part]
-        found = least_effort_of(blocks, states, part, states.external_of(part), a, own, effort, kept, choice.rest_speed)
-        write(sheet, part, found.answer, (CHOICE,))
-        good = found.answer.found
-        tau[part[good]], margin[part[good]], least[part[good]] = found.tau[good], kept, True
-        left[part[good]] = False
-    return np.flatnonzero(left)
+    return in_blocks(sheet, (CHOICE,), answered) if plain else np.setdiff1d(np.arange(len(states)), list(states.refused))
 
 
 def wanted_at(states: ManyStates, i: int, choice: EffortChoice) -> WantedMotion:

@@ -14,12 +14,19 @@ import pytest
 
 from rbd.problem.cones import Bounds, Free, FrictionCone, NonNegative, Product
 from rbd.problem.force_set import at_rest
-from rbd.solvers.contact_newton import ContactForces, ContactNewton, contact_forces
+from rbd.solvers.contact_newton import ContactForces, ContactNewton
 from rbd.solvers.newton import FOUND, Scaled, _gap, _matrix, compiled_weights, family_limit, scaled, steps_from
 
 MIXED = Product([FrictionCone(0.5), Free(1), Bounds([-1.0, -np.inf, 0.3], [2.0, 1.0, 0.3]), NonNegative(2), FrictionCone(1.2)])
 """Every kind of part."""
 CORNERS = np.array([[0.1, 0.06], [0.1, -0.06], [-0.1, 0.06], [-0.1, -0.06]])
+
+
+def contact_forces(
+    D: np.ndarray, c: np.ndarray, P: np.ndarray, mu: np.ndarray, start: np.ndarray, *, coulomb: bool
+) -> ContactForces:
+    """`ContactNewton.forces`, for one call."""
+    return ContactNewton(P, mu).forces(D, c, start, coulomb=coulomb)
 
 
 def ring(n: int) -> np.ndarray:

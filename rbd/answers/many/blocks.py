@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
@@ -10,7 +10,15 @@ import numpy as np
 from rbd.answers.least_constraint import posed
 from rbd.answers.many.many_answers import DISTANT, MOVES, Sheet
 from rbd.answers.many.states import ManyStates
-from rbd.answers.prepared.contact_dynamics import BLOCK, DOUBTFUL, METHODS, BlockAnswer, FoundForces, prepared
+from rbd.answers.prepared.contact_dynamics import (
+    BLOCK,
+    DOUBTFUL,
+    METHODS,
+    BlockAnswer,
+    ContactDynamics,
+    FoundForces,
+    prepared,
+)
 from rbd.answers.solution import Solution
 from rbd.arrays import Array
 from rbd.constraints.constraint import member
@@ -23,23 +31,38 @@ from rbd.problem.residuals import SOLVED
 def by_blocks(sheet: Sheet, law: Law, rest_speed: float) -> Array:
     """Answer what the prepared form of the contacts covers; the numbers of the states that are left."""
     states = sheet.states
+
+    def answered(blocks: ContactDynamics, part: Array, mu: Array | None) -> BlockAnswer:
+        q, v, generalised = states.q[part], states.v[part], _generalised(states, part)
+        found = blocks.solve(q, v, generalised, coulomb=law == COULOMB, rest_speed=rest_speed, mu=mu)
+        _settle_doubtful(states, part, found, law, rest_speed)
+        return found
+
+    return in_blocks(sheet, METHODS, answered)
+
+
+def in_blocks(
+    sheet: Sheet, methods: Sequence[str], answered: Callable[[ContactDynamics, Array, Array | None], BlockAnswer]
+) -> Array:
+    """Write what is certified of blocks of states, if the prepared form covers the contacts; the numbers of those left.
+
+    Args:
+        sheet: Written.
+        methods: Words for the numbers of `BlockAnswer.method`.
+        answered: The answers to the states of some numbers, with their points' friction if it is not the contacts' own.
+    """
+    states = sheet.states
     left = np.ones(len(states), bool)
     left[list(states.refused)] = False
     blocks = prepared(states.robot, states.constraints)
-    if blocks is None:
-        return np.flatnonzero(left)
-    mu = friction_of(states)
-    fit = left if mu is None else left & (mu > 0.0).all(axis=1)
-    some = np.flatnonzero(fit)
-    for start in range(0, len(some), BLOCK):
-        part = some[start : start + BLOCK]
-        found = blocks.solve(
-            states.q[part], states.v[part], _generalised(states, part), coulomb=law == COULOMB, rest_speed=rest_speed,
-            mu=None if mu is None else mu[part],
-        )  # fmt: skip
-        _settle_doubtful(states, part, found, law, rest_speed)
-        write(sheet, part, found, METHODS)
-        left[part[found.found]] = False
+    if blocks is not None:
+        mu = friction_of(states)
+        some = np.flatnonzero(left if mu is None else left & (mu > 0.0).all(axis=1))
+        for start in range(0, len(some), BLOCK):
+            part = some[start : start + BLOCK]
+            found = answered(blocks, part, None if mu is None else mu[part])
+            write(sheet, part, found, methods)
+            left[part[found.found]] = False
     return np.flatnonzero(left)
 
 
