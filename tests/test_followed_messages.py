@@ -87,7 +87,7 @@ def test_info_does_not_refer_to_itself() -> None:
 
 
 def test_two_robots_are_wanted_by_the_name_of_the_function() -> None:
-    assert message(lambda: rbd.robots.merge_robots("g1", "solo12")).startswith("merge_robots wants two robots, got 'g1'")
+    assert message(lambda: rbd.robots.merge_robots("g1", "solo12")).startswith("a robot of merge_robots is 'g1'")
 
 
 def test_an_event_that_returns_none_says_so() -> None:

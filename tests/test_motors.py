@@ -363,7 +363,7 @@ def test_bad_motors_of_a_robot_are_named(solo):
         solo.with_motors({"FL_KFA": rbd.Motor()})
     with pytest.raises(InputError, match="motor of 'FL_KFE' is 3.0; expected rbd.Motor"):
         solo.with_motors({"FL_KFE": 3.0})
-    with pytest.raises(InputError, match="motors are .* expected {joint: rbd.Motor"):
+    with pytest.raises(InputError, match="motors is .* expected {joint: rbd.Motor"):
         solo.with_motors([rbd.Motor()])
     for motor in (rbd.Motor(), None):
         with pytest.raises(InputError, match=r"joint 'root_joint' of solo12 has 6 degrees of freedom \(FreeFlyer\)"):

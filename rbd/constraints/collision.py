@@ -16,7 +16,7 @@ from rbd.arrays import Array, check_number, cross_matrix
 from rbd.constraints.contact_kinematics import Between, OnPlane, Touching, joined
 from rbd.constraints.contact_points import MARGIN, ContactPoints, Measured, Structure
 from rbd.constraints.convex.convex_shapes import ConvexShape, convex_shape
-from rbd.constraints.surface import check_state, contact_axes
+from rbd.constraints.surface import check_state, check_words, contact_axes
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, nearest
 from rbd.errors.inputs import listed_items
@@ -105,8 +105,7 @@ class CollisionContacts(Displayed):
         on: On = 0.0,
         margin: float = TOUCHES_M,
     ) -> None:
-        if not isinstance(name, str) or not name:
-            raise InputError(f"the name of CollisionContacts is {name!r:.80}; expected a string, e.g. 'ground'.")
+        check_words("CollisionContacts", name=name)
         if friction is None:
             raise InputError(
                 f"friction of {name!r:.80} is None; expected a number >= 0: contacts found from shapes are unilateral."

@@ -28,7 +28,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, max_abs
 from rbd.errors import DuplicateName, InputError
-from rbd.errors.inputs import listed_items
+from rbd.errors.inputs import check_kind, listed_items
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.ground import Ground
@@ -99,8 +99,7 @@ def with_loops(robot: CheckedModel, constraints: Sequence[Constraint], loops: bo
         InputError: if it is not a list, or `loops` is no truth value.
         DuplicateName: one between other frames has a loop's name.
     """
-    if not isinstance(loops, bool):
-        raise InputError(f"loops is {loops!r:.80}; expected True or False: whether the robot's own loops hold.")
+    check_kind("loops", loops, bool, "True or False: whether the robot's own loops hold")
     given, own = listed(constraints), robot.loops()
     if not own or type(constraints) is WithLoops:
         return given

@@ -15,7 +15,7 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_float, as_vector3, is_finite
+from rbd.arrays import ABOVE_ZERO, Array, as_array, as_vector3, check_number, is_finite
 from rbd.constraints.contact_points import ContactPoints
 from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.constraints.surface import (
@@ -364,9 +364,7 @@ class LineContact(Contact):
         on: On = None,
         anchor: pin.SE3 | Array | None = None,
     ) -> None:
-        if not 0.0 < as_float(half_length) < 1e100:
-            raise InputError(f"half_length of contact {name!r} is {half_length!r:.80}; expected a length > 0 [m].")
-        L = float(half_length)
+        L = check_number(f"half_length of contact {name!r}", half_length, ABOVE_ZERO, 1e100, expected="a length > 0 [m]")
         ends = [[L, 0.0, 0.0], [-L, 0.0, 0.0]]
         super().__init__(name, frame, corners=ends, placement=placement, friction=friction, facets=facets, on=on, anchor=anchor)
         object.__setattr__(self, "half_length", L)

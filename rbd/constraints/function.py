@@ -15,7 +15,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array, as_array, as_finite, is_finite
-from rbd.constraints.surface import check_state
+from rbd.constraints.surface import check_state, check_words
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
 from rbd.model.dynamics import polarised
@@ -158,8 +158,7 @@ def check_function(name: str, what: str, value: object, *, optional: bool = Fals
     Raises:
         InputError: naming the value.
     """
-    if not isinstance(name, str) or not name:
-        raise InputError(f"the name of a constraint is {name!r:.80}; expected a string, e.g. 'four_bar'.")
+    check_words("a constraint", name=name)
     if not callable(value) and not (optional and value is None):
         raise InputError(f"{what} of {name!r:.80} is {value!r:.80}; expected a function of q.")
 

@@ -21,6 +21,7 @@ from rbd.constraints.contact_points import Group, Measured, Structure
 from rbd.constraints.surface import check_state, check_words
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.input_files import read_xml
 from rbd.model.joints import UNLIMITED, Joint
@@ -295,8 +296,7 @@ class JointLimit(Displayed):
             JointNotFound: with the nearest names.
             InputError: the joint has several degrees of freedom, is continuous, or has no bound.
         """
-        if not isinstance(robot, CheckedModel):
-            raise InputError(f"bounds of {self.name!r:.80} want a robot, got {type(robot).__name__}.")
+        check_kind(f"the robot of {self.name!r:.80}", robot, CheckedModel, "a robot: rbd.load_robot(name)")
         stop = self._stop.of(self, robot)
         return stop.lower, stop.upper
 
@@ -489,6 +489,5 @@ def _coupling(robot: CheckedModel, joint: ElementTree.Element) -> list[JointCoup
 
 
 def _checked(robot: CheckedModel) -> CheckedModel:
-    if not isinstance(robot, CheckedModel):
-        raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
+    check_kind("the robot", robot, CheckedModel, "a robot: rbd.load_robot(name)")
     return robot

@@ -28,6 +28,7 @@ from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.surface import check_state, check_words, contact_axes, unit_direction
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_choice
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.cones import Free
@@ -100,8 +101,7 @@ class LoopClosure(Displayed):
             raise InputError(
                 f"loop {self.name!r:.80} closes {self.frame_a!r:.80} with itself, on one body; expected frames of two bodies."
             )
-        if not isinstance(self.kind, str) or self.kind not in KINDS:
-            raise InputError(f"kind of loop {self.name!r:.80} is {self.kind!r:.80}; expected one of {', '.join(KINDS)}.")
+        check_choice(f"kind of loop {self.name!r:.80}", self.kind, KINDS)
         axis = unit_direction(f"axis of loop {self.name!r:.80}", self.axis)
         self.__dict__.update(axis=axis, _axes=contact_axes(axis), _cone=Free(KINDS[self.kind]))
 

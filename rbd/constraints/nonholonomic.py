@@ -23,7 +23,7 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_finite, as_float, as_vector3, cross_matrix
+from rbd.arrays import ABOVE_ZERO, Array, as_finite, as_vector3, check_number, cross_matrix
 from rbd.constraints.function import check_function, hessian_by_rates, matrix_of, rate, vector_of
 from rbd.constraints.surface import (
     HERE,
@@ -261,8 +261,7 @@ class Rolling:
     def __post_init__(self) -> None:
         check_words("what rolls or glides", name=self.name, frame=self.frame)
         check_friction(0.0 if self.friction is None else self.friction, self.facets)
-        if not 0.0 < as_float(self.radius) < 1e50:
-            raise InputError(f"radius of {self.name!r:.80} is {self.radius!r:.80}; expected a length > 0 [m].")
+        check_number(f"radius of {self.name!r:.80}", self.radius, ABOVE_ZERO, 1e50, expected="a length > 0 [m]")
         on = surface_of(self.name, self.on)
         if not isinstance(on, Body):
             on = plane_of(self.name, on)

@@ -14,7 +14,7 @@ from rbd.constraints.descent import Residual, Space, descend
 from rbd.constraints.joint import joint_limits
 from rbd.constraints.manifold import CLOSED, StackedRows, own_or, rank_of as rank_at
 from rbd.errors import InputError
-from rbd.errors.inputs import check_different
+from rbd.errors.inputs import check_different, check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, checked
 from rbd.problem.cones import Bounds, NonNegative
@@ -86,8 +86,7 @@ class Closure(Space[ConstraintResidual]):
         one_sided: bool = True,
         loops: bool = True,
     ) -> None:
-        if not isinstance(robot, CheckedModel):
-            raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
+        check_kind("the robot", robot, CheckedModel, "a robot: rbd.load_robot(name)")
         super().__init__(robot, fixed)
         self.unit_error = robot.joints.length
         self._given, self._one_sided = own_or(robot, constraints, loops), one_sided
@@ -261,8 +260,7 @@ class BilateralVelocities:
 
     def values(self, known: Rates, what: str) -> tuple[Array, Array]:
         """(which velocities are known, their values), both (nv,)."""
-        if not isinstance(known, Mapping):
-            raise InputError(f"known is {known!r:.80}; expected a mapping {{joint: {what}}}, e.g. {{'crank': 1.0}}.")
+        check_kind("known", known, Mapping, f"a mapping {{joint: {what}}}, e.g. {{'crank': 1.0}}")
         mask, out = np.zeros(self.state.robot.nv, bool), np.zeros(self.state.robot.nv)
         for name, value in known.items():
             at = self.joints.velocity(name)

@@ -21,6 +21,7 @@ from rbd.constraints.constraint import Constraint, with_loops
 from rbd.constraints.descent import Residual, Space, StationaryPoint, descend, minimise
 from rbd.displayed import Displayed
 from rbd.errors import CannotReach, InputError, ModelError
+from rbd.errors.inputs import check_kind
 from rbd.mechanism.constraint_error import position_residual
 from rbd.mechanism.pose_targets import (
     CentreOfMass,
@@ -175,8 +176,7 @@ def find_pose(
         >>> print(found.worst < 1e-12, f"{found.moved:.2f} rad")
         True 0.18 rad
     """
-    if not isinstance(robot, CheckedModel):
-        raise InputError(f"expected a robot, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
+    check_kind("the robot", robot, CheckedModel, "a robot: rbd.load_robot(name)")
     asked, place = read_targets(robot, targets), read_com(com)
     search = _PoseSearch(robot, asked, place, with_loops(robot, (), loops))
     q0 = search.inside(_posture(robot, posture))

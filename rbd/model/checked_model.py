@@ -21,7 +21,7 @@ from scipy.linalg import blas
 from rbd.arrays import Array, as_array, as_finite, check_finite, check_flag, lazy, max_abs
 from rbd.displayed import Displayed
 from rbd.errors import FrameNotFound, InputError, ModelError, nearest
-from rbd.errors.inputs import listed_items
+from rbd.errors.inputs import check_kind, listed_items
 from rbd.installation import check_whole
 from rbd.model.data_pool import DataPool
 from rbd.model.joint_table import Joints
@@ -240,8 +240,7 @@ class CheckedModel(Displayed):
         Raises:
             InputError: if `other` is no robot.
         """
-        if not isinstance(other, CheckedModel):
-            raise InputError(f"other is {other!r:.80}; expected a robot: rbd.load_robot(...).")
+        check_kind("other", other, CheckedModel, "a robot: rbd.load_robot(...)")
         same = other.passive == self.passive and other.motor_data == self.motor_data
         return other is self or bool(same and other.model == self.model)
 

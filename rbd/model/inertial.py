@@ -20,7 +20,7 @@ import pinocchio as pin
 from rbd.arrays import Array, null_space
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.errors.inputs import check_choice
+from rbd.errors.inputs import check_choice, check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State, checked
 
@@ -216,8 +216,7 @@ def joint_velocities(robot: CheckedModel) -> Array:
 
 def free_of_forces(state: State, contacts: Sequence[HasRows]) -> Array:
     """Combinations of the equations of motion without the forces of some constraints, shape (k, nv), with orthonormal rows."""
-    if not isinstance(contacts, Sequence):
-        raise InputError(f"contacts is {contacts!r:.80}; expected a list of contacts, e.g. robot.soles().")
+    check_kind("contacts", contacts, Sequence, "a list of contacts, e.g. robot.soles()")
     rows = []
     for contact in contacts:
         rows.append(np.asarray(check_rows(contact).rows(state).J))

@@ -19,6 +19,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_float
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.joint_table import Joints
 
 _MOST = 1e12
@@ -129,7 +130,7 @@ Motors = Mapping[str, Motor | None]
 """{joint: its motor, or None where it has none}."""
 
 
-def checked_motors(joints: Joints, given: object, name: str) -> dict[str, Motor | None]:
+def checked_motors(joints: Joints, given: Any, name: str) -> dict[str, Motor | None]:
     """{joint: its motor}, of joints that can have one.
 
     Args:
@@ -141,15 +142,11 @@ def checked_motors(joints: Joints, given: object, name: str) -> dict[str, Motor 
         JointNotFound: with the nearest names.
         InputError: what is no mapping, no motor, or a motor at a joint with several degrees of freedom.
     """
-    if not isinstance(given, Mapping):
-        raise InputError(f"motors are {given!r:.80}; expected {{joint: rbd.Motor(limit=...)}}, None for a joint without one.")
+    check_kind("motors", given, Mapping, "{joint: rbd.Motor(limit=...)}, None for a joint without one")
     out = {}
     for joint, motor in given.items():
         found = joints[joint]
-        if motor is not None and not isinstance(motor, Motor):
-            raise InputError(
-                f"the motor of {joint!r:.80} is {motor!r:.80}; expected rbd.Motor(limit=...), or None for no motor."
-            )
+        check_kind(f"the motor of {joint!r:.80}", motor, Motor | None, "rbd.Motor(limit=...), or None for no motor")
         if found.kind == "FreeFlyer" or (motor is not None and found.nv != 1):
             freedoms = f"{found.nv} degrees of freedom ({found.kind})"
             raise InputError(f"joint {joint!r:.80} of {name} has {freedoms}; a motor is at a joint with one.")

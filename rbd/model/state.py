@@ -12,6 +12,7 @@ import pinocchio as pin
 from rbd.arrays import Array, as_finite, as_vector3, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.data_pool import DataPool, Slot
 from rbd.records import Axis, Field
@@ -132,8 +133,7 @@ class State(Displayed):
         Raises:
             InputError: joints or motors differ, in number, name or order; names the first.
         """
-        if not isinstance(robot, CheckedModel):
-            raise InputError(f"a state is put on {robot!r:.80}; expected a robot: rbd.load_robot(...).")
+        check_kind("the robot of a state", robot, CheckedModel, "a robot: rbd.load_robot(...)")
         if robot is self.robot:
             return self
         mine, other = ((*r.model.names, *r.actuated_names, r.nq, r.nv) for r in (self.robot, robot))
@@ -336,8 +336,7 @@ def with_rates(robot: CheckedModel, v: Array, values: Mapping[str, object], *, a
 
 
 def _check_is_mapping(argument: str, values: object, what: str) -> None:
-    if not isinstance(values, Mapping):
-        raise InputError(f"{argument} is {values!r:.80}; expected a mapping {{joint: {what}}}, e.g. {{'knee': 0.5}}.")
+    check_kind(argument, values, Mapping, f"a mapping {{joint: {what}}}, e.g. {{'knee': 0.5}}")
 
 
 def _again(robot: CheckedModel, q: bytes, v: bytes | None) -> State:

@@ -21,7 +21,7 @@ from typing import Any, TypeAlias
 import numpy as np
 import sympy
 
-from rbd.arrays import Array, as_array, check_finite, lazy
+from rbd.arrays import Array, as_array, as_finite, check_finite, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_choice
@@ -176,7 +176,7 @@ def nearest_turn(q: Array, start: Array) -> Array:
     return q - 2.0 * np.pi * np.round((q - start) / (2.0 * np.pi))
 
 
-def plain(what: str, value: object) -> Array:
+def plain(what: str, value: object, shape: tuple[int | str, ...], meaning: str = "") -> Array:
     """Finite numbers as a new float array; exact numbers of SymPy, alone, in lists or as a column, are numbers too.
 
     Raises:
@@ -186,6 +186,4 @@ def plain(what: str, value: object) -> Array:
         value = list(value)
     if isinstance(value, list | tuple) and any(isinstance(x, sympy.Expr) for x in value):
         value = [float(x) if isinstance(x, sympy.Expr) and x.is_number and x.is_finite and x.is_real else x for x in value]
-    out = as_array(what, value)
-    check_finite(what, out.ravel())
-    return out
+    return as_finite(what, value, shape, meaning=meaning)

@@ -13,6 +13,7 @@ from sympy.core.function import AppliedUndef
 from rbd.arrays import Array
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.expressions import exact
 
@@ -200,8 +201,7 @@ def replacements(values: Mapping[Any, Any], known: Sequence[sp.Symbol], owner: s
     Raises:
         InputError: no mapping, unknown symbols, values that are no finite numbers.
     """
-    if not isinstance(values, Mapping):
-        raise InputError(f"values is {values!r:.80}; expected {{symbol: number}}.")
+    check_kind("values", values, Mapping, "{symbol: number}")
     by_name = {str(symbol): symbol for symbol in known}
     out = {}
     for key, value in values.items():

@@ -20,6 +20,7 @@ from sympy.physics.mechanics import dynamicsymbols
 from rbd.arrays import Array, as_float, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.planar import expressions
 from rbd.planar.angles import JOINT, AngleMap, Symbols, angle_map, check_convention, to_segments
 from rbd.planar.expressions import Compiled, compile_expression
@@ -339,8 +340,7 @@ def check_chain(chain: Chain) -> Chain:
     Raises:
         InputError: if it is none.
     """
-    if not isinstance(chain, Chain):
-        raise InputError(f"{chain!r:.80} is no chain; expected a planar one, such as rbd.planar.Chain(2).")
+    check_kind("the chain", chain, Chain, "a planar one, such as rbd.planar.Chain(2)")
     return chain
 
 

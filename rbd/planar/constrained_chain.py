@@ -243,9 +243,7 @@ class ConstrainedChain(Displayed):
             InputError: on another shape, or numbers that are not finite.
             NoSolution: if it does not get there.
         """
-        start = plain("q", q)
-        if start.shape != (self.chain.n,):
-            raise InputError(f"q has shape {start.shape}; expected one angle per link, ({self.chain.n},) [rad].")
+        start = plain("q", q, (self.chain.n,), ": one angle per link [rad]")
         relations = sympy.ImmutableMatrix(self.relations)
         value = self.chain.function(relations, parameters=parameters)
         slope = self.chain.function(relations.jacobian(self.chain.q), parameters=parameters)

@@ -21,6 +21,7 @@ from sympy.printing.numpy import NumPyPrinter
 
 from rbd.arrays import Array, as_float
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.planar.angles import Symbols, samples
 
 PARTS = ("tangential", "centripetal", "coriolis")
@@ -222,12 +223,10 @@ def _numbers(free: set[sympy.Symbol], parameters: Mapping[Any, float]) -> dict[s
     Raises:
         InputError: on keys that are no symbols, or values that are not finite real numbers.
     """
-    if not isinstance(parameters, Mapping):
-        raise InputError(f"parameters is {parameters!r:.80}; expected {{symbol: number}}.")
+    check_kind("parameters", parameters, Mapping, "{symbol: number}")
     out = {}
     for key, value in parameters.items():
-        if not isinstance(key, str | sympy.Symbol):
-            raise InputError(f"a parameter is called {key!r:.80}; expected a symbol, or its name.")
+        check_kind("the symbol of a parameter", key, str | sympy.Symbol, "a symbol, or its name")
         exact = isinstance(value, sympy.Expr) and value.is_number and value.is_real
         number = float(value) if exact else as_float(value)
         if not math.isfinite(number):

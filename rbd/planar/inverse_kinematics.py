@@ -281,9 +281,7 @@ def inverse(
                [ 1.5708, -1.5708]])
     """
     arm = check_chain(chain).numeric
-    point = plain("target", target)
-    if point.shape != (2,):
-        raise InputError(f"target has shape {point.shape}; expected x and y of the end point, (2,) [m].")
+    point = plain("target", target, (2,), ": x and y of the end point [m]")
     near = check_start(start, arm.n)
     relative = check_tolerance(tolerance)
     distance = float(arm.distance(point))
@@ -418,9 +416,4 @@ def check_start(start: Sequence[float] | Array | None, n: int) -> Array | None:
     Raises:
         InputError: if it is neither.
     """
-    if start is None:
-        return None
-    q = plain("start", start)
-    if q.shape != (n,):
-        raise InputError(f"start has shape {q.shape}; expected one angle per link, ({n},) [rad].")
-    return q
+    return None if start is None else plain("start", start, (n,), ": one angle per link [rad]")

@@ -20,6 +20,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, as_float, check_whole, is_finite
 from rbd.displayed import Displayed
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.planar.angles import nearest_turn, plain, wrapped
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.inverse_kinematics import SINGULAR, TOLERANCE, check_start, check_tolerance, nearest_pose, triangle
@@ -153,8 +154,7 @@ class MinimumJerk(Displayed):
         if not whole or derivative not in range(DERIVATIVES + 1):
             raise InputError(f"derivative is {derivative!r:.80}; expected 0, 1, 2 or 3.")
         t = sympy.Symbol("t") if t is None else t
-        if not isinstance(t, sympy.Symbol):
-            raise InputError(f"t is {t!r:.80}; expected a symbol, e.g. sympy.Symbol('t').")
+        check_kind("t", t, sympy.Symbol, "a symbol, e.g. sympy.Symbol('t')")
         u = t / _exact(self.duration)
         share = sum(int(c) * u**k for k, c in enumerate(SHAPE))
         if self.start.ndim > 1:
@@ -294,8 +294,8 @@ def inverse_path(
                [ 0.524,  2.094]])
     """
     arm = check_chain(chain).numeric
-    path = plain("points", points)
-    if path.ndim != 2 or path.shape[1] != 2 or not len(path):
+    path = plain("points", points, ("samples", 2), ": x and y [m]")
+    if not len(path):
         raise InputError(f"points have shape {path.shape}; expected x and y of at least one sample, (samples, 2) [m].")
     near = check_start(start, arm.n)
     check_branch(branch)

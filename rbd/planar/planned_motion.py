@@ -17,6 +17,7 @@ from scipy.integrate import solve_ivp
 from rbd.arrays import Array, as_finite, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution, SingularPose
+from rbd.errors.inputs import check_kind
 from rbd.planar.chain import Chain, check_chain
 from rbd.planar.inverse_kinematics import TOLERANCE, inverse
 from rbd.planar.joint_derivatives import joint_rates
@@ -199,9 +200,8 @@ def joint_motion(chain: Chain, path: MinimumJerk, *, times: Sequence[float] | Ar
     return PlanarMotion(chain, path, JOINT, t, x, v, a, j, q, qd, qdd, qddd, arm.split(q, qd, qdd), (), note)
 
 
-def _check_path(path: object, shape: tuple[int, ...], expected: str) -> None:
-    if not isinstance(path, MinimumJerk):
-        raise InputError(f"path is {path!r:.80}; expected what minimum_jerk returns.")
+def _check_path(path: MinimumJerk, shape: tuple[int, ...], expected: str) -> None:
+    check_kind("path", path, MinimumJerk, "what minimum_jerk returns")
     if path.start.shape != shape:
         raise InputError(f"path is of shape {path.start.shape}; expected {shape}: {expected}.")
 

@@ -18,7 +18,7 @@ import numpy as np
 from rbd.arrays import Array, check_whole
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.errors.inputs import check_choice
+from rbd.errors.inputs import check_choice, check_kind
 from rbd.model.output_files import new_folder
 from rbd.model.state import State
 from rbd.model.urdf import FARTHEST, LIGHTEST
@@ -249,8 +249,7 @@ def link_angles(state: State) -> dict[str, float]:
         >>> {link: round(angle, 4) for link, angle in rbd.mechanism.link_angles(robot.at("assembled")).items()}
         {'ground': 0.0, 'crank': 0.6981, 'coupler': 0.3543, 'coupler_tip': 0.3543, 'rocker': 1.0005, 'rocker_tip': 1.0005}
     """
-    if not isinstance(state, State):
-        raise InputError(f"link_angles wants a State, got {type(state).__name__}. Make one: robot.at(q).")
+    check_kind("the state of link_angles", state, State, "a State: robot.at(q)")
     out, names = {}, state.robot.links()
     sites = [state.robot.site(name) for name in names]  # not by `frame`, whose Jacobians take longer than all the rest
     turned, _ = state.joint_places([joint for joint, _ in sites])

@@ -12,6 +12,7 @@ from typing import Any
 from rbd.arrays import Array, check_flag
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.errors import InputError, ModelError, ModelWarning
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import CheckedModel
 from rbd.model.files import build_model, check_freedoms, read
 from rbd.model.input_files import FileLimits, parse_xml
@@ -94,8 +95,7 @@ def load_robot(
     """
     if root is not None and (not isinstance(root, str) or root not in ROOTS):
         raise InputError(f"root is {root!r:.80}; expected 'free_flyer', 'planar' or 'fixed'.")
-    if limits is not None and not isinstance(limits, FileLimits):
-        raise InputError(f"limits is {limits!r:.80}; expected rbd.model.FileLimits(max_dof=...).")
+    check_kind("limits", limits, FileLimits | None, "rbd.model.FileLimits(max_dof=...)")
     limits = FileLimits() if limits is None else limits
     check_leave_out(leave_out)
     fall = None if gravity is None else checked_gravity(gravity)
@@ -141,8 +141,7 @@ def _source(
         return catalogue.find(name_or_path, package_dirs), None
     if name_or_path is not None:
         raise InputError(f"text came with a name, {name_or_path!r:.80}; expected one of them.")
-    if not isinstance(text, str | bytes):
-        raise InputError(f"text is {text!r:.80}; expected a URDF or MJCF as a string or as bytes.")
+    check_kind("text", text, str | bytes, "a URDF or MJCF as a string or as bytes")
     try:
         data = text.encode() if isinstance(text, str) else text
     except UnicodeEncodeError as error:

@@ -48,7 +48,7 @@ from rbd.constraints.loop import KINDS as CLOSURES, LoopClosure
 from rbd.constraints.nonholonomic import KnifeEdge, RollingBall, RollingDisk, RollingWheel
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError
-from rbd.errors.inputs import check_choice, check_different, shown
+from rbd.errors.inputs import check_choice, check_different, check_kind
 from rbd.model.input_files import file_bytes, is_file
 from rbd.model.motors import Motor
 from rbd.model.urdf import LONGEST_NAME
@@ -254,9 +254,8 @@ def _contents(file: str, data: bytes) -> LoopFile:
     return LoopFile(file, **top, text=data.decode())
 
 
-def _constraints(file: str, part: str, what: str, value: object) -> tuple[Constraint, ...]:
-    if not isinstance(value, list):
-        raise InputError(f"{what} is {shown(value)}; expected a list: a line for each, beginning with a dash.")
+def _constraints(file: str, part: str, what: str, value: Any) -> tuple[Constraint, ...]:
+    check_kind(what, value, list, "a list: a line for each, beginning with a dash")
     out = []
     for i, each in enumerate(value):
         name = each.get("name") if isinstance(each, dict) else None

@@ -17,7 +17,7 @@ from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.constraints.forces.joint_springs import JointDamping, JointSpring
 from rbd.constraints.surface import rigid_placement
 from rbd.errors import InputError, ModelError, ModelWarning
-from rbd.errors.inputs import listed_items
+from rbd.errors.inputs import check_kind, listed_items
 from rbd.model.checked_model import CheckedModel
 from rbd.model.data_pool import DataPool
 from rbd.model.pickling import Recipe
@@ -242,8 +242,7 @@ def merge_robots(
         array([ 0.  , 0.  ,  9.81])
     """
     for robot in (first, second):
-        if not isinstance(robot, CheckedModel):
-            raise InputError(f"merge_robots wants two robots, got {robot!r:.80}. Load one with rbd.load_robot(name).")
+        check_kind("a robot of merge_robots", robot, CheckedModel, "two robots: rbd.load_robot(name)")
     if not np.array_equal(first.gravity, second.gravity):
         raise InputError(
             f"{first.name} has gravity {first.gravity.tolist()}, {second.name} {second.gravity.tolist()}; one world has one."

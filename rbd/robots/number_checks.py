@@ -10,7 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_float
 from rbd.errors import InputError, ModelError, nearest
-from rbd.errors.inputs import check_choice, shown
+from rbd.errors.inputs import check_choice, check_kind, shown
 from rbd.model.urdf import FARTHEST, LARGEST, LONGEST_NAME
 
 Triple = tuple[float, float, float]
@@ -50,25 +50,23 @@ def checked_name(what: str, value: object) -> str:
     return value
 
 
-def checked_names(what: str, value: object) -> tuple[str, ...]:
+def checked_names(what: str, value: Any) -> tuple[str, ...]:
     """A list of names.
 
     Raises:
         InputError: no list, or what `checked_name` refuses in it.
     """
-    if not isinstance(value, list | tuple):
-        raise InputError(f"{what} is {shown(value)}; expected a list of names.")
+    check_kind(what, value, list | tuple, "a list of names")
     return tuple(checked_name(f"{what}[{i}]", each) for i, each in enumerate(value))
 
 
-def checked_mapping(what: str, value: object) -> Mapping[str, Any]:
+def checked_mapping(what: str, value: Any) -> Mapping[str, Any]:
     """Values by their names.
 
     Raises:
         InputError: no mapping, or a key that is no name.
     """
-    if not isinstance(value, Mapping):
-        raise InputError(f"{what} is {shown(value)}; expected `key: value` pairs.")
+    check_kind(what, value, Mapping, "`key: value` pairs")
     for key in value:
         checked_name(f"a key of {what}", key)
     return value

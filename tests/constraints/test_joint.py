@@ -479,9 +479,9 @@ def test_a_joint_that_is_not_there_is_refused_with_the_nearest(talos, make):
         ("offset", lambda: rbd.JointCoupling("gear", "knee", "hip", ratio=1.0, offset=None)),
         ("torque", lambda: rbd.JointFriction("rub", "knee", -1.0)),
         ("torque", lambda: rbd.JointFriction("rub", "knee", math.inf)),
-        ("a robot, got str", lambda: rbd.constraints.joint_limits("talos")),
-        ("a robot, got list", lambda: rbd.constraints.joint_frictions([])),
-        ("a robot, got NoneType", lambda: rbd.constraints.mimics(None)),
+        ("the robot is 'talos'; expected a robot", lambda: rbd.constraints.joint_limits("talos")),
+        (r"the robot is \[\]; expected a robot", lambda: rbd.constraints.joint_frictions([])),
+        ("the robot is None; expected a robot", lambda: rbd.constraints.mimics(None)),
     ],
 )
 def test_what_means_nothing_is_refused(said, make):

@@ -396,8 +396,8 @@ def test_hinges_with_opposite_axes_are_refused():
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"kind": "hinge"}, "kind of loop 'loop' is 'hinge'; expected one of point, revolute, rigid, planar"),
-        ({"kind": None}, "expected one of point"),
+        ({"kind": "hinge"}, "kind of loop 'loop' is 'hinge'; .* Expected one of point, revolute, rigid, planar"),
+        ({"kind": None}, "Expected one of point"),
         ({"axis": (0, 0, 0)}, "has length 0"),
         ({"axis": (1, 0)}, "three numbers"),
         ({"axis": (np.nan, 0, 1)}, "not finite"),

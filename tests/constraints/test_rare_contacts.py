@@ -115,7 +115,7 @@ def test_shapes_that_are_fixed_cannot_reach_the_ground(tmp_path):
 
 def test_bounds_want_a_robot():
     """Said with the limit's name."""
-    with pytest.raises(InputError, match="bounds of 'stop' want a robot, got str"):
+    with pytest.raises(InputError, match="the robot of 'stop' is 'robot'; expected a robot"):
         rbd.JointLimit("stop", "elbow").bounds("robot")
 
 

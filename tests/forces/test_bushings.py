@@ -88,15 +88,15 @@ def test_relaxed_where_it_was_made(talos: rbd.Robot):
 @pytest.mark.parametrize(
     ("constants", "says"),
     [
-        ({"stiffness": (1, 2, 3)}, r"stiffness of 'bushing from box .* has shape \(3,\); expected six numbers"),
+        ({"stiffness": (1, 2, 3)}, r"stiffness of 'bushing from box .* has shape \(3,\); expected .*six numbers"),
         ({"stiffness": np.eye(3)}, r"has shape \(3, 3\); expected six numbers, or a symmetric matrix"),
         ({"stiffness": np.triu(np.ones((6, 6)))}, "differs from its transpose by 1"),
-        ({"stiffness": (1, 2, 3, 4, 5, math.nan)}, "stiffness of .*nan.*expected finite numbers"),
+        ({"stiffness": (1, 2, 3, 4, 5, math.nan)}, "stiffness of .* is not finite"),
         ({"stiffness": 1.0, "damping": (1, 1, 1, 1, 1, -1)}, "negative eigenvalue -1, which would drive"),
         ({"stiffness": 1.0, "damping": np.full((6, 6), 1.0) - np.eye(6)}, "negative eigenvalue -1"),
         ({"stiffness": 1.0, "preload": (1, 2)}, "preload of .* has shape"),
         ({"stiffness": 1.0, "to": pin.SE3(2.0 * np.eye(3), np.zeros(3))}, "axes that are not orthonormal"),
-        ({"stiffness": 1.0, "name": ""}, "expected text"),
+        ({"stiffness": 1.0, "name": ""}, "expected a string"),
     ],
 )
 def test_bad_matrices_are_refused(constants: dict, says: str):

@@ -167,7 +167,7 @@ def test_what_is_no_joint_spring(sprung, talos: rbd.Robot):
         (lambda: rbd.JointSpring("hip", stiffness=1.0, rest=(0, 0, 1)), InputError, r"rest of .* has shape \(3,\)"),
         (lambda: rbd.JointSpring("hip", stiffness=1.0, rest=(0, 0, 0, 2)), InputError, "norm 2; expected norm 1"),
         (lambda: rbd.JointSpring("hip", stiffness=math.nan), InputError, "stiffness of the spring in 'hip' is nan"),
-        (lambda: rbd.JointSpring("hip", stiffness=1.0, rest=math.nan), InputError, "rest of .* is nan; expected finite"),
+        (lambda: rbd.JointSpring("hip", stiffness=1.0, rest=math.nan), InputError, "rest of .* is not finite"),
         (lambda: rbd.JointSpring(3, stiffness=1.0), InputError, "expected the name of a joint"),
         (lambda: rbd.JointSpring("hip", stiffness=1.0, name=3), InputError, "name of .* is 3"),
         (

@@ -146,7 +146,7 @@ def test_zero_length():
         (lambda: rbd.Spring("box", to=(0, 0), stiffness=1.0, rest=1.0), r"to of a spring at 'box' has shape \(2,\)"),
         (lambda: rbd.Spring("box", to=2.0, stiffness=1.0, rest=1.0), "ends at 2.0; expected a frame's name, or a point"),
         (lambda: rbd.Spring("box", to=None, stiffness=1.0, rest=1.0), "ends at None; expected a frame's name"),
-        (lambda: rbd.Spring(3, to=(0, 0, 2), stiffness=1.0, rest=1.0), "is at 3; expected the name of a frame"),
+        (lambda: rbd.Spring(3, to=(0, 0, 2), stiffness=1.0, rest=1.0), "is 3; expected the name of a frame"),
         (lambda: rbd.Spring("box", to=(0, 0, 2), to_offset=(1, 0, 0), stiffness=1.0, rest=1.0), "give the point of the ground"),
         (lambda: rbd.Spring("box", to=(0, 0, 2), offset=(1, 0), stiffness=1.0, rest=1.0), "offset of a spring at 'box'"),
         (lambda: rbd.Spring("box", to=(0, 0, 2), axis=(0, 0, 0), stiffness=1.0), "axis of .* has length 0"),

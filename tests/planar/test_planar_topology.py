@@ -86,7 +86,7 @@ def test_pins_that_are_none(pinned):
 
 def test_what_is_no_chain():
     """Named."""
-    with pytest.raises(InputError, match="3 is no chain"):
+    with pytest.raises(InputError, match="the chain is 3; expected a planar one"):
         classify(3)
     with pytest.raises(InputError, match="under relations"):
         classify(constrained(Chain(2), {1: 0}), pinned=(1, 0))

@@ -26,6 +26,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, add_wrench, as_vector3, cross_matrix, cross_rows, lazy
 from rbd.errors import InputError
+from rbd.errors.inputs import check_kind
 from rbd.model.checked_model import FARTHEST
 from rbd.model.state import State
 
@@ -63,8 +64,7 @@ def place_on(what: str, frame: str, offset: Offset) -> Place:
     Raises:
         InputError: no name, or an offset that is neither three finite numbers nor a pose.
     """
-    if not isinstance(frame, str):
-        raise InputError(f"{what} is at {frame!r:.80}; expected the name of a frame of the robot, see robot.frames().")
+    check_kind(f"the frame of {what}", frame, str, "the name of a frame of the robot, see robot.frames()")
     return Place(frame, *_pose(f"offset of {what}", offset))
 
 

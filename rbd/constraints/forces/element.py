@@ -10,6 +10,7 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.constraints.forces.coordinates import Anchor, Coordinates, Offset, Pair, Place, other_place, place_on
 from rbd.constraints.forces.element_numbers import ByValue
+from rbd.constraints.surface import check_words
 from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
 from rbd.model.checked_model import CheckedModel
@@ -72,8 +73,7 @@ class BetweenPlaces(ByValue, Displayed):
         what = f"a {kind} at {self.frame!r:.80}"
         places = other_place(what, to, to_offset), place_on(what, self.frame, offset)
         given = f"{kind} from {places[1]} to {places[0]}" if self.name is None else self.name
-        if not isinstance(given, str) or not given:
-            raise InputError(f"name of {what} is {given!r:.80}; expected text.")
+        check_words(what, name=given)
         self.__dict__.update(_ends=places, name=given)
         return repr(given)[:82]
 

@@ -10,7 +10,7 @@ from typing import Any, TypeVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array, check_number
+from rbd.arrays import Array, as_array, as_finite, check_number
 from rbd.errors import InputError, nearest
 from rbd.errors.warned import ForceElementWarning, stacklevel_of_user
 
@@ -57,9 +57,7 @@ def six(what: str, value: float | Sequence[float] | Array) -> Array:
     Raises:
         InputError: other numbers.
     """
-    found = as_array(what, value)
-    if found.shape not in ((), (6,)):
-        raise InputError(f"{what} has shape {found.shape}; expected six numbers (x, y, z, about x, about y, about z).")
+    found = as_finite(what, value, (), (6,), meaning=": six numbers (x, y, z, about x, about y, about z)")
     _check(what, found)
     return np.broadcast_to(found, 6).copy()
 
@@ -204,9 +202,7 @@ def _plain(value: Any) -> Any:
 
 def _given(value: Any) -> Any:
     if isinstance(value, Mapping) and list(value) == [_POSE]:
-        X: Array = np.asarray(value[_POSE], float)
-        if X.shape != (4, 4):
-            raise InputError(f"a pose of a force element has shape {X.shape}; expected (4, 4).")
+        X = as_finite("a pose of a force element", value[_POSE], (4, 4))
         return pin.SE3(X[:3, :3].copy(), X[:3, 3].copy())
     if isinstance(value, Mapping) and list(value) == [_JOINTS]:
         return value[_JOINTS]

@@ -10,11 +10,12 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_array
+from rbd.arrays import Array, as_finite
 from rbd.constraints.constraint import PerRobot
 from rbd.constraints.forces.coordinates import WIDEST, from_rest, inverse_left_jacobian, rotation_vector, too_far
 from rbd.constraints.forces.element import ElementPicture, check_parameter
 from rbd.constraints.forces.element_numbers import ByValue, damping_of, kept_as_data, number, stiffness_of
+from rbd.constraints.surface import check_words
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.model.checked_model import FARTHEST, CheckedModel
@@ -65,9 +66,7 @@ class JointSpring(ByValue, Displayed):
                 "each has its own: [JointSpring(joint, stiffness=k) for joint, k in {'knee': 20.0}.items()]."
             )
         what = f"the spring in {self.joint!r:.80}"
-        rest = as_array(f"rest of {what}", self.rest)
-        if rest.shape not in ((), (4,)):
-            raise InputError(f"rest of {what} has shape {rest.shape}; expected a number, or the quaternion of a ball joint.")
+        rest = as_finite(f"rest of {what}", self.rest, (), (4,), meaning=": a number, or the quaternion of a ball joint")
         if not np.abs(rest).max() <= FARTHEST:
             raise InputError(f"rest of {what} is {self.rest!r:.80}; expected finite numbers of at most {FARTHEST:g}.")
         if rest.shape and not abs(np.linalg.norm(rest) - 1.0) <= 1e-6:
@@ -79,8 +78,7 @@ class JointSpring(ByValue, Displayed):
             stiffness=stiffness_of(what, self.stiffness),
             name=f"spring in {self.joint}" if self.name is None else self.name,
         )
-        if not isinstance(self.name, str) or not self.name:
-            raise InputError(f"name of {what} is {self.name!r:.80}; expected text.")
+        check_words(what, name=self.name)
 
     def check_on(self, robot: CheckedModel) -> None:
         """Refuse a robot without the joint, or one whose joint cannot have such a spring.
@@ -203,8 +201,7 @@ class JointDamping(ByValue, Displayed):
                 f"damping is {given!r:.80}; expected a joint and its damping, JointDamping('knee', damping=0.5), or {{joint: "
                 "number}, e.g. {'knee': 0.5, 'hip': 0.8}."
             )
-        if not isinstance(name, str) or not name:
-            raise InputError(f"name of joint damping is {name!r:.80}; expected text.")
+        check_words("joint damping", name=name)
         found = {each: damping_of(f"joint {each!r:.80}", d) for each, d in given.items()}
         self.__dict__.update(damping=MappingProxyType(found), name=name, _diagonal=PerRobot(_diagonal))
 

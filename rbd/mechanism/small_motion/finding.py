@@ -16,6 +16,7 @@ from rbd.constraints.constraint import Constraint
 from rbd.constraints.manifold import ConstraintManifold, own_or
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSteadyState, RbdError, RbdWarning
+from rbd.errors.inputs import check_kind
 from rbd.mechanism.small_motion.linearisation import linearise
 from rbd.mechanism.small_motion.linearised import Linearised
 from rbd.mechanism.small_motion.steady_search import Condition, FoundState, Search, held_together
@@ -225,8 +226,7 @@ def _started(
     q, v = with_values(robot, state.q, {} if fixed is None else fixed, argument="fixed"), state.v.copy()
     for name in {} if fixed is None else fixed:
         kept[robot.joints[name].v] = True
-    if speeds is not None and not isinstance(speeds, Mapping):
-        raise InputError(f"speeds is {speeds!r:.80}; expected a mapping {{velocity: value}}, e.g. {{'root_joint.vx': 5.0}}.")
+    check_kind("speeds", speeds, Mapping | None, "a mapping {velocity: value}, e.g. {'root_joint.vx': 5.0}")
     for name, value in (speeds or {}).items():
         at = robot.joints.velocity(name)
         number = as_float(value)

@@ -13,7 +13,7 @@ from rbd.arrays import Array
 from rbd.constraints.contact import PointContact, SurfaceContact
 from rbd.displayed import Displayed
 from rbd.errors import InputError, ModelError, ModelWarning
-from rbd.errors.inputs import check_choice
+from rbd.errors.inputs import check_choice, check_kind
 from rbd.model.input_files import FileLimits
 from rbd.model.output_files import check_place, write_text
 from rbd.model.urdf import BASE_JOINT
@@ -90,8 +90,7 @@ class RobotBuilder(Displayed):
         check_choice("root", root, ROOTS)
         self.root: Root = root
         self.plane = None if plane is None else checked_plane(plane, root)
-        if not isinstance(about, str):
-            raise InputError(f"about is {about!r:.80}; expected a sentence.")
+        check_kind("about", about, str, "a sentence")
         self.about = about
         self._bodies: dict[str, BuilderBody] = {}
         self._joints: dict[str, BuilderJoint] = {}

@@ -12,7 +12,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, check_flag
 from rbd.errors import InputError
-from rbd.errors.inputs import check_choice
+from rbd.errors.inputs import check_choice, check_kind
 from rbd.model.urdf import LIGHTEST
 from rbd.robots.building.solids import Solid, joined
 from rbd.robots.number_checks import Check, checked_axis, checked_name, checked_number, checked_numbers, checked_triple
@@ -137,10 +137,7 @@ def a_body(
     what = f"body {name!r:.80}"
     _check_elements(what, elements)
     for solid in solids:
-        if not isinstance(solid, Solid):
-            raise InputError(
-                f"{what} has a part {solid!r:.80}; expected a solid, e.g. rbd.robots.Box((0.1, 0.1, 0.1), mass=1)."
-            )
+        check_kind(f"a part of {what}", solid, Solid, "a solid, e.g. rbd.robots.Box((0.1, 0.1, 0.1), mass=1)")
     own = joined(solids)
     if mass is None:
         if com is not None or inertia is not None:
