@@ -22,7 +22,7 @@ from rbd.problem.corner_cones import WrenchCone
 from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED, USABLE, Residuals, blame, residuals_of
-from rbd.problem.rows import Patch, Rows
+from rbd.problem.rows import Patch, Rows, by_rows
 from rbd.records import AXES, SPATIAL, Axis, Field, Variable, key, share, vector
 
 CARRIES_NOTHING_N = 1e-6
@@ -404,11 +404,7 @@ class Answer(Displayed):
 
         A constraint without a resultant (a function, a joint) gives its row forces (m,).
         """
-        f, out = self.multipliers, {}
-        for rows in self.problem.rows:
-            part = f[self.problem.slices[rows.name]]
-            out[rows.name] = part.copy() if rows.resultant is None else rows.resultant @ part
-        return out
+        return {r.name: r.force_of(part) for r, part in by_rows(self.problem.rows, self.multipliers)}
 
     @lazy
     def contacts(self) -> dict[str, ContactForce]:

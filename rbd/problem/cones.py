@@ -19,7 +19,7 @@ import numpy as np
 from rbd.arrays import Array, as_array, as_finite, as_float, block_diagonal
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.errors.inputs import check_kind
+from rbd.errors.inputs import check_kind, listed_items
 
 
 @dataclass(frozen=True)
@@ -250,8 +250,19 @@ class NonNegative(Cone):
         return pushed_out(u, e)
 
 
+class _AtAPoint(Cone):
+    """What the sets of a point's forces (tangent, tangent, normal) have in common: feedback is along the normal alone."""
+
+    keeps_position = True
+    dim = 3
+
+    def feedback(self, u: Array, e: Array | None) -> Array:
+        """Along the normal alone."""
+        return np.append(np.zeros(2), pushed_out(u[2:], None if e is None else e[2:]))
+
+
 @dataclass(frozen=True)
-class FrictionCone(Cone):
+class FrictionCone(_AtAPoint):
     """Force set of a contact with Coulomb friction: `|f_t| <= mu f_n` on (tangent, tangent, normal).
 
     Solvers with true cones use it as it is; the QP uses its circumscribed pyramid of `facets` facets.
@@ -262,17 +273,11 @@ class FrictionCone(Cone):
         (array([0.6, 0. , 1.2]), array([0., 0., 0.]))
     """
 
-    keeps_position = True
     mu: float
     facets: int = 4
 
     def __post_init__(self) -> None:
         check_friction(self.mu, self.facets)
-
-    @property
-    def dim(self) -> int:
-        """Three."""
-        return 3
 
     def project(self, force: Array) -> Array:
         """The nearest force in the true (circular) cone; closed form."""
@@ -282,17 +287,13 @@ class FrictionCone(Cone):
         """Identity and one second-order cone."""
         return np.eye(3), (SecondOrderCone(self.mu, self.facets),)
 
-    def feedback(self, u: Array, e: Array | None) -> Array:
-        """Along the normal alone."""
-        return np.append(np.zeros(2), pushed_out(u[2:], None if e is None else e[2:]))
-
     def friction_used(self, force: Array) -> float | None:
         """|f_t| / (mu f_n)."""
         return friction_used(self.mu, force)
 
 
 @dataclass(frozen=True)
-class EllipticCone(Cone):
+class EllipticCone(_AtAPoint):
     """Force set of a contact whose friction differs along the tangents: `|(f_x / mu_x, f_y / mu_y)| <= f_n`.
 
     It is FrictionCone(mu_x) if both are alike. Under Coulomb's law friction takes the most power from a point that slides: the
@@ -309,7 +310,6 @@ class EllipticCone(Cone):
         (0.5, 0.5)
     """
 
-    keeps_position = True
     mu_x: float
     mu_y: float
     facets: int = 4
@@ -320,19 +320,10 @@ class EllipticCone(Cone):
             if not mu:
                 raise InputError(f"EllipticCone has the coefficients {self.mu_x!r}, {self.mu_y!r}; both are to be above zero.")
 
-    @property
-    def dim(self) -> int:
-        """Three."""
-        return 3
-
     def generators(self) -> tuple[Array, tuple[Part, ...]]:
         """The larger coefficient's cone, one of its axes shortened."""
         mu = max(self.mu_x, self.mu_y)
         return np.diag([self.mu_x / mu, self.mu_y / mu, 1.0]), (SecondOrderCone(mu, self.facets),)
-
-    def feedback(self, u: Array, e: Array | None) -> Array:
-        """Along the normal alone."""
-        return np.append(np.zeros(2), pushed_out(u[2:], None if e is None else e[2:]))
 
     def friction_used(self, force: Array) -> float | None:
         """|(f_x / mu_x, f_y / mu_y)| / f_n."""
@@ -389,10 +380,7 @@ class Product(Cone):
     cones: tuple[Cone, ...]
 
     def __init__(self, cones: Sequence[Cone]) -> None:
-        try:
-            members = tuple(cones)
-        except TypeError:
-            raise InputError(f"Product wants several sets, got {cones!r:.80}.") from None
+        members = tuple(listed_items("cones of Product", cones, "several sets"))
         for cone in members:
             expected = "a set of forces, e.g. rbd.problem.Free(3) or rbd.problem.FrictionCone(0.7)"
             check_kind("a member of Product", cone, Cone, expected)

@@ -16,6 +16,7 @@ from rbd.problem.programs import nonnegative
 class _AtCorners(Cone):
     """What forces of one set at each of k corners make: `corners` (k, 3), `corner_map` (dim, 3k) and the set `mu`."""
 
+    keeps_position = True
     if TYPE_CHECKING:
         mu: float | Cone
         facets: int
@@ -88,7 +89,7 @@ class WrenchCone(_AtCorners):
         [True, False]
     """
 
-    keeps_position = True
+    dim = 6
     corners: Array
     mu: float | Cone
     facets: int = 4
@@ -100,11 +101,6 @@ class WrenchCone(_AtCorners):
             raise InputError(f"corners of a WrenchCone have shape {corners.shape}; expected (k, 3) finite numbers.")
         corners.flags.writeable = False  # rays and parts are cached for the life of the set
         object.__setattr__(self, "corners", corners)
-
-    @property
-    def dim(self) -> int:
-        """Six."""
-        return 6
 
     @lazy
     def corner_map(self) -> Array:
@@ -131,7 +127,7 @@ class LineCone(_AtCorners):
         [True, False]
     """
 
-    keeps_position = True
+    dim = 5
     half_length: float
     mu: float | Cone
     facets: int = 4
@@ -140,11 +136,6 @@ class LineCone(_AtCorners):
         _check_point(self.mu, self.facets)
         if not 0.0 < as_float(self.half_length) < 1e100:
             raise InputError(f"half_length of a LineCone is {self.half_length!r:.80}; expected a length > 0 [m].")
-
-    @property
-    def dim(self) -> int:
-        """Five."""
-        return 5
 
     @property
     def corners(self) -> Array:

@@ -23,7 +23,7 @@ from rbd.arrays import Array, block_diagonal, lazy
 from rbd.errors import InputError
 from rbd.problem.cones import HALF_LINE, Cone, Part, checked_generators, nearest_weights, project_cones, pyramid
 from rbd.problem.contact_motion import REST_SPEED, MotionJudge, Opening, Sliding
-from rbd.problem.programs import between
+from rbd.problem.programs import within
 from rbd.problem.rows import Rows
 
 _TURNS = 1e-11
@@ -312,11 +312,7 @@ class ForceSet:
         Where circular cones share rows (corners of a patch) projected gradients are used, slow and approximate.
         """
         if not len(self.mu):
-            w, free = self.lower.copy(), self.lower < self.upper
-            if free.any():
-                left = f - self.G[:, ~free] @ self.lower[~free]
-                w[free] = between(self.G[:, free], left, self.lower[free], self.upper[free])
-            return w
+            return within(self.G, f, self.lower, self.upper)
         return nearest_weights(self.G, f, self.project, 2000)
 
     def gap(self, y: Array) -> Array:

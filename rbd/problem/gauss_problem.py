@@ -13,7 +13,7 @@ from scipy.linalg import blas, lapack
 from rbd.arrays import Array, as_array, as_float, check_finite, inertia_factor, is_finite, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.errors.inputs import check_different, check_kind
+from rbd.errors.inputs import check_different, check_kind, listed_items
 from rbd.problem.cones import Cone, Product
 from rbd.problem.contact_motion import REST_SPEED, Opening
 from rbd.problem.force_set import ForceSet
@@ -299,10 +299,7 @@ class GaussProblem(Displayed):
 def _rows(rows: Sequence[Rows]) -> tuple[Rows, ...]:
     if isinstance(rows, Rows):
         raise InputError(f"rows are a single Rows, {rows.name!r}; give a list, [rows].")
-    try:
-        out = tuple(rows)
-    except TypeError:
-        raise InputError(f"rows are {rows!r:.80}; expected a list of rbd.Rows.") from None
+    out = tuple(listed_items("rows", rows, "a list of rbd.Rows"))
     for r in out:
         check_kind("an entry of rows", r, Rows, "rbd.Rows")
     return out

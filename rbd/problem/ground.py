@@ -65,21 +65,18 @@ class Ground(Displayed):
     level: bool = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
         given = _UP if self.normal is None and self.point is not None else self.normal
         n = None if given is None else unit_normal("normal of the ground", given)
         point = None if self.point is None else as_vector3("point of the ground", self.point)
-        put(self, "normal", n)
-        put(self, "point", point)
+        about = None if self.about is None else as_vector3("about of the ground", self.about)
         for what in ("velocity", "acceleration"):
             if (motion := getattr(self, what)) is not None:
-                put(self, what, _twist(f"{what} of the ground", motion))
-        if self.about is not None:
-            put(self, "about", as_vector3("about of the ground", self.about))
-            if self.velocity is None and self.acceleration is None:
-                raise InputError("the ground has about= without velocity= or acceleration=: these are given at that point.")
-        put(self, "height", np.nan if n is None or point is None else float(n @ point))
-        put(self, "level", point is not None and n is not None and bool(np.array_equal(n, _UP)))
+                object.__setattr__(self, what, _twist(f"{what} of the ground", motion))
+        if about is not None and self.velocity is None and self.acceleration is None:
+            raise InputError("the ground has about= without velocity= or acceleration=: these are given at that point.")
+        height = np.nan if n is None or point is None else float(n @ point)
+        level = point is not None and n is not None and bool(np.array_equal(n, _UP))
+        self.__dict__.update(normal=n, point=point, about=about, height=height, level=level)
 
     @property
     def moves(self) -> bool:

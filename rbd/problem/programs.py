@@ -216,15 +216,6 @@ def least_distance(G: Array, h: Array, tolerance: float = 1e-12) -> tuple[Array,
     return G.T @ multipliers, multipliers
 
 
-def between(A: Array, b: Array, lower: Array, upper: Array) -> Array:
-    """The x within its bounds with about the least |A x - b|, shape (n,); approximate: check its residual."""
-    try:
-        found = lsq_linear(A, b, (lower, upper), tol=1e-14, max_iter=BOUNDED_STEPS).x
-    except (ValueError, np.linalg.LinAlgError):
-        found = np.linalg.lstsq(A, b, rcond=None)[0]
-    return np.minimum(np.maximum(found, lower), upper)
-
-
 def within(A: Array, b: Array, lower: Array, upper: Array) -> Array:
     """The x within its bounds with the least |A x - b|, exactly on its active bounds [StarkParker1995], shape (n,).
 

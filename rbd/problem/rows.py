@@ -191,6 +191,10 @@ class Rows(Displayed):
     def __len__(self) -> int:
         return self.J.shape[0]
 
+    def force_of(self, f: Array) -> Array:
+        """Row forces (m,) as the force or wrench on the robot in world axes, shape (k,); as they are without a resultant."""
+        return f.copy() if self.resultant is None else self.resultant @ f
+
     @property
     def stabilised(self) -> bool:
         """Whether a feedback was given."""
