@@ -16,7 +16,7 @@ from rbd.constraints.contact_points import ALWAYS, PointSource, sources_of
 from rbd.control.schedules import INSTANT, AcceptedStep, ContactTouch, TouchesWhenRead
 from rbd.displayed import Displayed
 from rbd.errors import InputError
-from rbd.errors.inputs import check_kind
+from rbd.errors.inputs import check_kind, listed_items
 from rbd.model.checked_model import CheckedModel
 
 Interval: TypeAlias = tuple[float, float]
@@ -171,9 +171,7 @@ _ALWAYS = ((-math.inf, math.inf),)
 def _checked(name: str, given: object) -> tuple[Interval, ...]:
     """The intervals of a contact, sorted."""
     check_kind("a contact of ContactSchedule", name, str, "a name, e.g. 'left_sole'")
-    if isinstance(given, str | bytes) or not isinstance(given, Iterable):
-        raise InputError(f"intervals of {name!r:.80} are {given!r:.80}; expected [(start, end), ...] [s].")
-    found = sorted(_pair(name, each) for each in given)
+    found = sorted(_pair(name, each) for each in listed_items(f"intervals of {name!r:.80}", given, "[(start, end), ...] [s]"))
     for (start, end), (then, last) in zip(found[:-1], found[1:], strict=True):
         if then <= end + INSTANT:
             raise InputError(

@@ -214,12 +214,7 @@ class HoldPosture(Displayed):
         sources = tuple(sources_of(contacts, still))
         touching = touching_points(sources, still, 0.0)
         torque = hold(still, contacts, external=self.external, loops=False).tau if touching.all() else None
-        put = object.__setattr__
-        put(self, "contacts", contacts)
-        put(self, "_sources", sources)
-        put(self, "_start", still)
-        put(self, "_known", {})
-        put(self, "_off", [frozenset()])
+        self.__dict__.update(contacts=contacts, _sources=sources, _start=still, _known={}, _off=[frozenset()])
         self._known[touching.tobytes()] = self._gains_at(still, touching, torque)
 
     def __call__(self, state: State, t: float) -> Array:

@@ -12,7 +12,7 @@ import numpy as np
 from rbd.arrays import ABOVE_ZERO, Array, as_array, as_finite, check_flag, check_number, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError, nearest
-from rbd.errors.inputs import check_kind
+from rbd.errors.inputs import check_kind, listed_items
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, ExternalForce
 from rbd.model.state import State
@@ -438,9 +438,7 @@ class Pushes(Displayed):
     pushes: Sequence[Push | ExternalForce]
 
     def __post_init__(self) -> None:
-        given = self.pushes
-        if isinstance(given, str | bytes) or not isinstance(given, Sequence):
-            raise InputError(f"pushes is {given!r:.80}; expected a list of rbd.control.Push and rbd.ExternalForce.")
+        given = listed_items("pushes", self.pushes, "a list of rbd.control.Push and rbd.ExternalForce")
         for push in given:
             check_kind("an entry of pushes", push, Push | ExternalForce, "rbd.control.Push or rbd.ExternalForce")
         object.__setattr__(self, "pushes", tuple(given))

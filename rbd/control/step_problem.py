@@ -28,7 +28,7 @@ from rbd.problem.residuals import SOLVED, USABLE
 from rbd.problem.rows import Rows, by_rows
 from rbd.records import Field, joined
 from rbd.statics.actuation import Actuation
-from rbd.statics.effort import checked_bounds
+from rbd.statics.effort import checked_bounds, normal_rows
 from rbd.statics.force_balance import ForceBalance, contact_rows
 
 _AT = 1e-6
@@ -280,8 +280,13 @@ class StepProblem:
         lower, upper = sets.lower / unit, sets.upper / unit
         least, most = limits.accelerations(state)
         limited = np.flatnonzero((least > -np.inf) | (most < np.inf))
-        W_n, low_n, high_n = _normal_forces(normal_force, rows, sets, unit)
-        W_n, low_n, high_n, upper = _without_zeros(W_n, low_n, high_n, lower, upper)
+        check_kind("normal_force", normal_force, Mapping | None, "{contact: (least, most)} [N]")
+        W_n, low_n, high_n = np.zeros((0, sets.size)), _NONE, _NONE
+        if normal_force:
+            for name, bounds in normal_force.items():
+                checked_bounds(name, bounds)
+            asked, low_n, high_n = normal_rows(balance, normal_force)
+            W_n, low_n, high_n, upper = _without_zeros(asked["forces"], low_n, high_n, lower, upper)
         p, e, first = sets.size, len(need[idle]), robot.nu + len(low_n)
         last, own, n = first + len(limited), need[motors] / size, p + nv
         # Without `Conic.of`, which takes a twentieth of a step.
@@ -423,31 +428,6 @@ def _resultant(asked_by: str, name: str, rows: Sequence[Rows], sets: ForceSet) -
                 raise InputError(f"{asked_by} is about {name!r:.80}, which has no force in world axes.")
             return np.asarray(r.resultant @ G)
     raise UnknownName(f"{asked_by} is about {name!r:.80}, which is no contact here; {nearest(name, [r.name for r in rows])}.")
-
-
-def _normal_forces(
-    bounds: Mapping[str, tuple[float, float]] | None, rows: Sequence[Rows], sets: ForceSet, unit: float
-) -> tuple[Array, Array, Array]:
-    """(W, low, high): rows of weights over the unit.
-
-    Raises:
-        UnknownName: a contact that was not given.
-        InputError: no mapping, no bounds, or a constraint without a normal.
-    """
-    check_kind("normal_force", bounds, Mapping | None, "{contact: (least, most)} [N]")
-    if not bounds:
-        return np.zeros((0, sets.size)), _NONE, _NONE
-    W, low, high = [], [], []
-    for name, given in bounds.items():
-        force = _resultant("normal_force", name, rows, sets)[:3]
-        least, most = checked_bounds(name, given)
-        patch = next(r.patch for r in rows if r.name == name)
-        if patch is None:
-            raise InputError(f"normal_force is about {name!r:.80}, which is no contact with a normal.")
-        W.append(patch.axes[:, 2] @ force)
-        low.append(least / unit)
-        high.append(most / unit)
-    return np.array(W), np.array(low), np.array(high)
 
 
 def _without_zeros(W: Array, low: Array, high: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array, Array]:

@@ -124,15 +124,14 @@ def _attempts(program: StepProgram, *, possible: bool) -> Iterator[StepPoint]:
     near = np.minimum(-program.conic.low, program.conic.high) < _NEAR  # those that are likely to bind; others are judged
     near[: program.forces.start] = False  # torques
     near[program.forces] = True
-    first, found = PartialProgram(program, between=near.nonzero()[0]).by_daqp()
+    first, found = by_daqp(program, near.nonzero()[0])
     if found:
         yield first
     if found and not near.all():
-        first, found = PartialProgram(program).by_daqp()
+        first, found = by_daqp(program)
         if found:
             yield first
-    whole = PartialProgram(program, independent=True)
-    second, solved = whole.by_daqp()
+    second, solved = by_daqp(program, independent=True)
     if solved:
         yield second
     if not possible and program.optimality(second) > _FAR:
@@ -149,56 +148,36 @@ def by_clarabel(program: StepProgram) -> StepPoint:
     return StepPoint(found.x, found.y, found.z, bounds, found.iterations, found.method)
 
 
-class PartialProgram:
-    """A program with some of its equations and of its rows between bounds; weights that are fixed are left out.
+def by_daqp(program: StepProgram, between: Array | slice = slice(None), *, independent: bool = False) -> tuple[StepPoint, bool]:
+    """(where DAQP ends, whether that is an answer), with some of the equations and of the rows between bounds.
 
-    DAQP takes fixed weights for equations, and where these and the others determine everything it may find no answer.
+    Weights that are fixed are left out: DAQP takes them for equations, and where these and the others determine everything it
+    may find no answer.
 
     Args:
         program: The program.
-        independent: Leave out equations that depend on others.
         between: Which rows between bounds; all if not given.
+        independent: Leave out equations that depend on others.
     """
-
-    def __init__(self, program: StepProgram, *, independent: bool = False, between: Array | None = None) -> None:
-        P, p = program.conic, program.p
-        self.program = program
-        self.between: Array | slice = slice(None) if between is None else between
-        fixed = P.lower == P.upper
-        self.free: Array | slice = np.flatnonzero(~fixed) if fixed.any() else slice(None)
-        self.x = np.where(fixed, P.lower, 0.0)
-        rows, C, b, g, self.low, self.high = P.A, P.C[self.between], P.b, P.g, P.low[self.between], P.high[self.between]
-        if not isinstance(self.free, slice):
-            away = C @ self.x
-            b, g, self.low, self.high = b - rows @ self.x, g + P.H @ self.x, self.low - away, self.high - away
-            rows, C = rows[:, self.free], C[:, self.free]
-        self.H, self.g = P.H[self.free][:, self.free], g[self.free]
-        self.lower, self.upper = (bounds[:p][~fixed[:p]] for bounds in (P.lower, P.upper))
-        self.p = len(self.lower)
-        self.kept: Array | slice = independent_rows(rows) if independent else slice(None)
-        self.b = b[self.kept]
-        self.rows = np.concatenate([rows[self.kept], C])
-        self.A, self.C = self.rows[: len(self.b)], self.rows[len(self.b) :]
-
-    def by_daqp(self) -> tuple[StepPoint, bool]:
-        """(where DAQP ends, whether that is an answer)."""
-        low, high = np.concatenate([self.b, self.low]), np.concatenate([self.b, self.high])
-        found = solve_strict(self.H, self.g, self.lower, self.upper, self.rows, low, high)
-        return self._point(found.x, found.z, found.y, found.iterations, "DAQP"), found.solved
-
-    @property
-    def _free_weights(self) -> Array | slice:
-        return self.free if isinstance(self.free, slice) else self.free[: self.p]
-
-    def _point(self, x: Array, bounds: Array, both: Array, iterations: int, method: str) -> StepPoint:
-        P, m = self.program.conic, len(self.b)
-        whole, y, z = self.x.copy(), np.zeros(len(P.b)), np.zeros(len(P.low))
-        whole[self.free], y[self.kept], z[self.between] = x, both[:m], both[m:]
-        if not isinstance(self.free, slice):
-            pull = (P.H @ whole + P.g - y @ P.A - z @ P.C)[: self.program.p]  # what holds the fixed weights
-            pull[self._free_weights] = bounds
-            bounds = pull
-        return StepPoint(whole, y, z, bounds, iterations, method)
+    P, p = program.conic, program.p
+    fixed = P.lower == P.upper
+    free: Array | slice = np.flatnonzero(~fixed) if fixed.any() else slice(None)
+    x, y, z = np.where(fixed, P.lower, 0.0), np.zeros(len(P.b)), np.zeros(len(P.low))
+    A, C, b, g, low, high = P.A, P.C[between], P.b, P.g, P.low[between], P.high[between]
+    if fixed.any():
+        away = C @ x
+        b, g, low, high = b - A @ x, g + P.H @ x, low - away, high - away
+        A, C = A[:, free], C[:, free]
+    lower, upper = (bounds[:p][~fixed[:p]] for bounds in (P.lower, P.upper))
+    kept: Array | slice = independent_rows(A) if independent else slice(None)
+    rows, b, m = np.concatenate([A[kept], C]), b[kept], len(b[kept])
+    bottom, top = np.concatenate([b, low]), np.concatenate([b, high])
+    found = solve_strict(P.H[free][:, free], g[free], lower, upper, rows, bottom, top)
+    x[free], y[kept], z[between], bounds = found.x, found.y[:m], found.y[m:], found.z
+    if fixed.any():
+        bounds = (P.H @ x + P.g - y @ P.A - z @ P.C)[:p]  # what holds the fixed weights
+        bounds[~fixed[:p]] = found.z
+    return StepPoint(x, y, z, bounds, found.iterations, "DAQP"), found.solved
 
 
 _PROXIMAL = 1e-10

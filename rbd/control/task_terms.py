@@ -11,7 +11,8 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_finite, check_number, lazy, zeros
 from rbd.displayed import Displayed
-from rbd.errors import DuplicateName, InputError, RbdError
+from rbd.errors import InputError, RbdError
+from rbd.errors.inputs import check_different, listed_items
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
@@ -194,22 +195,14 @@ def checked_tasks(tasks: Sequence[Task], robot: CheckedModel | None = None) -> t
         DuplicateName: two of one name.
         UnknownName: a frame or a joint that the robot does not have, with the nearest names.
     """
-    if isinstance(tasks, str | bytes) or callable(getattr(tasks, "terms", None)):
-        raise InputError(f"tasks are {tasks!r:.80}; expected a list, e.g. [rbd.control.PostureTask(state)].")
-    try:
-        found = tuple(tasks)
-    except TypeError:
-        raise InputError(f"tasks are {tasks!r:.80}; expected a list, e.g. [rbd.control.PostureTask(state)].") from None
-    names: set[str] = set()
+    found = tuple(listed_items("tasks", tasks, "a list, e.g. [rbd.control.PostureTask(state)]"))
     for task in found:
-        name = getattr(task, "name", None)
-        if isinstance(task, type) or not isinstance(name, str) or not callable(getattr(task, "terms", None)):
+        name, terms = (getattr(task, what, None) for what in ("name", "terms"))
+        if isinstance(task, type) or not isinstance(name, str) or not callable(terms):
             raise InputError(f"{task!r:.80} is no task: it wants a name and terms(state, t), as rbd.control.ComTask has.")
-        if name in names:
-            raise DuplicateName(f"two tasks are named {name!r:.80}; give each its own, by `name=`.")
-        names.add(name)
         if robot is not None and callable(check := getattr(task, "check", None)):
             check(robot)
+    check_different([task.name for task in found], "tasks")
     return found
 
 

@@ -261,13 +261,11 @@ class TrackingController(Displayed):
         check_oscillation("TrackingController", self.frequency, self.damping_ratio)
         check_number("every", self.every, 1e-5, 1e6, expected="a time of 1e-5 s or more")
         check_model("TrackingController", self.robot)
-        put = object.__setattr__
         if self.robot is not None:
             State(motion.robot, motion.q[0]).on(self.robot)  # which raises if its joints differ
             motion = Modelled(self.robot, motion.t, motion.q, motion.v, motion.a)
-        put(self, "_model", motion.robot)
         for name in ("stiffness", "damping"):
-            put(self, name, _per_motor(name, getattr(self, name), motion.robot.nu))
+            object.__setattr__(self, name, _per_motor(name, getattr(self, name), motion.robot.nu))
         if (self.stiffness is None) != (self.damping is None):
             raise InputError("stiffness and damping of TrackingController go together; give both, or neither.")
         lanes = getattr(self.motion, "contacts", None) if self.contacts is None else None
@@ -289,13 +287,11 @@ class TrackingController(Displayed):
             pin.difference(motion.robot.model, a, b)[motion.robot.motors] for a, b in zip(found.q, found.q[1:], strict=False)
         ]
         spacing = GAINS_EVERY / max(float(np.diff(found.t).min(initial=np.inf)), 1e-6) if len(found.t) > 1 else 1.0
-        put(self, "contacts", contacts)
-        put(self, "reference", found)
-        put(self, "_sources", sources)
-        put(self, "_offsets", np.array(steps).reshape(len(steps), motion.robot.nu))
-        put(self, "_knots", np.unique(np.append(np.arange(0, len(found.t), max(1, round(spacing))), len(found.t) - 1)))
-        put(self, "_known", {})
-        put(self, "_counts", {})
+        knots = np.unique(np.append(np.arange(0, len(found.t), max(1, round(spacing))), len(found.t) - 1))
+        self.__dict__.update(
+            contacts=contacts, reference=found, _model=motion.robot, _sources=sources, _knots=knots, _known={}, _counts={},
+            _offsets=np.array(steps).reshape(len(steps), motion.robot.nu),
+        )  # fmt: skip
         self.reset()
 
     def __call__(self, state: State, t: float) -> Array:

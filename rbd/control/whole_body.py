@@ -116,17 +116,18 @@ class WholeBodyController(Displayed):
     _memory: list[_Memory] = field(init=False, repr=False, default_factory=list)
 
     def __post_init__(self) -> None:
-        put = object.__setattr__
-        put(self, "tasks", checked_tasks(self.tasks))
+        self.__dict__.update(
+            tasks=checked_tasks(self.tasks),
+            contacts=tuple(made(each) for each in listed(self.contacts)),
+            schedule=ContactSchedule({}) if self.schedule is None else self.schedule,
+        )
         checked_tasks(self.tasks, robot_of(self.tasks))
         if not self.tasks:
             raise InputError("tasks are empty: a controller without tasks wants nothing; give a PostureTask, at least.")
-        put(self, "contacts", tuple(made(each) for each in listed(self.contacts)))
-        put(self, "schedule", ContactSchedule({}) if self.schedule is None else self.schedule)
         _check_contacts(self.contacts, self.schedule, self.tasks)
         check_kind("limits", self.limits, Limits, "rbd.control.Limits(...)")
         if self.every is not None:
-            put(self, "every", checked_period("every of WholeBodyController", self.every))
+            object.__setattr__(self, "every", checked_period("every of WholeBodyController", self.every))
             self._check_horizon(self.every)
         check_number("contact_damping", self.contact_damping, 0.0, expected="a rate >= 0 [1/s]")
         if not 0.0 < as_float(self.early) <= 1.0:

@@ -231,10 +231,8 @@ class Actuation(Displayed):
     @lazy
     def solution(self) -> Solution:
         """`answer`, with all that can be said of it: `Solution.uniqueness()` is of the forces under these torques."""
-        corners, sets = dict[str, Array](), self.loads.sets
-        for i, (r, part) in enumerate(by_rows(self.rows, self.answer.multipliers)):
-            if r.patch is not None:
-                corners[r.name] = corners_of(r, part, sets, self.weights, i)
+        parts, sets = enumerate(by_rows(self.rows, self.answer.multipliers)), self.loads.sets
+        corners = {r.name: corners_of(r, f, sets, self.weights, i) for i, (r, f) in parts if r.patch is not None}
         return replace(Solution.of(self.answer), chosen_corners=corners, choice=CHOICE)
 
     @property

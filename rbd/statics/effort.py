@@ -123,21 +123,7 @@ class Effort(Displayed):
         Raises:
             UnknownName: a name that no contact has.
         """
-        C, low, high = [np.zeros((0, loads.sets.size))], list[float](), list[float]()
-        for name in self.normal_force:
-            _known("normal_force", name, [r for r in loads.rows if r.patch is not None])
-        for r, G in by_rows(loads.rows, loads.sets.G):
-            if r.name in self.normal_force:
-                least, most = (float(x) / loads.unit for x in self.normal_force[r.name])
-                C.append(_wrench(r, G)[2:3])
-                low.append(least)
-                high.append(most)
-            if self.edge_margin and r.patch is not None and len(r.patch.corners) > 1:
-                rows = _inside(r, _wrench(r, G), self.edge_margin)
-                C.append(rows)
-                low += [0.0] * len(rows)
-                high += [math.inf] * len(rows)
-        return {"forces": np.concatenate(C)}, np.array(low), np.array(high)
+        return normal_rows(loads, self.normal_force, self.edge_margin)
 
     def program(self, loads: ForceBalance) -> Conic:
         """Least effort: the rows between bounds are those of `rows`, then the torques of the limited motors."""
@@ -158,6 +144,37 @@ class Effort(Displayed):
 
 DEFAULT = Effort()
 """Least squares of torques over their limits."""
+
+
+def normal_rows(
+    loads: ForceBalance, normal_force: Mapping[str, tuple[float, float]], edge_margin: float = 0.0
+) -> tuple[dict[str, Array], Array, Array]:
+    """({"forces": C}, low, high): bounds on normal forces and centres of pressure, of weights over the unit.
+
+    Args:
+        loads: The loads.
+        normal_force: {contact: (least, most)} [N].
+        edge_margin: The centre of pressure of each sole stays this far inside its edge [m].
+
+    Raises:
+        UnknownName: a name that no contact has.
+    """
+    C, low, high = [np.zeros((0, loads.sets.size))], list[float](), list[float]()
+    for name in normal_force:
+        _known("normal_force", name, [r for r in loads.rows if r.patch is not None])
+    for r, G in by_rows(loads.rows, loads.sets.G):
+        if r.patch is not None and r.name in normal_force:
+            assert r.resultant is not None
+            least, most = (float(x) / loads.unit for x in normal_force[r.name])
+            C.append(r.patch.axes[None, :, 2] @ r.resultant[:3] @ G)
+            low.append(least)
+            high.append(most)
+        if edge_margin and r.patch is not None and len(r.patch.corners) > 1:
+            rows = _inside(r, _wrench(r, G), edge_margin)
+            C.append(rows)
+            low += [0.0] * len(rows)
+            high += [math.inf] * len(rows)
+    return {"forces": np.concatenate(C)}, np.array(low), np.array(high)
 
 
 def _known(what: str, name: str, rows: Sequence[Rows]) -> None:

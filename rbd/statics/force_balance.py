@@ -300,8 +300,7 @@ def contact_forces(loads: ForceBalance, x: Array) -> dict[str, Array]:
         loads: The loads.
         x: Weights over the unit, shape (p,).
     """
-    parts = by_rows(loads.rows, loads.sets.G @ x * loads.unit)
-    return {r.name: part.copy() if r.resultant is None else np.asarray(r.resultant @ part) for r, part in parts}
+    return {r.name: r.force_of(part) for r, part in by_rows(loads.rows, loads.sets.G @ x * loads.unit)}
 
 
 def torques_left(loads: ForceBalance, x: Array, more: Array | None = None) -> tuple[Array, Array]:

@@ -165,7 +165,9 @@ class Relaxable:
         """
         left = programs.LIMIT_PROGRAMS
         kept = list(self.limits)
-        gone = [limit for limit in kept if limit.kind == "motor" and not self._speaks(proof, limit)]
+        motors = [limit for limit in kept if limit.kind == "motor"]
+        speaks = np.abs(proof.z[len(proof.z) - len(motors) :]) > _ZERO
+        gone = [limit for limit, counts in zip(motors, speaks, strict=True) if not counts]
         if gone and self.refuted(gone) is None:
             gone = []
         for limit in self.limits:
@@ -183,12 +185,6 @@ class Relaxable:
             Limit(kind, limit.name) in self.columns and Limit(kind, limit.name) not in gone
             for kind in ("friction", "edge", "slips")
         )
-
-    def _speaks(self, proof: Certificate, limit: Limit) -> bool:
-        """Whether the proof has a multiplier of a motor's limit."""
-        names = [name for name, has in zip(self.loads.state.robot.actuated_names, self.loads.limited, strict=True) if has]
-        motors = proof.z[len(proof.z) - len(names) :]
-        return abs(motors[names.index(limit.name)]) > _ZERO
 
 
 def _pushes(full: ForceSet, element: Element) -> bool:

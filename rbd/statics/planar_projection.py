@@ -177,14 +177,13 @@ class PlanarSet:
         return cls(outcome, nothing, nothing, nothing, (), programs, contradiction)
 
 
-def planar_set(program: Conic, *, area_gap: float = 0.0, size: float = 1.0) -> PlanarSet:
+def planar_set(program: Conic, *, area_gap: float = 0.0) -> PlanarSet:
     """The polygon of a program whose p is bounded.
 
     Args:
         program: The program.
         area_gap: Outer less inner area that will do, unless that takes more than `POLYGON_PROGRAMS`; with 0 edges are followed
             until each is proven.
-        size: Of p: lengths below `SAME` times this are rounding.
     """
     n, most = program.A.shape[1], POLYGON_PROGRAMS
     supports: list[Support] = []
@@ -199,20 +198,20 @@ def planar_set(program: Conic, *, area_gap: float = 0.0, size: float = 1.0) -> P
         a, b = supports[i], supports[(i + 1) % len(supports)]
         along = b.point - a.point
         length = float(np.linalg.norm(along))
-        if length <= SAME * size:
+        if length <= SAME:
             open_[i] = 0.0
             continue
         found = farthest(program, np.append(np.zeros(n - 2), [along[1] / length, -along[0] / length]))
         if not found.answer.solved:
             return PlanarSet.none(Outcome.NOT_FOUND, len(supports) + 1)
         supports.insert(i + 1, found)
-        if found.direction @ (found.point - a.point) <= SAME * size:  # an edge of the set
+        if found.direction @ (found.point - a.point) <= SAME:  # an edge of the set
             open_[i : i + 1] = [0.0, 0.0]
         else:
             open_[i : i + 1] = [_between(a, found), _between(found, b)]
     if not area_gap and sum(open_) > 0.0:
         return PlanarSet.none(Outcome.NOT_FOUND, len(supports))
-    return _polygons(tuple(supports), size)
+    return _polygons(tuple(supports))
 
 
 def planar_region(program: Conic, middle: Array, area_gap: float, what: str) -> tuple[PlanarSet, Array, bool]:
@@ -267,10 +266,10 @@ def _corner(a: Support, b: Support) -> Array:
     return np.array([a.value * D[1, 1] - b.value * D[0, 1], b.value * D[0, 0] - a.value * D[1, 0]]) / determinant
 
 
-def _polygons(around: tuple[Support, ...], size: float) -> PlanarSet:
+def _polygons(around: tuple[Support, ...]) -> PlanarSet:
     points = np.array([s.point for s in around])
     kept: list[int] = []
-    for corner in convex_hull(_merged(points, 10.0 * SAME * size)):
+    for corner in convex_hull(_merged(points, 10.0 * SAME)):
         kept.append(int(np.argmin(np.abs(points - corner).sum(axis=1))))
     outer = convex_hull(np.array([_corner(s, around[(i + 1) % len(around)]) for i, s in enumerate(around)]))
     x = np.array([around[i].answer.x for i in kept])

@@ -17,7 +17,7 @@ from rbd.model.state import State
 from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.force_set import at_rest
 from rbd.problem.programs import Outcome
-from rbd.records import Field
+from rbd.records import Field, vector
 from rbd.statics.force_balance import ForceBalance, contact_forces, outside, place, standing_loads, torques_left
 from rbd.statics.force_program import Support, bound, farthest
 from rbd.statics.limits import Limit
@@ -133,7 +133,8 @@ class PushLimits(Displayed):
 
     def tau(self, number: int) -> Array:
         """Torques that withstand the largest push of a direction, shape (nu,) [N, N m]."""
-        return torques_left(self.loads, self.weights[self._number(number)], self._push(number))[0]
+        i = self._number(number)
+        return torques_left(self.loads, self.weights[i], self._generalised(i, self.forces))[0]
 
     def contact_forces(self, number: int) -> dict[str, Array]:
         """{contact: force or wrench, world axes} beside these torques [N, N m]."""
@@ -144,7 +145,8 @@ class PushLimits(Displayed):
         """Largest error of all answers, recomputed [N, N m]: of balance, of forces outside cones, of torques beyond limits."""
         worst = 0.0
         for i in np.flatnonzero(np.isfinite(self.forces)).tolist():
-            worst = max(worst, self._error(self.weights[i], self._push(i)), self._error(self.least_weights[i], self._least(i)))
+            for weights, forces in ((self.weights, self.forces), (self.least_weights, self.least)):
+                worst = max(worst, self._error(weights[i], self._generalised(i, forces)))
         return worst
 
     def _error(self, x: Array, push: Array) -> float:
@@ -158,27 +160,21 @@ class PushLimits(Displayed):
 
     def __str__(self) -> str:
         count, i = len(self.forces), int(np.nanargmin(self.forces if self.held else self.least))
-        way = ", ".join(f"{x + 0.0:.2f}" for x in np.round(self.directions[i], 2))
+        way = vector(self.directions[i], 2)
         limits = ", ".join(map(str, self.gives_way[i]))
         what = f"limited by {limits}" if limits else f"no limit met up to {self.at_most:.4g} N"
         at, end = f"pushed at {self.frame}", f"residual {self.residual:.1e} N."
         if self.held and count == 1:
-            return f"{at} along ({way}): withstands {self.forces[i]:.4g} N, {what}; {end}"
+            return f"{at} along {way}: withstands {self.forces[i]:.4g} N, {what}; {end}"
         if self.held:
-            least = f"withstands at least {self.forces[i]:.4g} N, the least along ({way})"
+            least = f"withstands at least {self.forces[i]:.4g} N, the least along {way}"
             return f"{at} in {count} directions: {least}, {what}; {end}"
         some = "" if count == 1 else f", the smallest of those of {int(np.isfinite(self.least).sum())} of {count} directions"
         size = f"{self.least[i]:.4g} to {self.forces[i]:.4g} N" if limits else f"{self.least[i]:.4g} N or more"
-        return f"{at}: cannot be held without a push; one of {size} along ({way}) holds it{some}, {what}; {end}"
+        return f"{at}: cannot be held without a push; one of {size} along {way} holds it{some}, {what}; {end}"
 
-    def _push(self, number: int) -> Array:
-        return self._generalised(number, self.forces[number])
-
-    def _least(self, number: int) -> Array:
-        return self._generalised(number, self.least[number])
-
-    def _generalised(self, number: int, force: float) -> Array:
-        return _point_jacobian(self.state, self.frame, self.offset).T @ (force * self.directions[number])
+    def _generalised(self, number: int, forces: Array) -> Array:
+        return _point_jacobian(self.state, self.frame, self.offset).T @ (forces[number] * self.directions[number])
 
     def _number(self, number: int) -> int:
         i = check_whole("number", number, len(self.forces) - 1, least=0)

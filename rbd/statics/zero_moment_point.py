@@ -17,6 +17,7 @@ import numpy as np
 
 from rbd.arrays import Array, as_array, check_flag, cross_matrix, is_finite
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.convex.polygons import across
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution
 from rbd.model.external import External, generalised
@@ -244,9 +245,4 @@ def _foot(state: State, ground: Ground) -> tuple[Array, Array]:
 
 def _plane_axes(ground: Ground) -> Array:
     """Two unit vectors along the plane, x and y of a level one, as columns, shape (3, 2)."""
-    n = np.asarray(ground.normal)
-    if ground.level:
-        return np.eye(3)[:, :2]
-    x = np.cross(np.eye(3)[int(np.argmin(np.abs(n)))], n)
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(n, x)])
+    return across(np.asarray(ground.normal)).T

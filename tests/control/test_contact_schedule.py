@@ -106,8 +106,8 @@ def test_a_swing_lasts_from_the_last_interval_to_the_next():
     [
         ([("foot", [(0.0, 1.0)])], "expected {contact: "),
         ({3: [(0.0, 1.0)]}, "a contact of ContactSchedule is 3"),
-        ({"foot": 1.0}, "intervals of 'foot' are 1.0"),
-        ({"foot": "now"}, "intervals of 'foot' are 'now'"),
+        ({"foot": 1.0}, "intervals of 'foot' is 1.0"),
+        ({"foot": "now"}, "intervals of 'foot' is 'now'"),
         ({"foot": (0.0, 1.0)}, "an interval of 'foot' is 0.0"),
         ({"foot": [(0.0, 1.0, 2.0)]}, "expected two times"),
         ({"foot": [("0", "1")]}, "expected two times"),

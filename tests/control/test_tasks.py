@@ -685,7 +685,7 @@ def test_lists_of_tasks_are_checked(talos: rbd.Robot) -> None:
     assert checked_tasks([com, calm], talos) == (com, calm) and checked_tasks(()) == ()
     assert robot_of([com, calm]) is None and robot_of([com, PostureTask(talos.standing())]) is talos
     for bad in (com, "com", 3, None):
-        with pytest.raises(InputError, match="tasks are .*; expected a list"):
+        with pytest.raises(InputError, match="tasks is .*; expected a list"):
             checked_tasks(bad)  # type: ignore[arg-type]
     for each in (ComTask, None, "com", talos.soles()[0]):
         with pytest.raises(InputError, match="is no task: it wants a name and terms"):
