@@ -17,16 +17,14 @@ import numpy as np
 from scipy.linalg import solve_banded
 
 from rbd.arrays import Array
-from rbd.constraints.convex.polygons import convex_hull, half_planes, inside_distance
+from rbd.constraints.convex.polygons import convex_hull, inside_distance, nearest_on_edge
 from rbd.model.world import along_gravity
 from rbd.motion.frame_terms import FrameTerms
 
 FLIES = 0.1
 """Below this share of the weight a motion has no zero-moment point."""
 INSET = 0.1
-"""Where the zero-moment point is put inside, over the narrowest width of the contacts: this share away from their edges."""
-
-
+"""Where the zero-moment point is put inside: this share of the way from their edge to the middle of the contacts."""
 ROUND_M = 1e-3
 """A zero-moment point that is outside by less stays where it is [m]."""
 REST_S = 1.5
@@ -90,16 +88,10 @@ def com_shift(t: Array, terms: FrameTerms, places: Array, touches: Array, ground
 def nearest_inside(point: Array, corners: Array) -> Array:
     """The nearest point of the hull of some corners, a little inside it; the point itself if it is inside, shape (2,)."""
     hull = convex_hull(corners)
-    if len(hull) < 3:
-        return _on_a_line(point, hull)
-    normals, offsets = half_planes(hull)
-    if (normals @ point >= offsets).all():
+    if inside_distance(point, hull) >= 0.0:
         return point
-    width = float((hull @ normals.T - offsets).max(axis=0).min())
-    inner = hull + INSET * (hull.mean(axis=0) - hull) if width > 0.0 else hull
-    ends = np.roll(inner, -1, axis=0)
-    found = [_on_a_line(point, np.array(edge)) for edge in zip(inner, ends, strict=True)]
-    return found[int(np.argmin([np.linalg.norm(x - point) for x in found]))]
+    inner = hull + INSET * (hull.mean(axis=0) - hull) if len(hull) > 2 else hull
+    return nearest_on_edge(point, inner)
 
 
 def _move(zmp: Array, corners: Array) -> Array:
@@ -107,14 +99,6 @@ def _move(zmp: Array, corners: Array) -> Array:
     if not len(corners) or inside_distance(zmp, convex_hull(corners)) > -ROUND_M:
         return np.zeros(2)
     return nearest_inside(zmp, corners) - zmp
-
-
-def _on_a_line(point: Array, ends: Array) -> Array:
-    if len(ends) < 2:
-        return np.array(ends[0], float)
-    along = ends[1] - ends[0]
-    share = float(np.clip((point - ends[0]) @ along / max(float(along @ along), 1e-18), 0.0, 1.0))
-    return np.asarray(ends[0] + share * along)
 
 
 def _solved(t: Array, c: Array, carried: Array, d: Array) -> Array:

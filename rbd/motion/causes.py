@@ -13,9 +13,9 @@ from rbd.errors.inputs import check_kind, check_known
 from rbd.model.checked_model import CheckedModel
 from rbd.model.motors import Motor, TorqueLines
 from rbd.motion.contact_detection import NOISE
-from rbd.motion.frame_terms import FrameTerms, wrench_scale
-from rbd.motion.missing_wrench import least_wrench
+from rbd.motion.frame_terms import FrameTerms, numbers_of, wrench_scale
 from rbd.motion.reference_motion import Motion
+from rbd.solvers.cone_least_squares import nearest_in_cones
 
 CAUSES = (
     "floats", "sinks", "slides", "friction", "tips", "motor", "joint limit", "speed limit", "torque-speed", "jump",
@@ -65,7 +65,7 @@ def without_balance(
 
     def enough(at: Array, on: Array, friction: float) -> Array:
         A = terms.wrench_map(at, on) * (scale[0] / scale)[:, None, None]
-        left, _ = least_wrench(A, b, friction)
+        left = nearest_in_cones(A, b, friction).left
         return np.asarray((np.linalg.norm(left, axis=1) <= most) & ~nothing)
 
     slips, tips = enough(places, touches, _GRIP), enough(wide, floor, mu)
@@ -90,24 +90,19 @@ def sliding(A: Array, b: Array, slides: Array, size: Array, most: Array, mu: flo
     out = np.zeros(len(b), bool)
     at = np.flatnonzero(slides.any(axis=1))
     if len(at):
-        left, _ = least_wrench(np.where(slides[at][:, None, :, None], 0.0, A[at]), b[at], mu)
+        left = nearest_in_cones(np.where(slides[at][:, None, :, None], 0.0, A[at]), b[at], mu).left
         out[at] = np.linalg.norm(left, axis=1) > np.maximum(most[at], size[at] + _SAME)
     return out
 
 
 def beyond_position(motion: Motion) -> Array:
     """By how much each coordinate is beyond its joint's limits, noise of the data aside, shape (n, nq) [m, rad]."""
-    model = motion.robot.model
-    low, high = np.array(model.lowerPositionLimit), np.array(model.upperPositionLimit)
-    slack = np.full(motion.robot.nq, _ROUND)
-    free = np.ones(motion.robot.nq, bool)
-    for piece in motion.robot.joints.pieces:
-        if piece.kind == "number":
-            free[piece.q] = False
-            if motion.derivation is not None:
-                slack[piece.q] += NOISE * motion.derivation.noise_q[piece.v]
-    over = np.maximum(low - motion.q, motion.q - high) - slack
-    return np.asarray(np.where(free, 0.0, np.maximum(over, 0.0)))
+    robot, out = motion.robot, np.zeros_like(motion.q)
+    i, k = numbers_of(robot)
+    q, low, high = motion.q[:, i], robot.model.lowerPositionLimit[i], robot.model.upperPositionLimit[i]
+    slack = _ROUND + (0.0 if motion.derivation is None else NOISE * motion.derivation.noise_q[k])
+    out[:, i] = np.maximum(np.maximum(low - q, q - high) - slack, 0.0)
+    return out
 
 
 def beyond_speed(motion: Motion) -> Array:

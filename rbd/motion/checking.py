@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -16,11 +17,12 @@ from rbd.motion import causes as why
 from rbd.motion.contact_detection import NOISE, REST_SPEED, find_contacts
 from rbd.motion.contact_timeline import ContactTimeline
 from rbd.motion.frame_terms import FrameTerms, check_robot, placements, wrench_scale
-from rbd.motion.missing_wrench import least_effort, least_wrench, nearest_acceleration
+from rbd.motion.missing_wrench import least_effort, nearest_acceleration
 from rbd.motion.reference_motion import Motion
 from rbd.motion.report import CheckSettings, MotionReport
 from rbd.motion.self_collision import self_collisions
 from rbd.simulation.progress_bar import progress_of
+from rbd.solvers.cone_least_squares import nearest_in_cones
 
 BLOCK = 2048
 """Frames computed at once: those of an hour would not fit into memory."""
@@ -95,35 +97,25 @@ def check_motion(
     lanes = _lanes(motion, contacts, settings)
     span = (0.0, float(motion.n))
     with progress_of(span, shown=progress and motion.n > BLOCK, doing=f"checking {motion.source}") as told:
-        found = balance(motion, lanes, settings, limit, told, bounds if robot.torque_lines or torque_speed else None)
-    table = found.causes
-    column = {name: table[:, i] for i, name in enumerate(why.CAUSES)}
+        found = balance(motion, lanes, settings, limit, bounds, told)
+    collisions = self_collisions(robot, motion.q, *placements(robot, motion.q)) if self_collision else None
+    masks = {
+        "sinks": (lanes.heights < -why.SINKS_M).any(axis=1),
+        "joint limit": why.beyond_position(motion).any(axis=1),
+        "speed limit": why.beyond_speed(motion).any(axis=1),
+        "torque-speed": why.beyond_curves(found["tau"], bounds, limit),
+        "jump": why.jumps(motion),
+        "self-collision": False if collisions is None else collisions.inside,
+    }
+    for name, mask in masks.items():
+        found["causes"][:, why.CAUSES.index(name)] = mask
     weight = wrench_scale(robot)[0]
-    column["sinks"][:] = (lanes.heights < -why.SINKS_M).any(axis=1)
-    column["joint limit"][:] = why.beyond_position(motion).any(axis=1)
-    column["speed limit"][:] = why.beyond_speed(motion).any(axis=1)
-    column["torque-speed"][:] = why.beyond_curves(found.tau, bounds, limit)
-    column["jump"][:] = why.jumps(motion)
-    collisions = None
-    if self_collision:
-        collisions = self_collisions(robot, motion.q, *placements(robot, motion.q))
-        column["self-collision"][:] = collisions.inside
-    margins = _edge_margins(lanes, found.forces, weight)
     return MotionReport(
-        motion, lanes, settings, limit, table, found.missing, found.missing_scaled, found.open, found.forces, found.tau,
-        found.excess, _used_friction(lanes, found.forces, weight, mu), margins, found.nearest_a,
-        partial(check_motion, **vars(settings)), collisions,
+        motion, lanes, settings, limit, **found,
+        used_friction=_used_friction(lanes, found["forces"], weight, mu),
+        edge_margin=_edge_margins(lanes, found["forces"], weight),
+        check=partial(check_motion, **vars(settings)), collisions=collisions,
     )  # fmt: skip
-
-
-class FrameBalance:
-    """Arrays over frames, filled block by block; fields as of `MotionReport`."""
-
-    def __init__(self, n: int, k: int, nu: int, a: Array) -> None:
-        self.causes = np.zeros((n, len(why.CAUSES)), bool)
-        self.missing, self.missing_scaled, self.open = np.zeros((n, 6)), np.zeros(n), np.zeros(n)
-        self.forces, self.tau, self.excess = np.zeros((n, k, 3)), np.zeros((n, nu)), np.zeros((n, nu))
-        self.nearest_a = a.copy()
 
 
 def balance(
@@ -131,52 +123,57 @@ def balance(
     lanes: ContactTimeline,
     settings: CheckSettings,
     limit: Array,
+    bounds: tuple[Array, Array],
     done: Callable[[float], None],
-    bounds: tuple[Array, Array] | None = None,
-) -> FrameBalance:
-    """What is missing in each frame, with forces, torques and the causes that dynamics knows.
+) -> dict[str, Any]:
+    """What is missing in each frame, with forces, torques and the causes that dynamics knows; names as of `MotionReport`.
 
     Args:
         motion: The motion.
         lanes: Its contacts.
         settings: Friction and threshold.
         limit: Torque limits, shape (nu,).
+        bounds: Least and largest torques of each frame, shapes (n, nu).
         done: Called with the number of frames that are done, after each block.
-        bounds: Least and largest torques of each frame, shapes (n, nu), where torque-speed lines limit them.
     """
     robot, mu = motion.robot, settings.friction
-    out = FrameBalance(motion.n, len(lanes.points), robot.nu, motion.a)
+    n, nu = motion.n, robot.nu
+    out: dict[str, Any] = {
+        "causes": np.zeros((n, len(why.CAUSES)), bool), "missing": np.zeros((n, 6)), "missing_scaled": np.zeros(n),
+        "open": np.zeros(n), "forces": np.zeros((n, len(lanes.points), 3)), "tau": np.zeros((n, nu)),
+        "excess": np.zeros((n, nu)), "nearest_a": motion.a.copy(),
+    }  # fmt: skip
     scale = wrench_scale(robot)
     sigma = None if motion.derivation is None else motion.derivation.noise_a
     names = {name: i for i, name in enumerate(why.CAUSES)}
-    most_torque = limit if bounds is None else np.maximum(-bounds[0], bounds[1]).max(axis=0, initial=0.0)
+    most_torque = np.maximum(-bounds[0], bounds[1]).max(axis=0, initial=0.0)
     step = max(BLOCK * FEW // max(len(lanes.points), FEW), 32)
-    for begin in range(0, motion.n, step):
+    for begin in range(0, n, step):
         at = slice(begin, begin + step)
         terms = FrameTerms.of(robot, motion.q[at], motion.v[at], motion.a[at], sigma)
         used = np.asarray(lanes.touches[at].any(axis=0))
         points, places, touches = lanes.points.some(used), lanes.places[at][:, used], lanes.touches[at][:, used]
         A = terms.wrench_map(places, touches) * (scale[0] / scale)[:, None, None]
         b = terms.wrench / scale
-        left, start = least_wrench(A, b, mu)
-        size = np.linalg.norm(left, axis=1)
-        out.missing[at], out.missing_scaled[at], out.open[at] = left * scale, size, terms.wrench_noise
-        now = None if bounds is None else (bounds[0][at], bounds[1][at])
-        effort = least_effort(terms, points, places, touches, A, b - left, start, mu, most_torque, now)
-        out.forces[at.start : at.stop, used], out.tau[at] = effort.forces, effort.tau
+        fit = nearest_in_cones(A, b, mu)  # the missing wrench over its scale, and forces over the weight
+        left, size = fit.left, np.linalg.norm(fit.left, axis=1)
+        out["missing"][at], out["missing_scaled"][at], out["open"][at] = left * scale, size, terms.wrench_noise
+        now = bounds[0][at], bounds[1][at]
+        forces, tau = least_effort(terms, points, places, touches, A, b - left, fit.w, mu, most_torque, now)
+        out["forces"][at.start : at.stop, used], out["tau"][at] = forces, tau
         noise = NOISE * terms.M_size[:, robot.actuated] / limit
-        over = effort.excess if bounds is None else np.maximum(np.abs(effort.tau) / limit - 1.0, 0.0)
-        out.excess[at] = excess = np.where(over > why.EXCESS + noise, over, 0.0)
+        over = np.maximum(np.abs(tau) / limit - 1.0, 0.0)
+        out["excess"][at] = excess = np.where(over > why.EXCESS + noise, over, 0.0)
         most = np.maximum(settings.threshold, OPEN * terms.wrench_noise)
-        out.causes[at, names["motor"]] = excess.any(axis=1)
-        out.causes[at, names["slides"]] = why.sliding(A, b, lanes.slides[at][:, used], size, most, mu)
+        out["causes"][at, names["motor"]] = excess.any(axis=1)
+        out["causes"][at, names["slides"]] = why.sliding(A, b, lanes.slides[at][:, used], size, most, mu)
         bad = np.flatnonzero(size > most)
         if len(bad):
             some = terms.some(bad)
             told = why.without_balance(some, places[bad], touches[bad], b[bad], most[bad], mu, lanes.ground)
             for name, mask in zip(("floats", "friction", "tips"), told, strict=True):
-                out.causes[begin + bad, names[name]] = mask
-            out.nearest_a[begin + bad] = nearest_acceleration(some, motion.a[at][bad], places[bad], touches[bad], mu)
+                out["causes"][begin + bad, names[name]] = mask
+            out["nearest_a"][begin + bad] = nearest_acceleration(some, motion.a[at][bad], places[bad], touches[bad], mu)
         done(float(begin + step))
     return out
 

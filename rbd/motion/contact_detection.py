@@ -113,17 +113,12 @@ def slopes(t: Array, xy: Array, touches: Array, noise: Array) -> tuple[Array, Ar
     first = np.maximum(np.maximum.accumulate(np.where(starts, i, 0), axis=0), begin[:, None])
     last = np.minimum(np.minimum.accumulate(np.where(ends, i, n)[::-1], axis=0)[::-1] + 1, end[:, None])
     last = np.maximum(np.minimum(last, n), first)
-    time = t - t.mean()
-    x = xy - xy.mean(axis=0)
-    zero = np.zeros((1, k, 2))
-    sums = {"t": time, "tt": time**2}
-    s = {name: np.concatenate([[0.0], np.cumsum(each)]) for name, each in sums.items()}
-    sx = np.concatenate([zero, np.cumsum(x, axis=0)])
-    stx = np.concatenate([zero, np.cumsum(x * time[:, None, None], axis=0)])
-    column = np.arange(k)
-    count = np.maximum(last - first, 1)
-    T, TT = s["t"][last] - s["t"][first], s["tt"][last] - s["tt"][first]
-    X, TX = sx[last, column] - sx[first, column], stx[last, column] - stx[first, column]
+    time, x = (t - t.mean())[:, None, None], xy - xy.mean(axis=0)
+    of_time = np.broadcast_to(np.concatenate([time, time**2], axis=2), (n, k, 2))
+    sums = np.concatenate([np.zeros((1, k, 6)), np.cumsum(np.concatenate([of_time, x, x * time], axis=2), axis=0)])
+    count, column = np.maximum(last - first, 1), np.arange(k)
+    T, TT, X, TX = np.split(sums[last, column] - sums[first, column], [1, 2, 4], axis=2)
+    T, TT = T[..., 0], TT[..., 0]
     spread = TT - T**2 / count
     enough = touches & (last - first >= _LEAST) & (spread > 0.0)
     safe = np.where(enough, spread, 1.0)

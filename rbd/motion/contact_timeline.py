@@ -68,7 +68,7 @@ class ContactTimeline(Displayed):
         return self.points.contacts
 
     def of_contact(self, name: str) -> Array:
-        """Whether any point of a contact touches, shape (n,)."""
+        """Whether a point, or any point of a contact, touches, shape (n,)."""
         return np.asarray(self.touches[:, self._chosen(name)].any(axis=1))
 
     def at_frames(self, chosen: Array) -> ContactTimeline:
@@ -121,9 +121,7 @@ class ContactTimeline(Displayed):
 
     def intervals(self, name: str) -> list[tuple[float, float]]:
         """When a point, or any point of a contact, touches: (first time, last time) of each stretch [s]."""
-        on = np.concatenate([[False], self.touches[:, self._chosen(name)].any(axis=1), [False]])
-        first, last = np.flatnonzero(~on[:-1] & on[1:]), np.flatnonzero(on[:-1] & ~on[1:]) - 1
-        return [(float(self.t[i]), float(self.t[j])) for i, j in zip(first, last, strict=True)]
+        return [(float(self.t[i]), float(self.t[j - 1])) for i, j in stretches(self.of_contact(name))]
 
     def _chosen(self, name: str) -> Array:
         groups = [contact.name for contact in self.contacts]
@@ -135,6 +133,13 @@ class ContactTimeline(Displayed):
 
     def __repr__(self) -> str:
         return f"ContactTimeline({len(self.t)} frames, {', '.join(c.name for c in self.contacts)})"
+
+
+def stretches(on: Array) -> list[tuple[int, int]]:
+    """(first, last + 1) of each run of true values."""
+    around = np.concatenate([[False], on, [False]])
+    begins, ends = np.flatnonzero(around[1:] & ~around[:-1]), np.flatnonzero(around[:-1] & ~around[1:])
+    return list(zip(begins.tolist(), ends.tolist(), strict=True))
 
 
 _DIRECTIONS = np.array([d for d in product((-1.0, 0.0, 1.0), repeat=3) if any(d)])
@@ -229,23 +234,28 @@ def _corners(robot: CheckedModel, foot: Contact) -> tuple[int, Array, Array]:
 
 def _bodies(robot: CheckedModel, feet: set[int]) -> Iterator[tuple[Constraint, int, Array, Array]]:
     """Shapes by the link that carries them; those of feet are left out, their soles count."""
-    model = getattr(robot, "collision_model", None)
-    if model is None:
-        return
-    stand_ins: frozenset[str] = getattr(robot, "collision_stand_ins", frozenset())
     by_link: dict[str, list[ConvexShape]] = {}
-    for shape in model.geometryObjects:
-        if shape.parentJoint == 0 or shape.parentJoint in feet or shape.name in stand_ins:
+    for _, link, shape in convex_shapes(robot):
+        if shape.joint and shape.joint not in feet:
+            by_link.setdefault(link, []).append(shape)
+    for link, shapes in by_link.items():
+        local, radius = zip(*(_extremes(shape) for shape in shapes), strict=True)
+        contact = CollisionContacts(link, robot, ground=[shape.name for shape in shapes])
+        yield contact, shapes[0].joint, np.concatenate(local), np.concatenate(radius)
+
+
+def convex_shapes(robot: CheckedModel) -> Iterator[tuple[int, str, ConvexShape]]:
+    """(number among the robot's collision shapes, link, shape) of each that is bounded, and stands for no other one."""
+    model = getattr(robot, "collision_model", None)
+    stand_ins: frozenset[str] = getattr(robot, "collision_stand_ins", frozenset())
+    for number, shape in enumerate(() if model is None else model.geometryObjects):
+        if shape.name in stand_ins:
             continue
         try:
             found = convex_shape(shape)
         except ModelError:  # a plane or a height field: no points
             continue
-        by_link.setdefault(robot.model.frames[shape.parentFrame].name, []).append(found)
-    for link, shapes in by_link.items():
-        local, radius = zip(*(_extremes(shape) for shape in shapes), strict=True)
-        contact = CollisionContacts(link, robot, ground=[shape.name for shape in shapes])
-        yield contact, shapes[0].joint, np.concatenate(local), np.concatenate(radius)
+        yield number, robot.model.frames[shape.parentFrame].name, found
 
 
 def _extremes(shape: ConvexShape) -> tuple[Array, Array]:
@@ -281,13 +291,9 @@ class FloorContacts:
         self.lanes, self.friction, self.margin = lanes, (1.0 - margin) * friction, margin
         self.feet: Sequence[Constraint] = lanes.contacts
         self.on = np.zeros(len(lanes.points), bool)
-        self._unplanned = np.zeros(len(lanes.contacts), bool)
-        self._load = np.zeros(len(lanes.contacts))
+        self._own = [np.flatnonzero(lanes.points.group == g) for g in range(len(lanes.contacts))]
+        self._unplanned, self._load = np.zeros((2, len(lanes.contacts)))
         self._known: dict[tuple[int, bytes], Constraint] = {}
-
-    def begin(self, touches: Array) -> None:
-        """The points that touch first."""
-        self.on = touches.copy()
 
     def update(self, state: State, frame: int) -> Array:
         """Which contacts touch at a state, shape (contacts,); by the frame of the reference that belongs to it."""
@@ -295,21 +301,18 @@ class FloorContacts:
         R, p = state.joint_places(points.joint.tolist())
         low = (R @ points.local[:, :, None])[..., 0][:, 2] + p[:, 2] - points.radius - self.lanes.ground
         weight = state.robot.mass * float(np.linalg.norm(state.robot.gravity))
-        for g in range(len(self.feet)):
-            own = points.group == g
-            if not own.any():
-                continue
-            lowest = float(low[own].min())
+        for g, own in enumerate(self._own):
+            lowest = float(low[own].min(initial=np.inf))
             planned, was = bool(wanted[own].any()), bool(self.on[own].any())
             if planned:
-                touching = wanted[own] if was or lowest <= LANDED else np.zeros(own.sum(), bool)
+                touching = wanted[own] & (was or lowest <= LANDED)
             elif self._unplanned[g] and was and self._load[g] > UNLOADED * weight:
                 touching = self.on[own]
             else:
-                touching = low[own] <= lowest + LANDED if lowest < -LANDED else np.zeros(own.sum(), bool)
+                touching = (low[own] <= lowest + LANDED) & (lowest < -LANDED)
             self._unplanned[g] = not planned and touching.any()
             self.on[own] = touching
-        return np.array([self.on[points.group == g].any() for g in range(len(self.feet))])
+        return np.array([self.on[own].any() for own in self._own])
 
     def carried(self, answer: TaskActuation) -> None:
         """Told what the contacts carried."""
@@ -321,8 +324,7 @@ class FloorContacts:
         """The contacts of the points that touch; of a foot one with its corners, of other bodies one for each point."""
         out: list[Constraint] = []
         points = self.lanes.points
-        for g, foot in enumerate(self.feet):
-            own = np.flatnonzero(points.group == g)
+        for g, (foot, own) in enumerate(zip(self.feet, self._own, strict=True)):
             chosen = own[self.on[own]]
             if not len(chosen):
                 continue

@@ -28,6 +28,7 @@ SAMPLE = 200
 MOST = 4_000_000_000
 """Bytes of a file."""
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?(\d*)|\.(\d+))(?:[eE]([+-]?\d+))?$")
+_NUMBER_OR_NONE = re.compile(_NUMBER.pattern + r"|[+-]?(?:nan|inf|infinity)$", re.IGNORECASE)
 _TRY = "Expected numbers in text, a line a frame, separated by commas."
 
 
@@ -158,15 +159,8 @@ def _cells(line: str) -> list[str]:
 
 def _looks_like_header(cells: Sequence[str]) -> bool:
     """Names in most cells: one bad number in the first line is no header."""
-    return sum(_is_word(cell) and bool(re.search(r"[A-Za-z]", cell)) for cell in cells) > 0.5 * len(cells)
-
-
-def _is_word(cell: str) -> bool:
-    try:
-        float(cell)
-    except ValueError:
-        return True
-    return False
+    words = [cell for cell in cells if re.search(r"[A-Za-z]", cell) and not _NUMBER_OR_NONE.match(cell.strip())]
+    return len(words) > 0.5 * len(cells)
 
 
 def _steps(lines: list[list[str]], width: int) -> Array:

@@ -127,7 +127,7 @@ def derivatives(
         smoother = check_cutoff(cutoff, t)
         q, frames, order = low_passed(robot, q, smoother), SMOOTHED, 6
     else:
-        order = _check_order(order)
+        order = check_whole("order", order, 8, least=2)
         frames = _window(t, window, order)
     frames = min(frames, len(t))
     order = min(order, frames - 1)
@@ -157,7 +157,7 @@ def derivative(t: Array, x: Array, *, window: float = 0.2, order: int = 4) -> Ar
     """The derivative of sampled numbers, shape (n, k), by local polynomials; arguments as `derivatives`."""
     if len(t) < 2:
         raise InputError("one frame has no acceleration; give a with v.")
-    order = _check_order(order)
+    order = check_whole("order", order, 8, least=2)
     frames = _window(t, window, order)
     out = np.empty(x.shape)
     for part in _parts(t, frames, min(order, frames - 1)):
@@ -261,10 +261,6 @@ def _window(t: Array, window: float, order: int) -> int:
     dt = float(t[-1] - t[0]) / (len(t) - 1)
     half = min(0.5 * check_positive("window", window, 1e6) / dt, len(t))
     return min(max(2 * round(half) + 1, order + 2 + order % 2), len(t))
-
-
-def _check_order(order: int) -> int:
-    return check_whole("order", order, 8, least=2)
 
 
 class _Part(NamedTuple):

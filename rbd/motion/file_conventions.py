@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-from collections import deque
 from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.errors import InputError, RbdError, nearest
-from rbd.errors.inputs import check_different, check_known
+from rbd.errors.inputs import check_different, check_known, listed_items
 from rbd.model.checked_model import CheckedModel
 from rbd.model.sampled_motion import conjugate, rotated
 from rbd.motion.file_frames import standing_q
@@ -70,17 +69,9 @@ def file_order(robot: CheckedModel) -> tuple[str, ...]:
 
 def breadth_first(robot: CheckedModel) -> tuple[str, ...]:
     """The same, joints nearer to the base first, siblings in the order of the robot's file: as Isaac's articulations."""
-    rank = {name: i for i, name in enumerate(file_order(robot))}
-    model = robot.model
-    below: dict[int, list[int]] = {}
-    for i in range(1, model.njoints):
-        below.setdefault(model.parents[i], []).append(i)
-    found, waiting = [], deque(sorted(below.get(0, []), key=lambda i: rank.get(model.names[i], -1)))
-    while waiting:
-        i = waiting.popleft()
-        found.append(model.names[i])
-        waiting.extend(sorted(below.get(i, []), key=lambda k: rank.get(model.names[k], -1)))
-    return tuple(name for name in found if name in rank)
+    model, rank = robot.model, {name: i for i, name in enumerate(file_order(robot))}
+    ways = {name: [rank.get(model.names[i], -1) for i in model.supports[model.getJointId(name)]] for name in rank}
+    return tuple(sorted(rank, key=lambda name: (len(ways[name]), ways[name])))
 
 
 def formats(robot: CheckedModel) -> dict[str, tuple[str, ...]]:
@@ -99,9 +90,7 @@ def checked_joints(robot: CheckedModel, joints: Sequence[str]) -> tuple[str, ...
     Raises:
         InputError: an unknown name, with the nearest; one twice; no list.
     """
-    if isinstance(joints, str | bytes) or not isinstance(joints, Sequence):
-        raise InputError(f"joints is {joints!r:.80}; expected a list of names, in the order of the columns.")
-    known = single_joints(robot)
+    joints, known = listed_items("joints", joints, "a list of names, in the order of the columns"), single_joints(robot)
     for name in joints:
         check_known(f"{robot.name} has, with one degree of freedom, no joint", name, known)
     check_different(joints, "joints of the columns")

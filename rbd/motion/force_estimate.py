@@ -29,7 +29,7 @@ from rbd.motion.sensor_noise import force_scale
 from rbd.problem.answer import ContactForce, corners_of
 from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.force_set import Element, ForceSet
-from rbd.problem.rows import Rows
+from rbd.problem.rows import Rows, by_rows
 from rbd.solvers.conic_newton import newton_steps, solve_conic
 from rbd.statics.zero_moment_point import wrench_map
 
@@ -110,7 +110,7 @@ class ForceEstimate(Displayed):
 
         A constraint without a resultant (a function, a joint) gives its row forces (m,).
         """
-        return {r.name: _in_world(r) @ self.row_forces[self.slices[r.name]] for r in self.rows}
+        return {r.name: r.force_of(part) for r, part in by_rows(self.rows, self.row_forces)}
 
     @lazy
     def contacts(self) -> dict[str, ContactForce]:
@@ -120,12 +120,8 @@ class ForceEstimate(Displayed):
     @lazy
     def corner_forces(self) -> dict[str, Array]:
         """{contact: (k, 3)} [N], world axes: one split of the wrench among the corners, which no measurement here decides."""
-        out = dict[str, Array]()
-        for i, r in enumerate(self.rows):
-            if r.patch is not None:
-                part = self.row_forces[self.slices[r.name]]
-                out[r.name] = corners_of(r, part, self.sets, self.fit.w, i)
-        return out
+        parts = enumerate(by_rows(self.rows, self.row_forces))
+        return {r.name: corners_of(r, f, self.sets, self.fit.w, i) for i, (r, f) in parts if r.patch is not None}
 
     @lazy
     def _explained(self) -> Array:

@@ -133,6 +133,12 @@ class FrameTerms:
         return out
 
 
+def numbers_of(robot: CheckedModel) -> tuple[Array, Array]:
+    """(indices in q, in v) of the coordinates that are single numbers: of sliding joints and hinges with limits."""
+    q, v = np.array([(p.q, p.v) for p in robot.joints.pieces if p.kind == "number"], int).reshape(-1, 2).T
+    return q, v
+
+
 def carriers(robot: CheckedModel) -> Array:
     """Which coordinates move each joint's body, shape (joints, nv)."""
     return np.array([robot.joints.carrying(joint) for joint in range(robot.model.njoints)]) > 0.0

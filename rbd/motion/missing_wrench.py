@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from rbd.arrays import Array
@@ -22,30 +20,6 @@ _BALANCED = 1e-6
 """Forces that have a net wrench have it to this share of the weight."""
 
 
-def least_wrench(A: Array, b: Array, mu: float) -> tuple[Array, Array]:
-    """(missing wrench over its scale, forces at the points over the weight) of n frames, shapes (n, 6) and (n, k, 3).
-
-    The forces are in the circular friction cones of a level floor, and the missing wrench the least of its 2-norm.
-    """
-    found = nearest_in_cones(A, b, mu)
-    return found.left, found.w
-
-
-@dataclass(frozen=True, eq=False)
-class Efforts:
-    """Forces and torques of n frames.
-
-    Attributes:
-        forces: At the points, world axes, shape (n, k, 3) [N].
-        tau: Motor torques, shape (n, nu) [N m].
-        excess: By how many times its limit each torque exceeds it, shape (n, nu).
-    """
-
-    forces: Array
-    tau: Array
-    excess: Array
-
-
 def least_effort(
     terms: FrameTerms,
     points: FloorPoints,
@@ -56,9 +30,11 @@ def least_effort(
     start: Array,
     mu: float,
     limit: Array,
-    bounds: tuple[Array, Array] | None = None,
-) -> Efforts:
-    """Forces in the cones with a given net wrench, whose torques are least in the sum of squares over their limits.
+    bounds: tuple[Array, Array],
+) -> tuple[Array, Array]:
+    """(forces (n, k, 3) [N], torques (n, nu) [N m]) with a given net wrench.
+
+    The forces are in the cones, and the torques least in the sum of squares over their limits.
 
     A hundredth of the squares of the forces over the weight is added, which makes them unique. Frames whose torques then
     exceed limits are solved again with these: what still exceeds them is the least excess, in its sum of squares, to a
@@ -74,49 +50,39 @@ def least_effort(
         start: Forces that have it, over the weight, shape (n, k, 3).
         mu: Friction.
         limit: Torque limits at rest, shape (nu,), inf where there is none.
-        bounds: Least and largest torques of each frame, shapes (n, nu), where these are not -limit and limit: of
-            torque-speed lines. Of a motor both are finite, or both infinite.
+        bounds: Least and largest torques of each frame, shapes (n, nu). Of a motor both are finite, or both infinite.
     """
-    robot, n = terms.robot, len(net)
-    weight = wrench_scale(robot)[0]
-    motors = robot.actuated
-    scale = np.where(np.isfinite(limit), limit, _typical(limit, weight))
+    weight, motors, known = wrench_scale(terms.robot)[0], terms.robot.actuated, np.isfinite(limit)
+    # Where a joint has no limit, the largest of the others, or the weight times 0.3 m.
+    scale = np.where(known, limit, limit[known].max() if known.any() else 0.3 * weight)
     carried = terms.joint_map(points, places, touches, motors) * (weight / scale)[None, :, None, None]
     moved = np.flatnonzero(carried.any(axis=(0, 2, 3)))
     t = terms.need[:, motors] / scale
-    k = places.shape[1]
-    if not len(moved):
-        tau = t
-        forces = start
-    else:
+    tau, forces = t, start
+    if len(moved):
         stacked, aims = np.concatenate([A, carried[:, moved]], axis=1), np.concatenate([net, t[:, moved]], axis=1)
         bounded = np.concatenate([np.zeros(6), np.isfinite(limit[moved]).astype(float)])
         forces = _kept_if_balanced(staged_fits(stacked, aims, mu, _stages(bounded, len(moved)), exact=6), start)
         tau = t - _carried(carried, forces)
-        middle, half = _middles(bounds, scale, n)
-        over = np.flatnonzero((np.abs(tau - middle) > half)[:, np.isfinite(limit)].any(axis=1))
+        middle, half = _middles(bounds, scale)
+        over = np.flatnonzero((np.abs(tau - middle) > half)[:, known].any(axis=1))
         if len(over):
             # Limits that differ by direction: seen from their middle they are -1 and 1 again.
             m, s = middle[over], half[over]
             stacked, aims = stacked[over], aims[over]
-            if bounds is not None:
-                stacked[:, 6:] /= s[:, moved, None, None]
-                aims[:, 6:] = (aims[:, 6:] - m[:, moved]) / s[:, moved]
+            stacked[:, 6:] /= s[:, moved, None, None]
+            aims[:, 6:] = (aims[:, 6:] - m[:, moved]) / s[:, moved]
             again = staged_fits(stacked, aims, mu, _stages(bounded, len(moved), limits=True), exact=6)
             found = _kept_if_balanced(again, forces[over])
             for i in np.flatnonzero(np.abs(again.left[:, :6]).max(axis=1) > _BALANCED):
                 found[i] = _one_frame(stacked[i], aims[i], bounded, mu, found[i])
             forces[over] = _with_less_excess(carried[over], t[over] - m, s, found, forces[over], start[over])
             tau[over] = t[over] - _carried(carried[over], forces[over])
-    assert forces.shape == (n, k, 3)
-    excess = np.where(np.isfinite(limit), np.maximum(np.abs(tau) - 1.0, 0.0), 0.0)
-    return Efforts(forces * weight, tau * scale, excess)
+    return forces * weight, tau * scale
 
 
-def _middles(bounds: tuple[Array, Array] | None, scale: Array, n: int) -> tuple[Array, Array]:
+def _middles(bounds: tuple[Array, Array], scale: Array) -> tuple[Array, Array]:
     """(middle, half the width) of torque limits over their scale, shapes (n, nu); 0 and 1 of a motor without limits."""
-    if bounds is None:
-        return np.zeros((n, len(scale))), np.ones((n, len(scale)))
     known = np.isfinite(bounds[0]) & np.isfinite(bounds[1])
     least, most = (np.where(known, each / scale, end) for each, end in zip(bounds, (-1.0, 1.0), strict=True))
     return 0.5 * (least + most), 0.5 * (most - least)
@@ -167,12 +133,6 @@ def _with_less_excess(carried: Array, t: Array, half: Array, *choices: Array) ->
     return np.asarray(np.stack(choices)[best, np.arange(len(t))])
 
 
-def _typical(limit: Array, weight: float) -> float:
-    """A scale of torques where a joint has no limit: the largest of the others, or the weight times 0.3 m."""
-    known = limit[np.isfinite(limit)]
-    return float(known.max()) if len(known) else 0.3 * weight
-
-
 def _carried(T: Array, forces: Array) -> Array:
     return np.matmul(T.reshape(*T.shape[:2], -1), forces.reshape(len(forces), -1, 1))[..., 0]
 
@@ -207,7 +167,7 @@ def nearest_acceleration(terms: FrameTerms, a: Array, places: Array, touches: Ar
     rows = _repeated_rows(terms, columns, 3 * k).reshape(n, 3 * k, 6).transpose(0, 2, 1)
     scaled = np.linalg.solve(L, rows) * root
     need = np.linalg.solve(L, terms.need[:, :6, None])[..., 0] * (root / weight)
-    left, _ = least_wrench(scaled.reshape(n, 6, k, 3), need, mu)
+    left = nearest_in_cones(scaled.reshape(n, 6, k, 3), need, mu).left
     x = np.matmul(L, left[..., None]) * (weight / root)
     out = a.copy()
     out[:, :6] -= np.linalg.solve(M, x)[..., 0]

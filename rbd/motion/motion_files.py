@@ -136,13 +136,11 @@ def _is_trajectory(path: Path) -> bool:
 
 def _beginning(path: Path) -> bytes:
     """The first bytes of a regular file."""
+    if path.exists() and not path.is_file():
+        raise InputError(f"{str(path)!r:.200} is no file; expected one with a motion.")
     try:
-        if path.exists() and not path.is_file():
-            raise InputError(f"{str(path)!r:.200} is no file; expected one with a motion.")
         with path.open("rb") as file:
             return file.read(8)
-    except InputError:
-        raise
     except (OSError, ValueError) as error:
         raise InputError(f"{str(path)!r:.200} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
 

@@ -19,7 +19,6 @@ from rbd.constraints.constraint import Constraint
 from rbd.constraints.contact import Contact
 from rbd.control import ComTask, FrameTask, PostureTask, Reference, Task
 from rbd.control.motion_limits import Limits
-from rbd.control.step_problem import TaskActuation
 from rbd.control.tracking import sampled
 from rbd.control.whole_body_step import silent_step
 from rbd.errors import NoSolution
@@ -29,8 +28,8 @@ from rbd.model.sampled_motion import cubic
 from rbd.model.state import State
 from rbd.motion.balanced_com import com_shift, held_places
 from rbd.motion.contact_detection import slopes
-from rbd.motion.contact_timeline import LANDED, ContactTimeline, FloorContacts
-from rbd.motion.frame_terms import FrameTerms, placements
+from rbd.motion.contact_timeline import LANDED, ContactTimeline, FloorContacts, stretches
+from rbd.motion.frame_terms import FrameTerms, numbers_of, placements
 from rbd.motion.reference_motion import Motion
 
 COM, BASE, POSTURE, FOOT = 100.0, 10.0, 1.0, 100.0
@@ -113,13 +112,6 @@ def standing(lanes: ContactTimeline) -> ContactTimeline:
     return replace(lanes, touches=touches, slides=lanes.slides & touches)
 
 
-def stretches(on: Array) -> list[tuple[int, int]]:
-    """(first, last + 1) of each run of true values."""
-    around = np.concatenate([[False], on, [False]])
-    begins, ends = np.flatnonzero(around[1:] & ~around[:-1]), np.flatnonzero(around[:-1] & ~around[1:])
-    return list(zip(begins.tolist(), ends.tolist(), strict=True))
-
-
 def _floor_error(lanes: ContactTimeline) -> float:
     """The median over the frames with contact of the height of the lowest point that touches [m]."""
     on = lanes.touches.any(axis=1)
@@ -147,7 +139,7 @@ class _Follower:
         self.course, self.robot = course, motion.robot
         self.base = motion.robot.model.names[1]
         self.fixed: list[Task] = [
-            ComTask(lambda t: self._com(), cost=COM, gain=GAIN),
+            ComTask(lambda t: Reference(*self.com()), cost=COM, gain=GAIN),
             FrameTask(self.base, lambda t: self._turned(), orientation_cost=BASE, gain=GAIN, name="base"),
         ]
         if motion.robot.nu:
@@ -175,9 +167,6 @@ class _Follower:
             Ag[:3] @ self.now.v / mass + s[1],
             (Ag[:3] @ self.a + bias[:3]) / mass + s[2],
         )
-
-    def _com(self) -> Reference:
-        return Reference(*self.com())
 
     def _turned(self) -> Reference:
         seen = self.now.frame(self.base)
@@ -240,7 +229,8 @@ def nearest_motion(
             fell = f"no accelerations keep its limits: {error}"
             break
         contacts.carried(answer)
-        relaxed = max(relaxed, _relaxed(answer))
+        if answer.violation is not None:  # which the notes tell once
+            relaxed = max(relaxed, answer.violation.worst)
         if len(kept) == course.frame[k]:
             kept.append((q, v, answer.a, contacts.on.copy()))
         if k + 1 < len(course.t):
@@ -249,11 +239,6 @@ def nearest_motion(
             v = v + h * answer.a
         done(float(t))
     return _made(motion, lanes, course, kept, fell, relaxed)
-
-
-def _relaxed(answer: TaskActuation) -> float:
-    """By how much contacts or joint limits are violated, which the notes tell once."""
-    return 0.0 if answer.violation is None else answer.violation.worst
 
 
 def _fallen(state: State, wanted: State, ground: float) -> str:
@@ -272,7 +257,7 @@ def _start(follower: _Follower, contacts: FloorContacts, lanes: ContactTimeline)
     robot, now = follower.robot, follower.now
     q, v = now.q.copy(), now.v.copy()
     wanted, rate, _ = follower.com()
-    contacts.begin(lanes.touches[0])
+    contacts.on = lanes.touches[0].copy()
     feet = [c.frame for c in contacts.constraints(now) if isinstance(c, Contact)]
     clipped, fixed = within_limits(robot, q)
     if (clipped != q).any() or np.abs(follower.course.shift[:2, 0]).max() > 1e-6:
@@ -313,15 +298,10 @@ def _rows(state: State, feet: Sequence[str], fixed: Array) -> tuple[Array, Array
 
 def within_limits(robot: CheckedModel, q: Array) -> tuple[Array, Array]:
     """(a configuration with its joints of one number inside their limits, the coordinates of v of those at their limits)."""
-    out, at = q.copy(), []
-    low, high = np.array(robot.model.lowerPositionLimit), np.array(robot.model.upperPositionLimit)
-    for piece in robot.joints.pieces:
-        if piece.kind == "number":
-            i = piece.q
-            out[i] = min(max(out[i], low[i]), high[i])
-            if out[i] in (low[i], high[i]):
-                at.append(piece.v)
-    return out, np.array(at, int)
+    (i, k), out = numbers_of(robot), q.copy()
+    low, high = robot.model.lowerPositionLimit[i], robot.model.upperPositionLimit[i]
+    out[i] = np.minimum(np.maximum(q[i], low), high)
+    return out, k[(out[i] == low) | (out[i] == high)]
 
 
 def _made(

@@ -112,42 +112,31 @@ def _rms(x: Array) -> Array:
     return np.asarray(np.sqrt((x**2).sum(axis=0) / max(1, len(x))))
 
 
-@dataclass(frozen=True, eq=False)
-class Rates:
-    """Velocities and accelerations that are the rates of q.
+def checked_rates(
+    robot: CheckedModel, t: Array, q: Array, v: Array, a: Array | None, source: str
+) -> tuple[Array, Array | None, list[str]]:
+    """(v, a, notes): given velocities and accelerations, if they are the rates of q; those in world axes are converted.
 
-    Attributes:
-        v: Shape (n, nv), of a base in its own axes.
-        a: The same of accelerations, or None where none were given.
-        notes: What was converted, in words.
-    """
-
-    v: Array
-    a: Array | None
-    notes: tuple[str, ...]
-
-
-def checked_rates(robot: CheckedModel, t: Array, q: Array, v: Array, a: Array | None, source: str) -> Rates:
-    """Given velocities and accelerations, if they are the rates of q; those of a base in world axes are converted.
+    Accelerations are None where none were given; the notes tell what was converted.
 
     Raises:
         InputError: they are not; names the coordinate with the largest error and the factor.
     """
     if len(t) < 2:
-        return Rates(v, a, ())
+        return v, a, []
     joints = _Joints(robot, q)
     # All are compared in the axes of `steps`: positions in the world's, rotations in the body's own.
     steps = joints.steps()
-    x, axes = joints.fitting({"own": joints.out(v), "world": joints.into(v)}, lambda y: joints.misfit(t, steps, y))
+    x, axes = joints.fitting({"own": to_world(robot, q, v), "world": joints.into(v)}, lambda y: joints.misfit(t, steps, y))
     _refuse(robot, joints.misfit(t, steps, x), "v", "q", source)
     notes: list[str] = []
     if axes != ("own", "own"):
-        v = joints.back(x)
+        v = to_world(robot, q, x, inverse=True)
         notes.append(_note("velocities", *axes))
     if a is None:
-        return Rates(v, None, tuple(notes))
+        return v, None, notes
     rises, spins = np.diff(x, axis=0), spin_terms(robot, v)
-    forms = {"own": joints.out(a + spins), "world": joints.into(a), "classical": joints.out(a)}
+    forms = {"own": to_world(robot, q, a + spins), "world": joints.into(a), "classical": to_world(robot, q, a)}
     # Those of light links are off by what is small beside the others.
     angular, sizes = robot.joints.angular, _rms(a)
     largest = np.where(angular, sizes[angular].max(initial=0.0), sizes[~angular].max(initial=0.0))
@@ -155,16 +144,16 @@ def checked_rates(robot: CheckedModel, t: Array, q: Array, v: Array, a: Array | 
     y, axes = joints.fitting(forms, lambda y: misfit(t, rises, y, RISE_SHARE, least), axes)
     _refuse(robot, misfit(t, rises, y, RISE_SHARE, least), "a", "v", source)
     if axes != ("own", "own"):
-        a = joints.back(y) - spins
+        a = to_world(robot, q, y, inverse=True) - spins
         notes.append(_note("accelerations", *axes))
-    return Rates(v, a, tuple(notes))
+    return v, a, notes
 
 
 def turning_error(robot: CheckedModel, t: Array, q: Array, v: Array) -> float:
     """Root mean square error of the angular velocities of bases, about their own axes or the world's, the lesser [rad/s]."""
     joints = _Joints(robot, q)
     steps = joints.steps()
-    fits = [joints.misfit(t, steps, x) for x in (joints.out(v), joints.into(v))]
+    fits = [joints.misfit(t, steps, x) for x in (to_world(robot, q, v), joints.into(v))]
     return float(min(fit.square[joints.turning].sum() for fit in fits) ** 0.5)
 
 
@@ -209,14 +198,6 @@ class _Joints:
         out = forms["own"].copy()
         out[:, self.linear], out[:, self.turning] = forms[places][:, self.linear], forms[turns][:, self.turning]
         return out, (places, turns)
-
-    def out(self, x: Array) -> Array:
-        """Rates in axes of bodies, positions turned into world axes; rotations as they are."""
-        return to_world(self.robot, self.q, x)
-
-    def back(self, x: Array) -> Array:
-        """The inverse of `out`."""
-        return to_world(self.robot, self.q, x, inverse=True)
 
     def into(self, x: Array) -> Array:
         """Rates in world axes, rotations turned into the body's own; positions as they are."""

@@ -182,9 +182,8 @@ class Motion(Displayed):
             )
         else:
             if not trust:
-                rates = checked_rates(robot, t, q, v, a, str(source))
-                v, a = rates.v, rates.a
-                said += rates.notes
+                v, a, converted = checked_rates(robot, t, q, v, a, str(source))
+                said += converted
             if a is None:
                 a = derivative(t, v, **settings)
                 said.append(f"accelerations are derivatives of the velocities given, over {window:g} s.")
@@ -240,11 +239,11 @@ class Motion(Displayed):
         >>> motion = rbd.Motion.read("dance.csv", robot="g1", rate=60)
         """
         found = read_frames(path, robot, ReadSettings(rate, quaternion, joints, units, trust), progress=progress)
-        height = found.ground if ground is None else ground
-        given: dict[str, Any] = {"source": Path(path).name, "notes": found.notes, "noise": found.noise, "ground": height}
-        settings: dict[str, Any] = {"window": window, "order": order, "cutoff": cutoff}
-        known: dict[str, Any] = {"quaternion": found.quaternion, "trust": trust or found.simulated}
-        out = cls.of_arrays(found.robot, found.t, found.q, found.v, found.a, **given, **settings, **known)
+        out = cls.of_arrays(
+            found.robot, found.t, found.q, found.v, found.a, source=Path(path).name, notes=found.notes, noise=found.noise,
+            ground=found.ground if ground is None else ground, window=window, order=order, cutoff=cutoff,
+            quaternion=found.quaternion, trust=trust or found.simulated,
+        )  # fmt: skip
         return out if found.derivation is None else replace(out, derivation=found.derivation)
 
     @classmethod

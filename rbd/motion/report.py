@@ -227,23 +227,6 @@ class MotionReport(Displayed):
         levels = as_array("thresholds", thresholds).reshape(-1)
         return np.asarray((self.missing_scaled[None] > levels[:, None]).mean(axis=1))
 
-    def cutoff_sweep(self, cutoffs: Sequence[float]) -> Array:
-        """The share of frames over the threshold with accelerations below each cut-off, contacts as they are.
-
-        Args:
-            cutoffs: Of a low-pass without delay [Hz].
-
-        Raises:
-            InputError: cut-offs out of range, or unequal time steps.
-        """
-        out = []
-        for cutoff in cutoffs:
-            m = self.motion
-            lower = Motion.of_arrays(m.robot, m.t, m.q, cutoff=as_float(cutoff), ground=m.ground, quaternion="xyzw", trust=True)
-            found = self.check(lower, contacts=self.lanes, self_collision=False)
-            out.append(float((found.missing_scaled > self.settings.threshold).mean()))
-        return np.array(out)
-
     def checked_again(self, motion: Motion) -> MotionReport:
         """Another motion with the same settings, this report beside it as `before`."""
         return replace(self.check(motion), before=self)

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
 
+import coal
 import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
-from rbd.constraints.convex.convex_shapes import convex_shape
+from rbd.constraints.convex.convex_shapes import ConvexShape
 from rbd.displayed import Displayed
-from rbd.errors import ModelError
 from rbd.model.checked_model import CheckedModel
+from rbd.motion.contact_timeline import convex_shapes
+from rbd.motion.frame_terms import placements
 
 DEEP_M = 2e-3
 """Shapes that overlap by less do not count as in collision [m]."""
@@ -46,127 +49,49 @@ def self_collisions(robot: CheckedModel, q: Array, R: Array, p: Array) -> SelfCo
         R: Orientations of joints, as `placements`.
         p: Their origins.
     """
-    shapes = _shapes(robot)
-    n = len(q)
-    inside = np.zeros(n, bool)
-    found: dict[tuple[str, str], Array] = {}
-    skipped: list[tuple[str, str]] = []
-    rest = _at_rest(robot)
-    centres = [np.matmul(R[:, s.joint], s.centre) + p[:, s.joint] for s in shapes]
+    shapes = list(convex_shapes(robot))
+    inside, found, skipped = np.zeros(len(q), bool), dict[tuple[str, str], Array](), list[tuple[str, str]]()
+    rest = placements(robot, np.array([pin.neutral(robot.model), *getattr(robot, "postures", {}).values()]))
+    centres = [np.matmul(R[:, s.joint], s.centre) + p[:, s.joint] for _, _, s in shapes]
     for i, j in _pairs(robot, shapes):
-        one, other = shapes[i], shapes[j]
-        apart = np.linalg.norm(centres[i] - centres[j], axis=1) - one.reach - other.reach
-        near = np.flatnonzero(apart < 0.0)
+        (_, link, one), (_, second, other) = shapes[i], shapes[j]
+        near = np.flatnonzero(np.linalg.norm(centres[i] - centres[j], axis=1) < one.reach + other.reach)
         if not len(near):
             continue
-        gap = _Gap(one, other)
-        if any(gap.at(*rest, f) < 0.0 for f in range(len(rest[0]))):
+        if len(_overlaps(one, other, *rest, range(len(rest[0])))):
             skipped.append((one.name, other.name))
             continue
-        hits = gap.hits(R, p, near)
+        hits = _overlaps(one, other, R, p, near.tolist())
         if len(hits):
-            key = (one.link, other.link)
-            found[key] = np.union1d(found.get(key, np.zeros(0, int)), hits)
+            found[link, second] = np.union1d(found.get((link, second), hits), hits)
             inside[hits] = True
     return SelfCollisions(inside, found, tuple(skipped))
 
 
-@dataclass(frozen=True, eq=False)
-class _Shape:
-    name: str
-    link: str
-    joint: int
-    coal: Any
-    X: pin.SE3
-    centre: Array
-    reach: float
-    number: int
+def _overlaps(one: ConvexShape, other: ConvexShape, R: Array, p: Array, frames: Iterable[int]) -> Array:
+    """Those of some frames in which two shapes are inside each other by more than `DEEP_M`."""
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+
+    def gap(f: int) -> float:
+        X, Y = (pin.SE3(R[f, s.joint], p[f, s.joint]) * s.X_JC for s in (one, other))
+        places = (coal.Transform3s(Z.rotation, Z.translation) for Z in (X, Y))
+        result.clear()
+        return float(coal.distance(one.coal, next(places), other.coal, next(places), request, result))
+
+    return np.array([f for f in frames if gap(f) < -DEEP_M], int)
 
 
-class _Gap:
-    """Distance of two shapes, frame by frame."""
-
-    def __init__(self, one: _Shape, other: _Shape) -> None:
-        import coal
-
-        self.one, self.other, self.coal = one, other, coal
-        self.request, self.result = coal.DistanceRequest(), coal.DistanceResult()
-
-    def at(self, R: Array, p: Array, f: int) -> float:
-        """Signed distance in a frame, and `DEEP_M` more [m]."""
-        places = []
-        for s in (self.one, self.other):
-            X = pin.SE3(R[f, s.joint], p[f, s.joint]) * s.X
-            places.append(self.coal.Transform3s(X.rotation, X.translation))
-        self.result.clear()
-        return (
-            float(self.coal.distance(self.one.coal, places[0], self.other.coal, places[1], self.request, self.result)) + DEEP_M
-        )
-
-    def hits(self, R: Array, p: Array, frames: Array) -> Array:
-        """Those of some frames in which they overlap; frames before which they cannot have moved so far are not tested."""
-        a, b = self.one, self.other
-        Rel = np.matmul(R[frames, a.joint].transpose(0, 2, 1), R[frames, b.joint])
-        arm = np.matmul(R[frames, a.joint].transpose(0, 2, 1), (p[frames, b.joint] - p[frames, a.joint])[..., None])[..., 0]
-        centre = np.matmul(Rel, b.centre) + arm
-        hits = []
-        known, at = 0.0, -1
-        for i, f in enumerate(frames):
-            if at >= 0:
-                turned = float(np.linalg.norm(Rel[i] - Rel[at]))  # Frobenius: at least the largest motion of a unit vector
-                if known - float(np.linalg.norm(centre[i] - centre[at])) - turned * b.reach > 0.0:
-                    continue
-            known, at = self.at(R, p, int(f)), i
-            if known < 0.0:
-                hits.append(f)
-        return np.array(hits, int)
-
-
-def _shapes(robot: CheckedModel) -> list[_Shape]:
-    model = getattr(robot, "collision_model", None)
-    if model is None:
+def _pairs(robot: CheckedModel, shapes: Sequence[tuple[int, str, ConvexShape]]) -> list[tuple[int, int]]:
+    """The collision pairs of the robot's file, else all of bodies that neither one joint nor two in a row connect."""
+    if not shapes:
         return []
-    stand_ins: frozenset[str] = getattr(robot, "collision_stand_ins", frozenset())
-    out = []
-    for number, shape in enumerate(model.geometryObjects):
-        if shape.name in stand_ins:
-            continue
-        try:
-            found = convex_shape(shape)
-        except ModelError:
-            continue
-        link = robot.model.frames[shape.parentFrame].name
-        out.append(_Shape(shape.name, link, found.joint, found.coal, found.X_JC, found.centre, found.reach, number))
-    return out
-
-
-def _pairs(robot: CheckedModel, shapes: list[_Shape]) -> list[tuple[int, int]]:
     model: Any = getattr(robot, "collision_model", None)
-    if model is None:
-        return []
     listed = {frozenset((int(c.first), int(c.second))) for c in model.collisionPairs}
-    parents = robot.model.parents
-    out = []
+    parents, out = robot.model.parents, []
     for i, j in combinations(range(len(shapes)), 2):
-        a, b = shapes[i].joint, shapes[j].joint
-        if listed:
-            if frozenset((shapes[i].number, shapes[j].number)) in listed:
-                out.append((i, j))
-        elif a != b and not _near(parents, a, b):
+        (number, _, one), (second, _, other) = shapes[i], shapes[j]
+        a, b = one.joint, other.joint
+        beside = a in {b, parents[b], parents[parents[b]]} or b in {parents[a], parents[parents[a]]}
+        if frozenset((number, second)) in listed if listed else not beside:
             out.append((i, j))
     return out
-
-
-def _near(parents: Any, a: int, b: int) -> bool:
-    """Whether one carries the other by one joint or two in a row."""
-    up_a = {a, parents[a], parents[parents[a]]}
-    up_b = {b, parents[b], parents[parents[b]]}
-    return b in up_a or a in up_b
-
-
-def _at_rest(robot: CheckedModel) -> tuple[Array, Array]:
-    """(R, p) of the neutral posture and of those that the robot has by name."""
-    from rbd.motion.frame_terms import placements
-
-    known = [pin.neutral(robot.model), *getattr(robot, "postures", {}).values()]
-    return placements(robot, np.array(known))

@@ -76,7 +76,7 @@ def test_a_planned_contact_begins_when_its_lowest_point_has_landed(box: CheckedM
 def test_a_planned_contact_ends_as_planned_whatever_it_carries(box: CheckedModel) -> None:
     """Load holds a contact on only where the reference never wanted it."""
     contacts = contacts_of(box, "sole", "")
-    contacts.begin(contacts.lanes.touches[0])
+    contacts.on = contacts.lanes.touches[0].copy()
     contacts.update(above(box, 0.0), 0)
     contacts.carried(Carried(sole=MASS * 9.81))
     assert not contacts.update(above(box, 0.0), 1).any()

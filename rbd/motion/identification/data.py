@@ -77,21 +77,22 @@ class MeasuredMotion(Displayed):
             )
         frame_rows("a", x.a, frames, robot.nv)
         tau = getattr(x, "tau", None) if self.tau is None else self.tau
-        set_ = object.__setattr__
-        set_(self, "tau", None if tau is None else frame_rows("tau", tau, frames, robot.nu))
-        lanes = getattr(x, "contacts", None)
-        if self.contacts is None and isinstance(lanes, ContactTimeline):
-            set_(self, "contacts", lanes.contacts)
-            if self.touches is None:
-                on = [lanes.of_contact(c.name) for c in lanes.contacts]
-                set_(self, "touches", np.array(on, bool).reshape(len(on), frames).T)
-        named = listed(() if self.contacts is None else self.contacts)
+        lanes, contacts, touches = getattr(x, "contacts", None), self.contacts, self.touches
+        if contacts is None and isinstance(lanes, ContactTimeline):
+            contacts = lanes.contacts
+            if touches is None:
+                on = [lanes.of_contact(c.name) for c in contacts]
+                touches = np.array(on, bool).reshape(len(on), frames).T
+        named = listed(() if contacts is None else contacts)
         given = with_loops(robot, named, self.loops)
         for each in given:
             if not callable(getattr(each, "rows", None)) or not isinstance(getattr(each, "name", None), str):
                 raise InputError(f"{each!r:.80} is no contact: it has no rows(state). Give e.g. robot.soles().")
-        set_(self, "contacts", given)
-        set_(self, "touches", checked_touches(self.touches, frames, named, given))
+        self.__dict__.update(
+            tau=None if tau is None else frame_rows("tau", tau, frames, robot.nu),
+            contacts=given,
+            touches=checked_touches(touches, frames, named, given),
+        )
         self._check_forces(frames)
         if self.external is None and getattr(x, "pushed", False) is True:
             raise InputError(

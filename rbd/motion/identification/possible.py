@@ -217,16 +217,40 @@ def minimise(A: Array, z: Array, prior: Prior) -> Minimum:
     Raises:
         NoSolution: Newton's method did not converge.
     """
-    program = _Program(A, z, prior)
-    x = np.zeros(len(program.free))
-    size = float(np.linalg.norm(program.A, 2)) if program.A.size else 1.0
-    share, decrement = min(1.0, prior.weight / max(size, 1e-300) ** 2), np.inf
-    exact = max(_DONE, _ROUNDING * (size + float(np.linalg.norm(program.rest))) / prior.weight**0.5)
+    theta, free, count, w = prior.theta, prior.free, len(prior.bodies), prior.weight
+    bodies = theta[(10 * prior.bodies[:, None] + np.arange(10)).ravel()].reshape(count, 10)
+    whitened = np.array([whitened_basis(pseudo_inertia(each)) for each in bodies]).reshape(count, 10, 16)
+    unit = np.concatenate([(1.0 / np.maximum(np.linalg.norm(whitened, axis=2), 1e-300)).ravel(), prior.others])
+    steps = (whitened.reshape(-1, 16) * unit[: 10 * count, None]).reshape(count, 10, 4, 4)  # of bodies, in units of the model's
+    data, rest = A[:, free] * unit, z - A @ theta
+
+    def step(x: Array, share: float) -> tuple[Array, float, Array]:
+        """(Newton step, its decrement over sqrt(w), factor of the Hessian), the data weighted by `share`."""
+        n, root = len(x), share**0.5
+        C, gradient = np.zeros((16 * count, n)), np.zeros(16 * count)
+        for b in range(count):
+            own = slice(10 * b, 10 * b + 10)
+            L = np.linalg.cholesky(np.eye(4) + np.tensordot(x[own], steps[b], axes=1))
+            inverse = np.linalg.inv(L)
+            C[16 * b : 16 * b + 16, own] = (w**0.5 * inverse @ steps[b] @ inverse.T).reshape(10, 16).T
+            # tr(dP) - tr(P^-1 dP) = <L^T L - 1, L^-1 dP L^-T>
+            gradient[16 * b : 16 * b + 16] = w**0.5 * (L.T @ L - np.eye(4)).ravel()
+        others = np.eye(n)[10 * count :]
+        stack = np.concatenate([root * data, C, others])
+        right = np.concatenate([root * (data @ x - rest), gradient, x[10 * count :]])
+        R = np.asarray(np.linalg.qr(np.column_stack([stack, right]), mode="r"))
+        return -solve_triangular(R[:n, :n], R[:n, n]), float(np.linalg.norm(R[:n, n])) / w**0.5, R[:n, :n]
+
+    x, size = np.zeros(len(free)), float(np.linalg.norm(data, 2)) if data.size else 1.0
+    share, decrement = min(1.0, w / max(size, 1e-300) ** 2), np.inf
+    exact = max(_DONE, _ROUNDING * (size + float(np.linalg.norm(rest))) / w**0.5)
     for k in range(_STEPS):
-        dx, decrement, factor = program.step(x, share)
+        dx, decrement, factor = step(x, share)
         if decrement < (exact if share == 1.0 else _NEAR):
             if share == 1.0:
-                return Minimum(program.theta(x), decrement, factor, program.unit, k)
+                found = theta.copy()
+                found[free] += unit * x
+                return Minimum(found, decrement, factor, unit, k)
             share = min(1.0, share * _GROWTH)
             continue
         x = x + dx * (1.0 if decrement < _NEAR else 1.0 / (1.0 + decrement))
@@ -234,47 +258,3 @@ def minimise(A: Array, z: Array, prior: Prior) -> Minimum:
         f"the inertias were not found: {_STEPS} Newton steps left a decrement of {decrement:.1e}. Are all contacts, their "
         "forces and pushes given? Else give the noise of the measurements (noise=), or a larger prior=."
     )
-
-
-class _Program:
-    """The program in steps from the model, in units of it."""
-
-    def __init__(self, A: Array, z: Array, prior: Prior) -> None:
-        self.prior, self.free = prior, prior.free
-        theta = prior.theta
-        count = len(prior.bodies)
-        self.bodies = theta[(10 * prior.bodies[:, None] + np.arange(10)).ravel()].reshape(count, 10)
-        self.whitened = np.array([whitened_basis(pseudo_inertia(each)) for each in self.bodies]).reshape(count, 10, 16)
-        size = np.linalg.norm(self.whitened, axis=2)
-        self.unit = np.concatenate([(1.0 / np.maximum(size, 1e-300)).ravel(), prior.others])
-        self.A = A[:, self.free] * self.unit
-        self.rest = z - A @ theta
-        self.steps_of = (self.whitened.reshape(-1, 16) * self.unit[: 10 * count, None]).reshape(count, 10, 4, 4)
-
-    def theta(self, x: Array) -> Array:
-        """All parameters."""
-        out = self.prior.theta.copy()
-        out[self.free] += self.unit * x
-        return out
-
-    def step(self, x: Array, share: float) -> tuple[Array, float, Array]:
-        """(Newton step, its decrement over sqrt(w), factor of the Hessian), the data weighted by `share`."""
-        w, count = self.prior.weight, len(self.bodies)
-        n, root = len(x), share**0.5
-        C = np.zeros((16 * count, n))
-        gradient_rest = np.zeros(16 * count)
-        for b in range(count):
-            own = slice(10 * b, 10 * b + 10)
-            P = np.eye(4) + np.tensordot(x[own], self.steps_of[b], axes=1)  # in units of the model's
-            L = np.linalg.cholesky(P)
-            inverse = np.linalg.inv(L)
-            C[16 * b : 16 * b + 16, own] = (w**0.5 * inverse @ self.steps_of[b] @ inverse.T).reshape(10, 16).T
-            # tr(dP) - tr(P^-1 dP) = <L^T L - 1, L^-1 dP L^-T>
-            gradient_rest[16 * b : 16 * b + 16] = w**0.5 * (L.T @ L - np.eye(4)).ravel()
-        others = np.zeros((n - 10 * count, n))
-        others[:, 10 * count :] = np.eye(n - 10 * count)
-        stack = np.concatenate([root * self.A, C, others])
-        right = np.concatenate([root * (self.A @ x - self.rest), gradient_rest, x[10 * count :]])
-        R = np.asarray(np.linalg.qr(np.column_stack([stack, right]), mode="r"))
-        factor, g = R[:n, :n], R[:n, n]
-        return -solve_triangular(factor, g), float(np.linalg.norm(g)) / w**0.5, factor
