@@ -401,7 +401,7 @@ def test_limits_that_are_reached_are_named() -> None:
     limited = found.at_limit["torque"]
     share = np.abs(found.tau) / talos.effort_limit
     assert limited == tuple(name for name, s in zip(talos.actuated_names, share, strict=True) if s > 0.1 - 1e-7)
-    assert share.max() <= 0.1 and "torque limits: " in str(found) and repr(found).startswith("TaskActuation(held: ")
+    assert share.max() <= 0.1 and "torque limits: " in str(found) and repr(found).startswith("TaskActuation(meets its tasks")
     assert found.program.H.shape == (32, 32)  # made when it is asked for
 
 
