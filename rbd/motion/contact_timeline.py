@@ -183,9 +183,7 @@ class FloorPoints:
             InputError: it has neither feet nor shapes that could touch.
         """
         feet = [] if not isinstance(robot, Robot) or not robot.source.feet else list(robot.feet())
-        groups: list[tuple[Constraint, int, Array, Array]] = []
-        for foot in feet:
-            groups.append((foot, *_corners(robot, foot)))
+        groups: list[tuple[Constraint, int, Array, Array]] = [(foot, *_corners(robot, foot)) for foot in feet]
         if bodies or not feet:
             groups += _bodies(robot, {joint for _, joint, _, _ in groups})
         if not groups:

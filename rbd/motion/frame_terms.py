@@ -103,9 +103,7 @@ class FrameTerms:
 
     def to_wrench(self, rows: Array, *, repeat: int = 1) -> Array:
         """Generalised forces on the base as wrenches about the centre of mass, world axes; `repeat` of each frame."""
-        R, arm = self.R, self.base - self.com
-        if repeat > 1:
-            R, arm = np.repeat(R, repeat, axis=0), np.repeat(arm, repeat, axis=0)
+        R, arm = np.repeat(self.R, repeat, axis=0), np.repeat(self.base - self.com, repeat, axis=0)
         F = np.matmul(R, rows[:, :3, None])[..., 0]
         return np.hstack([F, np.matmul(R, rows[:, 3:, None])[..., 0] + np.cross(arm, F)])
 
