@@ -376,7 +376,6 @@ class Layout:
         self._taken = taken
         self._known: dict[str, tuple[dict[str, Any], str]] = {}
         self._variables: dict[str, Variable] = {}
-        self._forms: dict[str, tuple[Any, ...]] = {}
         self.first: dict[str, tuple[int, int]] = {}
 
     def add(self, block: Block, where: str = "") -> None:
@@ -392,7 +391,7 @@ class Layout:
         start, stop = int(block.numbers[0]), int(block.numbers[-1]) + 1
         for place, (name, v) in enumerate(block.variables.items()):
             if name not in RESERVED:
-                self.agree(name, v, v.values.shape[1:], where or (start, stop))
+                self.agree(name, v, v.values.shape[1:], where or words_of(start, stop))
                 if v.values.size:
                     self.first[name] = min(self.first.get(name, (start, place)), (start, place))
 
@@ -401,23 +400,19 @@ class Layout:
         """Variables, each of some samples, by the first sample that has them, in whatever order blocks were finished."""
         return {name: self._variables[name] for name in sorted(self.first, key=self.first.__getitem__)}
 
-    def agree(self, name: str, variable: Variable, shape: tuple[int, ...], samples: str | tuple[int, int]) -> None:
+    def agree(self, name: str, variable: Variable, shape: tuple[int, ...], where: str) -> None:
         """Refuse a variable that does not agree with the first of its name, or whose dimensions disagree with another's.
 
         Args:
             name: Its name.
             variable: It, of one sample or of many.
             shape: Of one sample's value.
-            samples: Which have it, for the message: in words, or from the first to the one after the last.
+            where: Which samples have it, for the message.
 
         Raises:
             InputError: see above; a name that no variable can have; complex numbers and other objects.
         """
         kind = _KINDS.get(_kind(variable.values.dtype), "")
-        known = kind, shape, variable.dims, variable.units, variable.labels
-        if self._forms.get(name) == known:  # as of most samples
-            return
-        where = samples if isinstance(samples, str) else words_of(*samples)
         if not kind:
             told = "expected real numbers, truth values or text"
             raise InputError(f"{name!r:.80} is an array of {variable.values.dtype} in {where}; {told}.")
@@ -429,7 +424,6 @@ class Layout:
             labels = {"labels": variable.labels[dim]} if dim in variable.labels else {}
             self._compare(dim, f"the dimension {dim!r:.80} of {name!r:.80}", {"length": size, **labels}, where)
         self._variables.setdefault(name, variable)
-        self._forms[name] = known
 
     def _compare(self, name: str, what: str, form: dict[str, Any], where: str) -> None:
         known, since = self._known.setdefault(name, (form, where))
@@ -511,7 +505,8 @@ class KeptRows:
             return error
         for name, v in found:
             column, shape = self._columns.get(name), v.values.shape[rows is not None :]
-            self._layout.agree(name, v, shape, (self._start + start, self._start + stop))
+            if column is None or not _alike(v, column, shape):
+                self._layout.agree(name, v, shape, words_of(self._start + start, self._start + stop))
             if column is None:
                 column = self._columns[name] = empty_of(v, shape, self.n)
             column.values[at] = v.values if v.dims or rows else v.values.item()
@@ -535,6 +530,18 @@ class KeptRows:
     def block(self) -> Block:
         """All that was kept; samples that were not put have `Reason.NOT_RUN`."""
         return Block(np.arange(self._start, self._start + self.n), {**self._own, **self._columns})
+
+
+def _alike(v: Variable, column: Variable, shape: tuple[int, ...]) -> bool:
+    """Whether a variable is plainly of the same form; where this is False, a closer look is needed."""
+    one, other = v.values.dtype, column.values.dtype
+    return (
+        (one is other or _kind(one) == _kind(other))
+        and shape == column.values.shape[1:]
+        and v.dims == column.dims
+        and v.units == column.units
+        and (v.labels is column.labels or v.labels == column.labels)
+    )
 
 
 def text_of(error: BaseException) -> str:
