@@ -19,6 +19,7 @@ from rbd.arrays import ABOVE_ZERO, Array, as_array, as_vector3, check_number, is
 from rbd.constraints.contact_points import ContactPoints
 from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.constraints.surface import (
+    HERE,
     UP,
     Counterpart,
     RelativeMotion,
@@ -170,17 +171,17 @@ class Contact(Displayed):
         """
         if type(state) is not State:  # one call less on the hot path
             check_state(state, self.name)
-        k, touched, error = len(self.corners), self._touched, None
-        if k != 2 and touched.still and touched.anchor is None:  # nothing to subtract, as of most contacts
+        k, touched = len(self.corners), self._touched
+        if k != 2 and touched.still:  # nothing to subtract, as of most contacts
             X_WP, J, v, bias = state.moving(self.frame, self.placement, pin.LOCAL if k > 1 else pin.LOCAL_WORLD_ALIGNED)
-            R = X_WP.rotation if k > 1 else self._axes
-            if k == 1 and not self._upright:
-                J, v, bias = R.T @ J[:3], R.T @ v[:3], R.T @ bias[:3]
+            X_WS, R = HERE, X_WP.rotation if k > 1 else self._axes
         else:
             motion = touched.motion(state, self.frame, self.placement)
-            X_WP, R = motion.X_WP, self._axes_at(motion)
-            J, v, bias = motion.in_axes(R)
-            error = None if touched.anchor is None else touched.displacement(motion, R, k)
+            X_WP, X_WS, R = motion.X_WP, motion.X_WS, self._axes_at(motion)
+            J, v, bias = motion.in_axes(R) if k > 1 else (motion.J, motion.v, motion.bias)
+        if k == 1 and not (self._upright and X_WS is HERE):
+            J, v, bias = R.T @ J[:3], R.T @ v[:3], R.T @ bias[:3]
+        error = None if touched.anchor is None else touched.displacement(X_WP, X_WS, R, k)
         if k == 1:
             kept: Any = slice(2, 3) if self.friction == 0.0 else slice(3)
             resultant = R[:, kept]

@@ -109,14 +109,14 @@ class Counterpart:
         bias[3:] -= turn @ v[3:]
         return RelativeMotion(X_WP, X_WS, J, v, bias)
 
-    def displacement(self, motion: RelativeMotion, axes: Array, corners: int) -> Array:
+    def displacement(self, X_WP: pin.SE3, X_WS: pin.SE3, axes: Array, corners: int) -> Array:
         """From the anchor to a contact, in contact axes R_WC: the shift [m], then of an edge or a patch the rotation.
 
         Of an edge the rotation is that of its direction, x0 cross x. It needs an anchor.
         """
         assert self.anchor is not None
-        X_W0 = motion.X_WS * self.anchor
-        shift, turned = axes.T @ (motion.X_WP.translation - X_W0.translation), X_W0.rotation.T @ axes
+        X_W0 = self.anchor if X_WS is HERE else X_WS * self.anchor
+        shift, turned = axes.T @ (X_WP.translation - X_W0.translation), X_W0.rotation.T @ axes
         if corners == 1:
             return shift
         return np.concatenate([shift, pin.log3(turned) if corners > 2 else [0.0, turned[0, 2], -turned[0, 1]]])

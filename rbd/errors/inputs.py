@@ -74,7 +74,7 @@ class DuplicateName(InputError):
         >>> rbd.solve(solo.standing(), np.zeros(12), [*solo.feet(), *solo.feet(friction=None)])
         Traceback (most recent call last):
             ...
-        rbd.errors.DuplicateName: two constraints are named 'front_left'; give each a different name.
+        rbd.errors.DuplicateName: two constraints are named 'front_left'; give each its own name.
     """
 
     reason = Reason.DUPLICATE_NAME
