@@ -1,7 +1,7 @@
 """Blocks of states with a fault put in: their certificate notices, and what is returned is right.
 
-As `tests/test_corrupted_path.py`, for `rbd.solve_many`. The faults are in what Pinocchio is given or gives: blocks have arrays
-of their own for everything after it.
+As `tests/test_corrupted_path.py`, for `rbd.solve_many`. The faults are in what finds the motion that holds the bodies: blocks
+have arrays of their own for everything after it.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ Right = Callable[..., np.ndarray]
 
 def another_configuration(right: Right) -> Right:
     """Q a tenth of a milliradian off in every joint."""
-    return lambda model, data, q, *rest: right(model, data, pin.integrate(model, q, np.full(model.nv, 1e-4)), *rest)
+    return lambda space, q, *rest: right(space, pin.integrate(space._model, q, np.full(space._model.nv, 1e-4)), *rest)
 
 
 def another_velocity(right: Right) -> Right:
     """V one per cent off."""
-    return lambda model, data, q, v, *rest: right(model, data, q, 1.01 * v, *rest)
+    return lambda space, q, v, *rest: right(space, q, 1.01 * v, *rest)
 
 
 def torque_left_out(right: Right) -> Right:
     """The torque of the last motor is lost on the way."""
 
-    def wrong(model, data, q, v, generalised, *rest):
+    def wrong(space, q, v, generalised, *rest):
         less = generalised.copy()
         less[-1] = 0.0
-        return right(model, data, q, v, less, *rest)
+        return right(space, q, v, less, *rest)
 
     return wrong
 
@@ -46,9 +46,9 @@ def torque_left_out(right: Right) -> Right:
 def sign_of_the_forces(right: Right) -> Right:
     """Forces on the surroundings in place of those on the robot."""
 
-    def wrong(model, data, *rest):
-        a = right(model, data, *rest)
-        data.lambda_c = -data.lambda_c
+    def wrong(space, *rest):
+        a = right(space, *rest)
+        space.row_forces *= -1.0
         return a
 
     return wrong
@@ -58,10 +58,9 @@ def motion_of_the_state_before(right: Right) -> Right:
     """A buffer that was not renewed; of the first state it is zero."""
     last = [None]
 
-    def wrong(model, data, *rest):
-        before = np.zeros(model.nv) if last[0] is None else last[0]
-        last[0] = np.array(right(model, data, *rest))
-        return before
+    def wrong(space, *rest):
+        before, last[0] = last[0], right(space, *rest)
+        return np.zeros(len(last[0])) if before is None else before.copy()
 
     return wrong
 
@@ -83,7 +82,7 @@ def test_a_fault_is_noticed_in_every_row(name, kind, fault, monkeypatch):
     case = case_of(name, *KINDS[kind], count=COUNT)
     right = answered(case)
     with monkeypatch.context() as patch:
-        patch.setattr(pin, "constraintDynamics", fault(pin.constraintDynamics))
+        patch.setattr(Workspace, "held", fault(Workspace.held))
         found = answered(case)
     for i in range(COUNT):
         s = found[i]
@@ -100,7 +99,7 @@ def test_the_faults_have_an_effect(name, kind, monkeypatch):
     before = answered(case).method
     for fault in FAULTS[:3]:
         with monkeypatch.context() as patch:
-            patch.setattr(pin, "constraintDynamics", fault(pin.constraintDynamics))
+            patch.setattr(Workspace, "held", fault(Workspace.held))
             after = answered(case).method
         assert kind == "held" or not (np.asarray(before) == np.asarray(after)).any(), fault.__name__
 

@@ -125,37 +125,39 @@ def both_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDynamics) ->
 
 
 def another_site(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
-    """A contact a millimetre off its place and turned by a milliradian, in Pinocchio's model alone."""
-    model = form.bodies.spare[-1].models[0]
-    right = model.joint1_placement.copy()
-    model.joint1_placement = right * pin.SE3(pin.exp3(np.array([1e-3, 0.0, 0.0])), np.array([1e-3, 0.0, 0.0]))
+    """A contact a millimetre off its place and turned by a milliradian, where the rows are made alone."""
+    place = form.bodies.spare[-1].sites[0]
+    off = pin.SE3(place[:9].reshape(3, 3), place[9:]) * pin.SE3(
+        pin.exp3(np.array([1e-3, 0.0, 0.0])), np.array([1e-3, 0.0, 0.0])
+    )
+    place[:] = [*off.rotation.ravel(), *off.translation]
 
 
 def _with_other(patch: pytest.MonkeyPatch, change: Callable) -> None:
-    right = pin.constraintDynamics
-    patch.setattr(pin, "constraintDynamics", lambda model, data, q, v, *rest: right(model, data, *change(model, q, v), *rest))
+    right = Workspace.held
+    patch.setattr(Workspace, "held", lambda space, q, v, *rest: right(space, *change(space._model, q, v), *rest))
 
 
 def another_configuration(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
-    """Pinocchio is given q a tenth of a milliradian off in every joint."""
+    """The rows are those of q a tenth of a milliradian off in every joint."""
     _with_other(patch, lambda model, q, v: (pin.integrate(model, q, np.full(model.nv, 1e-4)), v))
 
 
 def another_velocity(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
-    """Pinocchio is given v one per cent off."""
+    """The motion is that of v one per cent off."""
     _with_other(patch, lambda model, q, v: (q, 1.01 * v))
 
 
 def torques_left_out(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
     """The torque of the last motor is lost on the way."""
-    right = pin.constraintDynamics
+    right = Workspace.held
 
-    def wrong(model, data, q, v, generalised, *rest):
+    def wrong(space, q, v, generalised, *rest):
         less = generalised.copy()
         less[-1] = 0.0
-        return right(model, data, q, v, less, *rest)
+        return right(space, q, v, less, *rest)
 
-    patch.setattr(pin, "constraintDynamics", wrong)
+    patch.setattr(Workspace, "held", wrong)
 
 
 EVERYWHERE: list[Fault] = [

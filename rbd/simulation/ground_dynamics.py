@@ -1,7 +1,7 @@
-"""Time steps on ground at rest by Pinocchio's contact dynamics, without M, J and J_dot v of the whole robot.
+"""Time steps on ground at rest by the few rows of the bodies in contact, not of all their points.
 
-`pin.constraintDynamics` gives the acceleration a_0 that holds the contact bodies still, and the forces F_0 on them. From its
-factors, for any acceleration s of the bodies,
+`rbd.answers.prepared.contact_bodies` gives the acceleration a_0 that holds the bodies still, and the forces F_0 on them. From
+its factors, for any acceleration s of the bodies,
 
     F = F_0 + L s,        a = a_0 + M^-1 J^T L s,        L = (J M^-1 J^T)^-1            J: of the bodies, not of their points
 
@@ -142,6 +142,7 @@ class GroundDynamics:
         self._gaps = gap_map(touching.of, touching.arms, axes[:, :, 2], len(bodies.sites))
         self._velocity, self._forces = touching.turned(axes, touching.spread), touching.turned(axes, touching.shares)
         self._patches = np.flatnonzero([site.size == 6 for site in bodies.sites])
+        self._patch_rows = np.repeat([site.size == 6 for site in bodies.sites], [site.size for site in bodies.sites])
         self._mu, self.at_rest = self.layout.mu, zeros(3 * len(axes))
 
     def __del__(self) -> None:
@@ -220,13 +221,14 @@ class GroundDynamics:
         a = self._workspace.held(q, v, applied, model)
         if a is None or not math.isfinite(a.dot(a)):
             return None
-        X, V = (self._bodies.placements(self._workspace), _NOTHING) if mean is None else self._motion(q, mean + (0.5 * h) * a)
+        X, twists = self._bodies.placements(self._workspace), self._bodies.velocities(self._workspace)
+        V = _NOTHING if mean is None else self._motion(q, mean + (0.5 * h) * a)[1]
         may_stick = shift is None and (mean is not None or u is self.at_rest) and (everything or active.all())
         if may_stick and self._straight(h):
             answer = self._sticking(X, V, a, start, h)
             if answer is not None:
                 return answer
-        return self._by_points(equations, X, V, a, guess, law, shift)
+        return self._by_points(equations, X, V, twists, a, guess, law, shift)
 
     def _sticking(self, X: Array, V: Array, a: Array, start: Array, h: float) -> VelocityAnswer | None:
         """The step if all points stick, by their forces of least norm; None if these are not in their cones.
@@ -238,11 +240,11 @@ class GroundDynamics:
             start: Velocity to which h a is added.
             h: Length of the step [s].
         """
-        kernel, space, change = self._kernel, self._workspace, _NOTHING
+        kernel, space, F = self._kernel, self._workspace, self._workspace.row_forces
         if len(V):
-            kernel.target(V, self._bodies.row_rates, h, space.target)
-            change = space.factors.solve(space.target)
-        inside, impulse, v = kernel.sticking(X, space.row_forces, change, a, start, h, self._mu, *self._forces.parts)
+            more, forces = space.change(kernel.target(V, self._bodies.row_rates, h))
+            a, F = a + more, F + forces
+        inside, impulse, v = kernel.sticking(X, F, a, start, h, self._mu, *self._forces.parts)
         return VelocityAnswer(v, impulse, self.at_rest, 0.0, True) if inside else None
 
     def _by_points(
@@ -250,19 +252,22 @@ class GroundDynamics:
         equations: StepEquations,
         X: Array,
         V: Array,
+        twists: Array,
         a: Array,
         guess: Array,
         law: str,
         shift: Array | None,
     ) -> VelocityAnswer | None:
-        """The velocity problem of the active points, from the factors of the bodies; arguments as of `_sticking`."""
-        state, _, _, _, active, start, h, u, _, mean = equations
-        P, F, L = self._points_of_rows(X), self._workspace.row_forces, self._workspace.mobility()
+        """The velocity problem of the active points, from the factors of the bodies.
+
+        Arguments are as of `_sticking`; `twists` are the bodies' velocities at the state.
+        """
+        _, _, _, _, active, start, h, u, _, mean = equations
+        P, F, L = self._points_of_rows(X), self._workspace.row_forces, self._workspace.mobility
         before, part = (P @ self._bodies.row_rates.dot(V), 0.5) if mean is not None else (u, 1.0)
-        P_L, (_, V) = P @ L, self._motion(state.q, state.v)  # `pin.constraintDynamics` does not write the joints' velocities
-        patches = np.zeros(V.shape)  # the rows of a single point are classical already
-        patches.reshape(-1, 6)[self._patches] = V.reshape(-1, 6)[self._patches]
-        free = before - h * (P_L @ F) + (part * h) * self._centripetal(X, patches)
+        P_L, turning = P @ L, np.zeros(twists.shape)  # rows are of the joints' origins, or of a single point itself
+        turning.reshape(-1, 6)[self._patches, 3:] = twists.reshape(-1, 6)[self._patches, 3:]
+        free = before - h * (P_L @ F) + (part * h) * self._centripetal(X, turning)
         rows = active_rows(self.layout, active, h)
         index, D = rows.index, P_L @ P.T
         try:
@@ -320,8 +325,8 @@ class GroundDynamics:
 
     def _straight(self, h: float) -> bool:
         """Whether bodies that touch at patches turn so slowly that their points' centripetal accelerations are rounding."""
-        rates = self._workspace.site_rates[self._patches]
-        return not len(rates) or bool(np.vdot(rates, rates) * h <= _TURNS)
+        rates = self._workspace.row_rates[self._patch_rows]
+        return bool(rates.dot(rates) * h <= _TURNS)
 
     def _turns_of(self, X: Array) -> Array:
         """Rotations from the joints' axes to those of each point, shape (k, 3, 3)."""
@@ -346,7 +351,7 @@ class GroundDynamics:
         a = space.held(q, v, applied)
         if a is None or not is_finite(a):
             return False
-        L = space.mobility()
+        L = space.mobility
         size = np.sqrt(L.diagonal())
         if not (size > 0.0).all() or rank_of(L / size / size[:, None], INDEPENDENT**2) < bodies.m:
             return False

@@ -110,20 +110,21 @@ def points(X: Array, V: Array, gaps: Array, height: Array, matrix: Array, one: A
 
 
 @compiled
-def target(V: Array, row_rates: Array, h: float, out: Array) -> None:
-    """Accelerations of the bodies' rows that bring them to rest within h, into the beginning of `out`."""
+def target(V: Array, row_rates: Array, h: float) -> Array:
+    """Accelerations of the bodies' rows that bring them to rest within h."""
+    out = np.empty(len(row_rates))
     for r in range(len(row_rates)):
         total = 0.0
         for c in range(len(V)):
             total += row_rates[r, c] * V[c]
         out[r] = -total / h
+    return out
 
 
 @compiled
 def sticking(
     X: Array,
     F: Array,
-    change: Array,
     a: Array,
     start: Array,
     h: float,
@@ -136,9 +137,8 @@ def sticking(
 
     Args:
         X: Placements of the bodies.
-        F: Forces on the bodies that hold them without acceleration.
-        change: What the factors gave for their accelerations: less forces, then accelerations of the robot; or nothing.
-        a: Acceleration without it.
+        F: Forces on the bodies' rows.
+        a: Acceleration.
         start: Velocity to which h a is added.
         h: Length of the step [s].
         mu: Friction coefficients.
@@ -146,17 +146,9 @@ def sticking(
         one: Of the same map.
         other: Of the same map.
     """
-    n = len(F)
-    wrench, v = F.copy(), np.empty(len(a))
-    if len(change):
-        for i in range(n):
-            wrench[i] -= change[i]
-        for i in range(len(a)):
-            v[i] = start[i] + h * (a[i] + change[n + i])
-    else:
-        for i in range(len(a)):
-            v[i] = start[i] + h * a[i]
-    f, inside = _mapped(matrix, X, wrench, one, other), True
+    f, v, inside = _mapped(matrix, X, F, one, other), np.empty(len(a)), True
+    for i in range(len(a)):
+        v[i] = start[i] + h * a[i]
     for i in range(len(mu)):
         if not math.hypot(f[3 * i], f[3 * i + 1]) <= mu[i] * f[3 * i + 2]:
             inside = False

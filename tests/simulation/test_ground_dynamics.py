@@ -14,6 +14,7 @@ from flat_bodies import ball, flat_body, flat_state, floor_point, free_body, fre
 
 import rbd
 from rbd.answers.prepared import contact_bodies
+from rbd.answers.prepared.contact_bodies import Workspace
 from rbd.simulation.ground_dynamics import GroundDynamics
 from rbd.simulation.instant import Instant
 from rbd.simulation.integrators import TimeStepping
@@ -145,7 +146,7 @@ def test_residuals_see_an_answer_that_is_wrong(monkeypatch, name, wrong):
     assert right.answer.least and fast.law_residual(right) < 1e-9
     ground = fast.ground
     assert ground is not None
-    dynamics = pin.constraintDynamics
+    dynamics = Workspace.held
     if wrong == "a sign":
         ground._forces.matrix[::3] *= -1.0
     elif wrong == "a stale force":
@@ -157,18 +158,17 @@ def test_residuals_see_an_answer_that_is_wrong(monkeypatch, name, wrong):
             ground._workspace.row_forces[:] = stale
             return a
 
-        monkeypatch.setattr(pin, "constraintDynamics", forgetful)
+        monkeypatch.setattr(Workspace, "held", forgetful)
     elif wrong == "another configuration":
 
-        def elsewhere(model, data, q, *rest):
-            return dynamics(model, data, pin.integrate(model, q, np.full(model.nv, 1e-4)), *rest)
+        def elsewhere(space, q, *rest):
+            return dynamics(space, pin.integrate(space._model, q, np.full(space._model.nv, 1e-4)), *rest)
 
-        monkeypatch.setattr(pin, "constraintDynamics", elsewhere)
+        monkeypatch.setattr(Workspace, "held", elsewhere)
     elif wrong == "a wrong site":
-        model = ground._workspace.models[0]
-        model.joint1_placement = pin.SE3(np.eye(3), np.array([1e-3, 0.0, 0.0])) * model.joint1_placement
+        ground._workspace.sites[0, 9] += 1e-3
     elif wrong == "another acceleration":
-        monkeypatch.setattr(pin, "constraintDynamics", lambda *given: dynamics(*given) + 1e-4)
+        monkeypatch.setattr(Workspace, "held", lambda *given: dynamics(*given) + 1e-4)
     else:
         ground._forces.matrix[0] *= 1.0 + 1e-3
     assert fast.law_residual(fast.solved(now, H)) > 1e-7

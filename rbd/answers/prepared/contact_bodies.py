@@ -1,7 +1,8 @@
-"""Bodies in contact in Pinocchio's contact dynamics: what holds them still, and what judges their motion.
+"""Bodies in contact: what holds them still, and what judges their motion.
 
-For bodies of full row rank `pin.constraintDynamics` gives the acceleration a_0 that holds them all still and the forces f_0 on
-them, with the factors of the operational-space inertia L = (J M^-1 J^T)^-1. A row acceleration s then costs
+For bodies of full row rank, `rbd.answers.prepared.row_kernel` gives the acceleration a_0 that holds them all still and the
+forces f_0 on them, from Pinocchio's M, h and joint Jacobians, with the factors of the operational-space inertia
+L = (J M^-1 J^T)^-1. A row acceleration s then costs
 
     f = f_0 + L s,        a = a_0 + M^-1 J^T L s
 
@@ -10,12 +11,10 @@ motion takes: less those given, that is the residual of the equations of motion,
 of momentum. It leaves the acceleration of every body, from which the row accelerations follow through constant matrices.
 Neither M, J and J_dot v as arrays, nor the factors that found the answer, take part.
 
-Rows are in Pinocchio's axes: three of a point in world axes, or in its body's; six of a patch in its own. What Pinocchio leaves
+Rows are three of a point in world axes, or in its body's; six of a patch in its own. What Pinocchio leaves
 of the bodies is read as arrays, X of placements (R_WJ by columns, then p_WJ), V of velocities (v, w) and A of accelerations in
 joint axes, one body after the other: of one state, shape (12 or 6 times the bodies,), or of n, with n first. What follows from
 them is one product with a constant matrix, of the entries or of products of two.
-
-Source: [Carpentier2021] for the factors of constrained dynamics.
 """
 
 from __future__ import annotations
@@ -23,24 +22,24 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
+from types import ModuleType
 from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, block_diagonal, cross_matrix, max_abs, rows_from
+from rbd.arrays import Array, block_diagonal, cross_matrix, rows_from
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.cones import Cone
 
 DEPENDENT = 1e-9
 """Pivots of the contact rows below this, over the largest: rows that may be dependent."""
-SETTINGS = (1e-10, 1e-10, 0.0, 1)
-"""Of Pinocchio's proximal iterations: a single one, without regularisation, is exact where rows are independent."""
+_WORLD = pin.Convention.WORLD
+"""Of `pin.crba`: leaves the joints' Jacobians in world axes."""
 STILL = 1e-15
 """Squares of the bodies' velocities up to this leave their centripetal accelerations in the rounding."""
-TURNS = 1e-13
-"""Centripetal accelerations up to this are rounding [m/s2]."""
 MOST, MOST_BODIES = 64, 16
 """Sets of contacts, and of bodies in contact, that are kept with a robot."""
 MOST_SPARE = 2
@@ -85,59 +84,63 @@ class Site:
         """Points of the contact in the joint's axes, shape (k, 3) [m]."""
         return np.ascontiguousarray(corners @ self.X_JC.rotation.T + self.X_JC.translation)
 
-    def pinocchio(self, model: pin.Model) -> pin.RigidConstraintModel:
-        """The contact as Pinocchio has it."""
-        point = self.size == 3
-        kind = pin.ContactType.CONTACT_3D if point else pin.ContactType.CONTACT_6D
-        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED if point and not self.turns else pin.ReferenceFrame.LOCAL
-        return pin.RigidConstraintModel(kind, model, self.joint, self.X_JC, axes)
+
+@cache
+def row_kernel() -> ModuleType:
+    """`rbd.answers.prepared.row_kernel`, imported with the first bodies that need it: it imports Numba."""
+    from rbd.answers.prepared import row_kernel
+
+    return row_kernel
 
 
 class Workspace:
-    """Pinocchio's contact dynamics of bodies, and its memory, of megabytes for a humanoid; views of it follow the data.
+    """The dynamics of bodies in contact at one state, and its memory; views of Pinocchio's data follow them.
 
     Attributes:
-        data: The data.
-        models: What holds the bodies still.
-        contacts: Its data.
-        fixed: The last arguments of `pin.constraintDynamics`.
-        factors: Of the constrained dynamics, as `held` left them.
-        row_forces: Forces on the rows that hold them, a view, as `held` left them, shape (m,).
+        data: Pinocchio's.
+        sites: Poses of the sites on their joints, R by rows, then p, shape (sites, 12).
+        row_forces: Forces on the rows that hold them, as `held` left them, shape (m,).
+        mobility: J M^-1 J^T of the rows, likewise, shape (m, m).
+        row_rates: J v of the rows, likewise, shape (m,).
         forces: Forces at all joints, for `pin.rnea`.
-        target: Where `change` takes row accelerations from, shape (m + nv,): its first m entries are to be written.
         places: Placements of all joints, one after the other, a view: R_Wj by columns, then p_Wj.
         rates: Velocities (v, w) of all joints in their axes, likewise.
         lifts: Their spatial accelerations less that of gravity, as `pin.rnea` leaves them.
         pushes: Forces (f, moment) at all joints, a view of `forces`.
-        site_rates: Velocities (v, w) of the sites in their axes, as `held` left them, shape (sites, 6).
     """
 
     def __init__(self, model: pin.Model, sites: Sequence[Site]) -> None:
-        self._model, self.data, self.models = model, model.createData(), pin.StdVec_RigidConstraintModel()
-        self.contacts = pin.StdVec_RigidConstraintData()
-        for site in sites:
-            self.models.append(site.pinocchio(model))
-            self.contacts.append(self.models[len(self.models) - 1].createData())
-        pin.initConstraintDynamics(model, self.data, self.models, self.contacts)
-        self.fixed = (self.models, self.contacts, pin.ProximalSettings(*SETTINGS))
-        self.factors, self._size = self.data.constraint_chol, sum(site.size for site in sites)
-        self.target, self.forces = np.zeros(self._size + model.nv), pin.StdVec_Force()
+        self._model, self.data, self.forces = model, model.createData(), pin.StdVec_Force()
         for _ in range(model.njoints):
             self.forces.append(pin.Force.Zero())
-        n, data = range(model.njoints), self.data
-        self.row_forces, self._pivots = data.lambda_c, self.factors.D[: self._size]
-        self.places = rows_from([(X.rotation, X.translation) for X in (data.oMi[j] for j in n)], 12).reshape(-1)
-        self.site_rates, rates, lifts, pushes = (
-            rows_from([(x.linear, x.angular) for x in parts], 6)
-            for parts in (
-                [contact.contact1_velocity for contact in self.contacts],
-                [data.v[j] for j in n], [data.a_gf[j] for j in n], [self.forces[j] for j in n],
-            )
-        )  # fmt: skip
-        self.rates, self.lifts, self.pushes = (each.reshape(-1) for each in (rates, lifts, pushes))
+        n, m, joints, data = model.nv, sum(site.size for site in sites), range(model.njoints), self.data
+        self.places = rows_from([(X.rotation, X.translation) for X in (data.oMi[j] for j in joints)], 12).reshape(-1)
+        self.rates, self.lifts, self.pushes = (
+            rows_from([(x.linear, x.angular) for x in (parts[j] for j in joints)], 6).reshape(-1)
+            for parts in (data.v, data.a_gf, self.forces)
+        )
+        starts = np.cumsum([0, *(site.size for site in sites)])
+        kinds = [
+            (site.joint, model.idx_vs[site.joint] + model.nvs[site.joint] - 1, at, site.size, site.size == 3 and not site.turns)
+            for site, at in zip(sites, starts, strict=False)
+        ]
+        self.sites = np.array([[*site.X_JC.rotation.ravel(), *site.X_JC.translation] for site in sites])
+        self._kernel, self._parents = row_kernel(), np.array(data.parents_fromRow, dtype=np.int64)
+        self._space = np.zeros(self._kernel.size_of(n, m))
+        terms = self._kernel.terms_in(self._space, n, m)
+        self.mobility, self.row_rates, self.row_forces = terms.mobility, terms.velocity, np.zeros(m)
+        self._read = (
+            data.M,
+            data.J,
+            data.nle,
+            self.places.reshape(-1, 12),
+            self.rates.reshape(-1, 6),
+            self.lifts.reshape(-1, 6),
+        )
+        self._fixed = (self._parents, np.array(kinds, dtype=np.int64), self.sites, np.array(model.gravity.linear))
 
     def held(self, q: Array, v: Array, generalised: Array, model: pin.Model | None = None) -> Array | None:
-        """Acceleration that gives every row none, of Pinocchio's spatial kind; None if rows may be dependent.
+        """Acceleration a that gives every row none, J a + J_dot v = 0; None if rows may be dependent.
 
         The forces for it are `row_forces`.
 
@@ -147,19 +150,17 @@ class Workspace:
             generalised: S^T tau + tau_ext, shape (nv,).
             model: In place of the robot's, one with other rotor inertias.
         """
-        a = pin.constraintDynamics(self._model if model is None else model, self.data, q, v, generalised, *self.fixed)
-        pivots = self._pivots  # all are negative
-        return a if pivots[pivots.argmax()] < DEPENDENT * pivots[pivots.argmin()] else None
+        model, a = self._model if model is None else model, np.empty(len(v))
+        pin.crba(model, self.data, q, _WORLD)
+        pin.nonLinearEffects(model, self.data, q, v)
+        ratio = self._kernel.row_terms(*self._read, *self._fixed, generalised, self._space, a, self.row_forces)
+        return a if ratio > DEPENDENT else None
 
     def change(self, s: Array) -> tuple[Array, Array]:
         """(M^-1 J^T L s, L s): what row accelerations s, shape (m,), add to the acceleration and to the row forces."""
-        self.target[: self._size] = s
-        change = self.factors.solve(self.target)
-        return change[self._size :], -change[: self._size]
-
-    def mobility(self) -> Array:
-        """L^-1 = J M^-1 J^T, shape (m, m)."""
-        return np.asarray(self.factors.getInverseOperationalSpaceInertiaMatrix())
+        a, f = np.empty(self._model.nv), np.empty(len(s))
+        self._kernel.row_change(s, self._parents, self._space, a, f)
+        return a, f
 
 
 class BilinearMap:
@@ -199,7 +200,6 @@ class ContactBodies:
         joints: Their joints, shape (sites,).
         rows: The rows of each.
         m: Number of rows.
-        entries: Which of the sites' (v, w) are rows, shape (m,).
         row_rates: Velocities of the rows by those (v, w) of the bodies; points in the joint's axes. Shape (m, 6 sites).
         spare: Workspaces that nobody uses.
     """
@@ -209,8 +209,8 @@ class ContactBodies:
         ends, n = np.cumsum([site.size for site in sites]).tolist(), len(sites)
         self.rows, self.m = [slice(end - site.size, end) for end, site in zip(ends, sites, strict=True)], ends[-1]
         self._site_rates = block_diagonal([site.X_JC.toActionMatrixInverse() for site in sites])
-        self.entries = np.concatenate([6 * i + np.arange(site.size) for i, site in enumerate(sites)])
-        self.row_rates, self._per_inertia = self._site_rates[self.entries], 1.0 / robot.least_inertia
+        entries = np.concatenate([6 * i + np.arange(site.size) for i, site in enumerate(sites)])
+        self.row_rates, self._per_inertia = self._site_rates[entries], 1.0 / robot.least_inertia
         gravity = np.zeros((12, 6))
         gravity[:9, :3] = np.kron(np.eye(3), np.reshape(robot.model.gravity.linear, (3, 1)))
         self._fall = block_diagonal([gravity] * n)
@@ -220,10 +220,8 @@ class ContactBodies:
             turning[rows.start : rows.start + 3, 6 * i + 3 : 6 * i + 6, 6 * i : 6 * i + 3] = _CROSS
             if site.size == 3 and not site.turns:
                 turned[rows.start + r, 12 * i + 3 * c + r, rows.start + c] = 1.0
-        #: w x v of the sites' (v, w): classical accelerations of the rows less spatial ones; and of patches alone.
+        #: w x v of the sites' (v, w): classical accelerations of the rows less spatial ones.
         self._turning = BilinearMap(turning)
-        patches = np.repeat([site.size == 6 for site in sites], [site.size for site in sites])
-        self._patch_turning = BilinearMap(turning * patches[:, None, None])
         self._to_world, self._to_joints = BilinearMap(turned), BilinearMap(turned.transpose(2, 1, 0))
         self._unturned, self._turns = 1.0 - turned.any(axis=(1, 2)), bool(turned.any())
         #: Where the bodies are among all joints' placements, and among their velocities.
@@ -271,17 +269,7 @@ class ContactBodies:
             generalised: S^T tau + tau_ext, shape (nv,).
         """
         a = space.held(q, v, generalised)
-        if a is None:
-            return None
-        u, forces = space.site_rates.ravel(), space.row_forces.copy()
-        rates = u[self.entries]
-        if rates.dot(rates) > TURNS:  # |w x v| of patches is at most half of that
-            turning = self._patch_turning(u, u)  # what Pinocchio's spatial acceleration of patches lacks
-            if max_abs(turning) > TURNS:
-                change, more = space.change(-turning)
-                a += change
-                forces += more
-        return a, forces, rates
+        return None if a is None else (a, space.row_forces.copy(), space.row_rates.copy())
 
     def placements(self, space: Workspace) -> Array:
         """X of the bodies, as `held` left it, shape (12 sites,)."""

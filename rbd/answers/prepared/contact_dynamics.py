@@ -198,7 +198,7 @@ class ContactDynamics:
         newton = self._newton if mu is None else self._newton_of(mu)
         if newton is None:
             return None
-        mobility = space.mobility()
+        mobility = space.mobility
         slipping = newton.found(mobility, -mobility.dot(f), w, coulomb=coulomb)
         if not slipping.merit <= FOUND:
             return None
