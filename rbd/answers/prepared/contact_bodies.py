@@ -331,9 +331,10 @@ class ContactBodies:
             V, lifts = self.velocities(space), self.lifts(space)
         else:
             left, V, lifts = np.empty(v.shape), np.empty(wrenches.shape), np.empty(wrenches.shape)
+            six, rates, accelerations = self._six, space.rates, space.lifts
             for i, (q_i, v_i, a_i, wrench) in enumerate(zip(q, v, a, wrenches, strict=True)):
                 left[i] = self.inverse_dynamics(space, q_i, v_i, a_i, wrench)
-                V[i], lifts[i] = self.velocities(space), self.lifts(space)
+                V[i], lifts[i] = rates[six], accelerations[six]
         left -= generalised
         left *= self._per_inertia
         left /= np.maximum(np.abs(a), 1.0)  # M_ii |a_i| is a term of row i
