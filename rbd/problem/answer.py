@@ -256,6 +256,11 @@ CERTIFICATE = (
         "residuals", (), "1", "scaled residual of each equation",
         lambda found: found.residuals.scaled, "residual_{}", "scaled residual: {}", default=False,
     ),
+    Field(
+        "residual_sizes", (), "N, N m, m/s2, N m/s2", "residual of each equation, its largest entry in its unit",
+        lambda found: {name: float(getattr(found.residuals, name)) for name in found.residuals.scaled},
+        "residual_size_{}", "residual: {}", default=False,
+    ),
 )  # fmt: skip
 """Fields of every answer that prove it."""
 ACCELERATION = Field("a", ("velocity",), "{}/s2", "accelerations, by velocity coordinate")
