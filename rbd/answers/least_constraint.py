@@ -64,7 +64,7 @@ def solve(
     method.
 
     Points and patches on still ground, each on a body of its own, are prepared on first use and kept with the robot: their
-    answers come from Pinocchio's contact dynamics ("closed form" where all points stick, else "cones: Newton") and are
+    answers come from the few rows of the bodies in contact ("closed form" where all points stick, else "cones: Newton") and are
     certified by inverse dynamics; `solution.problem` and `solution.residuals` are computed when they are first asked for.
     All other problems, and those whose certificate fails, are solved as above.
 

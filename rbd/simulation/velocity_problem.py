@@ -85,7 +85,7 @@ class StepEquations(NamedTuple):
         state: Where forces are computed, and at which velocity.
         t: Its time [s].
         at: Its points; None where they are measured only if they are needed.
-        by_bodies: Whether Pinocchio's contact dynamics may answer.
+        by_bodies: Whether the rows of the bodies in contact may answer.
         active: Which points are active, shape (k,).
         start: Velocity to which h a is added, shape (nv,).
         h: Length of the (half) step [s].

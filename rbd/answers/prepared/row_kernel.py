@@ -1,6 +1,6 @@
 """Compiled: factors of the inertia, rows of bodies in contact, their mobility, and the motion that holds them, at one state.
 
-    M = L^T L                      L has no fill beyond a dof's ancestors [Featherstone2008, section 6.5]
+    M = L^T L                      L has no fill beyond a dof's ancestors [Featherstone2008] section 6.5
     W = J L^-1,   J M^-1 J^T = W W^T
     c = J M^-1 (generalised - h) + J_dot v       the rows' acceleration without forces on them
     f = -(W W^T)^-1 c,   a = L^-1 (L^-T (generalised - h) + W^T f)        held: J a + J_dot v = 0
