@@ -69,6 +69,15 @@ class TestPoints:
                 found, refused = allowed(sets, c)
                 assert found.size == 1 or refused
 
+    def test_each_direction_has_its_own_zero(self):
+        """The tangents' is what slips, the normal's what sinks or opens."""
+        sets, still = sets_of(FrictionCone(MU)), np.array([1e-6, 1e-6, 1e-3])
+        for c, size in (((0.0, 0.0, 1e-4), 3), ((0.0, 0.0, 1e-2), 1), ((1e-7, 0.0, 1e-4), 3), ((1e-4, 0.0, 1e-4), 1)):
+            found, refused = allowed_forces(sets, sets.accelerations(np.array(c)), still)
+            assert found.size == size and refused == ()
+        assert allowed_forces(sets, np.array([0.0, 0.0, -1e-4]), still)[1] == ()
+        assert len(allowed_forces(sets, np.array([0.0, 0.0, -1e-2]), still)[1]) == 1
+
     def test_one_that_opens_carries_nothing(self):
         """c_n > 0, whatever it does along the ground."""
         for along in (0.0, 3.0):

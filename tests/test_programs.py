@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rbd.problem import programs
-from rbd.problem.programs import Outcome, Work, between, linear_program, nonnegative, within
+from rbd.problem.programs import Outcome, Work, linear_program, nonnegative, within
 
 
 def test_a_linear_program_tells_how_it_ended():
@@ -51,10 +51,10 @@ def test_nonnegative_least_squares_gives_up_at_its_limit(monkeypatch, rng):
 
 
 def test_least_squares_between_bounds_never_leaves_them():
-    """The nearest to (2, -1, 0.5) in a box is the clipped point; what SciPy refuses is clipped, too."""
+    """The nearest to (2, -1, 0.5) in a box is the clipped point; without room it is the bound."""
     one = np.ones(3)
-    assert between(np.eye(3), np.array([2.0, -1.0, 0.5]), 0.0 * one, one) == pytest.approx([1.0, 0.0, 0.5])
-    assert np.array_equal(between(np.eye(3), 2.0 * one, one, one), one)  # no room
+    assert within(np.eye(3), np.array([2.0, -1.0, 0.5]), 0.0 * one, one) == pytest.approx([1.0, 0.0, 0.5])
+    assert np.array_equal(within(np.eye(3), 2.0 * one, one, one), one)  # no room
 
 
 def test_bounded_least_squares_lie_on_the_bounds_that_hold_them(rng):

@@ -222,6 +222,12 @@ def test_torques_that_are_not_found_to_nine_digits_are_told(talos, monkeypatch, 
         assert held.residuals.stationarity < 1e-7 * talos.mass * 9.81
 
 
+def test_forces_that_are_a_little_off_are_balanced(talos, monkeypatch):
+    """An answer to eight digits is moved, where it is inside its bounds, so that the equations of motion hold to rounding."""
+    monkeypatch.setattr(wanted_motion, "solve_conic", off_by(1e-8))
+    assert rbd.hold(talos.standing(), talos.soles(0.7)).residuals.worst < 1e-12
+
+
 def test_possible_torques_do_where_the_least_are_not_found(talos, monkeypatch):
     """The least effort is not found, and any torques that hold are: they do hold, and say what they are not."""
     settled = conic_newton.settled

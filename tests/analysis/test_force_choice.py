@@ -436,8 +436,8 @@ def test_weights_that_are_not_given_are_any_that_make_the_force(noisy):
     assert f == pytest.approx(sticks.multipliers, abs=1e-9) and sticks.problem.force_set.pyramids.G @ w == pytest.approx(
         f, abs=1e-9
     )
-    slips = replace(noisy[9], weights=None)
-    assert noisy[9].status is rbd.problem.Status.SOLVED and slips.status is rbd.problem.Status.FAILED
+    slips = replace(noisy[8], weights=None)
+    assert noisy[8].status is rbd.problem.Status.SOLVED and slips.status is rbd.problem.Status.FAILED
     with pytest.raises(NoSolution):
         slips.with_forces()
 

@@ -203,7 +203,7 @@ def test_a_file_lies_in_a_plane():
 def test_what_is_no_chain_is_refused(chain):
     """Functions that take a chain say what they want."""
     for ask in (dynamics, to_urdf, to_robot, robot_coordinates):
-        with pytest.raises(InputError, match="no chain"):
+        with pytest.raises(InputError, match="the chain is .*; expected a planar one"):
             ask(chain)
 
 

@@ -58,7 +58,7 @@ def test_wrong_pushes_are_refused():
         Push("tip", (0, 1, 0), start=float("nan"), duration=1.0)
     with pytest.raises(rbd.InputError, match="three numbers"):
         Push("tip", (0, 1), start=0.0, duration=1.0)
-    with pytest.raises(rbd.InputError, match="pushes hold 3"):
+    with pytest.raises(rbd.InputError, match="an entry of pushes is 3"):
         Pushes([3])
     with pytest.raises(rbd.InputError, match="expected a list"):
         Pushes("push")

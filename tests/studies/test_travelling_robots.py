@@ -65,8 +65,8 @@ def folder(tmp_path: Path) -> Path:
 
 def forget() -> None:
     """Arrive as in a process that has unpickled nothing yet."""
-    pickling._arrivals._all.clear()
-    pickling._arrivals._last.clear()
+    pickling._here.clear()
+    pickling._last.clear()
 
 
 def arrived_anew(one: object) -> object:
