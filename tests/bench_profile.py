@@ -54,17 +54,18 @@ PARTS = {
 }
 """{beginning of a file's path: part}; the longest beginning counts."""
 FUNCTIONS = {
-    "held": "held bodies: around constraintDynamics",
-    "_centripetal": "held bodies: w x v of soles that move",
-    "speed": "speeds of the contacts, at rest or not",
+    "held": "held bodies: factors, rows and forces",
+    "row_terms": "held bodies: factors, rows and forces",
+    "speeds": "speeds of the contacts, at rest or not",
     "sticking": "law: corner forces of least norm, in their cones?",
-    "mobility": "law: inverse inertia of the bodies from the factors",
-    "inertia": "law: inverse inertia of the bodies from the factors",
-    "moved": "law: change of the acceleration",
-    "stationarity": "certificate: forces onto the bodies, residual of rnea",
-    "_terms": "certificate: forces onto the bodies, residual of rnea",
+    "change": "law: change of the acceleration",
+    "checked": "certificate: forces onto the bodies, residual of rnea",
+    "inverse_dynamics": "certificate: forces onto the bodies, residual of rnea",
+    "wrenches": "certificate: forces onto the bodies, residual of rnea",
     "row_accelerations": "certificate: row accelerations from the bodies'",
-    "touches": "gaps of the contacts",
+    "accelerations": "certificate: row accelerations from the bodies'",
+    "in_row_axes": "certificate: row accelerations from the bodies'",
+    "off_plane": "gaps of the contacts",
 }
 """{function of `rbd/answers/prepared`: part}, before `PARTS`."""
 CALLS, STEPS = 30, 200
