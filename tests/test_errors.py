@@ -6,11 +6,13 @@ import inspect
 import pickle
 import re
 
+import numpy as np
 import pytest
 
 import rbd
 from rbd import errors, testing
 from rbd.errors import InputError, NoSolution, RbdError, RbdWarning, nearest
+from rbd.errors.inputs import check_known
 
 CLASSES = [
     c
@@ -103,3 +105,10 @@ def test_nearest_names_are_few() -> None:
     names = [f"arm_left_{i}_joint" for i in range(9)]
     assert nearest("arm_left_joint", names).count("'") == 8
     assert nearest("arm_left_joint", names, count=2).count("'") == 4
+
+
+@pytest.mark.parametrize("odd", [np.zeros(3), 3, None, ["a"], float("nan")], ids=str)
+def test_a_name_of_another_kind_is_unknown(odd: object):
+    """An array, a number or a list is refused by name, as a word that nothing has."""
+    with pytest.raises(rbd.errors.UnknownName, match="no joint"):
+        check_known("no joint", odd, ["a", "b"])

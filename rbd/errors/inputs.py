@@ -272,7 +272,7 @@ def check_known(what: str, name: object, known: Iterable[str], kind: type[Unknow
         UnknownName: with the nearest names.
     """
     known = list(known)
-    if name not in known:
+    if not (isinstance(name, str) and name in known):
         raise kind(f"{what} {shown(name)}; {nearest(name, known)}.")
 
 
