@@ -136,13 +136,13 @@ def _is_trajectory(path: Path) -> bool:
 
 def _beginning(path: Path) -> bytes:
     """The first bytes of a regular file."""
-    if path.exists() and not path.is_file():
-        raise InputError(f"{str(path)!r:.200} is no file; expected one with a motion.")
     try:
-        with path.open("rb") as file:
-            return file.read(8)
+        if path.is_file() or not path.exists():
+            with path.open("rb") as file:
+                return file.read(8)
     except (OSError, ValueError) as error:
         raise InputError(f"{str(path)!r:.200} cannot be read: {getattr(error, 'strerror', None) or error}.") from error
+    raise InputError(f"{str(path)!r:.200} is no file; expected one with a motion.")
 
 
 def a_motion_path(path: object) -> Path:
