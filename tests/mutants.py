@@ -31,6 +31,7 @@ import hashlib
 import importlib
 import json
 import os
+import re
 import resource
 import select
 import shutil
@@ -58,6 +59,7 @@ BATCHES = (15, 60, 10**6)  # tests run at a time: the quickest need few files co
 BUDGET_SECONDS = 240.0  # of tests per mutant, by the times that were recorded
 MEMORY_LIMIT = 12 << 30
 ENOUGH = 0.95
+KERNELS = "from rbd.kernels import"
 
 # ------------------------------------------------------------------------------------------------- processes of their own
 
@@ -154,8 +156,10 @@ class Watch:
     Under coverage a line is counted for the test that executes it, and for all of the file where a fixture of wider scope does.
     """
 
-    def __init__(self, tell: Tell, *, chosen: dict[str, float] | None = None, file: str = "", cover: Any = None) -> None:
-        self.tell, self.chosen, self.file, self.cover = tell, chosen, file, cover
+    def __init__(
+        self, tell: Tell, *, chosen: dict[str, float] | None = None, file: str = "", cover: Any = None, more: float = 30.0
+    ) -> None:
+        self.tell, self.chosen, self.file, self.cover, self.more = tell, chosen, file, cover, more
         self.seconds, self.failed, self.now = dict[str, float](), list[str](), file
 
     def _count_for(self, name: str) -> None:
@@ -174,7 +178,7 @@ class Watch:
     def pytest_runtest_protocol(self, item: Any) -> Any:
         """Name the test that begins."""
         self.now = item.nodeid
-        self.tell(600.0 if self.chosen is None else 30.0 + 20.0 * self.chosen[self.now], test=self.now)
+        self.tell(600.0 if self.chosen is None else self.more + 20.0 * self.chosen[self.now], test=self.now)
         self._count_for(self.now)
         result = yield
         self._count_for(self.file)
@@ -265,14 +269,40 @@ class Map:
 
     def tests(self, mutant: Mutant) -> dict[str, float]:
         """{test: seconds} that execute the statement (the module, where it is done at import); the quickest in the budget."""
-        lines = self.lines.get(mutant.file, {})
-        names = set[str]().union(*(tests for line, tests in lines.items() if line in mutant.lines or not mutant.lines))
+        names = set[str]()
+        for file, wanted in reached(mutant).items():
+            here = self.lines.get(file, {}).items()
+            names.update(*(tests for line, tests in here if line in wanted or not wanted))
+        if KERNELS in mutant.text:  # thousands: those of the files that name what calls it
+            stems = {Path(file).stem for file in reached(mutant)}
+            files = {name.split("::")[0] for name in names}
+            close = {file for file in files if any(stem in (ROOT / file).read_text(encoding="utf-8") for stem in stems)}
+            names = {name for name in names if name.split("::")[0] in close}
         out, total = dict[str, float](), 0.0
         for name in sorted(names, key=lambda name: (self.seconds[name], name)):
             total += self.seconds[name]
             if total < BUDGET_SECONDS:
                 out[name] = self.seconds[name]
         return out
+
+
+def reached(mutant: Mutant) -> dict[str, Any]:
+    """{module: lines} whose execution reaches the mutant; no lines: all.
+
+    Coverage does not see compiled functions: for a module of those they are the modules that import it, from others.
+    """
+    if KERNELS not in mutant.text:
+        return {mutant.file: mutant.lines}
+    out, kernels = dict[str, Any](), [Path(mutant.file)]
+    while kernels:
+        name = kernels.pop().stem
+        for path in sorted((ROOT / "rbd").glob("**/*.py")):
+            file, text = str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
+            if path.stem != name and file not in out and re.search(rf"import .*\b{name}\b|from rbd\S*\.{name} import", text):
+                out[file] = ()
+                if KERNELS in text:
+                    kernels.append(path)
+    return out
 
 
 # --------------------------------------------------------------------------------------------------------- running the tests
@@ -301,10 +331,12 @@ def attempt(mutant: Mutant, tests: dict[str, float], tell: Tell) -> None:
     name = mutant.file.removesuffix(".py").removesuffix("/__init__").replace("/", ".")
     loader = LOADER.format(text=str(folder / "mutant.txt"), path=str(ROOT / mutant.file), name=name)
     (folder / "sitecustomize.py").write_text(loader, encoding="utf-8")
+    if kernel := KERNELS in mutant.text:  # a caller that was compiled before holds the function as it was
+        os.environ["NUMBA_CACHE_DIR"] = str(folder / "numba")
     exec(loader, {})
     for first, last in zip((0, *BATCHES), BATCHES, strict=False):
         if batch := list(tests)[first:last]:
-            watch = Watch(tell, chosen={name: tests[name] for name in batch})
+            watch = Watch(tell, chosen={name: tests[name] for name in batch}, more=300.0 if kernel else 30.0)
             code = pytest.main(["-x", *QUIET, *dict.fromkeys(name.split("::")[0] for name in batch)], plugins=[watch])
             if code and not watch.failed:
                 tell(60.0, failed="the import")

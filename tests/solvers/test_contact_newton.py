@@ -182,15 +182,16 @@ def test_two_soles_obey_the_law(coulomb, rng):
 def test_soles_with_many_points(coulomb, rng):
     """Two oval soles of 16 points, few of them taken into account at first: the law holds at all, or the merit says no."""
     P, mu = soles(ring(16), ring(16)), np.full(32, 0.6)
-    newton, solved = ContactNewton(P, mu), 0
+    newton, solved, steps = ContactNewton(P, mu), 0, []
     for _ in range(40):
         D, c, start = drawn(rng, P)
         found = newton.forces(D, c, start, coulomb=coulomb)
+        steps.append(found.steps)
         if not found.merit < FOUND:
             continue
         solved += 1
         assert law_missed(D, c, P, mu, found, coulomb=coulomb) < 1e-9
-    assert solved >= 36
+    assert solved >= 36 and np.median(steps) <= 26  # about 32 where all points are taken at once, compliant ones first
 
 
 def test_families_of_motions_are_those_of_the_points_themselves(rng):
