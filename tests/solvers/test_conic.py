@@ -304,3 +304,16 @@ def test_where_both_methods_are_cut_short_nothing_is_claimed(monkeypatch: pytest
     monkeypatch.setattr(conic_newton, "newton_steps", lambda *_: None)
     found = solve_conic(program)
     assert found.outcome is Outcome.NOT_FOUND and found.certificate is None
+
+
+def test_multipliers_are_of_the_rows_that_hold():
+    """The nearest to (3, 0) with x <= 1 is (1, 0): a parallel row that is far from its bound has none."""
+    rows = np.array([[1.0, 0.0], [2.0, 0.0], [0.0, 1.0]])
+    program = Conic.of(
+        {"x": Unknowns(2, 1.0, np.array([-3.0, 0.0]))},
+        between=[({"x": rows}, np.array([-50.0, -50.0, -2.0]), np.array([1.0, 50.0, 2.0]))],
+    )
+    _, z = conic_newton._multipliers(program, np.array([1.0, 0.0]))
+    assert z == pytest.approx([-2.0, 0.0, 0.0], abs=1e-12)
+    found = solve_conic(program)
+    assert found.x == pytest.approx([1.0, 0.0], abs=1e-12) and found.z == pytest.approx([-2.0, 0.0, 0.0], abs=1e-12)

@@ -448,3 +448,13 @@ def _without_model_warnings() -> Iterator[None]:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         yield
+
+
+def test_what_became_of_all_samples_is_counted():
+    """Of none, some, and all that have a result."""
+    solved, none, not_run = Reason.NONE.code, Reason.CONTACT_MOVES_SLIDES.code, Reason.NOT_RUN.code
+    assert stores.outcome_of(np.array([none, none])) == {"summary": f"2 samples: 0 ok; 2 {Reason.of_code(none)}"}
+    assert stores.outcome_of(np.array([solved])) == {"summary": "1 sample: 1 ok"}
+    assert stores.outcome_of(np.array([solved, not_run, not_run])) == {
+        "summary": "3 samples: 1 ok; 2 not run", "interrupted": "1 of 3 samples are done",
+    }  # fmt: skip
