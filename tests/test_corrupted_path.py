@@ -88,40 +88,47 @@ def _after(patch: pytest.MonkeyPatch, owner: object, name: str, change: Callable
 
 def sign_of_the_forces(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
     """Forces on the surroundings in place of those on the robot."""
-    _after(patch, form.bodies, "held", lambda found, *_: (found[0], -found[1], found[2]))
+
+    def wrong(a, space, *_):
+        space.row_forces *= -1.0
+        return a
+
+    _after(patch, Workspace, "held", wrong)
 
 
 def forces_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
     """A buffer that was not renewed."""
     last = [np.zeros(form.bodies.m)]
 
-    def stale(found, *_):
-        last.append(found[1].copy())
-        return found[0], last[-2], found[2]
+    def stale(a, space, *_):
+        last.append(space.row_forces.copy())
+        space.row_forces[:] = last[-2]
+        return a
 
-    _after(patch, form.bodies, "held", stale)
+    _after(patch, Workspace, "held", stale)
 
 
 def acceleration_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
     """The other buffer that was not renewed."""
     last = [np.zeros(form.bodies.robot.nv)]
 
-    def stale(found, *_):
-        last.append(found[0].copy())
-        return last[-2].copy(), found[1], found[2]
+    def stale(a, *_):
+        last.append(a.copy())
+        return last[-2].copy()
 
-    _after(patch, form.bodies, "held", stale)
+    _after(patch, Workspace, "held", stale)
 
 
 def both_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
     """The whole answer to another state, right in itself."""
     last = [(np.zeros(form.bodies.robot.nv), np.zeros(form.bodies.m))]
 
-    def stale(found, *_):
-        last.append((found[0].copy(), found[1].copy()))
-        return *last[-2], found[2]
+    def stale(a, space, *_):
+        last.append((a.copy(), space.row_forces.copy()))
+        space.row_forces[:] = last[-2][1]
+        return last[-2][0].copy()
 
-    _after(patch, form.bodies, "held", stale)
+    _after(patch, Workspace, "held", stale)
 
 
 def another_site(patch: pytest.MonkeyPatch, form: ContactDynamics) -> None:
@@ -177,9 +184,9 @@ def weights_of_the_call_before(patch: pytest.MonkeyPatch, form: ContactDynamics)
     last = [np.zeros(form.force_set.size)]
 
     def stale(found, *_):
-        w, inside = found
-        last.append(w.copy() if inside else last[-1])
-        return (last[-2] if inside else w), inside
+        w, forces = found
+        last.append(w.copy() if forces is not None else last[-1])
+        return (w, None) if forces is None else (last[-2], form.G @ last[-2])
 
     _after(patch, form, "sticking", stale)
 

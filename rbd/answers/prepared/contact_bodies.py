@@ -259,18 +259,6 @@ class ContactBodies:
         finally:
             self.put_back(space)
 
-    def held(self, space: Workspace, q: Array, v: Array, generalised: Array) -> tuple[Array, Array, Array] | None:
-        """(a, row forces) that hold the bodies, J a + J_dot v = 0, and J v; None if the rows may be dependent.
-
-        Args:
-            space: Used, and left with what it found.
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
-            generalised: S^T tau + tau_ext, shape (nv,).
-        """
-        a = space.held(q, v, generalised)
-        return None if a is None else (a, space.row_forces.copy(), space.row_rates.copy())
-
     def placements(self, space: Workspace) -> Array:
         """X of the bodies, as `held` left it, shape (12 sites,)."""
         return space.places[self._twelve]
@@ -335,9 +323,8 @@ class ContactBodies:
             for i, (q_i, v_i, a_i, wrench) in enumerate(zip(q, v, a, wrenches, strict=True)):
                 left[i] = self.inverse_dynamics(space, q_i, v_i, a_i, wrench)
                 V[i], lifts[i] = rates[six], accelerations[six]
-        left -= generalised
-        left *= self._per_inertia
-        left /= np.maximum(np.abs(a), 1.0)  # M_ii |a_i| is a term of row i
+        given = (left, generalised, a) if q.ndim > 1 else (left[None], generalised[None], a[None])
+        row_kernel().unbalanced(*given, self._per_inertia)
         return left, self.row_accelerations(V, self.accelerations(X, lifts))
 
     def inverse_dynamics(self, space: Workspace, q: Array, v: Array, a: Array, wrenches: Array) -> Array:

@@ -16,7 +16,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rbd.answers.prepared.contact_bodies import MOST, ContactBodies, Site, Workspace, covered, gap_map, keep, rotations
+from rbd.answers.prepared.contact_bodies import (
+    MOST,
+    ContactBodies,
+    Site,
+    Workspace,
+    covered,
+    gap_map,
+    keep,
+    rotations,
+    row_kernel,
+)
 from rbd.arrays import Array, each_times, max_abs
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
@@ -107,13 +117,13 @@ class ContactDynamics:
         self.bilateral = T.bilateral
         turns = [(contact.turned, rows) for contact, rows in zip(contacts, bodies.rows, strict=True)]
         self._turns = [(turn, rows) for turn, rows in turns if turn is not None]
-        self.G, self._least_norm = T.G, _pseudo_inverse(T)
+        self.G, self._least_norm = np.ascontiguousarray(T.G), _pseudo_inverse(T)
         if self._turns:
             self.G = T.G.copy()
             for turn, rows in self._turns:
                 self.G[rows] = turn @ self.G[rows]
-            self._least_norm = np.linalg.pinv(self.G)
-        self._pull, self._cones = np.ascontiguousarray(self.G.T), np.ascontiguousarray(T.cone_columns.T)
+            self._least_norm = np.ascontiguousarray(np.linalg.pinv(self.G))
+        self._pull, self._cones = np.ascontiguousarray(self.G.T), np.ascontiguousarray(T.cone_columns)
         self._frictional = np.array([contact.friction is not None for contact in contacts])
         self._newton = ContactNewton(self.G, T.mu) if T.only_cones else None
         self._newtons: dict[bytes, ContactNewton] = {}
@@ -128,14 +138,19 @@ class ContactDynamics:
         """Largest distance of a corner from the plane on which it stands, where that is known, shape (...,) [m]."""
         if not len(self._heights):
             return np.zeros(X.shape[:-1])
-        return np.asarray(np.abs(X @ self._gaps.T - self._heights).max(axis=-1))
+        gaps = X @ self._gaps.T - self._heights
+        return np.asarray(max_abs(gaps) if X.ndim == 1 else np.abs(gaps).max(axis=-1))
 
-    def sticking(self, forces: Array, mu: Array | None = None) -> tuple[Array, bool]:
-        """(weights of minimum norm of row forces, whether they are in their cones, of the points' friction or another)."""
-        w = self._least_norm.dot(forces)
-        x, y, n = w.take(self._cones)
-        room = (self.force_set.mu if mu is None else mu) * n - np.hypot(x, y)
-        return w, bool(room[room.argmin()] >= 0.0)
+    def sticking(self, forces: Array, mu: Array | None = None) -> tuple[Array, Array | None]:
+        """Weights of minimum norm of row forces, and their own row forces; None where they are not in their cones.
+
+        Args:
+            forces: Row forces, shape (m,).
+            mu: Friction of the points; None: the contacts' own.
+        """
+        w, out = np.empty(self.force_set.size), np.empty(len(forces))
+        mu = self.force_set.mu if mu is None else mu
+        return w, out if row_kernel().sticking(self._least_norm, forces, self.G, self._cones, mu, w, out) else None
 
     def answer(
         self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, within: float
@@ -150,13 +165,16 @@ class ContactDynamics:
             rest_speed: If a frictional contact moves faster, the general way is taken [m/s, rad/s].
             within: If a corner is farther off its plane, the general way is taken [m].
         """
-        with self.bodies.workspace() as space:
+        space = self.bodies.taken()
+        try:
             found = self._found(space, q, v, generalised, coulomb=coulomb, rest_speed=rest_speed)
             X = self.bodies.placements(space)
             if found is None or not self.off_plane(X) <= within:
                 return None
             a, f, w, method, steps, _, moving = found
             left, c = self.bodies.checked(space, q, v, generalised, a, f, X)
+        finally:
+            self.bodies.put_back(space)
         if w is None or method == METHODS[0]:
             law = 10.0 * max_abs(c)
         else:
@@ -180,21 +198,20 @@ class ContactDynamics:
         mu: Array | None = None,
     ) -> FoundForces | None:
         """What obeys the law at one state, not yet certified, forces in the axes of the bodies; None where nothing is known."""
-        held = self.bodies.held(space, q, v, generalised)
-        if held is None:
+        a, rates, moving = space.held(q, v, generalised), space.row_rates, ()
+        if a is None:
             return None
-        a, f, rates = held
-        moving: tuple[tuple[int, float], ...] = ()
         if rates.dot(rates) > rest_speed * rest_speed:
             fast = [(i, speed) for i, speed in enumerate(self.bodies.speeds(rates).tolist()) if speed > rest_speed]
             if any(self._frictional[i] for i, _ in fast):
                 return None
             moving = tuple(fast)
+        f = space.row_forces
         if self.bilateral:
-            return FoundForces(a, f, None, METHODS[0], moving=moving)
+            return FoundForces(a, f.copy(), None, METHODS[0], moving=moving)
         w, sticks = self.sticking(f, mu)
-        if sticks:
-            return FoundForces(a, self.G.dot(w), w, METHODS[0], moving=moving)
+        if sticks is not None:
+            return FoundForces(a, sticks, w, METHODS[0], moving=moving)
         newton = self._newton if mu is None else self._newton_of(mu)
         if newton is None:
             return None

@@ -1,9 +1,9 @@
 """Compiled: factors of the inertia, rows of bodies in contact, their mobility, and the motion that holds them, at one state.
 
     M = L^T L                      L has no fill beyond a dof's ancestors [Featherstone2008] section 6.5
-    W = J L^-1,   J M^-1 J^T = W W^T
+    W = L^-T J^T,   J M^-1 J^T = W^T W
     c = J M^-1 (generalised - h) + J_dot v       the rows' acceleration without forces on them
-    f = -(W W^T)^-1 c,   a = L^-1 (L^-T (generalised - h) + W^T f)        held: J a + J_dot v = 0
+    f = -(W^T W)^-1 c,   a = L^-1 (L^-T (generalised - h) + W f)          held: J a + J_dot v = 0
 
 J and J_dot v come from Pinocchio's world Jacobians and from the bodies' spatial accelerations at a = 0.
 """
@@ -27,7 +27,7 @@ class Terms(NamedTuple):
 
     Attributes:
         L: The factor, shape (n, n), its entries at a dof's ancestors.
-        W: J L^-1, shape (m, n).
+        W: L^-T J^T, shape (n, m).
         mobility: J M^-1 J^T, shape (m, m).
         C: Its lower Cholesky factor, shape (m, m).
         free: Accelerations of the rows without forces on them, shape (m,).
@@ -57,7 +57,7 @@ def terms_in(space: Array, n: int, m: int) -> Terms:
     c = b + m * m
     d = c + m * m
     return Terms(
-        space[:a].reshape((n, n)), space[a:b].reshape((m, n)), space[b:c].reshape((m, m)), space[c:d].reshape((m, m)),
+        space[:a].reshape((n, n)), space[a:b].reshape((n, m)), space[b:c].reshape((m, m)), space[c:d].reshape((m, m)),
         space[d : d + m], space[d + m : d + 2 * m], space[d + 2 * m : d + 2 * m + n],
     )  # fmt: skip
 
@@ -90,7 +90,7 @@ def factor(M: Array, parent: Array, L: Array) -> None:
 def body_rows(
     site: Array, place: Array, X: Array, twist: Array, rate: Array, fall: Array, J: Array, parent: Array, terms: Terms
 ) -> None:
-    """J, J_dot v and J v of a site's rows, into W, `free` and `velocity`.
+    """J^T, J_dot v and J v of a site's rows, into W, `free` and `velocity`.
 
     Args:
         site: Its integers.
@@ -133,31 +133,30 @@ def body_rows(
     px = X[9] + X[0] * r[0] + X[3] * r[1] + X[6] * r[2]
     py = X[10] + X[1] * r[0] + X[4] * r[1] + X[7] * r[2]
     pz = X[11] + X[2] * r[0] + X[5] * r[1] + X[8] * r[2]
-    terms.W[at : at + size] = 0.0
     i = site[LAST]
     while i >= 0:
         wx, wy, wz = J[3, i], J[4, i], J[5, i]
         vx, vy, vz = J[0, i] + wy * pz - wz * py, J[1, i] + wz * px - wx * pz, J[2, i] + wx * py - wy * px
         for j in range(3):
-            terms.W[at + j, i] = axes[0, j] * vx + axes[1, j] * vy + axes[2, j] * vz
+            terms.W[i, at + j] = axes[0, j] * vx + axes[1, j] * vy + axes[2, j] * vz
             if size == 6:
-                terms.W[at + 3 + j, i] = axes[0, j] * wx + axes[1, j] * wy + axes[2, j] * wz
+                terms.W[i, at + 3 + j] = axes[0, j] * wx + axes[1, j] * wy + axes[2, j] * wz
         i = parent[i]
 
 
 @compiled
 def _divided(site: Array, L: Array, parent: Array, W: Array) -> None:
-    """W L^-1 of a site's rows, in place."""
+    """L^-T W of a site's columns, in place."""
     at, size, i = site[ROW], site[SIZE], site[LAST]
     while i >= 0:
         inverse = 1.0 / L[i, i]
         for r in range(at, at + size):
-            W[r, i] *= inverse
+            W[i, r] *= inverse
         p = parent[i]
         while p >= 0:
             x = L[i, p]
             for r in range(at, at + size):
-                W[r, p] -= x * W[r, i]
+                W[p, r] -= x * W[i, r]
             p = parent[p]
         i = parent[i]
 
@@ -199,12 +198,12 @@ def _rows_solved(C: Array, x: Array) -> None:
 
 @compiled
 def _accelerated(terms: Terms, z: Array, parent: Array, f: Array, a: Array) -> None:
-    """A = L^-1 (z + W^T f)."""
+    """Write a, L^-1 (z + W f)."""
     L, W = terms.L, terms.W
     for i in range(len(a)):
         x = z[i]
         for r in range(len(f)):
-            x += W[r, i] * f[r]
+            x += W[i, r] * f[r]
         p = parent[i]
         while p >= 0:
             x -= L[i, p] * a[p]
@@ -241,6 +240,7 @@ def row_terms(
     terms = terms_in(space, n, m)
     L, W, z = terms.L, terms.W, terms.z
     factor(M, parent, L)
+    W[:] = 0.0
     for i in range(n):
         z[i] = generalised[i] - h[i]
     for i in range(n - 1, -1, -1):
@@ -253,16 +253,15 @@ def row_terms(
         joint = sites[k, JOINT]
         body_rows(sites[k], places[k], X[joint], twists[joint], rates[joint], fall, J, parent, terms)
         _divided(sites[k], L, parent, W)
-    for r in range(m):
-        x = terms.free[r]
-        for i in range(n):
-            x += W[r, i] * z[i]
-        terms.free[r] = x
-        for s in range(r + 1):
-            x = 0.0
-            for i in range(n):
-                x += W[r, i] * W[s, i]
-            terms.mobility[r, s] = terms.mobility[s, r] = x
+    A, c = terms.mobility, terms.free
+    A[:] = 0.0
+    for i in range(n):
+        for r in range(m):
+            x = W[i, r]
+            if x != 0.0:
+                c[r] += x * z[i]
+                for s in range(m):
+                    A[r, s] += x * W[i, s]
     ratio = _cholesky(terms.mobility, terms.C)
     if ratio > 0.0:
         for r in range(m):
@@ -270,6 +269,43 @@ def row_terms(
         _rows_solved(terms.C, f)
         _accelerated(terms, z, parent, f, a)
     return ratio
+
+
+@compiled
+def sticking(share: Array, f: Array, G: Array, cones: Array, mu: Array, w: Array, out: Array) -> bool:
+    """Write weights of least norm, w = `share` f, and their forces, G w; whether all are in their cones.
+
+    Args:
+        share: Shape (p, m).
+        f: Forces on the rows, shape (m,).
+        G: Forces of unit weights, shape (m, p).
+        cones: Columns (tangent, tangent, normal) of each cone, shape (k, 3).
+        mu: Their coefficients, shape (k,).
+        w: Written.
+        out: Written.
+    """
+    for i in range(len(w)):
+        x = 0.0
+        for r in range(len(f)):
+            x += share[i, r] * f[r]
+        w[i] = x
+    for i in range(len(mu)):
+        if not math.hypot(w[cones[i, 0]], w[cones[i, 1]]) <= mu[i] * w[cones[i, 2]]:
+            return False
+    for r in range(len(f)):
+        x = 0.0
+        for i in range(len(w)):
+            x += G[r, i] * w[i]
+        out[r] = x
+    return True
+
+
+@compiled
+def unbalanced(left: Array, generalised: Array, a: Array, per_inertia: Array) -> None:
+    """Of n states, (left - generalised) over lower bounds of its scales, M_ii max(|a_i|, 1), in `left`."""
+    for s in range(len(left)):
+        for i in range(left.shape[1]):
+            left[s, i] = (left[s, i] - generalised[s, i]) * per_inertia[i] / max(abs(a[s, i]), 1.0)
 
 
 @compiled
