@@ -47,6 +47,9 @@ def test_the_file_of_numbers_agrees_with_the_library(tmp_path):
     solution = rbd.solve(state, tau, feet, external=[rbd.ExternalForce("torso_2_link", (0.0, 80.0, 0.0))])
     found = data["solution"]
     assert (found["status"], found["law"], found["method"]) == ("solved", "coulomb", "closed form")
+    assert (data["solver"], data["rows"], data["rank"]) == (solution.solver, 12, 12)
+    assert data["effort_limit"] == dict(zip(robot.actuated_names, robot.effort_limit.tolist(), strict=True))
+    assert all(0.0 <= found["residual_sizes"][name] < 1e-9 for name in solution.residuals.scaled)
     # rounding differs with the arrays' places in memory
     assert np.abs(np.array(list(found["a"].values())) - solution.a).max() < 1e-9
     assert np.abs(np.array(list(data["held"]["tau"].values())) - tau).max() < 1e-9

@@ -49,6 +49,9 @@ def test_a_pushed_robot_is_told_from_push_to_proof(tmp_path):
     assert end["energy_change"] == trajectory.energy[-1] - trajectory.energy[0]
     assert end["motor_work"] == trajectory.motor_work[-1] != 0.0 and "work of the motors" in out
     assert all(c["mode"] == "sticks" for c in data["constraints"].values())
+    for c in data["constraints"].values():
+        assert c["largest"] >= 0.999 * np.linalg.norm(c["force"]) and 0.0 <= c["largest_at"] <= data["motion"]["duration"]
+    assert data["residuals_at"].keys() == data["residuals"].keys() and data["largest_kinetic"] >= 0.0 == data["elastic"]
     weight = sum(c["force"][2] for c in data["constraints"].values())
     assert weight == pytest.approx(trajectory.robot.mass * 9.81, rel=0.05)
 

@@ -164,6 +164,11 @@ class StandReport:
         Field("braced", (), "", "whether these act"),
         Field("held", (), "", "the torques that act"),
         Field("solution", (), "", "motion and forces under them and the push"),
+        Field("solver", (), "", "what found it", lambda found: found.solution.solver),
+        Field("rows", (), "1", "rows of the constraints", lambda found: found.solution.problem.m),
+        Field("rank", (), "1", "how many of them are independent", lambda found: found.solution.rank),
+        Field("effort_limit", ("motor",), "{}", "limits of the motors", lambda found: dict(
+            zip(found.held.state.robot.actuated_names, found.held.state.robot.effort_limit.tolist(), strict=True))),
         Field("contacts", (), "", "each contact's force", lambda found: found.solution.contacts),
         Field("com", ("axis",), "m", "centre of mass in W", lambda found: found.held.state.com),
         Field("com_acceleration", ("axis",), "m/s2", "its acceleration", lambda found: found.com_acceleration[0]),
@@ -171,7 +176,7 @@ class StandReport:
         Field("a_free", ("velocity",), "{}/s2", "accelerations without constraints", lambda found: found.solution.a_free),
         Field("gauss_shares", (), "N m/s2", "share of each constraint", lambda found: found.solution.gauss.shares),
         Field("seconds", (), "s", "how long each part took"),
-    )
+    )  # fmt: skip
 
     @property
     def com_acceleration(self) -> tuple[Array, Array]:

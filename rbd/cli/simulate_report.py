@@ -70,20 +70,31 @@ class SimulateReport:
         Field("reason_code", (), "", "the same as a code", lambda found: found.trajectory.end_reason.code),
         Field("motion", (), "", "its end, its extremes and its certificate", lambda found: found.trajectory),
         Field("largest_kinetic", (), "J", "largest kinetic energy", lambda found: found.trajectory.kinetic.max()),
+        Field("elastic", (), "J", "elastic energy at the end", lambda found: found.trajectory.elastic[-1]),
+        Field("dissipated", (), "J", "energy lost", lambda found: found.trajectory.dissipated[-1]),
         Field(
             "residuals", (), "", "the largest of each",
             lambda found: {name: np.abs(r).max() for name, r in found.trajectory.residuals.items()},
         ),
-        Field("constraints", (), "", "mode and force of each at the end"),
+        Field(
+            "residuals_at", (), "s", "when it was",
+            lambda found: {name: found.trajectory.t[np.abs(r).argmax()] for name, r in found.trajectory.residuals.items()},
+        ),
+        Field("constraints", (), "", "mode and force of each at the end, and its largest force and when that was"),
         Field("events", (), "", "beginnings and ends of contact", lambda found: found.trajectory.events),
         Field("seconds", (), "s", "how long each part took"),
     )  # fmt: skip
 
     @property
     def constraints(self) -> dict[str, dict[str, Any]]:
-        """{constraint: its mode and its force at the end}."""
-        x = self.trajectory
-        return {name: {"mode": str(x.modes[name][-1]), "force": force[-1]} for name, force in x.forces.items()}
+        """{constraint: its mode and its force at the end, the largest size of its force [N or N m] and when that was [s]}."""
+        x, out = self.trajectory, {}
+        for name, force in x.forces.items():
+            size = np.linalg.norm(force[:, :3], axis=1)
+            most = int(size.argmax())
+            largest = {"largest": size[most], "largest_at": x.t[most]}
+            out[name] = {"mode": str(x.modes[name][-1]), "force": force[-1], **largest}
+        return out
 
     @property
     def steps(self) -> int:
