@@ -198,9 +198,10 @@ class ContactDynamics:
         mu: Array | None = None,
     ) -> FoundForces | None:
         """What obeys the law at one state, not yet certified, forces in the axes of the bodies; None where nothing is known."""
-        a, rates, moving = space.held(q, v, generalised), space.row_rates, ()
+        a, rates = space.held(q, v, generalised), space.row_rates
         if a is None:
             return None
+        moving: tuple[tuple[int, float], ...] = ()
         if rates.dot(rates) > rest_speed * rest_speed:
             fast = [(i, speed) for i, speed in enumerate(self.bodies.speeds(rates).tolist()) if speed > rest_speed]
             if any(self._frictional[i] for i, _ in fast):
