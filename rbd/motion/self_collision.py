@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import combinations
 from typing import Any
@@ -11,7 +11,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, each_times
 from rbd.constraints.convex.convex_shapes import ConvexShape
 from rbd.displayed import Displayed
 from rbd.model.checked_model import CheckedModel
@@ -58,27 +58,38 @@ def self_collisions(robot: CheckedModel, q: Array, R: Array, p: Array) -> SelfCo
         near = np.flatnonzero(np.linalg.norm(centres[i] - centres[j], axis=1) < one.reach + other.reach)
         if not len(near):
             continue
-        if len(_overlaps(one, other, *rest, range(len(rest[0])))):
+        if len(_overlaps(one, other, *rest, np.arange(len(rest[0])))):
             skipped.append((one.name, other.name))
             continue
-        hits = _overlaps(one, other, R, p, near.tolist())
+        hits = _overlaps(one, other, R, p, near)
         if len(hits):
             found[link, second] = np.union1d(found.get((link, second), hits), hits)
             inside[hits] = True
     return SelfCollisions(inside, found, tuple(skipped))
 
 
-def _overlaps(one: ConvexShape, other: ConvexShape, R: Array, p: Array, frames: Iterable[int]) -> Array:
-    """Those of some frames in which two shapes are inside each other by more than `DEEP_M`."""
-    request, result = coal.DistanceRequest(), coal.DistanceResult()
+def _overlaps(one: ConvexShape, other: ConvexShape, R: Array, p: Array, frames: Array) -> Array:
+    """Those of some frames in which two shapes are inside each other by more than `DEEP_M`.
 
-    def gap(f: int) -> float:
+    Frames before which they have not moved so far as they were apart are not measured.
+    """
+    request, result = coal.DistanceRequest(), coal.DistanceResult()
+    back = R[frames, one.joint].swapaxes(1, 2)
+    turned = np.matmul(back, R[frames, other.joint])
+    centre = np.matmul(turned, other.centre) + each_times(back, p[frames, other.joint] - p[frames, one.joint])
+    hits, gap, last = list[int](), -np.inf, 0
+    for i, f in enumerate(frames.tolist()):
+        # the Frobenius norm is at least the largest motion of a unit vector
+        moved = np.linalg.norm(centre[i] - centre[last]) + np.linalg.norm(turned[i] - turned[last]) * other.reach
+        if gap > moved:
+            continue
         X, Y = (pin.SE3(R[f, s.joint], p[f, s.joint]) * s.X_JC for s in (one, other))
         places = (coal.Transform3s(Z.rotation, Z.translation) for Z in (X, Y))
         result.clear()
-        return float(coal.distance(one.coal, next(places), other.coal, next(places), request, result))
-
-    return np.array([f for f in frames if gap(f) < -DEEP_M], int)
+        gap, last = float(coal.distance(one.coal, next(places), other.coal, next(places), request, result)) + DEEP_M, i
+        if gap < 0.0:
+            hits.append(f)
+    return np.array(hits, int)
 
 
 def _pairs(robot: CheckedModel, shapes: Sequence[tuple[int, str, ConvexShape]]) -> list[tuple[int, int]]:
