@@ -341,11 +341,13 @@ def test_a_live_viewer_is_told_what_changes(scene, standing):
             text = answer.read().decode()
         address = json.loads(re.search(r'stage\.connect\((".*?")\)', text)[1])
         socket = await websocket_connect(HTTPRequest(address, headers={"Origin": scene.url.rstrip("/")}))
+        stream = socket.protocol.stream
         scene.show(standing)
         told = []
         while not (told and isinstance(told[-1], str) and '"legend"' in told[-1]):
             told.append(await asyncio.wait_for(socket.read_message(), 10))
         socket.close()
+        stream.close()  # the loop ends before the server answers
         return told
 
     told = asyncio.run(watch())

@@ -9,8 +9,8 @@ import json
 import re
 import socket
 import urllib.request
-from collections.abc import Iterator
-from contextlib import suppress
+from collections.abc import AsyncIterator, Iterator
+from contextlib import asynccontextmanager, suppress
 
 import pytest
 from tornado.httpclient import HTTPRequest
@@ -68,10 +68,17 @@ def upgraded(connection: socket.socket, address: str, after: str, **headers: str
     return int(connection.recv(12).split()[1])
 
 
-async def ours(port: int, *, after: int = 0) -> WebSocketClientConnection:
-    """A socket as our own page opens it."""
+@asynccontextmanager
+async def ours(port: int, *, after: int = 0) -> AsyncIterator[WebSocketClientConnection]:
+    """A socket as our own page opens it, closed at the end without waiting for the server's answer."""
     address = f"ws://127.0.0.1:{port}/changes?after={after}"
-    return await websocket_connect(HTTPRequest(address, headers={"Origin": f"http://127.0.0.1:{port}"}))
+    found = await websocket_connect(HTTPRequest(address, headers={"Origin": f"http://127.0.0.1:{port}"}))
+    stream = found.protocol.stream
+    try:
+        yield found
+    finally:
+        found.close()
+        stream.close()
 
 
 @pytest.mark.parametrize(
@@ -187,13 +194,11 @@ def test_a_browser_that_sends_much_is_sent_away(scene: Scene, size: int, count: 
     monkeypatch.setattr(server, "MOST_A_SECOND", 20)
 
     async def send() -> object:
-        found = await ours(port_of(scene), after=999999)
-        with suppress(WebSocketClosedError):
-            for _ in range(count):
-                await found.write_message("x" * size)
-        told = await asyncio.wait_for(found.read_message(), 10)
-        found.close()
-        return told
+        async with ours(port_of(scene), after=999999) as found:
+            with suppress(WebSocketClosedError):
+                for _ in range(count):
+                    await found.write_message("x" * size)
+            return await asyncio.wait_for(found.read_message(), 10)
 
     assert asyncio.run(send()) is None  # closed
 
@@ -203,12 +208,11 @@ def test_a_browser_that_does_not_read_is_sent_away(scene: Scene, g1: rbd.Robot, 
     monkeypatch.setattr(server, "MOST_UNREAD", 1000)
 
     async def watch() -> list[object]:
-        found = await ours(port_of(scene))
-        told = [await asyncio.wait_for(found.read_message(), 10)]
-        while told[-1] is not None:
-            told.append(await asyncio.wait_for(found.read_message(), 10))
-        found.close()
-        return told
+        async with ours(port_of(scene)) as found:
+            told = [await asyncio.wait_for(found.read_message(), 10)]
+            while told[-1] is not None:
+                told.append(await asyncio.wait_for(found.read_message(), 10))
+            return told
 
     assert sum(len(m) for m in asyncio.run(watch()) if m is not None) <= 1000
     assert not scene._server._sockets
@@ -244,11 +248,9 @@ def test_a_server_closes_once_and_takes_its_browsers_along(g1: rbd.Robot):
     live = server.LiveServer(recorder := server.Recorder(), "closing")
 
     async def watch() -> object:
-        found = await ours(live.port)
-        await asyncio.get_running_loop().run_in_executor(None, lambda: (live.wait_for_viewer(10.0), live.close()))
-        told = await asyncio.wait_for(found.read_message(), 10)
-        found.close()
-        return told
+        async with ours(live.port) as found:
+            await asyncio.get_running_loop().run_in_executor(None, lambda: (live.wait_for_viewer(10.0), live.close()))
+            return await asyncio.wait_for(found.read_message(), 10)
 
     assert asyncio.run(watch()) is None
     live.close()

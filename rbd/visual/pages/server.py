@@ -279,9 +279,12 @@ class LiveServer:
         await self._stop.wait()
         self._listening = []
         server.stop()
-        for browser in list(self._sockets):
+        browsers = list(self._sockets)
+        for browser in browsers:
             browser.close()
         await server.close_all_connections()
+        for browser in browsers:
+            browser.disconnect()  # the loop ends before one that does not answer would be
 
     def _pass_on(self, message: bytes | str) -> None:
         if self._loop is not None and not self._loop.is_closed():
@@ -361,7 +364,13 @@ class _Socket(WebSocketHandler):
         self._after = int(after)
 
     def open(self, *args: str, **kwargs: str) -> None:
+        self._stream = None if self.ws_connection is None else self.ws_connection.stream
         self._server.welcome(self, self._after)
+
+    def disconnect(self) -> None:
+        """Close the connection at once, without waiting for the browser's answer to `close`."""
+        if self._stream is not None:
+            self._stream.close()
 
     def on_message(self, message: Any) -> None:
         """Pass on what the page's sliders are set to; what is not text is ignored."""
