@@ -230,7 +230,7 @@ def dataset(variables: Iterable[Named], along: Mapping[str, Any], attributes: Ma
     """Variables of n records as an xarray.Dataset, with labels, units and meanings.
 
     Args:
-        variables: The values of each have, before their own axes, one axis for every dimension of `along`.
+        variables: Values of all records: the first axes are the dimensions of `along`, the last ones those of one record.
         along: {dimension of the records: its labels, or as xarray takes coordinates}.
         attributes: Of the dataset.
 

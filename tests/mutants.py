@@ -269,12 +269,12 @@ class Map:
 
     def tests(self, mutant: Mutant) -> dict[str, float]:
         """{test: seconds} that execute the statement (the module, where it is done at import); the quickest in the budget."""
-        names = set[str]()
-        for file, wanted in reached(mutant).items():
+        names, places = set[str](), reached(mutant)
+        for file, wanted in places.items():
             here = self.lines.get(file, {}).items()
             names.update(*(tests for line, tests in here if line in wanted or not wanted))
         if KERNELS in mutant.text:  # thousands: those of the files that name what calls it
-            stems = {Path(file).stem for file in reached(mutant)}
+            stems = {Path(file).stem for file in places}
             files = {name.split("::")[0] for name in names}
             close = {file for file in files if any(stem in (ROOT / file).read_text(encoding="utf-8") for stem in stems)}
             names = {name for name in names if name.split("::")[0] in close}

@@ -1,7 +1,7 @@
 """Blocks of states with a fault put in: their certificate notices, and what is returned is right.
 
-As `tests/test_corrupted_path.py`, for `rbd.solve_many`. The faults are in what finds the motion that holds the bodies: blocks
-have arrays of their own for everything after it.
+As `tests/test_corrupted_path.py`, for `rbd.solve_many`. The faults are in `Workspace.held`, which finds the motion that
+holds the bodies: what blocks do after it, they do for all states at once.
 """
 
 from __future__ import annotations

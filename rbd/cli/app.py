@@ -260,7 +260,7 @@ def plane(
     console = open_console()
     with answering(plane):
         try:
-            from rbd.cli.plane_report import PlaneReport, draw, plane_task
+            from rbd.cli.plane_report import PlaneReport, draw, page, plane_task
         except ImportError as error:  # SymPy is an extra
             raise InputError(str(error)) from None
         check_outputs({"--out": (out, FIGURES), "--html": (html, PAGES), "--json": (json_, ())})
@@ -270,9 +270,7 @@ def plane(
         console.print(str(task), highlight=False)
         motion = task.motion()
         print_report(console, PlaneReport(task, motion), json_)
-        from rbd.visual import export_motion
-
-        write_outputs(console, ("picture", out, partial(draw, motion)), ("page", html, partial(export_motion, motion)))
+        write_outputs(console, ("picture", out, partial(draw, motion)), ("page", html, partial(page, motion)))
 
 
 def _every(duration: float, step: float) -> int:

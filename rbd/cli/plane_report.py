@@ -226,6 +226,13 @@ def plane_task(
     return PlaneTask(chain, first, inverse(chain, last, start=near), float(duration), chosen, branch)
 
 
+def page(motion: PlanarMotion, path: Path) -> Path:
+    """The page of a motion, written; returns its path."""
+    from rbd.visual import export_motion
+
+    return export_motion(motion, path)
+
+
 def draw(motion: PlanarMotion, path: Path) -> Path:
     """Stick figures and ellipses, the 2 x 4 panels, and the parts of the acceleration, in one picture; returns its path.
 

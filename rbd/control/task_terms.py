@@ -156,7 +156,7 @@ class FollowingTask(Displayed):
             costs: {attribute: how many axes it has}.
 
         Raises:
-            InputError: what is none of these.
+            InputError: a name that is no text, costs or gains that are no numbers or of another length, a wrong target.
         """
         object.__setattr__(self, "name", checked_name(self.name, name))
         for what, m in costs.items():

@@ -26,8 +26,6 @@ from rbd.model.state import State, checked
 
 PARAMETERS = ("m", "mc_x", "mc_y", "mc_z", "I_xx", "I_xy", "I_yy", "I_xz", "I_yz", "I_zz")
 """Names of the ten parameters of a body, in their order."""
-UNITS = ("kg", *["kg m"] * 3, *["kg m2"] * 6)
-"""Their units."""
 COLUMNS = ("inertia", "rotor_inertia", "damping", "dry_friction")
 """What a regressor can have columns for."""
 

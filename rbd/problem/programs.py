@@ -67,9 +67,6 @@ FRICTION_PROGRAMS = 400
 POLYGON_PROGRAMS = 400
 """Programs for one polygon of centres of mass. Two soles need eight; a hand on a wall, to a square centimetre, some fifty."""
 
-CONE_REFINEMENTS = 60
-"""Rounds in which a linear program over rays of circular cones is given more of them. Robots need about ten."""
-
 CERTIFICATE_SETS = 1000
 """Sets of constraints, or of rows, that are tried in the search for a contradiction smaller than what was found."""
 CERTIFICATE_PROGRAMS = 100

@@ -8,6 +8,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.kernels import compiled
+from rbd.solvers.small_systems import product
 
 
 @compiled
@@ -86,14 +87,10 @@ def moved(q: Array, out: Array, v: Array, h: float, bases: Array) -> Array:
 @compiled
 def _mapped(matrix: Array, X: Array, x: Array, one: Array, other: Array) -> Array:
     """`rbd.answers.prepared.contact_bodies.BilinearMap`."""
-    products, out = np.empty(len(one)), np.zeros(len(matrix))
+    products, out = np.empty(len(one)), np.empty(len(matrix))
     for c in range(len(one)):
         products[c] = X[one[c]] * x[other[c]]
-    for r in range(len(matrix)):
-        total = 0.0
-        for c in range(len(one)):
-            total += matrix[r, c] * products[c]
-        out[r] = total
+    product(matrix, products, out)
     return out
 
 
@@ -113,11 +110,9 @@ def points(X: Array, V: Array, gaps: Array, height: Array, matrix: Array, one: A
 def target(V: Array, row_rates: Array, h: float) -> Array:
     """Accelerations of the bodies' rows that bring them to rest within h."""
     out = np.empty(len(row_rates))
-    for r in range(len(row_rates)):
-        total = 0.0
-        for c in range(len(V)):
-            total += row_rates[r, c] * V[c]
-        out[r] = -total / h
+    product(row_rates, V, out)
+    for r in range(len(out)):
+        out[r] = -out[r] / h
     return out
 
 

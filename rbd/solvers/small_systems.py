@@ -1,4 +1,4 @@
-"""Small linear systems in loops, compiled: Gauss's elimination, LAPACK above some size, and independent rows."""
+"""Small matrices in loops, compiled: products, Gauss's elimination, LAPACK above some size, and independent rows."""
 
 from __future__ import annotations
 
@@ -11,6 +11,16 @@ from rbd.kernels import compiled
 
 _MOST = 75
 """Rows up to which loops are no slower than LAPACK."""
+
+
+@compiled
+def product(A: Array, x: Array, out: Array) -> None:
+    """Write A x, of some ten or hundred entries; out is neither of them."""
+    for r in range(len(out)):
+        total = 0.0
+        for c in range(len(x)):
+            total += A[r, c] * x[c]
+        out[r] = total
 
 
 @compiled

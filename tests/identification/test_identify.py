@@ -339,7 +339,7 @@ class TestBadInput:
             rbd.identify(MeasuredMotion(motion, tau), columns=["dampng"])
         with pytest.raises(rbd.InputError, match="too few samples"):
             rbd.identify(MeasuredMotion(motion.cut(0.0, 0.5), tau[:2]))
-        with pytest.raises(rbd.errors.UnknownName, match="forces of what is none of the contacts, 'foot'"):
+        with pytest.raises(rbd.errors.UnknownName, match="forces names a contact that is not given, 'foot'"):
             MeasuredMotion(motion, tau, forces={"foot": np.zeros((12, 3))})
 
     def test_a_motion_without_accelerations_says_how_to_derive_them(self):

@@ -165,7 +165,7 @@ def test_plots_draw_the_report(report):
 
 
 def test_the_live_view_goes_through_the_frames(report, monkeypatch):
-    """It opens one browser, whose page has the missing force of the last frame, and does not wait for a viewer for ever."""
+    """It opens one browser, whose page has the missing force of the last frame; if no browser comes, it ends all the same."""
     opened, sent = [], []
     stage = Scene.stage_motion
     monkeypatch.setattr("webbrowser.open", lambda address, new: opened.append(address))

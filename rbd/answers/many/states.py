@@ -146,18 +146,16 @@ class ManyStates:
         found = self._made.get(mu)
         if found is None:
             by_name = dict(zip(self.friction, mu, strict=True))
-            found = tuple([with_friction(c, by_name[c.name]) if c.name in by_name else c for c in self.constraints])
+            found = tuple([
+                c.with_friction(by_name[c.name]) if c.name in by_name else c  # type: ignore[attr-defined]
+                for c in self.constraints
+            ])  # fmt: skip
             if len(self._made) < _KEPT:  # sweeps repeat them
                 self._made[mu] = found
         return found
 
     def __repr__(self) -> str:
         return f"ManyStates({len(self)} of {self.robot.name!r})"
-
-
-def with_friction(contact: Constraint, mu: float) -> Constraint:
-    """A contact with another coefficient."""
-    return contact.with_friction(mu)  # type: ignore[attr-defined]
 
 
 class _Table:

@@ -317,13 +317,14 @@ class ContactBodies:
         if q.ndim == 1:
             left = self.inverse_dynamics(space, q, v, a, wrenches)
             V, lifts = self.velocities(space), self.lifts(space)
+            given = left[None], generalised[None], a[None]
         else:
             left, V, lifts = np.empty(v.shape), np.empty(wrenches.shape), np.empty(wrenches.shape)
             six, rates, accelerations = self._six, space.rates, space.lifts
             for i, (q_i, v_i, a_i, wrench) in enumerate(zip(q, v, a, wrenches, strict=True)):
                 left[i] = self.inverse_dynamics(space, q_i, v_i, a_i, wrench)
                 V[i], lifts[i] = rates[six], accelerations[six]
-        given = (left, generalised, a) if q.ndim > 1 else (left[None], generalised[None], a[None])
+            given = left, generalised, a
         row_kernel().unbalanced(*given, self._per_inertia)
         return left, self.row_accelerations(V, self.accelerations(X, lifts))
 

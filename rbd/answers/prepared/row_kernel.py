@@ -17,6 +17,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.kernels import compiled
+from rbd.solvers.small_systems import product
 
 JOINT, LAST, ROW, SIZE, WORLD = range(5)
 """Columns of a site's integers: its joint, the last dof that moves it, its first row, number of rows, whether in world axes."""
@@ -262,10 +263,10 @@ def row_terms(
                 c[r] += x * z[i]
                 for s in range(m):
                     A[r, s] += x * W[i, s]
-    ratio = _cholesky(terms.mobility, terms.C)
+    ratio = _cholesky(A, terms.C)
     if ratio > 0.0:
         for r in range(m):
-            f[r] = -terms.free[r]
+            f[r] = -c[r]
         _rows_solved(terms.C, f)
         _accelerated(terms, z, parent, f, a)
     return ratio
@@ -284,19 +285,11 @@ def sticking(share: Array, f: Array, G: Array, cones: Array, mu: Array, w: Array
         w: Written.
         out: Written.
     """
-    for i in range(len(w)):
-        x = 0.0
-        for r in range(len(f)):
-            x += share[i, r] * f[r]
-        w[i] = x
+    product(share, f, w)
     for i in range(len(mu)):
         if not math.hypot(w[cones[i, 0]], w[cones[i, 1]]) <= mu[i] * w[cones[i, 2]]:
             return False
-    for r in range(len(f)):
-        x = 0.0
-        for i in range(len(w)):
-            x += G[r, i] * w[i]
-        out[r] = x
+    product(G, w, out)
     return True
 
 

@@ -116,7 +116,7 @@ class MeasuredMotion(Displayed):
         check_kind("forces", self.forces, Mapping, "{contact: (n, 3) or (n, 6)}")
         known = {}
         for name, value in self.forces.items():
-            check_known("forces of what is none of the contacts,", name, names)
+            check_known("forces names a contact that is not given,", name, names)
             known[name] = as_finite(f"forces of {name!r}", value, (frames, "k"), meaning=": a row for each frame")
         object.__setattr__(self, "forces", known)
         simulated = getattr(self.motion, "forces", None)

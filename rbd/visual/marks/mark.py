@@ -42,7 +42,7 @@ class Mark:
 
     Attributes:
         path: Path in the viewer's tree, such as 'forces/left_sole/arrow'.
-        shape: In W: primitives, or triangles [m] of what is none.
+        shape: In W [m]: primitives (arrows, balls, ...), or the triangles of any other shape.
         color: '#rrggbb'.
         opacity: 1 is solid.
         seen_through: Whether it shines faintly through what hides it.
