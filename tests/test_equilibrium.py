@@ -135,6 +135,16 @@ def test_where_the_margin_cannot_be_kept_friction_may_reach_its_limit(box: rbd.R
     assert "limit" not in str(rbd.hold(tilted(box, 0.1), [foot(0.5)], margin=0.0))
 
 
+def test_the_least_friction_of_a_refusal_has_room_for_the_margin(box: rbd.Robot) -> None:
+    """On a slope of 0.6 with a fifth of friction left unused: 0.8 mu = 0.6, so 0.75; held above it, refused below."""
+    state = tilted(box, math.atan(0.6))
+    with pytest.raises(CannotHold, match=r"of 0\.75 at every contact would do \(the least is 0\.75\)"):
+        rbd.hold(state, [foot(0.5)], margin=0.2)
+    rbd.hold(state, [foot(0.7501)], margin=0.2)
+    with pytest.raises(CannotHold):
+        rbd.hold(state, [foot(0.7499)], margin=0.2)
+
+
 def test_corner_forces_make_the_wrench(g1: rbd.Robot) -> None:
     """Their sum is the force; their moments about the patch's centre are the wrench's, in world axes."""
     state, soles = g1.standing(), g1.soles()

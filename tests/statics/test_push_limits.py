@@ -65,6 +65,18 @@ def test_hold_agrees_below_a_limit_and_refuses_beyond(talos):
             rbd.hold(state, soles, external=rbd.ExternalForce("torso_2_link", 1.0001 * force * way))
 
 
+def test_torques_and_contact_forces_balance_the_push():
+    """At rest h = S^T tau + J^T f + J_push^T F, at motors as at the base, with Jacobians of the frames themselves."""
+    solo12 = rbd.load_robot("solo12")
+    state, feet = solo12.standing(), solo12.feet(friction=0.7)
+    found = push_limits(state, feet, "base_link", (3.0, 1.0, 0.0))
+    total = solo12.actuation.T @ found.tau(0)
+    total += state.frame("base_link").J[:3].T @ (found.forces[0] * found.directions[0])
+    for foot in feet:
+        total += state.frame(foot.frame, foot.offset).J[:3].T @ found.contact_forces(0)[foot.name]
+    assert found.forces[0] > 10.0 and np.abs(total - rbd.dynamics.bias_force(state)).max() < 1e-6
+
+
 def test_a_box_pushed_at_its_underside_slides():
     """At the ground nothing tips: the circular cone gives mu m g in every direction, and friction gives way."""
     for mu in (0.2, 0.7):

@@ -112,6 +112,16 @@ def test_hands_that_press_against_each_other_apply_some_wrenches_both_ways():
     assert not cone.contains((0, 0, 0, 0, 1, 0))
 
 
+def test_beside_a_held_point_others_press_one_way():
+    """A ball joint at the origin and a point that pushes up at x = 1: any force, and about the joint moments along -y alone."""
+    joint = rbd.PointContact("joint", "box", offset=(0.0, 0.0, 0.0), friction=None, on=None)
+    toe = rbd.PointContact("toe", "box", offset=(1.0, 0.0, 0.0), friction=0.0, on=None)
+    cone = wrench_cone(AT, [joint, toe], about=(0, 0, 0))
+    assert len(cone.lines) == 3 and len(cone.rays) == 1 and len(cone.faces) == 1 and len(cone.equalities) == 2
+    assert cone.contains((3, -5, -2, 0, -4, 0)) and not cone.contains((3, -5, -2, 0, 4, 0))
+    assert not cone.contains((0, 0, 0, 1, 0, 0)) and not cone.contains((0, 0, 0, 0, 0, 1))
+
+
 def test_a_held_sole_applies_any_wrench_and_one_without_friction_presses(talos):
     """Bilateral contacts are lines; without friction a sole is three rays' dimension: pressure within its rectangle."""
     held = wrench_cone(talos.standing(), talos.soles(None))
