@@ -195,6 +195,8 @@ class TestOtherVerbs:
             assert ("rim" in names) == drawn and "force" in names
         rim = EllipticCone(0.3, 0.6).rim()
         assert np.hypot(rim[:, 0] / 0.3, rim[:, 1] / 0.6) == pytest.approx(1.0)
+        turn = np.unwrap(np.arctan2(rim[:, 1], rim[:, 0]))
+        assert (np.diff(turn) > 0.0).all() and 6.0 < turn[-1] - turn[0] < 2.0 * np.pi  # in order, once around
 
 
 class TestTimeStepping:

@@ -297,6 +297,15 @@ def test_what_is_no_proof_is_no_certificate(rng: np.random.Generator) -> None:
         assert proof is None or proof.reach < 1e3
 
 
+def test_a_multiplier_of_a_bound_that_is_not_there_does_not_count() -> None:
+    """x >= 1 and x <= 0 contradict each other, whatever rounding leaves at a row that has no lower bound; alone it is nothing."""
+    rows = {"C": np.ones((2, 1)), "low": np.array([1.0, -np.inf]), "high": np.array([np.inf, 5.0]), "bounds": (-np.inf, 0.0)}
+    program = plain(np.eye(1), [0.0], **rows)
+    proof = Certificate.of(program, NONE, np.array([1.0, 1e-17]))
+    assert proof is not None and proof.z.tolist() == [1.0, 0.0] and (proof.gap, proof.reach) == (1.0, np.inf)
+    assert Certificate.of(program, NONE, np.array([0.0, 1.0])) is None
+
+
 def test_where_both_methods_are_cut_short_nothing_is_claimed(monkeypatch: pytest.MonkeyPatch, rng) -> None:
     """Neither solved nor refuted."""
     program, _ = drawn(rng)
