@@ -112,3 +112,15 @@ def test_a_lock_without_a_position_is_one_where_the_joint_is(talos: rbd.Robot):
     assert manifold.placed.all() and manifold.tolerance == CLOSED
     found = rbd.mechanism.mobility(state, [lock])
     assert not found.velocity_only and found.finite == found.instantaneous == talos.nv - 1
+
+
+@pytest.mark.parametrize("speed", [0.0, 1e-6, 0.5, 1e4])
+def test_a_ball_keeps_its_height_above_a_plane_that_moves_in_itself(speed: float):
+    """However fast the ball and the plane are: the row along the normal has a position. On a plane that moves off none has."""
+    ball, n, along = rbd.testing.box(), np.array([0.6, 0.0, 0.8]), np.array([0.8, 0.0, -0.6])
+    rng = np.random.default_rng(0)
+    state = rbd.State(ball, next(poses_nearby(ball, np.array([0.1, 0.2, 0.3, 0.0, 0.0, 0.0, 1.0]))), 3.0 * rng.normal(size=6))
+    for way, placed in ((along, True), (n, speed == 0.0)):
+        plane = rbd.Ground(normal=tuple(n), point=(0.1, 0.2, 0.3), velocity=tuple(speed * way))
+        manifold = ConstraintManifold.about(state, [rbd.RollingBall("ball", "box", radius=0.1, on=plane)])
+        assert manifold.placed.tolist() == manifold.rows(state).placed.tolist() == [False, False, placed]
