@@ -394,6 +394,16 @@ class TestActuations:
             with pytest.raises(rbd.InputError, match=told):
                 rbd.statics.hold_many(**({"robot": talos, "q": q, "contacts": soles} | given))
 
+    def test_a_passive_joint_that_no_contact_moves(self, rng: np.random.Generator):
+        """On three feet, the knee of the fourth without a motor: its row is empty, so a block has no linear system to solve."""
+        solo = rbd.load_robot("solo12", passive=["HR_KFE"])
+        feet, q = anywhere(solo.feet(friction=None))[:3], near(solo, rng, 3)
+        a = rbd.solve_many(solo, q, None, rng.normal(size=(3, solo.nu)), feet).a
+        found = rbd.control.inverse_dynamics_many(solo, q, None, a, feet)
+        assert found.counts == {"solved": 3} and found.one_by_one.all()
+        back = rbd.solve_many(solo, q, None, found.tau, feet)
+        np.testing.assert_allclose(back.a, a, rtol=0.0, atol=1e-7)
+
     def test_contacts_that_leave(self, talos: rbd.Robot):
         """Feet that already separate carry nothing, and are told once."""
         state = talos.standing()
@@ -444,16 +454,23 @@ def test_a_corrupted_block_is_not_certified(talos: rbd.Robot, rng: np.random.Gen
 
 @pytest.mark.parametrize("name", ["talos", "solo12"])
 def test_blocks_of_poses_are_single_poses(name: str, rng: np.random.Generator):
-    """Most poses need no program: the least effort is inside all limits. Their torques and forces are those of the program."""
+    """Most poses need no program: the least effort is inside all limits. Their torques and forces are those of the program.
+
+    Coefficients given state by state are answered as the contacts' own.
+    """
     robot = rbd.load_robot(name)
     feet, q = anywhere(robot.feet(friction=0.7)), near(robot, rng, 30)
-    found = rbd.statics.hold_many(robot, q, feet, objective=rbd.statics.Effort(torques=2.0, forces=1e-3))
+    effort = rbd.statics.Effort(torques=2.0, forces=1e-3)
+    found = rbd.statics.hold_many(robot, q, feet, objective=effort)
     assert found.counts == {"solved": 30} and found.one_by_one.sum() <= 3
     for i in range(0, 30, 3):
-        one = rbd.hold(rbd.State(robot, q[i]), feet, objective=rbd.statics.Effort(torques=2.0, forces=1e-3))
+        one = rbd.hold(rbd.State(robot, q[i]), feet, objective=effort)
         np.testing.assert_allclose(found.tau[i], one.tau, rtol=0.0, atol=1e-7)
         for foot in one.corner_forces:
             np.testing.assert_allclose(found.corner_forces[foot][i], one.corner_forces[foot], rtol=0.0, atol=1e-6)
+    given = rbd.statics.hold_many(robot, q, anywhere(robot.feet(friction=0.2)), coefficients=np.full(30, 0.7), objective=effort)
+    np.testing.assert_array_equal(given.one_by_one, found.one_by_one)
+    np.testing.assert_allclose(given.tau, found.tau, rtol=0.0, atol=1e-7)
     bounded = rbd.statics.Effort(normal_force={feet[0].name: (0.3 * robot.mass * 9.81, np.inf)})
     assert rbd.statics.hold_many(robot, q[:2], feet, objective=bounded).one_by_one.all()
 
