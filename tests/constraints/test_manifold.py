@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import rbd
+from rbd.constraints.descent import descend
 from rbd.constraints.manifold import CLOSED, ConstraintManifold, null_space, own_or, poses_nearby, rank_of
 
 
@@ -55,6 +56,17 @@ def test_what_is_projected_is_on_the_constraints(four_bar: rbd.Robot):
     assert np.array_equal(manifold.project(found.q).q, found.q)
     with pytest.raises(rbd.InputError, match="is not assembled: row 1 of 'coupler_pin' is off by 0.154"):
         ConstraintManifold(rbd.State(four_bar, off)).check_assembled()
+
+
+@pytest.mark.parametrize("away", [3.0, 1e3])
+def test_a_body_far_from_its_pin_comes_back_in_few_steps(away: float):
+    """Translations may be as long as the error: it is not a walk in steps of half the robot's length."""
+    body = rbd.testing.box()
+    at = rbd.State(body, np.array([0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]))
+    manifold = ConstraintManifold(at, [rbd.PointContact("pin", "box", offset=(0.1, 0.2, 0.3), friction=None, on=None)])
+    off = np.array([0.6 * away, 0.0, 0.8 * away, 0.0, 0.6, 0.0, 0.8])
+    found = descend(manifold, manifold.at(off), tolerance=1e-12 * away, most=20)
+    assert found.closed and found.at.residual < 1e-12 * away
 
 
 def test_singular_values_know_no_unit_of_length():
