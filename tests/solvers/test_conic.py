@@ -298,7 +298,7 @@ def test_what_is_no_proof_is_no_certificate(rng: np.random.Generator) -> None:
 
 
 def test_a_multiplier_of_a_bound_that_is_not_there_does_not_count() -> None:
-    """That x >= 1 and x <= 0 is impossible, whatever rounding leaves at a row without a lower bound; that row proves nothing."""
+    """That x >= 1 and x <= 0 is impossible, whatever rounding leaves at a row without lower bound; that row proves nothing."""
     rows = {"C": np.ones((2, 1)), "low": np.array([1.0, -np.inf]), "high": np.array([np.inf, 5.0]), "bounds": (-np.inf, 0.0)}
     program = plain(np.eye(1), [0.0], **rows)
     proof = Certificate.of(program, NONE, np.array([1.0, 1e-17]))
