@@ -569,11 +569,12 @@ class Terminal(io.StringIO):
 
 
 def test_progress_is_drawn_on_a_terminal(monkeypatch):
-    """On stderr, from a second on; the cursor is given back."""
+    """On stderr, from a second on, with the share of the samples that are done; the cursor is given back."""
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "120")
     with redirect_stderr(Terminal()) as screen:
         rbd.study(studied.warned, grid(x=[0.0]), executor=0)
         assert screen.getvalue() == ""
         rbd.study(lambda x: time.sleep(0.6) or x, grid(x=np.arange(3.0)), executor=0, chunk=1)
+    assert "67 %" in screen.getvalue() and "100 %" in screen.getvalue()  # two of three samples, and all
     assert "studying" in screen.getvalue() and screen.getvalue().count("\x1b[?25h") == 1
