@@ -358,7 +358,8 @@ def equivalents() -> dict[str, str]:
     out = {}
     for block in EQUIVALENT.read_text(encoding="utf-8").split("\n\n")[1:]:
         where, before, after, *why = block.strip().splitlines()
-        out[f"{where} | {before[2:]} | {after[2:]}"] = " ".join(why)
+        file, _, function = where.partition(" |")  # of a line of the module itself no function stands there
+        out[f"{file} | {function.strip()} | {before[2:]} | {after[2:]}"] = " ".join(why)
     return out
 
 

@@ -75,7 +75,9 @@ class TestPoints:
         for c, size in (((0.0, 0.0, 1e-4), 3), ((0.0, 0.0, 1e-2), 1), ((1e-7, 0.0, 1e-4), 3), ((1e-4, 0.0, 1e-4), 1)):
             found, refused = allowed_forces(sets, sets.accelerations(np.array(c)), still)
             assert found.size == size and refused == ()
-        assert allowed_forces(sets, np.array([0.0, 0.0, -1e-4]), still)[1] == ()
+        for along, c_n in ((0.0, -1e-4), (1e-4, -1e-4), (1e-4, 1e-4)):
+            found, refused = allowed_forces(sets, np.array([along, 0.0, c_n]), still)
+            assert refused == () and found.upper[-1] == np.inf  # pressed, whether it slips or not
         assert len(allowed_forces(sets, np.array([0.0, 0.0, -1e-2]), still)[1]) == 1
 
     def test_one_that_opens_carries_nothing(self):
