@@ -254,5 +254,4 @@ def independent_rows(E: Array) -> Array:
     sizes = np.linalg.norm(E, axis=1)
     E = E / np.where(sizes > 0.0, sizes, 1.0)[:, None]
     R, order = qr(E.T, mode="r", pivoting=True)
-    diagonal = np.abs(np.diagonal(R))
-    return np.sort(order[: int((diagonal > RANK * diagonal.max(initial=0.0)).sum())])
+    return np.sort(order[: int((np.abs(np.diagonal(R)) > RANK).sum())])  # of rows of length one the first entry is one

@@ -49,9 +49,30 @@ def test_of_impulses_that_hold_it_takes_those_nearest_to_the_guess():
 
 @pytest.mark.parametrize("pressed", [[3.0, 0.0, 1.0], [0.0, 0.0, -1.0]], ids=["must slip", "must part"])
 def test_what_cannot_hold_is_left_to_others(pressed: list[float]):
-    """The only impulse that holds the point lies outside its cone."""
+    """The only impulse that holds the point lies outside its cone, guessed or not."""
     D = np.diag([1.0, 2.0, 3.0])
-    assert corners(0.5, 1).impulses(D, -D @ pressed, np.zeros(3), EXACT) is None
+    for guess in (np.zeros(3), np.array(pressed)):
+        assert corners(0.5, 1).impulses(D, -D @ pressed, guess, EXACT) is None
+
+
+def test_where_the_nearest_impulses_would_pull_or_slip_others_hold():
+    """Four corners of a box that some share holds: of the shares nearest to a guess few push and stick, others are found."""
+    rng, mu = np.random.default_rng(0), 0.6
+    arms = [np.array([x, y, 0.0]) for x in (-0.1, 0.1) for y in (-0.05, 0.05)]
+    P = np.hstack([np.vstack([np.eye(3), cross_matrix(arm)]) for arm in arms])
+    D, near, found = P.T @ np.diag([0.1, 0.1, 0.1, 1.0, 1.0, 1.0]) @ P, 0, 0
+    for _ in range(200):
+        angle, load = rng.uniform(0.0, 2.0 * np.pi, 4), rng.uniform(0.05, 3.0, 4)
+        rubs = mu * load * rng.uniform(0.0, 0.9, 4)
+        u = -D @ np.column_stack([rubs * np.cos(angle), rubs * np.sin(angle), load]).ravel()
+        guess = rng.normal(size=12)
+        near += corners(mu, 4).impulses(D, u, guess, EXACT, others=False) is not None
+        other = corners(mu, 4).impulses(D, u, guess, EXACT)
+        if other is not None:
+            found += 1
+            x, y, n = other[0].reshape(4, 3).T
+            assert (np.hypot(x, y) <= mu * n).all() and np.abs(D @ other[0] + u).max() < 1e-11 * np.abs(u).max()
+    assert found > 3 * near > 0
 
 
 @pytest.mark.parametrize("name", ["talos", "solo12"])

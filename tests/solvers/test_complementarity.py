@@ -53,7 +53,7 @@ def test_all_solutions_are_those_of_brute_force(near_symmetric, exhaustive):
         lower, upper = random_bounds(rng, p)
         expected = brute_force(A, b, lower, upper)
         found = all_solutions(Mixed(A, b, np.eye(p), lower, upper))
-        assert found.complete and len(found.weights) == len(expected) and not any(found.family)
+        assert found.complete and len(found.weights) == len(expected) and not any(found.family + found.member)
         for w in expected:
             assert min(np.abs(w - u).max() for u in found.weights) < 1e-7 * max(1.0, np.abs(w).max())
         counts.add(min(len(expected), 3))
@@ -73,6 +73,16 @@ def test_a_positive_definite_problem_takes_one_node():
         w = found.weights[0]
         y = A @ w + b
         assert w.min() >= -1e-9 and y.min() >= -1e-9 and np.abs(w * y).max() < 1e-8
+
+
+def test_where_blocks_of_pivots_go_round_in_circles_single_ones_end():
+    """Five half-lines, the skew part of A thirty times as large as the rest: still one node (Murty's rule)."""
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        B, S = rng.normal(size=(2, 5, 5))
+        A = 0.1 * B @ B.T + 0.01 * np.eye(5) + 30.0 * (S - S.T)
+        found = all_solutions(Mixed(A, -np.ones(5), np.eye(5), np.zeros(5), np.full(5, np.inf), budget=1))
+        assert found.complete and len(found.weights) == 1
 
 
 def test_redundant_columns_of_one_motion_are_one_solution_of_least_norm():
@@ -124,13 +134,21 @@ def test_a_spent_budget_is_said():
     assert small.complete and len(small.weights) == 16
 
 
-def test_a_linear_program_prunes_what_cannot_be():
-    """Twelve entries like those above and a pair that no weights satisfy: none, in far fewer nodes than 4096."""
+@pytest.mark.parametrize("stiff", [1e-24, 1.0, 1e12])
+def test_a_linear_program_prunes_what_cannot_be_and_nothing_else(stiff):
+    """Twelve entries like those above and one that no weights satisfy: none, in far fewer nodes than 4096; in any units.
+
+    Six of them and one that nothing moves, zero but for rounding: all 64.
+    """
     n = 12
     A, b = -np.eye(n + 1), np.ones(n + 1)
     b[n] = -1.0  # y = -w - 1 < 0 for all w >= 0
-    found = all_solutions(Mixed(A, b, np.eye(n + 1), np.zeros(n + 1), np.full(n + 1, np.inf), budget=50))
+    V = np.sqrt(stiff) * np.eye(n + 1)
+    found = all_solutions(Mixed(stiff * A, b, V, np.zeros(n + 1), np.full(n + 1, np.inf), budget=50))
     assert found.weights == () and found.complete
+    A[n, n], b[n], some = 0.0, -1e-13, np.r_[:6, n]
+    found = all_solutions(Mixed(stiff * A[np.ix_(some, some)], b[some], V[:6, some], np.zeros(7), np.full(7, np.inf)))
+    assert len(found.weights) == 64 and found.complete
 
 
 def test_the_least_distance_is_that_to_the_corner():

@@ -8,7 +8,7 @@ from scipy.optimize import nnls
 
 from rbd.arrays import Array, cross_matrix
 from rbd.problem.cones import project_cones
-from rbd.solvers.cone_least_squares import Stage, nearest_in_cones, staged_fits
+from rbd.solvers.cone_least_squares import Stage, _Rows, nearest_in_cones, staged_fits
 
 FACETS = 64
 
@@ -57,6 +57,19 @@ def test_the_residual_is_polar_to_the_cone(rng):
     pull = np.einsum("nmkc,nm->nkc", A, found.left)
     assert (0.3 * np.hypot(pull[..., 0], pull[..., 1]) + pull[..., 2]).max() < 1e-9
     assert np.abs((pull * found.w).sum(axis=(1, 2))).max() < 1e-9
+
+
+def test_costs_of_rows_and_their_conjugates_are_duals(rng):
+    """The largest r u - phi(u) over u is phi*(r), taken at phi*'(r), which the second derivative follows; phi by its words."""
+    weight, steep = np.array([2.0, 0.5, 3.0]), np.array([0.0, 7.0, 0.2])
+    rows, u = _Rows(weight, steep), np.linspace(-15.0, 15.0, 300001)[:, None]
+    cost = 0.5 * weight * u**2 + 0.5 * steep * np.maximum(np.abs(u) - 1.0, 0.0) ** 2
+    for r in 3.0 * rng.normal(size=(10, 3)):
+        gain = r * u - cost
+        assert rows.value(r[None]) == pytest.approx([gain.max(axis=0).sum()], abs=2e-8)  # of the grid
+        found, curve = rows.slope(r[None])
+        assert found[0] == pytest.approx(u[gain.argmax(axis=0), 0], abs=2e-4)
+        assert curve[0] == pytest.approx((rows.slope(r[None] + 1e-7)[0] - found)[0] / 1e-7, rel=1e-6)
 
 
 def test_limited_rows_stay_within_their_limits_where_they_can(rng):

@@ -83,16 +83,28 @@ def is_proof(program: Conic, certificate: Certificate | None, rng: np.random.Gen
 # --------------------------------------------------------------------------------------------------- closed forms
 
 
-@pytest.mark.parametrize("newton", [True, False])
-def test_the_nearest_point_of_cones_is_their_projection(newton: bool, rng: np.random.Generator) -> None:
-    """Minimise 1/2 |x - p|^2 over cones: inside, on the edge, and at the tip."""
+@pytest.mark.parametrize(("newton", "size"), [(True, 1.0), (False, 1.0), (True, 1e6)])
+def test_the_nearest_point_of_cones_is_their_projection(newton: bool, size: float, rng: np.random.Generator) -> None:
+    """Minimise 1/2 |x - p|^2 over cones, or a million times that: inside, on the edge, and at the tip."""
     mu = np.array([0.1, 0.7, 2.0, 0.5])
     p = rng.normal(size=(4, 3)) * 2.0
     p[3] = [0.1, 0.1, -3.0]
-    found = solve_conic(plain(np.eye(12), -p.ravel(), cones=np.arange(12), mu=mu), newton=newton)
-    assert found.solved and found.miss < 1e-11
-    assert found.x == pytest.approx(project_cones(p, mu).ravel(), abs=1e-10)
+    found = solve_conic(plain(size * np.eye(12), -size * p.ravel(), cones=np.arange(12), mu=mu), newton=newton)
+    assert found.solved and found.miss < max(1e-11, 1e-14 * size)
+    assert found.x == pytest.approx(project_cones(p, mu).ravel(), abs=max(1e-10, 1e-14 * size))
     assert found.method == ("Newton" if newton else "Clarabel")
+
+
+def test_what_begins_far_away_is_not_given_up(rng: np.random.Generator) -> None:
+    """The nearest to points 10,000 away, under two equations: steps first miss by as much, and nearly all end at rounding."""
+    by_newton = 0
+    for _ in range(40):
+        k = int(rng.integers(2, 6))
+        mu, far, A = rng.uniform(0.1, 2.0, k), 1e4 * rng.normal(size=3 * k), rng.normal(size=(2, 3 * k))
+        x = project_cones(rng.normal(size=(k, 3)) + [0.0, 0.0, 1.0], mu).ravel()
+        found = solve_conic(plain(np.eye(3 * k), -far, A=A, b=A @ x, cones=np.arange(3 * k), mu=mu))
+        by_newton += found.solved and found.method == "Newton"
+    assert by_newton >= 32
 
 
 @pytest.mark.parametrize("newton", [True, False])

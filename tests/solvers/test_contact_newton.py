@@ -236,6 +236,37 @@ def test_a_family_of_motions_gives_the_limit_of_equal_compliance(rng):
     assert not found.open and np.abs(found.weights - S.weights(steps_from(S, np.zeros(9), coulomb=True)[0])).max() < 1e-9
 
 
+def rubbing(points: np.ndarray, turn: np.ndarray, mu: float, rng) -> np.ndarray:
+    """Weights of points that all press, by 1 to 50 N, and rub with all their friction against velocities `turn`, (k, 2)."""
+    load = rng.uniform(1.0, 50.0, (len(points), 1))
+    return np.hstack([-mu * load * turn / np.linalg.norm(turn, axis=1)[:, None], load]).ravel()
+
+
+@pytest.mark.parametrize("points", [CORNERS, ring(7), ring(16)], ids=["4 points", "7 points", "16 points"])
+def test_a_sole_that_slides_without_turning_moves_in_one_way(points, rng):
+    """All points rub along one line: however they share the load, friction is the same, and the motion not open."""
+    P, mu, D = soles(points), np.full(len(points), 0.3), np.diag([0.1, 0.1, 0.1, 1.0, 1.0, 1.0])
+    for _ in range(5):
+        a = np.r_[rng.normal(size=2), np.zeros(4)]
+        w = rubbing(points, np.tile(a[:2], (len(points), 1)), 0.3, rng)
+        found = contact_forces(D, a - D @ P @ w, P, mu, w, coulomb=True)
+        assert found.merit < FOUND and not found.open
+        assert np.abs(found.wrench - P @ w).max() < 1e-9
+
+
+@pytest.mark.parametrize("points", [CORNERS, ring(7)], ids=["4 points", "7 points"])
+def test_a_sole_on_the_verge_of_turning_keeps_still(points, rng):
+    """Pushed as hard as all its friction holds, a millionth of a millionth more or less: it does not move, in any share."""
+    P, mu, D = soles(points), np.full(len(points), 0.3), np.diag([0.1, 0.1, 0.1, 1.0, 1.0, 1.0])
+    for _ in range(6):
+        arm = points - 0.2 * rng.normal(size=2)  # about some pole
+        w = rubbing(points, np.column_stack([-arm[:, 1], arm[:, 0]]), 0.3, rng)
+        for more in (0.0, 1e-12, -1e-12):
+            c = -(1.0 + more) * (D @ P @ w)
+            found = contact_forces(D, c, P, mu, w, coulomb=True)
+            assert found.merit < FOUND and not found.open and np.abs(D @ found.wrench + c).max() < 1e-9
+
+
 def test_a_box_pushed_on_its_points_slides_as_the_closed_form_says():
     """A point mass of 10 kg, mu = 0.6, pushed with 80 N: it slides at 2.114 m/s2 under Coulomb's law, and flies up at 0.933."""
     D, weight = np.eye(3) / 10.0, 98.1
@@ -290,6 +321,11 @@ def test_numbers_that_are_none_give_an_infinite_merit(coulomb, rng):
                 assert found.merit == math.inf and not found.weights.any() and not found.wrench.any()
             else:
                 assert found.merit < FOUND
+    for i in range(3):  # a start is left out as a whole
+        bad, left_out = good[2].copy(), good[2].copy()
+        bad[3 + i], left_out[3:6] = math.nan, 0.0
+        one, other = (newton.forces(*good[:2], start, coulomb=coulomb) for start in (bad, left_out))
+        assert np.array_equal(one.weights, other.weights) and one.steps == other.steps
     again = newton.forces(*good, coulomb=coulomb)
     assert np.array_equal(again.weights, expected.weights) and again[2:] == expected[2:]
 

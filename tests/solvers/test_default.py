@@ -95,6 +95,19 @@ def test_a_centre_of_pressure_near_an_edge_is_no_reason_to_go_on():
     assert found is not None and not jammed and found.residuals.within(1e-9)
 
 
+@pytest.mark.parametrize("twice", [False, True])
+def test_a_motion_in_which_one_point_sticks_and_another_slips_is_not_coulombs(twice):
+    """Convex: the slipping point also lifts, under a load. Without one it is Coulomb's: unloaded points may do both."""
+    J, cone = np.eye(6), rbd.problem.FrictionCone(0.5)
+    rows = [rbd.Rows("sticks", J[:3], np.zeros(3), cone), rbd.Rows("slips", J[3:], np.zeros(3), cone)]
+    rows += [rbd.Rows("sticks again", J[:3], np.zeros(3), cone)] * twice
+    for load, coulomb in ((-10.0, False), (12.0, True)):
+        convex = rbd.ProxQP().solve(rbd.GaussProblem(np.eye(6), [1.0, 0.0, -10.0, 20.0, 0.0, load], rows))
+        assert convex.status == "solved" and np.abs(convex.a[:3]).max() < 1e-9 < convex.a[5]
+        found, jammed = coulombs(convex)
+        assert not jammed and (found is not None and found.status == "solved") == coulomb == (found is not None)
+
+
 def test_limits_dry_friction_and_smooth_contacts_do_not_count():
     """They move and carry as they like: both laws treat them alike."""
     rows = [

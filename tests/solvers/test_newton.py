@@ -12,7 +12,7 @@ from rbd.problem.corner_cones import WrenchCone
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.solvers.admm import de_saxce
 from rbd.solvers.conic_newton import interior_point
-from rbd.solvers.newton import _gap, _matrix, order_of, scaled, solve_newton, steps_from, yielding_steps
+from rbd.solvers.newton import _gap, _matrix, last_step, order_of, scaled, solve_newton, steps_from, yielding_steps
 from rbd.solvers.pinocchio_admm import admm
 
 BOX = Bounds([-1.0, -np.inf, 0.3], [2.0, 1.0, 0.3])
@@ -225,6 +225,42 @@ def test_newtons_matrix_is_the_slope_of_the_gap(coulomb, rng):
             ahead, behind = (_gap(S, w + s * e, S.D @ (w + s * e) + S.q, coulomb)[0] for s in (h, -h))
             assert -found[:, j] == pytest.approx((ahead - behind) / (2.0 * h), abs=1e-5 * max(1.0, np.abs(found).max()))
     assert slipping > 20
+
+
+@pytest.mark.parametrize("coulomb", [False, True])
+def test_the_last_step_brings_weights_near_an_answer_onto_it(coulomb, rng):
+    """A millionth off, in the right modes: what is left is of second order."""
+    T, slipping = parts(MIXED), 0
+    for _ in range(30):
+        S = scaled(spd(rng, T.size) + np.eye(T.size), 3.0 * rng.normal(size=T.size), T)
+        w, merit, _ = steps_from(S, np.zeros(T.size), coulomb=coulomb)
+        assert merit < 1e-13
+        slipping += int(_gap(S, w, S.D @ w + S.q, coulomb)[2].slips.sum())
+        w = w + 1e-6 * rng.normal(size=T.size)
+        w = w + last_step(S, w, S.D @ w + S.q, coulomb=coulomb)
+        assert np.abs(_gap(S, w, S.D @ w + S.q, coulomb)[0]).max() < 1e-9
+    assert slipping > 20
+
+
+@pytest.mark.parametrize("mu", [0.25, 2.0])
+@pytest.mark.parametrize("coulomb", [False, True])
+def test_the_last_step_corrects_what_is_below_the_last_digit_of_the_weights(coulomb, mu):
+    """D = 1 and a point that slips under a load of 8: its acceleration of 1e-18 along n, or the cone's edge, is undone."""
+    S, edge = scaled(np.eye(3), np.array([1.0, 1.0, -1.0]), parts(FrictionCone(mu))), np.array([-mu, 0.0, 1.0])
+    along = np.array([0.0, 0.0, 1.0]) if coulomb else edge
+    y = 1e-9 * np.array([1.0, 0.0, 0.0 if coulomb else mu]) + 1e-18 * along  # it slips across what is loaded
+    dw = last_step(S, 8.0 * edge, y, coulomb=coulomb)
+    assert along @ dw == pytest.approx(-along @ y, rel=1e-3, abs=0.0) and np.abs(dw).max() < 1e-14
+
+
+@pytest.mark.parametrize("most", [0, 1, 2])
+def test_a_point_is_scaled_by_its_largest_mobility(most):
+    """The two tangents and the normal of a cone have one unit, that of the largest diagonal entry, which becomes one."""
+    D = np.eye(4)
+    D[most, most] = 9.0
+    S = scaled(D, np.array([1.0, 0.0, -2.0, 1.0]), parts(Product([FrictionCone(0.5), NonNegative(1)])))
+    assert S.order.columns is not None and S.D.diagonal()[1:].max() == S.D[0, 0] == pytest.approx(1.0)
+    assert S.unit[1:] == pytest.approx(np.full(3, S.unit[0] / 3.0))
 
 
 def test_rows_that_repeat_each_other_and_do_not_yield_stop_newton_where_it_began():

@@ -124,6 +124,15 @@ def test_a_light_body_that_contacts_squeeze_is_as_still_as_they_hold_it(seed):
     assert eased.residuals.worst < 1e-11 and abs(eased.a[0]) < 1e-11 and np.abs(eased.multipliers).max() < 2e-2
 
 
+def test_few_weights_have_the_force_of_many():
+    """A line along x that must pull, one along y, and rays beside it that press against each other: at most as many as rows."""
+    along = np.array([[1.0, 0.0], [0.0, 1.0], [0.5, 1.0], [0.5, -1.0], [1.0, 0.0]])
+    weights, holds = np.array([-900.0, 5.0, 300.0, 310.0, 100.0]), np.arange(5) < 2
+    few = proxqp._on_few(weights, along, holds, np.inf)
+    assert along.T @ few == pytest.approx(along.T @ weights, rel=1e-12) and np.count_nonzero(few) <= 2
+    assert few[0] < 0.0 and (few[2:] >= 0.0).all()
+
+
 def test_little_weights_that_the_last_step_turns_negative_take_no_part_in_it():
     """Two rays of one direction that are to carry 0.9 together, a guess of 1 and 2e-8: not 0.95 and 0, but 0.9 and 0."""
     guess, along = np.array([1.0, 2e-8]), np.ones((2, 1))

@@ -111,6 +111,9 @@ def test_settings_end_with_their_work(rng):
     C = rng.normal(size=(5, 3))
     H = 2.0 * np.eye(3)
     assert len(list(qp.attempts(H, np.ones(3), None, None, C, -np.ones(5), None))) == len(qp.POLICY)
+    steps = 3 * next(qp.attempts(H, np.ones(3), None, None, C, -np.ones(5), None)).iterations
+    spent = Work(8.0 * steps)  # a step costs the square of the 3 unknowns and 5 rows
+    assert len(list(qp.attempts(H, np.ones(3), None, None, C, -np.ones(5), None, work=spent))) == 1 and spent.left < 0.0
     spent = Work(1.0)
     assert len(list(qp.attempts(H, np.ones(3), None, None, C, -np.ones(5), None, work=spent))) == 1 and spent.left < 0.0
 

@@ -606,6 +606,25 @@ def test_points_at_rest_beside_one_that_slides_each_follow_their_law():
     assert f == pytest.approx([0.0, -mu * G, G, -mu * G, 0.0, G, 0.0, 0.0, 0.0], abs=1e-9)
 
 
+@pytest.mark.parametrize(("mu", "other"), [(0.3, 0.3), (0.3, 0.1), (0.1, 0.3)])
+def test_two_feet_of_a_sled_share_its_load_as_they_like_and_only_unequal_frictions_tell(mu, other):
+    """10 kg that cannot turn, pushed with 60 N beside a bead that slides: a is (60 - mu 100) / 10 with some mean friction."""
+    bead = rbd.Rows("bead", np.eye(3, 6, 3), np.zeros(3), rbd.problem.FrictionCone(0.5), velocity=[0.0, 1.0, 0.0])
+    feet = [
+        rbd.Rows(name, np.eye(3, 6), np.zeros(3), rbd.problem.FrictionCone(friction))
+        for name, friction in (("left", mu), ("right", other))
+    ]
+    P = rbd.GaussProblem(np.diag([10.0] * 3 + [1.0] * 3), np.array([60.0, 0.0, -100.0, 0.0, 0.0, -10.0]), [bead, *feet])
+    answers = sliding_answers(P)
+    for a, _, _ in answers.found:
+        assert 6.0 - 10.0 * max(mu, other) - 1e-9 < a[0] < 6.0 - 10.0 * min(mu, other) + 1e-9
+        assert a[1:] == pytest.approx([0.0, 0.0, 0.0, -5.0, 0.0], abs=1e-9)
+    if mu == other:
+        assert len(answers.found) == 1 and answers.reason == ""
+    else:
+        assert "a family of motions" in answers.reason and "'left' and 'right' share the load" in answers.reason
+
+
 def test_weights_near_an_answer_are_brought_onto_it():
     """A ten-thousandth off: Newton's correction finds the closed form's force again; half off is no answer, and stays so."""
     P = rod_problem(0.3, 1.0)

@@ -68,10 +68,11 @@ def test_equations_that_are_given_twice_are_no_harm() -> None:
 
 
 def test_what_has_no_answer_is_not_called_solved() -> None:
-    """Rows that exclude each other, bounds that cross, zero that is to be one, an H that bends down."""
+    """Rows that exclude each other, bounds that cross (no step is taken), zero that is to be one, an H that bends down."""
     twice = np.concatenate([ONE, ONE])
     assert not solved(np.eye(2), [0.0, 0.0], twice, [-INF, 1.0], [-1.0, INF])[3]
-    assert not solved(np.eye(2), [0.0, 0.0], ONE, [1.0], [-1.0])[3]
+    crossed = solve_strict(np.eye(2), np.zeros(2), NONE, NONE, ONE, np.ones(1), -np.ones(1))
+    assert not crossed.solved and crossed.iterations == 0
     assert not solved(np.eye(2), [0.0, 0.0], np.zeros((1, 2)), [1.0], [1.0])[3]
     assert not solved(np.diag([1.0, -1.0]), [0.0, -1.0], ONE, [-INF], [9.0])[3]
 
