@@ -62,13 +62,13 @@ def test_the_residual_is_polar_to_the_cone(rng):
 def test_costs_of_rows_and_their_conjugates_are_duals(rng):
     """The largest r u - phi(u) over u is phi*(r), taken at phi*'(r), which the second derivative follows; phi by its words."""
     weight, steep = np.array([2.0, 0.5, 3.0]), np.array([0.0, 7.0, 0.2])
-    rows, u = _Rows(weight, steep), np.linspace(-15.0, 15.0, 300001)[:, None]
+    rows, u = _Rows(weight, steep), np.linspace(-15.0, 15.0, 60001)[:, None]
     cost = 0.5 * weight * u**2 + 0.5 * steep * np.maximum(np.abs(u) - 1.0, 0.0) ** 2
     for r in 3.0 * rng.normal(size=(10, 3)):
         gain = r * u - cost
-        assert rows.value(r[None]) == pytest.approx([gain.max(axis=0).sum()], abs=2e-8)  # of the grid
+        assert rows.value(r[None]) == pytest.approx([gain.max(axis=0).sum()], abs=5e-7)  # of the grid
         found, curve = rows.slope(r[None])
-        assert found[0] == pytest.approx(u[gain.argmax(axis=0), 0], abs=2e-4)
+        assert found[0] == pytest.approx(u[gain.argmax(axis=0), 0], abs=1e-3)
         assert curve[0] == pytest.approx((rows.slope(r[None] + 1e-7)[0] - found)[0] / 1e-7, rel=1e-6)
 
 
