@@ -57,21 +57,21 @@ def without_balance(
         ground: Height of the floor [m].
     """
     scale = wrench_scale(terms.robot)
-    n = len(b)
-    nothing = ~touches.any(axis=1)
+    n, something = len(b), np.asarray(touches.any(axis=1))
     corners = np.array([[x, y, 0.0] for x in (-_WIDE_M, _WIDE_M) for y in (-_WIDE_M, _WIDE_M)])
     wide = np.concatenate([places, terms.com[:, None] * [1.0, 1.0, 0.0] + corners + [0.0, 0.0, ground]], axis=1)
     floor = np.concatenate([touches, np.ones((n, 4), bool)], axis=1)
 
-    def enough(at: Array, on: Array, friction: float) -> Array:
-        A = terms.wrench_map(at, on) * (scale[0] / scale)[:, None, None]
-        left = nearest_in_cones(A, b, friction).left
-        return np.asarray((np.linalg.norm(left, axis=1) <= most) & ~nothing)
+    def enough(frames: Array, at: Array, on: Array, friction: float) -> Array:
+        out = np.zeros(n, bool)
+        A = terms.some(frames).wrench_map(at[frames], on[frames]) * (scale[0] / scale)[:, None, None]
+        out[frames] = np.linalg.norm(nearest_in_cones(A, b[frames], friction).left, axis=1) <= most[frames]
+        return out
 
-    slips, tips = enough(places, touches, _GRIP), enough(wide, floor, mu)
-    neither = ~nothing & ~slips & ~tips
-    both = neither & enough(wide, floor, _GRIP)
-    return nothing | (neither & ~both), slips | both, tips | both
+    slips, tips = enough(something, places, touches, _GRIP), enough(something, wide, floor, mu)
+    neither = something & ~slips & ~tips
+    both = enough(neither, wide, floor, _GRIP)
+    return ~something | (neither & ~both), slips | both, tips | both
 
 
 def sliding(A: Array, b: Array, slides: Array, size: Array, most: Array, mu: float) -> Array:
@@ -189,11 +189,10 @@ def jumps(motion: Motion) -> Array:
     odd = np.zeros_like(steps)
     odd[1:-1] = np.abs(rates[1:-1] - 0.5 * (rates[:-2] + rates[2:])) * dt[1:-1, None]
     half = max(3, round(0.25 / float(np.median(dt))))
-    usual = np.empty_like(odd)
-    for i in range(len(odd)):
-        usual[i] = np.median(odd[max(0, i - half) : i + half + 1], axis=0)
-    high = (odd > _JUMP) & (odd > _USUAL * usual)
+    high = odd > _JUMP
     high[1:-1] &= (odd[1:-1] >= odd[:-2]) & (odd[1:-1] >= odd[2:])
+    for i in np.flatnonzero(high.any(axis=1)):
+        high[i] &= odd[i] > _USUAL * np.median(odd[max(0, i - half) : i + half + 1], axis=0)
     at = np.flatnonzero(high.any(axis=1))
     out[at] = out[at + 1] = True
     return out

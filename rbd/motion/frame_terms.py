@@ -7,7 +7,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array
+from rbd.arrays import Array, rows_from
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.world import LEAST_FALL
@@ -21,14 +21,12 @@ def placements(robot: CheckedModel, q: Array) -> tuple[Array, Array]:
     """(R, p) of all joints' axes in W, shapes (n, joints, 3, 3) and (n, joints, 3)."""
     model = robot.model
     data = model.createData()
-    k = model.njoints
-    turns, at = [data.oMi[i].rotation for i in range(k)], [data.oMi[i].translation for i in range(k)]  # follow the data
-    R, p = np.empty((len(q), k, 3, 3)), np.empty((len(q), k, 3))
+    every = rows_from([(X.rotation, X.translation) for X in data.oMi], 12)  # follows the data; R by columns, then p
+    rows = np.empty((len(q), *every.shape))
     for i in range(len(q)):
         pin.forwardKinematics(model, data, q[i])
-        np.stack(turns, out=R[i])
-        np.stack(at, out=p[i])
-    return R, p
+        rows[i] = every
+    return np.ascontiguousarray(rows[..., :9].reshape(*rows.shape[:2], 3, 3).swapaxes(2, 3)), rows[..., 9:]
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,8 +90,9 @@ class FrameTerms:
         wrench = found.to_wrench(need[:, :6])
         noise = np.zeros(n)
         if sigma is not None:
-            each = found.to_wrench((M_base * sigma).transpose(0, 2, 1).reshape(-1, 6), repeat=nv).reshape(n, nv, 6)
-            noise = np.sqrt(np.square(each / wrench_scale(robot)).sum(axis=(1, 2)))
+            F, about_base = np.split(M_base * (sigma / wrench_scale(robot)[:, None]), 2, axis=1)
+            about_com = about_base + np.cross(lever[:, :, None] / LENGTH, F, axis=1)  # in the base's axes: sizes are the same
+            noise = np.sqrt(np.square(F).sum(axis=(1, 2)) + np.square(about_com).sum(axis=(1, 2)))
         return cls(robot, need, M_base, np.sqrt(size), R, base, com, J, wrench, noise)
 
     def some(self, which: Array) -> FrameTerms:
@@ -101,11 +100,10 @@ class FrameTerms:
         kept = {f.name: getattr(self, f.name)[which] for f in fields(self) if f.name != "robot"}
         return FrameTerms(self.robot, **kept)
 
-    def to_wrench(self, rows: Array, *, repeat: int = 1) -> Array:
-        """Generalised forces on the base as wrenches about the centre of mass, world axes; `repeat` of each frame."""
-        R, arm = np.repeat(self.R, repeat, axis=0), np.repeat(self.base - self.com, repeat, axis=0)
-        F = np.matmul(R, rows[:, :3, None])[..., 0]
-        return np.hstack([F, np.matmul(R, rows[:, 3:, None])[..., 0] + np.cross(arm, F)])
+    def to_wrench(self, rows: Array) -> Array:
+        """Generalised forces on the base as wrenches about the centre of mass, world axes."""
+        F = np.matmul(self.R, rows[:, :3, None])[..., 0]
+        return np.hstack([F, np.matmul(self.R, rows[:, 3:, None])[..., 0] + np.cross(self.base - self.com, F)])
 
     def wrench_map(self, places: Array, touches: Array) -> Array:
         """Wrenches about the centre of mass of unit forces x, y, z at points, shape (n, 6, k, 3); zero where none touch."""
@@ -126,8 +124,9 @@ class FrameTerms:
         linear, angular = self.J[:, :3, rows].transpose(0, 2, 1), self.J[:, 3:, rows].transpose(0, 2, 1)
         carried = carriers(self.robot)[:, rows]
         for j in range(k):  # f . (v + w x p) = f . v + f . (w x p)
-            moved = linear + np.cross(angular, places[:, j, None])
-            out[:, :, j] = np.where(touches[:, j, None, None] & carried[points.joint[j]][None, :, None], moved, 0.0)
+            on = np.flatnonzero(carried[points.joint[j]])
+            moved = linear[:, on] + np.cross(angular[:, on], places[:, j, None])
+            out[:, on, j] = np.where(touches[:, j, None, None], moved, 0.0)
         return out
 
 

@@ -77,18 +77,18 @@ def _overlaps(one: ConvexShape, other: ConvexShape, R: Array, p: Array, frames: 
     back = R[frames, one.joint].swapaxes(1, 2)
     turned = np.matmul(back, R[frames, other.joint])
     centre = np.matmul(turned, other.centre) + each_times(back, p[frames, other.joint] - p[frames, one.joint])
-    hits, gap, last = list[int](), -np.inf, 0
-    for i, f in enumerate(frames.tolist()):
-        # the Frobenius norm is at least the largest motion of a unit vector
-        moved = np.linalg.norm(centre[i] - centre[last]) + np.linalg.norm(turned[i] - turned[last]) * other.reach
-        if gap > moved:
-            continue
-        X, Y = (pin.SE3(R[f, s.joint], p[f, s.joint]) * s.X_JC for s in (one, other))
+    # the Frobenius norm is at least the largest motion of a unit vector
+    steps = np.linalg.norm(np.diff(centre, axis=0), axis=1) + other.reach * np.linalg.norm(np.diff(turned, axis=0), axis=(1, 2))
+    path = np.concatenate([[0.0], np.cumsum(steps)])
+    hits, i = list[int](), 0
+    while i < len(frames):
+        X, Y = (pin.SE3(R[frames[i], s.joint], p[frames[i], s.joint]) * s.X_JC for s in (one, other))
         places = (coal.Transform3s(Z.rotation, Z.translation) for Z in (X, Y))
         result.clear()
-        gap, last = float(coal.distance(one.coal, next(places), other.coal, next(places), request, result)) + DEEP_M, i
+        gap = float(coal.distance(one.coal, next(places), other.coal, next(places), request, result)) + DEEP_M
         if gap < 0.0:
-            hits.append(f)
+            hits.append(frames[i])
+        i = max(i + 1, int(np.searchsorted(path, path[i] + gap)))
     return np.array(hits, int)
 
 

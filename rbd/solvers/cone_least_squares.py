@@ -24,7 +24,8 @@ _ROUNDING = 1e-15
 """Of sigma A^T r over sigma and the largest entry of r: what is left of the gradient by rounding."""
 _HALVINGS = 30
 _ARMIJO = 1e-4
-_TINY = 1e-200
+_INSIDE = np.array([0.0, 0.0, 1e-100])
+"""Added where Newton's method starts: of points at the apex it takes the slope inside the cone, and saves a step."""
 _SIGMAS = (1e2, 1e4) + 10 * (1e6,)
 """Of the rounds of the proximal point algorithm, each started from the last."""
 _REPEATED = 2
@@ -96,27 +97,29 @@ def staged_fits(A: Array, d: Array, mu: float, stages: Sequence[Stage], *, exact
     """
     n, m, k, _ = A.shape
     flat, aim, at = A.reshape(n, m, 3 * k), d.copy(), np.arange(n)
+    near = flat  # those of the problems that are not done
     w, r, steps, gradient = np.zeros((n, k, 3)), np.zeros((n, m)), np.zeros(n, int), np.zeros(n)
     rounds = len(stages) + (_REPEATED if exact else 0)
-    for number in range(rounds if k else 0):
+    for number in range(rounds if A.size else 0):
         stage = stages[min(number, len(stages) - 1)]
         if number >= len(stages):
             aim[:, :exact] += _left(flat, d, w)[:, :exact]
         w0 = w[at] if proximal else np.zeros_like(w)
-        found, gradient[at], more = _newton(flat[at], aim[at], w0, r[at], mu, _Rows(stage.weight, stage.steep), stage.sigma)
+        found, gradient[at], more = _newton(near, aim[at], w0, r[at], mu, _Rows(stage.weight, stage.steep), stage.sigma)
         steps[at] += more
         moved = np.abs(found - r[at]).max(axis=1, initial=0.0)
         r[at] = found
-        w[at] = project_cones(w0 + stage.sigma * _pull(flat[at], found).reshape(w0.shape), mu)
+        w[at] = project_cones(w0 + stage.sigma * _pull(near, found).reshape(w0.shape), mu)
         if proximal:
-            at = at[moved > EXACT + _SETTLED * np.abs(found).max(axis=1, initial=0.0)]
+            going = moved > EXACT + _SETTLED * np.abs(found).max(axis=1, initial=0.0)
+            at, near = at[going], near if going.all() else near[going]
         if not len(at):
             break
     return ConeFits(w, _left(flat, d, w), gradient, steps)
 
 
 def _left(flat: Array, d: Array, w: Array) -> Array:
-    return d - np.matmul(flat, w.reshape(len(d), -1, 1))[..., 0]
+    return d - np.matmul(flat, w.reshape(*flat.shape[::2], 1))[..., 0]
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,47 +155,46 @@ def _newton(A: Array, d: Array, w0: Array, r: Array, mu: float, rows: _Rows, sig
     r = r.copy()
     gradient, steps, at = np.full(n, np.inf), np.zeros(n, int), np.arange(n)
     size = np.maximum(1.0, np.abs(d).max(axis=1, initial=0.0))
-    x = w0 + sigma * _pull(A, r).reshape(n, k, 3)
-    value = _dual(x, r, d, mu, rows, sigma)
+    x = w0 + sigma * _pull(A, r).reshape(n, k, 3) + _INSIDE
+    value, push = _dual(x, r, d, mu, rows, sigma)
     for _ in range(STEPS):
-        here, Ai, ri = x[at], A[at], r[at]
-        u, curve = rows.slope(ri)
-        g = u - d[at] + np.matmul(Ai, project_cones(here, mu).reshape(len(at), -1, 1))[..., 0]
+        u, curve = rows.slope(r[at])
+        g = u - d[at] + np.matmul(A, push[at][..., None])[..., 0]
         gradient[at] = np.abs(g).max(axis=1, initial=0.0)
-        open_ = gradient[at] > EXACT * size[at] + _ROUNDING * sigma * np.abs(ri).max(axis=1, initial=0.0)
-        if not open_.any():
-            break
+        open_ = gradient[at] > EXACT * size[at] + _ROUNDING * sigma * np.abs(r[at]).max(axis=1, initial=0.0)
         if not open_.all():
-            at, here, Ai, ri, g, curve = at[open_], here[open_], Ai[open_], ri[open_], g[open_], curve[open_]
-        blocks = Ai.reshape(len(at), m, k, 3).transpose(0, 2, 1, 3)
-        V = projection(np.moveaxis(here, -1, 0), mu).slopes(mu)
-        bent = np.matmul(blocks, V).transpose(0, 2, 1, 3).reshape(len(at), m, -1)
-        H = sigma * np.matmul(bent, Ai.transpose(0, 2, 1))
+            at, A, g, curve = at[open_], A[open_], g[open_], curve[open_]
+        if not len(at):
+            break
+        V = sigma * projection(np.moveaxis(x[at], -1, 0), mu).slopes(mu)
+        bent = np.empty((len(at), m, k, 3))
+        np.matmul(A.reshape(bent.shape).swapaxes(1, 2), V, out=bent.swapaxes(1, 2))
+        H = np.matmul(bent.reshape(A.shape), A.swapaxes(1, 2))
         H[:, np.arange(m), np.arange(m)] += curve
         step = -np.linalg.solve(H, g[..., None])[..., 0]
         steps[at] += 1
-        moved = _line_search(x, value, r, at, step, g, Ai, d, mu, rows, sigma)
-        at = at[moved]
-        if not len(at):
-            break
+        moved = _line_search(x, value, push, r, at, step, g, A, d, mu, rows, sigma)
+        if not moved.all():
+            at, A = at[moved], A[moved]
     return r, gradient, steps
 
 
 def _line_search(
-    x: Array, value: Array, r: Array, at: Array, step: Array, g: Array, A: Array, d: Array, mu: float, rows: _Rows, sigma: float
-) -> Array:
-    """Move r, x and value by steps that lessen the dual, halved where a whole one does not; which of them did."""
+    x: Array, value: Array, push: Array, r: Array, at: Array, step: Array, g: Array, A: Array, d: Array, mu: float, rows: _Rows,
+    sigma: float,
+) -> Array:  # fmt: skip
+    """Move r, x and what `_dual` says of them by steps that lessen it, halved where a whole one does not; which of them did."""
     fall = (g * step).sum(axis=1)
     along = sigma * _pull(A, step).reshape(len(at), -1, 3)
     length, todo, moved = 1.0, np.arange(len(at)), np.zeros(len(at), bool)
     for _ in range(_HALVINGS):
         i = at[todo]
         tried, there = r[i] + length * step[todo], x[i] + length * along[todo]
-        found = _dual(there, tried, d[i], mu, rows, sigma)
+        found, pushed = _dual(there, tried, d[i], mu, rows, sigma)
         rounding = 1e-14 * np.maximum(1.0, np.abs(value[i]))
         good = found <= value[i] + _ARMIJO * length * fall[todo] + rounding
         done = i[good]
-        r[done], x[done], value[done] = tried[good], there[good], found[good]
+        r[done], x[done], value[done], push[done] = tried[good], there[good], found[good], pushed[good]
         moved[todo[good]] = True
         todo = todo[~good]
         if not len(todo):
@@ -201,6 +203,7 @@ def _line_search(
     return moved
 
 
-def _dual(x: Array, r: Array, d: Array, mu: float, rows: _Rows, sigma: float) -> Array:
-    pushed = project_cones(x, mu).reshape(len(x), -1)
-    return rows.value(r) - (d * r).sum(axis=1) + (pushed**2).sum(axis=1) / (2.0 * sigma)
+def _dual(x: Array, r: Array, d: Array, mu: float, rows: _Rows, sigma: float) -> tuple[Array, Array]:
+    """(the dual's value, the forces P(x)), shapes (n,) and (n, 3 k)."""
+    push = project_cones(x, mu).reshape(len(x), -1)
+    return rows.value(r) - (d * r).sum(axis=1) + (push**2).sum(axis=1) / (2.0 * sigma), push
