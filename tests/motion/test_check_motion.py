@@ -15,6 +15,7 @@ import rbd
 from rbd.arrays import Array
 from rbd.motion import CAUSES, Motion, check_motion, find_contacts
 from rbd.motion.frame_terms import placements
+from rbd.motion.self_collision import self_collisions
 
 RATE = 60.0
 DECIMALS = 1e-6 / np.sqrt(12.0)
@@ -248,6 +249,21 @@ class TestFaults:
         report = check_motion(Motion.of_arrays(g1, squat.t, q, noise=DECIMALS))
         assert np.flatnonzero(report.of_cause("self-collision")).tolist() == list(range(30, 60))
         assert all("left" in " ".join(pair) for pair in report.collisions.pairs)
+
+    def test_frames_that_are_not_measured_hold_no_overlap(self, g1, rng):
+        """Arms and waist that swing through the trunk: the frames and pairs are those of each frame by itself."""
+        at = [joint.q.start for name, joint in g1.joints.items() if any(x in name for x in ("shoulder", "elbow", "waist"))]
+        low, high = g1.joints.limits
+        q = np.repeat(g1.standing().q[None], 150, axis=0)
+        t, f, phase = np.arange(150)[:, None] / RATE, rng.uniform(0.3, 2.0, len(at)), rng.uniform(0.0, 6.0, len(at))
+        q[:, at] = np.clip(q[:, at] + np.sin(2.0 * np.pi * f * t + phase), low[at], high[at])
+        R, p = placements(g1, q)
+        whole = self_collisions(g1, q, R, p)
+        alone = [self_collisions(g1, q[i : i + 1], R[i : i + 1], p[i : i + 1]) for i in range(len(q))]
+        assert 10 < whole.inside.sum() < 140
+        assert whole.inside.tolist() == [bool(one.inside[0]) for one in alone]
+        for pair, frames in whole.pairs.items():
+            assert frames.tolist() == [i for i, one in enumerate(alone) if pair in one.pairs]
 
 
 class TestASecondWay:

@@ -59,6 +59,21 @@ def test_the_residual_is_polar_to_the_cone(rng):
     assert np.abs((pull * found.w).sum(axis=(1, 2))).max() < 1e-9
 
 
+def test_one_step_solves_problems_whose_forces_are_inside_the_cones(rng):
+    """There the least squares are plain ones, and Newton's method starts inside; of no problems there are no answers."""
+    A, _ = two_soles(rng, 50)
+    A = A[A.any(axis=(1, 3)).all(axis=1)]  # on both soles
+    d, n = np.array([0.0, 0.0, 1.0, 0.0, 0.0, 0.0]) + 0.01 * rng.normal(size=(len(A), 6)), len(A)
+    flat, rows = A.reshape(n, 6, 24), [Stage(1.0, np.ones(6), np.zeros(6))]
+    back = flat.transpose(0, 2, 1)
+    w = np.linalg.solve(back @ flat + np.eye(24), back @ d[..., None]).reshape(n, 8, 3)  # normal equations
+    assert (np.hypot(w[..., 0], w[..., 1]) < 0.7 * w[..., 2]).all()
+    found = staged_fits(A, d, 0.7, rows)
+    assert found.w == pytest.approx(w, abs=1e-13)
+    assert n > 10 and found.steps.tolist() == [1] * n
+    assert staged_fits(A[:0], d[:0], 0.7, rows).left.shape == (0, 6)
+
+
 def test_costs_of_rows_and_their_conjugates_are_duals(rng):
     """The largest r u - phi(u) over u is phi*(r), taken at phi*'(r), which the second derivative follows; phi by its words."""
     weight, steep = np.array([2.0, 0.5, 3.0]), np.array([0.0, 7.0, 0.2])
