@@ -6,10 +6,12 @@ import math
 import sys
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from typing import Generic, TypeAlias, TypeVar, overload
+from importlib import import_module
+from importlib.machinery import PathFinder
+from importlib.util import find_spec, module_from_spec
+from typing import Any, Generic, TypeAlias, TypeVar, overload
 
 import numpy as np
-from scipy.linalg import blas, lapack
 
 from rbd.errors import InputError, SingularInertia
 from rbd.errors.inputs import shown
@@ -25,6 +27,22 @@ robot, such as the lever arm of a millimetre, are at 1e-3 or above.
 """
 SQUARED = 1e-11
 """The same for matrices such as J M^-1 J^T, whose singular values are squares: 3e-6 before squaring."""
+
+
+def _compiled_part(name: str) -> Any:
+    """A compiled module of `scipy.linalg` without the rest of it, 0.15 s to import, of which most users need nothing."""
+    scipy = find_spec("scipy")
+    folders = scipy.submodule_search_locations if scipy is not None else None
+    found = PathFinder.find_spec(name, [f"{folder}/linalg" for folder in folders or ()])
+    if found is None or found.loader is None:  # another layout of SciPy
+        return import_module(f"scipy.linalg.{name.removeprefix('_f')}")
+    module = module_from_spec(found)
+    found.loader.exec_module(module)
+    return module
+
+
+blas, lapack = _compiled_part("_fblas"), _compiled_part("_flapack")
+"""Of SciPy; `scipy.linalg.blas` and `scipy.linalg.lapack` have the same functions."""
 
 
 def is_finite(value: Array) -> bool:

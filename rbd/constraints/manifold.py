@@ -12,9 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, inertia_factor, lazy, max_abs, zeros
+from rbd.arrays import Array, blas, inertia_factor, lapack, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint, anchored, is_carried, rows_of, with_loops
 from rbd.constraints.descent import Residual, Space, descend
 from rbd.constraints.loop import LoopRows, rows_function

@@ -25,9 +25,8 @@ from typing import TypeAlias
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, check_positive, check_whole, inertia_factor, max_abs
+from rbd.arrays import Array, blas, check_positive, check_whole, inertia_factor, lapack, max_abs
 from rbd.constraints.constraint import Constraint, rows_of
 from rbd.constraints.manifold import StackedRows, own_or
 from rbd.displayed import Displayed

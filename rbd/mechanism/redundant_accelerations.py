@@ -35,9 +35,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, lazy, max_abs
+from rbd.arrays import Array, blas, lapack, lazy, max_abs
 from rbd.constraints.manifold import StackedRows, poses_nearby
 from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import ZERO, correction

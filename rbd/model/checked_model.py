@@ -16,9 +16,8 @@ from typing import Any, Self, TypeVar
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import blas
 
-from rbd.arrays import Array, as_array, as_finite, check_finite, check_flag, lazy, max_abs
+from rbd.arrays import Array, as_array, as_finite, blas, check_finite, check_flag, lazy, max_abs
 from rbd.displayed import Displayed
 from rbd.errors import FrameNotFound, InputError, ModelError, nearest
 from rbd.errors.inputs import check_kind, listed_items

@@ -10,9 +10,8 @@ from collections.abc import Callable
 
 import numpy as np
 import pinocchio as pin
-from scipy.linalg import lapack
 
-from rbd.arrays import Array, inertia_factor, zeros
+from rbd.arrays import Array, inertia_factor, lapack, zeros
 from rbd.errors import InputError
 from rbd.model.external import External, generalised
 from rbd.model.inertial import HasRows, Regressor, body_names, check_rows, inertial_parameters, regressor

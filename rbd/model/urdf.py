@@ -14,7 +14,6 @@ from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import ClassVar, NoReturn
-from xml.sax.saxutils import quoteattr
 
 from rbd.errors import ModelError, nearest
 
@@ -35,7 +34,13 @@ PAIRS = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 _NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
 _SPACE = re.compile(r"[ \t\r\n]+")
 _ORIGIN = ("xyz", "rpy")
+_ESCAPED = str.maketrans({"&": "&amp;", "<": "&lt;", ">": "&gt;", '"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"})
 _EFFECTLESS = ("lower", "upper")  # of continuous joints
+
+
+def _quoted(name: str) -> str:
+    """A name as the value of an attribute of XML; the library's `saxutils.quoteattr` imports readers of the web."""
+    return f'"{name.translate(_ESCAPED)}"'
 
 
 @dataclass(frozen=True)
@@ -114,7 +119,7 @@ def check_urdf(path: Path, robot: ElementTree.Element, *, floating: bool, known:
     _check_tree(wrong, links, joints)
     _check_mimics(wrong, joints, known=known)
     wrong.refuse()
-    text = "".join([f"<robot name={quoteattr(name)}>", *(x.text for x in (*links.values(), *joints.values())), "</robot>"])
+    text = "".join([f"<robot name={_quoted(name)}>", *(x.text for x in (*links.values(), *joints.values())), "</robot>"])
     fixed = set() if floating else _base(links, joints)
     return UrdfFile(links, joints, sum(link.mass for link in links.values() if link.name not in fixed), text)
 
@@ -193,7 +198,7 @@ def _link(wrong: Complaints, element: ElementTree.Element) -> UrdfLink:
     name = element.get("name", "")
     inertial = element.find("inertial")
     if inertial is None:
-        return UrdfLink(name, text=f"<link name={quoteattr(name)}/>")
+        return UrdfLink(name, text=f"<link name={_quoted(name)}/>")
     what = f"the inertial of link {name!r}"
     mass, inertia = inertial.find("mass"), inertial.find("inertia")
     kg = wrong.numbers(f"the mass of link {name!r}", mass, "value")[0]
@@ -203,7 +208,7 @@ def _link(wrong: Complaints, element: ElementTree.Element) -> UrdfLink:
         wrong.add(f"link {name!r} has a mass of {kg:g} kg; expected zero, or at least {LIGHTEST:g} kg.")
     moments = [wrong.numbers(f"the inertia of link {name!r}", inertia, pair)[0] for pair in PAIRS]
     text = (
-        f"<link name={quoteattr(name)}><inertial>{_origin(wrong, what, inertial)}<mass value='{kg!r}'/><inertia "
+        f"<link name={_quoted(name)}><inertial>{_origin(wrong, what, inertial)}<mass value='{kg!r}'/><inertia "
         + " ".join(f"{pair}='{x!r}'" for pair, x in zip(PAIRS, moments, strict=True))
         + "/></inertial></link>"
     )
@@ -240,8 +245,8 @@ def _joint(wrong: Complaints, element: ElementTree.Element) -> UrdfJoint:
             wrong.numbers(f"the mimic of {what}", mimic, key, default=0.0)
     told = "floating" if kind == "spherical" else kind  # see rbd.model.files
     text = (
-        f"<joint name={quoteattr(name)} type={quoteattr(told)}><parent link={quoteattr(parent)}/>"
-        f"<child link={quoteattr(child)}/>{''.join(parts)}</joint>"
+        f"<joint name={_quoted(name)} type={_quoted(told)}><parent link={_quoted(parent)}/>"
+        f"<child link={_quoted(child)}/>{''.join(parts)}</joint>"
     )
     return UrdfJoint(name, kind, parent, child, direction, None if mimic is None else mimic.get("joint", ""), text, armature)
 

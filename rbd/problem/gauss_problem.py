@@ -8,9 +8,8 @@ from dataclasses import InitVar, dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from scipy.linalg import blas, lapack
 
-from rbd.arrays import Array, as_array, as_float, check_finite, inertia_factor, is_finite, lazy
+from rbd.arrays import Array, as_array, as_float, blas, check_finite, inertia_factor, is_finite, lapack, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_different, check_kind, listed_items

@@ -15,13 +15,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.optimize import linprog, lsq_linear, nnls
-from scipy.sparse import csr_array
 
 from rbd.arrays import Array, is_finite
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 PROGRAM_SECONDS = 2.0
 """Clock limit of one linear program [s]. Robots need milliseconds; HiGHS has been seen not to end at all."""
@@ -160,6 +161,8 @@ def linear_program(
         tolerance: Of feasibility, primal and dual; HiGHS's own 1e-7 if not given.
         method: "highs", "highs-ds" (dual simplex) or "highs-ipm".
     """
+    from scipy.optimize import linprog  # 0.15 s to import, and most answers need no program
+
     given = [x if isinstance(x, np.ndarray) else x.data for x in (cost, A_ub, b_ub, A_eq, b_eq) if x is not None]
     if not all(is_finite(x) for x in given):
         return _nothing(Outcome.NOT_FOUND)
@@ -186,6 +189,8 @@ def nonnegative(A: Array, b: Array) -> Array | None:
         return np.zeros(A.shape[1])
     if not (is_finite(A) and is_finite(b)):
         return None
+    from scipy.optimize import nnls
+
     try:
         return np.asarray(nnls(A, b, maxiter=int(LEAST_SQUARES_PIVOTS * A.shape[1]))[0])
     except (RuntimeError, ValueError, np.linalg.LinAlgError):  # iteration limit, or singular columns
@@ -221,6 +226,8 @@ def within(A: Array, b: Array, lower: Array, upper: Array) -> Array:
     """
     x, free = np.clip(np.zeros(A.shape[1]), lower, upper), upper > lower
     if free.any():
+        from scipy.optimize import lsq_linear
+
         bounds, left = (lower[free], upper[free]), b - A[:, ~free] @ x[~free]
         try:
             found = lsq_linear(A[:, free], left, bounds, method="bvls", tol=1e-14, max_iter=BOUNDED_STEPS)

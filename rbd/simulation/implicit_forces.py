@@ -30,10 +30,9 @@ from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import blas
 
 from rbd.answers.analysis.state_changes import derivatives_of
-from rbd.arrays import Array, inertia_factor, lazy
+from rbd.arrays import Array, blas, inertia_factor, lazy
 from rbd.model.external import ForceElement
 from rbd.model.state import State
 from rbd.simulation.simulated_motion import dissipation

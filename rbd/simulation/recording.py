@@ -17,10 +17,9 @@ from operator import itemgetter
 from typing import Any
 
 import numpy as np
-from scipy.linalg import blas, lapack
 
 from rbd.answers.solution import Solution
-from rbd.arrays import Array, cross_rows, is_finite, max_abs
+from rbd.arrays import Array, blas, cross_rows, is_finite, lapack, max_abs
 from rbd.constraints.contact_points import Structure
 from rbd.errors import NoSolution
 from rbd.model.dynamics import kinetic_energy, momentum, potential_energy

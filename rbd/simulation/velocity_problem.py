@@ -20,10 +20,9 @@ from itertools import groupby
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import blas, lapack
 
 from rbd.answers.solution import Solution
-from rbd.arrays import Array, inertia_factor, is_finite, max_abs
+from rbd.arrays import Array, blas, inertia_factor, is_finite, lapack, max_abs
 from rbd.errors import NoSolution
 from rbd.mechanism.projection import ZERO
 from rbd.mechanism.redundant_accelerations import CONTRADICTION, INDEPENDENT, OWED

@@ -8,9 +8,8 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import lapack
 
-from rbd.arrays import Array, lazy, max_abs
+from rbd.arrays import Array, lapack, lazy, max_abs
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.problem.answer import Answer

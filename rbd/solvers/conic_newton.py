@@ -14,9 +14,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.linalg import lapack
 
-from rbd.arrays import Array, is_finite, max_abs
+from rbd.arrays import Array, is_finite, lapack, max_abs
 from rbd.problem.cones import projection
 from rbd.problem.conic import Certificate, Conic, ConicAnswer, Unknowns
 from rbd.problem.programs import CONIC_SECONDS, CONIC_STEPS, Outcome, Work

@@ -7,9 +7,8 @@ import time
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.linalg import blas, lapack
 
-from rbd.arrays import RANK, Array, max_abs
+from rbd.arrays import RANK, Array, blas, lapack, max_abs
 from rbd.displayed import Displayed
 from rbd.problem.answer import Answer
 from rbd.problem.force_set import ForceSet, at_rest

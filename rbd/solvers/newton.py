@@ -17,7 +17,6 @@ from functools import cache, lru_cache
 from types import ModuleType
 
 import numpy as np
-from scipy.linalg import lstsq as scipy_lstsq
 
 from rbd.arrays import Array, identity, zeros
 from rbd.problem.cones import ConeProjection, projection
@@ -254,8 +253,10 @@ def last_step(problem: Scaled, w: Array, y: Array, *, coulomb: bool) -> Array:
             edge = np.column_stack([mu * x, mu * z, np.ones(len(mu))])[slip] * np.sqrt(problem.order.share[slip, None])
             O[slip] -= edge * (edge * (O[slip] + Y[slip])).sum(axis=1)[:, None]
     A = _matrix(problem, problem.D - identity(len(w)), p, edges, coulomb)
+    from scipy.linalg import lstsq
+
     # Complete orthogonal factors rather than singular values: they always terminate.
-    found, _, _, _ = scipy_lstsq(A, gap, cond=_RANK, lapack_driver="gelsy", check_finite=False)
+    found, _, _, _ = lstsq(A, gap, cond=_RANK, lapack_driver="gelsy", check_finite=False)
     return np.asarray(found)
 
 

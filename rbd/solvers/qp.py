@@ -24,7 +24,6 @@ from typing import NamedTuple
 
 import daqp
 import numpy as np
-from scipy.linalg import qr
 
 from rbd.arrays import RANK, Array, check_finite, identity, is_finite, zeros
 from rbd.errors import InputError
@@ -251,6 +250,8 @@ def solve_strict(
 
 def independent_rows(E: Array) -> Array:
     """Indices of rows that span the others, ascending: as many as the rank."""
+    from scipy.linalg import qr
+
     sizes = np.linalg.norm(E, axis=1)
     E = E / np.where(sizes > 0.0, sizes, 1.0)[:, None]
     R, order = qr(E.T, mode="r", pivoting=True)

@@ -7,9 +7,8 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg import blas
 
-from rbd.arrays import Array, cross_matrix, inertia_factor, max_abs
+from rbd.arrays import Array, blas, cross_matrix, inertia_factor, max_abs
 from rbd.displayed import Displayed
 from rbd.problem.conic import Conic, ConicAnswer, Unknowns
 from rbd.problem.programs import Outcome

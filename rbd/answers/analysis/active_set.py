@@ -27,10 +27,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-from scipy.linalg import blas, lapack
 
 from rbd.answers.analysis.contact_modes import RESOLUTION, Modes, Need, modes_of
-from rbd.arrays import RANK, Array, block_diagonal, identity, max_abs
+from rbd.arrays import RANK, Array, blas, block_diagonal, identity, lapack, max_abs
 from rbd.errors import NotDifferentiable
 from rbd.problem.answer import Answer
 from rbd.problem.cones import Cone

@@ -17,9 +17,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 import numpy as np
-from scipy.linalg import blas
 
-from rbd.arrays import RANK, Array
+from rbd.arrays import RANK, Array, blas
 from rbd.problem.answer import Answer
 from rbd.problem.cones import HALF_LINE, Free, Interval
 from rbd.problem.force_set import Element, ForceSet, at_rest

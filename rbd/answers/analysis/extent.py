@@ -14,7 +14,6 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csr_array, hstack, identity
 
 from rbd.answers.analysis.admissible_forces import Admissible
 from rbd.arrays import Array, lazy, max_abs, null_space
@@ -186,6 +185,8 @@ class Reach:
         q, n = self.normals.shape
         if not q or not self.basis.shape[1]:
             return np.zeros(q, bool)
+        from scipy.sparse import csr_array, hstack, identity
+
         # variables: x, theta, t <= 1: normals x - offsets theta - t >= 0, and across (x - theta start) = 0.
         # The planes have three entries each: in x the program is sparse, and in z it is not.
         across = null_space(self.basis.T).T

@@ -14,12 +14,11 @@ from functools import partial
 from typing import ClassVar
 
 import numpy as np
-from scipy.linalg import blas
 
 from rbd.answers.analysis.admissible_forces import Admissible
 from rbd.answers.analysis.contact_modes import modes_of
 from rbd.answers.analysis.extent import End, Reach
-from rbd.arrays import Array, rank_of
+from rbd.arrays import Array, blas, rank_of
 from rbd.displayed import Displayed
 from rbd.problem.answer import CARRIES_NOTHING_N, Answer
 from rbd.problem.gauss_problem import Law
