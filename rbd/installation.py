@@ -87,4 +87,4 @@ def check_whole() -> None:
 @lru_cache(maxsize=1)
 def in_use() -> bool:
     """Whether functions in loops are compiled; else they take some hundred times as long."""
-    return os.environ.get("RBD_COMPILED", "1") != "0"
+    return os.environ.get("RBD_COMPILED") != "0" and os.environ.get("NUMBA_DISABLE_JIT", "0") == "0"

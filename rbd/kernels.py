@@ -1,56 +1,243 @@
-"""Functions compiled by Numba, and the types of their arguments; imported only where such functions are used."""
+"""Functions that Numba compiles, and the types of their arguments.
+
+The first `FEW` calls of a process run in Python as they are written: so one answer takes 3 ms, and loading Numba with what it
+compiled 500. Then all are compiled, or loaded from the folder where an earlier process kept them; the numbers are the same bit
+by bit. A process says once that it compiles. `rbd warm-up` compiles ahead; `RBD_COMPILED=1` in the environment, or `prepare()`,
+compiles at once, and `RBD_COMPILED=0` never.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import os
+import sys
+import threading
 from collections.abc import Callable
-from typing import Any, Literal
+from functools import cache, update_wrapper
+from importlib import import_module
+from pathlib import Path
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
 from rbd.installation import in_use
 
-if in_use():
-    import numba
+FEW = 300
+"""Calls that run in Python, of kernels from kernels too: 20 answers where all sticks, one or two where points slip."""
+LARGE = 5_000
+"""A call with an array of more entries is compiled."""
+NUMBER, COUNT, FLAG = "float64", "int64", "boolean"
 
-NUMBER, COUNT, FLAG = (numba.float64, numba.int64, numba.boolean) if in_use() else (None, None, None)
+
+class _Array(NamedTuple):
+    kind: str
+    dim: int
+    layout: Literal["C", "A"]
+    readonly: bool
 
 
-def array(dim: int, kind: Any = NUMBER, *, written: bool = False, layout: Literal["C", "A"] = "C") -> Any:
-    """Numba's type of an array; one that is only read may be read-only."""
-    return numba.types.Array(kind, dim, layout, readonly=not written) if in_use() else None
+def array(dim: int, kind: str = NUMBER, *, written: bool = False, layout: Literal["C", "A"] = "C") -> Any:
+    """The type of an array; one that is only read may be read-only."""
+    return _Array(kind, dim, layout, not written)
 
 
 def signature(result: Any, *arguments: Any) -> Any:
-    """Of a function of these arguments; a tuple of results is a tuple of types."""
-    if not in_use():
-        return None
-    return (numba.types.Tuple(result) if isinstance(result, tuple) else result)(*arguments)
+    """Of a function of these arguments; a tuple of results is a tuple of types, None for nothing."""
+    return result, arguments
 
 
 def compiled(function: Callable[..., Any], types: Any = None) -> Callable[..., Any]:
-    """A function compiled when it is first called, and kept on disk; with a signature, compiled for these types alone.
+    """A function that is compiled after the first calls, and kept on disk; with a signature, compiled for these types alone.
 
-    Where neither the package's folder nor the user's cache can be written, it is compiled anew in each process.
+    Without one it is compiled for the types of its arguments when they first come. Where neither the package's folder nor the
+    user's cache can be written, it is compiled anew in each process.
+    """
+    return Kernel(function, types) if in_use() else np.errstate(all="ignore")(function)
+
+
+class _Process:
+    """What this process did.
+
+    Attributes:
+        few: Calls that may still run in Python.
+        inside: Whether one runs now.
+        told: Whether it has said that it compiles.
+        compiled: Functions compiled so far, by their names, once for each set of types.
+        kept: Whether they are kept on disk.
+    """
+
+    few = 0 if os.environ.get("RBD_COMPILED") else FEW
+    inside = told = False
+    compiled: tuple[str, ...] = ()
+    kept = True
+
+
+class Kernel:
+    """A function of numbers and arrays: Python until `prepare`, which puts Numba's in its place."""
+
+    def __init__(self, function: Callable[..., Any], types: Any) -> None:
+        self.function, self.types = function, types
+        self.made: Any = None
+        update_wrapper(self, function)
+        _kernels.append(self)
+
+    def __call__(self, *arguments: Any) -> Any:
+        """Its result; one kernel within another is called as that is, since types of Python's numbers may differ."""
+        if self.made is None:
+            if _Process.inside:
+                _Process.few -= 1
+                return self.function(*arguments)
+            # With one thread alone, no other is in Python while the functions are replaced.
+            if _Process.few > 0 and threading.active_count() == 1 and _entries(arguments) <= LARGE:
+                return self._interpreted(arguments)
+            prepare()
+        return self.made(*arguments)
+
+    def _interpreted(self, arguments: tuple[Any, ...]) -> Any:
+        _Process.inside, _Process.few = True, _Process.few - 1
+        try:
+            with np.errstate(all="ignore"):
+                return self.function(*arguments)
+        finally:
+            _Process.inside = False
+
+
+_kernels: list[Kernel] = []
+
+
+def _entries(x: Any) -> int:
+    """Of the largest array among some arguments."""
+    return max(map(_entries, x), default=0) if isinstance(x, tuple) else int(getattr(x, "size", 0))
+
+
+def prepare(*, every: bool = False) -> None:
+    """Compile at once what has been imported, or load it; all that the package has if some of it was not on disk.
+
+    For a loop that must not pause, such as a controller's: call it before.
+
+    Args:
+        every: Whether to prepare all that the package has in any case.
     """
     if not in_use():
-        return np.errstate(all="ignore")(function)
+        return
+    from numba.core.compiler_lock import global_compiler_lock
+
+    with global_compiler_lock:
+        _Process.few = 0
+        _listen()
+        _make()
+        if every or _Process.compiled and _Process.kept:
+            for name in modules():
+                import_module(name)
+            _make()
+
+
+def modules() -> list[str]:
+    """The package's modules of kernels, by their file names."""
+    root = Path(__file__).parent
+    files = sorted(root.rglob("*_kernel.py"))
+    return [".".join((root.name, *path.relative_to(root).with_suffix("").parts)) for path in files]
+
+
+def folders() -> list[str]:
+    """Where compiled functions are kept; empty where they cannot be."""
+    made = [kernel.made for kernel in _kernels if kernel.made is not None and _Process.kept]
+    return sorted({str(each._cache.cache_path) for each in made})
+
+
+def warm_up() -> tuple[str, ...]:
+    """Prepare all, and say nothing; the names of the functions that this process compiled."""
+    _Process.told = True
+    prepare(every=True)
+    return _Process.compiled
+
+
+def _make() -> None:
+    """Functions of Numba for those kernels that have none; and in their modules, so that they call each other directly."""
+    waiting = [kernel for kernel in _kernels if kernel.made is None]
+    for kernel in waiting:
+        kernel.made = _dispatcher(kernel)
+    for space in {id(kernel.function.__globals__): kernel.function.__globals__ for kernel in waiting}.values():
+        space.update({name: value.made for name, value in space.items() if isinstance(value, Kernel)})
+    for kernel in waiting:
+        if kernel.types is not None:
+            result, arguments = kernel.types
+            kernel.made.compile(_type(result)(*map(_type, arguments)))
+            kernel.made.disable_compile()
+
+
+def _type(kind: Any) -> Any:
+    """Numba's type."""
+    import numba
+
+    if isinstance(kind, _Array):
+        return numba.types.Array(_type(kind.kind), kind.dim, kind.layout, readonly=kind.readonly)
+    return numba.types.Tuple(tuple(map(_type, kind))) if isinstance(kind, tuple) else getattr(numba, kind or "void")
+
+
+def _dispatcher(kernel: Kernel) -> Any:
+    import numba
+
     try:
-        made = numba.njit(cache=True, error_model="numpy")(function)
+        made: Any = numba.njit(cache=True, error_model="numpy")(kernel.function)
     except RuntimeError as error:
         if "cannot cache" not in str(error):
             raise
-        made = numba.njit(error_model="numpy")(function)
-    else:
-        _without_what_is_gone(made)
-    if types is not None:
-        made.compile(types)
-        made.disable_compile()
+        _Process.kept = False
+        return numba.njit(error_model="numpy")(kernel.function)
+    file = made._cache._cache_file
+    file._source_stamp = file._source_stamp, _content(kernel)
+    try:
+        file._load_index()
+    except (ImportError, AttributeError):  # it names a class that is gone, and Numba would end with an ImportError
+        made._cache.flush()
     return made
 
 
-def _without_what_is_gone(function: Any) -> None:
-    """Empty a function's store on disk where it names a class that is gone: Numba would end with an ImportError."""
+@cache
+def _content(kernel: Kernel) -> str:
+    """A hash of what is compiled into a kernel: its source, the kernels it calls, and the numbers it names.
+
+    Those may be of other modules. Numba looks at its source alone, and would go on with the others as they were.
+    """
+    space, known = kernel.function.__globals__, {id(other.made): other for other in _kernels if other.made is not None}
+    named = [space.get(name) for name in kernel.function.__code__.co_names]
+    called = [known.get(id(each), each) for each in named]
+    parts = [_source(kernel.function.__code__.co_filename), *(repr(each) for each in named if isinstance(each, int | float))]
+    parts += [_content(each) for each in called if isinstance(each, Kernel)]
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+@cache
+def _source(file: str) -> str:
     try:
-        function._cache._cache_file._load_index()
-    except (ImportError, AttributeError):
-        function._cache.flush()
+        return hashlib.sha256(Path(file).read_bytes()).hexdigest()
+    except OSError:  # code without a file
+        return file
+
+
+@cache
+def _listen() -> None:
+    """Count compilations, and tell the first."""
+    from numba.core import event
+
+    class Compilations(event.Listener):
+        def on_start(self, event: Any) -> None:
+            function = event.data["dispatcher"].py_func
+            if any(kernel.function is function for kernel in _kernels):
+                if not _Process.told:
+                    _tell()
+                _Process.compiled += (f"{function.__module__}.{function.__name__}",)
+
+        def on_end(self, event: Any) -> None:
+            pass
+
+    event.register("numba:compile", Compilations())
+
+
+def _tell() -> None:
+    _Process.told = True
+    once = "once on this machine, about a minute; `rbd warm-up` does it ahead"
+    always = "about a minute in every process, as no folder for it can be written; NUMBA_CACHE_DIR names another"
+    if sys.stderr is not None:
+        sys.stderr.write(f"rbd: compiling, {once if _Process.kept else always}.\n")

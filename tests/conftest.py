@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 for library in ("OMP", "OPENBLAS"):  # read when NumPy is loaded: two threads on busy cores cost a quarter more than one
     os.environ.setdefault(f"{library}_NUM_THREADS", "1")
+os.environ.setdefault("RBD_COMPILED", "1")  # at once: the work of a call does not depend on those before
 
 import numpy as np  # noqa: E402
 import pytest  # noqa: E402

@@ -273,6 +273,51 @@ def plane(
         write_outputs(console, ("picture", out, partial(draw, motion)), ("page", html, partial(page, motion)))
 
 
+@app.command("warm-up")
+def warm_up() -> None:
+    """Compile ahead, once for this machine, what the first processes would else pause for: about a minute.
+
+    It is kept beside the package, else in the user's cache, or in the folder that NUMBA_CACHE_DIR names.
+    """
+    from rbd import kernels
+    from rbd.installation import in_use
+
+    console, seconds = open_console(), dict[str, float]()
+    with answering(warm_up):
+        if not in_use():
+            raise InputError("RBD_COMPILED=0, or NUMBA_DISABLE_JIT=1, is in the environment: nothing is compiled. Unset it.")
+        with timed(seconds, "compile"):
+            kernels.warm_up()
+            _first_answers()
+        compiled, kept = kernels.warm_up(), kernels.folders()
+        took = f"{len(compiled)} functions compiled in {seconds['compile']:.0f} s" if compiled else "nothing is left to compile"
+        console.print(f"{took}; kept in {', '.join(kept) or 'no folder'}", highlight=False, soft_wrap=True)
+        if not kept:
+            raise InputError(
+                "neither the package's folder nor the user's cache can be written, so every process compiles again. "
+                "Try: NUMBA_CACHE_DIR=a/folder in the environment, here and later."
+            )
+
+
+def _first_answers() -> None:
+    """What compiles the functions that are compiled for the arguments of their first call."""
+    import numpy as np
+
+    from rbd.answers.least_constraint import solve
+    from rbd.constraints import CollisionContacts
+    from rbd.model.state import State
+    from rbd.robots.loading import load_robot
+    from rbd.simulation.run import simulate as run
+
+    solo = load_robot("solo12")
+    state, tau = solo.standing(), np.zeros(solo.nu)
+    for friction in (None, 0.7, 0.01):
+        solve(state, tau, solo.feet(friction=friction))
+    falling = State(solo, state.q, np.full(solo.nv, 0.3))
+    for start, constraints in ((state, solo.feet()), (falling, [CollisionContacts("floor", solo)])):
+        run(start, constraints, duration=0.004, step=0.002)
+
+
 def _every(duration: float, step: float) -> int:
     """Number of steps between records; one for an invalid motion, which `simulate` refuses."""
     if not (0.0 < step < math.inf and 0.0 < duration < math.inf):

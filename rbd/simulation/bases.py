@@ -18,14 +18,16 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.arrays import Array
+from rbd.kernels import prepare
 from rbd.model.checked_model import CheckedModel
 
 
 @cache
 def step_kernel() -> ModuleType:
-    """`rbd.simulation.step_kernel`, imported with the first step."""
-    from rbd.simulation import step_kernel  # imports Numba
+    """`rbd.simulation.step_kernel`, imported with the first step, and compiled: there will be many."""
+    from rbd.simulation import step_kernel
 
+    prepare()
     return step_kernel
 
 
