@@ -13,6 +13,7 @@ import pinocchio as pin
 
 from rbd.arrays import Array, inertia_factor, lapack, zeros
 from rbd.errors import InputError
+from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, generalised
 from rbd.model.inertial import HasRows, Regressor, body_names, check_rows, inertial_parameters, regressor
 from rbd.model.state import State, checked
@@ -238,3 +239,18 @@ def momentum(state: State) -> Array:
     """
     robot = checked(state).robot
     return robot.pool.compute(lambda data: pin.computeCentroidalMomentum(robot.model, data, state.q, state.v).vector.copy())
+
+
+def energies_and_momenta(robot: CheckedModel, q: Array, v: Array) -> tuple[Array, Array, Array, Array]:
+    """(kinetic energy (n,), potential energy (n,), momentum (n, 6), centre of mass (n, 3)) at n states, as one by one."""
+    kinetic, both = np.empty(len(q)), np.empty((len(q), 9))
+
+    def fill(data: pin.Data) -> None:
+        model, momentum, com = robot.model, data.hg, data.com[0]
+        for i in range(len(q)):
+            pin.computeCentroidalMomentum(model, data, q[i], v[i])
+            kinetic[i] = pin.computeKineticEnergy(model, data)
+            both[i, :6], both[i, 6:] = momentum.vector, com
+
+    robot.pool.compute(fill)
+    return kinetic, -robot.mass * (both[:, 6:] @ robot.gravity), both[:, :6].copy(), both[:, 6:].copy()

@@ -31,7 +31,7 @@ from rbd.model.inertial import body_names
 from rbd.model.state import State
 from rbd.records import joined
 from rbd.simulation.implicit_forces import ElementTerms
-from rbd.simulation.simulated_motion import Integrator, Sample, SimulatedMotion, stored
+from rbd.simulation.simulated_motion import Integrator, SimulatedMotion, stored
 from rbd.simulation.trajectory_fields import ENERGY, Fields
 
 LARGEST = 1e-3
@@ -52,10 +52,16 @@ def energy(motion: SimulatedMotion, state: State) -> float:
     return kinetic_energy(state) + potential_energy(state) + elastic
 
 
-def balance(motion: SimulatedMotion, sample: Sample, kinetic: float, potential: float) -> float:
-    """The left-hand side at a sample [J]; NaN where an integrator does not tell all work."""
-    inside = 0.0 if callable(motion.external) else sample.elastic + sample.dissipated
-    return kinetic + potential + inside - sample.motor_work - sample.other_work
+def balance(motion: SimulatedMotion, x: Fields, other_work: Array) -> Array:
+    """The left-hand side at each sample [J], shape (n,); NaN where an integrator does not tell all work.
+
+    Args:
+        motion: The motion.
+        x: The trajectory's fields.
+        other_work: As of `Sample`, shape (n,) [J].
+    """
+    inside = 0.0 if callable(motion.external) else x["elastic"] + x["dissipated"]
+    return np.asarray(x["kinetic"] + x["potential"] + inside - x["motor_work"] - other_work)
 
 
 def unbalanced(x: Fields, by: Integrator) -> str:

@@ -172,7 +172,7 @@ class GroundDynamics:
         gap, velocity = self._kernel.points(X, V, self._gaps, self._height, *self._velocity.parts)
         return Snapshot(
             state, self.layout, velocity, gap, self.at_rest,
-            lambda: [source.at(state, t) for source in self._points.sources], lambda: self._located(state),
+            lambda: [source.at(state, t) for source in self._points.sources], self._located, X,
         )  # fmt: skip
 
     def _motion(self, q: Array, v: Array) -> tuple[Array, Array]:
@@ -180,16 +180,17 @@ class GroundDynamics:
         pin.forwardKinematics(self._model, self._workspace.data, q, v)
         return self._bodies.placements(self._workspace), self._bodies.velocities(self._workspace)
 
-    def _located(self, state: State) -> list[PointPlaces]:
-        """Where the points of each source are."""
-        (X, _), of = self._motion(state.q, state.v), self._touching.of
-        R = rotations(X)[of]
+    def _located(self, X: Array) -> list[PointPlaces]:
+        """Where the points of each source are, by placements of the bodies at n states, shape (n, 12 bodies)."""
+        of = self._touching.of
+        R = rotations(X)[:, of]
         arms = each_times(R, self._touching.centred)
-        points = X.reshape(-1, 12)[of, 9:] + each_times(R, self._touching.arms)
+        points = X.reshape(len(X), -1, 12)[:, of, 9:] + each_times(R, self._touching.arms)
         out = []
         for source, (at, _) in zip(self._points.sources, self.layout.spans, strict=True):
             assert isinstance(source, Grounds)
-            out.append(PointPlaces(source.structure, points[at], source.R, None if source.point_alone else arms[at], None))
+            centred = None if source.point_alone else arms[:, at]
+            out.append(PointPlaces(source.structure, points[:, at], source.R.reshape(1, -1, 3, 3), centred, None))
         return out
 
     def answer(

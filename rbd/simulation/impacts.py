@@ -28,9 +28,9 @@ from rbd.model.state import State, checked
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
-from rbd.simulation.recording import constraint_forces, least_forces
+from rbd.simulation.recording import StepForces, least_forces
 from rbd.simulation.simulated_motion import ConstraintForce
-from rbd.simulation.stacked_points import SLIDES, Points, Snapshot, slide
+from rbd.simulation.stacked_points import SLIDES, Points, Snapshot
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows, solve_velocity
 from rbd.solvers.default import slip_law
 
@@ -313,7 +313,7 @@ def impact_of(
     names = tuple(c.name for c in constraints)
     after = state.with_velocity(answer.v)
     u = at.velocity + at.J @ (answer.v - state.v)
-    acting = constraint_forces(at, impulse, slide(layout, u), names)
+    acting = StepForces(at, u, names, lambda: impulse)()
     approach, normal = _normals(at, touches, impulse)
     return Impact(
         before=state,

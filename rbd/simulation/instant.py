@@ -227,10 +227,9 @@ def touches_of(now: Instant, constraints: Sequence[Constraint], sources: Sequenc
             continue
         gaps, touches, force = at.gap[points].copy(), touching[points].copy(), now.force[rows]
         for owner, mine, row in points_and_rows(measured.structure):
-            pushed = point_forces(measured, force[row], mine)
-            if pushed is None:
-                pushed = np.zeros((mine.stop - mine.start, 3))
-            out[owner] = ContactTouch(gaps[mine], touches[mine], pushed, _labels(source, measured.structure, mine))
+            pushed = point_forces(measured, force[None, row], mine)
+            carried = np.zeros((mine.stop - mine.start, 3)) if pushed is None else pushed[0]
+            out[owner] = ContactTouch(gaps[mine], touches[mine], carried, _labels(source, measured.structure, mine))
     return {c.name: out[c.name] for c in constraints if c.name in out}
 
 

@@ -25,10 +25,10 @@ from rbd.model.state import State
 from rbd.simulation.event_detection import EventDetection
 from rbd.simulation.event_samples import SmoothStep, crossed_in_step, crossed_smoothly
 from rbd.simulation.instant import HalfStep, touches_of
-from rbd.simulation.recording import constraint_forces, least_forces
+from rbd.simulation.recording import StepForces, least_forces
 from rbd.simulation.simulated_motion import Event, Sample, SimulatedMotion, stored
 from rbd.simulation.smooth import SmoothMotion, SmoothStage, reason_not_smooth, reason_unknown_ground
-from rbd.simulation.stacked_points import slide, stopping
+from rbd.simulation.stacked_points import stopping
 from rbd.simulation.time_step import StepSystem
 
 TILTS = 1e-9
@@ -406,13 +406,12 @@ def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> 
         half = system.solved(start, 1e-3 * half.h, exact=True)  # points that stop within the half step are recorded as sliding
     answer, h, active = half.answer, 0.5 * half.h, half.active
     assert half.tau is not None
-    speed, names = slide(at.layout, answer.velocity), tuple(c.name for c in motion.constraints)
     return Sample.of(
         t,
         at.state,
         half.a,
         half.tau,
-        lambda: constraint_forces(at, least_forces(at, active, answer, h, motion.law), speed, names),
+        StepForces(at, answer.velocity, motion.names, lambda: least_forces(at, active, answer, h, motion.law)),
         law=system.law_residual(half),
         drift=at.drift,
         drift_rate=at.drift_rate,

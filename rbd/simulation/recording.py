@@ -10,35 +10,39 @@ If the shortest f with J^T f = g is in the cones, it is the answer. Else `Soluti
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
-from itertools import groupby
+from itertools import groupby, pairwise
 from operator import itemgetter
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from rbd.answers.solution import Solution
-from rbd.arrays import Array, blas, cross_rows, is_finite, lapack, max_abs
+from rbd.arrays import Array, blas, cross_rows, each_times, is_finite, lapack, lazy, max_abs
 from rbd.constraints.contact_points import Structure
 from rbd.errors import NoSolution
-from rbd.model.dynamics import kinetic_energy, momentum, potential_energy
+from rbd.model.dynamics import energies_and_momenta
 from rbd.problem.cones import Bounds, Free
 from rbd.problem.gauss_problem import GaussProblem, Law
 from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.simulation.energy_balance import balance
 from rbd.simulation.simulated_motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Sample, SimulatedMotion
-from rbd.simulation.stacked_points import SLIDES, PointPlaces, Snapshot, slide
+from rbd.simulation.stacked_points import SLIDES, PointPlaces, Snapshot, places_of, slide
 from rbd.simulation.trajectory_fields import COLUMNS, ENERGY, ENTRIES, RESIDUALS, TIME
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows
 
 _FIRST_ROWS = 64
 """Rows of the columns at the start of a recording; doubled when they are full."""
-_WHOLE, _BALANCE = ("whole", ""), ("balance", "")
-"""Columns that are no field of a trajectory: all numbers of the robot in one row, and the balance of energy."""
-_RECORDED = sorted((TIME, *COLUMNS, *(c for c in RESIDUALS if c is not ENERGY)), key=lambda c: not c.dims)
-"""What is in that row: vectors, then numbers."""
+_BLOCK = 64
+"""Samples of steps whose forces are written at once: those before them are dropped."""
+_DERIVED = ("kinetic", "potential", "momentum", "com")
+"""Fields that follow from q and v: computed when the recording is read."""
+_RECORDED = [TIME, *(c for c in (*COLUMNS, *RESIDUALS) if c is not ENERGY and c.name not in _DERIVED)]
+"""What a sample has itself, in one row."""
+Forces: TypeAlias = dict[tuple[str, str], Array]
+"""{(field of a trajectory, constraint): its rows}."""
 _REPEATS = 1e-11
 """Pivots of J J^T up to this, over the largest, are of linearly dependent rows."""
 _ROUNDS = 3
@@ -51,9 +55,10 @@ _CARRIES = 1e-12
 
 
 class Recording:
-    """Collects samples in columns filled in place; each is read once, with one call of its `constraint_forces`, and dropped.
+    """Collects samples in columns filled in place; of each sample `constraint_forces` is called once, and it is dropped.
 
-    A `State` of a humanoid holds 20 kB and the closure behind its forces more: ten seconds at 1 ms would be half a gigabyte.
+    Energies, momentum and centre of mass follow from q and v, and are computed when the recording is read. Forces of time steps
+    are written some at a time: a sample of a humanoid holds 20 kB and more, ten seconds at 1 ms would be half a gigabyte.
 
     Args:
         motion: The motion simulated. Its constraints have an entry even if they never act.
@@ -65,7 +70,11 @@ class Recording:
     def __init__(self, motion: SimulatedMotion) -> None:
         self.motion = motion
         self._count, self._rows = 0, _FIRST_ROWS
-        self._columns: dict[tuple[str, str], Array] = {}
+        ends = np.cumsum([0, *[c.size(motion.robot) for c in _RECORDED]]).tolist()
+        self._parts = [slice(*ends) for ends in pairwise(ends)]
+        self._whole, self._other = np.zeros((self._rows, ends[-1])), np.zeros(self._rows)
+        self._columns = Forces()
+        self._steps: list[tuple[int, StepForces]] = []
         for constraint in motion.constraints:
             self._column(("forces", constraint.name), (0,))
             self._column(("modes", constraint.name), ())
@@ -79,35 +88,47 @@ class Recording:
         Raises:
             NoSolution: one of its numbers is not finite; nothing is then recorded.
         """
-        state, acting = sample.state, sample.constraint_forces()
-        kinetic, potential = kinetic_energy(state), potential_energy(state)
-        vectors = [state.q, state.v, sample.a, sample.tau, momentum(state), state.com]
-        numbers = [sample.t, kinetic, potential, sample.motor_work, sample.elastic, sample.dissipated]
-        numbers += [sample.law, sample.drift, sample.drift_rate, sample.penetration]
-        row = {_WHOLE: np.concatenate([*vectors, numbers])}
-        for name, x in acting.items():
-            row["forces", name] = x.force
-            if x.points is not None:
-                row["points", name] = x.points
-                row["point_forces", name] = np.zeros_like(x.points) if x.point_forces is None else x.point_forces
-        if self._count == self._rows:
+        n, given = self._count, sample.constraint_forces
+        if n == self._rows:
             self._rows *= 2
+            self._whole, self._other = (np.concatenate([x, np.zeros_like(x)]) for x in (self._whole, self._other))
             self._columns = {place: self._room(place, column.shape[1:], column) for place, column in self._columns.items()}
-        n = self._count
-        for place, value in row.items():
-            if not is_finite(value):
-                bad = (c.name for c, x in zip(_RECORDED, [*vectors, *numbers], strict=True) if not is_finite(np.asarray(x)))
-                what = next(bad, f"{place[0].replace('_', ' ')} of {place[1]!r:.80}")
-                raise NoSolution(f"at t = {sample.t:.6g} s a number is not finite: {what}. Try shorter steps, or softer gains.")
-            column = self._column(place, value.shape)
-            if column.shape[1:] == value.shape:
-                column[n] = value
-            else:
-                column[n][tuple([slice(k) for k in value.shape])] = value
-        for name, x in acting.items():
-            self._column(("modes", name), ())[n] = x.mode
-        self._column(_BALANCE, ())[n] = balance(self.motion, sample, kinetic, potential)
-        self._count += 1  # last, so that after Ctrl-C a sample is recorded whole or not at all
+        row = self._whole[n]
+        for c, part in zip(_RECORDED, self._parts, strict=True):
+            row[part] = getattr(sample, c.name)
+        self._other[n] = sample.other_work
+        if not is_finite(row):
+            for c, part in zip(_RECORDED, self._parts, strict=True):
+                self._check(sample.t, row[part], c.name)
+        if isinstance(given, StepForces):
+            self._check(sample.t, given.force, "forces")
+            self._steps.append((n, given))
+        else:
+            acting = _stacked(given())
+            for (what, name), value in acting.items():
+                if what != "modes":
+                    self._check(sample.t, value, f"{what.replace('_', ' ')} of {name!r:.80}")
+            self._write(slice(n, n + 1), acting)
+        self._count = n + 1  # last, so that after Ctrl-C a sample is recorded whole or not at all
+        if len(self._steps) >= _BLOCK:
+            self._write_steps()
+
+    def _check(self, t: float, value: Array, what: str) -> None:
+        if not is_finite(value):
+            raise NoSolution(f"at t = {t:.6g} s a number is not finite: {what}. Try shorter steps, or softer gains.")
+
+    def _write_steps(self) -> None:
+        """Write the forces of steps; if Ctrl-C interrupts it, it is done again."""
+        for _, same in groupby(enumerate(self._steps), lambda each: (each[1][0] - each[0], each[1][1].alike)):
+            members = [member for _, member in same]
+            self._write(slice(members[0][0], members[-1][0] + 1), forces_of([forces for _, forces in members]))
+        self._steps = []
+
+    def _write(self, rows: slice, acting: Forces) -> None:
+        """Write the forces of some samples."""
+        for place, value in acting.items():
+            shape = np.shape(value)[1:]
+            self._column(place, shape)[(rows, *[slice(k) for k in shape])] = value
 
     def fields(self) -> dict[str, Any]:
         """The fields of a `Trajectory` with one row a sample.
@@ -115,15 +136,16 @@ class Recording:
         Forces are padded with zeros to the largest number of rows, points with NaN and their forces with zeros where there
         were fewer; a constraint without a force is open.
         """
+        self._write_steps()
         out: dict[str, Any] = {field: {} for field in ENTRIES}
-        columns = {place: column[: self._count] for place, column in self._columns.items()}
-        whole, balanced = columns.pop(_WHOLE), columns.pop(_BALANCE)
-        ends = np.cumsum([c.size(self.motion.robot) for c in _RECORDED])
-        for c, part in zip(_RECORDED, np.split(whole, ends[:-1], axis=1), strict=True):
-            c.put(out, part if c.dims else part[:, 0])
-        ENERGY.put(out, balanced - balanced[0])
-        for (field, name), column in columns.items():
-            out[field][name] = column.astype(str) if field == "modes" else column
+        n, robot = self._count, self.motion.robot
+        for c, part in zip(_RECORDED, self._parts, strict=True):
+            c.put(out, self._whole[:n, part if c.dims else part.start].copy())
+        out |= zip(_DERIVED, energies_and_momenta(robot, out["q"], out["v"]), strict=True)
+        balanced = balance(self.motion, out, self._other[:n])
+        ENERGY.put(out, balanced - balanced[:1])
+        for (field, name), column in self._columns.items():
+            out[field][name] = column[:n].astype(str) if field == "modes" else column[:n]
         return out
 
     def _column(self, place: tuple[str, str], shape: tuple[int, ...]) -> Array:
@@ -233,22 +255,65 @@ def _settled(at: Snapshot, active: Array, v: Array, velocity: Array, force: Arra
     return out
 
 
-def constraint_forces(snapshot: Snapshot, force: Array, speed: Array, names: Sequence[str]) -> Mapping[str, ConstraintForce]:
-    """The force and the mode of each constraint, from row forces and sliding speeds.
+class StepForces:
+    """Forces and modes of all constraints in a time step, as `Sample.constraint_forces`; those of many at once by `forces_of`.
 
     Args:
-        snapshot: The points.
-        force: Row forces, shape (p,) [N, N m]; zero of inactive points.
-        speed: Sliding speed of each point, shape (k,) [m/s].
+        at: The points.
+        velocity: Their velocities by the contact law, shape (p,) [m/s, rad/s].
         names: All constraints, in order; those without points are open.
+        force: Gives the row forces, shape (p,) [N, N m]; zero of inactive points.
     """
-    out: dict[str, ConstraintForce] = {}
-    layout = snapshot.layout
-    for measured, (points, rows) in zip(snapshot.places, layout.spans, strict=True):
-        f, u = force[rows], speed[points]
+
+    def __init__(self, at: Snapshot, velocity: Array, names: Sequence[str], force: Callable[[], Array]) -> None:
+        self.at, self.velocity, self.names, self._force = at, velocity, names, force
+
+    @lazy
+    def force(self) -> Array:
+        """The row forces."""
+        return self._force()
+
+    @property
+    def alike(self) -> tuple[object, ...]:
+        """Equal for those that `forces_of` takes together."""
+        at = self.at
+        return at.layout.structures, at.locate or id(self)
+
+    def __call__(self) -> Mapping[str, ConstraintForce]:
+        """{constraint: its force}."""
+        found = {place: value[0] for place, value in forces_of([self]).items()}
+        return {
+            name: ConstraintForce(
+                found["forces", name], str(found["modes", name]), found.get(("points", name)), found.get(("point_forces", name))
+            )
+            for name in self.names
+        }
+
+
+def forces_of(steps: Sequence[StepForces]) -> Forces:
+    """Forces, modes and points of n steps that are alike, shapes (n, ...)."""
+    first, out, n = steps[0], Forces(), len(steps)
+    layout, force = first.at.layout, np.array([step.force for step in steps])
+    speed = slide(layout, np.array([step.velocity for step in steps]))
+    for measured, (points, rows) in zip(places_of([step.at for step in steps]), layout.spans, strict=True):
+        f, u = force[:, rows], speed[:, points]
         for owner, at, row in points_and_rows(measured.structure):
-            out[owner] = _force_of(measured, f[row], u[at], at, row)
-    return {name: out.get(name, ConstraintForce(np.zeros(0), OPEN)) for name in names}
+            _add_forces(out, owner, measured, f[:, row], u[:, at], at)
+    for name in first.names:
+        if ("forces", name) not in out:
+            out["forces", name], out["modes", name] = np.zeros((n, 0)), np.full(n, OPEN)
+    return out
+
+
+def _stacked(acting: Mapping[str, ConstraintForce]) -> Forces:
+    """The same of one sample that has its forces itself."""
+    out = Forces()
+    for name, x in acting.items():
+        out["forces", name], out["modes", name] = x.force[None], np.array([x.mode])
+        if x.points is not None:
+            pushed = np.zeros_like(x.points) if x.point_forces is None else x.point_forces
+            out["points", name], out["point_forces", name] = x.points[None], pushed[None]
+    return out
 
 
 @lru_cache(maxsize=256)
@@ -271,45 +336,45 @@ def _kind_of(structure: Structure, first: int, last: int) -> tuple[str, Array]:
     return STICKS if rubs else PUSHES, np.cumsum(widths) - 1
 
 
-def _force_of(measured: PointPlaces, force: Array, speed: Array, at: slice, row: slice) -> ConstraintForce:
+def _add_forces(out: Forces, name: str, measured: PointPlaces, force: Array, speed: Array, at: slice) -> None:
+    """Add the forces of one constraint, from those of its rows and the speeds of its points."""
     structure = measured.structure
     cones = structure.cones[at]
-    if isinstance(cones[0], Free):
-        mode = HOLDS
-    else:
+    bilateral, whole = isinstance(cones[0], Free), len(structure.owners) == len(cones)
+    mode = np.full(len(force), HOLDS)
+    if not bilateral:
         kind, normals = _kind_of(structure, at.start, at.stop)
-        mode, pushes, speeds = OPEN, force[normals].tolist(), speed.tolist()
-        for push, slides in zip(pushes, speeds, strict=True):
-            if abs(push) > _CARRIES:
-                mode = SLIPS if slides > SLIDES else kind if mode == OPEN else mode
-    whole = len(structure.owners) == len(cones)
-    resultant = measured.to_world @ force if measured.to_world is not None and whole else force
-    if measured.points is None or measured.axes is None:
-        return ConstraintForce(resultant, mode)
-    points, pushed = measured.points[at], point_forces(measured, force, at)
-    if pushed is not None and measured.to_world is None and not isinstance(cones[0], Free):
-        resultant = pushed.sum(axis=0)
-        if measured.arms is not None:
-            resultant = np.concatenate([resultant, cross_rows(measured.arms[at], pushed).sum(axis=0)])
-    return ConstraintForce(resultant, mode, points, pushed)
+        loaded = np.abs(force[:, normals]) > _CARRIES
+        mode = np.where((loaded & (speed > SLIDES)).any(axis=1), SLIPS, np.where(loaded.any(axis=1), kind, OPEN))
+    resultant = each_times(measured.to_world, force) if measured.to_world is not None and whole else force
+    if measured.points is not None and measured.axes is not None:
+        points, pushed = measured.points[:, at], point_forces(measured, force, at)
+        if pushed is not None and measured.to_world is None and not bilateral:
+            resultant = pushed.sum(axis=1)
+            if measured.arms is not None:
+                turns = cross_rows(measured.arms[:, at].reshape(-1, 3), pushed.reshape(-1, 3)).reshape(pushed.shape)
+                resultant = np.concatenate([resultant, turns.sum(axis=1)], axis=1)
+        out["points", name], out["point_forces", name] = points, np.zeros_like(points) if pushed is None else pushed
+    out["forces", name], out["modes", name] = resultant, mode
 
 
 def point_forces(measured: PointPlaces, force: Array, at: slice) -> Array | None:
-    """Forces at the points of one contact in world axes, shape (k, 3) [N]; None where the rows are no forces at points.
+    """Forces at the points of one contact in world axes, shape (n, k, 3) [N]; None where the rows are no forces at points.
 
     Args:
-        measured: Where the points of its source are.
-        force: Its row forces, shape (m,).
+        measured: Where the points of its source are, at n states.
+        force: Its row forces, shape (n, m).
         at: Its points among those of the source.
     """
     cones, axes = measured.structure.cones[at], measured.axes
     assert axes is not None
     if isinstance(cones[0], Free):  # one point, of a bilateral constraint
-        return (axes @ force[:3])[None] if len(cones) == 1 and len(force) >= 3 else None
-    k, width = len(cones), cones[0].dim
+        return each_times(axes, force[:, None, :3]) if len(cones) == 1 and force.shape[1] >= 3 else None
+    n, k, width = len(force), len(cones), cones[0].dim
     if measured.pushes is not None:  # of one contact
-        pushed = np.add.reduceat(force[:, None] * measured.pushes, measured.structure.normals + 1 - measured.structure.widths)
+        starts = measured.structure.normals + 1 - measured.structure.widths
+        pushed = np.add.reduceat(force[:, :, None] * measured.pushes, starts, axis=1)
     else:
-        pushed = np.zeros((k, 3))
-        pushed[:, 3 - width :] = force.reshape(k, width)
-    return np.einsum("kij,kj->ki", axes[at], pushed) if axes.ndim == 3 else pushed @ axes.T
+        pushed = np.zeros((n, k, 3))
+        pushed[:, :, 3 - width :] = force.reshape(n, k, width)
+    return each_times(axes if axes.shape[1] == 1 else axes[:, at], pushed)

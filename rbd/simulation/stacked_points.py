@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import lru_cache, partial
 from itertools import chain, repeat
 from typing import Any
 
 import numpy as np
 
-from rbd.arrays import Array, lazy
+from rbd.arrays import Array, lazy, zeros
 from rbd.constraints.contact_points import Measured, PointSource, Structure
 from rbd.model.state import State
 from rbd.problem.cones import Cone
@@ -123,7 +123,10 @@ def _constant(k: int, value: bool) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class PointPlaces:
-    """Where the points of a source are, and what their forces come to: attributes as of `Measured`."""
+    """Where the points of a source are at n states, and what their forces come to: attributes as of `Measured`, stacked.
+
+    `axes` have shape (n, k, 3, 3); n and k are 1 where they are the same for all. `pushes` are of all states.
+    """
 
     structure: Structure
     points: Array | None
@@ -144,7 +147,8 @@ class Snapshot:
         gap: Shape (k,).
         error: Position errors of bilateral rows, shape (p,).
         measure: Gives the points of each source.
-        locate: Gives where they are, if that is cheaper.
+        locate: Gives where they are, by the placements of their bodies at n states, if that is cheaper.
+        placed: These placements.
     """
 
     state: State
@@ -153,7 +157,8 @@ class Snapshot:
     gap: Array
     error: Array
     measure: Callable[[], Sequence[Measured]] = field(repr=False)
-    locate: Callable[[], Sequence[PointPlaces]] | None = field(default=None, repr=False)
+    locate: Callable[[Array], Sequence[PointPlaces]] | None = field(default=None, repr=False)
+    placed: Array = field(default_factory=partial(zeros, 0), repr=False)
 
     @classmethod
     def of(cls, state: State, layout: PointLayout, measured: Sequence[Measured]) -> Snapshot:
@@ -168,10 +173,8 @@ class Snapshot:
 
     @property
     def places(self) -> Sequence[PointPlaces]:
-        """Where the points of each source are."""
-        if self.locate is not None:
-            return self.locate()
-        return [PointPlaces(m.structure, m.points, m.axes, m.arms, m.to_world, m.pushes) for m in self.sources]
+        """Where the points of each source are, stacks of one state."""
+        return places_of([self])
 
     @lazy
     def J(self) -> Array:
@@ -203,6 +206,19 @@ class Snapshot:
         """Depth of the deepest point."""
         gap = self.gap[self.layout.pushes]
         return max(0.0, -float(gap.min())) if len(gap) else 0.0
+
+
+def places_of(snapshots: Sequence[Snapshot]) -> Sequence[PointPlaces]:
+    """Where the points of each source are at several states: with the same `locate`, or of one."""
+    first = snapshots[0]
+    if first.locate is not None:
+        return first.locate(np.array([at.placed for at in snapshots]))
+    out = []
+    for m in first.sources:
+        points, arms, to_world = (None if x is None else x[None] for x in (m.points, m.arms, m.to_world))
+        axes = None if m.axes is None else m.axes.reshape(1, -1, 3, 3)
+        out.append(PointPlaces(m.structure, points, axes, arms, to_world, m.pushes))
+    return out
 
 
 class Points:
@@ -291,9 +307,9 @@ def _matched(old: PointLayout, new: PointLayout) -> tuple[Array, Array, Array]:
 
 
 def slide(layout: PointLayout, velocity: Array) -> Array:
-    """Sliding speed of each point, shape (k,) [m/s, rad/s]; zero without friction."""
-    out = np.zeros(len(layout.owners))
-    out[layout.slides] = np.hypot(*(velocity[layout.sliding_rows] * layout.sliding_kept).T)
+    """Sliding speed of each point, shape (..., k) [m/s, rad/s], by velocities (..., p); zero without friction."""
+    out, along = np.zeros((*velocity.shape[:-1], len(layout.owners))), velocity[..., layout.sliding_rows] * layout.sliding_kept
+    out[..., layout.slides] = np.hypot(along[..., 0], along[..., 1])
     return out
 
 
