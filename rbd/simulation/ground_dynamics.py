@@ -24,7 +24,6 @@ import pinocchio as pin
 
 from rbd.answers.prepared.contact_bodies import (
     MOST_BODIES,
-    STILL,
     BilinearMap,
     ContactBodies,
     Site,
@@ -143,7 +142,7 @@ class GroundDynamics:
         self._velocity, self._forces = touching.turned(axes, touching.spread), touching.turned(axes, touching.shares)
         self._patches = np.flatnonzero([site.size == 6 for site in bodies.sites])
         self._patch_rows = np.repeat([site.size == 6 for site in bodies.sites], [site.size for site in bodies.sites])
-        self._mu, self.at_rest = self.layout.mu, zeros(3 * len(axes))
+        self._mu, self.at_rest, self._gravity = self.layout.mu, zeros(3 * len(axes)), start.robot.gravity
 
     def __del__(self) -> None:
         space = self.__dict__.get("_workspace")
@@ -300,29 +299,26 @@ class GroundDynamics:
             return None
         return VelocityAnswer(end, np.zeros(len(self.at_rest)), self._velocity(*self._motion(state.q, end)), 0.0, True)
 
-    def residual(self, q: Array, v: Array, applied: Array, a: Array, u: Array, h: float, answer: VelocityAnswer) -> float:
+    def residual(self, at: Snapshot, applied: Array, a: Array, u: Array, h: float, answer: VelocityAnswer) -> float:
         """Residual of a half step by another route than its answer's: inverse dynamics and the bodies' accelerations, scaled.
 
         Args:
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
+            at: The points at its beginning.
             applied: S^T tau + tau_ext, shape (nv,).
             a: Acceleration of the answer, shape (nv,).
             u: The points' velocities at the step's beginning, shape (p,).
             h: Length of the half step [s].
             answer: The answer.
         """
-        bodies, space, forces = self._bodies, self._workspace, answer.impulse / h
-        X, V = self._motion(q, v)
-        P = (self._turns_of(X) @ self._touching.spread).reshape(len(u), -1)
-        unbalanced = bodies.inverse_dynamics(space, q, v, a, P.T @ forces) - applied
-        moved = (P @ bodies.accelerations(X, bodies.lifts(space))) * h + u - answer.velocity
-        if np.vdot(V, V) > STILL:  # spatial accelerations are not classical
-            moved += h * self._centripetal(X, V)
-        f, size = forces.reshape(-1, 3), max(1.0, max_abs(applied), max_abs(forces))
-        moved[~np.repeat(f.any(axis=1), 3)] = 0.0
-        outside = float((np.hypot(f[:, 0], f[:, 1]) - self._mu * f[:, 2]).max(initial=0.0)) / max(1.0, max_abs(forces))
-        return max(max_abs(unbalanced) / size, max_abs(moved) / (h * max(1.0, max_abs(a))), outside)
+        bodies, space, forces, state = self._bodies, self._workspace, answer.impulse / h, at.state
+        X = at.placed if at.locate is not None else self._motion(state.q, state.v)[0]
+        touching, axes, kernel = self._touching, self._axes, self._kernel
+        pushed = kernel.wrenches(X, forces, touching.of, axes, touching.arms)
+        taken = bodies.inverse_dynamics(space, state.q, state.v, a, pushed)
+        return kernel.residual(
+            X, bodies.velocities(space), bodies.lifts(space), self._gravity, touching.of, axes, touching.arms, self._mu, taken,
+            applied, a, forces, u, answer.velocity, h,
+        )  # fmt: skip
 
     def _straight(self, h: float) -> bool:
         """Whether bodies that touch at patches turn so slowly that their points' centripetal accelerations are rounding."""

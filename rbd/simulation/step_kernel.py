@@ -150,3 +150,81 @@ def sticking(
     for i in range(len(f)):
         f[i] *= h
     return inside, f, v
+
+
+@compiled
+def _turned_to(X: Array, at: int, G: Array, x: float, y: float, z: float, out: Array) -> None:
+    """G^T R (x, y, z) of the body whose placement begins at `at`."""
+    for r in range(3):
+        out[3 + r] = X[at + r] * x + X[at + 3 + r] * y + X[at + 6 + r] * z
+    for r in range(3):
+        out[r] = G[0, r] * out[3] + G[1, r] * out[4] + G[2, r] * out[5]
+
+
+@compiled
+def wrenches(X: Array, f: Array, of: Array, axes: Array, arms: Array) -> Array:
+    """Wrenches on the bodies in their joints' axes of forces at their points in the points' own, shape (6 bodies,)."""
+    out, w = np.zeros(len(X) // 2), np.empty(3)
+    for i in range(len(of)):
+        G, x, at, b = axes[i], arms[i], 12 * of[i], 6 * of[i]
+        for r in range(3):
+            w[r] = G[r, 0] * f[3 * i] + G[r, 1] * f[3 * i + 1] + G[r, 2] * f[3 * i + 2]
+        fx, fy, fz = (X[at] * w[0] + X[at + 1] * w[1] + X[at + 2] * w[2], X[at + 3] * w[0] + X[at + 4] * w[1] + X[at + 5] * w[2],
+                      X[at + 6] * w[0] + X[at + 7] * w[1] + X[at + 8] * w[2])  # fmt: skip
+        out[b], out[b + 1], out[b + 2] = out[b] + fx, out[b + 1] + fy, out[b + 2] + fz
+        out[b + 3] += x[1] * fz - x[2] * fy
+        out[b + 4] += x[2] * fx - x[0] * fz
+        out[b + 5] += x[0] * fy - x[1] * fx
+    return out
+
+
+@compiled
+def residual(
+    X: Array, V: Array, lifts: Array, gravity: Array, of: Array, axes: Array, arms: Array, mu: Array, taken: Array,
+    applied: Array, a: Array, f: Array, u: Array, end: Array, h: float,
+) -> float:  # fmt: skip
+    """`GroundDynamics.residual`, from the generalised forces that the motion takes and the bodies' motion.
+
+    Args:
+        X: Placements of the bodies.
+        V: Their velocities.
+        lifts: Their spatial accelerations less that of gravity.
+        gravity: In world axes.
+        of: The body of each point.
+        axes: R_WC of each point.
+        arms: Where each point is in its body's axes.
+        mu: Friction coefficients.
+        taken: Generalised forces that the motion takes, less those of the contact forces.
+        applied: Those given.
+        a: Acceleration.
+        f: Forces of the points.
+        u: Velocities of the points at the beginning.
+        end: The same at the end.
+        h: Length of the half step [s].
+    """
+    largest, off, most = 1.0, 0.0, 1.0
+    for i in range(len(f)):
+        largest = max(largest, abs(f[i]))
+    size = largest
+    for i in range(len(a)):
+        size, off, most = max(size, abs(applied[i])), max(off, abs(taken[i] - applied[i])), max(most, abs(a[i]))
+    outside, moved, A, turned = 0.0, 0.0, np.empty(6), np.empty(6)
+    for i in range(len(of)):
+        outside = max(outside, math.hypot(f[3 * i], f[3 * i + 1]) - mu[i] * f[3 * i + 2])
+        if f[3 * i] == 0.0 and f[3 * i + 1] == 0.0 and f[3 * i + 2] == 0.0:
+            continue
+        at, b, (x, y, z) = 12 * of[i], 6 * of[i], (arms[i, 0], arms[i, 1], arms[i, 2])
+        for r in range(3):
+            A[r], A[3 + r] = lifts[b + r], lifts[b + 3 + r]
+            for c in range(3):
+                A[r] += X[at + 3 * r + c] * gravity[c]
+        p, q, s = V[b + 3], V[b + 4], V[b + 5]
+        # of the point: v + w x r, and a + alpha x r + w x (v + w x r)
+        vx, vy, vz = V[b] + q * z - s * y, V[b + 1] + s * x - p * z, V[b + 2] + p * y - q * x
+        ax = A[0] + A[4] * z - A[5] * y + q * vz - s * vy
+        ay = A[1] + A[5] * x - A[3] * z + s * vx - p * vz
+        az = A[2] + A[3] * y - A[4] * x + p * vy - q * vx
+        _turned_to(X, at, axes[i], ax, ay, az, turned)
+        for r in range(3):
+            moved = max(moved, abs(h * turned[r] + u[3 * i + r] - end[3 * i + r]))
+    return max(off / size, moved / (h * most), outside / largest)

@@ -198,7 +198,7 @@ class StepSystem:
         at, answer, h = half.start.at, half.answer, 0.5 * half.h
         if self.ground is None or half.applied is None:
             return answer.law
-        return max(answer.law, self.ground.residual(at.state.q, at.state.v, half.applied, half.a, half.u, h, answer))
+        return max(answer.law, self.ground.residual(at, half.applied, half.a, half.u, h, answer))
 
     def step(self, half: HalfStep, t_end: float) -> Step:
         """From a half step to the end of the step, through the impacts in between."""
