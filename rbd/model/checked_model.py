@@ -340,7 +340,10 @@ class CheckedModel(Displayed):
         """Whether arrays of the right sizes are a checked configuration and velocity, to rounding: a quick test."""
         if not (q.dot(q) < FARTHEST * FARTHEST and v.dot(v) < FARTHEST * FARTHEST):
             return False
-        return all([abs(math.hypot(*q[begin:end].tolist()) - 1.0) <= ROUNDED for begin, end in self._unit_blocks])
+        for begin, end in self._unit_blocks:
+            if not abs(math.hypot(*q[begin:end].tolist()) - 1.0) <= ROUNDED:
+                return False
+        return True
 
     def check_v(self, v: Array, what: str = "v") -> Array:
         """A velocity, an acceleration or a generalised force, copied, shape (nv,).

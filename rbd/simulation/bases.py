@@ -61,14 +61,20 @@ class Bases:
 
     def turned(self, start: Array, v: Array, h: float) -> Array:
         """The velocity start + h W x v: W x v is a of the frozen axes less a of the base's, in its linear part, shape (nv,)."""
-        return self._kernel.turned(start, v, h, self._indices)
+        out = np.empty(len(v))
+        self._kernel.turned(start, v, h, self._indices, out)
+        return out
 
     def middle(self, q: Array, v: Array, v_h: Array, h: float) -> Middle:
         """The middle of a step of length h from q, with v and v_h in the axes of q."""
         out: Array = pin.integrate(self.model, q, (0.5 * h) * v)
-        return Middle(out, *self._kernel.middle(q, out, v, v_h, h, self._indices))
+        moves = np.empty((4, len(v)))
+        self._kernel.middle(q, out, v, v_h, h, self._indices, moves)
+        return Middle(out, *moves)
 
     def moved(self, q: Array, v: Array, h: float) -> tuple[Array, Array]:
         """Where v, frozen at q, leads in a time h, shape (nq,); and v in the axes of that place."""
         out: Array = pin.integrate(self.model, q, h * v)
-        return out, self._kernel.moved(q, out, v, h, self._indices)
+        carried = np.empty(len(v))
+        self._kernel.moved(q, out, v, h, self._indices, carried)
+        return out, carried

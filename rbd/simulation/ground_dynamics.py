@@ -168,7 +168,8 @@ class GroundDynamics:
     def at(self, state: State, t: float) -> Snapshot:
         """All points at a state: gaps and velocities; the rest is computed the general way, if asked for."""
         X, V = self._motion(state.q, state.v)
-        gap, velocity = self._kernel.points(X, V, self._gaps, self._height, *self._velocity.parts)
+        gap, velocity = np.empty(len(self._height)), np.empty(len(self.at_rest))
+        self._kernel.points(X, V, self._gaps, self._height, *self._velocity.parts, gap, velocity)
         return Snapshot(
             state, self.layout, velocity, gap, self.at_rest,
             lambda: [source.at(state, t) for source in self._points.sources], self._located, X,
@@ -242,9 +243,12 @@ class GroundDynamics:
         """
         kernel, space, F = self._kernel, self._workspace, self._workspace.row_forces
         if len(V):
-            more, forces = space.change(kernel.target(V, self._bodies.row_rates, h))
+            wanted = np.empty(len(F))
+            kernel.target(V, self._bodies.row_rates, h, wanted)
+            more, forces = space.change(wanted)
             a, F = a + more, F + forces
-        inside, impulse, v = kernel.sticking(X, F, a, start, h, self._mu, *self._forces.parts)
+        impulse, v = np.empty(len(self.at_rest)), np.empty(len(a))
+        inside = kernel.sticking(X, F, a, start, h, self._mu, *self._forces.parts, impulse, v)
         return VelocityAnswer(v, impulse, self.at_rest, 0.0, True) if inside else None
 
     def _by_points(
@@ -313,7 +317,8 @@ class GroundDynamics:
         bodies, space, forces, state = self._bodies, self._workspace, answer.impulse / h, at.state
         X = at.placed if at.locate is not None else self._motion(state.q, state.v)[0]
         touching, axes, kernel = self._touching, self._axes, self._kernel
-        pushed = kernel.wrenches(X, forces, touching.of, axes, touching.arms)
+        pushed = np.empty(len(X) // 2)
+        kernel.wrenches(X, forces, touching.of, axes, touching.arms, pushed)
         taken = bodies.inverse_dynamics(space, state.q, state.v, a, pushed)
         return kernel.residual(
             X, bodies.velocities(space), bodies.lifts(space), self._gravity, touching.of, axes, touching.arms, self._mu, taken,

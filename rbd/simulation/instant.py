@@ -97,6 +97,12 @@ class Instant:
         touching: Array = ((gap <= gaps.tight) | (self.closed & (gap <= gaps.loose))) & ~self.leaves
         return layout.everything if touching.all() else touching
 
+    def at_time(self, t: float) -> Instant:
+        """The same at another time."""
+        out = object.__new__(Instant)
+        out.__dict__.update(self.__dict__, t=t)
+        return out
+
     def rates(self, active: Array) -> Array:
         """Velocities of the points, shape (p,): for active ones by the law of the step before.
 

@@ -399,26 +399,26 @@ def _tilts(constraint: Constraint, state: State) -> str | None:
 def _recorded(system: StepSystem, half: HalfStep, events: tuple[Event, ...]) -> Sample:
     """A sample with torques, forces and residuals; recording does not affect the steps."""
     start = half.start
-    at, t, motion = start.at, start.t, system.motion
+    at, motion = start.at, system.motion
     if half.tau is None or half.implicit is not None:
         half = system.exact(half)
-    if stopping(at.layout, half.u, half.answer.velocity, half.answer.impulse) is not None:
+    if not system.still(half.u) and stopping(at.layout, half.u, half.answer.velocity, half.answer.impulse) is not None:
         half = system.solved(start, 1e-3 * half.h, exact=True)  # points that stop within the half step are recorded as sliding
-    answer, h, active = half.answer, 0.5 * half.h, half.active
+    answer, h, active, a = half.answer, 0.5 * half.h, half.active, half.a
     assert half.tau is not None
     return Sample.of(
-        t,
+        start.t,
         at.state,
-        half.a,
+        a,
         half.tau,
         StepForces(at, answer.velocity, motion.names, lambda: least_forces(at, active, answer, h, motion.law)),
-        law=system.law_residual(half),
+        law=system.law_residual(half, a),
         drift=at.drift,
         drift_rate=at.drift_rate,
         penetration=at.penetration,
         events=events,
         motor_work=start.work,
-        elastic=stored(half.elements, at.state),
+        elastic=stored(half.elements, at.state) if half.elements else 0.0,
         dissipated=start.dissipated,
         other_work=start.other_work,
     )

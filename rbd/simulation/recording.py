@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from itertools import groupby, pairwise
-from operator import itemgetter
+from operator import attrgetter, itemgetter
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -41,6 +41,7 @@ _DERIVED = ("kinetic", "potential", "momentum", "com")
 """Fields that follow from q and v: computed when the recording is read."""
 _RECORDED = [TIME, *(c for c in (*COLUMNS, *RESIDUALS) if c is not ENERGY and c.name not in _DERIVED)]
 """What a sample has itself, in one row."""
+_read = attrgetter(*[c.name for c in _RECORDED])
 Forces: TypeAlias = dict[tuple[str, str], Array]
 """{(field of a trajectory, constraint): its rows}."""
 _REPEATS = 1e-11
@@ -71,7 +72,7 @@ class Recording:
         self.motion = motion
         self._count, self._rows = 0, _FIRST_ROWS
         ends = np.cumsum([0, *[c.size(motion.robot) for c in _RECORDED]]).tolist()
-        self._parts = [slice(*ends) for ends in pairwise(ends)]
+        self._parts = [slice(*ends) if c.dims else ends[0] for c, ends in zip(_RECORDED, pairwise(ends), strict=True)]
         self._whole, self._other = np.zeros((self._rows, ends[-1])), np.zeros(self._rows)
         self._columns = Forces()
         self._steps: list[tuple[int, StepForces]] = []
@@ -94,8 +95,8 @@ class Recording:
             self._whole, self._other = (np.concatenate([x, np.zeros_like(x)]) for x in (self._whole, self._other))
             self._columns = {place: self._room(place, column.shape[1:], column) for place, column in self._columns.items()}
         row = self._whole[n]
-        for c, part in zip(_RECORDED, self._parts, strict=True):
-            row[part] = getattr(sample, c.name)
+        for part, value in zip(self._parts, _read(sample), strict=True):
+            row[part] = value
         self._other[n] = sample.other_work
         if not is_finite(row):
             for c, part in zip(_RECORDED, self._parts, strict=True):
@@ -140,7 +141,7 @@ class Recording:
         out: dict[str, Any] = {field: {} for field in ENTRIES}
         n, robot = self._count, self.motion.robot
         for c, part in zip(_RECORDED, self._parts, strict=True):
-            c.put(out, self._whole[:n, part if c.dims else part.start].copy())
+            c.put(out, self._whole[:n, part].copy())
         out |= zip(_DERIVED, energies_and_momenta(robot, out["q"], out["v"]), strict=True)
         balanced = balance(self.motion, out, self._other[:n])
         ENERGY.put(out, balanced - balanced[:1])

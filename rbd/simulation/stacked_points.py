@@ -193,19 +193,19 @@ class Snapshot:
 
     @property
     def drift(self) -> float:
-        """Largest position error of the bilateral rows."""
-        return float(np.abs(self.error).max(initial=0.0))
+        """Largest position error of the bilateral rows; others have none."""
+        return float(np.abs(self.error).max(initial=0.0)) if self.layout.bilateral else 0.0
 
     @property
     def drift_rate(self) -> float:
         """Largest velocity of the bilateral rows."""
-        return float(np.abs(self.velocity[self.layout.held]).max(initial=0.0))
+        return float(np.abs(self.velocity[self.layout.held]).max(initial=0.0)) if self.layout.bilateral else 0.0
 
     @property
     def penetration(self) -> float:
         """Depth of the deepest point."""
         gap = self.gap[self.layout.pushes]
-        return max(0.0, -float(gap.min())) if len(gap) else 0.0
+        return max(0.0, -float(gap[gap.argmin()])) if len(gap) else 0.0
 
 
 def places_of(snapshots: Sequence[Snapshot]) -> Sequence[PointPlaces]:

@@ -1,4 +1,7 @@
-"""The compiled arithmetic of a step: floating bases, points of bodies in contact."""
+"""The compiled arithmetic of a step: floating bases, points of bodies in contact.
+
+Arrays are written, not returned: to make one of Numba's into one of NumPy's takes a microsecond.
+"""
 
 from __future__ import annotations
 
@@ -39,12 +42,11 @@ def _turn(out: Array, v: Array, h: float, i: int) -> None:
 
 
 @compiled
-def turned(start: Array, v: Array, h: float, bases: Array) -> Array:
-    """`Bases.turned`."""
-    out = start.copy()
+def turned(start: Array, v: Array, h: float, bases: Array, out: Array) -> None:
+    """Write `Bases.turned`."""
+    out[:] = start
     for n in range(len(bases)):
         _turn(out, v, h, bases[n, 1])
-    return out
 
 
 @compiled
@@ -56,64 +58,62 @@ def _place(q: Array, out: Array, v: Array, h: float, at: int, i: int, R: Array) 
 
 
 @compiled
-def middle(q: Array, out: Array, v: Array, v_h: Array, h: float, bases: Array) -> tuple[Array, Array, Array, Array]:
-    """(v, v_h, end, mean) of `Bases.middle`; the bases' origins are put into `out`."""
-    one, two, R, S = v.copy(), v_h.copy(), np.empty((3, 3)), np.empty((3, 3))
+def middle(q: Array, out: Array, v: Array, v_h: Array, h: float, bases: Array, moves: Array) -> None:
+    """Write (v, v_h, end, mean) of `Bases.middle` into `moves`; the bases' origins are put into `out`."""
+    one, two, end, mean, R, S = moves[0], moves[1], moves[2], moves[3], np.empty((3, 3)), np.empty((3, 3))
+    one[:], two[:] = v, v_h
     for n in range(len(bases)):
         at, i = bases[n, 0], bases[n, 1]
         _place(q, out, v, 0.5 * h, at, i, R)
         _rotation(out, at, S)
         _carried(one, i, R, S)
         _carried(two, i, R, S)
-    end, mean = one.copy(), one.copy()
+    end[:], mean[:] = one, one
     for n in range(len(bases)):
         _turn(end, two, h, bases[n, 1])
         _turn(mean, two, 0.5 * h, bases[n, 1])
-    return one, two, end, mean
 
 
 @compiled
-def moved(q: Array, out: Array, v: Array, h: float, bases: Array) -> Array:
-    """The velocity of `Bases.moved`; the bases' origins are put into `out`."""
-    carried, R, S = v.copy(), np.empty((3, 3)), np.empty((3, 3))
+def moved(q: Array, out: Array, v: Array, h: float, bases: Array, carried: Array) -> None:
+    """Write the velocity of `Bases.moved`; the bases' origins are put into `out`."""
+    R, S = np.empty((3, 3)), np.empty((3, 3))
+    carried[:] = v
     for n in range(len(bases)):
         at, i = bases[n, 0], bases[n, 1]
         _place(q, out, v, h, at, i, R)
         _rotation(out, at, S)
         _carried(carried, i, R, S)
-    return carried
 
 
 @compiled
-def _mapped(matrix: Array, X: Array, x: Array, one: Array, other: Array) -> Array:
+def _mapped(matrix: Array, X: Array, x: Array, one: Array, other: Array, out: Array) -> None:
     """`rbd.answers.prepared.contact_bodies.BilinearMap`."""
-    products, out = np.empty(len(one)), np.empty(len(matrix))
+    products = np.empty(len(one))
     for c in range(len(one)):
         products[c] = X[one[c]] * x[other[c]]
     product(matrix, products, out)
-    return out
 
 
 @compiled
-def points(X: Array, V: Array, gaps: Array, height: Array, matrix: Array, one: Array, other: Array) -> tuple[Array, Array]:
-    """(gap, velocity) of all points."""
-    gap = np.empty(len(height))
+def points(
+    X: Array, V: Array, gaps: Array, height: Array, matrix: Array, one: Array, other: Array, gap: Array, velocity: Array
+) -> None:
+    """Write gap and velocity of all points."""
     for i in range(len(height)):
         total = -height[i]
         for c in range(len(X)):
             total += gaps[i, c] * X[c]
         gap[i] = total
-    return gap, _mapped(matrix, X, V, one, other)
+    _mapped(matrix, X, V, one, other, velocity)
 
 
 @compiled
-def target(V: Array, row_rates: Array, h: float) -> Array:
-    """Accelerations of the bodies' rows that bring them to rest within h."""
-    out = np.empty(len(row_rates))
+def target(V: Array, row_rates: Array, h: float, out: Array) -> None:
+    """Write the accelerations of the bodies' rows that bring them to rest within h."""
     product(row_rates, V, out)
     for r in range(len(out)):
         out[r] = -out[r] / h
-    return out
 
 
 @compiled
@@ -127,8 +127,10 @@ def sticking(
     matrix: Array,
     one: Array,
     other: Array,
-) -> tuple[bool, Array, Array]:
-    """(whether all forces are in their cones, impulses, velocity) of points that stick.
+    f: Array,
+    v: Array,
+) -> bool:
+    """Write impulses and velocity of points that stick; whether all forces are in their cones.
 
     Args:
         X: Placements of the bodies.
@@ -140,8 +142,11 @@ def sticking(
         matrix: Of the map to forces of points.
         one: Of the same map.
         other: Of the same map.
+        f: Is written: impulses of the points.
+        v: Is written: the velocity.
     """
-    f, v, inside = _mapped(matrix, X, F, one, other), np.empty(len(a)), True
+    inside = True
+    _mapped(matrix, X, F, one, other, f)
     for i in range(len(a)):
         v[i] = start[i] + h * a[i]
     for i in range(len(mu)):
@@ -149,7 +154,7 @@ def sticking(
             inside = False
     for i in range(len(f)):
         f[i] *= h
-    return inside, f, v
+    return inside
 
 
 @compiled
@@ -162,20 +167,21 @@ def _turned_to(X: Array, at: int, G: Array, x: float, y: float, z: float, out: A
 
 
 @compiled
-def wrenches(X: Array, f: Array, of: Array, axes: Array, arms: Array) -> Array:
-    """Wrenches on the bodies in their joints' axes of forces at their points in the points' own, shape (6 bodies,)."""
-    out, w = np.zeros(len(X) // 2), np.empty(3)
+def wrenches(X: Array, f: Array, of: Array, axes: Array, arms: Array, out: Array) -> None:
+    """Write the wrenches on the bodies in their joints' axes of forces at their points in the points' own."""
+    w = np.empty(3)
+    out[:] = 0.0
     for i in range(len(of)):
         G, x, at, b = axes[i], arms[i], 12 * of[i], 6 * of[i]
         for r in range(3):
             w[r] = G[r, 0] * f[3 * i] + G[r, 1] * f[3 * i + 1] + G[r, 2] * f[3 * i + 2]
-        fx, fy, fz = (X[at] * w[0] + X[at + 1] * w[1] + X[at + 2] * w[2], X[at + 3] * w[0] + X[at + 4] * w[1] + X[at + 5] * w[2],
-                      X[at + 6] * w[0] + X[at + 7] * w[1] + X[at + 8] * w[2])  # fmt: skip
+        fx = X[at] * w[0] + X[at + 1] * w[1] + X[at + 2] * w[2]
+        fy = X[at + 3] * w[0] + X[at + 4] * w[1] + X[at + 5] * w[2]
+        fz = X[at + 6] * w[0] + X[at + 7] * w[1] + X[at + 8] * w[2]
         out[b], out[b + 1], out[b + 2] = out[b] + fx, out[b + 1] + fy, out[b + 2] + fz
         out[b + 3] += x[1] * fz - x[2] * fy
         out[b + 4] += x[2] * fx - x[0] * fz
         out[b + 5] += x[0] * fy - x[1] * fx
-    return out
 
 
 @compiled

@@ -76,7 +76,7 @@ class StepSystem:
         """All points at a state and a time [s]."""
         return self.points.at(state, t) if self.ground is None else self.ground.at(state, t)
 
-    def _still(self, velocity: Array) -> bool:
+    def still(self, velocity: Array) -> bool:
         """Whether velocities of points are those of an answer in which all stick."""
         return self.ground is not None and velocity is self.ground.at_rest
 
@@ -125,7 +125,7 @@ class StepSystem:
         def result(answer: VelocityAnswer) -> HalfStep:
             return HalfStep(start, active, tau, answer, h, u, turned, applied, elements, terms)
 
-        if self._still(u):
+        if self.still(u):
             return result(solution(None, guess, start.norms))
         change = start.change(half)
         shift = None if change is None else turned_back(at.layout, active, u, change, guess)
@@ -193,18 +193,18 @@ class StepSystem:
         )
         return answer if self.correction.feedback is None else answer._replace(velocity=answer.velocity + wanted)
 
-    def law_residual(self, half: HalfStep) -> float:
-        """Residual of the equations of motion and the contact law of a solved half step, scaled."""
+    def law_residual(self, half: HalfStep, a: Array) -> float:
+        """Residual of the equations of motion and the contact law of a solved half step with its acceleration, scaled."""
         at, answer, h = half.start.at, half.answer, 0.5 * half.h
         if self.ground is None or half.applied is None:
             return answer.law
-        return max(answer.law, self.ground.residual(at, half.applied, half.a, half.u, h, answer))
+        return max(answer.law, self.ground.residual(at, half.applied, a, half.u, h, answer))
 
     def step(self, half: HalfStep, t_end: float) -> Step:
         """From a half step to the end of the step, through the impacts in between."""
         passed = Passed()
         end = self._advanced(half, t_end, passed)
-        return Step(end if end.t == t_end else replace(end, t=t_end), passed)  # sums of parts are off by rounding
+        return Step(end.at_time(t_end), passed)  # sums of parts are off by rounding
 
     def _advanced(self, half: HalfStep, t_end: float, passed: Passed) -> Instant:
         t = half.start.t
@@ -212,8 +212,8 @@ class StepSystem:
         for _ in range(self.impacts):
             h = t_end - t
             whole = self._finish(half, h)
-            through = self._through(half, whole.end).any()
-            stop = 0.0
+            deep = self._through(half, whole.end)
+            through, stop = deep is not whole.end.layout.nothing and deep.any(), 0.0
             if not through and whole.layout is half.start.at.layout:
                 stop = self._sliding_end(half, whole.answer, h)
             if stop:
@@ -246,7 +246,7 @@ class StepSystem:
         layout = start.at.layout if middle is None else middle.layout
         active, u0, error, before = half.points_in(layout)
         guess = before.impulse * (2.0 * h / half.h)
-        still = self._still(u0) and self._still(before.velocity)
+        still = self.still(u0) and self.still(before.velocity)
         shift = None if still else turned_back(layout, active, u0, before.velocity - u0, guess)
         equations = StepEquations(state, t + 0.5 * h, middle, by_bodies, active, turned, h, u0, error, mean)
 
@@ -258,7 +258,7 @@ class StepSystem:
         else:
             answer, dissipated, implicit = self.implicit.whole_step(terms, state, v, turned, applied, h, solution)
         other_work = 0.0
-        if not (still and self._still(answer.velocity)):  # of friction, and of points that are stopped
+        if not (still and self.still(answer.velocity)):  # of friction, and of points that are stopped
             other_work = 0.5 * float(answer.impulse @ (u0 + answer.velocity))
         if middle is not None and len(answer.impulse):  # of ground that moves
             other_work += float(answer.impulse @ (middle.J @ state.v - middle.velocity))
@@ -297,7 +297,7 @@ class StepSystem:
     def _sliding_end(self, half: HalfStep, answer: VelocityAnswer, h: float) -> float:
         """Time within the step at which a sliding point stops, or turns back, and friction jumps; zero if none does."""
         layout = half.start.at.layout
-        stops = None if self._still(half.u) else stopping(layout, half.u, answer.velocity, half.answer.impulse)
+        stops = None if self.still(half.u) else stopping(layout, half.u, answer.velocity, half.answer.impulse)
         if stops is None:
             return 0.0
         rows, kept = layout.sliding_rows[stops], layout.sliding_kept[stops]
@@ -353,7 +353,7 @@ class StepSystem:
         gaps, force = self.sizes.tolerances(end, start.gaps), answer.impulse / h
         if len(force):
             # A redundant corner without load that does not move has not left.
-            if active is layout.everything and self._still(answer.velocity):
+            if active is layout.everything and self.still(answer.velocity):
                 closed = active
             else:
                 closed = layout.pushes & active & (answer.velocity[layout.normals] <= SLIDES)
