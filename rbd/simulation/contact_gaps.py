@@ -184,7 +184,8 @@ class Correction:
 
     def in_place(self, at: Snapshot, gaps: GapTolerances) -> bool:
         """Whether no position needs a correction, whichever points are closed; a quick test."""
-        return not at.layout.bilateral and max_abs(at.gap) <= CLOSED * gaps.least_size
+        lowest, highest, _ = at.extremes
+        return not at.layout.bilateral and max(-lowest, highest) <= CLOSED * gaps.least_size
 
     def positions(self, at: Snapshot, t: float, closed: Array, size: Array) -> Snapshot:
         """The snapshot with its position projected.

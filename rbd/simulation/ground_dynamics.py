@@ -36,7 +36,7 @@ from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.bases import step_kernel
-from rbd.simulation.stacked_points import PointPlaces, Points, Snapshot
+from rbd.simulation.stacked_points import Extremes, PointPlaces, Points, Snapshot
 from rbd.simulation.velocity_problem import StepEquations, Undecided, VelocityAnswer, active_rows, point_impulses
 
 INDEPENDENT = 1e-6
@@ -140,8 +140,10 @@ class GroundDynamics:
         self._height = np.concatenate([np.full(len(ground.local), ground.height) for ground in grounds])
         self._gaps = gap_map(touching.of, touching.arms, axes[:, :, 2], len(bodies.sites))
         self._velocity, self._forces = touching.turned(axes, touching.spread), touching.turned(axes, touching.shares)
+        self._to_points, self._to_forces = self._velocity.parts, self._forces.parts
         self._patches = np.flatnonzero([site.size == 6 for site in bodies.sites])
-        self._patch_rows = np.repeat([site.size == 6 for site in bodies.sites], [site.size for site in bodies.sites])
+        sizes = [site.size for site in bodies.sites]
+        self._patch_rows = np.flatnonzero(np.repeat(np.array(sizes) == 6, sizes))
         self._mu, self.at_rest, self._gravity = self.layout.mu, zeros(3 * len(axes)), start.robot.gravity
 
     def __del__(self) -> None:
@@ -169,11 +171,13 @@ class GroundDynamics:
         """All points at a state: gaps and velocities; the rest is computed the general way, if asked for."""
         X, V = self._motion(state.q, state.v)
         gap, velocity = np.empty(len(self._height)), np.empty(len(self.at_rest))
-        self._kernel.points(X, V, self._gaps, self._height, *self._velocity.parts, gap, velocity)
-        return Snapshot(
+        found = self._kernel.points(X, V, self._gaps, self._height, *self._to_points, gap, velocity)
+        out = Snapshot(
             state, self.layout, velocity, gap, self.at_rest,
             lambda: [source.at(state, t) for source in self._points.sources], self._located, X,
         )  # fmt: skip
+        out.__dict__["extremes"] = Extremes(*found)
+        return out
 
     def _motion(self, q: Array, v: Array) -> tuple[Array, Array]:
         """(X, V) of the bodies."""
@@ -223,7 +227,10 @@ class GroundDynamics:
         if a is None or not math.isfinite(a.dot(a)):
             return None
         X, twists = self._bodies.placements(self._workspace), self._bodies.velocities(self._workspace)
-        V = _NOTHING if mean is None else self._motion(q, mean + (0.5 * h) * a)[1]
+        V = _NOTHING
+        if mean is not None:
+            pin.forwardKinematics(self._model, self._workspace.data, q, mean + (0.5 * h) * a)
+            V = self._bodies.velocities(self._workspace)
         may_stick = shift is None and (mean is not None or u is self.at_rest) and (everything or active.all())
         if may_stick and self._straight(h):
             answer = self._sticking(X, V, a, start, h)
@@ -248,7 +255,7 @@ class GroundDynamics:
             more, forces = space.change(wanted)
             a, F = a + more, F + forces
         impulse, v = np.empty(len(self.at_rest)), np.empty(len(a))
-        inside = kernel.sticking(X, F, a, start, h, self._mu, *self._forces.parts, impulse, v)
+        inside = kernel.sticking(X, F, a, start, h, self._mu, *self._to_forces, impulse, v)
         return VelocityAnswer(v, impulse, self.at_rest, 0.0, True) if inside else None
 
     def _by_points(
@@ -327,7 +334,7 @@ class GroundDynamics:
 
     def _straight(self, h: float) -> bool:
         """Whether bodies that touch at patches turn so slowly that their points' centripetal accelerations are rounding."""
-        rates = self._workspace.row_rates[self._patch_rows]
+        rates = self._workspace.row_rates.take(self._patch_rows)
         return bool(rates.dot(rates) * h <= _TURNS)
 
     def _turns_of(self, X: Array) -> Array:

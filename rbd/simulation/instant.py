@@ -91,8 +91,7 @@ class Instant:
         Not those that leave after an impact: the step would hold down points that approach again by its end.
         """
         gap, gaps, layout = self.at.gap, self.gaps, self.at.layout
-        still = len(gap) and self.closed is layout.everything and self.leaves is layout.nothing
-        if still and gap[gap.argmax()] <= gaps.least_loose:
+        if self.closed is layout.everything and self.leaves is layout.nothing and self.at.extremes.highest <= gaps.least_loose:
             return self.closed
         touching: Array = ((gap <= gaps.tight) | (self.closed & (gap <= gaps.loose))) & ~self.leaves
         return layout.everything if touching.all() else touching

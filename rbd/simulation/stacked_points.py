@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from itertools import chain, repeat
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -136,6 +136,14 @@ class PointPlaces:
     pushes: Array | None = None
 
 
+class Extremes(NamedTuple):
+    """The least gap of unilateral points, the largest gap of all, and the least normal velocity."""
+
+    lowest: float
+    highest: float
+    approach: float
+
+
 @dataclass(frozen=True, eq=False)
 class Snapshot:
     """All points at one state, stacked; Jacobians and J_dot v are computed when first asked.
@@ -186,6 +194,13 @@ class Snapshot:
         """J_dot v of all rows, shape (p,)."""
         return _stacked(self.sources, "bias")
 
+    @lazy
+    def extremes(self) -> Extremes:
+        """Its extreme gaps and velocities; infinite without points."""
+        gap = self.gap[self.layout.pushes]
+        found = gap.min(initial=np.inf), self.gap.max(initial=-np.inf), self.approach.min(initial=np.inf)
+        return Extremes(*map(float, found))
+
     @property
     def approach(self) -> Array:
         """Normal velocity of each point, shape (k,): negative where it approaches."""
@@ -204,8 +219,7 @@ class Snapshot:
     @property
     def penetration(self) -> float:
         """Depth of the deepest point."""
-        gap = self.gap[self.layout.pushes]
-        return max(0.0, -float(gap[gap.argmin()])) if len(gap) else 0.0
+        return max(0.0, -self.extremes.lowest)
 
 
 def places_of(snapshots: Sequence[Snapshot]) -> Sequence[PointPlaces]:

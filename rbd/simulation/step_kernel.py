@@ -98,14 +98,18 @@ def _mapped(matrix: Array, X: Array, x: Array, one: Array, other: Array, out: Ar
 @compiled
 def points(
     X: Array, V: Array, gaps: Array, height: Array, matrix: Array, one: Array, other: Array, gap: Array, velocity: Array
-) -> None:
-    """Write gap and velocity of all points."""
+) -> tuple[float, float, float]:
+    """Write gap and velocity of all points; the least and the largest gap, and the least velocity along a normal."""
     for i in range(len(height)):
         total = -height[i]
         for c in range(len(X)):
             total += gaps[i, c] * X[c]
         gap[i] = total
     _mapped(matrix, X, V, one, other, velocity)
+    lowest, highest, approach = math.inf, -math.inf, math.inf
+    for i in range(len(gap)):
+        lowest, highest, approach = min(lowest, gap[i]), max(highest, gap[i]), min(approach, velocity[3 * i + 2])
+    return lowest, highest, approach
 
 
 @compiled

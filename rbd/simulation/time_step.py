@@ -390,9 +390,10 @@ class StepSystem:
             first: At the start of a motion all points count as not closed, and those that move away leave.
         """
         at, layout = now.at, now.at.layout
-        touches, approach, slow = now.touching, at.approach, -self.impact_speed
-        if len(approach) and now.closed is layout.everything and not first and approach[approach.argmin()] >= slow:
+        slow = -self.impact_speed
+        if now.closed is layout.everything and not first and at.extremes.approach >= slow:
             return now
+        touches, approach = now.touching, at.approach
         limit = -AT_REST if first else np.where(now.closed, slow, -AT_REST)
         arrives = touches & layout.pushes & (approach < limit)
         if not arrives.any() and (not first or at.drift_rate <= AT_REST):
