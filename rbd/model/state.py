@@ -9,7 +9,7 @@ from typing import ClassVar
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, as_finite, as_vector3, lazy
+from rbd.arrays import Array, as_finite, as_vector3, filled, lazy
 from rbd.displayed import Displayed
 from rbd.errors import InputError
 from rbd.errors.inputs import check_kind
@@ -66,12 +66,9 @@ class State(Displayed):
     def __init__(self, robot: CheckedModel, q: Array, v: Array | None = None) -> None:
         if not isinstance(robot, CheckedModel):
             raise InputError(f"State wants a robot first, got {type(robot).__name__}. Load one with rbd.load_robot(name).")
-        self._begin(robot, robot.check_q(q), robot.zero_v if v is None else robot.check_v(v))
-
-    def _begin(self, robot: CheckedModel, q: Array, v: Array) -> None:
-        self.robot, self.q, self.v = robot, q, v
-        q.setflags(write=False)
-        v.setflags(write=False)
+        self.robot, self.q, self.v = robot, robot.check_q(q), robot.zero_v if v is None else robot.check_v(v)
+        self.q.setflags(write=False)
+        self.v.setflags(write=False)
 
     _slot: Slot | None = None
     _ticket = 0
@@ -285,9 +282,9 @@ def state_at(robot: CheckedModel, q: Array, v: Array) -> State:
 
 def _of_arrays(robot: CheckedModel, q: Array, v: Array) -> State:
     """The state that keeps these arrays, which are in order."""
-    state = State.__new__(State)
-    state._begin(robot, q, v)
-    return state
+    q.setflags(write=False)
+    v.setflags(write=False)
+    return filled(State, robot=robot, q=q, v=v)
 
 
 def with_values(robot: CheckedModel, q: Array, values: Mapping[str, object], *, argument: str = "values") -> Array:

@@ -31,7 +31,7 @@ from rbd.answers.prepared.contact_bodies import (
     keep,
     rotations,
 )
-from rbd.arrays import Array, cross_matrix, cross_rows, each_times, is_finite, lazy, max_abs, rank_of, zeros
+from rbd.arrays import Array, cross_matrix, cross_rows, each_times, filled, is_finite, lazy, max_abs, rank_of, zeros
 from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
@@ -172,12 +172,11 @@ class GroundDynamics:
         X, V = self._motion(state.q, state.v)
         gap, velocity = np.empty(len(self._height)), np.empty(len(self.at_rest))
         found = self._kernel.points(X, V, self._gaps, self._height, *self._to_points, gap, velocity)
-        out = Snapshot(
-            state, self.layout, velocity, gap, self.at_rest,
-            lambda: [source.at(state, t) for source in self._points.sources], self._located, X,
+        return filled(
+            Snapshot, state=state, layout=self.layout, velocity=velocity, gap=gap, error=self.at_rest,
+            measure=lambda: [source.at(state, t) for source in self._points.sources], locate=self._located, placed=X,
+            extremes=Extremes(*found),
         )  # fmt: skip
-        out.__dict__["extremes"] = Extremes(*found)
-        return out
 
     def _motion(self, q: Array, v: Array) -> tuple[Array, Array]:
         """(X, V) of the bodies."""

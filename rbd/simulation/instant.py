@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rbd.arrays import Array, lazy, zeros
+from rbd.arrays import Array, filled, lazy, zeros
 from rbd.constraints.constraint import Constraint, member
 from rbd.constraints.contact_points import ALWAYS, PointSource, Structure
 from rbd.control.schedules import ContactTouch
@@ -32,7 +32,6 @@ class Passed(list[StepRecord | ImpactRecord]):
     """
 
     def __init__(self) -> None:
-        super().__init__()
         self.touches: list[Touch] = []
 
     def until(self, touch: Touch) -> Passed:
@@ -98,9 +97,7 @@ class Instant:
 
     def at_time(self, t: float) -> Instant:
         """The same at another time."""
-        out = object.__new__(Instant)
-        out.__dict__.update(self.__dict__, t=t)
-        return out
+        return filled(Instant, **{**self.__dict__, "t": t})
 
     def rates(self, active: Array) -> Array:
         """Velocities of the points, shape (p,): for active ones by the law of the step before.

@@ -39,9 +39,10 @@ _BLOCK = 64
 """Samples of steps whose forces are written at once: those before them are dropped."""
 _DERIVED = ("kinetic", "potential", "momentum", "com")
 """Fields that follow from q and v: computed when the recording is read."""
-_RECORDED = [TIME, *(c for c in (*COLUMNS, *RESIDUALS) if c is not ENERGY and c.name not in _DERIVED)]
-"""What a sample has itself, in one row."""
-_read = attrgetter(*[c.name for c in _RECORDED])
+_OWN = [TIME, *(c for c in (*COLUMNS, *RESIDUALS) if c is not ENERGY and c.name not in _DERIVED)]
+_RECORDED = sorted(_OWN, key=lambda c: not c.dims)
+"""What a sample has itself, in one row: vectors, then numbers."""
+_vectors, _numbers = (attrgetter(*[c.name for c in _OWN if bool(c.dims) == vectors]) for vectors in (True, False))
 Forces: TypeAlias = dict[tuple[str, str], Array]
 """{(field of a trajectory, constraint): its rows}."""
 _REPEATS = 1e-11
@@ -95,8 +96,7 @@ class Recording:
             self._whole, self._other = (np.concatenate([x, np.zeros_like(x)]) for x in (self._whole, self._other))
             self._columns = {place: self._room(place, column.shape[1:], column) for place, column in self._columns.items()}
         row = self._whole[n]
-        for part, value in zip(self._parts, _read(sample), strict=True):
-            row[part] = value
+        np.concatenate((*_vectors(sample), _numbers(sample)), out=row)
         self._other[n] = sample.other_work
         if not is_finite(row):
             for c, part in zip(_RECORDED, self._parts, strict=True):

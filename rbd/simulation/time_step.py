@@ -30,7 +30,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rbd.arrays import Array
+from rbd.arrays import Array, filled
 from rbd.constraints.contact_points import sources_of
 from rbd.model.dynamics import kinetic_energy
 from rbd.model.state import State
@@ -378,7 +378,10 @@ class StepSystem:
         if self.motion.controller is not None:
             work += self.motion.work(tau, start.at.state.q, end.state.q)
         nothing, dissipated, other_work = end.layout.nothing, start.dissipated + dissipated, start.other_work + other_work
-        now = Instant(t, end, gaps, active, nothing, force, norms, by_law, previous, work, dissipated, other_work)
+        now = filled(
+            Instant, t=t, at=end, gaps=gaps, closed=active, leaves=nothing, force=force, norms=norms, velocity=by_law,
+            previous=previous, work=work, dissipated=dissipated, other_work=other_work,
+        )  # fmt: skip
         return self._after_impact(now, passed)
 
     def _after_impact(self, now: Instant, passed: Passed, *, first: bool = False) -> Instant:
