@@ -111,7 +111,7 @@ def as_array(what: str, value: object) -> Array:
         raw = np.array(value)
     except (TypeError, ValueError, OverflowError) as error:
         raise InputError(f"{what} is not an array of numbers: {error}.") from None
-    if raw.dtype.kind not in "iuf" or isinstance(value, np.ma.MaskedArray):
+    if raw.dtype.kind not in "iuf" or (isinstance(value, np.ndarray) and hasattr(value, "mask")):  # NumPy's masked arrays
         raise InputError(f"{what} is {value!r:.80}; expected real numbers.")
     return raw.astype(float)
 

@@ -32,6 +32,7 @@ import bench_pages
 from bench_analysis import derivative_rows, fall_rows, hessian_rows, linkage_rows, millisecond_rows
 from bench_control import control_rows
 from bench_draws import Draws
+from bench_first_use import first_rows
 from bench_motion import motion_rows
 from bench_planar import planar_rows
 from bench_scenes import page_rows
@@ -71,6 +72,7 @@ ASKED: dict[str, Callable[[], list[Row]]] = {
     "hessian": lambda: hessian_rows(draws_of("talos").robot),
     "linkage": linkage_rows,
     "motion": lambda: motion_rows(draws_of("g1").robot),
+    "first": first_rows,
 }
 """Groups of rows that make the first table."""
 OTHERS: dict[str, tuple[str, Callable[[], list[Row]]]] = {

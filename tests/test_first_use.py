@@ -19,7 +19,7 @@ from rbd.cli.app import app
 PACKAGE = Path(rbd.__file__).parent
 NOT_LOADED = (
     *("numba", "llvmlite", "scipy.linalg", "scipy.optimize", "scipy.sparse", "scipy.spatial"),
-    *("xarray", "mujoco", "matplotlib", "meshcat", "sympy", "typer", "rich", "urllib.request"),
+    *("proxsuite", "yaml", "xarray", "mujoco", "matplotlib", "meshcat", "sympy", "typer", "rich", "numpy.ma", "urllib.request"),
     *("rbd.visual", "rbd.robots.building", "rbd.mechanism", "rbd.simulation", "rbd.control"),
 )
 

@@ -91,10 +91,10 @@ def _spread(points: Array, above: Array, group: Array, up: Array) -> Array:
             ties -= 1
     x, y, z = up[0], up[1], up[2]
     if abs(z) > 0.7:
-        s = math.hypot(z, x)
+        s = np.hypot(z, x)
         a, b, c = z / s, 0.0, -x / s
     else:
-        s = math.hypot(y, x)
+        s = np.hypot(y, x)
         a, b, c = -y / s, x / s, 0.0
     d, e, f = y * c - z * b, z * a - x * c, x * b - y * a
     most, far = np.full(DIRECTIONS, -np.inf), np.full(DIRECTIONS, -1)

@@ -397,7 +397,7 @@ class CheckedModel(Displayed):
         driven = [joint for joint in self.joints.values() if joint.kind != "FreeFlyer" and joint.name not in self.passive]
         motors = [(joint.name, i) for joint in driven for i in range(joint.v.start, joint.v.stop)]
         self.actuated = self.joints.actuated = np.array([i for _, i in motors], dtype=int)
-        self.unactuated = np.setdiff1d(np.arange(self.nv), self.actuated)
+        self.unactuated = np.delete(np.arange(self.nv), self.actuated)
         self.actuated_names = tuple(n for n, _ in motors)
         self.nu = len(motors)
         self.motors, self.idle = _as_slice(self.actuated), _as_slice(self.unactuated)

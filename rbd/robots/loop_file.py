@@ -36,11 +36,9 @@ import inspect
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, Literal
-
-import yaml
 
 from rbd.constraints.constraint import Constraint, made
 from rbd.constraints.joint import JointCoupling
@@ -281,44 +279,49 @@ def _postures(what: str, value: object) -> dict[str, dict[str, tuple[float, ...]
     return out
 
 
-class Loader(yaml.SafeLoader):
-    """YAML 1.2's numbers and truth values; no aliases, repeated keys or deep nesting."""
+@cache
+def _reader() -> Any:
+    """PyYAML, and its reader of plain data; loaded with the first file."""
+    import yaml
 
-    yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}
-    depth = 0
+    class Loader(yaml.SafeLoader):
+        """YAML 1.2's numbers and truth values; no aliases, repeated keys or deep nesting."""
 
-    def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
-        """One node; an alias may expand to a thousand nodes, each an alias of a thousand others."""
-        event = self.peek_event()
-        tag = getattr(event, "tag", None)
-        if isinstance(event, yaml.AliasEvent) or tag is not None:
-            what = "an alias" if tag is None else f"a tag, {tag!r:.80},"
-            raise yaml.YAMLError(f"it has {what} in line {event.start_mark.line + 1}; write it out in plain words")
-        if self.depth >= DEEPEST:
-            raise yaml.YAMLError(f"more than {DEEPEST} lists or pairs inside each other")
-        self.depth += 1
-        node = super().compose_node(parent, index)
-        self.depth -= 1
-        return node
+        yaml_implicit_resolvers: dict[str, list[tuple[str, re.Pattern[str]]]] = {}
+        depth = 0
 
-    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
-        """A dictionary; YAML's readers silently drop repeated keys."""
-        seen: set[str] = set()
-        for key, _ in node.value:
-            if isinstance(key, yaml.ScalarNode):
-                if key.value in seen:
-                    raise yaml.YAMLError(f"key {key.value!r:.80} comes twice, again in line {key.start_mark.line + 1}")
-                seen.add(key.value)
-        return super().construct_mapping(node, deep)
+        def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
+            """One node; an alias may expand to a thousand nodes, each an alias of a thousand others."""
+            event = self.peek_event()
+            tag = getattr(event, "tag", None)
+            if isinstance(event, yaml.AliasEvent) or tag is not None:
+                what = "an alias" if tag is None else f"a tag, {tag!r:.80},"
+                raise yaml.YAMLError(f"it has {what} in line {event.start_mark.line + 1}; write it out in plain words")
+            if self.depth >= DEEPEST:
+                raise yaml.YAMLError(f"more than {DEEPEST} lists or pairs inside each other")
+            self.depth += 1
+            node = super().compose_node(parent, index)
+            self.depth -= 1
+            return node
 
+        def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+            """A dictionary; YAML's readers silently drop repeated keys."""
+            seen: set[str] = set()
+            for key, _ in node.value:
+                if isinstance(key, yaml.ScalarNode):
+                    if key.value in seen:
+                        raise yaml.YAMLError(f"key {key.value!r:.80} comes twice, again in line {key.start_mark.line + 1}")
+                    seen.add(key.value)
+            return super().construct_mapping(node, deep)
 
-for _tag, _pattern, _first in (
-    ("null", r"~|null|", ["~", "n", ""]),
-    ("bool", r"true|false", ["t", "f"]),
-    ("int", r"[-+]?(?:0|[1-9][0-9]*)", list("-+0123456789")),
-    ("float", r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?", list("-+.0123456789")),
-):
-    Loader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(f"(?:{_pattern})$", re.ASCII), _first)
+    for tag, pattern, first in (
+        ("null", r"~|null|", ["~", "n", ""]),
+        ("bool", r"true|false", ["t", "f"]),
+        ("int", r"[-+]?(?:0|[1-9][0-9]*)", list("-+0123456789")),
+        ("float", r"[-+]?(?:\.[0-9]+|[0-9]+(?:\.[0-9]*)?)(?:[eE][-+]?[0-9]+)?", list("-+.0123456789")),
+    ):
+        Loader.add_implicit_resolver(f"tag:yaml.org,2002:{tag}", re.compile(f"(?:{pattern})$", re.ASCII), first)
+    return yaml, Loader
 
 
 def parsed(name: str, data: bytes) -> object:
@@ -329,8 +332,9 @@ def parsed(name: str, data: bytes) -> object:
     """
     if len(data) > LARGEST_FILE:
         raise ModelError(f"{name} is larger than {LARGEST_FILE / 1000:g} kB; no mechanism needs so much.")
+    yaml, loader = _reader()
     try:
-        return yaml.load(data.decode("utf-8"), Loader=Loader)  # a SafeLoader: plain data only
+        return yaml.load(data.decode("utf-8"), Loader=loader)  # a SafeLoader: plain data only
     except UnicodeDecodeError as error:
         raise ModelError(f"{name} cannot be read as YAML: byte {error.start} is not UTF-8.") from None
     except (yaml.YAMLError, ValueError, OverflowError, RecursionError) as error:

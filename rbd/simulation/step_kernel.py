@@ -5,8 +5,6 @@ Arrays are written, not returned: to make one of Numba's into one of NumPy's tak
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 
 from rbd.arrays import Array
@@ -154,7 +152,7 @@ def sticking(
     for i in range(len(a)):
         v[i] = start[i] + h * a[i]
     for i in range(len(mu)):
-        if not math.hypot(f[3 * i], f[3 * i + 1]) <= mu[i] * f[3 * i + 2]:
+        if not np.hypot(f[3 * i], f[3 * i + 1]) <= mu[i] * f[3 * i + 2]:
             inside = False
     for i in range(len(f)):
         f[i] *= h

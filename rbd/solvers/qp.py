@@ -35,10 +35,6 @@ from rbd.problem.programs import Work, least_distance, linear_program
 for _build in ("proxsuite_pywrap_avx512", "proxsuite_pywrap_avx2"):
     sys.modules.setdefault(f"proxsuite.{_build}", None)  # type: ignore[arg-type]
 
-import proxsuite  # noqa: E402
-
-_QP = proxsuite.proxqp.dense.QP
-_NO_GUESS = proxsuite.proxqp.InitialGuess.NO_INITIAL_GUESS
 _UNBOUNDED = 1e20  # ProxSuite's infinity
 
 
@@ -103,6 +99,8 @@ def attempts(
     Raises:
         InputError: if an entry is NaN or infinite: ProxSuite would continue and report `solved`.
     """
+    from proxsuite import proxqp  # with the first program
+
     n, p, k = len(g), 0 if A is None else len(A), 0 if C is None else len(C)
     unit = H is identity(n) and g is zeros(n)  # internal constants are not checked
     for what, value in zip("AbCHg", (A, b, C) if unit else (A, b, C, H, g), strict=False):
@@ -117,9 +115,10 @@ def attempts(
             yield found
         if work.left < 0.0:
             return
-        qp = _QP(n, p, k)
+        qp = proxqp.dense.QP(n, p, k)
         s = qp.settings
-        s.eps_abs, s.eps_rel, s.initial_guess, s.max_iter = setting.eps_abs, 0.0, _NO_GUESS, min(setting.max_iter, steps)
+        s.eps_abs, s.eps_rel, s.max_iter = setting.eps_abs, 0.0, min(setting.max_iter, steps)
+        s.initial_guess = proxqp.InitialGuess.NO_INITIAL_GUESS
         s.max_iter_in = programs.QP_INNER_STEPS
         if k:
             # Else it accepts forces at bounds 1e-3 away. For an objective of 1e5, 1e-9 is below rounding: thus 1e-10.
