@@ -178,20 +178,55 @@ def _type(kind: Any) -> Any:
 def _dispatcher(kernel: Kernel) -> Any:
     import numba
 
+    made: Any = numba.njit(error_model="numpy")(kernel.function)
     try:
-        made: Any = numba.njit(cache=True, error_model="numpy")(kernel.function)
+        made._cache = _store()(kernel)
     except RuntimeError as error:
         if "cannot cache" not in str(error):
             raise
         _Process.kept = False
-        return numba.njit(error_model="numpy")(kernel.function)
-    file = made._cache._cache_file
-    file._source_stamp = file._source_stamp, _content(kernel)
-    try:
-        file._load_index()
-    except (ImportError, AttributeError):  # it names a class that is gone, and Numba would end with an ImportError
-        made._cache.flush()
     return made
+
+
+@cache
+def _store() -> Any:
+    from numba.core.caching import FunctionCache, IndexDataCacheFile
+
+    class Store(FunctionCache):
+        """Of a kernel, as Numba's, but for two things.
+
+        What is beside the package is read also where it cannot be written: who installed it may have compiled. And what is
+        kept has a stamp of all that was compiled into it.
+        """
+
+        def __init__(self, kernel: Kernel) -> None:
+            super().__init__(kernel.function)
+            beside, stamp = _beside(kernel), (self._cache_file._source_stamp, _content(kernel))
+            paths = [self.cache_path] if os.access(beside, os.W_OK) else list(dict.fromkeys((self.cache_path, beside)))
+            self._files = [IndexDataCacheFile(path, self._impl.filename_base, stamp) for path in paths]
+            for file in self._files[:]:
+                try:
+                    file._load_index()
+                except (ImportError, AttributeError):  # it names a class that is gone, and Numba would end with an ImportError
+                    self._files.remove(file) if file is not self._files[0] else file.flush()
+            self._cache_file = self._files[0]
+
+        def load_overload(self, sig: Any, target_context: Any) -> Any:
+            """A function that is kept, or None."""
+            try:
+                for file in self._files:
+                    self._cache_file = file
+                    if (found := super().load_overload(sig, target_context)) is not None:
+                        return found
+                return None
+            finally:
+                self._cache_file = self._files[0]
+
+    return Store
+
+
+def _beside(kernel: Kernel) -> str:
+    return os.path.join(os.path.dirname(kernel.function.__code__.co_filename), "__pycache__")
 
 
 @cache

@@ -160,6 +160,14 @@ def test_a_package_that_cannot_be_written_is_kept_in_the_users_cache(sums, tmp_p
     assert list(named.rglob("*.nbc"))
 
 
+def test_what_was_compiled_where_it_cannot_be_written_is_read(sums, tmp_path):
+    """An image whose root ran `rbd warm-up`, and whose user may not write into it; here by a name for another folder."""
+    env, other = {"RBD_COMPILED": "1"}, tmp_path / "other"
+    assert "compiling" in python(SUM, sums, **env)[1]
+    out, told = python("import os; os.access = lambda *_: False\n" + SUM, sums, **env, NUMBA_CACHE_DIR=str(other))
+    assert (out.split()[0], told, list(other.rglob("*.nbc"))) == ("7.0", "", [])
+
+
 def test_where_nothing_can_be_written_each_process_compiles_and_says_so(sums, tmp_path):
     """It works, and names the way out."""
     (sums / "__pycache__").write_text("")
