@@ -2,7 +2,7 @@
 
 ROS puts its own on PYTHONPATH, where it hides pip's, and PyPI's `pinocchio` is an unrelated plugin of nose.
 
-Numba is imported with the first contact problem, or when shapes are first looked for on a plane, not with `rbd`.
+Numba is imported by `rbd.kernels` after some answers, not with `rbd`.
 """
 
 from __future__ import annotations

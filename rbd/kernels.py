@@ -1,4 +1,4 @@
-"""Functions that Numba compiles, and the types of their arguments.
+"""Functions compiled by Numba, and the types of their arguments; imported only where such functions are used.
 
 The first `FEW` calls of a process run in Python as they are written: so one answer takes 3 ms, and loading Numba with what it
 compiled 500. Then all are compiled, or loaded from the folder where an earlier process kept them; the numbers are the same bit

@@ -5,6 +5,8 @@ Arrays are written, not returned: to make one of Numba's into one of NumPy's tak
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from rbd.arrays import Array
@@ -218,7 +220,7 @@ def residual(
         size, off, most = max(size, abs(applied[i])), max(off, abs(taken[i] - applied[i])), max(most, abs(a[i]))
     outside, moved, A, turned = 0.0, 0.0, np.empty(6), np.empty(6)
     for i in range(len(of)):
-        outside = max(outside, math.hypot(f[3 * i], f[3 * i + 1]) - mu[i] * f[3 * i + 2])
+        outside = max(outside, np.hypot(f[3 * i], f[3 * i + 1]) - mu[i] * f[3 * i + 2])
         if f[3 * i] == 0.0 and f[3 * i + 1] == 0.0 and f[3 * i + 2] == 0.0:
             continue
         at, b, (x, y, z) = 12 * of[i], 6 * of[i], (arms[i, 0], arms[i, 1], arms[i, 2])

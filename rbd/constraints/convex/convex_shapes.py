@@ -295,6 +295,6 @@ def spread(points: Array, height: Array, up: Array) -> Array:
 @cache
 def plane_kernel() -> ModuleType:
     """The compiled functions, which are compiled or read from the disk when they are first asked for."""
-    from rbd.constraints import plane_kernel as compiled_functions  # imports Numba
+    from rbd.constraints import plane_kernel as compiled_functions
 
     return compiled_functions
