@@ -37,6 +37,7 @@ demo: $(MARKER)
 
 # One worker a core; tests/conftest.py gives each worker one BLAS thread.
 test: $(MARKER)
+	$(BIN)/rbd warm-up
 	$(BIN)/python -m pytest -n auto --dist worksteal --long without
 
 test-long: $(MARKER)
