@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, cross_matrix
+from rbd.arrays import Array, cross_matrix, lazy, zeros
 from rbd.constraints.contact_points import Group, Measured, Structure
 from rbd.constraints.surface import contact_axes, motion_of
 from rbd.model.state import State
@@ -89,18 +89,14 @@ class Grounds:
     """
 
     def __init__(self, grounds: Sequence[OnGround], start: State) -> None:
-        self.members, robot = tuple(grounds), start.robot
-        sites = [robot.site(ground.contact.frame) for ground in grounds]
-        self.joints = sorted({joint for joint, _ in sites})
+        self.members, self._robot = tuple(grounds), start.robot
+        self._sites = [self._robot.site(ground.contact.frame) for ground in grounds]
+        self.joints = sorted({joint for joint, _ in self._sites})
         self.point_alone = grounds[0].point_alone
         sizes = [len(ground.local) for ground in grounds]
-        of = np.repeat(np.arange(len(grounds)), sizes)
+        self._of = of = np.repeat(np.arange(len(grounds)), sizes)
         #: Which of `joints` each point is fixed to, shape (k,).
-        self._body = np.array([self.joints.index(joint) for joint, _ in sites])[of]
-        patches = [X_JF * ground.X_FP for ground, (_, X_JF) in zip(grounds, sites, strict=True)]
-        arms = np.concatenate([ground.local @ X.rotation.T for ground, X in zip(grounds, patches, strict=True)])
-        #: Each point, and its arm from the contact's centre, in its joint's axes, shape (k, 3, 2).
-        self._local = np.stack([arms + np.array([X.translation for X in patches])[of], arms], axis=2)
+        self._body = np.array([self.joints.index(joint) for joint, _ in self._sites])[of]
         axes = np.array([ground.R for ground in grounds])[of]
         self.R = axes if len(grounds) > 1 else grounds[0].R
         self._normal = axes[:, :, 2].copy()
@@ -111,16 +107,26 @@ class Grounds:
             tuple(i for size in sizes for i in range(size)),
             tuple(grounds[j].cone for j in of.tolist()),
         )
-        #: Point and direction of each row, shapes (m,) and (m, 3); and [d]_x^T, which takes P to P x d.
-        self._row = np.repeat(np.arange(len(of)), self.structure.widths)
-        d = np.concatenate([grounds[j].R[:, 3 - grounds[j].cone.dim :].T for j in of.tolist()])
-        self._turn = np.array([cross_matrix(x).T for x in d])
-        #: (d, P x d, d) of each row; the middle is recomputed.
-        self._terms = np.concatenate([d, np.zeros_like(d), d], axis=1)
-        #: Which coordinates move each joint, and each row, of zeros and ones, shapes (nv, joints) and (m, nv).
-        self._moves = np.column_stack([robot.joints.carrying(joint) for joint in self.joints])
-        self._carries = self._moves.T[self._body[self._row]].copy()
-        self._zero = np.zeros(len(self._row))
+
+    @lazy
+    def _local(self) -> Array:
+        """Each point, and its arm from the contact's centre, in its joint's axes, shape (k, 3, 2)."""
+        patches = [X_JF * ground.X_FP for ground, (_, X_JF) in zip(self.members, self._sites, strict=True)]
+        arms = np.concatenate([ground.local @ X.rotation.T for ground, X in zip(self.members, patches, strict=True)])
+        return np.stack([arms + np.array([X.translation for X in patches])[self._of], arms], axis=2)
+
+    @lazy
+    def _rows(self) -> tuple[Array, Array, Array, Array, Array]:
+        """Constants of the rows, which steps by the bodies' motion do not need.
+
+        The point of each, shape (m,); [d]_x^T of its direction d, which takes P to P x d; (d, P x d, d), the middle empty; and
+        which coordinates move each joint, and each row, of zeros and ones, shapes (nv, joints) and (m, nv).
+        """
+        row = np.repeat(np.arange(len(self._of)), self.structure.widths)
+        d = np.concatenate([self.members[j].R[:, 3 - self.members[j].cone.dim :].T for j in self._of.tolist()])
+        moves = np.column_stack([self._robot.joints.carrying(joint) for joint in self.joints])
+        carries = moves.T[self._body[row]].copy()
+        return row, np.array([cross_matrix(x).T for x in d]), np.concatenate([d, np.zeros_like(d), d], axis=1), moves, carries
 
     @classmethod
     def joined(cls, sources: Sequence[Grounds], start: State) -> Grounds:
@@ -137,15 +143,15 @@ class Grounds:
 
     def at(self, state: State, t: float) -> Measured:
         """Their points at a state and a time [s]."""
-        body, row = self._body, self._row
+        body, (row, turn, constant, moves, carries) = self._body, self._rows
         R, p, J_W = state.joint_motion(self.joints)
         both = R.take(body, axis=0) @ self._local  # np.take: a third of the cost of R[body]
         P = p.take(body, axis=0) + both[:, :, 0]
-        terms = self._terms.copy()
-        terms[:, 3:6] = (self._turn @ P.take(row, axis=0)[:, :, None])[:, :, 0]
+        terms = constant.copy()
+        terms[:, 3:6] = (turn @ P.take(row, axis=0)[:, :, None])[:, :, 0]
         J = terms[:, :6] @ J_W[:6]
-        J *= self._carries
-        of_joints = J_W @ (self._moves * state.v[:, None])  # v_0, w, a_0, alpha of each
+        J *= carries
+        of_joints = J_W @ (moves * state.v[:, None])  # v_0, w, a_0, alpha of each
         turning = (_CROSS @ of_joints[3:6]).T.reshape(-1, 3, 3).take(body, axis=0)
         motion = of_joints.T.take(body, axis=0)
         v_P = motion[:, :3, None] + turning @ P[:, :, None]
@@ -155,7 +161,7 @@ class Grounds:
             u, s = _under(self._surface, P, v_P[:, :, 0])
             velocity, bias = (x - np.vecdot(terms[:, :3], y[row]) for x, y in ((velocity, u), (bias, s)))
         return Measured(
-            self.structure, J, velocity, bias, self._above(P, t), self._zero,
+            self.structure, J, velocity, bias, self._above(P, t), zeros(len(row)),
             None, None if self.point_alone else both[:, :, 1], P, self.R,
         )  # fmt: skip
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 from functools import cache
 from types import ModuleType
-from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -31,24 +30,6 @@ def step_kernel() -> ModuleType:
     return step_kernel
 
 
-class Middle(NamedTuple):
-    """The middle of a step, velocities in its axes.
-
-    Attributes:
-        q: Configuration.
-        v: Velocity at the step's beginning.
-        v_h: Velocity in the middle.
-        end: v + h W x v_h, to which h a is added.
-        mean: v + h/2 W x v_h.
-    """
-
-    q: Array
-    v: Array
-    v_h: Array
-    end: Array
-    mean: Array
-
-
 class Bases:
     """The floating bases of a robot, or none."""
 
@@ -65,12 +46,15 @@ class Bases:
         self._kernel.turned(start, v, h, self._indices, out)
         return out
 
-    def middle(self, q: Array, v: Array, v_h: Array, h: float) -> Middle:
-        """The middle of a step of length h from q, with v and v_h in the axes of q."""
+    def middle(self, q: Array, v: Array, v_h: Array, h: float) -> tuple[Array, Array, Array, Array, Array]:
+        """The middle of a step of length h from q, with v and v_h in the axes of q: its q, and velocities in its own axes.
+
+        These are v, v_h, v + h W x v_h, to which h a is added, and v + h/2 W x v_h.
+        """
         out: Array = pin.integrate(self.model, q, (0.5 * h) * v)
         moves = np.empty((4, len(v)))
         self._kernel.middle(q, out, v, v_h, h, self._indices, moves)
-        return Middle(out, *moves)
+        return (out, *moves)
 
     def moved(self, q: Array, v: Array, h: float) -> tuple[Array, Array]:
         """Where v, frozen at q, leads in a time h, shape (nq,); and v in the axes of that place."""

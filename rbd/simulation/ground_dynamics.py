@@ -36,7 +36,7 @@ from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.bases import step_kernel
-from rbd.simulation.stacked_points import Extremes, PointPlaces, Points, Snapshot
+from rbd.simulation.stacked_points import PointPlaces, Points, Snapshot
 from rbd.simulation.velocity_problem import StepEquations, Undecided, VelocityAnswer, active_rows, point_impulses
 
 INDEPENDENT = 1e-6
@@ -175,7 +175,7 @@ class GroundDynamics:
         return filled(
             Snapshot, state=state, layout=self.layout, velocity=velocity, gap=gap, error=self.at_rest,
             measure=lambda: [source.at(state, t) for source in self._points.sources], locate=self._located, placed=X,
-            extremes=Extremes(*found),
+            extremes=found,
         )  # fmt: skip
 
     def _motion(self, q: Array, v: Array) -> tuple[Array, Array]:

@@ -90,7 +90,7 @@ class Instant:
         Not those that leave after an impact: the step would hold down points that approach again by its end.
         """
         gap, gaps, layout = self.at.gap, self.gaps, self.at.layout
-        if self.closed is layout.everything and self.leaves is layout.nothing and self.at.extremes.highest <= gaps.least_loose:
+        if self.closed is layout.everything and self.leaves is layout.nothing and self.at.extremes[1] <= gaps.least_loose:
             return self.closed
         touching: Array = ((gap <= gaps.tight) | (self.closed & (gap <= gaps.loose))) & ~self.leaves
         return layout.everything if touching.all() else touching
@@ -154,23 +154,14 @@ class HalfStep(NamedTuple):
         at = self.start.at
         return self.active if layout is at.layout else PointMatching(at.layout, layout).points(self.active, False)
 
-    def points_in(self, layout: PointLayout) -> PointsAtStart:
-        """The same data for the points of another layout."""
+    def points_in(self, layout: PointLayout) -> tuple[Array, Array, Array, VelocityAnswer]:
+        """Which points of another layout are active, their velocities and position errors, and the answer for them."""
         at = self.start.at
         if layout is at.layout:
-            return PointsAtStart(self.active, self.u, at.error, self.answer)
+            return self.active, self.u, at.error, self.answer
         match, answer = PointMatching(at.layout, layout), self.answer
         answer = answer._replace(impulse=match.rows(answer.impulse), velocity=match.rows(answer.velocity), norms=None)
-        return PointsAtStart(match.points(self.active, False), match.rows(self.u), match.rows(at.error), answer)
-
-
-class PointsAtStart(NamedTuple):
-    """Points at a step's beginning: the active ones, velocities and position errors, and the answer of the half step."""
-
-    active: Array
-    velocity: Array
-    error: Array
-    answer: VelocityAnswer
+        return match.points(self.active, False), match.rows(self.u), match.rows(at.error), answer
 
 
 class WholeStep(NamedTuple):

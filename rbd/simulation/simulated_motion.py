@@ -39,20 +39,9 @@ Stabilisation: TypeAlias = Projection | Baumgarte | None
 """Stabilisation of bilateral constraints: by projection, by feedback, or not at all."""
 
 
-class Acting(NamedTuple):
-    """What acts on a robot besides constraints.
-
-    Attributes:
-        tau: Motor torques, shape (nu,).
-        applied: S^T tau + tau_ext, shape (nv,).
-        elements: The force elements in it.
-        pushes: The part of it that is neither of motors nor of known elements, shape (nv,); None if there is none.
-    """
-
-    tau: Array
-    applied: Array
-    elements: tuple[ForceElement, ...]
-    pushes: Array | None = None
+Acting: TypeAlias = tuple[Array, Array, tuple[ForceElement, ...], Array | None]
+"""What acts on a robot besides constraints: motor torques (nu,), S^T tau + tau_ext (nv,), the force elements in it, and its
+part that is neither of motors nor of known elements (nv,), None if there is none. A plain tuple, which is made twice a step."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -218,13 +207,13 @@ class SimulatedMotion:
             if not self._pushes and has_pushes(external):
                 self._pushes.append(True)
         if self.controller is None:
-            return Acting(zeros(robot.nu), applied, elements, pushes)
+            return zeros(robot.nu), applied, elements, pushes
         given = asked("controller", self.controller, state, t)
         if given is None:
             raise InputError(f"the controller gave None at t = {t:.6g} s; expected torques, shape (nu,). Does it return them?")
         tau = robot.check_tau(given)
         applied[robot.motors] += tau
-        return Acting(tau, applied, elements, pushes)
+        return tau, applied, elements, pushes
 
     def _note(self, elements: tuple[ForceElement, ...]) -> None:
         """Keep the elements that a function of time gives, the first ones and the first that differ: the same or another."""

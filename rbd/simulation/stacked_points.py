@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache, partial
 from itertools import chain, repeat
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -136,14 +136,6 @@ class PointPlaces:
     pushes: Array | None = None
 
 
-class Extremes(NamedTuple):
-    """The least gap of unilateral points, the largest gap of all, and the least normal velocity."""
-
-    lowest: float
-    highest: float
-    approach: float
-
-
 @dataclass(frozen=True, eq=False)
 class Snapshot:
     """All points at one state, stacked; Jacobians and J_dot v are computed when first asked.
@@ -195,11 +187,10 @@ class Snapshot:
         return _stacked(self.sources, "bias")
 
     @lazy
-    def extremes(self) -> Extremes:
-        """Its extreme gaps and velocities; infinite without points."""
+    def extremes(self) -> tuple[float, float, float]:
+        """The least gap of unilateral points, the largest of all, and the least normal velocity; infinite without points."""
         gap = self.gap[self.layout.pushes]
-        found = gap.min(initial=np.inf), self.gap.max(initial=-np.inf), self.approach.min(initial=np.inf)
-        return Extremes(*map(float, found))
+        return float(gap.min(initial=np.inf)), float(self.gap.max(initial=-np.inf)), float(self.approach.min(initial=np.inf))
 
     @property
     def approach(self) -> Array:
@@ -219,7 +210,7 @@ class Snapshot:
     @property
     def penetration(self) -> float:
         """Depth of the deepest point."""
-        return max(0.0, -self.extremes.lowest)
+        return max(0.0, -self.extremes[0])
 
 
 def places_of(snapshots: Sequence[Snapshot]) -> Sequence[PointPlaces]:

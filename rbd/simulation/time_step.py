@@ -394,7 +394,7 @@ class StepSystem:
         """
         at, layout = now.at, now.at.layout
         slow = -self.impact_speed
-        if now.closed is layout.everything and not first and at.extremes.approach >= slow:
+        if now.closed is layout.everything and not first and at.extremes[2] >= slow:
             return now
         touches, approach = now.touching, at.approach
         limit = -AT_REST if first else np.where(now.closed, slow, -AT_REST)
