@@ -12,7 +12,7 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 
 import mujoco
@@ -31,6 +31,8 @@ STEP, FRICTION, BALL = 1e-3, 0.7, 5e-3
 TURN, ROUNDS = 200, 6
 MARKS = {"talos": (8.0, 5.0), "solo12": (16.0, 9.0)}
 """Of a step of ours, in steps of MuJoCo's."""
+REST_MARKS = {"talos": (4.0, 3.0), "solo12": (8.0, 5.0)}
+"""The same at rest, as a user calls it."""
 STATES = 10_000
 THEIRS, FORWARD, ROLLOUT = (
     "MuJoCo mj_step, Euler",
@@ -210,6 +212,22 @@ class Bench:
                 at.append(run.state(-1))
         return {name: statistics.median(t) for name, t in times.items()}
 
+    def at_rest(self) -> float:
+        """A step of ours in steps of MuJoCo's, medians of turns: at rest, constant torques from Python, every step recorded."""
+        standing = self.swaying.with_velocity(np.zeros(self.swaying.robot.nv))
+        held = replace(self.held, stiffness=np.zeros_like(self.held.stiffness), damping=np.zeros_like(self.held.damping))
+        tau, ours, theirs = held.torque, list[float](), list[float]()
+        for _ in range(ROUNDS):
+            theirs.append(InMujoco(standing, self.feet).steps(TURN, held))
+            ours.append(
+                once(
+                    lambda: rbd.simulate(
+                        standing, self.feet, duration=TURN * STEP, step=STEP, controller=lambda state, t: tau, progress=False
+                    )
+                )
+            )
+        return statistics.median(ours) / statistics.median(theirs)
+
     def peers(self) -> dict[str, float]:
         """Median seconds a state of MuJoCo's forward dynamics, and of its rollout."""
         theirs = InMujoco(self.swaying, self.feet)
@@ -264,9 +282,11 @@ def robots() -> dict[str, tuple[Bench, dict[str, float]]]:
 def step_rows() -> list[Row]:
     """A step of `rbd.simulate` in steps of MuJoCo's, with its marks."""
     what = f"a step of {DEFAULT} of {1e3 * STEP:g} ms on frictional feet"
-    return [
+    rows = [
         Row(what, {name: times[DEFAULT] / times[THEIRS]}, "x mj_step", MARKS[name]) for name, (_, times) in robots().items()
     ]
+    rest = f"the same at rest, constant torques from Python, every step recorded, of {1e3 * STEP:g} ms"
+    return rows + [Row(rest, {name: bench.at_rest()}, "x mj_step", REST_MARKS[name]) for name, (bench, _) in robots().items()]
 
 
 def peer_step_rows() -> list[Row]:
