@@ -22,7 +22,7 @@ import numpy as np
 
 from rbd.installation import in_use
 
-FEW = 300
+FEW = 2_500
 """Calls that run in Python, of kernels from kernels too: 20 answers where all sticks, one or two where points slip."""
 LARGE = 5_000
 """A call with an array of more entries is compiled."""
@@ -39,6 +39,16 @@ class _Array(NamedTuple):
 def array(dim: int, kind: str = NUMBER, *, written: bool = False, layout: Literal["C", "A"] = "C") -> Any:
     """The type of an array; one that is only read may be read-only."""
     return _Array(kind, dim, layout, not written)
+
+
+class _Record(NamedTuple):
+    kind: type
+    fields: tuple[Any, ...]
+
+
+def record(kind: type, *fields: Any) -> Any:
+    """The type of a named tuple with fields of these types."""
+    return _Record(kind, fields)
 
 
 def signature(result: Any, *arguments: Any) -> Any:
@@ -172,6 +182,8 @@ def _type(kind: Any) -> Any:
 
     if isinstance(kind, _Array):
         return numba.types.Array(_type(kind.kind), kind.dim, kind.layout, readonly=kind.readonly)
+    if isinstance(kind, _Record):
+        return numba.types.NamedTuple(tuple(map(_type, kind.fields)), kind.kind)
     return numba.types.Tuple(tuple(map(_type, kind))) if isinstance(kind, tuple) else getattr(numba, kind or "void")
 
 

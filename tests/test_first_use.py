@@ -69,7 +69,7 @@ def test_answers_in_python_and_compiled_are_the_same_bit_by_bit():
     """So it does not matter when a process begins to compile: all that holds, sticks and slips, at rest and moving."""
     by_python, compiled = (python(ANSWERS, RBD_COMPILED=how)[0] for how in ("0", "1"))
     assert by_python == compiled
-    assert len({line.split()[1] for line in compiled.splitlines()}) >= 3  # ways in which they were found
+    assert len({line.split()[1] for line in compiled.splitlines()}) >= 2  # ways in which they were found
     changing, _ = python(ANSWERS)
     assert changing == compiled
 

@@ -429,26 +429,26 @@ def test_a_corrupted_block_is_not_certified(talos: rbd.Robot, rng: np.random.Gen
     generalised[:, talos.motors] = pushed(talos, rng, n)
     asked = {"coulomb": law == "coulomb", "rest_speed": 1e-6, "mu": None}
     assert blocks.solve(q, v, generalised, **asked).found.any()
-    found, last = blocks._found, [np.zeros(talos.nv)]
+    found, last = blocks._plan.search, [np.zeros(talos.nv)]
 
-    def spoilt(space, q, v, *rest, **asked):
+    def spoilt(space, q, v, *rest):
         if fault == "another q":
             q = pin.integrate(talos.model, q, np.full(talos.nv, 1e-4))
         elif fault == "another v":
             v = v + 0.05
-        answer = found(space, q, v, *rest, **asked)
+        answer = found(space, q, v, *rest)
         if answer is None:
             return None
         last.append(answer.a)
         spoils = {
-            "sign of forces": {"weights": -answer.weights},
-            "scaled forces": {"weights": (1.0 + 1e-7) * answer.weights},
+            "sign of forces": {"w": -answer.w},
+            "scaled forces": {"w": (1.0 + 1e-7) * answer.w},
             "stale acceleration": {"a": last[-2]},
-            "wrong site": {"weights": np.roll(answer.weights, 12)},
+            "wrong site": {"w": np.roll(answer.w, 12)},
         }
         return answer._replace(**spoils.get(fault, {}))
 
-    monkeypatch.setattr(blocks, "_found", spoilt)
+    monkeypatch.setattr(blocks._plan, "search", spoilt)
     assert not blocks.solve(q, v, generalised, **asked).found.any()
 
 

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from rbd.answers.analysis.sensitivity import StateOrigin
-from rbd.answers.prepared.contact_dynamics import ContactDynamics, prepared
+from rbd.answers.prepared.constraint_dynamics import ConstraintDynamics, prepared
 from rbd.answers.solution import Solution, nearest_motion, solution_of
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, is_open, rows_of, with_loops
@@ -111,9 +111,10 @@ def solve(
     """
     _check_is_bool(check)
     plain = solver is None and isinstance(loops, bool) and type(rest_speed) is float and 0.0 <= rest_speed < 1e100
-    given = tuple(constraints) if isinstance(constraints, list | tuple) else ()
-    contacts = prepared(state.robot, given) if plain and type(state) is State and not state.robot.loops() else None
-    found = None if contacts is None else _prepared_answer(contacts, state, tau, given, law, external, rest_speed)
+    plain = plain and isinstance(constraints, list | tuple)
+    given = tuple(constraints) if plain else ()
+    form = prepared(state.robot, given) if plain and type(state) is State and not state.robot.loops() else None
+    found = None if form is None else _prepared_answer(form, state, tau, given, law, external, rest_speed)
     if found is not None:
         return found
     chosen = solver_of(law, solver)
@@ -121,7 +122,7 @@ def solve(
 
 
 def _prepared_answer(
-    contacts: ContactDynamics,
+    constraints: ConstraintDynamics,
     state: State,
     tau: Array | None,
     given: tuple[Constraint, ...],
@@ -138,11 +139,12 @@ def _prepared_answer(
     if external is not None:
         external = tuple(external) if type(external) is list else external
         generalised += generalised_force(state, external)[0]
-    found = contacts.answer(state.q, state.v, generalised, coulomb=told == COULOMB, rest_speed=rest_speed, within=TOUCHES)
+    plan = constraints.plan(state.q)
+    found = plan.answer(state.q, state.v, generalised, coulomb=told == COULOMB, rest_speed=rest_speed, within=TOUCHES)
     if found is None:
         return None
     problem = partial(posed, state, torques, given, external, rest_speed)
-    law = BILATERAL if contacts.bilateral else told
+    law = BILATERAL if plan.bilateral else told
     solution = Solution.prepared(problem, found, law, time.perf_counter() - start)
     if not found.worst <= SOLVED and not solution.residuals.within(SOLVED):
         return None
@@ -151,6 +153,7 @@ def _prepared_answer(
         warn_of_limits(state, given, stacklevel=4)
     if found.moving:
         warn_of_moving(robot, [(given[i].name, speed) for i, speed in found.moving], stacklevel=3)
+    warn_of_opening(robot, found.openings, rest_speed, stacklevel=3)
     return solution
 
 

@@ -15,7 +15,7 @@ from rbd.answers.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE
 from rbd.answers.analysis.infeasibility import Contradiction, contradiction
 from rbd.answers.analysis.sensitivity import Derivatives
 from rbd.answers.analysis.uniqueness import Uniqueness, motion_freedom, uniqueness_of
-from rbd.answers.prepared.contact_dynamics import FoundForces
+from rbd.answers.prepared.constraint_dynamics import FoundForces
 from rbd.arrays import Array, lazy, max_abs, without_lazies
 from rbd.displayed import Displayed
 from rbd.errors import InputError, NoSolution, Unsupported
@@ -85,23 +85,36 @@ class Solution(Answer):
         out = cls.__new__(cls)
         a, forces, weights, method, steps = found[:5]
         out.__dict__.update(
-            _assemble=problem, a=a, multipliers=forces, weights=weights, law=law, solver="ContactDynamics", method=method,
-            iterations=steps, seconds=seconds, infeasible=False, others=(), reason="", redundant=False, chosen_corners=None,
-            choice="", status=Status.SOLVED,
+            _assemble=problem, a=a, law=law, solver="ContactDynamics", method=method, iterations=steps, seconds=seconds,
+            infeasible=False, others=(), reason="", redundant=found.choice != UNIQUE, chosen_corners=None,
+            choice="" if found.choice == UNIQUE else found.choice, status=Status.SOLVED,
         )  # fmt: skip
+        out.__dict__.update({"multipliers": forces, "weights": weights} if found.choice else {"_found": (forces, weights)})
         return out
 
     def __getattr__(self, name: str) -> Any:
-        """The problem of a prepared answer, assembled when it is first asked for."""
-        assemble = self.__dict__.get("_assemble") if name == "problem" else None
-        if assemble is None:
+        """The problem of a prepared answer, and its forces where they are not unique: when they are first asked for."""
+        if name == "problem" and "_assemble" in self.__dict__:
+            self.__dict__[name] = self.__dict__["_assemble"]()
+        elif name in ("multipliers", "weights") and "_found" in self.__dict__:
+            self._settle()
+        else:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        problem = self.__dict__["problem"] = assemble()
-        return problem
+        return self.__dict__[name]
+
+    def _settle(self) -> None:
+        """The forces of minimum norm, in place of those that were found."""
+        forces, weights = self.__dict__.pop("_found")
+        self.__dict__.update(multipliers=forces, weights=weights)
+        settled = self.settled()
+        for name in ("a", "multipliers", "weights", "chosen_corners", "choice"):
+            self.__dict__[name] = getattr(settled, name)
+        for name in [name for name in ("residuals", "_admissible") if name in self.__dict__]:
+            del self.__dict__[name]
 
     def __getstate__(self) -> dict[str, object]:
         """Copies and pickles have the problem, in place of what assembles it, and no values that can be computed again."""
-        problem = self.problem
+        problem, _ = self.problem, self.multipliers
         kept = without_lazies(self) | {"problem": problem}
         kept.pop("_assemble", None)
         return kept
@@ -154,9 +167,12 @@ class Solution(Answer):
     @lazy
     def _split(self) -> tuple[Mapping[str, Array], str]:
         """(corner forces, description of the choice)."""
+        self.__dict__.get("_found") and self._settle()
         if self.chosen_corners is not None:
             return self.chosen_corners, self.choice
         corners = {r.name: self._corners(i, r) for i, r in enumerate(self.problem.rows) if r.patch is not None}
+        if self.choice:
+            return corners, self.choice
         if self.residuals.within(USABLE):
             found = self._admissible
             if not found.null.shape[1]:

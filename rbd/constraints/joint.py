@@ -277,7 +277,7 @@ class JointLimit(Displayed):
     lower: float | None = field(default=None, kw_only=True)
     upper: float | None = field(default=None, kw_only=True)
     margin: float = field(default=1e-6, kw_only=True)
-    _stop: PerRobot[_Stop] = field(default_factory=lambda: PerRobot(_stop), init=False, repr=False)
+    _stop: PerRobot[Stop] = field(default_factory=lambda: PerRobot(_stop), init=False, repr=False)
 
     def __post_init__(self) -> None:
         check_words("a constraint on a joint", name=self.name, joint=self.joint)
@@ -327,13 +327,17 @@ class JointLimit(Displayed):
         error = np.array([d for d in distances if d <= self.margin])
         return Rows(self.name, J, np.zeros(m), NonNegative(m), J[:, at] * state.v[at], error)
 
+    def stop(self, robot: CheckedModel) -> Stop:
+        """Its indices and bounds on a robot; errors as `bounds`."""
+        return self._stop.of(self, robot)
+
     def source(self, start: State) -> Stops:
         """Its bounds as points of a motion, at any distance."""
         return Stops([self], start)
 
 
 @dataclass(frozen=True, eq=False)
-class _Stop:
+class Stop:
     """A limit on a robot: the joint's indices in q and v, its bounds, and its rows away from them."""
 
     q: int
@@ -343,7 +347,7 @@ class _Stop:
     nothing: Rows
 
 
-def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
+def _stop(limit: JointLimit, robot: CheckedModel) -> Stop:
     name, joint = limit.name, limit.joint
     found = robot.joints.with_one_freedom(joint, name)
     if found.is_continuous:
@@ -363,7 +367,7 @@ def _stop(limit: JointLimit, robot: CheckedModel) -> _Stop:
         raise InputError(f"{name!r:.80}: joint {joint!r:.80} has lower bound {low:g} above its upper one, {high:g}.")
     nothing = Rows(name, np.zeros((0, robot.nv)), np.zeros(0), NonNegative(0))
     nothing.J.flags.writeable = False
-    return _Stop(found.q.start, found.v.start, low, high, nothing)
+    return Stop(found.q.start, found.v.start, low, high, nothing)
 
 
 class Stops:

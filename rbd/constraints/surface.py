@@ -32,7 +32,7 @@ from rbd.problem.ground import Body, Ground, Surface
 
 HERE = pin.SE3.Identity()
 UP = np.array([0.0, 0.0, 1.0])
-_ALONG = 0.7
+STEEPEST = 0.7
 """Largest cosine between line and normal: at 45 degrees to the surface it is no line contact."""
 
 
@@ -208,7 +208,7 @@ def edge_axes(name: str, x: Array, n: Array) -> Array:
         InputError: the edge is more than 45 degrees off the surface.
     """
     along = float(n @ x)
-    if not abs(along) <= _ALONG:
+    if not abs(along) <= STEEPEST:
         raise InputError(
             f"the line of contact {name!r} is at {90.0 - np.rad2deg(np.arccos(min(1.0, abs(along)))):.0f} degrees to its "
             "surface; expected one along it (up to 45 are accepted). Is the placement's x along the line?"

@@ -14,7 +14,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from rbd.arrays import Array, lazy, rank_of
+from rbd.arrays import Array, lazy, rank_of, zeros
 from rbd.displayed import Displayed
 from rbd.errors import Reason
 from rbd.problem.cones import friction_used
@@ -439,7 +439,7 @@ class Answer(Displayed):
     def gauss(self) -> Gauss:
         """Gauss's function [N m/s2] and each constraint's share of it."""
         P = self.problem
-        moved = self.a - P.a_free
+        moved = self.a - P.a_free if P.m else zeros(P.nv)  # of free motion they differ by rounding alone
         work = self.multipliers * (P.J @ moved)
         shares = {name: 0.5 * float(work[part].sum()) for name, part in P.slices.items()}
         return Gauss(0.5 * float(moved @ P.M @ moved), shares)

@@ -3,7 +3,9 @@
     find w in its sets,   y = Q' (D Q w + c) + soft (w - about)   paired with it:   w = P(w - y)
 
 Columns of w are those of *parts*: first lines, half-lines and intervals, one column each, then cones with three. Q has few
-entries a column: those of a point of a body in the body's rows. Of a dense problem Q is the identity.
+entries a column: those of a point of a body in the body's rows. Of a dense problem Q is the identity. A point that slides
+already is a half-line whose force (with its friction) and whose acceleration (along the normal) have different columns, Q and
+Q_y, and Q_y' stands for Q' above and below.
 
 With V the slope of P, k = proximal + soft, B = I - (1 - k) V, M = B^-1 V and h = B^-1 gap, part by part (Woodbury's identity):
 
@@ -26,6 +28,7 @@ from rbd.solvers.small_systems import eliminate, independent, solved
 
 EXACT, FOUND, PROXIMAL = 1e-14, 1e-10, 1e-7
 """Those of `rbd.solvers.newton`, which is imported without Numba."""
+MOST_STEPS = 50
 _SMALL = 1e-200
 _GROWS = 4.0
 """The first steps, in which points change between open, sticking and slipping, may make the sum of squares grow so much."""
@@ -42,7 +45,10 @@ class Problem(NamedTuple):
         D: Accelerations of the rows by unit forces on them, shape (nw, nw).
         c: Their accelerations without weights, shape (nw,).
         columns: Entries of each column of Q that may differ from zero, shape (p, d).
+        felt: Those of Q_y, shape (p, d).
+        offset: Added to y, shape (p,).
         first: The row in which those of a part begin, shape (n + k,).
+        width: How many of its d entries are rows, shape (n + k,).
         lower: Bounds of the n single columns.
         upper: Their upper bounds.
         mu: Frictions of the k cones.
@@ -51,22 +57,33 @@ class Problem(NamedTuple):
     D: Array
     c: Array
     columns: Array
+    felt: Array
+    offset: Array
     first: Array
+    width: Array
     lower: Array
     upper: Array
     mu: Array
 
 
-class Compliance(NamedTuple):
-    """Of each part, added to D's diagonal about some weights; `proximal` is added in Newton's matrix only.
+class Settings(NamedTuple):
+    """What Newton's method is to do.
 
-    `early`: In how many first steps the sum of squares may grow by `_GROWS`.
+    Attributes:
+        soft: Compliance of each part, added to D's diagonal about some weights, shape (n + k,).
+        about: These weights, shape (p,).
+        proximal: Compliance in Newton's matrix only.
+        early: In how many first steps the sum of squares may grow by `_GROWS`.
+        iterations: Most steps.
+        coulomb: Coulomb's law; else the convex one.
     """
 
     soft: Array
     about: Array
     proximal: float
     early: int
+    iterations: int
+    coulomb: bool
 
 
 class Room(NamedTuple):
@@ -139,19 +156,17 @@ def loads(problem: Problem, parts: Array, w: Array, f: Array) -> None:
         start, stop = span(i, n)
         for j in range(start, stop):
             if w[j] != 0.0:
-                for r in range(columns.shape[1]):
+                for r in range(problem.width[i]):
                     f[at + r] += columns[j, r] * w[j]
 
 
 @compiled
-def evaluate(
-    problem: Problem, parts: Array, w: Array, compliance: Compliance, coulomb: bool, room: Room
-) -> tuple[float, float]:
+def evaluate(problem: Problem, parts: Array, w: Array, settings: Settings, room: Room) -> tuple[float, float]:
     """(largest entry, sum of squares) of gap = P(p) - w at p = w - y."""
-    D, columns, n, f, a, p, gap, modes = (
-        problem.D, problem.columns, len(problem.lower), room.f, room.a, room.p, room.gap, room.modes
+    D, felt, n, f, a, p, gap, modes = (
+        problem.D, problem.felt, len(problem.lower), room.f, room.a, room.p, room.gap, room.modes
     )  # fmt: skip
-    nw, d = len(f), columns.shape[1]
+    nw = len(f)
     loads(problem, parts, w, f)
     for r in range(nw):
         total = problem.c[r]
@@ -163,16 +178,16 @@ def evaluate(
         at = problem.first[i]
         start, stop = span(i, n)
         for j in range(start, stop):
-            y = compliance.soft[i] * (w[j] - compliance.about[j])
-            for r in range(d):
-                y += columns[j, r] * a[at + r]
+            y = problem.offset[j] + settings.soft[i] * (w[j] - settings.about[j])
+            for r in range(problem.width[i]):
+                y += felt[j, r] * a[at + r]
             p[j] = w[j] - y
         j = start
         if i < n:
             gap[j] = min(max(p[j], problem.lower[i]), problem.upper[i]) - w[j]
             modes[i, 0] = _STICKS if problem.lower[i] < p[j] < problem.upper[i] else _FIXED
         else:
-            normal, factor, t = project(p[j], p[j + 1], p[j + 2], problem.mu[i - n], coulomb)
+            normal, factor, t = project(p[j], p[j + 1], p[j + 2], problem.mu[i - n], settings.coulomb)
             if normal > 0.0:
                 modes[i, 0] = _SLIPS if factor < 1.0 else _STICKS
             else:
@@ -186,34 +201,35 @@ def evaluate(
 
 
 @compiled
-def newton_step(problem: Problem, parts: Array, compliance: Compliance, coulomb: bool, room: Room) -> bool:
+def newton_step(problem: Problem, parts: Array, settings: Settings, room: Room) -> bool:
     """Newton's step in `room.move`; False where its linear system is singular."""
-    D, columns, n, gap, modes, move = problem.D, problem.columns, len(problem.lower), room.gap, room.modes, room.move
+    D, columns, felt, gap, modes, move = problem.D, problem.columns, problem.felt, room.gap, room.modes, room.move
+    n = len(problem.lower)
     z, used, A, B, f, a = room.z, room.used, room.A, room.B, room.f, room.a
-    nw, d = len(z), columns.shape[1]
+    nw = len(z)
     for r in range(nw):
         used[r] = 0
     B[:] = 0.0
     for i in parts:  # move = h, B = Q M Q'
         at, mode, factor, ex, ey = problem.first[i], modes[i, 0], modes[i, 1], modes[i, 2], modes[i, 3]
         start, stop = span(i, n)
-        k, j, block = compliance.proximal + compliance.soft[i], start, B[room.blocks[i]]
+        d = problem.width[i]
+        k, j, block = settings.proximal + settings.soft[i], start, B[room.blocks[i]]
         if mode != _SLIPS:
             for e in range(start, stop):
                 move[e] = gap[e]
                 if mode == _STICKS:
                     move[e] /= k
-                    q = columns[e]
                     for r in range(d):
-                        x = q[r] / k
+                        x = columns[e, r] / k
                         for s in range(d):
-                            block[r, s] += x * q[s]
+                            block[r, s] += x * felt[e, s]
         else:
             g0, g1, g2 = gap[j], gap[j + 1], gap[j + 2]
             u, along, turned = problem.mu[i - n], ex * g0 + ey * g1, factor / (1.0 - (1.0 - k) * factor)
             side = (ex * g1 - ey * g0) / (1.0 - (1.0 - k) * factor)
             share, push = 1.0, g2  # V is (u e + n) share (n or u e + n)' + factor side side'
-            if not coulomb:
+            if not settings.coulomb:
                 share = 1.0 / (1.0 + u * u)
                 push = share * (u * along + g2)
             along, move[j + 2] = along + u * push * (1.0 - k) / k, g2 + push * (1.0 - k) / k
@@ -222,10 +238,10 @@ def newton_step(problem: Problem, parts: Array, compliance: Compliance, coulomb:
             for r in range(d):
                 edge, turn = share * (u * (ex * q[r] + ey * v[r]) + x[r]) / k, turned * (ex * v[r] - ey * q[r])
                 for s in range(d):
-                    felt = x[s]
-                    if not coulomb:
-                        felt += u * (ex * q[s] + ey * v[s])
-                    block[r, s] += edge * felt + turn * (ex * v[s] - ey * q[s])
+                    met = felt[j + 2, s]
+                    if not settings.coulomb:
+                        met += u * (ex * felt[j, s] + ey * felt[j + 1, s])
+                    block[r, s] += edge * met + turn * (ex * felt[j + 1, s] - ey * felt[j, s])
         if mode != _FIXED:
             for e in range(start, stop):
                 for r in range(d):
@@ -241,6 +257,7 @@ def newton_step(problem: Problem, parts: Array, compliance: Compliance, coulomb:
         A[r, r] = 1.0
     for b in range(len(B)):
         begin = room.starts[b]
+        d = min(B.shape[1], nw - begin)
         for r in range(d):
             row = A[begin + r]
             for t in range(d):
@@ -269,19 +286,19 @@ def newton_step(problem: Problem, parts: Array, compliance: Compliance, coulomb:
     for i in parts:
         at, mode, factor, ex, ey = problem.first[i], modes[i, 0], modes[i, 1], modes[i, 2], modes[i, 3]
         start, stop = span(i, n)
-        k, j = compliance.proximal + compliance.soft[i], start
+        k, j, d = settings.proximal + settings.soft[i], start, problem.width[i]
         if mode == _STICKS:
             for e in range(start, stop):
                 for r in range(d):
-                    move[e] -= columns[e, r] * a[at + r] / k
+                    move[e] -= felt[e, r] * a[at + r] / k
         elif mode == _SLIPS:
             y0, y1, y2 = 0.0, 0.0, 0.0
             for r in range(d):
-                y0 += columns[j, r] * a[at + r]
-                y1 += columns[j + 1, r] * a[at + r]
-                y2 += columns[j + 2, r] * a[at + r]
+                y0 += felt[j, r] * a[at + r]
+                y1 += felt[j + 1, r] * a[at + r]
+                y2 += felt[j + 2, r] * a[at + r]
             u, side = problem.mu[i - n], factor / (1.0 - (1.0 - k) * factor) * (ex * y1 - ey * y0)
-            if not coulomb:
+            if not settings.coulomb:
                 y2 = (y2 + u * (ex * y0 + ey * y1)) / (1.0 + u * u)
             move[j] -= ex * u * y2 / k - ey * side
             move[j + 1] -= ey * u * y2 / k + ex * side
@@ -292,17 +309,15 @@ def newton_step(problem: Problem, parts: Array, compliance: Compliance, coulomb:
 
 
 @compiled
-def damped_steps(
-    problem: Problem, parts: Array, w: Array, compliance: Compliance, coulomb: bool, iterations: int, exact: float, room: Room
-) -> tuple[float, int]:
+def damped_steps(problem: Problem, parts: Array, w: Array, settings: Settings, exact: float, room: Room) -> tuple[float, int]:
     """Damped semismooth Newton steps from w, which becomes the best weights found: (merit, steps)."""
     n, new, best, move = len(problem.lower), room.new, room.best, room.move
-    merit, square = evaluate(problem, parts, w, compliance, coulomb, room)
+    merit, square = evaluate(problem, parts, w, settings, room)
     least, step = merit, 0
     for j in range(len(w)):
         best[j] = new[j] = w[j]
-    while step < iterations and least > exact and square < math.inf:
-        if not newton_step(problem, parts, compliance, coulomb, room):
+    while step < settings.iterations and least > exact and square < math.inf:
+        if not newton_step(problem, parts, settings, room):
             break
         before, t = square, 1.0
         for _ in range(7):
@@ -310,8 +325,8 @@ def damped_steps(
                 start, stop = span(i, n)
                 for j in range(start, stop):
                     new[j] = w[j] + t * move[j]
-            merit, square = evaluate(problem, parts, new, compliance, coulomb, room)
-            if square <= before * (_GROWS if step < compliance.early else 1.0 - 1e-4 * t):
+            merit, square = evaluate(problem, parts, new, settings, room)
+            if square <= before * (_GROWS if step < settings.early else 1.0 - 1e-4 * t):
                 break
             t *= 0.5
         for j in range(len(w)):
@@ -330,7 +345,7 @@ def damped_steps(
 
 @compiled
 def settle(
-    problem: Problem, w: Array, unit: Array, mobility: float, merit: float, coulomb: bool, firm: Compliance, room: Room
+    problem: Problem, w: Array, unit: Array, mobility: float, merit: float, firm: Settings, room: Room
 ) -> tuple[float, int]:
     """The limit of the answers of equally compliant points near w: (merit, steps); w stays where it is not reached.
 
@@ -340,7 +355,6 @@ def settle(
         unit: Newtons of a scaled weight of each cone, over any one number, shape (k,).
         mobility: Largest diagonal entry of a scaled part.
         merit: That of w, returned where it stays.
-        coulomb: Coulomb's law; else the convex one.
         firm: Without compliance; its `soft` is written in between.
         room: Working arrays.
     """
@@ -352,8 +366,8 @@ def settle(
     while compliance > 1e-5:
         for i in range(len(soft)):  # the same compliance per newton
             soft[i] = mobility * compliance * (1.0 if i < n else max((unit[i - n] / most) ** 2, 1e-3))
-        soften = Compliance(soft, firm.about, 0.0, firm.early)
-        reached, more = damped_steps(problem, parts, near, soften, coulomb, 50, 1e-8 * compliance, room)
+        soften = Settings(soft, firm.about, 0.0, firm.early, firm.iterations, firm.coulomb)
+        reached, more = damped_steps(problem, parts, near, soften, 1e-8 * compliance, room)
         steps += more
         # A merit m leaves the shares uncertain by m / compliance.
         if not reached <= 1e-5 * compliance:
@@ -363,7 +377,7 @@ def settle(
     for i in range(len(soft)):
         soft[i] = 0.0
     if found:
-        reached, more = damped_steps(problem, parts, near, firm, coulomb, 50, EXACT, room)
+        reached, more = damped_steps(problem, parts, near, firm, EXACT, room)
         steps += more
         if reached <= FOUND:
             for j in range(len(w)):
@@ -385,15 +399,15 @@ def _leaves_motion_open(problem: Problem, w: Array, p: Array) -> bool:
         w: Weights, shape (p,).
         p: w - y.
     """
-    D, columns, first, n = problem.D, problem.columns, problem.first, len(problem.lower)
-    nw, d, size = len(D), columns.shape[1], len(w)
+    D, columns, felt, first, n = problem.D, problem.columns, problem.felt, problem.first, len(problem.lower)
+    nw, size = len(D), len(w)
     rows, conditions, A, T = np.zeros((size, nw)), np.zeros((size, nw)), np.eye(nw), np.zeros((nw, nw))
     count, slides = 0, False
     for i in range(n, len(first)):
         j = 3 * i - 2 * n
         if w[j + 2] - p[j + 2] < _TOUCHES:
             slides = slides or math.hypot(w[j] - p[j], w[j + 1] - p[j + 1]) > _TOUCHES
-            for r in range(d):
+            for r in range(problem.width[i]):
                 for s in range(nw):
                     rows[count, s] += D[first[i] + r, s] * columns[j + 2, r]
             count += 1
@@ -401,7 +415,7 @@ def _leaves_motion_open(problem: Problem, w: Array, p: Array) -> bool:
         return False  # independent normals determine their shares
     found = 0
     for i in range(len(first)):
-        at, start, slips, factor, ex, ey = first[i], i, False, 0.0, 0.0, 0.0
+        at, d, start, slips, factor, ex, ey = first[i], problem.width[i], i, False, 0.0, 0.0, 0.0
         if i < n:
             if not problem.lower[i] < p[i] < problem.upper[i]:
                 continue
@@ -420,7 +434,7 @@ def _leaves_motion_open(problem: Problem, w: Array, p: Array) -> bool:
             for r in range(nw):
                 rows[found, r] = conditions[found, r] = 0.0
             for r in range(d):
-                conditions[found, at + r] = rows[found, at + r] = columns[e, r]
+                conditions[found, at + r], rows[found, at + r] = felt[e, r], columns[e, r]
                 if slips:
                     rows[found, at + r] += problem.mu[i - n] * (ex * columns[e - 2, r] + ey * columns[e - 1, r])
             found += 1
@@ -429,7 +443,7 @@ def _leaves_motion_open(problem: Problem, w: Array, p: Array) -> bool:
             for r in range(d):
                 side = factor / (1.0 - (1.0 - PROXIMAL) * factor) * (ex * columns[e + 1, r] - ey * columns[e, r])
                 for s in range(d):
-                    T[at + r, at + s] += side * (ex * columns[e + 1, s] - ey * columns[e, s])
+                    T[at + r, at + s] += side * (ex * felt[e + 1, s] - ey * felt[e, s])
     A += D @ T
     motions = np.ascontiguousarray(solved(A, D @ np.ascontiguousarray(rows[:found].T)).T)
     rank = independent(motions, found, 1e-8)
@@ -441,13 +455,13 @@ def _leaves_motion_open(problem: Problem, w: Array, p: Array) -> bool:
 
 @compiled
 def limit(
-    problem: Problem, w: Array, unit: Array, mobility: float, merit: float, firm: Compliance, room: Room
+    problem: Problem, w: Array, unit: Array, mobility: float, merit: float, firm: Settings, room: Room
 ) -> tuple[float, int, bool]:
     """(merit, steps, whether w of Coulomb's law leaves a family of motions): it becomes their limit then; see `settle`."""
-    evaluate(problem, np.arange(len(problem.first)), w, firm, True, room)
+    evaluate(problem, np.arange(len(problem.first)), w, firm, room)
     if not _leaves_motion_open(problem, w, room.p):
         return merit, 0, False
-    merit, steps = settle(problem, w, unit, mobility, merit, True, firm, room)
+    merit, steps = settle(problem, w, unit, mobility, merit, firm, room)
     return merit, steps, True
 
 
@@ -455,14 +469,23 @@ _DENSE = (array(2), array(1), array(2), array(1, COUNT), array(1), array(1), arr
 """Types of a dense problem: D, q, and the rest of `Problem`."""
 
 
+@compiled
+def _dense(D: Array, q: Array, columns: Array, first: Array, lower: Array, upper: Array, mu: Array) -> Problem:
+    """A problem whose parts are rows of their own."""
+    own, width = columns.copy(), np.full(len(first), columns.shape[1])
+    return Problem(
+        D.copy(), q.copy(), own, own, np.zeros(len(q)), first.copy(), width, lower.copy(), upper.copy(), mu.copy()
+    )  # fmt: skip
+
+
 def _newton_steps(
     D: Array, q: Array, columns: Array, first: Array, lower: Array, upper: Array, mu: Array,
     w: Array, coulomb: bool, iterations: int, soft: float, about: Array, proximal: float, exact: float,
 ) -> tuple[float, int]:  # fmt: skip
     """`newton.steps_from`: (merit, steps); w becomes the best weights."""
-    problem, parts = Problem(D, q, columns, first, lower, upper, mu), len(first)
-    compliance = Compliance(np.full(parts, soft), about, proximal, 0)
-    return damped_steps(problem, np.arange(parts), w, compliance, coulomb, iterations, exact, room_of(problem))
+    problem, parts = _dense(D, q, columns, first, lower, upper, mu), len(first)
+    settings = Settings(np.full(parts, soft), about.copy(), proximal, 0, iterations, coulomb)
+    return damped_steps(problem, np.arange(parts), w, settings, exact, room_of(problem))
 
 
 newton_steps = compiled(
@@ -475,9 +498,9 @@ def _family_limit(
     D: Array, q: Array, columns: Array, first: Array, lower: Array, upper: Array, mu: Array, w: Array, unit: Array
 ) -> tuple[int, bool]:
     """`newton.family_limit`: (steps, whether there is a family); w becomes the limit."""
-    problem, parts = Problem(D, q, columns, first, lower, upper, mu), len(first)
-    firm = Compliance(np.zeros(parts), np.zeros(len(q)), PROXIMAL, 0)
-    _, steps, opened = limit(problem, w, unit, 1.0, math.inf, firm, room_of(problem))
+    problem, parts = _dense(D, q, columns, first, lower, upper, mu), len(first)
+    firm = Settings(np.zeros(parts), np.zeros(len(q)), PROXIMAL, 0, MOST_STEPS, True)
+    _, steps, opened = limit(problem, w, unit.copy(), 1.0, math.inf, firm, room_of(problem))
     return steps, opened
 
 

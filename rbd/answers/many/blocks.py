@@ -10,13 +10,11 @@ import numpy as np
 from rbd.answers.least_constraint import posed
 from rbd.answers.many.many_answers import DISTANT, MOVES, Sheet
 from rbd.answers.many.states import ManyStates
+from rbd.answers.prepared.constraint_dynamics import DOUBTFUL, METHODS, FoundForces
 from rbd.answers.prepared.contact_dynamics import (
     BLOCK,
-    DOUBTFUL,
-    METHODS,
     BlockAnswer,
     ContactDynamics,
-    FoundForces,
     prepared,
 )
 from rbd.answers.solution import Solution

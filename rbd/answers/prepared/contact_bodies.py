@@ -24,7 +24,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -34,9 +34,7 @@ from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.cones import Cone
 
-DEPENDENT = 1e-9
-"""Pivots of the contact rows below this, over the largest: rows that may be dependent."""
-_WORLD = pin.Convention.WORLD
+WORLD = pin.Convention.WORLD
 """Of `pin.crba`: leaves the joints' Jacobians in world axes."""
 STILL = 1e-15
 """Squares of the bodies' velocities up to this leave their centripetal accelerations in the rounding."""
@@ -85,6 +83,14 @@ class Site:
         return np.ascontiguousarray(corners @ self.X_JC.rotation.T + self.X_JC.translation)
 
 
+class JointEntry(NamedTuple):
+    """An entry of a row of joints: velocities of the row are sums of `gear` times those of its dofs."""
+
+    row: int
+    dof: int
+    gear: float
+
+
 @cache
 def row_kernel() -> ModuleType:
     """`rbd.answers.prepared.row_kernel`, imported with the first bodies that need it: it imports Numba."""
@@ -107,13 +113,17 @@ class Workspace:
         rates: Velocities (v, w) of all joints in their axes, likewise.
         lifts: Their spatial accelerations less that of gravity, as `pin.rnea` leaves them.
         pushes: Forces (f, moment) at all joints, a view of `forces`.
+        read: What `row_kernel` reads of Pinocchio's data.
+        fixed: What it reads of the model, the sites and the joints' rows.
+        memory: What it writes.
     """
 
-    def __init__(self, model: pin.Model, sites: Sequence[Site]) -> None:
+    def __init__(self, model: pin.Model, sites: Sequence[Site], units: Sequence[JointEntry] = ()) -> None:
         self._model, self.data, self.forces = model, model.createData(), pin.StdVec_Force()
         for _ in range(model.njoints):
             self.forces.append(pin.Force.Zero())
-        n, m, joints, data = model.nv, sum(site.size for site in sites), range(model.njoints), self.data
+        n, joints, data = model.nv, range(model.njoints), self.data
+        m = sum(site.size for site in sites) + len({unit.row for unit in units})
         self.places = rows_from([(X.rotation, X.translation) for X in (data.oMi[j] for j in joints)], 12).reshape(-1)
         self.rates, self.lifts, self.pushes = (
             rows_from([(x.linear, x.angular) for x in (parts[j] for j in joints)], 6).reshape(-1)
@@ -124,20 +134,28 @@ class Workspace:
             (site.joint, model.idx_vs[site.joint] + model.nvs[site.joint] - 1, at, site.size, site.size == 3 and not site.turns)
             for site, at in zip(sites, starts, strict=False)
         ]
-        self.sites = np.array([[*site.X_JC.rotation.ravel(), *site.X_JC.translation] for site in sites])
+        places = [[*site.X_JC.rotation.ravel(), *site.X_JC.translation] for site in sites]
+        self.sites = np.array(places, dtype=float).reshape(-1, 12)
         self._kernel, self._parents = row_kernel(), np.array(data.parents_fromRow, dtype=np.int64)
-        self._space = np.zeros(self._kernel.size_of(n, m))
-        terms = self._kernel.terms_in(self._space, n, m)
+        self.memory = np.zeros(self._kernel.size_of(n, m))
+        terms = self._kernel.terms_in(self.memory, n, m)
         self.mobility, self.row_rates, self.row_forces = terms.mobility, terms.velocity, np.zeros(m)
-        self._read = (
-            data.M,
-            data.J,
+        self.read = (
+            data.M.reshape(n, n),  # of one degree of freedom Pinocchio gives vectors
+            data.J.reshape(6, n),
             data.nle,
             self.places.reshape(-1, 12),
             self.rates.reshape(-1, 6),
             self.lifts.reshape(-1, 6),
         )
-        self._fixed = (self._parents, np.array(kinds, dtype=np.int64), self.sites, np.array(model.gravity.linear))
+        self.fixed = (
+            self._parents,
+            np.array(kinds, dtype=np.int64).reshape(-1, 5),
+            self.sites,
+            np.array([unit[:2] for unit in units], dtype=np.int64).reshape(-1, 2),
+            np.array([unit.gear for unit in units], dtype=float),
+            np.array(model.gravity.linear),
+        )
 
     def held(self, q: Array, v: Array, generalised: Array, model: pin.Model | None = None) -> Array | None:
         """Acceleration a that gives every row none, J a + J_dot v = 0; None if rows may be dependent.
@@ -151,15 +169,15 @@ class Workspace:
             model: In place of the robot's, one with other rotor inertias.
         """
         model, a = self._model if model is None else model, np.empty(len(v))
-        pin.crba(model, self.data, q, _WORLD)
+        pin.crba(model, self.data, q, WORLD)
         pin.nonLinearEffects(model, self.data, q, v)
-        ratio = self._kernel.row_terms(*self._read, *self._fixed, generalised, self._space, a, self.row_forces)
-        return a if ratio > DEPENDENT else None
+        firm = self._kernel.row_terms(*self.read, *self.fixed, v, generalised, self.memory, a, self.row_forces)
+        return a if firm else None
 
     def change(self, s: Array) -> tuple[Array, Array]:
         """(M^-1 J^T L s, L s): what row accelerations s, shape (m,), add to the acceleration and to the row forces."""
         a, f = np.empty(self._model.nv), np.empty(len(s))
-        self._kernel.row_change(s, self._parents, self._space, a, f)
+        self._kernel.row_change(s, self._parents, self.memory, a, f)
         return a, f
 
 

@@ -11,11 +11,10 @@ on bodies, two on one body, linearly dependent rows.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 
+from rbd.answers.prepared.constraint_dynamics import Plan
 from rbd.answers.prepared.contact_bodies import (
     MOST,
     ContactBodies,
@@ -25,49 +24,18 @@ from rbd.answers.prepared.contact_bodies import (
     gap_map,
     keep,
     rotations,
-    row_kernel,
 )
 from rbd.arrays import Array, each_times, max_abs
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.answer import CARRIES_NOTHING_N
 from rbd.problem.corner_cones import WrenchCone
-from rbd.problem.force_set import ForceSet, at_rest
+from rbd.problem.force_set import at_rest
 from rbd.problem.ground import TOUCHES
 from rbd.problem.residuals import SOLVED
-from rbd.solvers.contact_newton import ContactNewton, law_residual, point_misses
-from rbd.solvers.newton import FOUND
 
 BLOCK = 512
 """States whose working arrays are in memory at a time; of two soles on a Talos 1.5 MB."""
-DOUBTFUL = 1e-6
-"""Upper bounds of the scaled residuals above this are not looked into: the general way is taken."""
-METHODS = ("closed form", "cones: Newton")
-"""Of contacts that are held or stick, and of those that slip or open."""
-_COEFFICIENTS = 64
-"""Sets of coefficients for which Newton's method is kept."""
-
-
-class FoundForces(NamedTuple):
-    """Acceleration and forces under a law.
-
-    Attributes:
-        a: Acceleration, shape (nv,).
-        forces: Row forces, shape (m,), in the order and axes of the contacts' rows.
-        weights: Of the columns of the contacts' force set, shape (p,); None where all are bilateral.
-        method: What found them.
-        steps: Newton's steps.
-        worst: Upper bound of its largest scaled residual. Above `SOLVED` the scales themselves have to judge.
-        moving: (number, velocity [m/s, rad/s]) of each bilateral contact that moves.
-    """
-
-    a: Array
-    forces: Array
-    weights: Array | None
-    method: str
-    steps: int = 0
-    worst: float = 0.0
-    moving: tuple[tuple[int, float], ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,16 +85,12 @@ class ContactDynamics:
         self.bilateral = T.bilateral
         turns = [(contact.turned, rows) for contact, rows in zip(contacts, bodies.rows, strict=True)]
         self._turns = [(turn, rows) for turn, rows in turns if turn is not None]
-        self.G, self._least_norm = np.ascontiguousarray(T.G), _pseudo_inverse(T)
+        self.G = np.ascontiguousarray(T.G)
         if self._turns:
             self.G = T.G.copy()
             for turn, rows in self._turns:
                 self.G[rows] = turn @ self.G[rows]
-            self._least_norm = np.ascontiguousarray(np.linalg.pinv(self.G))
-        self._pull, self._cones = np.ascontiguousarray(self.G.T), np.ascontiguousarray(T.cone_columns)
-        self._frictional = np.array([contact.friction is not None for contact in contacts])
-        self._newton = ContactNewton(self.G, T.mu) if T.only_cones else None
-        self._newtons: dict[bytes, ContactNewton] = {}
+        self._plan = Plan.of(bodies.robot, contacts)
         standing = [(i, c, c.plane, site) for i, (c, site) in enumerate(zip(contacts, bodies.sites, strict=True)) if c.plane]
         each = np.repeat(np.arange(len(standing)), [len(c.corners) for _, c, _, _ in standing])
         arms = np.concatenate([np.zeros((0, 3)), *[site.in_joint_axes(c.corners) for _, c, _, site in standing]])
@@ -141,100 +105,6 @@ class ContactDynamics:
         gaps = X @ self._gaps.T - self._heights
         return np.asarray(max_abs(gaps) if X.ndim == 1 else np.abs(gaps).max(axis=-1))
 
-    def sticking(self, forces: Array, mu: Array | None = None) -> tuple[Array, Array | None]:
-        """Weights of minimum norm of row forces, and their own row forces; None where they are not in their cones.
-
-        Args:
-            forces: Row forces, shape (m,).
-            mu: Friction of the points; None: the contacts' own.
-        """
-        w, out = np.empty(self.force_set.size), np.empty(len(forces))
-        mu = self.force_set.mu if mu is None else mu
-        return w, out if row_kernel().sticking(self._least_norm, forces, self.G, self._cones, mu, w, out) else None
-
-    def answer(
-        self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, within: float
-    ) -> FoundForces | None:
-        """Acceleration and forces under a contact law, certified; None where the general way has to be taken.
-
-        Args:
-            q: Configuration, shape (nq,).
-            v: Velocity, shape (nv,).
-            generalised: S^T tau + tau_ext, shape (nv,).
-            coulomb: Coulomb's law; else the convex one.
-            rest_speed: If a frictional contact moves faster, the general way is taken [m/s, rad/s].
-            within: If a corner is farther off its plane, the general way is taken [m].
-        """
-        space = self.bodies.taken()
-        try:
-            found = self._found(space, q, v, generalised, coulomb=coulomb, rest_speed=rest_speed)
-            X = self.bodies.placements(space)
-            if found is None or not self.off_plane(X) <= within:
-                return None
-            a, f, w, method, steps, _, moving = found
-            left, c = self.bodies.checked(space, q, v, generalised, a, f, X)
-        finally:
-            self.bodies.put_back(space)
-        if w is None or method == METHODS[0]:
-            law = 10.0 * max_abs(c)
-        else:
-            law = law_residual(self._pull.dot(self.bodies.in_row_axes(c, X)), w, self.force_set.mu, coulomb=coulomb)
-        worst = max(max_abs(left), law)
-        if not worst <= DOUBTFUL:
-            return None
-        for turn, rows in self._turns:
-            f[rows] = turn.T @ f[rows]
-        return FoundForces(a, f, w, method, steps, worst, moving)
-
-    def _found(
-        self,
-        space: Workspace,
-        q: Array,
-        v: Array,
-        generalised: Array,
-        *,
-        coulomb: bool,
-        rest_speed: float,
-        mu: Array | None = None,
-    ) -> FoundForces | None:
-        """What obeys the law at one state, not yet certified, forces in the axes of the bodies; None where nothing is known."""
-        a, rates = space.held(q, v, generalised), space.row_rates
-        if a is None:
-            return None
-        moving: tuple[tuple[int, float], ...] = ()
-        if rates.dot(rates) > rest_speed * rest_speed:
-            fast = [(i, speed) for i, speed in enumerate(self.bodies.speeds(rates).tolist()) if speed > rest_speed]
-            if any(self._frictional[i] for i, _ in fast):
-                return None
-            moving = tuple(fast)
-        f = space.row_forces
-        if self.bilateral:
-            return FoundForces(a, f.copy(), None, METHODS[0], moving=moving)
-        w, sticks = self.sticking(f, mu)
-        if sticks is not None:
-            return FoundForces(a, sticks, w, METHODS[0], moving=moving)
-        newton = self._newton if mu is None else self._newton_of(mu)
-        if newton is None:
-            return None
-        mobility = space.mobility
-        slipping = newton.found(mobility, -mobility.dot(f), w, coulomb=coulomb)
-        if not slipping.merit <= FOUND:
-            return None
-        forces = self.G.dot(slipping.weights)  # what is judged are the corner forces
-        a += space.change(mobility.dot(forces - f))[0]
-        return FoundForces(a, forces, slipping.weights, METHODS[1], slipping.steps, moving=moving)
-
-    def _newton_of(self, mu: Array) -> ContactNewton | None:
-        """Newton's method with other coefficients; sweeps repeat them."""
-        if not self.force_set.only_cones:
-            return None
-        key = mu.tobytes()
-        found = self._newtons.get(key)
-        if found is None:
-            found = ContactNewton(self.G, mu)
-            keep(self._newtons, key, found, _COEFFICIENTS)
-        return found
-
     def solve(
         self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, mu: Array | None
     ) -> BlockAnswer:
@@ -248,28 +118,20 @@ class ContactDynamics:
             rest_speed: States with a frictional contact that moves faster are not answered [m/s, rad/s].
             mu: Friction of the points at each state, shape (n, k); None: the contacts' own.
         """
-        n, bodies = len(q), self.bodies
-        a, f, w = np.zeros(v.shape), np.zeros((n, bodies.m)), np.zeros((n, self.force_set.size))
+        n, bodies, plan = len(q), self.bodies, self._plan
+        a, w = np.zeros(v.shape), np.zeros((n, self.force_set.size))
         X, method, moving = np.zeros((n, 12 * len(bodies.sites))), np.full(n, -1, np.int8), np.zeros(n, bool)
-        with bodies.workspace() as space:
+        with plan.workspace() as space:
             for i in range(n):
-                found = self._found(
-                    space, q[i], v[i], generalised[i], coulomb=coulomb, rest_speed=rest_speed, mu=None if mu is None else mu[i]
-                )
+                found = plan.search(space, q[i], v[i], generalised[i], rest_speed, coulomb, None if mu is None else mu[i])
                 X[i] = bodies.placements(space)
-                if found is not None:
-                    a[i], method[i], moving[i] = found.a, METHODS.index(found.method), bool(found.moving)
-                    if found.weights is None:
-                        f[i] = found.forces
-                    else:
-                        w[i] = found.weights
-            return self.judged(
-                space, q, v, generalised, a, w, X, method, moving, coulomb=coulomb, mu=mu, forces=f if self.bilateral else None
-            )
+                if found is not None and found.rests:
+                    a[i], w[i], method[i], moving[i] = found.a, found.w, found.how, (np.abs(found.u) > rest_speed).any()
+            return self.judged(space, q, v, generalised, a, w, X, method, moving, coulomb=coulomb, mu=mu)
 
     def judged(
         self, space: Workspace, q: Array, v: Array, generalised: Array, a: Array, w: Array, X: Array, method: Array,
-        moving: Array, *, coulomb: bool, mu: Array | None, forces: Array | None = None,
+        moving: Array, *, coulomb: bool, mu: Array | None,
     ) -> BlockAnswer:  # fmt: skip
         """The certificate of n answers, and what they are in world axes.
 
@@ -285,9 +147,8 @@ class ContactDynamics:
             moving: Which have a bilateral contact with a velocity, shape (n,).
             coulomb: Coulomb's law; else the convex one.
             mu: As of `solve`.
-            forces: Row forces in the axes of the bodies, shape (n, m), in place of those of the weights.
         """
-        f = w @ self.G.T if forces is None else forces
+        f = w @ self.G.T
         left, c = self.bodies.checked(space, q, v, generalised, a, f, X)
         c = self.bodies.in_row_axes(c, X)
         used = np.broadcast_to(self.force_set.mu, (len(q), len(self.force_set.mu))) if mu is None else mu
@@ -347,11 +208,6 @@ class ContactDynamics:
         return forces, corners, friction, pressures
 
 
-@lru_cache(maxsize=256)
-def _pseudo_inverse(T: ForceSet) -> Array:
-    return np.ascontiguousarray(np.linalg.pinv(T.G))
-
-
 def _corner_split(contact: Contact) -> Array:
     """Forces of least norm at the corners of a patch, shape (6, 3 k), for unit wrenches."""
     return np.linalg.pinv(WrenchCone(contact.corners, 0.0).corner_map).T
@@ -376,3 +232,22 @@ def prepared(robot: CheckedModel, contacts: tuple[object, ...]) -> ContactDynami
         found = ContactDynamics(ContactBodies.of(robot, tuple([Site.of(robot, c) for c in given])), given)
     keep(known, contacts, found, MOST)
     return found
+
+
+def point_misses(y: Array, w: Array, mu: Array, *, coulomb: bool) -> Array:
+    """The largest of the points at each of n states, shape (3, n), scaled; NaN or infinite where a number is not finite.
+
+    How far accelerations are from those allowed, weights from their cones, and both from their law.
+
+    Args:
+        y: Accelerations of the points (tangent, tangent, normal), shape (n, 3k).
+        w: Weights, likewise.
+        mu: Friction coefficients, shape (n, k).
+        coulomb: Coulomb's law; else the convex one.
+    """
+    out = np.empty((len(y), 3))
+    y, w, mu = (np.ascontiguousarray(each) for each in (y, w, mu))
+    from rbd.solvers import law_kernel  # imports Numba
+
+    law_kernel.point_misses(y, w, mu, coulomb, out)
+    return out.T

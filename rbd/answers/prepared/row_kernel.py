@@ -17,10 +17,12 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.kernels import compiled
-from rbd.solvers.small_systems import product
 
+DEPENDENT = 1e-9
+"""Squared pivots of the mobility below this, over its diagonal entry: a row that depends on those before it."""
 JOINT, LAST, ROW, SIZE, WORLD = range(5)
-"""Columns of a site's integers: its joint, the last dof that moves it, its first row, number of rows, whether in world axes."""
+"""Columns of a site's integers: its joint, the last dof that moves it, its first row, number of rows (three of a point, then
+up to three of the body's turning), whether in world axes."""
 
 
 class Terms(NamedTuple):
@@ -128,7 +130,7 @@ def body_rows(
     for j in range(3):
         terms.velocity[at + j] = own[0, j] * v[0] + own[1, j] * v[1] + own[2, j] * v[2]
         terms.free[at + j] = own[0, j] * a[0] + own[1, j] * a[1] + own[2, j] * a[2]
-        if size == 6:
+        if j < size - 3:
             terms.velocity[at + 3 + j] = own[0, j] * w[0] + own[1, j] * w[1] + own[2, j] * w[2]
             terms.free[at + 3 + j] = own[0, j] * rate[3] + own[1, j] * rate[4] + own[2, j] * rate[5]
     px = X[9] + X[0] * r[0] + X[3] * r[1] + X[6] * r[2]
@@ -140,7 +142,7 @@ def body_rows(
         vx, vy, vz = J[0, i] + wy * pz - wz * py, J[1, i] + wz * px - wx * pz, J[2, i] + wx * py - wy * px
         for j in range(3):
             terms.W[i, at + j] = axes[0, j] * vx + axes[1, j] * vy + axes[2, j] * vz
-            if size == 6:
+            if j < size - 3:
                 terms.W[i, at + 3 + j] = axes[0, j] * wx + axes[1, j] * wy + axes[2, j] * wz
         i = parent[i]
 
@@ -163,9 +165,12 @@ def _divided(site: Array, L: Array, parent: Array, W: Array) -> None:
 
 
 @compiled
-def _cholesky(A: Array, C: Array) -> float:
-    """Lower factor C of A; returns the smallest squared pivot over the largest, 0 if one is not positive."""
-    least, most = math.inf, 0.0
+def _cholesky(A: Array, C: Array) -> int:
+    """Lower factor C of A; the number of the first row that depends on those before it, len(A) of none; -1: not finite.
+
+    Rows that depend on others are left out, with an infinite pivot.
+    """
+    found = len(A)
     for r in range(len(A)):
         for s in range(r):
             x = A[r, s]
@@ -175,11 +180,13 @@ def _cholesky(A: Array, C: Array) -> float:
         x = A[r, r]
         for k in range(r):
             x -= C[r, k] * C[r, k]
-        if not 0.0 < x < math.inf:
-            return 0.0
-        least, most = min(least, x), max(most, x)
-        C[r, r] = math.sqrt(x)
-    return least / most
+        if not math.isfinite(x):
+            return -1
+        if x > DEPENDENT * A[r, r]:
+            C[r, r] = math.sqrt(x)
+        else:
+            C[r, r], found = math.inf, min(found, r)
+    return found
 
 
 @compiled
@@ -198,7 +205,7 @@ def _rows_solved(C: Array, x: Array) -> None:
 
 
 @compiled
-def _accelerated(terms: Terms, z: Array, parent: Array, f: Array, a: Array) -> None:
+def accelerated(terms: Terms, z: Array, parent: Array, f: Array, a: Array) -> None:
     """Write a, L^-1 (z + W f)."""
     L, W = terms.L, terms.W
     for i in range(len(a)):
@@ -213,32 +220,36 @@ def _accelerated(terms: Terms, z: Array, parent: Array, f: Array, a: Array) -> N
 
 
 @compiled
-def row_terms(
+def joint_rows(units: Array, gear: Array, v: Array, parent: Array, terms: Terms) -> None:
+    """Rows of joints: L^-T J^T and J v, of J with the entries `gear` at (row, dof) `units`; J_dot v is zero."""
+    L, W, last = terms.L, terms.W, -1
+    for e in range(len(units)):
+        r = units[e, 0]
+        if r != last:
+            terms.velocity[r] = terms.free[r] = 0.0
+            last = r
+        W[units[e, 1], r] += gear[e]
+        terms.velocity[r] += gear[e] * v[units[e, 1]]
+    for e in range(len(units)):
+        r = units[e, 0]
+        if e + 1 < len(units) and units[e + 1, 0] == r:
+            continue
+        for i in range(len(parent) - 1, -1, -1):
+            if W[i, r] != 0.0:
+                W[i, r] /= L[i, i]
+                p = parent[i]
+                while p >= 0:
+                    W[p, r] -= L[i, p] * W[i, r]
+                    p = parent[p]
+
+
+@compiled
+def all_rows(
     M: Array, J: Array, h: Array, X: Array, twists: Array, rates: Array, parent: Array, sites: Array, places: Array,
-    fall: Array, generalised: Array, space: Array, a: Array, f: Array,
-) -> float:  # fmt: skip
-    """Write all terms into `space`, and a and f that hold every row.
-
-    Returns the smallest squared pivot of the mobility over the largest; 0 where it, or M, has one that is not positive.
-
-    Args:
-        M: Inertia, upper triangle, of `pin.crba`.
-        J: World Jacobian, of `pin.crba` in the world's convention.
-        h: C v + g, of `pin.nonLinearEffects`.
-        X: Poses of the joints, R by columns, then p, shape (joints, 12).
-        twists: Their velocities, shape (joints, 6).
-        rates: Their spatial accelerations less gravity, as `pin.nonLinearEffects` leaves them, shape (joints, 6).
-        parent: Of each dof, -1 of the first.
-        sites: Integers, shape (k, 5).
-        places: Poses on their joints, R by rows, then p, shape (k, 12).
-        fall: Gravity [m/s2].
-        generalised: S^T tau + tau_ext, shape (n,).
-        space: Written.
-        a: Written.
-        f: Written.
-    """
-    n, m = len(parent), len(f)
-    terms = terms_in(space, n, m)
+    units: Array, gear: Array, fall: Array, v: Array, generalised: Array, terms: Terms,
+) -> None:  # fmt: skip
+    """Write all terms but C; arguments as of `row_terms`."""
+    n, m = len(parent), len(terms.free)
     L, W, z = terms.L, terms.W, terms.z
     factor(M, parent, L)
     W[:] = 0.0
@@ -254,6 +265,7 @@ def row_terms(
         joint = sites[k, JOINT]
         body_rows(sites[k], places[k], X[joint], twists[joint], rates[joint], fall, J, parent, terms)
         _divided(sites[k], L, parent, W)
+    joint_rows(units, gear, v, parent, terms)
     A, c = terms.mobility, terms.free
     A[:] = 0.0
     for i in range(n):
@@ -263,34 +275,51 @@ def row_terms(
                 c[r] += x * z[i]
                 for s in range(m):
                     A[r, s] += x * W[i, s]
-    ratio = _cholesky(A, terms.C)
-    if ratio > 0.0:
-        for r in range(m):
-            f[r] = -c[r]
-        _rows_solved(terms.C, f)
-        _accelerated(terms, z, parent, f, a)
-    return ratio
 
 
 @compiled
-def sticking(share: Array, f: Array, G: Array, cones: Array, mu: Array, w: Array, out: Array) -> bool:
-    """Write weights of least norm, w = `share` f, and their forces, G w; whether all are in their cones.
+def row_terms(
+    M: Array, J: Array, h: Array, X: Array, twists: Array, rates: Array, parent: Array, sites: Array, places: Array,
+    units: Array, gear: Array, fall: Array, v: Array, generalised: Array, space: Array, a: Array, f: Array,
+) -> bool:  # fmt: skip
+    """Write all terms into `space`, and a and f that hold every row; False where a row depends on others, or M is not positive.
 
     Args:
-        share: Shape (p, m).
-        f: Forces on the rows, shape (m,).
-        G: Forces of unit weights, shape (m, p).
-        cones: Columns (tangent, tangent, normal) of each cone, shape (k, 3).
-        mu: Their coefficients, shape (k,).
-        w: Written.
-        out: Written.
+        M: Inertia, upper triangle, of `pin.crba`.
+        J: World Jacobian, of `pin.crba` in the world's convention.
+        h: C v + g, of `pin.nonLinearEffects`.
+        X: Poses of the joints, R by columns, then p, shape (joints, 12).
+        twists: Their velocities, shape (joints, 6).
+        rates: Their spatial accelerations less gravity, as `pin.nonLinearEffects` leaves them, shape (joints, 6).
+        parent: Of each dof, -1 of the first.
+        sites: Integers, shape (k, 5).
+        places: Poses on their joints, R by rows, then p, shape (k, 12).
+        units: Row and dof of the entries of rows of joints, in the order of the rows, shape (u, 2).
+        gear: The entries, shape (u,).
+        fall: Gravity [m/s2].
+        v: Velocity, shape (n,).
+        generalised: S^T tau + tau_ext, shape (n,).
+        space: Written.
+        a: Written.
+        f: Written.
     """
-    product(share, f, w)
-    for i in range(len(mu)):
-        if not math.hypot(w[cones[i, 0]], w[cones[i, 1]]) <= mu[i] * w[cones[i, 2]]:
-            return False
-    product(G, w, out)
-    return True
+    terms = terms_in(space, len(parent), len(f))
+    all_rows(M, J, h, X, twists, rates, parent, sites, places, units, gear, fall, v, generalised, terms)
+    firm = holding_forces(terms, f) == len(f)
+    if firm:
+        accelerated(terms, terms.z, parent, f, a)
+    return firm
+
+
+@compiled
+def holding_forces(terms: Terms, f: Array) -> int:
+    """Write C and forces f that hold every row, none on rows that depend on those before them; returns as `_cholesky`."""
+    found = _cholesky(terms.mobility, terms.C)
+    for r in range(len(f)):
+        f[r] = -terms.free[r]
+    if found >= 0:
+        _rows_solved(terms.C, f)
+    return found
 
 
 @compiled
@@ -308,4 +337,4 @@ def row_change(s: Array, parent: Array, space: Array, a: Array, f: Array) -> Non
     for r in range(len(f)):
         f[r] = s[r]
     _rows_solved(terms.C, f)
-    _accelerated(terms, np.zeros(len(a)), parent, f, a)
+    accelerated(terms, np.zeros(len(a)), parent, f, a)

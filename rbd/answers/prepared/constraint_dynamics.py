@@ -1,0 +1,513 @@
+"""Answers from the few rows of the bodies and joints that constraints touch; constants are computed once.
+
+A *plan* belongs to a robot and its constraints: where their columns are (`rbd.answers.prepared.law_kernel`), and the rows of
+each body in contact: three at a single point, five of points on a line, else six. Then at each state
+
+    rows        from Pinocchio's M, h, joint Jacobians and body accelerations: J M^-1 J^T and their accelerations without forces
+    forces      all that rest: of least norm, if these are in their sets; else Newton's method on those rows
+    certificate `pin.rnea` at (q, v, a) with the forces of the columns on their bodies, from arrays of its own
+
+M, J and J_dot v, and the factors that found the answer, take no part in the certificate. What is not covered gets None, and is
+solved the general way: contacts on moving ground or on bodies, loops, constraints of a user's own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cache
+from types import ModuleType
+from typing import Any, NamedTuple, TypeAlias
+
+import numpy as np
+import pinocchio as pin
+
+from rbd.answers.analysis.force_choice import MINIMUM_NORM, UNIQUE
+from rbd.answers.prepared.contact_bodies import MOST, WORLD, JointEntry, Site, Workspace, gap_map, keep
+from rbd.arrays import Array, max_abs, rank_of, zeros
+from rbd.constraints.contact import Contact
+from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
+from rbd.model.checked_model import CheckedModel
+from rbd.problem.cones import Cone, Free, NonNegative, checked_generators
+from rbd.problem.contact_motion import Opening
+from rbd.problem.force_set import ForceSet, at_rest
+
+METHODS = ("closed form", "cones: Newton")
+"""Of constraints that are held or stick, and of those that slip or open."""
+DOUBTFUL = 1e-6
+"""Upper bounds of the scaled residuals above this are not looked into: the general way is taken."""
+_ONE_LINE = 1e-9
+"""Spread of points across a line, over that along it, up to which they are on it."""
+_ALL = 12
+"""Up to this number of points, all are taken into account from the start."""
+_SPARE = 2
+"""Workspaces that are kept with a plan."""
+
+
+class FoundForces(NamedTuple):
+    """Acceleration and forces under a law.
+
+    Attributes:
+        a: Acceleration, shape (nv,).
+        forces: Row forces, shape (m,), in the order and axes of the constraints' rows.
+        weights: Of the columns of their force set, shape (p,); None where all are bilateral.
+        method: What found them.
+        steps: Newton's steps.
+        worst: Upper bound of its largest scaled residual. Above `SOLVED` the scales themselves have to judge.
+        moving: (number, speed [m/s, rad/s]) of bilateral constraints that move faster than the rest speed.
+        openings: Points that separate.
+        choice: Which forces these are of those with the same motion; empty for any.
+    """
+
+    a: Array
+    forces: Array
+    weights: Array | None
+    method: str
+    steps: int = 0
+    worst: float = 0.0
+    moving: tuple[tuple[int, float], ...] = ()
+    openings: tuple[Opening, ...] = ()
+    choice: str = UNIQUE
+
+
+@cache
+def law_kernel() -> ModuleType:
+    """`rbd.answers.prepared.law_kernel`, imported with the first plan that needs it: it imports Numba."""
+    from rbd.answers.prepared import law_kernel
+
+    return law_kernel
+
+
+_NONE = zeros(3)
+
+
+class Column(NamedTuple):
+    """A force on the body of one joint: F and a moment m at a point, in the joint's axes.
+
+    Attributes:
+        joint: The joint.
+        force: F, in `axes` of `law_kernel`.
+        point: The point.
+        axes: As of `law_kernel`: of the body, the world or an edge.
+        moment: m; of an edge the ground's normal.
+        along: The direction of an edge.
+    """
+
+    joint: int
+    force: Array
+    point: Array
+    axes: int = 0
+    moment: Array = _NONE
+    along: Array = _NONE
+
+
+JointColumn: TypeAlias = tuple[tuple[int, float], ...]
+"""Torques of a unit weight: (dof, torque)."""
+
+
+class Found(NamedTuple):
+    """What a plan finds at one state.
+
+    Attributes:
+        a: Acceleration, shape (nv,).
+        w: Weights of the columns of the constraints at rest, shape (p,).
+        u: Velocities of these columns.
+        modes: What each element does, of `law_kernel`.
+        how: How it was found, of `law_kernel`.
+        steps: Newton's steps.
+        dependent: Whether rows depend on each other.
+    """
+
+    a: Array
+    w: Array
+    u: Array
+    modes: Array
+    how: int
+    steps: int
+    dependent: bool
+
+    @property
+    def rests(self) -> bool:
+        """Whether nothing slides, opens or rubs."""
+        return not self.modes.any()
+
+
+class Plan:
+    """Constraints of one robot with rows that are the same at each state, prepared.
+
+    Args:
+        robot: The robot.
+        sources: Of each constraint its name, its set, its columns, and, of a contact on a plane, its corners.
+    """
+
+    def __init__(self, robot: CheckedModel, sources: Sequence[Source]) -> None:
+        self._robot, self._sources = robot, sources
+        self.force_set = at_rest(*[source.cone for source in sources])
+        self.bilateral = self.force_set.bilateral
+        self._kernel, self._spare = law_kernel(), list[Workspace]()
+        self._per_inertia, self._fall = 1.0 / robot.least_inertia, np.array(robot.model.gravity.linear)
+        self._place([column for source in sources for column in source.columns])
+        self._stand()
+
+    @classmethod
+    def of(cls, robot: CheckedModel, constraints: Sequence[object]) -> Plan:
+        """That of constraints which are all covered, none of them a limit."""
+        return cls(robot, [source for c in constraints if (source := _source(robot, c)) is not None])
+
+    def _place(self, found: Sequence[Column | JointColumn]) -> None:
+        """The rows; the columns in them, and for the certificate in the axes of their joints; what elements they are."""
+        bodies = dict[int, list[tuple[int, Column]]]()
+        for j, column in enumerate(found):
+            if isinstance(column, Column):
+                bodies.setdefault(column.joint, []).append((j, column))
+        p, self._sites, self._units, m = len(found), list[Site](), list[JointEntry](), 0
+        place, own = (
+            self._kernel.Columns(*(np.zeros((p, 3)) for _ in range(4)), np.zeros((p, 5), np.int64)) for _ in ("place", "own")
+        )
+        for joint, members in bodies.items():
+            site = _site(joint, [c for _, c in members])
+            R = site.X_JC.rotation
+            for j, c in members:
+                turned = R.T @ c.force if c.axes == self._kernel.BODY else c.force
+                moment = c.moment if c.axes == self._kernel.EDGE else R.T @ c.moment
+                _write(place, j, turned, moment, site.X_JC.actInv(c.point), R.T @ c.along)
+                _write(own, j, c.force, c.moment, c.point, c.along)
+                place.body[j], own.body[j] = (len(self._sites), c.axes, m, site.size, 0), (joint, c.axes, 0, 0, 0)
+            self._sites.append(site)
+            m += site.size
+        rows, entries, self._core = dict[JointColumn, int](), list[tuple[int, int, float]](), m
+        of_joints = [(j, torques) for j, torques in enumerate(found) if not isinstance(torques, Column)]
+        for j, torques in sorted(of_joints, key=lambda each: not self.force_set.is_line[each[0]]):  # bilateral ones first
+            gear = torques[0][1]
+            row = tuple([(dof, x / gear) for dof, x in torques])
+            if row not in rows:
+                rows[row] = m
+                self._units += [JointEntry(m, dof, x) for dof, x in row]
+                m += 1
+            place.force[j, 0] = gear
+            place.body[j], own.body[j] = (-1, 0, rows[row], 1, 0), (-1, 0, 0, 0, 0)
+            entries += [(j, dof, x) for dof, x in torques]
+            self._core = m if self.force_set.is_line[j] else self._core
+        self._m, self._columns, self._own = m, place, own
+        self._entries = np.array([e[:2] for e in entries], np.int64).reshape(-1, 2), np.array([e[2] for e in entries], float)
+        self._elements, self._closed = _elements(self._kernel.Elements, self.force_set, place, m)
+        self._repeated = len(self.force_set.G) > m
+
+    def _stand(self) -> None:
+        """The gaps of contacts on planes whose place is known."""
+        standing = [contact for source in self._sources for contact in source.contacts if contact.plane is not None]
+        sites = [self._robot.site(contact.frame) for contact in standing]
+        joints = sorted({joint for joint, _ in sites})
+        each = np.repeat(np.arange(len(standing)), [len(contact.corners) for contact in standing])
+        arms = [(X * c.placement).act(x) for c, (_, X) in zip(standing, sites, strict=True) for x in c.corners]
+        normals, heights = np.zeros((len(each), 3)), np.zeros(len(each))
+        for k, i in enumerate(each):
+            plane = standing[i].plane
+            assert plane is not None
+            normals[k], heights[k] = plane.normal, plane.height
+        bodies = np.array([joints.index(joint) for joint, _ in sites], int)[each]
+        self._gaps, self._heights = gap_map(bodies, np.reshape(arms, (-1, 3)), normals, len(joints)), heights
+        self._twelve = (12 * np.array(joints, int)[:, None] + np.arange(12)).ravel()
+
+    def answer(
+        self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, within: float
+    ) -> FoundForces | None:
+        """Acceleration and forces under a contact law, certified; None where the general way has to be taken.
+
+        Args:
+            q: Configuration, shape (nq,).
+            v: Velocity, shape (nv,).
+            generalised: S^T tau + tau_ext, shape (nv,).
+            coulomb: Coulomb's law; else the convex one.
+            rest_speed: Up to this speed a contact is at rest [m/s, rad/s].
+            within: If a corner is farther off its plane, the general way is taken [m].
+        """
+        with self.workspace() as space:
+            found = self.search(space, q, v, generalised, rest_speed, coulomb)
+            if found is None:
+                return None
+            worst = self._judged(space, q, v, generalised, found, rest_speed, coulomb)
+            if len(self._heights) and not max_abs(self._gaps.dot(space.places[self._twelve]) - self._heights) <= within:
+                return None
+        if not worst <= DOUBTFUL:
+            return None
+        w, forces, moving, openings = found.w, self.force_set.G.dot(found.w), (), ()
+        if found.u.dot(found.u) > rest_speed * rest_speed:
+            moving, openings = self._moving(found.u, rest_speed), self._openings(found.modes, found.u)
+            w = self._weights(found.modes, w)
+        choice = UNIQUE
+        if self._repeated or found.dependent:
+            choice = MINIMUM_NORM if found.how == self._kernel.HELD and not found.dependent else ""
+        return FoundForces(
+            found.a, forces, None if self.bilateral else w, METHODS[found.how], found.steps, worst, moving, openings, choice
+        )  # fmt: skip
+
+    @contextmanager
+    def workspace(self) -> Iterator[Workspace]:
+        """A workspace that nobody else uses, for the block."""
+        try:
+            space = self._spare.pop()
+        except IndexError:
+            space = Workspace(self._robot.model, self._sites, self._units)
+        try:
+            yield space
+        finally:
+            if len(self._spare) < _SPARE:
+                self._spare.append(space)
+
+    def search(
+        self,
+        space: Workspace,
+        q: Array,
+        v: Array,
+        generalised: Array,
+        rest_speed: float,
+        coulomb: bool,
+        mu: Array | None = None,
+    ) -> Found | None:
+        """What obeys the law at one state, not yet certified; None where nothing is known.
+
+        Args:
+            space: Used.
+            q: As of `answer`, as are the next four.
+            v: As there.
+            generalised: As there.
+            rest_speed: As there.
+            coulomb: As there.
+            mu: Friction of the cones; None: the constraints' own.
+        """
+        model, data, kernel, elements = self._robot.model, space.data, self._kernel, self._elements
+        p = self.force_set.size
+        a, w, u, modes = np.empty(len(v)), np.empty(p), np.empty(p), np.zeros(len(elements.first), np.int64)
+        if not self._m:
+            return Found(pin.aba(model, data, q, v, generalised), w, u, modes, kernel.HELD, 0, False)
+        if mu is not None:
+            own = elements.mu.copy()
+            own[own > 0.0] = mu
+            elements = elements._replace(mu=own)
+        pin.crba(model, data, q, WORLD)
+        pin.nonLinearEffects(model, data, q, v)
+        how, steps, dependent = kernel.answer(
+            *space.read, *space.fixed, v, generalised, space.memory, *self._columns, *elements, self._core, rest_speed, coulomb,
+            self._closed, self._repeated, a, w, modes, u,
+        )  # fmt: skip
+        return None if how == kernel.NOTHING else Found(a, w, u, modes, how, steps, dependent)
+
+    def _judged(
+        self, space: Workspace, q: Array, v: Array, generalised: Array, found: Found, rest_speed: float, coulomb: bool
+    ) -> float:
+        """An upper bound of the largest scaled residual."""
+        (X, twists, lifts), torque = space.read[3:], np.empty(len(v))
+        self._kernel.act(*self._own, *self._entries, X, found.w, space.pushes.reshape(-1, 6), torque)
+        left = pin.rnea(self._robot.model, space.data, q, v, found.a, space.forces)
+        worst: float = self._kernel.judged(
+            left, generalised, torque, self._per_inertia, found.a, v, found.w, *self._own, *self._entries, *self._elements,
+            X, twists, lifts, self._fall, rest_speed, coulomb,
+        )  # fmt: skip
+        return worst
+
+    def _moving(self, u: Array, rest_speed: float) -> tuple[tuple[int, float], ...]:
+        """(number, speed) of bilateral constraints that move."""
+        each = enumerate(zip(self._sources, self.force_set.slices, strict=True))
+        speeds = [(i, max_abs(u[columns])) for i, (source, columns) in each if source.cone.bilateral]
+        return tuple([(i, speed) for i, speed in speeds if speed > rest_speed])
+
+    def _openings(self, modes: Array, u: Array) -> tuple[Opening, ...]:
+        """Points that separate."""
+        elements, out = self.force_set.elements, list[Opening]()
+        for i in np.flatnonzero(modes == self._kernel.OPENS).tolist():
+            e = elements[i]
+            of = sum(other.rows == e.rows for other in elements)
+            out.append(Opening(self._sources[e.rows].name, e.number, of, float(u[e.columns][-1])))
+        return tuple(out)
+
+    def _weights(self, modes: Array, w: Array) -> Array:
+        """Weights of the force set of moving rows: of a point that slides or opens, its normal weight alone."""
+        kept = np.ones(len(w), bool)
+        for mode, e in zip(modes.tolist(), self.force_set.elements, strict=True):
+            if mode in (self._kernel.SLIDES, self._kernel.OPENS) and e.is_cone:
+                kept[e.columns.start : e.columns.start + 2] = False
+        return w[kept]
+
+
+class Source(NamedTuple):
+    """A constraint of a plan.
+
+    Attributes:
+        name: Its name.
+        cone: The set of its forces.
+        columns: Forces of unit weights, in the order of the set's generators.
+        contacts: The constraint itself, if it is a contact.
+    """
+
+    name: str
+    cone: Cone
+    columns: Sequence[Column | JointColumn]
+    contacts: Sequence[Contact] = ()
+
+
+def _write(columns: Any, j: int, *vectors: Array) -> None:
+    columns.force[j], columns.moment[j], columns.arm[j], columns.along[j] = vectors
+
+
+def _site(joint: int, columns: Sequence[Column]) -> Site:
+    """The rows of a body: at its one point, about the line of its points, or at the pose of its one patch."""
+    points = np.array([c.point for c in columns])
+    centre = points.mean(axis=0)
+    away = points - centre
+    turned = any(c.axes != law_kernel().EDGE and c.moment.any() for c in columns)
+    if not turned and (points == points[0]).all():
+        return Site(joint, pin.SE3(np.eye(3), points[0]), 3, turns=True)
+    _, spread, axes = np.linalg.svd(away, full_matrices=True)
+    if not turned and spread[1] <= _ONE_LINE * spread[0]:
+        z = axes[0]
+        x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
+        x /= np.linalg.norm(x)
+        return Site(joint, pin.SE3(np.column_stack([x, np.cross(z, x), z]), centre), 5)
+    return Site(joint, pin.SE3(np.eye(3), centre), 6)
+
+
+def _elements(made: Any, T: ForceSet, columns: Any, m: int) -> tuple[Any, bool]:
+    """The elements, and whether all forces on the m rows are forces of columns.
+
+    Of points with the world's axes forces of least norm are those in their bodies' axes, turned: for orthonormal axes only.
+    """
+    force, moment, arm, _, body = columns
+    moment, kernel = np.where(body[:, 1:2] == law_kernel().EDGE, 0.0, moment), law_kernel()
+    Q, first = np.zeros((m, T.size)), np.array([e.columns.start for e in T.elements], np.int64)
+    turns, even = np.flatnonzero(body[:, 1] != kernel.BODY), True
+    axes = force.copy()
+    for three in turns[: len(turns) // 3 * 3].reshape(-1, 3):
+        F = force[three]
+        even &= bool((np.diff(three) == 1).all()) and float(np.abs(F @ F.T - np.eye(3)).max()) < 1e-14
+        axes[three] = np.eye(3)
+    even &= len(turns) % 3 == 0
+    body[turns[::3], 4] = even
+    for j, (k, _, at, width, _) in enumerate(body.tolist()):
+        wrench = np.concatenate([axes[j], moment[j] + np.cross(arm[j], axes[j])])
+        Q[at : at + width, j] = wrench[:width] if k >= 0 else force[j, :1]
+    mu = np.array([e.mu if e.is_cone else 0.0 for e in T.elements])
+    share = np.ascontiguousarray(np.linalg.pinv(Q)) if even and Q.size else np.zeros((T.size, m))
+    starts, normals = np.ones(len(first), bool), first + np.where(mu > 0.0, 2, 0)
+    if (mu > 0.0).sum() > _ALL:
+        starts = mu == 0.0
+        for k in np.unique(body[normals[~starts], 0]):
+            here = np.flatnonzero((mu > 0.0) & (body[normals, 0] == k))
+            starts[here[spread_out(arm[normals[here]], 4)]] = True
+    closed = even and (not m or rank_of(Q, 1e-9) == m)
+    return made(first, T.lower[first], T.upper[first], mu, share, starts), closed
+
+
+def spread_out(points: Array, count: int) -> list[int]:
+    """Numbers of some points that are far from each other."""
+    away, out = np.linalg.norm(points - points.mean(axis=0), axis=1), list[int]()
+    for _ in range(min(count, len(points))):
+        out.append(int(away.argmax()))
+        step = np.linalg.norm(points - points[out[-1]], axis=1)
+        away = step if len(out) == 1 else np.minimum(away, step)
+    return out
+
+
+def _contact(robot: CheckedModel, contact: Contact) -> Source | None:
+    """Of a contact at a point, along an edge with friction, or over a patch, on ground at rest."""
+    cone, k, kernel = contact.cone, len(contact.corners), law_kernel()
+    G, _ = checked_generators(cone)
+    joint, X_JF = robot.site(contact.frame)
+    if not joint or not contact.on_still_ground:
+        return None
+    X, n = X_JF * contact.placement, contact.normal
+    columns, at = list[Column](), np.eye(3) if k == 1 and cone.bilateral else cone.at_points
+    for j in range(G.shape[1]):
+        if at is None:
+            if k == 2:
+                return None
+            columns.append(Column(joint, X.rotation @ G[:3, j], X.translation, kernel.BODY, X.rotation @ G[3:, j]))
+            continue
+        forces = at[:, j].reshape(-1, 3)
+        acts = np.flatnonzero(forces.any(axis=1))
+        if len(acts) != 1:
+            return None
+        F, point = forces[acts[0]], X.act(contact.corners[acts[0]])
+        if k == 1:
+            columns.append(Column(joint, F if contact.turned is None else contact.turned @ F, point, kernel.WORLD))
+        elif k == 2 and n is not None:
+            columns.append(Column(joint, F, point, kernel.EDGE, n, X.rotation[:, 0]))
+        else:
+            columns.append(Column(joint, X.rotation @ F, point))
+    return Source(contact.name, cone, columns, [contact])
+
+
+def _source(robot: CheckedModel, constraint: object) -> Source | None:
+    """Of a constraint whose rows are the same at each state; None for others."""
+    if isinstance(constraint, Contact):
+        return _contact(robot, constraint)
+    if type(constraint) is JointFriction:
+        joint = robot.joints.with_one_freedom(constraint.joint, constraint.name)
+        return Source(constraint.name, constraint._cone, [((joint.v.start, 1.0),)])
+    if type(constraint) is JointLock:
+        joint = robot.joints[constraint.joint]
+        if joint.nv > 1 and constraint.position is not None:
+            return None
+        return Source(constraint.name, Free(joint.nv), [((dof, 1.0),) for dof in range(joint.v.start, joint.v.stop)])
+    if type(constraint) is JointCoupling:
+        one, other = constraint._joints(robot)
+        return Source(constraint.name, Free(1), [((one.v.start, 1.0), (other.v.start, -constraint.ratio))])
+    return None
+
+
+class ConstraintDynamics:
+    """Constraints of one robot, prepared: a `Plan` for each set of joint limits that are reached.
+
+    Args:
+        robot: The robot.
+        sources: Of the constraints, None of a joint limit.
+        limits: The joint limits, by their numbers.
+    """
+
+    def __init__(self, robot: CheckedModel, sources: Sequence[Source | None], limits: Mapping[int, JointLimit]) -> None:
+        self._robot, self._sources, self._limits = robot, sources, limits
+        stops = [limit.stop(robot) for limit in limits.values()]
+        self._q = np.array([stop.q for stop in stops], int)
+        self._low, self._high = np.array([s.lower for s in stops]), np.array([s.upper for s in stops])
+        self._margin = np.array([limit.margin for limit in limits.values()])
+        self._dofs, self._plans = [stop.v for stop in stops], dict[bytes, Plan]()
+
+    def plan(self, q: Array) -> Plan:
+        """That of the joint limits reached at q."""
+        x = q[self._q]
+        sides = np.concatenate([x - self._low <= self._margin, self._high - x <= self._margin])
+        key = sides.tobytes()
+        found = self._plans.get(key)
+        if found is None:
+            sources, n = list(self._sources), len(self._q)
+            for k, (number, limit) in enumerate(self._limits.items()):
+                signs = [sign for sign, at in ((1.0, sides[k]), (-1.0, sides[n + k])) if at]
+                columns = [((self._dofs[k], sign),) for sign in signs]
+                sources[number] = Source(limit.name, NonNegative(len(signs)), columns)
+            found = Plan(self._robot, sources)  # type: ignore[arg-type]
+            keep(self._plans, key, found, MOST)
+        return found
+
+
+def prepared(robot: CheckedModel, constraints: tuple[object, ...]) -> ConstraintDynamics | None:
+    """The prepared form of a robot's constraints, kept with the robot; None where they are not covered.
+
+    Raises:
+        FrameNotFound: with the nearest names.
+    """
+    key, known = (ConstraintDynamics, constraints), robot.kept
+    try:
+        return known[key]
+    except KeyError:
+        pass
+    except TypeError:  # objects that cannot be keys
+        return None
+    found = None
+    if robot.sound:
+        limits = {i: c for i, c in enumerate(constraints) if type(c) is JointLimit}
+        sources = [None if i in limits else _source(robot, c) for i, c in enumerate(constraints)]
+        names = {getattr(c, "name", None) for c in constraints}
+        if len(names) == len(constraints) and all(s is not None or i in limits for i, s in enumerate(sources)):
+            found = ConstraintDynamics(robot, sources, limits)
+    keep(known, key, found, MOST)
+    return found

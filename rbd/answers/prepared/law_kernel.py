@@ -1,0 +1,577 @@
+"""Compiled: from the rows of bodies and joints to the constraints' forces, and the certificate of what was found.
+
+A *column* is a force of unit weight: a force F and a moment m on a body at a point r of it, or torques in joints. An *element*
+is a set of weights: an interval of one column, or a friction cone of three (tangent, tangent, normal). What it can resist
+follows from its velocity, as in `rbd.problem.contact_motion`:
+
+    rests     its set, as it is
+    slides    f = N (-mu t, 1), N >= 0, along its velocity t; y is its normal acceleration
+    opens     f = 0
+    rubs      dry friction of a joint that moves: its bound that opposes the motion
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from rbd.answers.prepared.row_kernel import (
+    JOINT,
+    Terms,
+    accelerated,
+    all_rows,
+    holding_forces,
+    terms_in,
+)
+from rbd.arrays import Array
+from rbd.constraints.surface import STEEPEST
+from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
+from rbd.solvers.law_kernel import LEAST_PUSH, cone_miss, search
+from rbd.solvers.newton_kernel import FOUND, Problem
+from rbd.solvers.small_systems import product
+
+RESTS, SLIDES, OPENS, RUBS = range(4)
+"""What an element does."""
+BODY, WORLD, EDGE = range(3)
+"""Axes of a column's force: of its body; of the world; of an edge, along it, across it, and normal less its part along it."""
+HELD, NEWTON, NOTHING = range(3)
+"""How an answer was found: all elements rest, with weights of least norm; by Newton's method; not at all."""
+_ROUNDING = 1e-13
+"""Centripetal accelerations up to this are rounding [m/s2]."""
+_DOUBTFUL = 4.0
+"""Elements that move up to so many times the rest speed: their constraint may rest."""
+
+
+class Columns(NamedTuple):
+    """The columns, in axes of their sites, or of joints for the certificate.
+
+    Attributes:
+        force: F, shape (p, 3); of a joint's column its factor first.
+        moment: m about the point, in axes of the body, shape (p, 3); of an edge the ground's normal, in those of the world.
+        arm: r, in axes of the body, shape (p, 3).
+        along: Of an edge its direction, in axes of the body, shape (p, 3).
+        body: Integers, shape (p, 5): its site, or its joint, -1 for joints' rows; the axes of F; its first row; how many;
+            whether it is the first of three that are orthonormal, at one point, not in axes of the body.
+    """
+
+    force: Array
+    moment: Array
+    arm: Array
+    along: Array
+    body: Array
+
+
+class Elements(NamedTuple):
+    """The elements.
+
+    Attributes:
+        first: Their first columns, shape (e,).
+        lower: Bounds of an interval's weight, shape (e,).
+        upper: Upper bounds.
+        mu: Friction of a cone, zero for an interval.
+        share: Weights of least norm by forces on the rows, of orthonormal three in the axes of their sites, shape (p, m).
+        starts: Elements with which Newton's method begins, shape (s,), truth values.
+    """
+
+    first: Array
+    lower: Array
+    upper: Array
+    mu: Array
+    share: Array
+    starts: Array
+
+
+@compiled
+def _edge(columns: Columns, j: int, R: Array) -> tuple[Array, Array]:
+    """Across the edge of a column and normal to it, in axes of the body, R of these in the world; NaN where it is too steep."""
+    x, n, y, z, along = columns.along[j], columns.moment[j], np.empty(3), np.empty(3), 0.0
+    for a in range(3):
+        z[a] = R[0, a] * n[0] + R[1, a] * n[1] + R[2, a] * n[2]
+        along += z[a] * x[a]
+    square = 0.0
+    for a in range(3):
+        z[a] -= along * x[a]
+        square += z[a] * z[a]
+    scale = 1.0 / math.sqrt(square) if abs(along) <= STEEPEST else math.nan
+    for a in range(3):
+        z[a] *= scale
+    y[0], y[1], y[2] = z[1] * x[2] - z[2] * x[1], z[2] * x[0] - z[0] * x[2], z[0] * x[1] - z[1] * x[0]
+    return y, z
+
+
+@compiled
+def _turned(columns: Columns, j: int, R: Array, F: Array) -> None:
+    """Write the force of a column in axes of the body, R of these in the world."""
+    given, axes = columns.force[j], columns.body[j, 1]
+    if axes == EDGE:
+        y, z = _edge(columns, j, R)
+        for a in range(3):
+            F[a] = given[0] * columns.along[j, a] + given[1] * y[a] + given[2] * z[a]
+        return
+    for a in range(3):
+        F[a] = given[a]
+        if axes == WORLD:
+            F[a] = R[0, a] * given[0] + R[1, a] * given[1] + R[2, a] * given[2]
+
+
+@compiled
+def _place(X: Array, place: Array, R: Array) -> None:
+    """Write R of a site in the world, of the poses of its joint and on it."""
+    for a in range(3):
+        for b in range(3):
+            R[a, b] = X[a] * place[b] + X[3 + a] * place[3 + b] + X[6 + a] * place[6 + b]
+
+
+@compiled
+def _felt(columns: Columns, sites: Array, places: Array, X: Array, twists: Array, felt: Array, offset: Array) -> None:
+    """Write the columns in the rows of their sites, and what their accelerations have beside those: F . w x (w x r)."""
+    R, F, w = np.empty((3, 3)), np.empty(3), np.empty(3)
+    last = -1
+    for j in range(len(offset)):
+        k, width = columns.body[j, 0], columns.body[j, 3]
+        offset[j] = 0.0
+        if k < 0:
+            felt[j, 0] = columns.force[j, 0]
+            continue
+        joint = sites[k, JOINT]
+        if k != last:  # R of the site in the world; the body's turning in the site's axes
+            last = k
+            _place(X[joint], places[k], R)
+            for a in range(3):
+                w[a] = 0.0
+                for b in range(3):
+                    w[a] += places[k, 3 * b + a] * twists[joint, 3 + b]
+        if columns.body[j, 1] == BODY:
+            F[0], F[1], F[2] = columns.force[j, 0], columns.force[j, 1], columns.force[j, 2]
+        else:
+            _turned(columns, j, R, F)
+        r, m = columns.arm[j], columns.moment[j]
+        felt[j, 0], felt[j, 1], felt[j, 2] = F[0], F[1], F[2]
+        if width > 3:
+            own = 0.0 if columns.body[j, 1] == EDGE else 1.0
+            felt[j, 3] = own * m[0] + r[1] * F[2] - r[2] * F[1]
+            felt[j, 4] = own * m[1] + r[2] * F[0] - r[0] * F[2]
+            if width > 5:
+                felt[j, 5] = own * m[2] + r[0] * F[1] - r[1] * F[0]
+        along, turns, square = 0.0, 0.0, 0.0
+        for a in range(3):
+            along += w[a] * F[a]
+            turns += w[a] * r[a]
+            square += w[a] * w[a]
+        if square > 0.0:
+            offset[j] = along * turns - square * (F[0] * r[0] + F[1] * r[1] + F[2] * r[2])
+
+
+@compiled
+def _modes(elements: Elements, u: Array, rest: float, coulomb: bool, modes: Array) -> bool:
+    """Write what each element does, of velocities u of the columns; False if that is not for this way to decide.
+
+    It is not if something approaches, or slides under the convex law; or where a constraint's rows may rest.
+    """
+    for e in range(len(modes)):
+        j, mu, low, high = elements.first[e], elements.mu[e], elements.lower[e], elements.upper[e]
+        modes[e] = RESTS
+        if mu == 0.0 and low == -math.inf and high == math.inf:
+            continue
+        size = abs(u[j])
+        if mu > 0.0:
+            size = max(size, abs(u[j + 1]), abs(u[j + 2]))
+        if not size > rest:
+            if not size <= rest:
+                return False
+            continue
+        if size <= _DOUBTFUL * rest:
+            return False
+        if mu == 0.0 and not (low == 0.0 and high == math.inf):
+            if math.isfinite(low if u[j] > 0.0 else high):
+                modes[e] = RUBS
+            continue
+        normal = u[j] if mu == 0.0 else u[j + 2]
+        if normal < -rest:
+            return False
+        if normal > rest:
+            modes[e] = OPENS
+        elif mu > 0.0 and math.hypot(u[j], u[j + 1]) > rest:
+            if not coulomb:
+                return False
+            modes[e] = SLIDES
+    return True
+
+
+@compiled
+def _least(elements: Elements, columns: Columns, sites: Array, places: Array, X: Array, f: Array, w: Array) -> None:
+    """Write weights of least norm, w = share f, of orthonormal three turned into their axes."""
+    product(elements.share, f, w)
+    R, F, own = np.empty((3, 3)), np.empty(3), np.empty(3)
+    for j in range(len(w)):
+        if columns.body[j, 4]:
+            k = columns.body[j, 0]
+            _place(X[sites[k, JOINT]], places[k], R)
+            own[0], own[1], own[2] = w[j], w[j + 1], w[j + 2]
+            for e in range(j, j + 3):
+                _turned(columns, e, R, F)
+                w[e] = F[0] * own[0] + F[1] * own[1] + F[2] * own[2]
+
+
+@compiled
+def _inside(elements: Elements, w: Array, modes: Array, cones: bool) -> bool:
+    """Whether the weights of all elements at rest, or of the cones among them, are in their sets."""
+    for e in range(len(elements.first)):
+        j, mu = elements.first[e], elements.mu[e]
+        if mu > 0.0:
+            if modes[e] == RESTS and not math.hypot(w[j], w[j + 1]) <= mu * w[j + 2]:
+                return False
+        elif not cones and not elements.lower[e] <= w[j] <= elements.upper[e]:
+            return False
+    return True
+
+
+@compiled
+def _by_newton(
+    terms: Terms, elements: Elements, columns: Columns, felt: Array, offset: Array, u: Array, modes: Array,
+    start: Array, coulomb: bool, w: Array,
+) -> tuple[float, int, bool]:  # fmt: skip
+    """`search` over the elements that are not open; w in the columns at rest."""
+    count, singles, cones, sliding = len(modes), 0, 0, False
+    for e in range(count):
+        if elements.mu[e] > 0.0 and modes[e] == RESTS:
+            cones += 1
+        elif modes[e] != OPENS:
+            singles += 1
+    p, parts, d = singles + 3 * cones, singles + cones, felt.shape[1]
+    push, pull, apart, guess = np.zeros((p, d)), np.zeros((p, d)), np.zeros(p), np.zeros(p)
+    lower, upper, mu = np.empty(singles), np.empty(singles), np.empty(cones)
+    first, width, whose = np.empty(parts, np.int64), np.empty(parts, np.int64), np.empty(parts, np.int64)
+    i, k = 0, singles
+    for e in range(count):
+        if modes[e] == OPENS:
+            continue
+        j, cone = elements.first[e], elements.mu[e] > 0.0 and modes[e] == RESTS
+        if cone:
+            at, c, mu[k - singles] = k, 3 * k - 2 * singles, elements.mu[e]
+            for a in range(3):
+                push[c + a], pull[c + a] = felt[j + a], felt[j + a]
+                apart[c + a], guess[c + a] = offset[j + a], start[j + a]
+            k += 1
+        else:
+            at, normal = i, j + 2 if elements.mu[e] > 0.0 else j
+            pull[i], push[i], apart[i], guess[i] = felt[normal], felt[normal], offset[normal], start[normal]
+            lower[i], upper[i] = elements.lower[e], elements.upper[e]
+            if modes[e] == SLIDES:
+                sliding = True
+                speed = math.sqrt(u[j] * u[j] + u[j + 1] * u[j + 1])
+                for r in range(d):
+                    push[i, r] -= elements.mu[e] * (u[j] * felt[j, r] + u[j + 1] * felt[j + 1, r]) / speed
+                guess[i], lower[i], upper[i] = max(start[normal], 0.0), 0.0, math.inf
+            elif modes[e] == RUBS:
+                lower[i] = upper[i] = elements.lower[e] if u[j] > 0.0 else elements.upper[e]
+            i += 1
+        first[at], width[at], whose[at] = columns.body[j, 2], columns.body[j, 3], e
+    seeds, used = np.empty(parts, np.int64), 0
+    for at in range(parts):
+        if at < singles or elements.starts[whose[at]]:
+            seeds[used] = at
+            used += 1
+    found = np.empty(p)
+    given = Problem(terms.mobility, terms.free, push, pull, apart, first, width, lower, upper, mu)
+    merit, steps, convex = search(given, guess, coulomb, sliding, seeds[:used], found)
+    w[:] = 0.0
+    for at in range(parts):
+        e = whose[at]
+        j = elements.first[e]
+        if at >= singles:
+            for a in range(3):
+                w[j + a] = found[3 * at - 2 * singles + a]
+        elif modes[e] == SLIDES:
+            speed = math.sqrt(u[j] * u[j] + u[j + 1] * u[j + 1])
+            w[j], w[j + 1] = -elements.mu[e] * found[at] * u[j] / speed, -elements.mu[e] * found[at] * u[j + 1] / speed
+            w[j + 2] = found[at]
+        else:
+            w[j] = found[at]
+    return merit, steps, convex
+
+
+def _answer(
+    M: Array, J: Array, h: Array, X: Array, twists: Array, rates: Array, parent: Array, sites: Array, places: Array,
+    units: Array, gear: Array, fall: Array, v: Array, generalised: Array, space: Array,
+    force: Array, moment: Array, arm: Array, along: Array, body: Array,
+    first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array,
+    core: int, rest: float, coulomb: bool, closed: bool, repeated: bool, a: Array, w: Array, modes: Array, u: Array,
+) -> tuple[int, int, bool]:  # fmt: skip
+    """(how it was found, steps, whether rows depend on each other) of the acceleration a and weights w, under the law.
+
+    Args:
+        M: As of `row_kernel.row_terms`, as are the next fourteen.
+        J: As there.
+        h: As there.
+        X: As there.
+        twists: As there.
+        rates: As there.
+        parent: As there.
+        sites: As there.
+        places: As there.
+        units: As there.
+        gear: As there.
+        fall: As there.
+        v: As there.
+        generalised: As there.
+        space: As there.
+        force: Of `Columns`, as are the next four, in the axes of their sites.
+        moment: As there.
+        arm: As there.
+        along: As there.
+        body: As there.
+        first: Of `Elements`, as are the next five.
+        lower: As there.
+        upper: As there.
+        mu: As there.
+        share: As there.
+        starts: As there.
+        core: Number of the rows of sites and of bilateral joints' rows, which come first.
+        rest: Largest speed at rest [m/s, rad/s].
+        coulomb: Coulomb's law; else the convex one.
+        closed: Whether all forces on the rows are forces of columns.
+        repeated: Whether there are more constraint rows than these.
+        a: Written.
+        w: Weights of the columns at rest; written.
+        modes: Written.
+        u: Velocities of the columns; written.
+    """
+    columns, elements = Columns(force, moment, arm, along, body), Elements(first, lower, upper, mu, share, starts)
+    n, m, p = len(parent), share.shape[1], len(w)
+    terms, f, felt, offset = terms_in(space, n, m), np.empty(m), np.zeros((p, 6)), np.empty(p)
+    all_rows(M, J, h, X, twists, rates, parent, sites, places, units, gear, fall, v, generalised, terms)
+    _felt(columns, sites, places, X, twists, felt, offset)
+    still = True
+    for j in range(p):
+        u[j] = 0.0
+        for r in range(columns.body[j, 3]):
+            u[j] += felt[j, r] * terms.velocity[columns.body[j, 2] + r]
+        still = still and abs(offset[j]) <= _ROUNDING
+    if not _modes(elements, u, rest, coulomb, modes):
+        return NOTHING, 0, False
+    for mode in modes:
+        still = still and mode == RESTS
+    independent = holding_forces(terms, f)
+    if independent < 0:
+        return NOTHING, 0, False
+    _least(elements, columns, sites, places, X, f, w)
+    how, steps = HELD, 0
+    if not (closed and still and _inside(elements, w, modes, False)):
+        how, (merit, steps, convex) = NEWTON, _by_newton(terms, elements, columns, felt, offset, u, modes, w.copy(), coulomb, w)
+        if not merit <= FOUND:
+            return NOTHING, steps, independent < m
+        f[:] = 0.0
+        for j in range(p):
+            for r in range(columns.body[j, 3]):
+                f[columns.body[j, 2] + r] += felt[j, r] * w[j]
+    if how == NEWTON and coulomb and convex and (repeated or independent < m):  # not jammed by internal forces?
+        least = np.empty(p)
+        _least(elements, columns, sites, places, X, f, least)
+        if not (closed and independent >= core and _inside(elements, least, modes, True)):
+            return NOTHING, steps, independent < m
+    accelerated(terms, terms.z, parent, f, a)
+    return how, steps, independent < m
+
+
+_WRITTEN, _WHOLE, _TABLE = array(1, written=True), array(1, COUNT), array(2, COUNT)
+_COLUMNS = (array(2), array(2), array(2), array(2), _TABLE)
+_ELEMENTS = (_WHOLE, array(1), array(1), array(1), array(2), array(1, FLAG))
+answer = compiled(
+    _answer,
+    signature(
+        (COUNT, COUNT, FLAG), array(2, layout="A"), array(2, layout="A"), array(1), array(2), array(2), array(2), _WHOLE,
+        _TABLE, array(2), _TABLE, array(1), array(1), array(1), array(1), _WRITTEN, *_COLUMNS, *_ELEMENTS,
+        COUNT, NUMBER, FLAG, FLAG, FLAG, _WRITTEN, _WRITTEN, array(1, COUNT, written=True), _WRITTEN,
+    ),
+)  # fmt: skip
+
+
+@compiled
+def _own(columns: Columns, j: int, X: Array) -> tuple[float, float, float, float]:
+    """F of a column in its joint's axes, and whether its moment counts."""
+    F, k, axes = columns.force[j], columns.body[j, 0], columns.body[j, 1]
+    if axes == BODY:
+        return F[0], F[1], F[2], 1.0
+    R = X[k]
+    if axes == WORLD:
+        return (
+            R[0] * F[0] + R[1] * F[1] + R[2] * F[2],
+            R[3] * F[0] + R[4] * F[1] + R[5] * F[2],
+            R[6] * F[0] + R[7] * F[1] + R[8] * F[2],
+            1.0,
+        )
+    x, n = columns.along[j], columns.moment[j]  # an edge: from the normal in the joint's axes
+    n0, n1, n2 = (
+        R[0] * n[0] + R[1] * n[1] + R[2] * n[2],
+        R[3] * n[0] + R[4] * n[1] + R[5] * n[2],
+        (R[6] * n[0] + R[7] * n[1] + R[8] * n[2]),
+    )
+    s = n0 * x[0] + n1 * x[1] + n2 * x[2]
+    z0, z1, z2 = n0 - s * x[0], n1 - s * x[1], n2 - s * x[2]
+    size = math.sqrt(z0 * z0 + z1 * z1 + z2 * z2)
+    z0, z1, z2 = z0 / size, z1 / size, z2 / size
+    y0, y1, y2 = z1 * x[2] - z2 * x[1], z2 * x[0] - z0 * x[2], z0 * x[1] - z1 * x[0]
+    return (
+        F[0] * x[0] + F[1] * y0 + F[2] * z0, F[0] * x[1] + F[1] * y1 + F[2] * z1, F[0] * x[2] + F[1] * y2 + F[2] * z2, 0.0
+    )  # fmt: skip
+
+
+@compiled
+def _missed(elements: Elements, e: int, mode: int, u: Array, y: Array, w: Array, coulomb: bool) -> float:
+    """How far an element is from its law, scaled."""
+    j, mu = elements.first[e], elements.mu[e]
+    if mu > 0.0 and mode == RESTS:
+        one, two, three = cone_miss(y[j], y[j + 1], y[j + 2], w[j], w[j + 1], w[j + 2], mu, coulomb)
+        return one + two + three
+    normal = j + 2 if mu > 0.0 else j
+    x, rate, far = w[normal], y[normal], 0.0
+    push = max(abs(x), LEAST_PUSH)
+    if mu > 0.0:
+        push = max(push, math.hypot(w[j], w[j + 1]))
+        slip = 0.0
+        if mode == SLIDES:
+            slip = mu * x / math.hypot(u[j], u[j + 1])
+        far = math.hypot(w[j] + slip * u[j], w[j + 1] + slip * u[j + 1]) / push
+    if mode == OPENS:
+        return far + abs(x) / push
+    low, high = (0.0, math.inf) if mu > 0.0 else (elements.lower[e], elements.upper[e])
+    if mode == RUBS:
+        against = low if u[j] > 0.0 else high
+        return far + abs(x - against) / max(abs(against), LEAST_PUSH)
+    outside = max(low - x, x - high, 0.0) / push
+    sinks = 0.0
+    if low > -math.inf and high == math.inf:
+        sinks = max(-rate, 0.0)
+    elif high < math.inf and low == -math.inf:
+        sinks = max(rate, 0.0)
+    return far + outside + sinks + abs(min(max(x - push * rate, low), high) - x) / push
+
+
+def _act(
+    force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array, X: Array, w: Array,
+    pushes: Array, torque: Array,
+) -> None:  # fmt: skip
+    """Write the forces of weights on the bodies, in their joints' axes, and in joints.
+
+    Args:
+        force: Of `Columns`, as are the next four, in the axes of joints.
+        moment: As there.
+        arm: As there.
+        along: As there.
+        body: As there.
+        units: Column and dof of the entries of joints' columns, shape (u, 2).
+        gear: The entries, shape (u,).
+        X: As of `answer`.
+        w: Weights.
+        pushes: Written, (f, moment) of the joints that columns name, shape (joints, 6).
+        torque: Written, shape (nv,).
+    """
+    columns = Columns(force, moment, arm, along, body)
+    torque[:] = 0.0
+    for j in range(len(w)):
+        if columns.body[j, 0] >= 0:
+            pushes[columns.body[j, 0]] = 0.0
+    for j in range(len(w)):
+        k = columns.body[j, 0]
+        if k < 0:
+            continue
+        F, r = _own(columns, j, X), columns.arm[j]
+        for a in range(3):
+            pushes[k, a] += w[j] * F[a]
+            pushes[k, 3 + a] += w[j] * F[3] * columns.moment[j, a]
+        pushes[k, 3] += w[j] * (r[1] * F[2] - r[2] * F[1])
+        pushes[k, 4] += w[j] * (r[2] * F[0] - r[0] * F[2])
+        pushes[k, 5] += w[j] * (r[0] * F[1] - r[1] * F[0])
+    for i in range(len(units)):
+        torque[units[i, 1]] += gear[i] * w[units[i, 0]]
+
+
+act = compiled(
+    _act,
+    signature(
+        None, *_COLUMNS, _TABLE, array(1), array(2), array(1), array(2, written=True), _WRITTEN,
+    ),
+)  # fmt: skip
+
+
+def _judged(
+    left: Array, generalised: Array, torque: Array, per_inertia: Array, a: Array, v: Array, w: Array,
+    force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
+    first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array,
+    X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool,
+) -> float:  # fmt: skip
+    """The largest residual, over lower bounds of the scales, of the equations of motion and of the law; NaN stays.
+
+    Args:
+        left: What `pin.rnea` gives with the forces of `act`, shape (nv,).
+        generalised: S^T tau + tau_ext, shape (nv,).
+        torque: Of `act`.
+        per_inertia: Over lower bounds of M_ii, shape (nv,).
+        a: Acceleration.
+        v: Velocity.
+        w: Weights.
+        force: As of `act`.
+        moment: As of `act`.
+        arm: As of `act`.
+        along: As of `act`.
+        body: As of `act`.
+        units: As of `act`.
+        gear: As of `act`.
+        first: As of `answer`.
+        lower: As of `answer`.
+        upper: As of `answer`.
+        mu: As of `answer`.
+        share: As of `answer`.
+        starts: As of `answer`.
+        X: Placements of the joints, as Pinocchio left them.
+        twists: Their velocities.
+        lifts: Their spatial accelerations less gravity's.
+        fall: Gravity.
+        rest: As of `answer`.
+        coulomb: As of `answer`.
+    """
+    columns, elements = Columns(force, moment, arm, along, body), Elements(first, lower, upper, mu, share, starts)
+    worst, p = 0.0, len(w)
+    for i in range(len(a)):
+        missed = abs(left[i] - generalised[i] - torque[i]) * per_inertia[i] / max(abs(a[i]), 1.0)
+        if not missed <= worst:
+            worst = missed
+    u, y = np.zeros(p), np.zeros(p)
+    for i in range(len(units)):
+        u[units[i, 0]] += gear[i] * v[units[i, 1]]
+        y[units[i, 0]] += gear[i] * a[units[i, 1]]
+    for j in range(p):
+        k = columns.body[j, 0]
+        if k < 0:
+            continue
+        F, r, m, V, A = _own(columns, j, X), columns.arm[j], columns.moment[j], twists[k], lifts[k]
+        s0 = V[0] + V[4] * r[2] - V[5] * r[1]
+        s1 = V[1] + V[5] * r[0] - V[3] * r[2]
+        s2 = V[2] + V[3] * r[1] - V[4] * r[0]
+        u[j] = F[0] * s0 + F[1] * s1 + F[2] * s2 + F[3] * (m[0] * V[3] + m[1] * V[4] + m[2] * V[5])
+        g0 = A[0] + X[k, 0] * fall[0] + X[k, 1] * fall[1] + X[k, 2] * fall[2]
+        g1 = A[1] + X[k, 3] * fall[0] + X[k, 4] * fall[1] + X[k, 5] * fall[2]
+        g2 = A[2] + X[k, 6] * fall[0] + X[k, 7] * fall[1] + X[k, 8] * fall[2]
+        g0 += A[4] * r[2] - A[5] * r[1] + V[4] * s2 - V[5] * s1
+        g1 += A[5] * r[0] - A[3] * r[2] + V[5] * s0 - V[3] * s2
+        g2 += A[3] * r[1] - A[4] * r[0] + V[3] * s1 - V[4] * s0
+        y[j] = F[0] * g0 + F[1] * g1 + F[2] * g2 + F[3] * (m[0] * A[3] + m[1] * A[4] + m[2] * A[5])
+    modes = np.empty(len(elements.first), np.int64)
+    if not _modes(elements, u, rest, coulomb, modes):
+        return math.inf
+    for e in range(len(modes)):
+        missed = _missed(elements, e, modes[e], u, y, w, coulomb)
+        if not missed <= worst:
+            worst = missed
+    return worst
+
+
+judged = compiled(
+    _judged,
+    signature(
+        NUMBER, *[array(1)] * 7, *_COLUMNS, _TABLE, array(1), *_ELEMENTS, array(2), array(2), array(2), array(1), NUMBER, FLAG,
+    ),
+)  # fmt: skip
