@@ -167,7 +167,8 @@ class Solution(Answer):
     @lazy
     def _split(self) -> tuple[Mapping[str, Array], str]:
         """(corner forces, description of the choice)."""
-        self.__dict__.get("_found") and self._settle()
+        if "_found" in self.__dict__:
+            self._settle()
         if self.chosen_corners is not None:
             return self.chosen_corners, self.choice
         corners = {r.name: self._corners(i, r) for i, r in enumerate(self.problem.rows) if r.patch is not None}

@@ -79,6 +79,8 @@ def law_kernel() -> ModuleType:
 
 
 _NONE = zeros(3)
+_NOT_MOVING: tuple[tuple[int, float], ...] = ()
+_NOT_OPEN: tuple[Opening, ...] = ()
 
 
 class Column(NamedTuple):
@@ -231,7 +233,8 @@ class Plan:
                 return None
         if not worst <= DOUBTFUL:
             return None
-        w, forces, moving, openings = found.w, self.force_set.G.dot(found.w), (), ()
+        w, forces = found.w, self.force_set.G.dot(found.w)
+        moving, openings = _NOT_MOVING, _NOT_OPEN
         if found.u.dot(found.u) > rest_speed * rest_speed:
             moving, openings = self._moving(found.u, rest_speed), self._openings(found.modes, found.u)
             w = self._weights(found.modes, w)
