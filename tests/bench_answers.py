@@ -24,7 +24,21 @@ HELD, STICKING, CONVEX, COULOMB = "held", "frictional, sticking", "slipping, con
 GENERAL = "the general way, "
 """Beginning of rows that do not take the prepared form."""
 MEAN = "mean of all calls, "
-MARKS = {HELD: (4.0, 3.0), STICKING: (4.0, 3.0), CONVEX: (6.0, 4.5), COULOMB: (12.0, 8.0)}
+MARKS = {
+    HELD: (2.5, 2.0),
+    STICKING: (2.8, 2.3),
+    CONVEX: (5.0, 4.0),
+    COULOMB: (7.0, 5.5),
+    "sticking, and an external force": (3.5, 3.0),
+    "sticking, the eight corners as points": (4.0, 3.0),
+    "sticking, and a joint at its limit": (6.0, 4.0),
+    "sticking, and a locked joint": (6.0, 4.0),
+    "sticking, and dry friction in a joint": (6.0, 4.0),
+    "sticking, limits and dry friction of all joints": (15.0, 8.0),
+    "without friction": (5.0,),
+    "sliding at 0.3 m/s": (8.0, 6.0),
+    "without contact": (),
+}
 """First mark, and second where there is one."""
 MANY_MARKS = {STICKING: (2.0, 1.6), CONVEX: (4.0, 3.0), COULOMB: (7.0, 5.0)}
 POINTS_MARKS = (2.5, 1.7)
@@ -73,6 +87,48 @@ def answers_of(d: Draws) -> dict[str, Column]:
     }
 
 
+def mixtures_of(d: Draws) -> dict[str, Column]:
+    """Neighbours of sticking soles: what else touches, slides, locks or is pushed."""
+    stick, soles, robot = d.sticking(), d.frictional, d.robot
+    slide = [(q, slid(d, q), tau) for q, _, tau in stick]
+    corners = [
+        rbd.PointContact(f"{s.name} {i}", s.frame, offset=s.placement.act(x), friction=s.friction)
+        for s in soles
+        for i, x in enumerate(s.corners)
+    ]
+    joint = [j for j in robot.joints.values() if j.nv == 1 and ("arm" in j.name or "shoulder" in j.name)][0]
+    every = [j for j in robot.joints.values() if j.nv == 1]
+    dry = [rbd.JointFriction(f"{j.name} friction", j.name, 1.0) for j in every]
+    more: dict[str, Sequence[Constraint]] = {
+        "the eight corners as points": corners,
+        "and a joint at its limit": [*soles, rbd.JointLimit("stop", joint.name, lower=-np.inf, margin=10.0)],
+        "and a locked joint": [*soles, rbd.JointLock("lock", joint.name)],
+        "and dry friction in a joint": [*soles, rbd.JointFriction("dry", joint.name, 1.0)],
+        "limits and dry friction of all joints": [*soles, *rbd.constraints.joint_limits(robot), *dry],
+    }
+    push = rbd.ExternalForce(soles[0].frame, (5.0, 0.0, 0.0), offset=(0.0, 0.0, 0.5))
+
+    def pushed(i: int) -> rbd.Solution:
+        q, v, tau = stick[i]
+        return rbd.solve(rbd.State(robot, q, v), tau, soles, external=[push])
+
+    return {
+        "sticking, and an external force": pushed,
+        **{f"sticking, {what}": solving(d, stick, given) for what, given in more.items()},
+        "without friction": solving(d, stick, [sole.with_friction(0.0) for sole in soles]),
+        "sliding at 0.3 m/s": solving(d, slide, [sole.with_friction(0.3) for sole in soles]),
+        "without contact": solving(d, stick, []),
+    }
+
+
+def slid(d: Draws, q: np.ndarray) -> np.ndarray:
+    """A velocity at which both soles slide forward in their planes, and do not turn."""
+    rows = [sole.rows(rbd.State(d.robot, q)) for sole in d.frictional]
+    J, wanted = np.concatenate([r.J for r in rows]), np.tile([0.3, 0.0, 0.0, 0.0, 0.0, 0.0], len(rows))
+    v = J.T @ np.linalg.solve(J @ J.T, wanted)
+    return np.asarray(v + J.T @ np.linalg.solve(J @ J.T, wanted - J @ v))
+
+
 def quiet(columns: dict[str, Column], **kwargs: int) -> dict[str, float]:
     """As `interleaved`, without the warnings that random torques and several motions cause; means by `MEAN` + label."""
     with warnings.catch_warnings():
@@ -94,9 +150,9 @@ def answer_rows(everyone: Sequence[Draws]) -> list[Row]:
     """`rbd.solve` with its default solver."""
     medians = {}
     for d in everyone:
-        columns = {UNIT: ConstraintDynamics(d).column(d.sticking())} | answers_of(d)
+        columns = {UNIT: ConstraintDynamics(d).column(d.sticking())} | answers_of(d) | mixtures_of(d)
         medians[d.robot.name] = quiet(columns)
-    rows = in_units(medians, (HELD, STICKING, CONVEX, COULOMB, MEAN + COULOMB), MARKS)
+    rows = in_units(medians, (*MARKS, MEAN + COULOMB), MARKS)
     return [replace(row, what=f"rbd.solve, {row.what}") for row in rows]
 
 

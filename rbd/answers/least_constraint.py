@@ -63,10 +63,11 @@ def solve(
     Under the convex law the problem above is the law, with circular cones. `solution.law` and `solution.method` name law and
     method.
 
-    Points and patches on still ground, each on a body of its own, are prepared on first use and kept with the robot: their
-    answers come from the few rows of the bodies in contact ("closed form" where all points stick, else "cones: Newton") and are
-    certified by inverse dynamics; `solution.problem` and `solution.residuals` are computed when they are first asked for.
-    All other problems, and those whose certificate fails, are solved as above.
+    Contacts on ground at rest, limits, locks, couplings and dry friction of joints, and motion without any, are prepared on
+    first use and kept with the robot: their answers come from the few rows of the bodies and joints that they touch ("closed
+    form" where all stick, else "cones: Newton") and are certified by inverse dynamics; `solution.problem` and
+    `solution.residuals` are computed when they are first asked for, and so are the forces where they are not unique. All other
+    problems are solved as above, and so are those whose certificate fails, or where points slide and may have several motions.
 
     Args:
         state: The robot at (q, v).
