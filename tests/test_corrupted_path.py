@@ -36,6 +36,7 @@ class Case:
     constraints: list
     draws: list[tuple[np.ndarray, np.ndarray, np.ndarray]]
     law: str = "coulomb"
+    external: tuple[rbd.ExternalForce, ...] = ()
 
     @property
     def plan(self) -> Plan:
@@ -47,7 +48,10 @@ class Case:
     def answers(self) -> list[rbd.Solution]:
         """One of each draw."""
         return [
-            rbd.solve(rbd.State(self.robot, q, v), tau, self.constraints, law=self.law, check=False) for q, v, tau in self.draws
+            rbd.solve(
+                rbd.State(self.robot, q, v), tau, self.constraints, law=self.law, external=self.external or None, check=False
+            )
+            for q, v, tau in self.draws
         ]
 
 
@@ -86,6 +90,8 @@ def case_of(name: str, kind: str, count: int = 6) -> Case:
     method = "Newton" if noise > 1.0 and friction is not None else "closed form"
     noise *= robot.mass / 90.0
     draws: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+    frames = [foot.frame for foot in robot.feet()] if kind == "pushed" else []
+    external = tuple(rbd.ExternalForce(frame, (3.0, -2.0, 1.0), (0.1, 0.2, 0.3), offset=(0.1, 0.0, 0.3)) for frame in frames)
     while len(draws) < count:
         bend = np.concatenate([np.zeros(6), 0.1 * rng.normal(size=robot.nv - 6)])
         q = pin.integrate(robot.model, standing.q, bend)
@@ -95,10 +101,10 @@ def case_of(name: str, kind: str, count: int = 6) -> Case:
         for _ in range(2):
             v -= np.linalg.lstsq(J, J @ v, rcond=None)[0]
         tau = hold + noise * rng.normal(size=robot.nu)
-        s = rbd.solve(rbd.State(robot, q, v), tau, constraints, law=law, check=False)
+        s = rbd.solve(rbd.State(robot, q, v), tau, constraints, law=law, external=external or None, check=False)
         if s.solver == PREPARED and (method in s.method or make is not feet):
             draws.append((q, v, tau))
-    return Case(robot, constraints, draws, law)
+    return Case(robot, constraints, draws, law, external)
 
 
 def feet(robot: rbd.Robot, friction: float | None) -> list:
@@ -114,6 +120,7 @@ KINDS: dict[str, tuple[Callable[..., list], float | None, float, str]] = {
     "feet that slide": (feet, 0.2, 5.0, "coulomb"),
     "corners": (corners, 0.7, 0.5, "coulomb"),
     "edges": (edges, 0.6, 0.5, "coulomb"),
+    "pushed": (feet, 0.7, 0.5, "coulomb"),
     "joints": (rows_of_joints, 0.7, 1.0, "coulomb"),
 }
 Fault = Callable[[pytest.MonkeyPatch, Case], None]
@@ -285,6 +292,24 @@ def the_other_law(patch: pytest.MonkeyPatch, case: Case) -> None:
 SLIPPING: list[Fault] = [another_friction, the_other_law]
 
 
+def another_push(patch: pytest.MonkeyPatch, case: Case) -> None:
+    """The forces of the world are one per cent off."""
+
+    def wrong(given: dict[str, Any]) -> None:
+        given["loads"] = 1.01 * given["loads"]
+
+    _before(patch, case, wrong)
+
+
+def another_place(patch: pytest.MonkeyPatch, case: Case) -> None:
+    """They act a millimetre off."""
+
+    def wrong(given: dict[str, Any]) -> None:
+        given["loads"] = given["loads"] + np.array([0.0] * 6 + [1e-3, 1e-3, 0.0])
+
+    _before(patch, case, wrong)
+
+
 def another_gear(patch: pytest.MonkeyPatch, case: Case) -> None:
     """Entries of the joints' rows are one per cent off."""
 
@@ -307,6 +332,7 @@ FAULTS = [
     *((kind, fault) for kind in KINDS for fault in EVERYWHERE),
     *((kind, fault) for kind in ("slipping, Coulomb", "slipping, convex") for fault in SLIPPING),
     ("feet that slide", another_friction),
+    *(("pushed", fault) for fault in (another_push, another_place)),
     *(("joints", fault) for fault in (another_gear, other_joints)),
 ]
 

@@ -28,7 +28,7 @@ from rbd.errors import (
 )
 from rbd.model.checked_model import beyond_limit
 from rbd.model.dynamics import free_force
-from rbd.model.external import External, generalised as generalised_force
+from rbd.model.external import External, acting, generalised as generalised_force
 from rbd.model.state import State
 from rbd.problem.answer import Status
 from rbd.problem.contact_motion import REST_SPEED
@@ -137,11 +137,14 @@ def _prepared_answer(
     torques = robot.check_tau(tau)
     generalised = np.zeros(robot.nv)
     generalised[robot.motors] = torques
-    if external is not None:
-        external = tuple(external) if type(external) is list else external
-        generalised += generalised_force(state, external)[0]
+    external = tuple(external) if type(external) is list else external
+    force, pushes, elements = acting(external)
+    if force is not None or elements:
+        generalised += generalised_force(state, elements if force is None else external)[0]
     plan = constraints.plan(state.q)
-    found = plan.answer(state.q, state.v, generalised, coulomb=told == COULOMB, rest_speed=rest_speed, within=TOUCHES)
+    found = plan.answer(
+        state.q, state.v, generalised, pushes, coulomb=told == COULOMB, rest_speed=rest_speed, within=TOUCHES
+    )  # fmt: skip
     if found is None:
         return None
     problem = partial(posed, state, torques, given, external, rest_speed)

@@ -28,6 +28,7 @@ from rbd.arrays import Array, max_abs, rank_of, zeros
 from rbd.constraints.contact import Contact
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
 from rbd.model.checked_model import CheckedModel
+from rbd.model.external import ExternalForce
 from rbd.problem.cones import Cone, Free, NonNegative, checked_generators
 from rbd.problem.contact_motion import Opening
 from rbd.problem.force_set import ForceSet, at_rest
@@ -79,6 +80,8 @@ def law_kernel() -> ModuleType:
 
 
 _NONE = zeros(3)
+Loads: TypeAlias = tuple[Array, Array]
+_UNLOADED: Loads = np.empty((0, 2), np.int64), np.empty((0, 9))
 _NOT_MOVING: tuple[tuple[int, float], ...] = ()
 _NOT_OPEN: tuple[Opening, ...] = ()
 
@@ -212,23 +215,33 @@ class Plan:
         self._twelve = (12 * np.array(joints, int)[:, None] + np.arange(12)).ravel()
 
     def answer(
-        self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, within: float
+        self,
+        q: Array,
+        v: Array,
+        generalised: Array,
+        pushes: Sequence[ExternalForce] = (),
+        *,
+        coulomb: bool,
+        rest_speed: float,
+        within: float,
     ) -> FoundForces | None:
         """Acceleration and forces under a contact law, certified; None where the general way has to be taken.
 
         Args:
             q: Configuration, shape (nq,).
             v: Velocity, shape (nv,).
-            generalised: S^T tau + tau_ext, shape (nv,).
+            generalised: S^T tau, and tau_ext but for the pushes, shape (nv,).
+            pushes: Forces of the world.
             coulomb: Coulomb's law; else the convex one.
             rest_speed: Up to this speed a contact is at rest [m/s, rad/s].
             within: If a corner is farther off its plane, the general way is taken [m].
         """
+        loads = _loads(self._robot, pushes) if pushes else _UNLOADED
         with self.workspace() as space:
-            found = self.search(space, q, v, generalised, rest_speed, coulomb)
+            found = self.search(space, q, v, generalised, rest_speed, coulomb, loads=loads)
             if found is None:
                 return None
-            worst = self._judged(space, q, v, generalised, found, rest_speed, coulomb)
+            worst = self._judged(space, q, v, generalised, loads, found, rest_speed, coulomb)
             if len(self._heights) and not max_abs(self._gaps.dot(space.places[self._twelve]) - self._heights) <= within:
                 return None
         if not worst <= DOUBTFUL:
@@ -267,6 +280,7 @@ class Plan:
         rest_speed: float,
         coulomb: bool,
         mu: Array | None = None,
+        loads: Loads = _UNLOADED,
     ) -> Found | None:
         """What obeys the law at one state, not yet certified; None where nothing is known.
 
@@ -278,11 +292,12 @@ class Plan:
             rest_speed: As there.
             coulomb: As there.
             mu: Friction of the cones; None: the constraints' own.
+            loads: Forces of the world, as of `law_kernel.answer`.
         """
         model, data, kernel, elements = self._robot.model, space.data, self._kernel, self._elements
         p = self.force_set.size
         a, w, u, modes = np.empty(len(v)), np.empty(p), np.empty(p), np.zeros(len(elements.first), np.int64)
-        if not self._m:
+        if not self._m and loads is _UNLOADED:
             return Found(pin.aba(model, data, q, v, generalised), w, u, modes, kernel.HELD, 0, False)
         if mu is not None:
             own = elements.mu.copy()
@@ -291,17 +306,18 @@ class Plan:
         pin.crba(model, data, q, WORLD)
         pin.nonLinearEffects(model, data, q, v)
         how, steps, dependent = kernel.answer(
-            *space.read, *space.fixed, v, generalised, space.memory, *self._columns, *elements, self._core, rest_speed, coulomb,
-            self._closed, self._repeated, a, w, modes, u,
+            *space.read, *space.fixed, v, generalised, space.memory, *loads, *self._columns, *elements, self._core, rest_speed,
+            coulomb, self._closed, self._repeated, a, w, modes, u,
         )  # fmt: skip
         return None if how == kernel.NOTHING else Found(a, w, u, modes, how, steps, dependent)
 
     def _judged(
-        self, space: Workspace, q: Array, v: Array, generalised: Array, found: Found, rest_speed: float, coulomb: bool
-    ) -> float:
+        self, space: Workspace, q: Array, v: Array, generalised: Array, loads: Loads, found: Found, rest_speed: float,
+        coulomb: bool,
+    ) -> float:  # fmt: skip
         """An upper bound of the largest scaled residual."""
         (X, twists, lifts), torque = space.read[3:], np.empty(len(v))
-        self._kernel.act(*self._own, *self._entries, X, found.w, space.pushes.reshape(-1, 6), torque)
+        self._kernel.act(*loads, *self._own, *self._entries, X, found.w, space.pushes.reshape(-1, 6), torque)
         left = pin.rnea(self._robot.model, space.data, q, v, found.a, space.forces)
         worst: float = self._kernel.judged(
             left, generalised, torque, self._per_inertia, found.a, v, found.w, *self._own, *self._entries, *self._elements,
@@ -331,6 +347,20 @@ class Plan:
             if mode in (self._kernel.SLIDES, self._kernel.OPENS) and e.is_cone:
                 kept[e.columns.start : e.columns.start + 2] = False
         return w[kept]
+
+
+def _loads(robot: CheckedModel, pushes: Sequence[ExternalForce]) -> Loads:
+    """Of pushes, as `law_kernel.answer` takes them.
+
+    Raises:
+        FrameNotFound: with the nearest names.
+    """
+    model, joints, values = robot.model, np.empty((len(pushes), 2), np.int64), np.empty((len(pushes), 9))
+    for e, push in enumerate(pushes):
+        joint, X_JF = robot.site(push.frame)
+        joints[e] = joint, model.idx_vs[joint] + model.nvs[joint] - 1
+        values[e, :3], values[e, 3:6], values[e, 6:] = push.force, push.moment, X_JF.act(np.asarray(push.offset))
+    return joints, values
 
 
 class Source(NamedTuple):

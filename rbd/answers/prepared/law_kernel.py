@@ -293,9 +293,24 @@ def _by_newton(
     return merit, steps, convex
 
 
+@compiled
+def _pushed(J: Array, X: Array, i: int, load: Array, parent: Array, generalised: Array) -> None:
+    """Add J^T of a force of the world, of the pose of its joint and the last dof that moves it."""
+    f, r, p, m = load[:3], load[6:], np.empty(3), np.empty(3)
+    for a in range(3):
+        p[a] = X[9 + a] + X[a] * r[0] + X[3 + a] * r[1] + X[6 + a] * r[2]
+    m[0] = load[3] + p[1] * f[2] - p[2] * f[1]
+    m[1] = load[4] + p[2] * f[0] - p[0] * f[2]
+    m[2] = load[5] + p[0] * f[1] - p[1] * f[0]
+    while i >= 0:
+        for a in range(3):
+            generalised[i] += J[a, i] * f[a] + J[3 + a, i] * m[a]
+        i = parent[i]
+
+
 def _answer(
     M: Array, J: Array, h: Array, X: Array, twists: Array, rates: Array, parent: Array, sites: Array, places: Array,
-    units: Array, gear: Array, fall: Array, v: Array, generalised: Array, space: Array,
+    units: Array, gear: Array, fall: Array, v: Array, generalised: Array, space: Array, loaded: Array, loads: Array,
     force: Array, moment: Array, arm: Array, along: Array, body: Array,
     first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array,
     core: int, rest: float, coulomb: bool, closed: bool, repeated: bool, a: Array, w: Array, modes: Array, u: Array,
@@ -318,6 +333,8 @@ def _answer(
         v: As there.
         generalised: As there.
         space: As there.
+        loaded: Joint and last dof of the bodies that forces of the world push, shape (l, 2).
+        loads: Force and moment there, axes of the world, and the point in the joint's axes, shape (l, 9).
         force: Of `Columns`, as are the next four, in the axes of their sites.
         moment: As there.
         arm: As there.
@@ -342,7 +359,10 @@ def _answer(
     columns, elements = Columns(force, moment, arm, along, body), Elements(first, lower, upper, mu, share, starts)
     n, m, p = len(parent), share.shape[1], len(w)
     terms, f, felt, offset = terms_in(space, n, m), np.empty(m), np.zeros((p, 6)), np.empty(p)
-    all_rows(M, J, h, X, twists, rates, parent, sites, places, units, gear, fall, v, generalised, terms)
+    given = generalised.copy()
+    for e in range(len(loaded)):
+        _pushed(J, X[loaded[e, 0]], loaded[e, 1], loads[e], parent, given)
+    all_rows(M, J, h, X, twists, rates, parent, sites, places, units, gear, fall, v, given, terms)
     _felt(columns, sites, places, X, twists, felt, offset)
     still = True
     for j in range(p):
@@ -383,10 +403,20 @@ answer = compiled(
     _answer,
     signature(
         (COUNT, COUNT, FLAG), array(2, layout="A"), array(2, layout="A"), array(1), array(2), array(2), array(2), _WHOLE,
-        _TABLE, array(2), _TABLE, array(1), array(1), array(1), array(1), _WRITTEN, *_COLUMNS, *_ELEMENTS,
+        _TABLE, array(2), _TABLE, array(1), array(1), array(1), array(1), _WRITTEN, _TABLE, array(2), *_COLUMNS, *_ELEMENTS,
         COUNT, NUMBER, FLAG, FLAG, FLAG, _WRITTEN, _WRITTEN, array(1, COUNT, written=True), _WRITTEN,
     ),
 )  # fmt: skip
+
+
+@compiled
+def _to_body(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A vector of the world in the axes of a body, R by columns."""
+    return (
+        R[0] * x + R[1] * y + R[2] * z,
+        R[3] * x + R[4] * y + R[5] * z,
+        R[6] * x + R[7] * y + R[8] * z,
+    )
 
 
 @compiled
@@ -395,20 +425,11 @@ def _own(columns: Columns, j: int, X: Array) -> tuple[float, float, float, float
     F, k, axes = columns.force[j], columns.body[j, 0], columns.body[j, 1]
     if axes == BODY:
         return F[0], F[1], F[2], 1.0
-    R = X[k]
     if axes == WORLD:
-        return (
-            R[0] * F[0] + R[1] * F[1] + R[2] * F[2],
-            R[3] * F[0] + R[4] * F[1] + R[5] * F[2],
-            R[6] * F[0] + R[7] * F[1] + R[8] * F[2],
-            1.0,
-        )
+        F0, F1, F2 = _to_body(X[k], F[0], F[1], F[2])
+        return F0, F1, F2, 1.0
     x, n = columns.along[j], columns.moment[j]  # an edge: from the normal in the joint's axes
-    n0, n1, n2 = (
-        R[0] * n[0] + R[1] * n[1] + R[2] * n[2],
-        R[3] * n[0] + R[4] * n[1] + R[5] * n[2],
-        (R[6] * n[0] + R[7] * n[1] + R[8] * n[2]),
-    )
+    n0, n1, n2 = _to_body(X[k], n[0], n[1], n[2])
     s = n0 * x[0] + n1 * x[1] + n2 * x[2]
     z0, z1, z2 = n0 - s * x[0], n1 - s * x[1], n2 - s * x[2]
     size = math.sqrt(z0 * z0 + z1 * z1 + z2 * z2)
@@ -451,12 +472,14 @@ def _missed(elements: Elements, e: int, mode: int, u: Array, y: Array, w: Array,
 
 
 def _act(
-    force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array, X: Array, w: Array,
-    pushes: Array, torque: Array,
+    loaded: Array, loads: Array, force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
+    X: Array, w: Array, pushes: Array, torque: Array,
 ) -> None:  # fmt: skip
-    """Write the forces of weights on the bodies, in their joints' axes, and in joints.
+    """Write the forces of weights and of the world on the bodies, in their joints' axes, and in joints.
 
     Args:
+        loaded: As of `answer`.
+        loads: As of `answer`.
         force: Of `Columns`, as are the next four, in the axes of joints.
         moment: As there.
         arm: As there.
@@ -466,14 +489,21 @@ def _act(
         gear: The entries, shape (u,).
         X: As of `answer`.
         w: Weights.
-        pushes: Written, (f, moment) of the joints that columns name, shape (joints, 6).
+        pushes: Written, (f, moment) of all joints, shape (joints, 6).
         torque: Written, shape (nv,).
     """
     columns = Columns(force, moment, arm, along, body)
-    torque[:] = 0.0
-    for j in range(len(w)):
-        if columns.body[j, 0] >= 0:
-            pushes[columns.body[j, 0]] = 0.0
+    torque[:], pushes[:] = 0.0, 0.0
+    for e in range(len(loaded)):
+        k, load = loaded[e, 0], loads[e]
+        F0, F1, F2 = _to_body(X[k], load[0], load[1], load[2])
+        m0, m1, m2 = _to_body(X[k], load[3], load[4], load[5])
+        pushes[k, 0] += F0
+        pushes[k, 1] += F1
+        pushes[k, 2] += F2
+        pushes[k, 3] += m0 + load[7] * F2 - load[8] * F1
+        pushes[k, 4] += m1 + load[8] * F0 - load[6] * F2
+        pushes[k, 5] += m2 + load[6] * F1 - load[7] * F0
     for j in range(len(w)):
         k = columns.body[j, 0]
         if k < 0:
@@ -492,7 +522,7 @@ def _act(
 act = compiled(
     _act,
     signature(
-        None, *_COLUMNS, _TABLE, array(1), array(2), array(1), array(2, written=True), _WRITTEN,
+        None, _TABLE, array(2), *_COLUMNS, _TABLE, array(1), array(2), array(1), array(2, written=True), _WRITTEN,
     ),
 )  # fmt: skip
 
