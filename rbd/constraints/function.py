@@ -1,23 +1,24 @@
 """Constraints given by a function of the configuration; its derivatives by differences.
 
-Differences are of sixth order, along curves on the manifold of configurations. The step is chosen by comparison:
-those of fourth and of sixth order, on the same seven nodes, agree where the function is smooth over the step, and the
-step shrinks until they do. With noise, a jump or a kink they never agree.
+Differences are of sixth order, along curves on the manifold of configurations, all of a state together. The step is chosen
+by comparison: those of fourth and of sixth order, on the same seven nodes, agree where the function is smooth over the step,
+and the step shrinks until they do. With noise, a jump or a kink they never agree.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
-from typing import Any
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
-import pinocchio as pin
 
-from rbd.arrays import Array, as_array, as_finite, is_finite
+from rbd.arrays import Array, as_array, as_finite, identity, is_finite, lazy
+from rbd.constraints.difference_kernel import judged
 from rbd.constraints.surface import check_state, check_words
 from rbd.displayed import Displayed
 from rbd.errors import InputError, RbdError
+from rbd.model.checked_model import CheckedModel
 from rbd.model.dynamics import polarised
 from rbd.model.state import State
 from rbd.problem.cones import Cone, Free, NonNegative
@@ -42,8 +43,14 @@ class FunctionConstraint(Displayed):
 
     Without `jacobian` J is taken by differences of sixth order on the manifold, along each coordinate of v, exact to 1e-10 of
     the largest of phi and J for a smooth phi; J_dot v to 1e-9. The step starts at 0.01 m or rad and shrinks until two
-    orders agree; a phi without a derivative here, or with noise above 1e-8, is refused. Twelve calls of phi a coordinate
-    are slow: give `jacobian`, and `bias`, where time matters. Both are trusted; `rbd.testing.check_constraint` checks them.
+    orders agree; a phi without a derivative here, or with noise above 1e-8, is refused.
+
+    Time goes into phi: six configurations a coordinate of v, and six for J_dot v. A phi that also takes many at once, as the
+    columns of q, shape (nq, k), and then gives (m, k), is called once for all of them: one of array operations on the entries
+    of q, `np.hypot(q[0], q[1]) - l` and not `math.hypot(q[0], q[1]) - l`; likewise a `jacobian` that then gives (m, nv, k).
+    This is found out at the first state, where all are given one by one as well: with an error, or other values, that remains
+    so. Both should be functions of q alone. Where time matters and phi is not of this kind, give `jacobian` and `bias`: both
+    are trusted; `rbd.testing.check_constraint` checks them.
 
     q has unit quaternions (x, y, z, w) and, of continuous joints, (cos, sin): phi receives q itself, shape
     (nq,). J has one column an entry of v, shape (m, nv): for a joint with one degree of freedom dphi/dq_i, for a floating
@@ -92,14 +99,21 @@ class FunctionConstraint(Displayed):
                 finite; phi has no derivative here.
         """
         check_state(state, self.name)
-        error = self._phi(state.q)
+        error, v = self._values.vector(None, state.q), state.v
         m = len(error)
         if not m:
             none = Free(0) if self.cone is None or self.cone.bilateral else NonNegative(0)
             return Rows(self.name, np.zeros((0, state.robot.nv)), np.zeros(0), none)
-        J = self._derivative(state, error)
-        bias = self._bias(state, error, J, state.v)
-        return Rows(self.name, J, bias, Free(m) if self.cone is None else self.cone, J @ state.v, error)
+        near = self._near(state, error)
+        turns = self.bias is None and bool(v.any())
+        if self.jacobian is None:
+            J, bias = self._derivatives(near, v if turns else None)
+        else:
+            J = self._jacobians.matrix(m, state.robot.nv, state.q)
+            bias = rate(self._jacobians, state.robot, J, state.q, v) if turns else np.zeros(m)
+        if self.bias is not None:
+            bias = self._biases.vector(m, state.q, v)
+        return Rows(self.name, J, bias, Free(m) if self.cone is None else self.cone, J @ v, error)
 
     def hessian(self, state: State) -> Array:
         """H(q) with J_dot v = v @ H @ v, shape (m, nv, nv): see `rbd.dynamics.constraint_hessian`.
@@ -112,44 +126,51 @@ class FunctionConstraint(Displayed):
             InputError: as `rows`; a bias that is not zero at v = 0, so that it is not quadratic in v.
         """
         check_state(state, self.name)
-        error, nv = self._phi(state.q), state.robot.nv
+        error, nv = self._values.vector(None, state.q), state.robot.nv
         if not len(error):
             return np.zeros((0, nv, nv))
-        J = self._derivative(state, error)
-        if self.bias is None and self.jacobian is not None:
-            return hessian_by_rates(self.name, "jacobian", state.robot.model, self._jacobian(state, len(error)), state.q)
-        return polarised(lambda v: self._bias(state, error, J, v), nv, self.name)
+        near = self._near(state, error)
+        if self.bias is not None:
+            return polarised(lambda v: self._biases.vector(len(error), state.q, v), nv, self.name)
+        if self.jacobian is not None:
+            J = self._jacobians.matrix(len(error), nv, state.q)
+            return hessian_by_rates(self._jacobians, state.robot, J, state.q)
+        size = _largest(self._derivatives(near, None)[0])
+        return polarised(lambda v: self._second(near, v, size), nv, self.name)
 
-    def _phi(self, q: Array, m: int | None = None) -> Array:
-        return vector_of(self.name, "phi", self.phi, (q,), m)
+    @lazy
+    def _values(self) -> UserFunction:
+        return UserFunction(self.name, "phi", self.phi)
 
-    def _jacobian(self, state: State, m: int) -> Callable[[Array], Array]:
-        return lambda at: matrix_of(self.name, "jacobian", self.jacobian, at, (m, state.robot.nv))
+    @lazy
+    def _jacobians(self) -> UserFunction:
+        return UserFunction(self.name, "jacobian", self.jacobian)
 
-    def _derivative(self, state: State, error: Array) -> Array:
-        """J at a state where phi is `error`, shape (m, nv)."""
+    @lazy
+    def _biases(self) -> UserFunction:
+        return UserFunction(self.name, "bias", self.bias)
+
+    def _near(self, state: State, error: Array) -> Neighbourhood:
+        """Around a state where phi is `error`."""
         if not is_finite(error):
             found = np.array2string(error, threshold=6)
             raise InputError(f"phi of {self.name!r:.80} is {found} at this state; expected finite numbers.")
-        if self.jacobian is not None:
-            return self._jacobian(state, len(error))(state.q)
-        J, apart = jacobian(state.robot.model, lambda at: self._phi(at, len(error)), state.q, error)
-        check_smooth(self.name, "phi", apart)
-        return J
+        return Neighbourhood(state.robot, lambda at: self._values.many(at, state.q, error), state.q, error)
 
-    def _bias(self, state: State, error: Array, J: Array, v: Array) -> Array:
-        """J_dot v at a velocity, shape (m,)."""
-        model, q, m = state.robot.model, state.q, len(error)
-        if self.bias is not None:
-            return vector_of(self.name, "bias", self.bias, (q, v), m)
+    def _derivatives(self, near: Neighbourhood, v: Array | None) -> tuple[Array, Array]:
+        """(J (m, nv), J_dot v (m,)) by differences; zeros where v is None."""
+        nv, m = near.robot.nv, len(near.middle)
+        unit = identity(nv)
+        if v is None:
+            return near.derivatives(self._values, unit, nv).T, np.zeros(m)
+        found = near.derivatives(self._values, np.concatenate([unit, v[None] / np.linalg.norm(v)]), nv)
+        return found[:nv].T, found[nv] * (v @ v)
+
+    def _second(self, near: Neighbourhood, v: Array, size: float) -> Array:
+        """J_dot v alone, where J has a size, shape (m,)."""
         if not v.any():
-            return np.zeros(m)
-        if self.jacobian is not None:
-            return rate(self.name, "jacobian", model, self._jacobian(state, m), J, q, v)
-        size = float(np.abs(J).max(initial=0.0))
-        second = second_derivative(model, lambda at: self._phi(at, m), q, v, error, size=size)
-        check_smooth(self.name, "phi", second.apart)
-        return second.value
+            return np.zeros(len(near.middle))
+        return near.derivatives(self._values, v[None] / np.linalg.norm(v), 0, size)[0] * (v @ v)
 
 
 def check_function(name: str, what: str, value: object, *, optional: bool = False) -> None:
@@ -163,192 +184,181 @@ def check_function(name: str, what: str, value: object, *, optional: bool = Fals
         raise InputError(f"{what} of {name!r:.80} is {value!r:.80}; expected a function of q.")
 
 
-def vector_of(name: str, what: str, f: Callable[..., Any] | None, given: tuple[Array, ...], m: int | None) -> Array:
-    """The result of a user's function, as an array (m,); a number counts as (1,).
+class UserFunction:
+    """A user's function of q: its values at one configuration, checked, and at many.
+
+    Many are given in one call, as columns of q, shape (nq, k), to a function that takes them: its values then have one more
+    axis, the last, shape (m, k) or (m, nv, k). Whether it does is found out at the first need, by its values one by one. Each
+    later call has the configuration in the middle as one of its columns, whose value is known: if that comes out otherwise,
+    or the function raises, configurations are given one by one from then on.
 
     Args:
         name: The constraint's.
         what: The function's, for messages.
         f: The function; it gets copies.
-        given: Its arguments.
-        m: Expected size; None for any.
 
-    Raises:
-        InputError: the function raises, or returns another type.
+    Attributes:
+        name: The constraint's.
+        what: The function's, for messages.
+        takes_columns: Whether it takes many configurations; None: not found out yet.
     """
-    out = np.atleast_1d(_called(name, what, f, given))
-    if out.ndim != 1 or (m is not None and len(out) != m):
-        expected = "a number or an array (m,)" if m is None else f"({m},), as phi has at this state"
-        raise InputError(f"{what} of {name!r:.80} gave an array of shape {out.shape}; expected {expected}.")
-    return out
+
+    def __init__(self, name: str, what: str, f: Callable[..., Any] | None) -> None:
+        assert f is not None
+        self.name, self.what, self._f = name, what, f
+        self.takes_columns: bool | None = None
+
+    def vector(self, m: int | None, *given: Array) -> Array:
+        """Its value as an array (m,), None for any m; a number counts as (1,).
+
+        Raises:
+            InputError: the function raises, or returns another type.
+        """
+        out = np.atleast_1d(self._called(given))
+        if out.ndim != 1 or (m is not None and len(out) != m):
+            expected = "a number or an array (m,)" if m is None else f"({m},), as phi has at this state"
+            raise InputError(f"{self.what} of {self.name!r:.80} gave an array of shape {out.shape}; expected {expected}.")
+        return out
+
+    def matrix(self, m: int | None, nv: int, q: Array) -> Array:
+        """Its value as an array (m, nv), None for any m; (nv,) counts as one row.
+
+        Raises:
+            InputError: the function raises, returns another type, or numbers that are not finite.
+        """
+        out = self._called((q,))
+        out, meaning = out[None] if out.ndim == 1 else out, ", one column an entry of v"
+        return as_finite(f"{self.what} of {self.name!r:.80}", out, ("m" if m is None else m, nv), meaning=meaning)
+
+    def many(self, at: Array, q: Array, middle: Array) -> Array:
+        """Its values at configurations, shape (k, nq), along the first axis; not all need be finite.
+
+        Args:
+            at: The configurations.
+            q: That in the middle.
+            middle: The value there, as `vector` or `matrix` gave it.
+
+        Raises:
+            InputError: the function raises, or returns another type.
+        """
+        together = None if self.takes_columns is False else self._by_columns(at, q, middle)
+        if together is None or self.takes_columns is None:
+            alone = self._one_by_one(at, middle)
+            self.takes_columns = together is not None and np.allclose(
+                together, alone, rtol=0.0, atol=SAME * _largest(alone), equal_nan=True
+            )
+            return alone if together is None or not self.takes_columns else together
+        return together
+
+    def _by_columns(self, at: Array, q: Array, middle: Array) -> Array | None:
+        """The values by one call; None if it does not take columns, or gives another value in the middle."""
+        shape, k = middle.shape, len(at) + 1
+        columns = np.empty((len(q), k))
+        columns[:, 0], columns[:, 1:] = q, at.T
+        try:
+            out = np.asarray(self._f(columns))
+        except Exception:  # whatever a function raises that is not made for columns
+            return None
+        if out.dtype != float or out.shape not in ((*shape, k), (*shape[1:], k)) or out.size != k * middle.size:
+            return None
+        values = np.ascontiguousarray(out.reshape(-1, k).T).reshape(k, *shape)
+        known = (values[0] == middle).all() or float(np.abs(values[0] - middle).max()) <= SAME * _largest(values)
+        return values[1:] if known else None
+
+    def _one_by_one(self, at: Array, middle: Array) -> Array:
+        shape, k = middle.shape, len(at)
+        try:
+            out = np.array([self._f(q.copy()) for q in at])
+        except Exception:
+            out = np.zeros(0)
+        if out.dtype == float and out.shape in ((k, *shape), (k, *shape[1:])) and out.size == k * middle.size:
+            return out.reshape(k, *shape)
+        return np.array([self.vector(*shape, q) if len(shape) == 1 else self.matrix(shape[0], shape[1], q) for q in at])
+
+    def _called(self, given: tuple[Array, ...]) -> Array:
+        try:
+            out = self._f(*(x.copy() for x in given))
+        except RbdError:
+            raise
+        except Exception as error:
+            raise InputError(f"{self.what} of {self.name!r:.80} raised {type(error).__name__}: {str(error):.200}.") from error
+        return as_array(f"{self.what} of {self.name!r:.80}", out)
 
 
-def matrix_of(name: str, what: str, f: Callable[..., Any] | None, q: Array, shape: tuple[int | None, int]) -> Array:
-    """The result of a user's function, as an array of this shape; (nv,) counts as one row.
-
-    Raises:
-        InputError: the function raises, returns another type, or numbers that are not finite.
-    """
-    out, m = _called(name, what, f, (q,)), "m" if shape[0] is None else shape[0]
-    out = out[None] if out.ndim == 1 else out
-    return as_finite(f"{what} of {name!r:.80}", out, (m, shape[1]), meaning=", one column an entry of v")
-
-
-def _called(name: str, what: str, f: Callable[..., Any] | None, given: tuple[Array, ...]) -> Array:
-    assert f is not None
-    try:
-        out = f(*(x.copy() for x in given))
-    except RbdError:
-        raise
-    except Exception as error:
-        raise InputError(f"{what} of {name!r:.80} raised {type(error).__name__}: {str(error):.200}.") from error
-    return as_array(f"{what} of {name!r:.80}", out)
-
-
-def rate(name: str, what: str, model: pin.Model, f: Callable[[Array], Array], J: Array, q: Array, v: Array) -> Array:
+def rate(f: UserFunction, robot: CheckedModel, J: Array, q: Array, v: Array) -> Array:
     """J_dot v of a matrix J = f(q) along q (+) t v, by differences, shape (m,).
 
     Raises:
         InputError: f has no derivative here.
     """
-    found = first_derivative(model, lambda at: f(at) @ v, q, v, J @ v, size=float(np.abs(J).max(initial=0.0)))
-    check_smooth(name, what, found.apart)
-    return found.value
+    near, length = Neighbourhood(robot, lambda at: f.many(at, q, J) @ v, q, J @ v), float(np.linalg.norm(v))
+    return near.derivatives(f, v[None] / length, 1, _largest(J))[0] * length
 
 
-def hessian_by_rates(name: str, what: str, model: pin.Model, f: Callable[[Array], Array], q: Array) -> Array:
+def hessian_by_rates(f: UserFunction, robot: CheckedModel, J: Array, q: Array) -> Array:
     """H with J_dot v = v @ H @ v of a matrix J = f(q), from its derivatives along each coordinate of v, shape (m, nv, nv).
 
     Raises:
         InputError: f has no derivative here.
     """
-    J = f(q)
-    size, rates = float(np.abs(J).max(initial=0.0)), []
-    for e in np.eye(model.nv):
-        found = first_derivative(model, lambda at: f(at).ravel(), q, e, J.ravel(), size=size)
-        check_smooth(name, what, found.apart)
-        rates.append(found.value.reshape(J.shape))
-    H = np.array(rates).transpose(1, 0, 2)
+    near = Neighbourhood(robot, lambda at: f.many(at, q, J), q, J.ravel())
+    rates = near.derivatives(f, identity(robot.nv), robot.nv, _largest(J))
+    H = rates.reshape(robot.nv, *J.shape).transpose(1, 0, 2)
     return 0.5 * (H + H.transpose(0, 2, 1))
 
 
-def check_smooth(name: str, what: str, apart: float) -> None:
-    """Refuse differences of fourth and sixth order that do not agree.
-
-    Raises:
-        InputError: they differ by more than `ROUGH` at every step.
-    """
-    if not apart <= ROUGH:
-        raise InputError(
-            f"{what} of {name!r:.80} has no derivative here that differences can find (two orders are apart by "
-            f"{min(apart, 1.0):.1g}, expected {ROUGH:g}): a kink, a jump, noise, or the end of where it is defined? Give its "
-            "derivatives, or another state."
-        )
+STEPS = STEP * 0.25 ** np.arange(9)
+"""The steps that are tried, in order."""
+SAME = 1e-12
+"""A function's values in one call with many configurations, and one by one, agree to this, over the largest of them."""
 
 
-SHRINK, TRIES = 0.25, 9
-FIRST_AGREED, SECOND_AGREED = 3e-8, 1e-7
-"""Errors of fourth and sixth order are h^4 and h^6: if they agree to this, relative, the sixth is exact to 1e-11 and 5e-11."""
-
-
-_FIRST_4 = np.array([0.0, 1.0, -8.0, 8.0, -1.0, 0.0]) / 12.0
-_SECOND, _MIDDLE = np.array([2.0, -27.0, 270.0, 270.0, -27.0, 2.0]) / 180.0, -490.0 / 180.0
-_SECOND_4, _MIDDLE_4 = np.array([0.0, -1.0, 16.0, 16.0, -1.0, 0.0]) / 12.0, -30.0 / 12.0
-
-
-@dataclass(frozen=True, eq=False)
-class Difference:
-    """A derivative along a curve.
+class Neighbourhood(NamedTuple):
+    """The configurations around one, and a function there.
 
     Attributes:
-        value: Shape (m,).
-        gap: Difference between two orders, along the unit vector.
-        scale: Its scale.
+        robot: The robot.
+        f: Values at configurations (k, nq), with k along the first axis.
+        q: The configuration in the middle.
+        middle: f(q), shape (m,).
     """
 
-    value: Array
-    gap: float
-    scale: float
+    robot: CheckedModel
+    f: Callable[[Array], Array]
+    q: Array
+    middle: Array
 
-    @property
-    def apart(self) -> float:
-        """The gap, relative."""
-        return self.gap / self.scale
+    def derivatives(self, of: UserFunction, along: Array, slopes: int, size: float = 0.0) -> Array:
+        """Derivatives of f(q (+) t e) at t = 0 for unit vectors e, shape (n, m), by steps that shrink until two orders agree.
 
+        Args:
+            of: What f computes, for messages; where it takes columns, two steps are evaluated together.
+            along: The unit vectors, shape (n, nv).
+            slopes: Along the first so many of them the first derivative, along the others the second.
+            size: Size of f's first derivatives, if known.
 
-def jacobian(model: pin.Model, f: Callable[[Array], Array], q: Array, middle: Array) -> tuple[Array, float]:
-    """(J, apart): f's derivatives by the coordinates of v, shape (m, nv), where `middle` is f(q)."""
-    unit = np.eye(model.nv)
-    found = [first_derivative(model, f, q, e, middle, tries=1) for e in unit]
-    # Rounding in a column of zeros is small against the other columns, and needs no smaller step.
-    size = max([_size(c.value) for c in found if c.gap <= FIRST_AGREED * c.scale], default=0.0)
-    found = [
-        c if c.gap <= FIRST_AGREED * max(c.scale, size) else first_derivative(model, f, q, e, middle, size=size)
-        for e, c in zip(unit, found, strict=True)
-    ]
-    size = max(_size(c.value) for c in found)
-    return np.column_stack([c.value for c in found]), max(c.gap / max(c.scale, size) for c in found)
-
-
-def first_derivative(
-    model: pin.Model, f: Callable[[Array], Array], q: Array, v: Array, middle: Array, *, size: float = 0.0, tries: int = TRIES
-) -> Difference:
-    """d/dt of f(q (+) t v) at t = 0.
-
-    Args:
-        model: Model of the manifold.
-        f: Function of q with values (m,).
-        q: Configuration.
-        v: Velocity, not zero.
-        middle: f(q).
-        size: Size of f's derivatives along unit vectors, if known.
-        tries: Largest number of steps tried.
-    """
-    return _derivative(model, f, q, v, middle, _first, max(size, 1e-6), tries)
+        Raises:
+            InputError: the orders differ by more than `ROUGH` at every step.
+        """
+        n, m = len(along), len(self.middle)
+        values, gaps, scales, left, done = np.zeros((n, m)), np.full(n, np.inf), np.ones(n), np.arange(n), 0
+        while len(left) and done < len(STEPS):
+            steps = STEPS[done : done + (2 if of.takes_columns else 1)]
+            nodes = along[left, None] * np.outer(steps, NODES).reshape(-1, 1)
+            moved = self.f(self.robot.moved(self.q, nodes.reshape(-1, along.shape[1]))).reshape(-1, len(steps), len(NODES), m)
+            left, size = judged(moved, self.middle, steps, left, slopes, size, values, gaps, scales)
+            done += len(steps)
+        if not len(left):
+            return values
+        apart = float((gaps / np.maximum(scales, _largest(values[:slopes]))).max())
+        if not apart <= ROUGH:
+            raise InputError(
+                f"{of.what} of {of.name!r:.80} has no derivative here that differences can find (two orders are apart by "
+                f"{min(apart, 1.0):.1g}, expected {ROUGH:g}): a kink, a jump, noise, or the end of where it is defined? Give "
+                "its derivatives, or another state."
+            )
+        return values
 
 
-def second_derivative(
-    model: pin.Model, f: Callable[[Array], Array], q: Array, v: Array, middle: Array, *, size: float
-) -> Difference:
-    """d2/dt2 of f(q (+) t v) at t = 0; arguments as of `first_derivative`."""
-    return _derivative(model, f, q, v, middle, _second, max(size, 1e-4), TRIES)
-
-
-_Rule = Callable[[Array, Array, float, float], tuple[Difference, float]]
-
-
-def _derivative(
-    model: pin.Model, f: Callable[[Array], Array], q: Array, v: Array, middle: Array, rule: _Rule, size: float, tries: int
-) -> Difference:
-    """The derivative along the unit vector of v, scaled back."""
-    length = float(np.linalg.norm(v))
-    best, h = Difference(np.full(middle.shape, np.nan), np.inf, 1.0), STEP
-    for _ in range(tries):
-        values = np.array([f(pin.integrate(model, q, (node * h / length) * v)) for node in NODES])
-        if np.isfinite(values).all():  # else the step left the function's domain
-            found, agreed = rule(values, middle, h, size)
-            if found.apart < best.apart:
-                best = found
-            if best.apart <= agreed:
-                break
-        h *= SHRINK
-    return replace(best, value=best.value * (length if rule is _first else length**2))
-
-
-def _first(values: Array, middle: Array, h: float, size: float) -> tuple[Difference, float]:
-    first = FIRST @ values / h
-    scale = max(_size(first), _size(middle), size)
-    # A kink at the middle does not affect first differences and appears in second ones, as 1/h.
-    second, second_4 = _SECOND @ values + _MIDDLE * middle, _SECOND_4 @ values + _MIDDLE_4 * middle
-    gap = max(_size(first - _FIRST_4 @ values / h), _size(second - second_4) / h)
-    return Difference(first, gap, scale), FIRST_AGREED
-
-
-def _second(values: Array, middle: Array, h: float, size: float) -> tuple[Difference, float]:
-    second = (_SECOND @ values + _MIDDLE * middle) / h**2
-    scale = max(_size(second), _size(FIRST @ values) / h, _size(middle), size)
-    return Difference(second, _size(second - (_SECOND_4 @ values + _MIDDLE_4 * middle) / h**2), scale), SECOND_AGREED
-
-
-def _size(x: Array) -> float:
+def _largest(x: Array) -> float:
     return float(np.abs(x).max(initial=0.0))

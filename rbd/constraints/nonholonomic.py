@@ -23,8 +23,8 @@ from typing import Any, Self
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import ABOVE_ZERO, Array, as_finite, as_vector3, check_number, cross_matrix
-from rbd.constraints.function import check_function, hessian_by_rates, matrix_of, rate, vector_of
+from rbd.arrays import ABOVE_ZERO, Array, as_finite, as_vector3, check_number, cross_matrix, lazy
+from rbd.constraints.function import UserFunction, check_function, hessian_by_rates, rate
 from rbd.constraints.surface import (
     HERE,
     UP,
@@ -70,6 +70,9 @@ class VelocityConstraint(Displayed):
 
     Row forces are the multipliers: J^T f is the generalised force.
 
+    An A that may be called with many configurations at once, as columns of q, shape (nq, k), and then gives (m, nv, k), is
+    called once for all that A_dot v takes; see `rbd.FunctionConstraint`. It should be a function of q alone.
+
     Attributes:
         name: The constraint's role, e.g. "no_side_slip".
         A: Function of q with values (m, nv), or (nv,) for one row; or the matrix itself if it is constant.
@@ -108,12 +111,12 @@ class VelocityConstraint(Displayed):
         """
         check_state(state, self.name)
         q, v, nv = state.q, state.v, state.robot.nv
-        J = self._matrix(q, None, nv)
+        J = self._matrix(q, nv)
         m = len(J)
         if self.bias is not None:
-            bias = vector_of(self.name, "bias", self.bias, (q, v), m)
+            bias = self._biases.vector(m, q, v)
         elif callable(self.A) and v.any() and m:
-            bias = rate(self.name, "A", state.robot.model, lambda at: self._matrix(at, m, nv), J, q, v)
+            bias = rate(self._values, state.robot, J, q, v)
         else:
             bias = np.zeros(m)
         return Rows(self.name, J, bias, Free(m), J @ v)
@@ -126,16 +129,25 @@ class VelocityConstraint(Displayed):
         """
         check_state(state, self.name)
         q, nv = state.q, state.robot.nv
-        m = len(self._matrix(q, None, nv))
+        J = self._matrix(q, nv)
+        m = len(J)
         if self.bias is not None:
-            return polarised(lambda v: vector_of(self.name, "bias", self.bias, (q, v), m), nv, self.name)
+            return polarised(lambda v: self._biases.vector(m, q, v), nv, self.name)
         if not callable(self.A) or not m:
             return np.zeros((m, nv, nv))
-        return hessian_by_rates(self.name, "A", state.robot.model, lambda at: self._matrix(at, m, nv), q)
+        return hessian_by_rates(self._values, state.robot, J, q)
 
-    def _matrix(self, q: Array, m: int | None, nv: int) -> Array:
+    @lazy
+    def _values(self) -> UserFunction:
+        return UserFunction(self.name, "A", self.A if callable(self.A) else None)
+
+    @lazy
+    def _biases(self) -> UserFunction:
+        return UserFunction(self.name, "bias", self.bias)
+
+    def _matrix(self, q: Array, nv: int) -> Array:
         if callable(self.A):
-            return matrix_of(self.name, "A", self.A, q, (m, nv))
+            return self._values.matrix(None, nv, q)
         A = np.asarray(self.A)
         if A.shape[1] != nv:
             raise InputError(f"A of {self.name!r:.80} has {A.shape[1]} columns; expected nv = {nv}, one an entry of v.")

@@ -225,8 +225,6 @@ class StageSolver:
             NoSolution: rows that contradict each other, by name.
         """
         y = blas.dtrsv(held.L, rhs, lower=1)
-        if not len(held.J):
-            return StageAcceleration(blas.dtrsv(held.L, y, lower=1, trans=1), np.zeros(0), None)
         R, f, crossing = self._decomposed(held).factor, None, None
         if R is not None:
             self._rank = len(R)

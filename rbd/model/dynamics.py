@@ -11,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, inertia_factor, lapack, zeros
+from rbd.arrays import Array, inertia_factor, is_finite, lapack, max_abs, zeros
 from rbd.errors import InputError
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import External, generalised
@@ -36,6 +36,8 @@ __all__ = [
     "regressor",
 ]
 """What users call; the rest serves the package."""
+_WILD = 1e7
+"""Accelerations above this [m/s2, rad/s2] can come from a joint that carries no inertia."""
 
 
 def mass_matrix(state: State) -> Array:
@@ -180,8 +182,29 @@ def free_acceleration(state: State, tau: Array | None, external: External = None
         >>> rbd.dynamics.free_acceleration(solo.standing(), np.zeros(solo.nu))[:3].round(3)
         array([0.  ,  0.  , -9.81])
     """
-    rhs, _ = free_force(state, tau, external)
-    return np.asarray(lapack.dpotrs(inertia_factor(state.M, strict=True), rhs, lower=1)[0])
+    robot = checked(state).robot
+    applied = np.zeros(robot.nv) if external is None else generalised(state, external)[0]
+    applied[robot.motors] += robot.check_tau(tau)
+    return unconstrained(state, applied, strict=True)
+
+
+def unconstrained(state: State, applied: Array, *, strict: bool = False) -> Array:
+    """M^-1 (applied - h), shape (nv,), by the articulated bodies: M is made and factored only where it may be singular.
+
+    Args:
+        state: The state.
+        applied: S^T tau + tau_ext, shape (nv,).
+        strict: As of `inertia_factor`.
+
+    Raises:
+        SingularInertia: M is not positive definite.
+    """
+    robot = state.robot
+    if robot.sound:
+        a = robot.pool.compute(lambda data: pin.aba(robot.model, data, state.q, state.v, applied).copy())
+        if is_finite(a) and max_abs(a) < _WILD:
+            return a
+    return np.asarray(lapack.dpotrs(inertia_factor(state.M, strict=strict), applied - state.h, lower=1)[0])
 
 
 def free_force(state: State, tau: Array | None, external: External = None) -> tuple[Array, Array]:

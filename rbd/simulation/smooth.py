@@ -23,6 +23,7 @@ from rbd.errors import InputError, NoSolution
 from rbd.mechanism.projection import Projection, shortened
 from rbd.mechanism.redundant_accelerations import NEAR, StageSolver
 from rbd.model.derivatives import Charts
+from rbd.model.dynamics import unconstrained
 from rbd.model.external import ForceElement
 from rbd.model.state import State
 from rbd.problem.answer import corner_split
@@ -57,7 +58,7 @@ class SmoothStage:
         t: [s].
         held: The state, and the rows there.
         tau: Motor torques, shape (nu,).
-        rhs: S^T tau + tau_ext - h, shape (nv,).
+        applied: S^T tau + tau_ext, shape (nv,).
         a: Acceleration, shape (nv,).
         f: Row forces, shape (m,), if rows are well conditioned; else None.
         elements: Force elements that act.
@@ -70,7 +71,7 @@ class SmoothStage:
     t: float
     held: StackedRows
     tau: Array
-    rhs: Array
+    applied: Array
     a: Array
     f: Array | None
     elements: tuple[ForceElement, ...] = ()
@@ -83,6 +84,11 @@ class SmoothStage:
     def state(self) -> State:
         """The state."""
         return self.held.state
+
+    @property
+    def rhs(self) -> Array:
+        """S^T tau + tau_ext - h, shape (nv,)."""
+        return self.applied - self.state.h
 
 
 class SmoothMotion:
@@ -181,7 +187,7 @@ class SmoothMotion:
         if self._pushed:
             v = stage.state.v
             given = 0.0 if stage.pushes is None else float(stage.pushes @ v)
-            if self._works:
+            if self._works and len(stage.held.J):
                 given += float(v @ (stage.state.M @ stage.a - stage.rhs))
             out.append(given)
         if self._elements:
@@ -283,14 +289,17 @@ class SmoothMotion:
 
     def _stage(self, held: StackedRows, t: float) -> SmoothStage:
         tau, applied, elements, pushes = self.motion.acting(held.state, t)
-        rhs = applied - held.state.h
-        found = self._solver.acceleration(held, rhs, t)
-        a = found.a
-        if found.crossing is not None and self._projection is not None:
-            a = self._across(held, rhs, t, a, found.crossing.rate, self._projection)
+        if not len(held.J):
+            a, f = unconstrained(held.state, applied), None
+        else:
+            rhs = applied - held.state.h
+            found = self._solver.acceleration(held, rhs, t)
+            a, f = found.a, found.f
+            if found.crossing is not None and self._projection is not None:
+                a = self._across(held, rhs, t, a, found.crossing.rate, self._projection)
         if not is_finite(a):
             raise NoSolution(f"the acceleration of {self.motion.robot.name} is not finite at t = {t:.6g} s.")
-        return SmoothStage(t, held, tau, rhs, a, found.f, elements, pushes=pushes)
+        return SmoothStage(t, held, tau, applied, a, f, elements, pushes=pushes)
 
     def _across(self, held: StackedRows, rhs: Array, t: float, a: Array, rate: float, projection: Projection) -> Array:
         """The acceleration at a singular pose, from those of its neighbours on the branch, ahead and behind.

@@ -238,6 +238,100 @@ def test_phi_may_do_what_it_likes_with_its_q():
     assert rbd.FunctionConstraint("f", phi).rows(state).J == pytest.approx(np.array([[2.0, 0.0]]))
 
 
+def _calls(f):
+    """(f, the shapes of q with which it is called)."""
+    shapes: list[tuple[int, ...]] = []
+
+    def counted(q: np.ndarray) -> object:
+        shapes.append(q.shape)
+        return f(q)
+
+    return counted, shapes
+
+
+@pytest.mark.parametrize(
+    ("f", "one_by_one"),
+    [
+        (lambda q: np.hypot(q[0], q[1]) - 0.5, lambda q: math.hypot(q[0], q[1]) - 0.5),
+        (lambda q: [np.sin(q[0]) * q[1], q[1] ** 3], lambda q: [math.sin(q[0]) * q[1], float(q[1]) ** 3]),
+    ],
+)
+def test_a_function_of_arrays_is_called_once_for_all_configurations(f, one_by_one):
+    """At the first state it is compared with itself; then one call for the value, and one for all differences."""
+    (phi, shapes), state = _calls(f), rbd.State(_slider(), np.array([0.3, 0.4]), np.array([0.7, -0.2]))
+    constraint = rbd.FunctionConstraint("f", phi)
+    first = constraint.rows(state)
+    del shapes[:]
+    again, other = constraint.rows(state), rbd.FunctionConstraint("f", one_by_one).rows(state)
+    assert len(shapes) == 2 and shapes[0] == (2,) and shapes[1][0] == 2 < shapes[1][1]
+    assert np.array_equal(again.J, first.J) and np.array_equal(again.bias, first.bias)
+    assert np.abs(again.J - other.J).max() < 1e-13 and np.abs(again.bias - other.bias).max() < 1e-10
+
+
+def test_a_matrix_function_of_arrays_is_called_once_for_all_configurations():
+    """A of a velocity constraint, and a Jacobian that is given, alike; A_dot v is that by closed form."""
+    A, shapes = _calls(lambda q: np.array([[np.sin(q[1]), q[0] * q[1]]]))
+    q, v = np.array([0.3, 0.4]), np.array([0.7, -0.2])
+    row = rbd.VelocityConstraint("row", A)
+    exact = np.cos(q[1]) * v[1] * v[0] + (v[0] * q[1] + q[0] * v[1]) * v[1]
+    for calls in (8, 2):  # those of the first state are compared one by one
+        del shapes[:]
+        assert abs(row.rows(rbd.State(_slider(), q, v)).bias[0] - exact) < 1e-12 and len(shapes) == calls
+    given, shapes = _calls(lambda q: 2.0 * q)
+    rod = rbd.FunctionConstraint("rod", lambda q: q[0] ** 2 + q[1] ** 2 - 0.25, jacobian=given)
+    for _ in range(2):
+        del shapes[:]
+        assert abs(rod.rows(rbd.State(_slider(), q, v)).bias[0] - 2.0 * v @ v) < 1e-12
+    assert len(shapes) == 2
+
+
+@pytest.mark.parametrize(
+    "f",
+    [
+        lambda q: q[0] - q[1].mean(),
+        lambda q: np.linalg.norm(q) - 0.5,
+        lambda q: q[0] + np.arange(np.size(q[0])),
+        lambda q: np.max(np.abs(q[0])) + 0.0 * q[1],
+        lambda q: q[0] if q.ndim == 1 else 2.0 * q[0],
+    ],
+)
+def test_a_function_that_mixes_configurations_gets_them_one_by_one(f):
+    """Its values by columns are others than its own, or have another shape: they are not used."""
+    (phi, shapes), state = _calls(f), rbd.State(_slider(), np.array([0.3, 0.4]), np.array([0.7, -0.2]))
+    constraint = rbd.FunctionConstraint("f", phi)
+    first, known = constraint.rows(state), rbd.FunctionConstraint("f", lambda q: float(np.ravel(f(q))[0])).rows(state)
+    del shapes[:]
+    again = constraint.rows(state)
+    assert set(shapes) == {(2,)} and np.array_equal(first.J, again.J) and np.array_equal(first.bias, again.bias)
+    assert np.array_equal(first.J, known.J) and np.array_equal(first.bias, known.bias)
+
+
+@pytest.mark.parametrize("then", [lambda q: q[2], lambda q: q[0] ** 2 + 1.0])
+def test_a_function_that_no_longer_takes_columns_is_noticed(then):
+    """Each call with many has the state itself in it, whose value is known."""
+    late: list[bool] = []
+
+    def phi(q: np.ndarray) -> object:
+        return then(q) if late and q.ndim == 2 else q[0] ** 2
+
+    state, constraint = rbd.State(_slider(), np.array([0.3, 0.4]), np.array([0.7, -0.2])), rbd.FunctionConstraint("f", phi)
+    before = constraint.rows(state)
+    late.append(True)
+    after = constraint.rows(state)
+    assert np.abs(after.J - before.J).max() < 1e-13 and np.abs(after.bias - before.bias).max() < 1e-10
+    assert after.J[0, 0] == pytest.approx(0.6)
+
+
+def test_many_configurations_are_moved_as_each_alone(talos):
+    """Bit by bit those of `pin.integrate`: floating, planar and continuous joints, few and many steps."""
+    rng, four_bar = np.random.default_rng(0), rbd.load_robot(Path(__file__).parents[2] / "urdf" / "four_bar.urdf")
+    for robot in (talos, four_bar, box(), _slider()):
+        q = pin.integrate(robot.model, pin.neutral(robot.model), rng.normal(size=robot.nv))
+        for k in (1, 7, 250):
+            steps = rng.normal(size=(k, robot.nv))
+            assert np.array_equal(robot.moved(q, steps), [pin.integrate(robot.model, q, step) for step in steps])
+
+
 def _noisy(q: np.ndarray) -> float:
     return q[0] + 1e-5 * np.random.default_rng(int(1e15 * q[0])).normal()
 

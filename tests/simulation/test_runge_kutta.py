@@ -127,3 +127,20 @@ def test_a_start_off_the_constraints_is_refused():
     apart = rbd.State(robot, robot.at("assembled").q, np.array([1.0, 0.0, 0.0]))
     with pytest.raises(rbd.errors.RbdError, match="that is an impact"):
         rbd.simulate(apart, robot.loops(), duration=0.1, step=0.01, progress=False)
+
+
+def test_free_motion_factors_no_inertia(monkeypatch):
+    """A chain of 200 links: its accelerations are those of the articulated bodies, and satisfy M a + h = 0 to rounding."""
+    robot, rng = chain(200), np.random.default_rng(0)
+    state = rbd.State(robot, 0.3 * rng.normal(size=200), 0.1 * rng.normal(size=200))
+    M, h = state.M, state.h
+
+    def refused(*_: object, **__: object) -> None:
+        raise AssertionError("M was factored")
+
+    monkeypatch.setattr(rbd.model.dynamics, "inertia_factor", refused)
+    monkeypatch.setattr(rbd.constraints.manifold, "inertia_factor", refused)
+    moved = rbd.simulate(state, duration=3e-4, step=1e-4, integrator=rbd.RungeKutta4(), progress=False)
+    for a in (rbd.dynamics.free_acceleration(state, None), moved.a[0]):
+        assert (np.abs(M @ a + h) <= 1e-12 * (np.abs(M) @ np.abs(a) + np.abs(h))).all()
+    assert moved.residuals["law"].max() < 1e-12
