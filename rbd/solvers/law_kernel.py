@@ -208,9 +208,9 @@ def cone_miss(
     """
     sinks = max(-n, 0.0)
     if not coulomb:
-        sinks = max(sinks, (mu * math.hypot(u, v) - max(n, 0.0)) / (1.0 + mu))
+        sinks = max(sinks, (mu * np.hypot(u, v) - max(n, 0.0)) / (1.0 + mu))
     push = max(math.sqrt(a * a + b * b + c * c), LEAST_PUSH)
-    outside = max((math.hypot(a, b) - mu * c) / push, -c / push, 0.0)
+    outside = max((np.hypot(a, b) - mu * c) / push, -c / push, 0.0)
     p, q, r = a - push * u, b - push * v, c - push * n
     nearest, share, _ = project(p, q, r, mu, coulomb)
     return sinks, outside, math.sqrt((share * p - a) ** 2 + (share * q - b) ** 2 + (nearest - c) ** 2) / push

@@ -237,13 +237,16 @@ class Plan:
             within: If a corner is farther off its plane, the general way is taken [m].
         """
         loads = _loads(self._robot, pushes) if pushes else _UNLOADED
-        with self.workspace() as space:
+        space = self._taken()
+        try:
             found = self.search(space, q, v, generalised, rest_speed, coulomb, loads=loads)
             if found is None:
                 return None
             worst = self._judged(space, q, v, generalised, loads, found, rest_speed, coulomb)
             if len(self._heights) and not max_abs(self._gaps.dot(space.places[self._twelve]) - self._heights) <= within:
                 return None
+        finally:
+            self._put_back(space)
         if not worst <= DOUBTFUL:
             return None
         w, forces = found.w, self.force_set.G.dot(found.w)
@@ -261,15 +264,21 @@ class Plan:
     @contextmanager
     def workspace(self) -> Iterator[Workspace]:
         """A workspace that nobody else uses, for the block."""
-        try:
-            space = self._spare.pop()
-        except IndexError:
-            space = Workspace(self._robot.model, self._sites, self._units)
+        space = self._taken()
         try:
             yield space
         finally:
-            if len(self._spare) < _SPARE:
-                self._spare.append(space)
+            self._put_back(space)
+
+    def _taken(self) -> Workspace:
+        try:
+            return self._spare.pop()
+        except IndexError:
+            return Workspace(self._robot.model, self._sites, self._units)
+
+    def _put_back(self, space: Workspace) -> None:
+        if len(self._spare) < _SPARE:
+            self._spare.append(space)
 
     def search(
         self,
@@ -504,9 +513,12 @@ class ConstraintDynamics:
         self._low, self._high = np.array([s.lower for s in stops]), np.array([s.upper for s in stops])
         self._margin = np.array([limit.margin for limit in limits.values()])
         self._dofs, self._plans = [stop.v for stop in stops], dict[bytes, Plan]()
+        self._plain = None if limits else Plan(robot, sources)  # type: ignore[arg-type]
 
     def plan(self, q: Array) -> Plan:
         """That of the joint limits reached at q."""
+        if self._plain is not None:
+            return self._plain
         x = q[self._q]
         sides = np.concatenate([x - self._low <= self._margin, self._high - x <= self._margin])
         key = sides.tobytes()

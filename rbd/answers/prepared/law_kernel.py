@@ -193,7 +193,7 @@ def _modes(elements: Elements, u: Array, rest: float, coulomb: bool, modes: Arra
             return False
         if normal > rest:
             modes[e] = OPENS
-        elif mu > 0.0 and math.hypot(u[j], u[j + 1]) > rest:
+        elif mu > 0.0 and np.hypot(u[j], u[j + 1]) > rest:
             if not coulomb:
                 return False
             modes[e] = SLIDES
@@ -221,7 +221,7 @@ def _inside(elements: Elements, w: Array, modes: Array, cones: bool) -> bool:
     for e in range(len(elements.first)):
         j, mu = elements.first[e], elements.mu[e]
         if mu > 0.0:
-            if modes[e] == RESTS and not math.hypot(w[j], w[j + 1]) <= mu * w[j + 2]:
+            if modes[e] == RESTS and not np.hypot(w[j], w[j + 1]) <= mu * w[j + 2]:
                 return False
         elif not cones and not elements.lower[e] <= w[j] <= elements.upper[e]:
             return False
@@ -451,11 +451,11 @@ def _missed(elements: Elements, e: int, mode: int, u: Array, y: Array, w: Array,
     x, rate, far = w[normal], y[normal], 0.0
     push = max(abs(x), LEAST_PUSH)
     if mu > 0.0:
-        push = max(push, math.hypot(w[j], w[j + 1]))
+        push = max(push, np.hypot(w[j], w[j + 1]))
         slip = 0.0
         if mode == SLIDES:
-            slip = mu * x / math.hypot(u[j], u[j + 1])
-        far = math.hypot(w[j] + slip * u[j], w[j + 1] + slip * u[j + 1]) / push
+            slip = mu * x / np.hypot(u[j], u[j + 1])
+        far = np.hypot(w[j] + slip * u[j], w[j + 1] + slip * u[j + 1]) / push
     if mode == OPENS:
         return far + abs(x) / push
     low, high = (0.0, math.inf) if mu > 0.0 else (elements.lower[e], elements.upper[e])
