@@ -381,7 +381,7 @@ def told(seed: int, i: int) -> tuple[str, str]:
 
 def load() -> None:
     """Import what most problems need: each fork would import it anew, which takes longer than its problem."""
-    for name in ("solvers.contact_kernel", "solvers.newton_kernel", "constraints.plane_kernel"):
+    for name in ("solvers.law_kernel", "solvers.newton_kernel", "constraints.plane_kernel"):
         importlib.import_module(f"rbd.{name}")
     for name in ("rbd.simulation", "rbd.mechanism", "rbd.statics", "scipy.optimize", "clarabel"):
         importlib.import_module(name)
