@@ -72,6 +72,14 @@ class FoundForces(NamedTuple):
 
 
 @cache
+def certificate_kernel() -> ModuleType:
+    """`rbd.answers.prepared.certificate_kernel`, likewise."""
+    from rbd.answers.prepared import certificate_kernel
+
+    return certificate_kernel
+
+
+@cache
 def law_kernel() -> ModuleType:
     """`rbd.answers.prepared.law_kernel`, imported with the first plan that needs it: it imports Numba."""
     from rbd.answers.prepared import law_kernel
@@ -326,9 +334,10 @@ class Plan:
     ) -> float:  # fmt: skip
         """An upper bound of the largest scaled residual."""
         (X, twists, lifts), torque = space.read[3:], np.empty(len(v))
-        self._kernel.act(*loads, *self._own, *self._entries, X, found.w, space.pushes.reshape(-1, 6), torque)
+        kernel = certificate_kernel()
+        kernel.act(*loads, *self._own, *self._entries, X, found.w, space.pushes.reshape(-1, 6), torque)
         left = pin.rnea(self._robot.model, space.data, q, v, found.a, space.forces)
-        worst: float = self._kernel.judged(
+        worst: float = kernel.judged(
             left, generalised, torque, self._per_inertia, found.a, v, found.w, *self._own, *self._entries, *self._elements,
             X, twists, lifts, self._fall, rest_speed, coulomb,
         )  # fmt: skip
@@ -436,8 +445,13 @@ def _elements(made: Any, T: ForceSet, columns: Any, m: int) -> tuple[Any, bool]:
         for k in np.unique(body[normals[~starts], 0]):
             here = np.flatnonzero((mu > 0.0) & (body[normals, 0] == k))
             starts[here[spread_out(arm[normals[here]], 4)]] = True
+    begin = share
+    if not starts.all() and share.any():
+        some = np.isin(T.element_at, np.flatnonzero(starts))
+        begin = np.zeros(share.shape)
+        begin[some] = np.linalg.pinv(Q[:, some])
     closed = even and (not m or rank_of(Q, 1e-9) == m)
-    return made(first, T.lower[first], T.upper[first], mu, share, starts), closed
+    return made(first, T.lower[first], T.upper[first], mu, share, starts, begin), closed
 
 
 def spread_out(points: Array, count: int) -> list[int]:

@@ -1,4 +1,4 @@
-"""Compiled: from the rows of bodies and joints to the constraints' forces, and the certificate of what was found.
+"""Compiled: from the rows of bodies and joints to the constraints' forces.
 
 A *column* is a force of unit weight: a force F and a moment m on a body at a point r of it, or torques in joints. An *element*
 is a set of weights: an interval of one column, or a friction cone of three (tangent, tangent, normal). What it can resist
@@ -28,7 +28,7 @@ from rbd.answers.prepared.row_kernel import (
 from rbd.arrays import Array
 from rbd.constraints.surface import STEEPEST
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
-from rbd.solvers.law_kernel import LEAST_PUSH, cone_miss, search
+from rbd.solvers.law_kernel import search
 from rbd.solvers.newton_kernel import FOUND, Problem
 from rbd.solvers.small_systems import product
 
@@ -72,7 +72,8 @@ class Elements(NamedTuple):
         upper: Upper bounds.
         mu: Friction of a cone, zero for an interval.
         share: Weights of least norm by forces on the rows, of orthonormal three in the axes of their sites, shape (p, m).
-        starts: Elements with which Newton's method begins, shape (s,), truth values.
+        starts: Elements with which Newton's method begins, shape (e,), truth values.
+        begin: As `share`, with weights of these elements alone.
     """
 
     first: Array
@@ -81,6 +82,7 @@ class Elements(NamedTuple):
     mu: Array
     share: Array
     starts: Array
+    begin: Array
 
 
 @compiled
@@ -165,7 +167,7 @@ def _felt(columns: Columns, sites: Array, places: Array, X: Array, twists: Array
 
 
 @compiled
-def _modes(elements: Elements, u: Array, rest: float, coulomb: bool, modes: Array) -> bool:
+def decide(elements: Elements, u: Array, rest: float, coulomb: bool, modes: Array) -> bool:
     """Write what each element does, of velocities u of the columns; False if that is not for this way to decide.
 
     It is not if something approaches, or slides under the convex law; or where a constraint's rows may rest.
@@ -201,9 +203,9 @@ def _modes(elements: Elements, u: Array, rest: float, coulomb: bool, modes: Arra
 
 
 @compiled
-def _least(elements: Elements, columns: Columns, sites: Array, places: Array, X: Array, f: Array, w: Array) -> None:
+def _least(share: Array, columns: Columns, sites: Array, places: Array, X: Array, f: Array, w: Array) -> None:
     """Write weights of least norm, w = share f, of orthonormal three turned into their axes."""
-    product(elements.share, f, w)
+    product(share, f, w)
     R, F, own = np.empty((3, 3)), np.empty(3), np.empty(3)
     for j in range(len(w)):
         if columns.body[j, 4]:
@@ -312,7 +314,7 @@ def _answer(
     M: Array, J: Array, h: Array, X: Array, twists: Array, rates: Array, parent: Array, sites: Array, places: Array,
     units: Array, gear: Array, fall: Array, v: Array, generalised: Array, space: Array, loaded: Array, loads: Array,
     force: Array, moment: Array, arm: Array, along: Array, body: Array,
-    first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array,
+    first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array, begin: Array,
     core: int, rest: float, coulomb: bool, closed: bool, repeated: bool, a: Array, w: Array, modes: Array, u: Array,
 ) -> tuple[int, int, bool]:  # fmt: skip
     """(how it was found, steps, whether rows depend on each other) of the acceleration a and weights w, under the law.
@@ -340,12 +342,13 @@ def _answer(
         arm: As there.
         along: As there.
         body: As there.
-        first: Of `Elements`, as are the next five.
+        first: Of `Elements`, as are the next six.
         lower: As there.
         upper: As there.
         mu: As there.
         share: As there.
         starts: As there.
+        begin: As there.
         core: Number of the rows of sites and of bilateral joints' rows, which come first.
         rest: Largest speed at rest [m/s, rad/s].
         coulomb: Coulomb's law; else the convex one.
@@ -356,7 +359,7 @@ def _answer(
         modes: Written.
         u: Velocities of the columns; written.
     """
-    columns, elements = Columns(force, moment, arm, along, body), Elements(first, lower, upper, mu, share, starts)
+    columns, elements = Columns(force, moment, arm, along, body), Elements(first, lower, upper, mu, share, starts, begin)
     n, m, p = len(parent), share.shape[1], len(w)
     terms, f, felt, offset = terms_in(space, n, m), np.empty(m), np.zeros((p, 6)), np.empty(p)
     given = generalised.copy()
@@ -370,17 +373,19 @@ def _answer(
         for r in range(columns.body[j, 3]):
             u[j] += felt[j, r] * terms.velocity[columns.body[j, 2] + r]
         still = still and abs(offset[j]) <= _ROUNDING
-    if not _modes(elements, u, rest, coulomb, modes):
+    if not decide(elements, u, rest, coulomb, modes):
         return NOTHING, 0, False
     for mode in modes:
         still = still and mode == RESTS
     independent = holding_forces(terms, f)
     if independent < 0:
         return NOTHING, 0, False
-    _least(elements, columns, sites, places, X, f, w)
+    _least(share, columns, sites, places, X, f, w)
     how, steps = HELD, 0
     if not (closed and still and _inside(elements, w, modes, False)):
-        how, (merit, steps, convex) = NEWTON, _by_newton(terms, elements, columns, felt, offset, u, modes, w.copy(), coulomb, w)
+        start = np.empty(p)
+        _least(begin, columns, sites, places, X, f, start)
+        how, (merit, steps, convex) = NEWTON, _by_newton(terms, elements, columns, felt, offset, u, modes, start, coulomb, w)
         if not merit <= FOUND:
             return NOTHING, steps, independent < m
         f[:] = 0.0
@@ -389,219 +394,21 @@ def _answer(
                 f[columns.body[j, 2] + r] += felt[j, r] * w[j]
     if how == NEWTON and coulomb and convex and (repeated or independent < m):  # not jammed by internal forces?
         least = np.empty(p)
-        _least(elements, columns, sites, places, X, f, least)
+        _least(share, columns, sites, places, X, f, least)
         if not (closed and independent >= core and _inside(elements, least, modes, True)):
             return NOTHING, steps, independent < m
     accelerated(terms, terms.z, parent, f, a)
     return how, steps, independent < m
 
 
-_WRITTEN, _WHOLE, _TABLE = array(1, written=True), array(1, COUNT), array(2, COUNT)
-_COLUMNS = (array(2), array(2), array(2), array(2), _TABLE)
-_ELEMENTS = (_WHOLE, array(1), array(1), array(1), array(2), array(1, FLAG))
+_WRITTEN, _WHOLE, TABLE = array(1, written=True), array(1, COUNT), array(2, COUNT)
+COLUMN_TYPES = (array(2), array(2), array(2), array(2), TABLE)
+ELEMENT_TYPES = (_WHOLE, array(1), array(1), array(1), array(2), array(1, FLAG), array(2))
 answer = compiled(
     _answer,
     signature(
         (COUNT, COUNT, FLAG), array(2, layout="A"), array(2, layout="A"), array(1), array(2), array(2), array(2), _WHOLE,
-        _TABLE, array(2), _TABLE, array(1), array(1), array(1), array(1), _WRITTEN, _TABLE, array(2), *_COLUMNS, *_ELEMENTS,
-        COUNT, NUMBER, FLAG, FLAG, FLAG, _WRITTEN, _WRITTEN, array(1, COUNT, written=True), _WRITTEN,
-    ),
-)  # fmt: skip
-
-
-@compiled
-def _to_body(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """A vector of the world in the axes of a body, R by columns."""
-    return (
-        R[0] * x + R[1] * y + R[2] * z,
-        R[3] * x + R[4] * y + R[5] * z,
-        R[6] * x + R[7] * y + R[8] * z,
-    )
-
-
-@compiled
-def _own(columns: Columns, j: int, X: Array) -> tuple[float, float, float, float]:
-    """F of a column in its joint's axes, and whether its moment counts."""
-    F, k, axes = columns.force[j], columns.body[j, 0], columns.body[j, 1]
-    if axes == BODY:
-        return F[0], F[1], F[2], 1.0
-    if axes == WORLD:
-        F0, F1, F2 = _to_body(X[k], F[0], F[1], F[2])
-        return F0, F1, F2, 1.0
-    x, n = columns.along[j], columns.moment[j]  # an edge: from the normal in the joint's axes
-    n0, n1, n2 = _to_body(X[k], n[0], n[1], n[2])
-    s = n0 * x[0] + n1 * x[1] + n2 * x[2]
-    z0, z1, z2 = n0 - s * x[0], n1 - s * x[1], n2 - s * x[2]
-    size = math.sqrt(z0 * z0 + z1 * z1 + z2 * z2)
-    z0, z1, z2 = z0 / size, z1 / size, z2 / size
-    y0, y1, y2 = z1 * x[2] - z2 * x[1], z2 * x[0] - z0 * x[2], z0 * x[1] - z1 * x[0]
-    return (
-        F[0] * x[0] + F[1] * y0 + F[2] * z0, F[0] * x[1] + F[1] * y1 + F[2] * z1, F[0] * x[2] + F[1] * y2 + F[2] * z2, 0.0
-    )  # fmt: skip
-
-
-@compiled
-def _missed(elements: Elements, e: int, mode: int, u: Array, y: Array, w: Array, coulomb: bool) -> float:
-    """How far an element is from its law, scaled."""
-    j, mu = elements.first[e], elements.mu[e]
-    if mu > 0.0 and mode == RESTS:
-        one, two, three = cone_miss(y[j], y[j + 1], y[j + 2], w[j], w[j + 1], w[j + 2], mu, coulomb)
-        return one + two + three
-    normal = j + 2 if mu > 0.0 else j
-    x, rate, far = w[normal], y[normal], 0.0
-    push = max(abs(x), LEAST_PUSH)
-    if mu > 0.0:
-        push = max(push, np.hypot(w[j], w[j + 1]))
-        slip = 0.0
-        if mode == SLIDES:
-            slip = mu * x / np.hypot(u[j], u[j + 1])
-        far = np.hypot(w[j] + slip * u[j], w[j + 1] + slip * u[j + 1]) / push
-    if mode == OPENS:
-        return far + abs(x) / push
-    low, high = (0.0, math.inf) if mu > 0.0 else (elements.lower[e], elements.upper[e])
-    if mode == RUBS:
-        against = low if u[j] > 0.0 else high
-        return far + abs(x - against) / max(abs(against), LEAST_PUSH)
-    outside = max(low - x, x - high, 0.0) / push
-    sinks = 0.0
-    if low > -math.inf and high == math.inf:
-        sinks = max(-rate, 0.0)
-    elif high < math.inf and low == -math.inf:
-        sinks = max(rate, 0.0)
-    return far + outside + sinks + abs(min(max(x - push * rate, low), high) - x) / push
-
-
-def _act(
-    loaded: Array, loads: Array, force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
-    X: Array, w: Array, pushes: Array, torque: Array,
-) -> None:  # fmt: skip
-    """Write the forces of weights and of the world on the bodies, in their joints' axes, and in joints.
-
-    Args:
-        loaded: As of `answer`.
-        loads: As of `answer`.
-        force: Of `Columns`, as are the next four, in the axes of joints.
-        moment: As there.
-        arm: As there.
-        along: As there.
-        body: As there.
-        units: Column and dof of the entries of joints' columns, shape (u, 2).
-        gear: The entries, shape (u,).
-        X: As of `answer`.
-        w: Weights.
-        pushes: Written, (f, moment) of all joints, shape (joints, 6).
-        torque: Written, shape (nv,).
-    """
-    columns = Columns(force, moment, arm, along, body)
-    torque[:], pushes[:] = 0.0, 0.0
-    for e in range(len(loaded)):
-        k, load = loaded[e, 0], loads[e]
-        F0, F1, F2 = _to_body(X[k], load[0], load[1], load[2])
-        m0, m1, m2 = _to_body(X[k], load[3], load[4], load[5])
-        pushes[k, 0] += F0
-        pushes[k, 1] += F1
-        pushes[k, 2] += F2
-        pushes[k, 3] += m0 + load[7] * F2 - load[8] * F1
-        pushes[k, 4] += m1 + load[8] * F0 - load[6] * F2
-        pushes[k, 5] += m2 + load[6] * F1 - load[7] * F0
-    for j in range(len(w)):
-        k = columns.body[j, 0]
-        if k < 0:
-            continue
-        F, r = _own(columns, j, X), columns.arm[j]
-        for a in range(3):
-            pushes[k, a] += w[j] * F[a]
-            pushes[k, 3 + a] += w[j] * F[3] * columns.moment[j, a]
-        pushes[k, 3] += w[j] * (r[1] * F[2] - r[2] * F[1])
-        pushes[k, 4] += w[j] * (r[2] * F[0] - r[0] * F[2])
-        pushes[k, 5] += w[j] * (r[0] * F[1] - r[1] * F[0])
-    for i in range(len(units)):
-        torque[units[i, 1]] += gear[i] * w[units[i, 0]]
-
-
-act = compiled(
-    _act,
-    signature(
-        None, _TABLE, array(2), *_COLUMNS, _TABLE, array(1), array(2), array(1), array(2, written=True), _WRITTEN,
-    ),
-)  # fmt: skip
-
-
-def _judged(
-    left: Array, generalised: Array, torque: Array, per_inertia: Array, a: Array, v: Array, w: Array,
-    force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
-    first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array,
-    X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool,
-) -> float:  # fmt: skip
-    """The largest residual, over lower bounds of the scales, of the equations of motion and of the law; NaN stays.
-
-    Args:
-        left: What `pin.rnea` gives with the forces of `act`, shape (nv,).
-        generalised: S^T tau + tau_ext, shape (nv,).
-        torque: Of `act`.
-        per_inertia: Over lower bounds of M_ii, shape (nv,).
-        a: Acceleration.
-        v: Velocity.
-        w: Weights.
-        force: As of `act`.
-        moment: As of `act`.
-        arm: As of `act`.
-        along: As of `act`.
-        body: As of `act`.
-        units: As of `act`.
-        gear: As of `act`.
-        first: As of `answer`.
-        lower: As of `answer`.
-        upper: As of `answer`.
-        mu: As of `answer`.
-        share: As of `answer`.
-        starts: As of `answer`.
-        X: Placements of the joints, as Pinocchio left them.
-        twists: Their velocities.
-        lifts: Their spatial accelerations less gravity's.
-        fall: Gravity.
-        rest: As of `answer`.
-        coulomb: As of `answer`.
-    """
-    columns, elements = Columns(force, moment, arm, along, body), Elements(first, lower, upper, mu, share, starts)
-    worst, p = 0.0, len(w)
-    for i in range(len(a)):
-        missed = abs(left[i] - generalised[i] - torque[i]) * per_inertia[i] / max(abs(a[i]), 1.0)
-        if not missed <= worst:
-            worst = missed
-    u, y = np.zeros(p), np.zeros(p)
-    for i in range(len(units)):
-        u[units[i, 0]] += gear[i] * v[units[i, 1]]
-        y[units[i, 0]] += gear[i] * a[units[i, 1]]
-    for j in range(p):
-        k = columns.body[j, 0]
-        if k < 0:
-            continue
-        F, r, m, V, A = _own(columns, j, X), columns.arm[j], columns.moment[j], twists[k], lifts[k]
-        s0 = V[0] + V[4] * r[2] - V[5] * r[1]
-        s1 = V[1] + V[5] * r[0] - V[3] * r[2]
-        s2 = V[2] + V[3] * r[1] - V[4] * r[0]
-        u[j] = F[0] * s0 + F[1] * s1 + F[2] * s2 + F[3] * (m[0] * V[3] + m[1] * V[4] + m[2] * V[5])
-        g0 = A[0] + X[k, 0] * fall[0] + X[k, 1] * fall[1] + X[k, 2] * fall[2]
-        g1 = A[1] + X[k, 3] * fall[0] + X[k, 4] * fall[1] + X[k, 5] * fall[2]
-        g2 = A[2] + X[k, 6] * fall[0] + X[k, 7] * fall[1] + X[k, 8] * fall[2]
-        g0 += A[4] * r[2] - A[5] * r[1] + V[4] * s2 - V[5] * s1
-        g1 += A[5] * r[0] - A[3] * r[2] + V[5] * s0 - V[3] * s2
-        g2 += A[3] * r[1] - A[4] * r[0] + V[3] * s1 - V[4] * s0
-        y[j] = F[0] * g0 + F[1] * g1 + F[2] * g2 + F[3] * (m[0] * A[3] + m[1] * A[4] + m[2] * A[5])
-    modes = np.empty(len(elements.first), np.int64)
-    if not _modes(elements, u, rest, coulomb, modes):
-        return math.inf
-    for e in range(len(modes)):
-        missed = _missed(elements, e, modes[e], u, y, w, coulomb)
-        if not missed <= worst:
-            worst = missed
-    return worst
-
-
-judged = compiled(
-    _judged,
-    signature(
-        NUMBER, *[array(1)] * 7, *_COLUMNS, _TABLE, array(1), *_ELEMENTS, array(2), array(2), array(2), array(1), NUMBER, FLAG,
+        TABLE, array(2), TABLE, array(1), array(1), array(1), array(1), _WRITTEN, TABLE, array(2),
+        *COLUMN_TYPES, *ELEMENT_TYPES, COUNT, NUMBER, FLAG, FLAG, FLAG, _WRITTEN, _WRITTEN, array(1, COUNT, written=True), _WRITTEN,
     ),
 )  # fmt: skip
