@@ -437,7 +437,7 @@ def _elements(made: Any, T: ForceSet, columns: Any, m: int) -> tuple[Any, bool]:
     for j, (k, _, at, width, _) in enumerate(body.tolist()):
         wrench = np.concatenate([axes[j], moment[j] + np.cross(arm[j], axes[j])])
         Q[at : at + width, j] = wrench[:width] if k >= 0 else force[j, :1]
-    mu = np.array([e.mu if e.is_cone else 0.0 for e in T.elements])
+    mu = np.array([e.mu if e.is_cone else 0.0 for e in T.elements], float)
     share = np.ascontiguousarray(np.linalg.pinv(Q)) if even and Q.size else np.zeros((T.size, m))
     starts, normals = np.ones(len(first), bool), first + np.where(mu > 0.0, 2, 0)
     if (mu > 0.0).sum() > _ALL:

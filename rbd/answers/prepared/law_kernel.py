@@ -409,6 +409,7 @@ answer = compiled(
     signature(
         (COUNT, COUNT, FLAG), array(2, layout="A"), array(2, layout="A"), array(1), array(2), array(2), array(2), _WHOLE,
         TABLE, array(2), TABLE, array(1), array(1), array(1), array(1), _WRITTEN, TABLE, array(2),
-        *COLUMN_TYPES, *ELEMENT_TYPES, COUNT, NUMBER, FLAG, FLAG, FLAG, _WRITTEN, _WRITTEN, array(1, COUNT, written=True), _WRITTEN,
+        *COLUMN_TYPES, *ELEMENT_TYPES, COUNT, NUMBER, FLAG, FLAG, FLAG,
+        _WRITTEN, _WRITTEN, array(1, COUNT, written=True), _WRITTEN,
     ),
 )  # fmt: skip
