@@ -90,7 +90,7 @@ def answers_of(d: Draws) -> dict[str, Column]:
 def mixtures_of(d: Draws) -> dict[str, Column]:
     """Neighbours of sticking soles: what else touches, slides, locks or is pushed."""
     stick, soles, robot = d.sticking(), d.frictional, d.robot
-    slide = [(q, slid(d, q), tau) for q, _, tau in stick]
+    slide, still = [(q, slid(d, q), tau) for q, _, tau in stick], [(q, 0.0 * v, tau) for q, v, tau in stick]
     corners = [
         rbd.PointContact(f"{s.name} {i}", s.frame, offset=s.placement.act(x), friction=s.friction)
         for s in soles
@@ -114,7 +114,7 @@ def mixtures_of(d: Draws) -> dict[str, Column]:
 
     return {
         "sticking, and an external force": pushed,
-        **{f"sticking, {what}": solving(d, stick, given) for what, given in more.items()},
+        **{f"sticking, {what}": solving(d, still, given) for what, given in more.items()},
         "without friction": solving(d, stick, [sole.with_friction(0.0) for sole in soles]),
         "sliding at 0.3 m/s": solving(d, slide, [sole.with_friction(0.3) for sole in soles]),
         "without contact": solving(d, stick, []),

@@ -139,11 +139,6 @@ class Found(NamedTuple):
     steps: int
     dependent: bool
 
-    @property
-    def rests(self) -> bool:
-        """Whether nothing slides, opens or rubs."""
-        return not self.modes.any()
-
 
 class Plan:
     """Constraints of one robot with rows that are the same at each state, prepared.

@@ -120,13 +120,16 @@ class ContactDynamics:
         """
         n, bodies, plan = len(q), self.bodies, self._plan
         a, w = np.zeros(v.shape), np.zeros((n, self.force_set.size))
-        X, method, moving = np.zeros((n, 12 * len(bodies.sites))), np.full(n, -1, np.int8), np.zeros(n, bool)
+        X, method, u = np.zeros((n, 12 * len(bodies.sites))), np.full(n, -1, np.int8), np.zeros(w.shape)
+        modes = np.zeros((n, len(self.force_set.elements)), np.int8)
         with plan.workspace() as space:
             for i in range(n):
                 found = plan.search(space, q[i], v[i], generalised[i], rest_speed, coulomb, None if mu is None else mu[i])
                 X[i] = bodies.placements(space)
-                if found is not None and found.rests:
-                    a[i], w[i], method[i], moving[i] = found.a, found.w, found.how, (np.abs(found.u) > rest_speed).any()
+                if found is not None:
+                    a[i], w[i], u[i], modes[i], method[i] = found.a, found.w, found.u, found.modes, found.how
+            method[modes.any(axis=1)] = -1  # what slides or opens is judged alone
+            moving = np.asarray((np.abs(u) > rest_speed).any(axis=1))
             return self.judged(space, q, v, generalised, a, w, X, method, moving, coulomb=coulomb, mu=mu)
 
     def judged(
