@@ -397,7 +397,7 @@ def _write(columns: Any, j: int, *vectors: Array) -> None:
 
 
 def _site(joint: int, columns: Sequence[Column]) -> Site:
-    """The rows of a body: at its one point, about the line of its points, or at the pose of its one patch."""
+    """The rows of a body: at its one point, or at the centre of its points, without turns about their line."""
     points = np.array([c.point for c in columns])
     centre = points.mean(axis=0)
     away = points - centre
