@@ -203,6 +203,15 @@ def forces_a_millionth_too_large(patch: pytest.MonkeyPatch, case: Case) -> None:
     _after(patch, case, wrong)
 
 
+def one_force_that_is_no_number(patch: pytest.MonkeyPatch, case: Case) -> None:
+    """The first weight is NaN: what comes after it in the certificate must not hide that."""
+
+    def wrong(given: dict[str, Any]) -> None:
+        given["w"][0] = np.nan
+
+    _after(patch, case, wrong)
+
+
 def another_site(patch: pytest.MonkeyPatch, case: Case) -> None:
     """Contacts a millimetre off their places and turned by a milliradian, where the rows are made alone."""
 
@@ -264,6 +273,7 @@ EVERYWHERE: list[Fault] = [
     acceleration_of_the_call_before,
     both_of_the_call_before,
     forces_a_millionth_too_large,
+    one_force_that_is_no_number,
     another_site,
     another_configuration,
     another_velocity,

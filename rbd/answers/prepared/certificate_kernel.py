@@ -156,7 +156,9 @@ def _judged(
     first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array, begin: Array,
     X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool,
 ) -> float:  # fmt: skip
-    """The largest residual, over lower bounds of the scales, of the equations of motion and of the law; NaN stays.
+    """The largest residual, over lower bounds of the scales, of the equations of motion and of the law.
+
+    Infinite where a number is not finite.
 
     Args:
         left: What `pin.rnea` gives with the forces of `act`, shape (nv,).
@@ -191,8 +193,9 @@ def _judged(
     worst, p = 0.0, len(w)
     for i in range(len(a)):
         missed = abs(left[i] - generalised[i] - torque[i]) * per_inertia[i] / max(abs(a[i]), 1.0)
-        if not missed <= worst:
-            worst = missed
+        if not missed < math.inf:
+            return math.inf
+        worst = max(worst, missed)
     u, y = np.zeros(p), np.zeros(p)
     for i in range(len(units)):
         u[units[i, 0]] += gear[i] * v[units[i, 1]]
@@ -213,13 +216,14 @@ def _judged(
         g1 += A[5] * r[0] - A[3] * r[2] + V[5] * s0 - V[3] * s2
         g2 += A[3] * r[1] - A[4] * r[0] + V[3] * s1 - V[4] * s0
         y[j] = F[0] * g0 + F[1] * g1 + F[2] * g2 + F[3] * (m[0] * A[3] + m[1] * A[4] + m[2] * A[5])
+    for j in range(p):
+        if not math.isfinite(u[j] + y[j] + w[j]):
+            return math.inf
     modes = np.empty(len(elements.first), np.int64)
     if not decide(elements, u, rest, coulomb, modes):
         return math.inf
     for e in range(len(modes)):
-        missed = _missed(elements, e, modes[e], u, y, w, coulomb)
-        if not missed <= worst:
-            worst = missed
+        worst = max(worst, _missed(elements, e, modes[e], u, y, w, coulomb))
     return worst
 
 
