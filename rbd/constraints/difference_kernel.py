@@ -35,7 +35,7 @@ def _judged(
         middle: That in the middle, shape (m,).
         steps: Lengths of the steps, from the first on.
         left: The k directions of `moved`, among n.
-        slopes: Along the first so many of the n the first derivative is sought, along the others the second.
+        slopes: How many of the n directions, the first ones, want the first derivative; the others want the second.
         size: Size of first derivatives.
         found: The best derivatives so far, shape (n, m); changed.
         gaps: Their gaps between two orders, shape (n,); infinite where there is none; changed.

@@ -334,7 +334,7 @@ class Neighbourhood(NamedTuple):
         Args:
             of: What f computes, for messages; where it takes columns, two steps are evaluated together.
             along: The unit vectors, shape (n, nv).
-            slopes: Along the first so many of them the first derivative, along the others the second.
+            slopes: How many directions, the first ones, want the first derivative; the others want the second.
             size: Size of f's first derivatives, if known.
 
         Raises:

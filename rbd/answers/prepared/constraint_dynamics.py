@@ -13,8 +13,7 @@ solved the general way: contacts on moving ground or on bodies, loops, constrain
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
@@ -23,7 +22,7 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.answers.analysis.force_choice import MINIMUM_NORM, UNIQUE
-from rbd.answers.prepared.contact_bodies import MOST, WORLD, JointEntry, Site, Workspace, gap_map, keep
+from rbd.answers.prepared.contact_bodies import MOST, WORLD, JointEntry, Site, Workspace, Workspaces, keep, plane_gaps
 from rbd.arrays import Array, max_abs, rank_of, zeros
 from rbd.constraints.contact import Contact
 from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
@@ -41,8 +40,6 @@ _ONE_LINE = 1e-9
 """Spread of points across a line, over that along it, up to which they are on it."""
 _ALL = 12
 """Up to this number of points, all are taken into account from the start."""
-_SPARE = 2
-"""Workspaces that are kept with a plan."""
 
 
 class FoundForces(NamedTuple):
@@ -72,19 +69,19 @@ class FoundForces(NamedTuple):
 
 
 @cache
+def law_kernel() -> ModuleType:
+    """`rbd.answers.prepared.law_kernel`, imported with the first plan that needs it."""
+    from rbd.answers.prepared import law_kernel
+
+    return law_kernel
+
+
+@cache
 def certificate_kernel() -> ModuleType:
     """`rbd.answers.prepared.certificate_kernel`, likewise."""
     from rbd.answers.prepared import certificate_kernel
 
     return certificate_kernel
-
-
-@cache
-def law_kernel() -> ModuleType:
-    """`rbd.answers.prepared.law_kernel`, imported with the first plan that needs it: it imports Numba."""
-    from rbd.answers.prepared import law_kernel
-
-    return law_kernel
 
 
 _NONE = zeros(3)
@@ -140,22 +137,23 @@ class Found(NamedTuple):
     dependent: bool
 
 
-class Plan:
+class Plan(Workspaces):
     """Constraints of one robot with rows that are the same at each state, prepared.
 
     Args:
         robot: The robot.
-        sources: Of each constraint its name, its set, its columns, and, of a contact on a plane, its corners.
+        sources: The constraints' sets of forces, and what forces of unit weight do.
     """
 
     def __init__(self, robot: CheckedModel, sources: Sequence[Source]) -> None:
         self._robot, self._sources = robot, sources
         self.force_set = at_rest(*[source.cone for source in sources])
         self.bilateral = self.force_set.bilateral
-        self._kernel, self._spare = law_kernel(), list[Workspace]()
+        self._kernel = law_kernel()
         self._per_inertia, self._fall = 1.0 / robot.least_inertia, np.array(robot.model.gravity.linear)
         self._place([column for source in sources for column in source.columns])
         self._stand()
+        super().__init__(robot.model, self._sites, self._units)
 
     @classmethod
     def of(cls, robot: CheckedModel, constraints: Sequence[object]) -> Plan:
@@ -203,18 +201,9 @@ class Plan:
 
     def _stand(self) -> None:
         """The gaps of contacts on planes whose place is known."""
-        standing = [contact for source in self._sources for contact in source.contacts if contact.plane is not None]
-        sites = [self._robot.site(contact.frame) for contact in standing]
-        joints = sorted({joint for joint, _ in sites})
-        each = np.repeat(np.arange(len(standing)), [len(contact.corners) for contact in standing])
-        arms = [(X * c.placement).act(x) for c, (_, X) in zip(standing, sites, strict=True) for x in c.corners]
-        normals, heights = np.zeros((len(each), 3)), np.zeros(len(each))
-        for k, i in enumerate(each):
-            plane = standing[i].plane
-            assert plane is not None
-            normals[k], heights[k] = plane.normal, plane.height
-        bodies = np.array([joints.index(joint) for joint, _ in sites], int)[each]
-        self._gaps, self._heights = gap_map(bodies, np.reshape(arms, (-1, 3)), normals, len(joints)), heights
+        contacts = [contact for source in self._sources for contact in source.contacts]
+        joints = sorted({self._robot.site(contact.frame)[0] for contact in contacts})
+        self._gaps, self._heights = plane_gaps(self._robot, contacts, joints)
         self._twelve = (12 * np.array(joints, int)[:, None] + np.arange(12)).ravel()
 
     def answer(
@@ -240,7 +229,7 @@ class Plan:
             within: If a corner is farther off its plane, the general way is taken [m].
         """
         loads = _loads(self._robot, pushes) if pushes else _UNLOADED
-        space = self._taken()
+        space = self.taken()
         try:
             found = self.search(space, q, v, generalised, rest_speed, coulomb, loads=loads)
             if found is None:
@@ -249,7 +238,7 @@ class Plan:
             if len(self._heights) and not max_abs(self._gaps.dot(space.places[self._twelve]) - self._heights) <= within:
                 return None
         finally:
-            self._put_back(space)
+            self.put_back(space)
         if not worst <= DOUBTFUL:
             return None
         w, forces = found.w, self.force_set.G.dot(found.w)
@@ -263,25 +252,6 @@ class Plan:
         return FoundForces(
             found.a, forces, None if self.bilateral else w, METHODS[found.how], found.steps, worst, moving, openings, choice
         )  # fmt: skip
-
-    @contextmanager
-    def workspace(self) -> Iterator[Workspace]:
-        """A workspace that nobody else uses, for the block."""
-        space = self._taken()
-        try:
-            yield space
-        finally:
-            self._put_back(space)
-
-    def _taken(self) -> Workspace:
-        try:
-            return self._spare.pop()
-        except IndexError:
-            return Workspace(self._robot.model, self._sites, self._units)
-
-    def _put_back(self, space: Workspace) -> None:
-        if len(self._spare) < _SPARE:
-            self._spare.append(space)
 
     def search(
         self,
@@ -419,7 +389,8 @@ def _elements(made: Any, T: ForceSet, columns: Any, m: int) -> tuple[Any, bool]:
     Of points with the world's axes forces of least norm are those in their bodies' axes, turned: for orthonormal axes only.
     """
     force, moment, arm, _, body = columns
-    moment, kernel = np.where(body[:, 1:2] == law_kernel().EDGE, 0.0, moment), law_kernel()
+    kernel = law_kernel()
+    moment = np.where(body[:, 1:2] == kernel.EDGE, 0.0, moment)
     Q, first = np.zeros((m, T.size)), np.array([e.columns.start for e in T.elements], np.int64)
     turns, even = np.flatnonzero(body[:, 1] != kernel.BODY), True
     axes = force.copy()

@@ -78,10 +78,6 @@ class Site:
         """Its values."""
         return self.joint, self.size, self.turns, self.X_JC.homogeneous.tobytes()
 
-    def in_joint_axes(self, corners: Array) -> Array:
-        """Points of the contact in the joint's axes, shape (k, 3) [m]."""
-        return np.ascontiguousarray(corners @ self.X_JC.rotation.T + self.X_JC.translation)
-
 
 class JointEntry(NamedTuple):
     """An entry of a row of joints: velocities of the row are sums of `gear` times those of its dofs."""
@@ -181,6 +177,40 @@ class Workspace:
         return a, f
 
 
+class Workspaces:
+    """Workspaces of a model and its rows, each for one user at a time.
+
+    Args:
+        model: The model.
+        sites: Places of the rows of bodies.
+        units: Entries of the rows of joints.
+    """
+
+    def __init__(self, model: pin.Model, sites: Sequence[Site], units: Sequence[JointEntry] = ()) -> None:
+        self._of, self.spare = (model, sites, units), list[Workspace]()
+
+    def taken(self) -> Workspace:
+        """A workspace that nobody else uses, until it is `put_back`."""
+        try:
+            return self.spare.pop()
+        except IndexError:
+            return Workspace(*self._of)
+
+    def put_back(self, space: Workspace) -> None:
+        """The end of the use of a workspace."""
+        if len(self.spare) < MOST_SPARE:
+            self.spare.append(space)
+
+    @contextmanager
+    def workspace(self) -> Iterator[Workspace]:
+        """A workspace for the block."""
+        space = self.taken()
+        try:
+            yield space
+        finally:
+            self.put_back(space)
+
+
 class BilinearMap:
     """The map (x, y) -> T x y, as one constant matrix on the products of entries of x and y that take part.
 
@@ -209,7 +239,7 @@ _CROSS = np.stack([cross_matrix(e) for e in np.eye(3)], axis=1)
 """T of the product w x v."""
 
 
-class ContactBodies:
+class ContactBodies(Workspaces):
     """The bodies of a robot that contacts touch, as `prepared` and a time step have them: what is constant.
 
     Attributes:
@@ -219,10 +249,10 @@ class ContactBodies:
         rows: The rows of each.
         m: Number of rows.
         row_rates: Velocities of the rows by those (v, w) of the bodies; points in the joint's axes. Shape (m, 6 sites).
-        spare: Workspaces that nobody uses.
     """
 
     def __init__(self, robot: CheckedModel, sites: Sequence[Site]) -> None:
+        super().__init__(robot.model, sites)
         self.robot, self.sites, self.joints = robot, tuple(sites), np.array([site.joint for site in sites])
         ends, n = np.cumsum([site.size for site in sites]).tolist(), len(sites)
         self.rows, self.m = [slice(end - site.size, end) for end, site in zip(ends, sites, strict=True)], ends[-1]
@@ -244,7 +274,6 @@ class ContactBodies:
         self._unturned, self._turns = 1.0 - turned.any(axis=(1, 2)), bool(turned.any())
         #: Where the bodies are among all joints' placements, and among their velocities.
         self._twelve, self._six = ((size * self.joints[:, None] + np.arange(size)).ravel() for size in (12, 6))
-        self.spare: list[Workspace] = []
 
     @classmethod
     def of(cls, robot: CheckedModel, sites: Sequence[Site]) -> ContactBodies:
@@ -255,27 +284,6 @@ class ContactBodies:
             found = cls(robot, sites)
             keep(robot.kept_bodies, key, found, MOST_BODIES)
         return found
-
-    def taken(self) -> Workspace:
-        """A workspace that nobody else uses, until it is `put_back`."""
-        try:
-            return self.spare.pop()
-        except IndexError:
-            return Workspace(self.robot.model, self.sites)
-
-    def put_back(self, space: Workspace) -> None:
-        """The end of the use of a workspace."""
-        if len(self.spare) < MOST_SPARE:
-            self.spare.append(space)
-
-    @contextmanager
-    def workspace(self) -> Iterator[Workspace]:
-        """A workspace for the block."""
-        space = self.taken()
-        try:
-            yield space
-        finally:
-            self.put_back(space)
 
     def placements(self, space: Workspace) -> Array:
         """X of the bodies, as `held` left it, shape (12 sites,)."""
@@ -321,29 +329,22 @@ class ContactBodies:
 
         Args:
             space: Used.
-            q: Configuration, shape (nq,), or (n, nq) of n states.
-            v: Velocity, shape (..., nv).
-            generalised: S^T tau + tau_ext, shape (..., nv).
-            a: Acceleration, shape (..., nv).
-            f: Row forces, shape (..., m).
-            X: Placements of the bodies, shape (..., 12 sites).
+            q: Configurations, shape (n, nq).
+            v: Velocities, shape (n, nv).
+            generalised: S^T tau + tau_ext, shape (n, nv).
+            a: Accelerations, shape (n, nv).
+            f: Row forces, shape (n, m).
+            X: Placements of the bodies, shape (n, 12 sites).
 
         Returns:
-            Shapes (..., nv) and (..., m), the latter as of `row_accelerations`.
+            Shapes (n, nv) and (n, m), the latter as of `row_accelerations`.
         """
         wrenches = self.wrenches(f, X)
-        if q.ndim == 1:
-            left = self.inverse_dynamics(space, q, v, a, wrenches)
-            V, lifts = self.velocities(space), self.lifts(space)
-            given = left[None], generalised[None], a[None]
-        else:
-            left, V, lifts = np.empty(v.shape), np.empty(wrenches.shape), np.empty(wrenches.shape)
-            six, rates, accelerations = self._six, space.rates, space.lifts
-            for i, (q_i, v_i, a_i, wrench) in enumerate(zip(q, v, a, wrenches, strict=True)):
-                left[i] = self.inverse_dynamics(space, q_i, v_i, a_i, wrench)
-                V[i], lifts[i] = rates[six], accelerations[six]
-            given = left, generalised, a
-        row_kernel().unbalanced(*given, self._per_inertia)
+        left, V, lifts = np.empty(v.shape), np.empty(wrenches.shape), np.empty(wrenches.shape)
+        for i, (q_i, v_i, a_i, wrench) in enumerate(zip(q, v, a, wrenches, strict=True)):
+            left[i] = self.inverse_dynamics(space, q_i, v_i, a_i, wrench)
+            V[i], lifts[i] = self.velocities(space), self.lifts(space)
+        row_kernel().unbalanced(left, generalised, a, self._per_inertia)
         return left, self.row_accelerations(V, self.accelerations(X, lifts))
 
     def inverse_dynamics(self, space: Workspace, q: Array, v: Array, a: Array, wrenches: Array) -> Array:
@@ -396,6 +397,21 @@ def gap_map(body: Array, arms: Array, normals: Array, bodies: int) -> Array:
     out[k, body, :9] = (arms[:, :, None] * normals[:, None]).reshape(-1, 9)
     out[k, body, 9:] = normals
     return out.reshape(len(arms), 12 * bodies)
+
+
+def plane_gaps(robot: CheckedModel, contacts: Sequence[Contact], joints: Sequence[int]) -> tuple[Array, Array]:
+    """(`gap_map` of the corners of contacts whose plane is known, by the placements of some joints; heights of the planes)."""
+    points, normals, heights, bodies = list[Array](), list[Array](), list[float](), list[int]()
+    for contact in contacts:
+        if contact.plane is not None:
+            joint, X_JF = robot.site(contact.frame)
+            X, k = X_JF * contact.placement, len(contact.corners)
+            points += [X.act(corner) for corner in contact.corners]
+            normals += [np.asarray(contact.plane.normal)] * k
+            heights += [contact.plane.height] * k
+            bodies += [list(joints).index(joint)] * k
+    gaps = gap_map(np.array(bodies, int), np.reshape(points, (-1, 3)), np.reshape(normals, (-1, 3)), len(joints))
+    return gaps, np.array(heights)
 
 
 def covered(robot: CheckedModel, contacts: tuple[object, ...]) -> bool:

@@ -1,11 +1,8 @@
-"""Answers for contacts on ground at rest, in the few rows of the bodies in contact; constants are computed once.
+"""Answers at many states for contacts on ground at rest, each on a body of its own; constants are computed once.
 
-    sticking    s = 0, if the corner forces of minimum norm are inside their cones
-    slipping    y = G^T (L^-1 G w - L^-1 f_0),  forces f = G w, weights w and accelerations y under the law
-
-with L and f_0 of `rbd.answers.prepared.contact_bodies`, which also judges what was found: at one state, or at a block of them
-in array operations. What is not covered gets None, and is solved the general way: contacts of other kinds, on moving ground or
-on bodies, two on one body, linearly dependent rows.
+A plan (`rbd.answers.prepared.constraint_dynamics`) finds the answer to each state; what judges them, and what they are in
+world axes, is computed for a block of states in array operations. What is not covered gets None, and is solved one by one:
+contacts of other kinds, on moving ground or on bodies, two on one body.
 """
 
 from __future__ import annotations
@@ -21,11 +18,11 @@ from rbd.answers.prepared.contact_bodies import (
     Site,
     Workspace,
     covered,
-    gap_map,
     keep,
+    plane_gaps,
     rotations,
 )
-from rbd.arrays import Array, each_times, max_abs
+from rbd.arrays import Array, each_times
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
 from rbd.problem.answer import CARRIES_NOTHING_N
@@ -83,27 +80,16 @@ class ContactDynamics:
         self.bodies, self._contacts = bodies, contacts
         self.force_set = T = at_rest(*[contact.cone for contact in contacts])
         self.bilateral = T.bilateral
-        turns = [(contact.turned, rows) for contact, rows in zip(contacts, bodies.rows, strict=True)]
-        self._turns = [(turn, rows) for turn, rows in turns if turn is not None]
-        self.G = np.ascontiguousarray(T.G)
-        if self._turns:
-            self.G = T.G.copy()
-            for turn, rows in self._turns:
-                self.G[rows] = turn @ self.G[rows]
+        self.G = np.array(T.G, order="C")
+        for contact, rows in zip(contacts, bodies.rows, strict=True):
+            if contact.turned is not None:
+                self.G[rows] = contact.turned @ self.G[rows]
         self._plan = Plan.of(bodies.robot, contacts)
-        standing = [(i, c, c.plane, site) for i, (c, site) in enumerate(zip(contacts, bodies.sites, strict=True)) if c.plane]
-        each = np.repeat(np.arange(len(standing)), [len(c.corners) for _, c, _, _ in standing])
-        arms = np.concatenate([np.zeros((0, 3)), *[site.in_joint_axes(c.corners) for _, c, _, site in standing]])
-        normals = np.array([plane.normal for _, _, plane, _ in standing]).reshape(-1, 3)[each]
-        self._gaps = gap_map(np.array([i for i, *_ in standing], int)[each], arms, normals, len(contacts))
-        self._heights = np.array([plane.height for _, _, plane, _ in standing])[each]
+        self._gaps, self._heights = plane_gaps(bodies.robot, contacts, bodies.joints.tolist())
 
     def off_plane(self, X: Array) -> Array:
-        """Largest distance of a corner from the plane on which it stands, where that is known, shape (...,) [m]."""
-        if not len(self._heights):
-            return np.zeros(X.shape[:-1])
-        gaps = X @ self._gaps.T - self._heights
-        return np.asarray(max_abs(gaps) if X.ndim == 1 else np.abs(gaps).max(axis=-1))
+        """Largest distance of a corner from the plane on which it stands, where that is known, shape (n,) [m]."""
+        return np.abs(X @ self._gaps.T - self._heights).max(axis=1, initial=0.0)
 
     def solve(
         self, q: Array, v: Array, generalised: Array, *, coulomb: bool, rest_speed: float, mu: Array | None
@@ -164,7 +150,7 @@ class ContactDynamics:
         return BlockAnswer(found, a, *world, residuals, method, self.off_plane(X) > TOUCHES, still, moving)
 
     def _misses(self, c: Array, w: Array, mu: Array, coulomb: bool) -> dict[str, Array]:
-        """Upper bounds of the scaled residuals of the law, as `rbd.solvers.contact_newton` has them."""
+        """Upper bounds of the scaled residuals of the law."""
         if self.bilateral:
             none = np.zeros(len(c))
             return {"feasibility": np.abs(c).max(axis=1), "cone": none, "complementarity": none}

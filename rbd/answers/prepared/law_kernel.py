@@ -41,7 +41,7 @@ HELD, NEWTON, NOTHING = range(3)
 _ROUNDING = 1e-13
 """Centripetal accelerations up to this are rounding [m/s2]."""
 _DOUBTFUL = 4.0
-"""Elements that move up to so many times the rest speed: their constraint may rest."""
+"""Where an element is slower than this times the rest speed, the rows of its constraint may be below it: not decided here."""
 
 
 class Columns(NamedTuple):
