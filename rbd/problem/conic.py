@@ -132,6 +132,13 @@ class Conic:
         (A, (b,)), (C, (low, high)) = stacked(equations, 1), stacked(between, 2)
         return cls(H, g, A, b, C, low, high, lower, upper, cones, mu, spans)
 
+    @property
+    def arrays(self) -> tuple[Array, ...]:
+        """All that `rbd.solvers.conic_kernel` reads."""
+        return (
+            self.H, self.g, self.A, self.b, self.C, self.low, self.high, self.lower, self.upper, self.cones, self.mu
+        )  # fmt: skip
+
     def missed(self) -> Conic:
         """The program of the least sum of what equations and rows miss: any x in X is possible, and none misses less.
 

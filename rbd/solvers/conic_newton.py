@@ -22,9 +22,7 @@ from rbd.problem.programs import CONIC_SECONDS, CONIC_STEPS, Outcome, Work
 
 MET = 1e-11
 """A miss up to this is rounding, of numbers around one; where H has larger entries, 1e-14 of these."""
-_ROUNDING, _DIGITS = 1e-13, 1e-14  # of numbers around one; of entries of H
-NEWTON_STEPS = 12
-"""Of Newton's method, before Clarabel is asked."""
+_DIGITS = 1e-14  # of entries of H
 _NEAR = 1e-4  # a miss of Clarabel's from which Newton's method is tried
 _REACH = 1e6  # of a proof that is not improved
 _ENOUGH = 1e3  # of a proof
@@ -44,9 +42,7 @@ def solve_conic(program: Conic, *, newton: bool = True, tolerance: float = 1e-9)
     if not len(program.g):
         return _of_no_columns(program, tolerance)
     quick = _by_newton(program) if newton else None
-    if quick is not None:
-        return quick
-    return _by_clarabel(program, tolerance)
+    return _by_clarabel(program, tolerance) if quick is None else quick
 
 
 def _of_no_columns(program: Conic, tolerance: float) -> ConicAnswer:
@@ -62,80 +58,25 @@ def _of_no_columns(program: Conic, tolerance: float) -> ConicAnswer:
 
 def _by_newton(program: Conic) -> ConicAnswer | None:
     """From the minimiser of the equations alone; None where it does not end."""
-    e, n = program.A.shape
-    K = np.zeros((n + e, n + e))
-    K[:n, :n], K[:n, n:], K[n:, :n] = program.H, -program.A.T, program.A
-    right = np.concatenate([-program.g, program.b])
-    _, _, found, info = lapack.dgesv(K, right)
-    if info != 0 or not is_finite(found):
-        return None
-    x, y, z = found[:n], found[n:], np.zeros(len(program.C))
-    # Of dependent rows K is singular but for rounding, and what is found meets nothing.
-    if program.allows(x) and float(np.abs(K @ found - right).max()) <= _met(program):
-        return ConicAnswer(program, Outcome.SOLVED, x, y, z, "Newton", 0)
-    return newton_steps(program, x, y, z)
+    return newton_steps(program, np.zeros(len(program.g)), np.zeros(len(program.b)), np.zeros(len(program.C)), True)
 
 
-def _met(program: Conic) -> float:
-    """A miss up to this is rounding."""
-    return max(MET, _DIGITS * float(np.abs(program.H).max(initial=0.0)))
+def newton_steps(program: Conic, x: Array, y: Array, z: Array, fresh: bool = False) -> ConicAnswer | None:
+    """Newton's method from a point; None where it does not end at a miss of rounding.
 
+    Args:
+        program: The program.
+        x: Shape (n,).
+        y: Multipliers of the equations, shape (e,).
+        z: Of the rows between bounds, shape (q,).
+        fresh: Begin at the minimiser of the equations alone.
+    """
+    from rbd.solvers.conic_kernel import newton  # imports Numba
 
-def newton_steps(program: Conic, x: Array, y: Array, z: Array) -> ConicAnswer | None:
-    """Newton's method from a point; None where it does not end at a miss of rounding."""
-    e, n = program.A.shape
-    best: tuple[float, int, Array, Array, Array] | None = None
-    met = _met(program)
-    for count in range(NEWTON_STEPS + 1):
-        s, r = program.C @ x, program.answer_of_X(x, y, z)
-        p, t = x - r, s - z
-        inside, V = _projected(program, p)
-        off = x - inside, program.A @ x - program.b, s - np.minimum(np.maximum(t, program.low), program.high)
-        miss = max(max_abs(off[0]), max_abs(off[1]), max_abs(off[2]))
-        if miss <= _ROUNDING:
-            return ConicAnswer(program, Outcome.SOLVED, inside, y, z, "Newton", count)
-        if best is None or miss < best[0]:
-            best = miss, count, x, y, z
-        if count == NEWTON_STEPS or not miss < 1e3 * max(best[0], 1.0) or (best[0] <= met and count > best[1] + 1):
-            break
-        # d off = [(I - V) + V H, -V A^T, -V C^T; A, 0, 0; (I - D) C, 0, D] with V, D the slopes of the projections: where a row
-        # is between its bounds, z becomes 0, and its equation is left out.
-        held = (t <= program.low) | (t >= program.high)
-        E = np.concatenate([program.A, program.C[held]]) if held.any() else program.A
-        m = len(E)
-        K = np.zeros((n + m, n + m))
-        K[:n, :n] = V @ program.H
-        K[:n, :n] -= V
-        K.flat[: n * (n + m) : n + m + 1] += 1.0
-        K[:n, n:] = -V @ E.T
-        K[n:, :n] = E
-        right = np.concatenate([-off[0], -off[1], -off[2][held]])
-        if z.any() and not held.all():  # the others' z goes to zero with this step
-            right[:n] -= V @ (z[~held] @ program.C[~held])
-        _, _, step, info = lapack.dgesv(K, right)
-        if info != 0 or not is_finite(step):
-            step = np.linalg.lstsq(K, right, rcond=1e-14)[0]
-        x, y = x + step[:n], y + step[n : n + e]
-        z = np.where(held, z, 0.0)
-        z[held] += step[n + e :]
-    assert best is not None
-    _, count, x, y, z = best
-    x = program.project(x)
-    if program.miss(x, y, z) > met:
-        return None
-    return ConicAnswer(program, Outcome.SOLVED, x, y, z, "Newton", count)
-
-
-def _projected(program: Conic, p: Array) -> tuple[Array, Array]:
-    """(projection of p on X, its derivative at p), shapes (n,) and (n, n)."""
-    out = np.minimum(np.maximum(p, program.lower), program.upper)
-    V = np.zeros((len(p), len(p)))
-    V.flat[:: len(p) + 1] = out == p
-    at, x = program.cones, p[program.cones]
-    found = projection(x.T, program.mu)
-    out[at] = np.column_stack([found.factor * x[:, 0], found.factor * x[:, 1], found.normal])
-    V[at[:, :, None], at[:, None, :]] = found.slopes(program.mu)
-    return out, V
+    met = max(MET, _DIGITS * float(np.abs(program.H).max(initial=0.0)))
+    x, y, z, arrays = x.copy(), y.copy(), z.copy(), [np.ascontiguousarray(each) for each in program.arrays]
+    count = newton(*arrays, met, fresh, x, y, z)
+    return ConicAnswer(program, Outcome.SOLVED, x, y, z, "Newton", count) if count >= 0 else None
 
 
 _DUAL_STEPS = 60
