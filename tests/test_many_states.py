@@ -17,8 +17,8 @@ import pytest
 import rbd
 from rbd.answers.many import Solutions, StateStatus
 from rbd.answers.many.many_answers import WARNINGS
+from rbd.answers.prepared.constraint_dynamics import Plan
 from rbd.answers.prepared.contact_bodies import MOST, MOST_BODIES
-from rbd.answers.prepared.contact_dynamics import prepared
 from rbd.errors import DistantContactWarning, EffortLimitWarning, OpeningContactWarning
 
 URDF = Path(__file__).parents[1] / "urdf"
@@ -422,34 +422,31 @@ class TestActuations:
 )
 def test_a_corrupted_block_is_not_certified(talos: rbd.Robot, rng: np.random.Generator, law: str, fault: str, monkeypatch):
     """What finds the answers is spoilt, what judges them is not: not one row of a block is certified."""
-    blocks = prepared(talos, tuple(anywhere(talos.soles(0.7))))
-    assert blocks is not None
-    q, v, n = near(talos, rng, 12), np.zeros((12, talos.nv)), 12
-    generalised = np.zeros((n, talos.nv))
-    generalised[:, talos.motors] = pushed(talos, rng, n)
-    asked = {"coulomb": law == "coulomb", "rest_speed": 1e-6, "mu": None}
-    assert blocks.solve(q, v, generalised, **asked).found.any()
-    found, last = blocks._plan.search, [np.zeros(talos.nv)]
+    contacts, q, tau = anywhere(talos.soles(0.7)), near(talos, rng, 12), pushed(talos, rng, 12)
+    assert not rbd.solve_many(talos, q, None, tau, contacts, law=law).one_by_one.all()
+    found, last = Plan.search, [np.zeros(talos.nv)]
 
-    def spoilt(space, q, v, *rest):
+    def spoilt(plan, space, q, v, *rest):
         if fault == "another q":
             q = pin.integrate(talos.model, q, np.full(talos.nv, 1e-4))
         elif fault == "another v":
             v = v + 0.05
-        answer = found(space, q, v, *rest)
+        answer = found(plan, space, q, v, *rest)
         if answer is None:
             return None
-        last.append(answer.a)
-        spoils = {
-            "sign of forces": {"w": -answer.w},
-            "scaled forces": {"w": (1.0 + 1e-7) * answer.w},
-            "stale acceleration": {"a": last[-2]},
-            "wrong site": {"w": np.roll(answer.w, 12)},
-        }
-        return answer._replace(**spoils.get(fault, {}))
+        last.append(answer.a.copy())
+        if fault == "sign of forces":
+            answer.w[:] *= -1.0
+        elif fault == "scaled forces":
+            answer.w[:] *= 1.0 + 1e-7
+        elif fault == "stale acceleration":
+            answer.a[:] = last[-2]
+        elif fault == "wrong site":
+            answer.w[:] = np.roll(answer.w, 12)
+        return answer
 
-    monkeypatch.setattr(blocks._plan, "search", spoilt)
-    assert not blocks.solve(q, v, generalised, **asked).found.any()
+    monkeypatch.setattr(Plan, "search", spoilt)
+    assert rbd.solve_many(talos, q, None, tau, contacts, law=law).one_by_one.all()
 
 
 @pytest.mark.parametrize("name", ["talos", "solo12"])

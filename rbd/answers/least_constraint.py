@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from rbd.answers.analysis.sensitivity import StateOrigin
-from rbd.answers.prepared.constraint_dynamics import ConstraintDynamics, prepared
+from rbd.answers.prepared.constraint_dynamics import ConstraintDynamics, FoundForces, prepared
 from rbd.answers.solution import Solution, nearest_motion, solution_of
 from rbd.arrays import Array, max_abs
 from rbd.constraints.constraint import Constraint, is_open, rows_of, with_loops
@@ -132,26 +132,13 @@ def _prepared_answer(
     rest_speed: float,
 ) -> Solution | None:
     """The answer by the contacts' prepared form; None where it has none that is certified."""
-    start, told = time.perf_counter(), COULOMB if law is None else slip_law(law)
     robot = state.robot
     torques = robot.check_tau(tau)
-    generalised = np.zeros(robot.nv)
-    generalised[robot.motors] = torques
-    external = tuple(external) if type(external) is list else external
-    force, pushes, elements = acting(external)
-    if force is not None or elements:
-        generalised += generalised_force(state, elements if force is None else external)[0]
-    plan = constraints.plan(state.q)
-    found = plan.answer(
-        state.q, state.v, generalised, pushes, coulomb=told == COULOMB, rest_speed=rest_speed, within=TOUCHES
-    )  # fmt: skip
-    if found is None:
+    asked = COULOMB if law is None else slip_law(law)
+    answer = prepared_solution(constraints, state, torques, given, asked, external, rest_speed)
+    if answer is None:
         return None
-    problem = partial(posed, state, torques, given, external, rest_speed)
-    law = BILATERAL if plan.bilateral else told
-    solution = Solution.prepared(problem, found, law, time.perf_counter() - start)
-    if not found.worst <= SOLVED and not solution.residuals.within(SOLVED):
-        return None
+    solution, found = answer
     _warn_of_effort(state, torques)
     if not state.limits_checked:
         warn_of_limits(state, given, stacklevel=4)
@@ -159,6 +146,29 @@ def _prepared_answer(
         warn_of_moving(robot, [(given[i].name, speed) for i, speed in found.moving], stacklevel=3)
     warn_of_opening(robot, found.openings, rest_speed, stacklevel=3)
     return solution
+
+
+def prepared_solution(
+    constraints: ConstraintDynamics, state: State, torques: Array, given: tuple[Constraint, ...], law: Law,
+    external: External, rest_speed: float, *, within: float = TOUCHES, mu: Array | None = None,
+) -> tuple[Solution, FoundForces] | None:  # fmt: skip
+    """The answer by the prepared form of constraints, without warnings; arguments as of `solve` and of `Plan.answer`."""
+    start, generalised = time.perf_counter(), np.zeros(state.robot.nv)
+    generalised[state.robot.motors] = torques
+    external = tuple(external) if type(external) is list else external
+    force, pushes, elements = acting(external)
+    if force is not None or elements:
+        generalised += generalised_force(state, elements if force is None else external)[0]
+    plan = constraints.plan(state.q)
+    found = plan.answer(
+        state.q, state.v, generalised, pushes, coulomb=law == COULOMB, rest_speed=rest_speed, within=within, mu=mu
+    )  # fmt: skip
+    if found is None:
+        return None
+    problem = partial(posed, state, torques, given, external, rest_speed)
+    told = BILATERAL if plan.bilateral else law
+    solution = Solution.prepared(problem, found, told, time.perf_counter() - start)
+    return (solution, found) if found.worst <= SOLVED or solution.residuals.within(SOLVED) else None
 
 
 def solve_problem(

@@ -331,26 +331,3 @@ def _search(
 
 
 search = compiled(_search, signature(_FOUND, PROBLEM, _VECTOR, FLAG, FLAG, _WHOLE, _VECTOR))
-
-
-def _point_misses(y: Array, w: Array, mu: Array, coulomb: bool, out: Array) -> float:
-    """`contact_dynamics.point_misses`, in `out`, shape (n, 3): the largest of all; NaN where a number is not finite."""
-    worst = 0.0
-    for s in range(len(y)):
-        sinks, outside, far = 0.0, 0.0, 0.0
-        for i in range(mu.shape[1]):
-            j = 3 * i
-            one, two, three = cone_miss(
-                y[s, j], y[s, j + 1], y[s, j + 2], w[s, j], w[s, j + 1], w[s, j + 2], mu[s, i], coulomb
-            )  # fmt: skip
-            if not three <= math.inf:
-                far = worst = math.nan
-                break
-            sinks, outside, far = max(sinks, one), max(outside, two), max(far, three)
-        out[s, 0], out[s, 1], out[s, 2] = sinks, outside, far
-        if worst <= math.inf:
-            worst = max(worst, sinks, outside, far)
-    return worst
-
-
-point_misses = compiled(_point_misses, signature(NUMBER, array(2), array(2), array(2), FLAG, array(2, written=True)))

@@ -10,22 +10,34 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from rbd.answers.many.blocks import in_blocks
-from rbd.answers.many.many_answers import INACCURATE, LIMIT, OPENED, SPEED, ManyAnswers, Sheet, beyond_limits, of_rows, warn
+from rbd.answers.many.many_answers import (
+    DISTANT,
+    INACCURATE,
+    LIMIT,
+    OPENED,
+    SPEED,
+    BlockAnswer,
+    ManyAnswers,
+    Sheet,
+    beyond_limits,
+    of_rows,
+    warn,
+)
 from rbd.answers.many.states import ManyStates
-from rbd.answers.prepared.contact_dynamics import BlockAnswer, ContactDynamics
+from rbd.answers.prepared.constraint_dynamics import Found, Plan
 from rbd.arrays import Array, zeros
 from rbd.displayed import Displayed
 from rbd.errors import CannotHold, CannotMove, RbdError
 from rbd.problem.answer import ACCELERATION, StateStatus, Status
+from rbd.problem.ground import TOUCHES
 from rbd.problem.residuals import SOLVED
 from rbd.records import Field
 from rbd.statics.actuation import CHOICE, CHOSEN, TORQUES, Actuation
-from rbd.statics.effort import Effort
 from rbd.statics.wanted_motion import EffortChoice, WantedMotion
 from rbd.statics.why_impossible import actuation_of
 
@@ -130,22 +142,17 @@ def actuations_of(states: ManyStates, choice: EffortChoice, *, stacklevel: int) 
 
 def _by_blocks(sheet: Sheet, choice: EffortChoice, tau: Array, margin: Array, least: Array) -> Array:
     """Answer the states whose least effort is inside all limits; the numbers of those that are left."""
-    states, effort, kept = sheet.states, choice.effort, choice.margins[0]
+    states, effort = sheet.states, choice.effort
+    if choice.friction != "cone" or effort.normal_force or effort.edge_margin or isinstance(effort.forces, Mapping):
+        return np.setdiff1d(np.arange(len(states)), list(states.refused))
 
-    def answered(blocks: ContactDynamics, part: Array, mu: Array | None) -> BlockAnswer:
-        a = np.zeros((len(part), states.robot.nv)) if choice.holds else states.vectors["a"][part]
-        found = least_effort_of(blocks, states, part, states.external_of(part), a, mu, effort, kept, choice.rest_speed)
-        good = found.answer.found
-        tau[part[good]], margin[part[good]], least[part[good]] = found.tau[good], kept, True
-        return found.answer
+    def answered(plan: Plan, part: Array, mu: Array | None) -> BlockAnswer:
+        found, torques = least_effort_of(plan, states, part, mu, choice)
+        at = part[found.good]
+        tau[at], margin[at], least[at] = torques[found.good], choice.margins[0], True
+        return found
 
-    plain = (
-        choice.friction == "cone"
-        and not effort.normal_force
-        and not effort.edge_margin
-        and not isinstance(effort.forces, Mapping)
-    )
-    return in_blocks(sheet, (CHOICE,), answered) if plain else np.setdiff1d(np.arange(len(states)), list(states.refused))
+    return in_blocks(sheet, answered)
 
 
 def wanted_at(states: ManyStates, i: int, choice: EffortChoice) -> WantedMotion:
@@ -181,59 +188,47 @@ def _one(sheet: Sheet, i: int, choice: EffortChoice) -> Actuation | None:
     return found if found.status in (Status.SOLVED, Status.INACCURATE) else None
 
 
-class LeastEffort(NamedTuple):
-    """What was found at the n states of a block.
-
-    Attributes:
-        answer: Forces, residuals, and which states are certified; the others mean nothing.
-        tau: Motor torques, shape (n, nu).
-    """
-
-    answer: BlockAnswer
-    tau: Array
-
-
 def least_effort_of(
-    blocks: ContactDynamics, states: ManyStates, part: Array, tau_ext: Array, a: Array, mu: Array | None, effort: Effort,
-    margin: float, rest_speed: float,
-) -> LeastEffort:  # fmt: skip
-    """Torques and forces of wanted motions whose contact points all keep still.
+    plan: Plan, states: ManyStates, part: Array, mu: Array | None, choice: EffortChoice
+) -> tuple[BlockAnswer, Array]:
+    """Forces and torques of wanted motions whose contact points all keep still, the latter of shape (n, nu).
 
     Args:
-        blocks: The prepared contacts.
+        plan: Of the contacts.
         states: The states.
         part: Numbers of those of this block, shape (n,).
-        tau_ext: Generalised forces of the world, shape (n, nv).
-        a: Wanted accelerations, shape (n, nv).
-        mu: Friction of the points, shape (n, k); None: the contacts' own.
-        effort: What is made least; one weight for all forces, and no bounds on them.
-        margin: Of friction.
-        rest_speed: Contacts that move faster are not answered.
+        mu: Friction of the plan's elements at each state, shape (n, e); None: the contacts' own.
+        choice: What torques and forces are chosen by; one weight for all forces, and no bounds on them.
     """
-    robot, q, v, T = states.robot, states.q[part], states.v[part], blocks.force_set
-    unit = robot.force_unit
+    robot, q, v, T, elements = states.robot, states.q[part], states.v[part], plan.force_set, plan.elements
+    a, tau_ext, n = np.zeros(v.shape) if choice.holds else states.vectors["a"][part], states.external_of(part), len(part)
+    motors, unit, rest = robot.actuated, robot.force_unit, choice.rest_speed
     limit = np.where(np.isfinite(robot.effort_limit), robot.effort_limit, unit)
-    with blocks.bodies.workspace() as space:
-        need, J, speeds, X = blocks.bodies.loads(space, q, v, a)
+    need, per_weight, misses, worst = np.empty(v.shape), np.empty((n, T.size, robot.nv)), np.empty((n, 4)), np.empty(n)
+    with plan.workspace() as space:
+        X = np.empty((n, len(space.places)))
+        for i in range(n):
+            need[i], X[i] = plan.needed(space, q[i], v[i], a[i], per_weight[i]), space.places
         need -= tau_ext
-        per_weight = J.transpose(0, 2, 1) @ blocks.G
-        A, b = per_weight[:, robot.unactuated], need[:, robot.unactuated] / unit
-        push, load = per_weight[:, robot.actuated] * (unit / limit)[:, None], need[:, robot.actuated] / limit
-        x = _minimisers(push, load, A, b, effort.torque_weights(robot.actuated_names), float(effort.forces))  # type: ignore[arg-type]
-        w = x * unit
-        tau = (need - (per_weight @ w[:, :, None])[:, :, 0])[:, robot.actuated]
-        generalised = tau_ext.copy()
-        generalised[:, robot.actuated] += tau
-        method, none = np.zeros(len(part), np.int8), np.zeros(len(part), bool)
-        answer = blocks.judged(space, q, v, generalised, a, w, X, method, none, coulomb=True, mu=mu)
-    own = np.broadcast_to(T.mu, (len(part), len(T.mu))) if mu is None else mu
-    cones = w[:, T.cone_columns]
+        A, push = per_weight[:, :, robot.unactuated].transpose(0, 2, 1), per_weight[:, :, motors].transpose(0, 2, 1)
+        load, costs, r = need[:, motors] / limit, choice.effort.torque_weights(robot.actuated_names), choice.effort.forces
+        w = _minimisers(push * (unit / limit)[:, None], load, A, need[:, robot.unactuated] / unit, costs, float(r)) * unit  # type: ignore[arg-type]
+        tau, generalised = (need - (w[:, None] @ per_weight)[:, 0])[:, motors], tau_ext.copy()
+        generalised[:, motors] += tau
+        for i in range(n):
+            space.places[:], elements = X[i], elements if mu is None else elements._replace(mu=mu[i])
+            found = Found(a[i], w[i], w[i], elements.first, 0, 0, False)
+            worst[i] = plan.judged(
+                space, q[i], v[i], generalised[i], found, rest, True, elements, plan.loads([]), misses[i]
+            )  # fmt: skip
+    cones, own = w[:, T.cone_columns], T.mu if mu is None else mu[:, plan.elements.mu > 0.0]
     with np.errstate(invalid="ignore"):
-        inside = (np.hypot(cones[..., 0], cones[..., 1]) <= (1.0 - margin) * own * cones[..., 2]).all(axis=1)
-        least, most = robot.limits_at(v)
-        inside &= ((least <= tau) & (tau <= most)).all(axis=1)
-        answer.found[:] &= inside & (speeds <= rest_speed).all(axis=1) & (answer.still <= SOLVED)
-    return LeastEffort(answer, tau)
+        good = (np.hypot(cones[..., 0], cones[..., 1]) <= (1.0 - choice.margins[0]) * own * cones[..., 2]).all(axis=1)
+        low, high = robot.limits_at(v)
+        good &= ((low <= tau) & (tau <= high)).all(axis=1) & ((T.lower <= w) & (w <= T.upper)).all(axis=1)
+        good &= (worst <= SOLVED) & (np.abs(per_weight @ v[:, :, None]) <= rest).all(axis=(1, 2))
+    off = {DISTANT: plan.off_plane(X[:, plan.corner_entries]) > TOUCHES}
+    return BlockAnswer(good, a, w, misses, np.full(n, CHOICE), np.zeros(n, bool), off), tau
 
 
 def _minimisers(push: Array, load: Array, A: Array, b: Array, p: Array, r: float) -> Array:

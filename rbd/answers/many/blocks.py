@@ -1,166 +1,96 @@
-"""Answers at many states in blocks, by the prepared form of their contacts; a certified answer needs no separate solve."""
+"""Answers at many states by the prepared form of their constraints; a certified answer needs no separate solve."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
 
 import numpy as np
 
-from rbd.answers.least_constraint import posed
-from rbd.answers.many.many_answers import DISTANT, MOVES, Sheet
+from rbd.answers.least_constraint import prepared_solution
+from rbd.answers.many.many_answers import DISTANT, MOVES, OPENED, BlockAnswer, Sheet
 from rbd.answers.many.states import ManyStates
-from rbd.answers.prepared.constraint_dynamics import DOUBTFUL, METHODS, FoundForces
-from rbd.answers.prepared.contact_dynamics import (
-    BLOCK,
-    BlockAnswer,
-    ContactDynamics,
-    prepared,
-)
+from rbd.answers.prepared.constraint_dynamics import DOUBTFUL, METHODS, Plan, law_kernel, prepared
 from rbd.answers.solution import Solution
 from rbd.arrays import Array
-from rbd.constraints.constraint import member
-from rbd.errors import Reason
-from rbd.problem.answer import StateStatus
-from rbd.problem.gauss_problem import BILATERAL, COULOMB, GaussProblem, Law
+from rbd.problem.gauss_problem import COULOMB, Law
+from rbd.problem.ground import TOUCHES
 from rbd.problem.residuals import SOLVED
+
+BLOCK = 512
+"""States whose working arrays are in memory at a time; of two soles on a Talos 0.7 MB."""
 
 
 def by_blocks(sheet: Sheet, law: Law, rest_speed: float) -> Array:
-    """Answer what the prepared form of the contacts covers; the numbers of the states that are left."""
-    states = sheet.states
-
-    def answered(blocks: ContactDynamics, part: Array, mu: Array | None) -> BlockAnswer:
-        q, v, generalised = states.q[part], states.v[part], _generalised(states, part)
-        found = blocks.solve(q, v, generalised, coulomb=law == COULOMB, rest_speed=rest_speed, mu=mu)
-        _settle_doubtful(states, part, found, law, rest_speed)
-        return found
-
-    return in_blocks(sheet, METHODS, answered)
+    """Answer what the prepared form of the constraints covers; the numbers of the states that are left."""
+    return in_blocks(sheet, lambda plan, part, mu: _answered(plan, sheet.states, part, mu, law, rest_speed))
 
 
-def in_blocks(
-    sheet: Sheet, methods: Sequence[str], answered: Callable[[ContactDynamics, Array, Array | None], BlockAnswer]
-) -> Array:
-    """Write what is certified of blocks of states, if the prepared form covers the contacts; the numbers of those left.
+def in_blocks(sheet: Sheet, answered: Callable[[Plan, Array, Array | None], BlockAnswer]) -> Array:
+    """Write what is certified of blocks of states, if the prepared form covers the constraints; the numbers of those left.
 
     Args:
         sheet: Written.
-        methods: Words for the numbers of `BlockAnswer.method`.
-        answered: The answers to the states of some numbers, with their points' friction if it is not the contacts' own.
+        answered: The answers of a plan to the states of some numbers, with the friction of its elements there if it is not
+            their own.
     """
     states = sheet.states
     left = np.ones(len(states), bool)
     left[list(states.refused)] = False
-    blocks = prepared(states.robot, states.constraints)
-    if blocks is not None:
-        mu = friction_of(states)
+    form = prepared(states.robot, states.constraints)
+    if form is not None:
+        mu = states.point_friction
         some = np.flatnonzero(left if mu is None else left & (mu > 0.0).all(axis=1))
-        for start in range(0, len(some), BLOCK):
-            part = some[start : start + BLOCK]
-            found = answered(blocks, part, None if mu is None else mu[part])
-            write(sheet, part, found, methods)
-            left[part[found.found]] = False
+        for plan, at in form.plans(states.q[some]):
+            for start in range(0, len(at), BLOCK):
+                part = some[at[start : start + BLOCK]]
+                found = answered(plan, part, None if mu is None else plan.friction(mu[part]))
+                sheet.write_block(part, found)
+                left[part[found.good]] = False
     return np.flatnonzero(left)
 
 
-def friction_of(states: ManyStates) -> Array | None:
-    """Coefficients of all points at all states, shape (n, k); None where they are the contacts' own."""
-    if not states.friction:
+def _answered(plan: Plan, states: ManyStates, part: Array, mu: Array | None, law: Law, rest_speed: float) -> BlockAnswer:
+    """The answers to some states under a law."""
+    n, p, coulomb, kernel, elements = len(part), plan.force_set.size, law == COULOMB, law_kernel(), plan.elements
+    pushes, generalised = states.acting_on(part)
+    generalised[:, states.robot.motors] += states.vectors["tau"][part]
+    a, w, u, misses, X = (np.zeros((n, size)) for size in (states.robot.nv, p, p, 4, len(plan.corner_entries)))
+    modes, how, loose = np.zeros((n, len(elements.first)), np.int64), np.zeros(n, int), np.zeros(n, bool)
+    worst, loads = np.full(n, np.inf), plan.loads(pushes)
+    rows = zip(states.q[part], states.v[part], generalised, misses, a, w, u, modes, strict=True)
+    with plan.workspace() as space:
+        for i, (q, v, given, missed, *into) in enumerate(rows):
+            if mu is not None:
+                elements = elements._replace(mu=mu[i])
+            found = plan.search(space, q, v, given, rest_speed, coulomb, elements, loads, into)
+            if found is not None:
+                worst[i] = plan.judged(space, q, v, given, found, rest_speed, coulomb, elements, loads, missed)
+                how[i], loose[i] = found.how, found.dependent
+                if X.size:
+                    X[i] = space.places[plan.corner_entries]
+    good = worst <= SOLVED
+    for i in np.flatnonzero(~good & (worst <= DOUBTFUL)).tolist():  # the scales themselves have to judge
+        again = found_again(states, int(part[i]), law, rest_speed)
+        if again is not None and again.residuals.within(SOLVED):
+            good[i], misses[i] = True, list(again.residuals.scaled.values())[:4]
+    chosen = (plan.repeated | loose) & (loose | (how != kernel.HELD))
+    held = np.array([source.cone.bilateral for source in plan.sources for _ in source.columns], bool)
+    warned = {
+        DISTANT: plan.off_plane(X) > TOUCHES,
+        MOVES: (np.abs(u[:, held]) > rest_speed).any(axis=1),
+        OPENED: (modes == kernel.OPENS).any(axis=1),
+    }
+    return BlockAnswer(good, a, w, misses, np.array(METHODS)[how], chosen, warned)
+
+
+def found_again(states: ManyStates, i: int, law: Law, rest_speed: float) -> Solution | None:
+    """The whole `Solution` of state i by its plan, as blocks found it; None where it is none."""
+    form = prepared(states.robot, states.constraints)
+    if form is None:
         return None
-    given = [(len(member(c, "corners")), states.friction.get(c.name, member(c, "friction"))) for c in states.constraints]
-    columns = [np.broadcast_to(mu, len(states)) for k, mu in given if mu is not None for _ in range(k)]
-    return np.stack(columns, axis=1)
-
-
-def _generalised(states: ManyStates, part: Array) -> Array:
-    """S^T tau + tau_ext of some states, shape (n, nv)."""
-    out = states.external_of(part)
-    out[:, states.robot.motors] += states.vectors["tau"][part]
-    return out
-
-
-def _settle_doubtful(states: ManyStates, part: Array, found: BlockAnswer, law: Law, rest_speed: float) -> None:
-    """Certify rows whose bounds are too coarse by the scales of their residuals, computed in full."""
-    names = [c.name for c in states.constraints]
-    with np.errstate(invalid="ignore"):
-        doubtful = ~found.found & (found.method >= 0) & (np.maximum.reduce(list(found.residuals.values())) <= DOUBTFUL)
-    for row in np.flatnonzero(doubtful).tolist():
-        forces = {name: array[row] for name, array in zip(names, found.forces, strict=True)}
-        corners = {name: array[row] for name, array in zip(names, found.corner_forces, strict=True)}
-        method = METHODS[found.method[row]]
-        solution = of_row(states, int(part[row]), found.a[row], forces, corners, method, law, rest_speed)
-        if solution.residuals.within(SOLVED):
-            found.found[row] = True
-            for name in found.residuals:
-                found.residuals[name][row] = solution.residuals.scaled[name]
-
-
-def write(sheet: Sheet, part: Array, found: BlockAnswer, methods: Sequence[str]) -> None:
-    """The certified rows of a block.
-
-    Args:
-        sheet: Written.
-        part: Numbers of the block's states.
-        found: Their answers.
-        methods: Words for the numbers of `found.method`.
-    """
-    names = [c.name for c in sheet.states.constraints]
-    good: Array | slice = found.found
-    at: Array | slice = part[good]
-    if found.found.all() and part[-1] - part[0] == len(part) - 1:  # one copy in place of two
-        good, at = slice(None), slice(int(part[0]), int(part[-1]) + 1)
-    sheet.a[at], sheet.status[at], sheet.reason_codes[at] = found.a[good], StateStatus.SOLVED, Reason.NONE.code
-    codes = np.zeros(len(methods), np.int8)
-    for number in np.flatnonzero(np.bincount(found.method[good], minlength=len(methods))).tolist():
-        codes[number] = sheet.code(methods[number])
-    sheet.codes[at] = codes[found.method[good]]
-    for name, values in found.residuals.items():
-        sheet.column("residuals", name)[at] = values[good]
-    if found.distant.any():
-        sheet.column("warned", DISTANT)[at] = found.distant[good]
-    if found.moving.any():
-        sheet.column("warned", MOVES)[at] = found.moving[good]
-    for k, name in enumerate(names):
-        for kind, arrays in (("forces", found.forces), ("corner_forces", found.corner_forces)):
-            sheet.table(kind, name, *arrays[k].shape[1:])[at] = arrays[k][good]
-        sheet.column("friction_used", name)[at] = found.friction_used[k][good]
-        sheet.table("centre_of_pressure", name, 3)[at] = found.centre_of_pressure[k][good]
-
-
-def of_row(
-    states: ManyStates,
-    i: int,
-    a: Array,
-    forces: dict[str, Array],
-    corners: dict[str, Array],
-    method: str,
-    law: Law,
-    rest_speed: float,
-) -> Solution:
-    """The whole `Solution` of state i from its row: no solver is asked.
-
-    Args:
-        states: The states.
-        i: Which.
-        a: Its acceleration, shape (nv,).
-        forces: {contact: force (3,) or wrench (6,)}, world axes.
-        corners: {contact: forces at its corners (k, 3)}, world axes.
-        method: What found them.
-        law: The law.
-        rest_speed: As of `rbd.solve`.
-    """
-    problem = posed(states.state(i), states.vectors["tau"][i], states.constraints_at(i), states.external_at(i), rest_speed)
-    rows, weights = [], []
-    for r in problem.rows:
-        assert r.resultant is not None and r.patch is not None
-        rows.append(r.resultant.T @ forces[r.name])
-        weights.append(rows[-1] if r.patch.friction is None else (corners[r.name] @ r.patch.axes).ravel())
-    w = None if problem.bilateral else np.concatenate(weights)
-    return Solution.prepared(
-        partial(_same, problem), FoundForces(a, np.concatenate(rows), w, method), BILATERAL if w is None else law, 0.0
-    )
-
-
-def _same(problem: GaussProblem) -> GaussProblem:
-    return problem
+    mu = None if states.point_friction is None else states.point_friction[i]
+    found = prepared_solution(
+        form, states.state(i), states.vectors["tau"][i], states.constraints_at(i), law, states.external_at(i), rest_speed,
+        within=np.inf, mu=mu,
+    )  # fmt: skip
+    return None if found is None else found[0]

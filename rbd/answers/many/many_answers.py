@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from rbd.answers.many.states import ManyStates
-from rbd.arrays import Array
+from rbd.answers.many.world_forces import forces_of
+from rbd.arrays import Array, lazy
 from rbd.constraints.constraint import Constraint, is_open
 from rbd.constraints.distance_warnings import joint_bounds
 from rbd.errors import (
@@ -37,6 +39,8 @@ if TYPE_CHECKING:
 
 RESIDUALS = ("stationarity", "feasibility", "cone", "complementarity", "centroidal")
 """Their names in the order of `Residuals.values`."""
+OF_FORCES = ("forces", "corner_forces", "friction_used", "centre_of_pressure")
+"""What follows from the weights when it is first read."""
 
 
 _ONE = {line.name: line for line in (*CERTIFICATE, *FORCES)}
@@ -49,11 +53,6 @@ class ManyAnswers:
     Attributes:
         states: The robot, q, v and what acts at each state.
         a: Accelerations, shape (n, nv) [m/s2, rad/s2].
-        forces: {constraint: (n, 3) of a point, (n, 6) of a surface}, on the robot, world axes [N, N m]; row forces (n, m) of
-            others. Zero where it is inactive.
-        corner_forces: {contact: forces at its corners (n, k, 3)}, world axes [N].
-        friction_used: {contact: `|f_t| / (mu f_n)` of its net force, shape (n,)}; NaN without load or coefficient.
-        centre_of_pressure: {contact: point of the patch's plane, in W, shape (n, 3) [m]}; NaN without load.
         residuals: {equation: scaled residual, shape (n,)}, recomputed from each answer; as `Residuals.scaled`.
         status: A `StateStatus` of each state, shape (n,), integers.
         reason_codes: `rbd.errors.Reason.code` of each state, shape (n,), integers; 0 where there is an answer.
@@ -66,10 +65,6 @@ class ManyAnswers:
 
     states: ManyStates
     a: Array
-    forces: Mapping[str, Array]
-    corner_forces: Mapping[str, Array]
-    friction_used: Mapping[str, Array]
-    centre_of_pressure: Mapping[str, Array]
     residuals: Mapping[str, Array]
     status: Array
     reason_codes: Array
@@ -78,6 +73,7 @@ class ManyAnswers:
     methods: tuple[str, ...]
     one_by_one: Array
     warned: Mapping[str, Array]
+    _sheet: Sheet
 
     fields: ClassVar[tuple[Field, ...]] = (
         replace(_ONE["status"], value=None),
@@ -91,6 +87,37 @@ class ManyAnswers:
         Field("v", ("velocity",), "{}/s", "velocities", lambda found: found.states.v, default=False),
         Field("method", (), "", "method that found it", default=False),
     )
+
+    @property
+    def forces(self) -> Mapping[str, Array]:
+        """{constraint: (n, 3) of a point, (n, 6) of a surface}, on the robot, world axes [N, N m]; row forces (n, m) of others.
+
+        Zero where it is inactive. Computed when it is first read, as are the next three.
+        """
+        return self._tables["forces"]
+
+    @property
+    def corner_forces(self) -> Mapping[str, Array]:
+        """{contact: forces at its corners (n, k, 3)}, world axes [N]."""
+        return self._tables["corner_forces"]
+
+    @property
+    def friction_used(self) -> Mapping[str, Array]:
+        """{contact: `|f_t| / (mu f_n)` of its net force, shape (n,)}; NaN without load or coefficient."""
+        return self._tables["friction_used"]
+
+    @property
+    def centre_of_pressure(self) -> Mapping[str, Array]:
+        """{contact: point of the patch's plane, in W, shape (n, 3) [m]}; NaN without load."""
+        return self._tables["centre_of_pressure"]
+
+    @lazy
+    def _tables(self) -> dict[str, dict[str, Array]]:
+        return self._sheet.with_forces(self._chosen).tables
+
+    def _chosen(self, i: int) -> tuple[Answer, Mapping[str, Array]]:
+        """The answer of state i, and forces at its corners, where its forces are one choice of many."""
+        raise NotImplementedError
 
     @property
     def coordinate_axes(self) -> dict[str, Axis]:
@@ -177,21 +204,41 @@ class ManyAnswers:
         return "\n".join([repr(self), *self._told()])
 
 
+class BlockAnswer(NamedTuple):
+    """What a plan finds at n states.
+
+    Attributes:
+        good: Which are certified, shape (n,), truth values; the other rows mean nothing.
+        a: Accelerations, shape (n, nv).
+        w: Weights of the plan's columns, shape (n, p).
+        misses: Upper bounds of the scaled residuals, in the order of `RESIDUALS`, shape (n, 4).
+        methods: What found them, words, shape (n,).
+        chosen: Whose forces are one choice of many, which are chosen when they are first read, shape (n,), truth values.
+        warned: {what: states that a single answer would have warned of, shape (n,), truth values}.
+    """
+
+    good: Array
+    a: Array
+    w: Array
+    misses: Array
+    methods: Array
+    chosen: Array
+    warned: dict[str, Array]
+
+
 class Sheet:
     """The arrays of n answers while they are filled, state by state or block by block."""
 
     def __init__(self, states: ManyStates) -> None:
         self.states, self.n = states, len(states)
-        self.a = np.full((self.n, states.robot.nv), np.nan)
-        self.tables: dict[str, dict[str, Array]] = {
-            kind: {} for kind in ("forces", "corner_forces", "friction_used", "centre_of_pressure", "residuals", "warned")
-        }
+        self.a, self.weights = np.full((self.n, states.robot.nv), np.nan), np.zeros((self.n, 0))
+        self.tables: dict[str, dict[str, Array]] = {kind: {} for kind in (*OF_FORCES, "residuals", "warned")}
         self.status = np.full(self.n, StateStatus.FAILED, np.int8)
         self.reason_codes = np.full(self.n, Reason.NO_SOLUTION.code, np.int16)
         self.reasons: dict[int, str] = {}
         self.codes = np.full(self.n, -1, np.int8)
         self.methods: dict[str, int] = {}
-        self.one_by_one = np.zeros(self.n, bool)
+        self.one_by_one, self.chosen = np.zeros(self.n, bool), np.zeros(self.n, bool)
 
     def table(self, kind: str, name: str, *shape: int) -> Array:
         """The array of one name, rows of at least this shape; NaN where nothing was written."""
@@ -244,6 +291,10 @@ class Sheet:
             self.reasons[i] = answer.reason or answer.worst
             return
         self.a[i] = answer.a
+        self.write_forces(i, answer, corners)
+
+    def write_forces(self, i: int, answer: Answer, corners: Mapping[str, Array]) -> None:
+        """Those of state i; arguments as of `write`."""
         for name, force in answer.forces.items():
             _put(self.table("forces", name, len(force)), i, force)
         for name, force in corners.items():
@@ -253,34 +304,65 @@ class Sheet:
             self.column("friction_used", name)[i] = np.nan if used is None else used
             self.table("centre_of_pressure", name, 3)[i] = np.nan if pressure is None else pressure
 
+    def write_block(self, part: Array, found: BlockAnswer) -> None:
+        """The certified rows of a block.
+
+        Args:
+            part: Numbers of its states.
+            found: Their answers.
+        """
+        good, at, p = found.good, part[found.good], found.w.shape[1]
+        if p > self.weights.shape[1]:
+            self.weights = np.pad(self.weights, ((0, 0), (0, p - self.weights.shape[1])))
+        self.a[at], self.weights[at, :p], self.chosen[at] = found.a[good], found.w[good], found.chosen[good]
+        self.status[at], self.reason_codes[at] = StateStatus.SOLVED, Reason.NONE.code
+        for method in dict.fromkeys(found.methods[good].tolist()):
+            self.codes[part[good & (found.methods == method)]] = self.code(method)
+        for name, values in zip(RESIDUALS, found.misses.T, strict=False):
+            self.column("residuals", name)[at] = values[good]
+        for what, some in found.warned.items():
+            if some.any():
+                self.column("warned", what)[at] = some[good]
+
+    def with_forces(self, chosen: Callable[[int], tuple[Answer, Mapping[str, Array]]]) -> Sheet:
+        """The same with forces of the answers in blocks.
+
+        Args:
+            chosen: The answer of a state whose forces are one choice of many, and those at its corners.
+        """
+        out, lost = copy(self), self.status > StateStatus.INACCURATE
+        out.tables = {kind: {name: x.copy() for name, x in self.tables[kind].items()} for kind in OF_FORCES}
+        some = np.flatnonzero(~lost & ~self.one_by_one)
+        for kind, name, part, values in forces_of(self.states, some, self.weights) if len(some) else ():
+            if kind == "friction_used":
+                out.column(kind, name)[part] = values
+            else:
+                _put(out.table(kind, name, *values.shape[1:]), part, values)
+        for i in np.flatnonzero(self.chosen).tolist():
+            out.write_forces(i, *chosen(i))
+        for x in [x for table in out.tables.values() for x in table.values()]:
+            x[lost] = np.nan
+            x.flags.writeable = False
+        return out
+
     def fields(self) -> dict[str, Any]:
         """The fields of a `ManyAnswers`, read-only."""
-        lost = self.status > StateStatus.INACCURATE
-        for kind in ("forces", "corner_forces"):
-            for name in self.tables[kind]:
-                self.tables[kind][name][lost] = np.nan
-        for array in [
-            self.a,
-            self.status,
-            self.reason_codes,
-            self.codes,
-            self.one_by_one,
-            *[x for kind in self.tables.values() for x in kind.values()],
-        ]:
+        tables = [x for kind in ("residuals", "warned") for x in self.tables[kind].values()]
+        for array in (self.a, self.weights, self.status, self.reason_codes, self.codes, self.one_by_one, *tables):
             array.flags.writeable = False
         warned = {what: some for what, some in self.tables["warned"].items() if some.any()}
-        given = {kind: table for kind, table in self.tables.items() if kind != "warned"}
-        residuals = {name: given["residuals"][name] for name in RESIDUALS if name in given["residuals"]}
+        residuals = {name: self.tables["residuals"][name] for name in RESIDUALS if name in self.tables["residuals"]}
         return {
-            "states": self.states, "a": self.a, **given, "residuals": residuals, "warned": warned, "status": self.status,
+            "states": self.states, "a": self.a, "residuals": residuals, "warned": warned, "status": self.status,
             "reason_codes": self.reason_codes, "reasons": self.reasons, "method_codes": self.codes,
-            "methods": tuple(self.methods), "one_by_one": self.one_by_one,
+            "methods": tuple(self.methods), "one_by_one": self.one_by_one, "_sheet": self,
         }  # fmt: skip
 
 
-def _put(table: Array, i: int, values: Array) -> None:
-    table[i] = 0.0
-    table[i, : len(values)] = values
+def _put(table: Array, at: Any, values: Array) -> None:
+    """Values of one state, or of many, into rows that may be longer."""
+    table[at] = 0.0
+    table[at, : values.shape[np.ndim(at)]] = values
 
 
 TORQUE, DISTANT, MOVES, OPENED, LOOP, SEVERAL, INACCURATE, SPEED, LIMIT = (

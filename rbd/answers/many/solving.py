@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from rbd.answers.least_constraint import posed, refuse_moving
-from rbd.answers.many.blocks import by_blocks, of_row
+from rbd.answers.many.blocks import by_blocks, found_again
 from rbd.answers.many.many_answers import (
     INACCURATE,
     LIMIT,
@@ -30,7 +30,7 @@ from rbd.constraints.distance_warnings import moves
 from rbd.displayed import Displayed
 from rbd.errors import RbdError
 from rbd.model.checked_model import CheckedModel
-from rbd.problem.answer import StateStatus
+from rbd.problem.answer import Answer, StateStatus
 from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.gauss_problem import COULOMB, Law
 from rbd.solvers.default import slip_law, solver_of
@@ -192,8 +192,12 @@ class Solutions(ManyAnswers, Displayed):
         """The motor torques that were given, shape (n, nu) [N, N m]."""
         return self.states.vectors["tau"]
 
+    def _chosen(self, i: int) -> tuple[Answer, Mapping[str, Array]]:
+        """State i, solved again, with the forces of minimum norm."""
+        return self[i], self[i].corner_forces
+
     def __getitem__(self, i: int) -> Solution:
-        """The whole `Solution` of state i: of its row, or solved again if it was answered one by one.
+        """The whole `Solution` of state i, solved again in the way that its row was.
 
         Where there is no answer, the best that was found.
 
@@ -203,12 +207,11 @@ class Solutions(ManyAnswers, Displayed):
             IndexError: there is no such state.
         """
         at = self.index(i)
-        if self.one_by_one[at] or not self.answered[at]:
-            return answer_at(self.states, at, self.law, self.rest_speed)
-        forces = {name: values[at] for name, values in self.forces.items()}
-        corners = {name: values[at] for name, values in self.corner_forces.items()}
-        method = self.methods[self.method_codes[at]]
-        return of_row(self.states, at, self.a[at], forces, corners, method, self.law, self.rest_speed)
+        if not self.one_by_one[at] and self.answered[at]:
+            found = found_again(self.states, at, self.law, self.rest_speed)
+            if found is not None:
+                return found
+        return answer_at(self.states, at, self.law, self.rest_speed)
 
     def __iter__(self) -> Iterator[Solution]:
         return (self[i] for i in range(len(self)))

@@ -8,14 +8,15 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from rbd.arrays import Array, as_array
-from rbd.constraints.constraint import Constraint, check_on, has_friction, made, with_loops
+from rbd.arrays import Array, as_array, lazy
+from rbd.constraints.constraint import Constraint, check_on, has_friction, made, member, with_loops
 from rbd.errors import InputError, UnknownName, nearest
 from rbd.errors.inputs import check_different
 from rbd.model.checked_model import FARTHEST, CheckedModel
-from rbd.model.external import ExternalForce, ForceElement, generalised, is_element
+from rbd.model.external import ExternalForce, ForceElement, acting, generalised, is_element
 from rbd.model.joints import UNIT_TOLERANCE
 from rbd.model.state import State
+from rbd.problem.cones import Cone
 
 Friction: TypeAlias = float | Sequence[float] | Array | Mapping[str, Any] | None
 """Coefficients in place of the contacts' own: a number, one a state (n,), or {contact: either}."""
@@ -137,6 +138,23 @@ class ManyStates:
             for row, i in zip(out, part.tolist(), strict=True):
                 row += generalised(self.state(i), self.external)[0]
         return out
+
+    def acting_on(self, part: Array) -> tuple[list[ExternalForce], Array]:
+        """(forces of the world that plans take as they are, tau_ext of all else, shape (n, nv)) at some states."""
+        _, pushes, elements = acting(self.external)
+        if pushes and not elements:
+            return pushes, np.zeros((len(part), self.robot.nv))
+        return [], self.external_of(part)
+
+    @lazy
+    def point_friction(self) -> Array | None:
+        """Coefficients of all points with friction, shape (n, k), NaN where plans cannot have another; None: contacts' own."""
+        given = [(c, len(member(c, "corners")), member(c, "friction")) for c in self.constraints if has_friction(c)]
+        columns = [
+            np.broadcast_to(np.nan if isinstance(own, Cone) or not own else self.friction.get(c.name, own), len(self))
+            for c, k, own in given if self.friction for _ in range(k)
+        ]  # fmt: skip
+        return np.stack(columns, axis=1) if columns else None
 
     def constraints_at(self, i: int) -> tuple[Constraint, ...]:
         """The constraints at state i, with its friction."""
@@ -266,16 +284,16 @@ def _forces_of(robot: CheckedModel, external: ManyExternal) -> _Table | Acting |
     if not isinstance(external, np.ndarray):
         if not isinstance(external, Sequence) or isinstance(external, str | bytes):
             raise InputError(f"external is {external!r:.80}; {_WANTED}")
-        acting = [e for e in external if isinstance(e, ExternalForce) or is_element(e)]
-        if len(acting) == len(external):
-            for each in acting:
+        known = [e for e in external if isinstance(e, ExternalForce) or is_element(e)]
+        if len(known) == len(external):
+            for each in known:
                 if isinstance(each, ExternalForce):
                     robot.site(each.frame)
                 elif callable(fits := getattr(each, "check_on", None)):
                     fits(robot)
-            check_different([each.name for each in acting if not isinstance(each, ExternalForce)], "force elements")
-            return tuple(acting)
-        if acting:
+            check_different([each.name for each in known if not isinstance(each, ExternalForce)], "force elements")
+            return tuple(known)
+        if known:
             raise InputError(f"external mixes forces and springs with something else; {_WANTED}")
     return _Table("external", external, robot.nv, f"nv; {_WANTED}")
 

@@ -24,9 +24,10 @@ from rbd.answers.prepared.law_kernel import (
     Columns,
     Elements,
     decide,
+    pushed,
 )
 from rbd.arrays import Array
-from rbd.kernels import FLAG, NUMBER, array, compiled, signature
+from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
 from rbd.solvers.law_kernel import LEAST_PUSH, cone_miss
 
 _WRITTEN = array(1, written=True)
@@ -64,12 +65,13 @@ def _own(columns: Columns, j: int, X: Array) -> tuple[float, float, float, float
 
 
 @compiled
-def _missed(elements: Elements, e: int, mode: int, u: Array, y: Array, w: Array, coulomb: bool) -> float:
-    """How far an element is from its law, scaled."""
+def _missed(
+    elements: Elements, e: int, mode: int, u: Array, y: Array, w: Array, coulomb: bool
+) -> tuple[float, float, float]:  # fmt: skip
+    """How far an element is from its law, scaled: its acceleration, its force, and both together."""
     j, mu = elements.first[e], elements.mu[e]
     if mu > 0.0 and mode == RESTS:
-        one, two, three = cone_miss(y[j], y[j + 1], y[j + 2], w[j], w[j + 1], w[j + 2], mu, coulomb)
-        return one + two + three
+        return cone_miss(y[j], y[j + 1], y[j + 2], w[j], w[j + 1], w[j + 2], mu, coulomb)
     normal = j + 2 if mu > 0.0 else j
     x, rate, far = w[normal], y[normal], 0.0
     push = max(abs(x), LEAST_PUSH)
@@ -80,18 +82,20 @@ def _missed(elements: Elements, e: int, mode: int, u: Array, y: Array, w: Array,
             slip = mu * x / np.hypot(u[j], u[j + 1])
         far = np.hypot(w[j] + slip * u[j], w[j + 1] + slip * u[j + 1]) / push
     if mode == OPENS:
-        return far + abs(x) / push
+        return 0.0, far + abs(x) / push, 0.0
     low, high = (0.0, math.inf) if mu > 0.0 else (elements.lower[e], elements.upper[e])
     if mode == RUBS:
         against = low if u[j] > 0.0 else high
-        return far + abs(x - against) / max(abs(against), LEAST_PUSH)
+        return 0.0, far + abs(x - against) / max(abs(against), LEAST_PUSH), 0.0
+    if low == -math.inf and high == math.inf:
+        return abs(rate), 0.0, 0.0
     outside = max(low - x, x - high, 0.0) / push
     sinks = 0.0
     if low > -math.inf and high == math.inf:
         sinks = max(-rate, 0.0)
     elif high < math.inf and low == -math.inf:
         sinks = max(rate, 0.0)
-    return far + outside + sinks + abs(min(max(x - push * rate, low), high) - x) / push
+    return sinks, far + outside, abs(min(max(x - push * rate, low), high) - x) / push
 
 
 def _act(
@@ -150,13 +154,58 @@ act = compiled(
 )  # fmt: skip
 
 
+def _unit_loads(
+    force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array, X: Array, J: Array,
+    last: Array, parent: Array, out: Array,
+) -> None:  # fmt: skip
+    """Write the generalised forces of unit weights of the columns.
+
+    Args:
+        force: As of `act`, as are the next seven.
+        moment: As there.
+        arm: As there.
+        along: As there.
+        body: As there.
+        units: As there.
+        gear: As there.
+        X: As there.
+        J: Pinocchio's world Jacobian.
+        last: The last dof that moves each joint.
+        parent: Of each dof, -1 of the first.
+        out: Written, shape (p, nv).
+    """
+    columns, load = Columns(force, moment, arm, along, body), np.empty(9)
+    out[:] = 0.0
+    for j in range(len(out)):
+        k = columns.body[j, 0]
+        if k < 0:
+            continue
+        F, m = _own(columns, j, X), columns.moment[j]
+        for a in range(3):
+            load[a] = X[k, a] * F[0] + X[k, 3 + a] * F[1] + X[k, 6 + a] * F[2]
+            load[3 + a] = F[3] * (X[k, a] * m[0] + X[k, 3 + a] * m[1] + X[k, 6 + a] * m[2])
+            load[6 + a] = columns.arm[j, a]
+        pushed(J, X[k], last[k], load, parent, out[j])
+    for i in range(len(units)):
+        out[units[i, 0], units[i, 1]] += gear[i]
+
+
+unit_loads = compiled(
+    _unit_loads,
+    signature(
+        None, *COLUMN_TYPES, TABLE, array(1), array(2), array(2, layout="A"), array(1, COUNT), array(1, COUNT),
+        array(2, written=True),
+    ),
+)  # fmt: skip
+
+
 def _judged(
     left: Array, generalised: Array, torque: Array, per_inertia: Array, a: Array, v: Array, w: Array,
     force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
     first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array, begin: Array,
-    X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool,
+    X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool, misses: Array,
 ) -> float:  # fmt: skip
-    """The largest residual, over lower bounds of the scales, of the equations of motion and of the law.
+    """The largest residual, over lower bounds of the scales, of the equations of motion and of the law; of an element the sum.
 
     Infinite where a number is not finite.
 
@@ -188,6 +237,7 @@ def _judged(
         fall: Gravity.
         rest: As of `answer`.
         coulomb: As of `answer`.
+        misses: Written, shape (4,): the largest of stationarity, and of feasibility, cone and complementarity of the law.
     """
     columns, elements = Columns(force, moment, arm, along, body), Elements(first, lower, upper, mu, share, starts, begin)
     worst, p = 0.0, len(w)
@@ -196,6 +246,8 @@ def _judged(
         if not missed < math.inf:
             return math.inf
         worst = max(worst, missed)
+    misses[:] = 0.0
+    misses[0] = worst
     u, y = np.zeros(p), np.zeros(p)
     for i in range(len(units)):
         u[units[i, 0]] += gear[i] * v[units[i, 1]]
@@ -223,7 +275,9 @@ def _judged(
     if not decide(elements, u, rest, coulomb, modes):
         return math.inf
     for e in range(len(modes)):
-        worst = max(worst, _missed(elements, e, modes[e], u, y, w, coulomb))
+        one, two, three = _missed(elements, e, modes[e], u, y, w, coulomb)
+        misses[1], misses[2], misses[3] = max(misses[1], one), max(misses[2], two), max(misses[3], three)
+        worst = max(worst, one + two + three)
     return worst
 
 
@@ -231,6 +285,6 @@ judged = compiled(
     _judged,
     signature(
         NUMBER, *[array(1)] * 7, *COLUMN_TYPES, TABLE, array(1), *ELEMENT_TYPES, array(2), array(2), array(2), array(1),
-        NUMBER, FLAG,
+        NUMBER, FLAG, _WRITTEN,
     ),
 )  # fmt: skip

@@ -13,7 +13,7 @@ solved the general way: contacts on moving ground or on bodies, loops, constrain
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
@@ -146,7 +146,7 @@ class Plan(Workspaces):
     """
 
     def __init__(self, robot: CheckedModel, sources: Sequence[Source]) -> None:
-        self._robot, self._sources = robot, sources
+        self._robot, self.sources = robot, sources
         self.force_set = at_rest(*[source.cone for source in sources])
         self.bilateral = self.force_set.bilateral
         self._kernel = law_kernel()
@@ -196,15 +196,23 @@ class Plan(Workspaces):
             self._core = m if self.force_set.is_line[j] else self._core
         self._m, self._columns, self._own = m, place, own
         self._entries = np.array([e[:2] for e in entries], np.int64).reshape(-1, 2), np.array([e[2] for e in entries], float)
-        self._elements, self._closed = _elements(self._kernel.Elements, self.force_set, place, m)
-        self._repeated = len(self.force_set.G) > m
+        self.elements, self._closed = _elements(self._kernel.Elements, self.force_set, place, m)
+        self.repeated = len(self.force_set.G) > m
 
     def _stand(self) -> None:
         """The gaps of contacts on planes whose place is known."""
-        contacts = [contact for source in self._sources for contact in source.contacts]
-        joints = sorted({self._robot.site(contact.frame)[0] for contact in contacts})
+        contacts = [contact for source in self.sources for contact in source.contacts]
+        joints = sorted({self._robot.site(contact.frame)[0] for contact in contacts if contact.plane is not None})
         self._gaps, self._heights = plane_gaps(self._robot, contacts, joints)
-        self._twelve = (12 * np.array(joints, int)[:, None] + np.arange(12)).ravel()
+        self.corner_entries = (12 * np.array(joints, int)[:, None] + np.arange(12)).ravel()
+
+    def off_plane(self, X: Array) -> Any:
+        """Largest distance of a corner from the plane on which it stands, where that is known, shape (...) [m].
+
+        Args:
+            X: Placements of the bodies with such corners, shape (..., 12 bodies).
+        """
+        return np.abs(X @ self._gaps.T - self._heights).max(axis=-1, initial=0.0)
 
     def answer(
         self,
@@ -216,6 +224,7 @@ class Plan(Workspaces):
         coulomb: bool,
         rest_speed: float,
         within: float,
+        mu: Array | None = None,
     ) -> FoundForces | None:
         """Acceleration and forces under a contact law, certified; None where the general way has to be taken.
 
@@ -227,15 +236,16 @@ class Plan(Workspaces):
             coulomb: Coulomb's law; else the convex one.
             rest_speed: Up to this speed a contact is at rest [m/s, rad/s].
             within: If a corner is farther off its plane, the general way is taken [m].
+            mu: Friction of the cones; None: the constraints' own.
         """
-        loads = _loads(self._robot, pushes) if pushes else _UNLOADED
+        loads, elements = self.loads(pushes), self.elements if mu is None else self.elements._replace(mu=self.friction(mu))
         space = self.taken()
         try:
-            found = self.search(space, q, v, generalised, rest_speed, coulomb, loads=loads)
+            found = self.search(space, q, v, generalised, rest_speed, coulomb, elements, loads)
             if found is None:
                 return None
-            worst = self._judged(space, q, v, generalised, loads, found, rest_speed, coulomb)
-            if len(self._heights) and not max_abs(self._gaps.dot(space.places[self._twelve]) - self._heights) <= within:
+            worst = self.judged(space, q, v, generalised, found, rest_speed, coulomb, elements, loads, np.empty(4))
+            if len(self._heights) and not max_abs(self._gaps.dot(space.places[self.corner_entries]) - self._heights) <= within:
                 return None
         finally:
             self.put_back(space)
@@ -247,23 +257,37 @@ class Plan(Workspaces):
             moving, openings = self._moving(found.u, rest_speed), self._openings(found.modes, found.u)
             w = self._weights(found.modes, w)
         choice = UNIQUE
-        if self._repeated or found.dependent:
+        if self.repeated or found.dependent:
             choice = MINIMUM_NORM if found.how == self._kernel.HELD and not found.dependent else ""
         return FoundForces(
             found.a, forces, None if self.bilateral else w, METHODS[found.how], found.steps, worst, moving, openings, choice
         )  # fmt: skip
 
+    def friction(self, mu: Array) -> Array:
+        """Of the elements, with that of the cones replaced, shape (..., e), by the latter's, shape (..., cones)."""
+        out = np.zeros((*mu.shape[:-1], len(self.elements.mu)))
+        out[..., self.elements.mu > 0.0] = mu
+        return out
+
+    def loads(self, pushes: Sequence[ExternalForce]) -> Loads:
+        """Of pushes, as `law_kernel.answer` takes them.
+
+        Raises:
+            FrameNotFound: with the nearest names.
+        """
+        if not pushes:
+            return _UNLOADED
+        model, joints, values = self._robot.model, np.empty((len(pushes), 2), np.int64), np.empty((len(pushes), 9))
+        for e, push in enumerate(pushes):
+            joint, X_JF = self._robot.site(push.frame)
+            joints[e] = joint, model.idx_vs[joint] + model.nvs[joint] - 1
+            values[e, :3], values[e, 3:6], values[e, 6:] = push.force, push.moment, X_JF.act(np.asarray(push.offset))
+        return joints, values
+
     def search(
-        self,
-        space: Workspace,
-        q: Array,
-        v: Array,
-        generalised: Array,
-        rest_speed: float,
-        coulomb: bool,
-        mu: Array | None = None,
-        loads: Loads = _UNLOADED,
-    ) -> Found | None:
+        self, space: Workspace, q: Array, v: Array, generalised: Array, rest_speed: float, coulomb: bool, elements: Any,
+        loads: Loads, into: Sequence[Array] = (),
+    ) -> Found | None:  # fmt: skip
         """What obeys the law at one state, not yet certified; None where nothing is known.
 
         Args:
@@ -273,44 +297,64 @@ class Plan(Workspaces):
             generalised: As there.
             rest_speed: As there.
             coulomb: As there.
-            mu: Friction of the cones; None: the constraints' own.
-            loads: Forces of the world, as of `law_kernel.answer`.
+            elements: As `elements`, with the friction at this state.
+            loads: Of `loads`.
+            into: Arrays for a, w, u and modes; else new ones.
         """
-        model, data, kernel, elements = self._robot.model, space.data, self._kernel, self._elements
+        model, data, kernel = self._robot.model, space.data, self._kernel
         p = self.force_set.size
-        a, w, u, modes = np.empty(len(v)), np.empty(p), np.empty(p), np.zeros(len(elements.first), np.int64)
+        a, w, u, modes = into or (np.empty(len(v)), np.empty(p), np.empty(p), np.zeros(len(elements.first), np.int64))
         if not self._m and loads is _UNLOADED:
-            return Found(pin.aba(model, data, q, v, generalised), w, u, modes, kernel.HELD, 0, False)
-        if mu is not None:
-            own = elements.mu.copy()
-            own[own > 0.0] = mu
-            elements = elements._replace(mu=own)
+            a[:] = pin.aba(model, data, q, v, generalised)
+            return Found(a, w, u, modes, kernel.HELD, 0, False)
         pin.crba(model, data, q, WORLD)
         pin.nonLinearEffects(model, data, q, v)
         how, steps, dependent = kernel.answer(
             *space.read, *space.fixed, v, generalised, space.memory, *loads, *self._columns, *elements, self._core, rest_speed,
-            coulomb, self._closed, self._repeated, a, w, modes, u,
+            coulomb, self._closed, self.repeated, a, w, modes, u,
         )  # fmt: skip
         return None if how == kernel.NOTHING else Found(a, w, u, modes, how, steps, dependent)
 
-    def _judged(
-        self, space: Workspace, q: Array, v: Array, generalised: Array, loads: Loads, found: Found, rest_speed: float,
-        coulomb: bool,
+    def needed(self, space: Workspace, q: Array, v: Array, a: Array, unit_loads: Array) -> Array:
+        """M a + h; generalised forces of unit weights are written, shape (p, nv), and the places of all joints are left."""
+        model, data, read = self._robot.model, space.data, space.read
+        last = np.array(model.idx_vs) + np.array(model.nvs) - 1
+        need = np.array(pin.rnea(model, data, q, v, a))
+        pin.computeJointJacobians(model, data, q)
+        certificate_kernel().unit_loads(*self._own, *self._entries, read[3], read[1], last, space.fixed[0], unit_loads)
+        return need
+
+    def judged(
+        self, space: Workspace, q: Array, v: Array, generalised: Array, found: Found, rest_speed: float, coulomb: bool,
+        elements: Any, loads: Loads, misses: Array,
     ) -> float:  # fmt: skip
-        """An upper bound of the largest scaled residual."""
+        """An upper bound of the largest scaled residual; those of the equations are written.
+
+        Args:
+            space: As `search` left it; or with the places of all joints.
+            q: As of `search`, as are the next two.
+            v: As there.
+            generalised: As there.
+            found: What is judged: its a and w.
+            rest_speed: As there, as are the next three.
+            coulomb: As there.
+            elements: As there.
+            loads: As there.
+            misses: Written: of stationarity, feasibility, cone and complementarity, shape (4,).
+        """
         (X, twists, lifts), torque = space.read[3:], np.empty(len(v))
         kernel = certificate_kernel()
         kernel.act(*loads, *self._own, *self._entries, X, found.w, space.pushes.reshape(-1, 6), torque)
         left = pin.rnea(self._robot.model, space.data, q, v, found.a, space.forces)
         worst: float = kernel.judged(
-            left, generalised, torque, self._per_inertia, found.a, v, found.w, *self._own, *self._entries, *self._elements,
-            X, twists, lifts, self._fall, rest_speed, coulomb,
+            left, generalised, torque, self._per_inertia, found.a, v, found.w, *self._own, *self._entries, *elements,
+            X, twists, lifts, self._fall, rest_speed, coulomb, misses,
         )  # fmt: skip
         return worst
 
     def _moving(self, u: Array, rest_speed: float) -> tuple[tuple[int, float], ...]:
         """(number, speed) of bilateral constraints that move."""
-        each = enumerate(zip(self._sources, self.force_set.slices, strict=True))
+        each = enumerate(zip(self.sources, self.force_set.slices, strict=True))
         speeds = [(i, max_abs(u[columns])) for i, (source, columns) in each if source.cone.bilateral]
         return tuple([(i, speed) for i, speed in speeds if speed > rest_speed])
 
@@ -320,7 +364,7 @@ class Plan(Workspaces):
         for i in np.flatnonzero(modes == self._kernel.OPENS).tolist():
             e = elements[i]
             of = sum(other.rows == e.rows for other in elements)
-            out.append(Opening(self._sources[e.rows].name, e.number, of, float(u[e.columns][-1])))
+            out.append(Opening(self.sources[e.rows].name, e.number, of, float(u[e.columns][-1])))
         return tuple(out)
 
     def _weights(self, modes: Array, w: Array) -> Array:
@@ -330,20 +374,6 @@ class Plan(Workspaces):
             if mode in (self._kernel.SLIDES, self._kernel.OPENS) and e.is_cone:
                 kept[e.columns.start : e.columns.start + 2] = False
         return w[kept]
-
-
-def _loads(robot: CheckedModel, pushes: Sequence[ExternalForce]) -> Loads:
-    """Of pushes, as `law_kernel.answer` takes them.
-
-    Raises:
-        FrameNotFound: with the nearest names.
-    """
-    model, joints, values = robot.model, np.empty((len(pushes), 2), np.int64), np.empty((len(pushes), 9))
-    for e, push in enumerate(pushes):
-        joint, X_JF = robot.site(push.frame)
-        joints[e] = joint, model.idx_vs[joint] + model.nvs[joint] - 1
-        values[e, :3], values[e, 3:6], values[e, 6:] = push.force, push.moment, X_JF.act(np.asarray(push.offset))
-    return joints, values
 
 
 class Source(NamedTuple):
@@ -487,7 +517,7 @@ class ConstraintDynamics:
     """
 
     def __init__(self, robot: CheckedModel, sources: Sequence[Source | None], limits: Mapping[int, JointLimit]) -> None:
-        self._robot, self._sources, self._limits = robot, sources, limits
+        self._robot, self.sources, self._limits = robot, sources, limits
         stops = [limit.stop(robot) for limit in limits.values()]
         self._q = np.array([stop.q for stop in stops], int)
         self._low, self._high = np.array([s.lower for s in stops]), np.array([s.upper for s in stops])
@@ -495,16 +525,29 @@ class ConstraintDynamics:
         self._dofs, self._plans = [stop.v for stop in stops], dict[bytes, Plan]()
         self._plain = None if limits else Plan(robot, sources)  # type: ignore[arg-type]
 
+    def plans(self, q: Array) -> Iterator[tuple[Plan, Array]]:
+        """The plans of configurations, shape (n, nq), each with the numbers of its states."""
+        if self._plain is not None:
+            yield self._plain, np.arange(len(q))
+        elif len(q):
+            _, first, which = np.unique(self._reached(q), axis=0, return_index=True, return_inverse=True)
+            for k, at in enumerate(first.tolist()):
+                yield self.plan(q[at]), np.flatnonzero(which.ravel() == k)
+
+    def _reached(self, q: Array) -> Array:
+        """Which limits are reached, the lower ones first, shape (..., 2 limits), truth values."""
+        x = q[..., self._q]
+        return np.concatenate([x - self._low <= self._margin, self._high - x <= self._margin], axis=-1)
+
     def plan(self, q: Array) -> Plan:
         """That of the joint limits reached at q."""
         if self._plain is not None:
             return self._plain
-        x = q[self._q]
-        sides = np.concatenate([x - self._low <= self._margin, self._high - x <= self._margin])
+        sides = self._reached(q)
         key = sides.tobytes()
         found = self._plans.get(key)
         if found is None:
-            sources, n = list(self._sources), len(self._q)
+            sources, n = list(self.sources), len(self._q)
             for k, (number, limit) in enumerate(self._limits.items()):
                 signs = [sign for sign, at in ((1.0, sides[k]), (-1.0, sides[n + k])) if at]
                 columns = [((self._dofs[k], sign),) for sign in signs]

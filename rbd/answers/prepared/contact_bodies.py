@@ -6,10 +6,7 @@ L = (J M^-1 J^T)^-1. A row acceleration s then costs
 
     f = f_0 + L s,        a = a_0 + M^-1 J^T L s
 
-The judgement takes another route. `pin.rnea` at (q, v, a) with the contact forces on their bodies gives the torques that this
-motion takes: less those given, that is the residual of the equations of motion, whose rows at a floating base are the balance
-of momentum. It leaves the acceleration of every body, from which the row accelerations follow through constant matrices.
-Neither M, J and J_dot v as arrays, nor the factors that found the answer, take part.
+The judgement takes another route: `pin.rnea` at (q, v, a) with the contact forces on their bodies.
 
 Rows are three of a point in world axes, or in its body's; six of a patch in its own. What Pinocchio leaves
 of the bodies is read as arrays, X of placements (R_WJ by columns, then p_WJ), V of velocities (v, w) and A of accelerations in
@@ -29,15 +26,12 @@ from typing import Any, NamedTuple
 import numpy as np
 import pinocchio as pin
 
-from rbd.arrays import Array, block_diagonal, cross_matrix, rows_from
+from rbd.arrays import Array, block_diagonal, rows_from
 from rbd.constraints.contact import Contact
 from rbd.model.checked_model import CheckedModel
-from rbd.problem.cones import Cone
 
 WORLD = pin.Convention.WORLD
 """Of `pin.crba`: leaves the joints' Jacobians in world axes."""
-STILL = 1e-15
-"""Squares of the bodies' velocities up to this leave their centripetal accelerations in the rounding."""
 MOST, MOST_BODIES = 64, 16
 """Sets of contacts, and of bodies in contact, that are kept with a robot."""
 MOST_SPARE = 2
@@ -59,19 +53,6 @@ class Site:
     X_JC: pin.SE3
     size: int
     turns: bool = False
-
-    @classmethod
-    def of(cls, robot: CheckedModel, contact: Contact) -> Site:
-        """The site of a contact that `covered` accepts.
-
-        Raises:
-            FrameNotFound: with the nearest names.
-        """
-        joint, X_JF = robot.site(contact.frame)
-        X_JC = X_JF * contact.placement
-        if len(contact.corners) == 1:
-            return cls(joint, pin.SE3(np.eye(3), X_JC.translation), 3)
-        return cls(joint, X_JC, 6)
 
     @property
     def key(self) -> tuple[object, ...]:
@@ -235,10 +216,6 @@ class BilinearMap:
         return np.asarray(products @ self.matrix.T)
 
 
-_CROSS = np.stack([cross_matrix(e) for e in np.eye(3)], axis=1)
-"""T of the product w x v."""
-
-
 class ContactBodies(Workspaces):
     """The bodies of a robot that contacts touch, as `prepared` and a time step have them: what is constant.
 
@@ -254,24 +231,9 @@ class ContactBodies(Workspaces):
     def __init__(self, robot: CheckedModel, sites: Sequence[Site]) -> None:
         super().__init__(robot.model, sites)
         self.robot, self.sites, self.joints = robot, tuple(sites), np.array([site.joint for site in sites])
-        ends, n = np.cumsum([site.size for site in sites]).tolist(), len(sites)
+        ends = np.cumsum([site.size for site in sites]).tolist()
         self.rows, self.m = [slice(end - site.size, end) for end, site in zip(ends, sites, strict=True)], ends[-1]
-        self._site_rates = block_diagonal([site.X_JC.toActionMatrixInverse() for site in sites])
-        entries = np.concatenate([6 * i + np.arange(site.size) for i, site in enumerate(sites)])
-        self.row_rates, self._per_inertia = self._site_rates[entries], 1.0 / robot.least_inertia
-        gravity = np.zeros((12, 6))
-        gravity[:9, :3] = np.kron(np.eye(3), np.reshape(robot.model.gravity.linear, (3, 1)))
-        self._fall = block_diagonal([gravity] * n)
-        turning, turned = np.zeros((self.m, 6 * n, 6 * n)), np.zeros((self.m, 12 * n, self.m))
-        r, c = np.indices((3, 3))
-        for i, (site, rows) in enumerate(zip(sites, self.rows, strict=True)):
-            turning[rows.start : rows.start + 3, 6 * i + 3 : 6 * i + 6, 6 * i : 6 * i + 3] = _CROSS
-            if site.size == 3 and not site.turns:
-                turned[rows.start + r, 12 * i + 3 * c + r, rows.start + c] = 1.0
-        #: w x v of the sites' (v, w): classical accelerations of the rows less spatial ones.
-        self._turning = BilinearMap(turning)
-        self._to_world, self._to_joints = BilinearMap(turned), BilinearMap(turned.transpose(2, 1, 0))
-        self._unturned, self._turns = 1.0 - turned.any(axis=(1, 2)), bool(turned.any())
+        self.row_rates = block_diagonal([site.X_JC.toActionMatrixInverse()[: site.size] for site in sites])
         #: Where the bodies are among all joints' placements, and among their velocities.
         self._twelve, self._six = ((size * self.joints[:, None] + np.arange(size)).ravel() for size in (12, 6))
 
@@ -297,85 +259,10 @@ class ContactBodies(Workspaces):
         """Their spatial accelerations less that of gravity, as `inverse_dynamics` left them, shape (6 sites,)."""
         return space.lifts[self._six]
 
-    def speeds(self, rates: Array) -> Array:
-        """Largest entry of each site's velocity, shape (..., sites) [m/s, rad/s], of those of the rows, shape (..., m)."""
-        return np.maximum.reduceat(np.abs(rates), [rows.start for rows in self.rows], axis=-1)
-
-    def accelerations(self, X: Array, lifts: Array) -> Array:
-        """Spatial accelerations of the bodies, shape (..., 6 sites), from those less gravity's that `pin.rnea` leaves."""
-        return np.asarray(lifts + X @ self._fall)
-
-    def row_accelerations(self, V: Array, A: Array) -> Array:
-        """J a + J_dot v, shape (..., m), points in their joints' axes."""
-        c: Array = A @ self.row_rates.T
-        if np.vdot(V, V) > STILL:
-            u = V @ self._site_rates.T
-            c += self._turning(u, u)
-        return c
-
-    def in_row_axes(self, x: Array, X: Array) -> Array:
-        """Rows of points turned from their joints' axes to the world's where they have those, shape (..., m)."""
-        return self._to_world(X, x) + x * self._unturned if self._turns else x
-
-    def wrenches(self, f: Array, X: Array) -> Array:
-        """Row forces as wrenches on the bodies in their joints' axes, shape (..., 6 sites)."""
-        own = self._to_joints(X, f) + f * self._unturned if self._turns else f
-        return np.asarray(own @ self.row_rates)
-
-    def checked(
-        self, space: Workspace, q: Array, v: Array, generalised: Array, a: Array, f: Array, X: Array
-    ) -> tuple[Array, Array]:
-        """(residuals of the equations of motion over lower bounds of their scales, row accelerations), by `pin.rnea`.
-
-        Args:
-            space: Used.
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
-            generalised: S^T tau + tau_ext, shape (n, nv).
-            a: Accelerations, shape (n, nv).
-            f: Row forces, shape (n, m).
-            X: Placements of the bodies, shape (n, 12 sites).
-
-        Returns:
-            Shapes (n, nv) and (n, m), the latter as of `row_accelerations`.
-        """
-        wrenches = self.wrenches(f, X)
-        left, V, lifts = np.empty(v.shape), np.empty(wrenches.shape), np.empty(wrenches.shape)
-        for i, (q_i, v_i, a_i, wrench) in enumerate(zip(q, v, a, wrenches, strict=True)):
-            left[i] = self.inverse_dynamics(space, q_i, v_i, a_i, wrench)
-            V[i], lifts[i] = self.velocities(space), self.lifts(space)
-        row_kernel().unbalanced(left, generalised, a, self._per_inertia)
-        return left, self.row_accelerations(V, self.accelerations(X, lifts))
-
     def inverse_dynamics(self, space: Workspace, q: Array, v: Array, a: Array, wrenches: Array) -> Array:
         """M a + h less the generalised forces of wrenches on the bodies in joint axes, shapes (nv,) and (6 sites,)."""
         space.pushes[self._six] = wrenches
         return np.asarray(pin.rnea(self.robot.model, space.data, q, v, a, space.forces))
-
-    def loads(self, space: Workspace, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
-        """What a wanted motion takes, and through what forces act, at each of n states.
-
-        Args:
-            space: Used.
-            q: Configurations, shape (n, nq).
-            v: Velocities, shape (n, nv).
-            a: Accelerations, shape (n, nv).
-
-        Returns:
-            M a + h, shape (n, nv); the rows' Jacobians (n, m, nv) and speeds of the sites (n, sites) [m/s, rad/s]; placements
-            of the bodies (n, 12 sites).
-        """
-        n, model, data, count = len(q), self.robot.model, space.data, len(self.sites)
-        need, J, X, V = np.empty(v.shape), np.empty((n, self.m, model.nv)), np.empty((n, 12 * count)), np.empty((n, 6 * count))
-        axes = {3: pin.LOCAL_WORLD_ALIGNED, 6: pin.LOCAL}
-        fixed = [(rows, s.size, s.joint, s.X_JC, axes[s.size]) for rows, s in zip(self.rows, self.sites, strict=True)]
-        for i in range(n):
-            need[i] = pin.rnea(model, data, q[i], v[i], a[i])
-            pin.computeJointJacobians(model, data, q[i])
-            for rows, size, joint, X_JC, seen in fixed:
-                J[i, rows] = pin.getFrameJacobian(model, data, joint, X_JC, seen).reshape(6, -1)[:size]
-            X[i], V[i] = self.placements(space), self.velocities(space)
-        return need, J, self.speeds(V @ self.row_rates.T), X
 
 
 def rotations(X: Array) -> Array:
@@ -412,29 +299,6 @@ def plane_gaps(robot: CheckedModel, contacts: Sequence[Contact], joints: Sequenc
             bodies += [list(joints).index(joint)] * k
     gaps = gap_map(np.array(bodies, int), np.reshape(points, (-1, 3)), np.reshape(normals, (-1, 3)), len(joints))
     return gaps, np.array(heights)
-
-
-def covered(robot: CheckedModel, contacts: tuple[object, ...]) -> bool:
-    """Whether the contacts are points and patches on still ground, each on a body of its own, with friction or bilateral.
-
-    Raises:
-        FrameNotFound: with the nearest names.
-    """
-    if not robot.sound:
-        return False
-    joints, names = set(), set()
-    for contact in contacts:
-        if (
-            not isinstance(contact, Contact)
-            or len(contact.corners) == 2
-            or contact.friction == 0.0
-            or isinstance(contact.friction, Cone)
-            or not contact.on_still_ground
-        ):
-            return False
-        joints.add(robot.site(contact.frame)[0])
-        names.add(contact.name)
-    return 0 < len(contacts) == len(joints) == len(names) and 0 not in joints
 
 
 def keep(kept: dict[Any, Any], key: object, value: object, most: int) -> None:

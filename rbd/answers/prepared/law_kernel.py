@@ -296,7 +296,7 @@ def _by_newton(
 
 
 @compiled
-def _pushed(J: Array, X: Array, i: int, load: Array, parent: Array, generalised: Array) -> None:
+def pushed(J: Array, X: Array, i: int, load: Array, parent: Array, generalised: Array) -> None:
     """Add J^T of a force of the world, of the pose of its joint and the last dof that moves it."""
     f, r, p, m = load[:3], load[6:], np.empty(3), np.empty(3)
     for a in range(3):
@@ -364,7 +364,7 @@ def _answer(
     terms, f, felt, offset = terms_in(space, n, m), np.empty(m), np.zeros((p, 6)), np.empty(p)
     given = generalised.copy()
     for e in range(len(loaded)):
-        _pushed(J, X[loaded[e, 0]], loaded[e, 1], loads[e], parent, given)
+        pushed(J, X[loaded[e, 0]], loaded[e, 1], loads[e], parent, given)
     all_rows(M, J, h, X, twists, rates, parent, sites, places, units, gear, fall, v, given, terms)
     _felt(columns, sites, places, X, twists, felt, offset)
     still = True

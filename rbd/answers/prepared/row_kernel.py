@@ -323,14 +323,6 @@ def holding_forces(terms: Terms, f: Array) -> int:
 
 
 @compiled
-def unbalanced(left: Array, generalised: Array, a: Array, per_inertia: Array) -> None:
-    """Of n states, (left - generalised) over lower bounds of its scales, M_ii max(|a_i|, 1), in `left`."""
-    for s in range(len(left)):
-        for i in range(left.shape[1]):
-            left[s, i] = (left[s, i] - generalised[s, i]) * per_inertia[i] / max(abs(a[s, i]), 1.0)
-
-
-@compiled
 def row_change(s: Array, parent: Array, space: Array, a: Array, f: Array) -> None:
     """F = (J M^-1 J^T)^-1 s and a = M^-1 J^T f, by what `row_terms` left."""
     terms = terms_in(space, len(a), len(f))
