@@ -20,6 +20,7 @@ from rbd.problem.residuals import blame
 from rbd.problem.rows import Rows
 from rbd.solvers import conic_newton
 from rbd.statics import wanted_motion
+from rbd.statics.least_effort import LeastEffort
 from rbd.testing import ConstraintWrong, SolverWrong, box, check_constraint, check_solver, law_residuals, reference_problems
 
 
@@ -210,6 +211,7 @@ def off_by(relative: float):
 )
 def test_torques_that_are_not_found_to_nine_digits_are_told(talos, monkeypatch, relative, told):
     """A program that is solved badly: a warning up to 1e-7, no torques above; never a wrong answer in silence."""
+    monkeypatch.setattr(LeastEffort, "at", lambda *_, **__: None)
     monkeypatch.setattr(wanted_motion, "solve_conic", off_by(relative))
     monkeypatch.setattr(wanted_motion, "_balanced", lambda program, x: x)
     if told is None:
@@ -224,6 +226,7 @@ def test_torques_that_are_not_found_to_nine_digits_are_told(talos, monkeypatch, 
 
 def test_forces_that_are_a_little_off_are_balanced(talos, monkeypatch):
     """An answer to eight digits is moved, where it is inside its bounds, so that the equations of motion hold to rounding."""
+    monkeypatch.setattr(LeastEffort, "at", lambda *_, **__: None)
     monkeypatch.setattr(wanted_motion, "solve_conic", off_by(1e-8))
     assert rbd.hold(talos.standing(), talos.soles(0.7)).residuals.worst < 1e-12
 
@@ -232,6 +235,7 @@ def test_possible_torques_do_where_the_least_are_not_found(talos, monkeypatch):
     """The least effort is not found, and any torques that hold are: they do hold, and say what they are not."""
     settled = conic_newton.settled
     monkeypatch.setattr(conic_newton, "_by_newton", lambda program: None)
+    monkeypatch.setattr(LeastEffort, "at", lambda *_, **__: None)
     monkeypatch.setattr(conic_newton, "settled", lambda p, *more: None if p.H.any() else settled(p, *more))
     push = rbd.ExternalForce("torso_2_link", (0.0, 60.0, 0.0))
     for margin in (0.0, 0.05):
@@ -248,6 +252,7 @@ def test_torques_that_are_no_numbers_are_none(monkeypatch):
     arm = rbd.load_robot("ur5", root="fixed")
     nan = np.array([np.nan])
     monkeypatch.setattr(conic_newton, "_by_newton", lambda program: None)
+    monkeypatch.setattr(LeastEffort, "at", lambda *_, **__: None)
     monkeypatch.setattr(
         conic_newton,
         "interior_point",

@@ -197,10 +197,10 @@ def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased:
     torque = float((excess / np.minimum(limit, 1e300)).max(initial=0.0))
     scaled = (values[0] / forces, values[1] / moves, values[2] / forces, torque, values[4] / moves, optimality)
     return TaskActuation(
-        a, tau, w, loads, problem.contacts, problem.external, DEFAULT, 0.0, REST_SPEED, point.iterations, point.method, True,
-        problem.missed(a, w), StepCertificate(*values, optimality, scaled),
-        None if eased is None else problem.violation(eased.contacts, eased.joints, eased.seen),
-        problem.limits, problem.moving(),
+        a, tau, w, loads, problem.contacts, problem.external, DEFAULT, 0.0, REST_SPEED, point.iterations, point.method,
+        missed=problem.missed(a, w), certificate=StepCertificate(*values, optimality, scaled),
+        violation=None if eased is None else problem.violation(eased.contacts, eased.joints, eased.seen),
+        limits=problem.limits, moving=problem.moving(),
     )  # fmt: skip
 
 

@@ -432,6 +432,9 @@ class CheckedModel(Displayed):
             motor = self.motor_data.get(name)
             if motor is not None and motor.standstill is not None:
                 self.effort_limit[i] = motor.standstill
+        given = [self.motor_data.get(name) for name in self.actuated_names]
+        speeds = [np.inf if motor is None or motor.speed_limit is None else motor.speed_limit for motor in given]
+        self._motor_speeds = np.array(speeds, float)
         self.torque_lines = TorqueLines(self.actuated, self.actuated_names, self.motor_data)
 
     def with_motors(self, motors: Mapping[str, Motor | None], *, others_passive: bool = False) -> Self:
@@ -505,9 +508,7 @@ class CheckedModel(Displayed):
 
         Speed limits that only the robot's file states do not count here: those are for controllers and `rbd.check_motion`.
         """
-        given = [self.motor_data.get(name) for name in self.actuated_names]
-        limit = [np.inf if motor is None or motor.speed_limit is None else motor.speed_limit for motor in given]
-        return np.asarray(np.abs(v[..., self.actuated]) > limit)
+        return np.asarray(np.abs(v[..., self.actuated]) > self._motor_speeds)
 
     def torque_use(self, tau: Array | None, v: Array | None = None) -> Array:
         """Torques over their limits at a velocity, of shape (nu,) or (n, nu): 1 is at the limit, 0 where there is none.

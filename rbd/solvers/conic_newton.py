@@ -21,8 +21,7 @@ from rbd.problem.conic import Certificate, Conic, ConicAnswer, Unknowns
 from rbd.problem.programs import CONIC_SECONDS, CONIC_STEPS, Outcome, Work
 
 MET = 1e-11
-"""A miss up to this is rounding, of numbers around one; where H has larger entries, 1e-14 of these."""
-_DIGITS = 1e-14  # of entries of H
+"""A miss up to this is rounding, of numbers around one."""
 _NEAR = 1e-4  # a miss of Clarabel's from which Newton's method is tried
 _REACH = 1e6  # of a proof that is not improved
 _ENOUGH = 1e3  # of a proof
@@ -73,9 +72,8 @@ def newton_steps(program: Conic, x: Array, y: Array, z: Array, fresh: bool = Fal
     """
     from rbd.solvers.conic_kernel import newton  # imports Numba
 
-    met = max(MET, _DIGITS * float(np.abs(program.H).max(initial=0.0)))
     x, y, z, arrays = x.copy(), y.copy(), z.copy(), [np.ascontiguousarray(each) for each in program.arrays]
-    count = newton(*arrays, met, fresh, x, y, z)
+    count = newton(*arrays, fresh, x, y, z)
     return ConicAnswer(program, Outcome.SOLVED, x, y, z, "Newton", count) if count >= 0 else None
 
 

@@ -24,6 +24,25 @@ def product(A: Array, x: Array, out: Array) -> None:
 
 
 @compiled
+def add_product(A: Array, x: Array, out: Array) -> None:
+    """Add A x to `out`."""
+    for r in range(len(out)):
+        total = 0.0
+        for c in range(len(x)):
+            total += A[r, c] * x[c]
+        out[r] += total
+
+
+@compiled
+def add_transposed(A: Array, x: Array, out: Array) -> None:
+    """Add A^T x, of an x that is often zero, to `out`."""
+    for r in range(len(x)):
+        if x[r] != 0.0:
+            for c in range(len(out)):
+                out[c] += A[r, c] * x[r]
+
+
+@compiled
 def solved(A: Array, b: Array) -> Array:
     """A^-1 b by LAPACK, of several columns b; NaN where A is singular."""
     try:

@@ -24,7 +24,7 @@ from rbd.problem.conic import Conic, Unknowns
 from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import COULOMB, GaussProblem
 from rbd.problem.motion_forces import given_weights
-from rbd.problem.residuals import Residuals
+from rbd.problem.residuals import SOLVED, Residuals
 from rbd.problem.rows import Rows, by_rows
 from rbd.records import Axis, Field, Variable
 from rbd.solvers.conic_newton import solve_conic
@@ -142,6 +142,7 @@ class Actuation(Displayed):
         iterations: How many steps it took.
         method: "Newton" or "Clarabel".
         least: Whether the effort is the least, to nine digits; else torques and forces are only possible ones.
+        bound: Upper bound of the largest scaled residual, where it was found with them.
 
     Example:
         >>> solo = rbd.load_robot("solo12")
@@ -165,6 +166,7 @@ class Actuation(Displayed):
     iterations: int
     method: str
     least: bool = True
+    bound: float = math.inf
 
     fields: ClassVar[tuple[Field, ...]] = (
         *CERTIFICATE,
@@ -243,7 +245,7 @@ class Actuation(Displayed):
     @property
     def status(self) -> Status:
         """What the residuals amount to."""
-        return self.answer.status
+        return Status.SOLVED if self.bound <= SOLVED else self.answer.status
 
     @property
     def forces(self) -> dict[str, Array]:

@@ -1,14 +1,11 @@
 """`Actuations`: motor torques and contact forces for wanted motions at many states, in array operations where they can be.
 
-    minimise sum_i p_i (t - T x)_i^2 + r |x|^2     subject to     A x = b
-
-is one linear system a state. Where its x is inside the cones, and the torques are within their limits, it is the answer of
-`rbd.statics.effort`; elsewhere, and for what is not covered here, the conic program is solved.
+Where all points keep still, and constraints are prepared, `rbd.statics.least_effort` finds them; else each is asked alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import ClassVar
 
@@ -29,15 +26,16 @@ from rbd.answers.many.many_answers import (
     warn,
 )
 from rbd.answers.many.states import ManyStates
-from rbd.answers.prepared.constraint_dynamics import Found, Plan
+from rbd.answers.prepared.constraint_dynamics import Plan
 from rbd.arrays import Array, zeros
 from rbd.displayed import Displayed
 from rbd.errors import CannotHold, CannotMove, RbdError
 from rbd.problem.answer import ACCELERATION, StateStatus, Status
+from rbd.problem.conic import ConicAnswer
 from rbd.problem.ground import TOUCHES
-from rbd.problem.residuals import SOLVED
 from rbd.records import Field
 from rbd.statics.actuation import CHOICE, CHOSEN, TORQUES, Actuation
+from rbd.statics.least_effort import LeastEffort
 from rbd.statics.wanted_motion import EffortChoice, WantedMotion
 from rbd.statics.why_impossible import actuation_of
 
@@ -143,7 +141,7 @@ def actuations_of(states: ManyStates, choice: EffortChoice, *, stacklevel: int) 
 def _by_blocks(sheet: Sheet, choice: EffortChoice, tau: Array, margin: Array, least: Array) -> Array:
     """Answer the states whose least effort is inside all limits; the numbers of those that are left."""
     states, effort = sheet.states, choice.effort
-    if choice.friction != "cone" or effort.normal_force or effort.edge_margin or isinstance(effort.forces, Mapping):
+    if choice.friction != "cone" or effort.bounded:
         return np.setdiff1d(np.arange(len(states)), list(states.refused))
 
     def answered(plan: Plan, part: Array, mu: Array | None) -> BlockAnswer:
@@ -175,7 +173,8 @@ def _one(sheet: Sheet, i: int, choice: EffortChoice) -> Actuation | None:
     wanted = wanted_at(sheet.states, i, choice)
     for what in of_rows(wanted.contacts, wanted.rows):
         sheet.column("warned", what)[i] = True
-    for margin in choice.margins:
+    found: Actuation | ConicAnswer | None = wanted.quick
+    for margin in choice.margins if found is None else ():
         found = wanted.sought(margin)
         if isinstance(found, Actuation):
             break
@@ -198,61 +197,21 @@ def least_effort_of(
         states: The states.
         part: Numbers of those of this block, shape (n,).
         mu: Friction of the plan's elements at each state, shape (n, e); None: the contacts' own.
-        choice: What torques and forces are chosen by; one weight for all forces, and no bounds on them.
+        choice: What torques and forces are chosen by, without bounds on forces.
     """
-    robot, q, v, T, elements = states.robot, states.q[part], states.v[part], plan.force_set, plan.elements
-    a, tau_ext, n = np.zeros(v.shape) if choice.holds else states.vectors["a"][part], states.external_of(part), len(part)
-    motors, unit, rest = robot.actuated, robot.force_unit, choice.rest_speed
-    limit = np.where(np.isfinite(robot.effort_limit), robot.effort_limit, unit)
-    need, per_weight, misses, worst = np.empty(v.shape), np.empty((n, T.size, robot.nv)), np.empty((n, 4)), np.empty(n)
+    robot, q, v, rest, n = states.robot, states.q[part], states.v[part], choice.rest_speed, len(part)
+    a, tau_ext = np.zeros(v.shape) if choice.holds else states.vectors["a"][part], states.external_of(part)
+    least_effort = LeastEffort.of(plan, choice.effort, choice.margins[0])
+    w, tau, misses, good = np.zeros((n, plan.force_set.size)), np.zeros((n, robot.nu)), np.zeros((n, 4)), np.zeros(n, bool)
+    X, elements, own = np.zeros((n, len(plan.corner_entries))), plan.elements, None
     with plan.workspace() as space:
-        X = np.empty((n, len(space.places)))
         for i in range(n):
-            need[i], X[i] = plan.needed(space, q[i], v[i], a[i], per_weight[i]), space.places
-        need -= tau_ext
-        A, push = per_weight[:, :, robot.unactuated].transpose(0, 2, 1), per_weight[:, :, motors].transpose(0, 2, 1)
-        load, costs, r = need[:, motors] / limit, choice.effort.torque_weights(robot.actuated_names), choice.effort.forces
-        w = _minimisers(push * (unit / limit)[:, None], load, A, need[:, robot.unactuated] / unit, costs, float(r)) * unit  # type: ignore[arg-type]
-        tau, generalised = (need - (w[:, None] @ per_weight)[:, 0])[:, motors], tau_ext.copy()
-        generalised[:, motors] += tau
-        for i in range(n):
-            space.places[:], elements = X[i], elements if mu is None else elements._replace(mu=mu[i])
-            found = Found(a[i], w[i], w[i], elements.first, 0, 0, False)
-            worst[i] = plan.judged(
-                space, q[i], v[i], generalised[i], found, rest, True, elements, plan.loads([]), misses[i]
-            )  # fmt: skip
-    cones, own = w[:, T.cone_columns], T.mu if mu is None else mu[:, plan.elements.mu > 0.0]
-    with np.errstate(invalid="ignore"):
-        good = (np.hypot(cones[..., 0], cones[..., 1]) <= (1.0 - choice.margins[0]) * own * cones[..., 2]).all(axis=1)
-        low, high = robot.limits_at(v)
-        good &= ((low <= tau) & (tau <= high)).all(axis=1) & ((T.lower <= w) & (w <= T.upper)).all(axis=1)
-        good &= (worst <= SOLVED) & (np.abs(per_weight @ v[:, :, None]) <= rest).all(axis=(1, 2))
-    off = {DISTANT: plan.off_plane(X[:, plan.corner_entries]) > TOUCHES}
-    return BlockAnswer(good, a, w, misses, np.full(n, CHOICE), np.zeros(n, bool), off), tau
-
-
-def _minimisers(push: Array, load: Array, A: Array, b: Array, p: Array, r: float) -> Array:
-    """The x of each state, shape (n, p), exact in A x = b to rounding; NaN where rows of A are dependent.
-
-    Args:
-        push: Torques over their limits of unit x, shape (n, nu, p).
-        load: Torques over their limits without forces, shape (n, nu).
-        A: Shape (n, e, p).
-        b: Shape (n, e).
-        p: Weights of the torques, shape (nu,).
-        r: Weight of x.
-    """
-    n, e, size = A.shape
-    K, right = np.zeros((n, size + e, size + e)), np.zeros((n, size + e, 1))
-    weighed = push.transpose(0, 2, 1) * p
-    K[:, :size, :size] = weighed @ push
-    K[:, range(size), range(size)] += r
-    K[:, :size, size:], K[:, size:, :size] = A.transpose(0, 2, 1), A
-    right[:, :size], right[:, size:, 0] = weighed @ load[:, :, None], b
-    try:
-        x = np.linalg.solve(K, right)[:, :size]
-        left = b[:, :, None] - A @ x
-        x += A.transpose(0, 2, 1) @ np.linalg.solve(A @ A.transpose(0, 2, 1), left)
-    except np.linalg.LinAlgError:
-        return np.full((n, size), np.nan)
-    return np.asarray(x[:, :, 0])
+            if mu is not None:
+                elements = elements._replace(mu=mu[i])
+                own = (1.0 - choice.margins[0]) * mu[i][plan.elements.mu > 0.0]
+            found = least_effort.certified(space, q[i], v[i], a[i], tau_ext[i], rest, plan.loads([]), elements, own, misses[i])
+            if found is not None:
+                w[i], tau[i], good[i], X[i] = found[0].w, found[0].tau, True, space.places[plan.corner_entries]
+    return BlockAnswer(
+        good, a, w, misses, np.full(n, CHOICE), np.zeros(n, bool), {DISTANT: plan.off_plane(X) > TOUCHES}
+    ), tau  # fmt: skip

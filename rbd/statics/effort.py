@@ -19,6 +19,7 @@ from rbd.displayed import Displayed
 from rbd.errors import InputError, JointNotFound
 from rbd.errors.inputs import check_kind, check_known
 from rbd.problem.conic import Conic
+from rbd.problem.force_set import ForceSet
 from rbd.problem.rows import Rows, by_rows
 from rbd.statics.force_balance import ForceBalance
 
@@ -101,20 +102,20 @@ class Effort(Displayed):
             raise InputError(f"torques has shape {given.shape}; expected one weight, or ({len(names)},), one a motor.")
         return np.full(len(names), float(given)) if not given.ndim else given
 
-    def force_weights(self, loads: ForceBalance) -> Array:
-        """One of each column of the force sets, shape (p,).
+    def force_weights(self, sets: ForceSet, names: Sequence[str]) -> Array:
+        """One of each column of the force sets of some constraints, shape (p,).
 
         Raises:
             UnknownName: a name that no constraint has.
         """
-        out = np.full(loads.sets.size, FORCE_WEIGHT)
+        out = np.full(sets.size, FORCE_WEIGHT)
         if not isinstance(self.forces, Mapping):
             out[:] = float(self.forces)
             return out
         for name in self.forces:
-            _known("forces", name, loads.rows)
-        for r, span in zip(loads.rows, loads.sets.slices, strict=True):
-            out[span] = self.forces.get(r.name, FORCE_WEIGHT)
+            _known("forces", name, names)
+        for name, span in zip(names, sets.slices, strict=True):
+            out[span] = self.forces.get(name, FORCE_WEIGHT)
         return out
 
     def rows(self, loads: ForceBalance) -> tuple[dict[str, Array], Array, Array]:
@@ -125,15 +126,22 @@ class Effort(Displayed):
         """
         return normal_rows(loads, self.normal_force, self.edge_margin)
 
+    @property
+    def bounded(self) -> bool:
+        """Whether normal forces or centres of pressure have bounds."""
+        return bool(self.normal_force or self.edge_margin)
+
     def program(self, loads: ForceBalance) -> Conic:
         """Least effort: the rows between bounds are those of `rows`, then the torques of the limited motors."""
         p = 1.0 if self.torques is _ALIKE else self.torque_weights(loads.state.robot.actuated_names)
         weighed, limited, (low, high), T = loads.T.T * p, loads.limited, loads.within, loads.T
         H = 2.0 * (weighed @ T)
-        H.flat[:: len(H) + 1] += 2.0 * (self.forces if isinstance(self.forces, float) else self.force_weights(loads))
+        H.flat[:: len(H) + 1] += 2.0 * (
+            self.forces if isinstance(self.forces, float) else self.force_weights(loads.sets, [r.name for r in loads.rows])
+        )
         if not limited.all():
             T, low, high = T[limited], low[limited], high[limited]
-        if self.normal_force or self.edge_margin:
+        if self.bounded:
             rows, least, most = self.rows(loads)
             T, low, high = np.vstack([rows["forces"], T]), np.concatenate([least, low]), np.concatenate([most, high])
         sets = loads.sets  # one block: without `Conic.of`, a tenth of what `hold` takes
@@ -161,7 +169,7 @@ def normal_rows(
     """
     C, low, high = [np.zeros((0, loads.sets.size))], list[float](), list[float]()
     for name in normal_force:
-        _known("normal_force", name, [r for r in loads.rows if r.patch is not None])
+        _known("normal_force", name, [r.name for r in loads.rows if r.patch is not None])
     for r, G in by_rows(loads.rows, loads.sets.G):
         if r.patch is not None and r.name in normal_force:
             assert r.resultant is not None
@@ -177,8 +185,8 @@ def normal_rows(
     return {"forces": np.concatenate(C)}, np.array(low), np.array(high)
 
 
-def _known(what: str, name: str, rows: Sequence[Rows]) -> None:
-    check_known(f"{what} speaks of what is no contact here,", name, [r.name for r in rows])
+def _known(what: str, name: str, names: Sequence[str]) -> None:
+    check_known(f"{what} speaks of what is no contact here,", name, names)
 
 
 def _wrench(r: Rows, G: Array) -> Array:

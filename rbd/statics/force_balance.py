@@ -7,7 +7,7 @@ tau / limit = t - T x                      its rows with one; limits are those a
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -71,7 +71,7 @@ class ForceBalance:
 
     Attributes:
         state: The robot at (q, v).
-        rows: The rows of the contacts and other constraints.
+        given: The rows of the contacts and other constraints, or what gives them when they are first asked for.
         sets: The forces that may act, as weights on p columns: f = G w.
         need: M a + h - tau_ext, shape (nv,) [N, N m]: what torques and forces must come to.
         stacked: (J, bias and feedback) of the rows, where they are known already.
@@ -79,11 +79,16 @@ class ForceBalance:
     """
 
     state: State
-    rows: Sequence[Rows]
+    given: Sequence[Rows] | Callable[[], Sequence[Rows]]
     sets: ForceSet
     need: Array
     stacked: tuple[Array, Array] | None = None
     terms: Array | None = None
+
+    @lazy
+    def rows(self) -> Sequence[Rows]:
+        """The rows."""
+        return self.given() if callable(self.given) else self.given
 
     @lazy
     def unit(self) -> float:
@@ -144,7 +149,7 @@ class ForceBalance:
         still = self.state.robot.idle
         need = np.abs(self.need if self.terms is None else self.terms)[still]
         top = np.maximum(np.abs(self.per_weight[still]).max(axis=1, initial=0.0), need / self.unit)
-        return np.maximum(top, np.minimum(self.state.M.diagonal()[still], 1.0) / self.unit)
+        return np.maximum(top, self.state.robot.least_inertia[still] / self.unit)
 
     @lazy
     def A(self) -> Array:

@@ -5,14 +5,17 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
+from rbd.answers.prepared.constraint_dynamics import prepared
 from rbd.arrays import BELOW_ONE, Array, check_number, lazy, max_abs, zeros
 from rbd.constraints.constraint import Constraint
+from rbd.constraints.distance_warnings import warn_of_limits
 from rbd.errors import CannotMove, ContactMoves, InaccurateWarning, NoSolution, Reason, SpeedLimitWarning
 from rbd.errors.inputs import check_choice, check_kind
 from rbd.model.external import External, generalised
@@ -28,6 +31,7 @@ from rbd.solvers.conic_newton import solve_conic
 from rbd.statics.actuation import Actuation
 from rbd.statics.effort import DEFAULT, POSSIBLE, Effort
 from rbd.statics.force_balance import ForceBalance, contact_rows, refuse_motion
+from rbd.statics.least_effort import LeastEffort
 from rbd.statics.nearest_possible_motion import nearest_possible
 
 MARGIN = 0.05
@@ -82,17 +86,13 @@ class WantedMotion:
         state: The robot at (q, v).
         a: Its acceleration, shape (nv,).
         contacts: Contacts and other constraints.
-        rows: Their rows.
-        tau_ext: Generalised force of the world, shape (nv,).
-        external: The same as given.
+        external: Other forces, as given.
         choice: What torques and forces are chosen by.
     """
 
     state: State
     a: Array
     contacts: tuple[Constraint, ...]
-    rows: tuple[Rows, ...]
-    tau_ext: Array
     external: External
     choice: EffortChoice
 
@@ -109,13 +109,41 @@ class WantedMotion:
         """
         if choice.holds:
             refuse_motion(state)
-        rows = contact_rows(state, contacts, stacklevel=None if stacklevel is None else stacklevel + 1)
-        if choice.holds:
-            refuse_motion(state, rows)
-        elif stacklevel is not None:
-            _warn_of_speed(state, stacklevel + 1)
-        tau_ext = zeros(state.robot.nv) if external is None else generalised(state, external)[0]
-        return cls(state, a, contacts, rows, tau_ext, external, choice)
+        out, level = cls(state, a, contacts, external, choice), None if stacklevel is None else stacklevel + 1
+        if out.quick is None:
+            out.__dict__["rows"] = rows = contact_rows(state, contacts, stacklevel=level)
+            if choice.holds:
+                refuse_motion(state, rows)
+        elif level is not None:
+            warn_of_limits(state, contacts, stacklevel=level)
+        if level is not None and not choice.holds:
+            _warn_of_speed(state, level)
+        return out
+
+    @lazy
+    def quick(self) -> Actuation | None:
+        """The answer of the constraints' prepared form, with the first margin; None where it has none that is certified."""
+        choice, state, (margin, *_) = self.choice, self.state, self.choice.margins
+        form = prepared(state.robot, self.contacts) if choice.friction == "cone" and not choice.effort.bounded else None
+        if form is None:
+            return None
+        prepared_effort = LeastEffort.of(form.plan(state.q), choice.effort, margin)
+        answer = prepared_effort.least(state, self.a, self.external, choice.rest_speed)
+        if answer is None:
+            return None
+        found, bound = answer
+        loads = ForceBalance(state, partial(getattr, self, "rows"), prepared_effort.sets, found.need)
+        return self._actuation(loads, found.tau, found.w, margin, found.steps, "Newton", bound=bound)
+
+    @lazy
+    def rows(self) -> tuple[Rows, ...]:
+        """The rows of the constraints."""
+        return contact_rows(self.state, self.contacts, stacklevel=None)
+
+    @lazy
+    def tau_ext(self) -> Array:
+        """Generalised force of the world, shape (nv,)."""
+        return zeros(self.state.robot.nv) if self.external is None else generalised(self.state, self.external)[0]
 
     def sought(self, margin: float) -> Actuation | ConicAnswer:
         """The torques and forces of least effort; where there are none within tolerance, what the program ended with.
@@ -149,18 +177,22 @@ class WantedMotion:
         x = _balanced(program, found.x)
         if not (found.solved or found.certificate is None and program.outside(x) <= POSSIBLE):
             return found
-        return self._actuation(loads, x * loads.unit, margin, found.iterations, found.method, least=least)
+        w = x * loads.unit
+        return self._actuation(loads, loads.torques(w)[0], w, margin, found.iterations, found.method, least=least)
 
     def loads(self, margin: float) -> ForceBalance:
         """The equations of motion, and the forces that the motion allows."""
         return self._loads(self._allowed(margin)[0])
 
-    def _actuation(self, loads: ForceBalance, w: Array, margin: float, steps: int, method: str, *, least: bool) -> Actuation:
-        tau, _ = loads.torques(w)
+    def _actuation(
+        self, loads: ForceBalance, tau: Array, w: Array, margin: float, steps: int, method: str, *, least: bool = True,
+        bound: float = math.inf,
+    ) -> Actuation:  # fmt: skip
         choice = self.choice
         return Actuation(
-            self.a, tau, w, loads, self.contacts, self.external, choice.effort, margin, choice.rest_speed, steps, method, least
-        )
+            self.a, tau, w, loads, self.contacts, self.external, choice.effort, margin, choice.rest_speed, steps, method, least,
+            bound,
+        )  # fmt: skip
 
     def _loads(self, sets: ForceSet) -> ForceBalance:
         state = self.state
@@ -248,7 +280,8 @@ class WantedMotion:
             raise NoSolution(f"the nearest possible motion of {name} was not found within {CONIC_STEPS} steps.")
         a, w = found
         moved = replace(self, a=a, choice=replace(self.choice, holds=False))
-        out = moved._actuation(moved._loads(loads.sets), w, margin, 0, "Clarabel", least=True)
+        loads = moved._loads(loads.sets)
+        out = moved._actuation(loads, loads.torques(w)[0], w, margin, 0, "Clarabel")
         checked = warned(out, 4)
         if checked is None:
             raise NoSolution(
@@ -258,8 +291,12 @@ class WantedMotion:
         return checked
 
 
+_NONE = np.zeros(0, int)
+
+
 def _warn_of_speed(state: State, stacklevel: int) -> None:
-    fast = np.flatnonzero(state.robot.too_fast(state.v))
+    beyond = state.robot.too_fast(state.v)
+    fast = beyond.nonzero()[0] if beyond.any() else _NONE
     for i in fast[:1]:
         name = state.robot.actuated_names[i]
         joint, motor = state.robot.joints[name], state.robot.motor_data[name]

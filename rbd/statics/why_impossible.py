@@ -37,6 +37,8 @@ def actuation_of(wanted: WantedMotion, *, stacklevel: int) -> Actuation:
         ContactMoves: the velocity is none that the contacts allow.
         CannotMove: the acceleration is none that they allow, or there are no such torques and forces.
     """
+    if wanted.quick is not None:
+        return wanted.quick
     warn_of_opening(wanted.state.robot, wanted.sets.openings, wanted.choice.rest_speed, stacklevel=stacklevel)
     for margin in wanted.choice.margins:
         found = wanted.sought(margin)

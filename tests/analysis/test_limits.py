@@ -22,6 +22,7 @@ from rbd.errors import CannotHold, InputError, NoSolution, RbdError
 from rbd.model.checked_model import CheckedModel
 from rbd.problem import programs
 from rbd.solvers import conic_newton
+from rbd.statics.least_effort import LeastEffort
 from rbd.testing import box
 
 URDF = Path(__file__).parents[2] / "urdf"
@@ -291,6 +292,7 @@ class TestWork:
         push = rbd.ExternalForce("torso_2_link", (0.0, 115.0, 0.0))
         assert rbd.hold(talos.standing(), talos.soles(0.5), external=push).status == "solved"
         monkeypatch.setattr(conic_newton, "_by_newton", lambda program: None)
+        monkeypatch.setattr(LeastEffort, "at", lambda *_, **__: None)
         for steps, seconds in ((1, conic_newton.CONIC_SECONDS), (conic_newton.CONIC_STEPS, 0.0)):
             monkeypatch.setattr(conic_newton, "CONIC_STEPS", steps)
             monkeypatch.setattr(conic_newton, "CONIC_SECONDS", seconds)
@@ -303,6 +305,7 @@ class TestWork:
         expected = rbd.hold(talos.standing(), talos.soles(0.5))
         assert expected.method == "Newton"
         monkeypatch.setattr(conic_newton, "_by_newton", lambda program: None)
+        monkeypatch.setattr(LeastEffort, "at", lambda *_, **__: None)
         monkeypatch.setattr(conic_newton, "newton_steps", lambda *_: None)
         found = rbd.hold(talos.standing(), talos.soles(0.5))
         assert found.method == "Clarabel" and np.abs(found.tau - expected.tau).max() < 1e-3

@@ -24,10 +24,9 @@ from rbd.answers.prepared.law_kernel import (
     Columns,
     Elements,
     decide,
-    pushed,
 )
 from rbd.arrays import Array
-from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
+from rbd.kernels import FLAG, NUMBER, array, compiled, signature
 from rbd.solvers.law_kernel import LEAST_PUSH, cone_miss
 
 _WRITTEN = array(1, written=True)
@@ -150,51 +149,6 @@ act = compiled(
     _act,
     signature(
         None, TABLE, array(2), *COLUMN_TYPES, TABLE, array(1), array(2), array(1), array(2, written=True), _WRITTEN,
-    ),
-)  # fmt: skip
-
-
-def _unit_loads(
-    force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array, X: Array, J: Array,
-    last: Array, parent: Array, out: Array,
-) -> None:  # fmt: skip
-    """Write the generalised forces of unit weights of the columns.
-
-    Args:
-        force: As of `act`, as are the next seven.
-        moment: As there.
-        arm: As there.
-        along: As there.
-        body: As there.
-        units: As there.
-        gear: As there.
-        X: As there.
-        J: Pinocchio's world Jacobian.
-        last: The last dof that moves each joint.
-        parent: Of each dof, -1 of the first.
-        out: Written, shape (p, nv).
-    """
-    columns, load = Columns(force, moment, arm, along, body), np.empty(9)
-    out[:] = 0.0
-    for j in range(len(out)):
-        k = columns.body[j, 0]
-        if k < 0:
-            continue
-        F, m = _own(columns, j, X), columns.moment[j]
-        for a in range(3):
-            load[a] = X[k, a] * F[0] + X[k, 3 + a] * F[1] + X[k, 6 + a] * F[2]
-            load[3 + a] = F[3] * (X[k, a] * m[0] + X[k, 3 + a] * m[1] + X[k, 6 + a] * m[2])
-            load[6 + a] = columns.arm[j, a]
-        pushed(J, X[k], last[k], load, parent, out[j])
-    for i in range(len(units)):
-        out[units[i, 0], units[i, 1]] += gear[i]
-
-
-unit_loads = compiled(
-    _unit_loads,
-    signature(
-        None, *COLUMN_TYPES, TABLE, array(1), array(2), array(2, layout="A"), array(1, COUNT), array(1, COUNT),
-        array(2, written=True),
     ),
 )  # fmt: skip
 

@@ -315,15 +315,6 @@ class Plan(Workspaces):
         )  # fmt: skip
         return None if how == kernel.NOTHING else Found(a, w, u, modes, how, steps, dependent)
 
-    def needed(self, space: Workspace, q: Array, v: Array, a: Array, unit_loads: Array) -> Array:
-        """M a + h; generalised forces of unit weights are written, shape (p, nv), and the places of all joints are left."""
-        model, data, read = self._robot.model, space.data, space.read
-        last = np.array(model.idx_vs) + np.array(model.nvs) - 1
-        need = np.array(pin.rnea(model, data, q, v, a))
-        pin.computeJointJacobians(model, data, q)
-        certificate_kernel().unit_loads(*self._own, *self._entries, read[3], read[1], last, space.fixed[0], unit_loads)
-        return need
-
     def judged(
         self, space: Workspace, q: Array, v: Array, generalised: Array, found: Found, rest_speed: float, coulomb: bool,
         elements: Any, loads: Loads, misses: Array,
