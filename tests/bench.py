@@ -68,7 +68,7 @@ ASKED: dict[str, Callable[[], list[Row]]] = {
     "control": lambda: control_rows(everyone()),
     "steps": step_rows,
     "fall": lambda: fall_rows(draws_of("talos").robot),
-    "derivatives": lambda: derivative_rows(draws_of("talos")),
+    "derivatives": lambda: derivative_rows(everyone()),
     "hessian": lambda: hessian_rows(draws_of("talos").robot),
     "linkage": linkage_rows,
     "motion": lambda: motion_rows(draws_of("g1").robot),

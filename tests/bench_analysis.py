@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import statistics
 import warnings
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
+from bench_answers import CALLS, HELD, STICKING, UNIT
 from bench_draws import Draws
-from bench_timing import DRAWS, Column, Row, interleaved, once
+from bench_peers import ConstraintDynamics
+from bench_timing import DRAWS, Column, Row, interleaved, once, turns
 
 import rbd
 from rbd.errors import RbdWarning
@@ -21,24 +24,26 @@ URDF = Path(__file__).parents[1] / "urdf"
 MILLISECONDS = {"assemble four-bar": 1.0, "assemble six-bar": 2.0, "load talos": 50.0, "load human": 50.0}
 MILLISECONDS |= {"support region, pyramids": 50.0, "support region, cones": 50.0, "72 pushes": 200.0}
 """Marks of what has no `constraintDynamics` call to be measured by."""
-DERIVATIVES_MARKS, HESSIAN_MARKS, LINKAGE_MARKS, FALL_MARKS = (1.0, 0.3), (0.5,), (10.0,), (4.0, 2.0)
+DERIVATIVES_MARKS, HESSIAN_MARKS, LINKAGE_MARKS, FALL_MARKS = (20.0, 12.0), (0.5,), (10.0,), (4.0, 2.0)
 FALL_SECONDS, FALL_STEP = 2.5, 1e-3
 N, SWING_SECONDS, SWING_STEP = 40, 20.0, 0.01
 
 
-def derivative_rows(d: Draws) -> list[Row]:
+def derivative_rows(everyone: Sequence[Draws]) -> list[Row]:
     """`solution.derivatives()` of answers that were just found, the answers not counted."""
-    out = []
+    found: dict[str, dict[str, float]] = {kind: {} for kind in (HELD, STICKING)}
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RbdWarning)
-        for kind, contacts in (("held", d.held), ("frictional, sticking", d.frictional)):
-            times = []
-            for q, v, tau in d.sticking()[:40]:
-                solution = rbd.solve(rbd.State(d.robot, q, v), tau, contacts)
-                times.append(once(solution.derivatives))
-            median = 1e3 * statistics.median(times[1:])
-            out.append(Row(f"solution.derivatives(), {kind}", {d.robot.name: median}, "ms", DERIVATIVES_MARKS))
-    return out
+        for d in everyone:
+            draws = d.sticking()
+            unit = statistics.median(turns({UNIT: ConstraintDynamics(d).column(draws)}, rounds=2)[UNIT])
+            for kind, contacts in ((HELD, d.held), (STICKING, d.frictional)):
+                times = []
+                for q, v, tau in draws:
+                    solution = rbd.solve(rbd.State(d.robot, q, v), tau, contacts)
+                    times.append(once(solution.derivatives))
+                found[kind][d.robot.name] = statistics.median(times[1:]) / unit
+    return [Row(f"solution.derivatives(), {kind}", values, CALLS, DERIVATIVES_MARKS) for kind, values in found.items()]
 
 
 def hessian_rows(robot: rbd.Robot) -> list[Row]:

@@ -49,8 +49,12 @@ SOLVER_MARKS: dict[str, tuple[float, ...]] = {
     'frictional, sticking, ConeSolver(law="convex")': (25.0, 18.0),
     'frictional, slipping, ConeSolver(law="coulomb")': (60.0, 40.0),
     'frictional, slipping, ConeSolver(law="convex")': (60.0, 40.0),
-    "inverse dynamics, no cone at its limit": (12.0,),
-    "inverse dynamics, a cone at its limit": (40.0,),
+    "inverse dynamics, no cone at its limit": (8.0, 5.0),
+    "inverse dynamics, a cone at its limit": (20.0, 12.0),
+    "inverse dynamics, and an external force": (8.0, 5.0),
+    "inverse dynamics, other weights of torques and forces": (8.0, 5.0),
+    "inverse dynamics, and a locked joint": (8.0, 5.0),
+    "hold": (8.0, 5.0),
 }
 
 
@@ -66,14 +70,34 @@ def solving(
     return run
 
 
-def commanded(d: Draws, draws: Sequence[Draw]) -> Column:
-    """Torques and forces of least effort from (q, v, a), with their residuals."""
+def commanded(d: Draws, draws: Sequence[Draw], contacts: Sequence[Constraint] = (), **settings: object) -> Column:
+    """Torques and forces of least effort from (q, v, a), with their residuals; on both soles if no contacts are given."""
 
     def run(i: int) -> rbd.Actuation:
         q, v, a = draws[i]
-        return rbd.inverse_dynamics(rbd.State(d.robot, q, v), a, d.frictional)
+        return rbd.inverse_dynamics(rbd.State(d.robot, q, v), a, contacts or d.frictional, **settings)  # type: ignore[arg-type]
 
     return run
+
+
+def commands_of(d: Draws) -> dict[str, Column]:
+    """Inverse dynamics, and its neighbours: a push, other weights, a locked joint, poses that are held."""
+    inside, at_limit = d.wanted()
+    joint = [j for j in d.robot.joints.values() if j.nv == 1 and ("arm" in j.name or "shoulder" in j.name)][0]
+    push, uneven = rbd.ExternalForce(d.frictional[0].frame, (5.0, 0.0, 0.0)), rbd.statics.Effort({joint.name: 5.0}, 1e-3)
+    locked, lock = [(q, v, a * (np.arange(len(a)) != joint.v.start)) for q, v, a in inside], rbd.JointLock("lock", joint.name)
+
+    def holding(i: int) -> rbd.Actuation:
+        return rbd.hold(rbd.State(d.robot, inside[i][0]), d.frictional)
+
+    return {
+        "inverse dynamics, no cone at its limit": commanded(d, inside),
+        "inverse dynamics, a cone at its limit": commanded(d, at_limit),
+        "inverse dynamics, and an external force": commanded(d, inside, external=[push]),
+        "inverse dynamics, other weights of torques and forces": commanded(d, inside, objective=uneven),
+        "inverse dynamics, and a locked joint": commanded(d, locked, [*d.frictional, lock]),
+        "hold": holding,
+    }
 
 
 def answers_of(d: Draws) -> dict[str, Column]:
@@ -214,9 +238,7 @@ def solver_rows(everyone: Sequence[Draws]) -> list[Row]:
                 columns[label] = solving(d, given, d.frictional, solver=rbd.ConeSolver(law=law))
         columns[GENERAL + STICKING] = solving(d, stick, d.frictional, solver=GaussFirst())
         columns[GENERAL + COULOMB] = solving(d, d.slipping("coulomb"), d.frictional, solver=GaussFirst())
-        inside, at_limit = d.wanted()
-        columns["inverse dynamics, no cone at its limit"] = commanded(d, inside)
-        columns["inverse dynamics, a cone at its limit"] = commanded(d, at_limit)
+        columns |= commands_of(d)
         medians[d.robot.name] = quiet(columns, rounds=2)
     return in_units(medians, list(columns)[1:], SOLVER_MARKS)
 
