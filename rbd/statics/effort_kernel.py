@@ -10,89 +10,60 @@ from __future__ import annotations
 import numpy as np
 
 from rbd.answers.prepared.certificate_kernel import _own
-from rbd.answers.prepared.law_kernel import COLUMN_TYPES, TABLE, Columns, _felt
-from rbd.answers.prepared.row_kernel import JOINT, LAST, body_rows, terms_in
+from rbd.answers.prepared.law_kernel import COLUMN_TYPES, TABLE, Columns, pushed
 from rbd.arrays import Array
 from rbd.kernels import COUNT, NUMBER, array, compiled, signature
 from rbd.solvers.conic_kernel import most_of, newton, projected
 from rbd.solvers.small_systems import add_product, add_transposed
 
 _SURELY = 0.1
-"""Rows slower than this times the rest speed are at rest wherever the points of their constraint are."""
-_STILL = 1e-9
-"""Accelerations of points that keep still, the `SOLVED` of `rbd.problem.residuals` [m/s2]."""
+"""Columns slower than this times the rest speed are at rest, and so are the rows of their constraint."""
 _BEYOND = 1e-9
 """A torque beyond its limit by less, over the limit, is there by rounding."""
 
 
 @compiled
 def _unit_loads(
-    J: Array, X: Array, twists: Array, lifts: Array, parent: Array, sites: Array, places: Array, units: Array, gear: Array,
-    fall: Array, v: Array, a: Array, columns: Columns, rest: float, space: Array, m: int, out: Array,
-) -> bool:  # fmt: skip
-    """Write the generalised forces of unit weights, shape (n, p); whether all rows rest, and go on to."""
-    (n, p), terms = out.shape, terms_in(space, out.shape[0], m)
-    felt, offset = np.zeros((p, 6)), np.empty(p)
-    terms.W[:], terms.free[:], terms.velocity[:], out[:] = 0.0, 0.0, 0.0, 0.0
-    for k in range(len(sites)):
-        joint = sites[k, JOINT]
-        body_rows(sites[k], places[k], X[joint], twists[joint], lifts[joint], fall, J, parent, terms)
-    for k in range(len(units)):
-        r, dof = units[k]
-        terms.W[dof, r] += gear[k]
-        terms.velocity[r] += gear[k] * v[dof]
-        terms.free[r] += gear[k] * a[dof]
-    for u in terms.velocity:
-        if not abs(u) <= _SURELY * rest:
-            return False
-    _felt(columns, sites, places, X, twists, felt, offset)
-    for j in range(p):
-        at, u, y = columns.body[j, 2], 0.0, offset[j]
-        for r in range(columns.body[j, 3]):
-            u += felt[j, r] * terms.velocity[at + r]
-            y += felt[j, r] * terms.free[at + r]
-        if not (abs(u) <= _SURELY * rest and abs(y) <= _STILL):
-            return False
-        k, i = columns.body[j, 0], n - 1
+    columns: Columns, units: Array, gear: Array, X: Array, J: Array, last: Array, parent: Array, out: Array
+) -> None:
+    """Write the generalised forces of unit weights, shape (p, nv); arguments as of `least_effort`."""
+    load = np.empty(9)
+    out[:] = 0.0
+    for j in range(len(out)):
+        k = columns.body[j, 0]
         if k >= 0:
-            i = sites[k, LAST]
-        while i >= 0:
-            for r in range(columns.body[j, 3]):
-                out[i, j] += felt[j, r] * terms.W[i, at + r]
-            i = parent[i] if k >= 0 else i - 1
-    return True
+            F, m = _own(columns, j, X), columns.moment[j]
+            for a in range(3):
+                load[a] = X[k, a] * F[0] + X[k, 3 + a] * F[1] + X[k, 6 + a] * F[2]
+                load[3 + a] = F[3] * (X[k, a] * m[0] + X[k, 3 + a] * m[1] + X[k, 6 + a] * m[2])
+                load[6 + a] = columns.arm[j, a]
+            pushed(J, X[k], last[k], load, parent, out[j])
+    for i in range(len(units)):
+        out[units[i, 0], units[i, 1]] += gear[i]
 
 
 def _least_effort(
-    J: Array, X: Array, twists: Array, lifts: Array, parent: Array, sites: Array, places: Array, units: Array, gear: Array,
-    fall: Array, v: Array, a: Array, force: Array, moment: Array, arm: Array, along: Array, body: Array, rest: float,
-    space: Array, m: int, need: Array, motors: Array, idle: Array, limit: Array, least: Array, most: Array, inertia: Array,
-    p: Array, r: Array, unit: float, lower: Array, upper: Array, cones: Array, mu: Array,
+    force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array, X: Array, J: Array,
+    last: Array, parent: Array, v: Array, rest: float, need: Array, motors: Array, idle: Array, limit: Array, least: Array,
+    most: Array, inertia: Array, p: Array, r: Array, unit: float, lower: Array, upper: Array, cones: Array, mu: Array,
     w: Array, tau: Array, rate: Array, z: Array,
 ) -> int:  # fmt: skip
-    """Steps of Newton's method to the least effort; -1 where it was not found, -2 where not all points keep still.
+    """Steps of Newton's method to the least effort; negative where it was not found, or where a column is not at rest.
 
     Args:
-        J: World Jacobian.
-        X: Poses of the joints, as of `row_kernel.row_terms`.
-        twists: Their velocities.
-        lifts: Their spatial accelerations less gravity, as `pin.rnea` leaves them.
-        parent: As there, as are the next five.
-        sites: As there.
-        places: As there.
-        units: As there.
-        gear: As there.
-        fall: As there.
-        v: Velocity, shape (n,).
-        a: Acceleration, shape (n,).
-        force: Of `Columns`, as are the next four, in the axes of their sites.
+        force: Of `Columns`, as are the next four, in the axes of joints.
         moment: As there.
         arm: As there.
         along: As there.
         body: As there.
+        units: As of `certificate_kernel.act`.
+        gear: As there.
+        X: Poses of the joints, as of `row_kernel.row_terms`.
+        J: World Jacobian.
+        last: The last dof that moves each joint.
+        parent: Of each dof, -1 of the first.
+        v: Velocity, shape (n,).
         rest: Largest speed at rest [m/s, rad/s].
-        space: Working memory, as of `row_kernel.row_terms`.
-        m: Number of rows.
         need: M a + h - tau_ext, shape (n,).
         motors: Their places in v, shape (nu,).
         idle: The others, shape (e,).
@@ -112,16 +83,17 @@ def _least_effort(
         rate: Multipliers of the equations without motors, where these are, as velocities, shape (n,); written.
         z: Multipliers of the torques' bounds, written.
     """
-    c, loads, columns = len(w), np.empty((len(v), len(w))), Columns(force, moment, arm, along, body)
-    if not _unit_loads(
-        J, X, twists, lifts, parent, sites, places, units, gear, fall, v, a, columns, rest, space, m, loads
-    ):  # fmt: skip
-        return -2
+    c, loads, u = len(w), np.empty((len(w), len(v))), np.zeros(len(w))
+    _unit_loads(Columns(force, moment, arm, along, body), units, gear, X, J, last, parent, loads)
+    add_product(loads, v, u)
+    if not most_of(u) <= _SURELY * rest:
+        return -1
+    by_dof = np.ascontiguousarray(loads.T)
     size, y = np.maximum(inertia, np.abs(need[idle])) / unit, np.zeros(len(idle))
     for k in range(len(idle)):
-        size[k] = max(size[k], most_of(loads[idle[k]]))
-    A, b, t = loads[idle] / size.reshape((-1, 1)), need[idle] / (size * unit), need[motors] / limit
-    T, H, g = loads[motors] * (unit / limit).reshape((-1, 1)), np.diag(2.0 * r), np.zeros(c)
+        size[k] = max(size[k], most_of(by_dof[idle[k]]))
+    A, b, t = by_dof[idle] / size.reshape((-1, 1)), need[idle] / (size * unit), need[motors] / limit
+    T, H, g = by_dof[motors] * (unit / limit).reshape((-1, 1)), np.diag(2.0 * r), np.zeros(c)
     add_transposed(T, -2.0 * p * t, g)
     for k in range(len(t)):
         for j in range(c):
@@ -133,7 +105,7 @@ def _least_effort(
     steps = newton(H, g, A, b, T, low, high, lower / unit, upper / unit, cones, mu, True, w, y, z)
     w *= unit
     left = need.copy()
-    add_product(loads, -w, left)
+    add_transposed(loads, -w, left)
     load = left[motors]
     inside = np.minimum(np.maximum(load, least), most)
     tau[:] = np.where(np.abs(load - inside) <= _BEYOND * limit, inside, load)
@@ -145,9 +117,8 @@ _WRITTEN, _INDEX = array(1, written=True), array(1, COUNT)
 least_effort = compiled(
     _least_effort,
     signature(
-        COUNT, array(2, layout="A"), array(2), array(2), array(2), _INDEX, TABLE, array(2), TABLE, *[array(1)] * 4,
-        *COLUMN_TYPES, NUMBER, _WRITTEN, COUNT, array(1), _INDEX, _INDEX, *[array(1)] * 6, NUMBER, array(1), array(1), TABLE,
-        array(1), *[_WRITTEN] * 4,
+        COUNT, *COLUMN_TYPES, TABLE, array(1), array(2), array(2, layout="A"), _INDEX, _INDEX, array(1), NUMBER, array(1),
+        _INDEX, _INDEX, *[array(1)] * 6, NUMBER, array(1), array(1), TABLE, array(1), *[_WRITTEN] * 4,
     ),
 )  # fmt: skip
 

@@ -73,6 +73,7 @@ class LeastEffort:
         names = [source.name for source in plan.sources]
         self._shares = effort.torque_weights(robot.actuated_names), effort.force_weights(T, names)
         self._bounds = T.lower, T.upper, T.cone_columns
+        self._last = np.array(robot.model.idx_vs) + np.array(robot.model.nvs) - 1
         self._of_motors = robot.actuated, robot.unactuated
         self._stated, self._all = np.isfinite(robot.effort_limit), bool(np.isfinite(robot.effort_limit).all())
         self._inertia, self._rest = robot.least_inertia[robot.unactuated], np.zeros(len(T.elements), np.int64)
@@ -105,7 +106,7 @@ class LeastEffort:
             mu: Friction within the margin, shape (k,); None: that of the sets.
             loads: Other forces of the world.
         """
-        plan, robot, data, (_, J, _, X, twists, lifts) = self._plan, self._robot, space.data, space.read
+        plan, robot, data, (_, J, _, X, *_) = self._plan, self._robot, space.data, space.read
         w, tau, rate, z = np.zeros(self.sets.size), np.empty(robot.nu), np.empty(robot.nv), np.empty(robot.nu)
         pin.computeJointJacobians(robot.model, data, q)
         pushed = () if loads is _UNLOADED else (space.forces,)
@@ -113,9 +114,8 @@ class LeastEffort:
             certificate_kernel().act(*loads, *plan._own, *plan._entries, X, w, space.pushes.reshape(-1, 6), rate)
         need = pin.rnea(robot.model, data, q, v, a, *pushed) - tau_ext
         steps = effort_kernel().least_effort(
-            J, X, twists, lifts, *space.fixed, v, a, *plan._columns, rest_speed, space.memory, plan._m, need, *self._of_motors,
-            *limits, self._inertia, *self._shares, unit, *self._bounds, self.sets.mu if mu is None else mu,
-            w, tau, rate, z,
+            *plan._own, *plan._entries, X, J, self._last, space.fixed[0], v, rest_speed, need, *self._of_motors, *limits,
+            self._inertia, *self._shares, unit, *self._bounds, self.sets.mu if mu is None else mu, w, tau, rate, z,
         )  # fmt: skip
         return Least(tau, w, rate, z, need, steps) if steps >= 0 else None
 

@@ -100,7 +100,7 @@ def fault(place: int, change: Callable[[Array], Array], *, after: bool = False) 
 
     def spoil(arguments: list, call: Callable) -> object:
         if not after:
-            arguments[place] = np.ascontiguousarray(change(arguments[place])) if place else change(arguments[place])
+            arguments[place] = change(arguments[place])
         out = call(*arguments)
         if after:
             arguments[place][:] = change(arguments[place])
@@ -110,12 +110,11 @@ def fault(place: int, change: Callable[[Array], Array], *, after: bool = False) 
 
 
 NAMES = [
-    "J", "X", "twists", "lifts", "parent", "sites", "places", "units", "gear", "fall", "v", "a", "force", "moment", "arm",
-    "along", "body", "rest", "space", "m", "need", "motors", "idle", "limit", "least", "most", "inertia", "p", "r", "unit",
-    "lower", "upper", "cones", "mu", "w", "tau", "rate", "z",
+    "force", "moment", "arm", "along", "body", "units", "gear", "X", "J", "last", "parent", "v", "rest", "need", "motors",
+    "idle", "limit", "least", "most", "inertia", "p", "r", "unit", "lower", "upper", "cones", "mu", "w", "tau", "rate", "z",
 ]  # fmt: skip
 """The arguments of `effort_kernel.least_effort`."""
-_SCALE = {"J": 1.01, "need": 1.01, "force": 1.02, "arm": 0.9, "limit": 1.1, "p": 1.3, "r": 2.0, "mu": 1.1}
+_SCALE = {"J": 1.01, "X": 1.01, "need": 1.01, "force": 1.02, "arm": 0.9, "limit": 1.1, "p": 1.3, "r": 2.0, "mu": 1.1}
 for _name, _factor in _SCALE.items():
     FAULTS[f"{_name} is {_factor} of it"] = fault(NAMES.index(_name), lambda x, _factor=_factor: _factor * x)
 FAULTS["p of one motor"] = fault(NAMES.index("p"), lambda p: p * np.where(np.arange(len(p)) == 3, 2.0, 1.0))
