@@ -39,6 +39,7 @@ from bench_scenes import page_rows
 from bench_simulation import accuracy, accuracy_table, peer_step_rows, step_rows
 from bench_studies import CHUNKS, all_chunk_rows, study_rows
 from bench_timing import Row, table_of, versions
+from bench_work import draw, work_rows, work_table
 from rich.console import Console
 
 import rbd
@@ -78,6 +79,7 @@ ASKED: dict[str, Callable[[], list[Row]]] = {
 OTHERS: dict[str, tuple[str, Callable[[], list[Row]]]] = {
     "peers": ("peers of the same run, two soles", lambda: bench_answers.peer_rows(everyone())),
     "engines": ("a step of 1 ms, and one evaluation, beside MuJoCo", peer_step_rows),
+    "work": ("processor time of rbd.simulate at an error, over MuJoCo's best setting", work_rows),
     "solvers": ("solvers asked for by name, and inverse dynamics", lambda: bench_answers.solver_rows(everyone())),
     "milliseconds": ("mechanisms; robots loaded; where Talos can stand", lambda: millisecond_rows(draws_of("talos").robot)),
     "planar": ("planar chains", planar_rows),
@@ -151,7 +153,10 @@ def main() -> None:
     if given.write:
         if "studies" in found and "chunks" in found:
             bench_pages.studies(TOP / "docs" / "studies.md", found)
-        if set(found) - {"studies", "chunks"}:
+        if "work" in found:
+            draw(TOP / "docs" / "pictures" / "work_precision.png")
+            bench_pages.work(TOP / "docs" / "reference" / "speed.md", work_table())
+        if set(found) - {"studies", "chunks", "work"}:
             bench_pages.reference(TOP / "docs" / "reference" / "speed.md", found, errors)
             bench_pages.readme(TOP / "README.md", found)
     sys.exit(len(failed))

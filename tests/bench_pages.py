@@ -84,6 +84,11 @@ def reference(page: Path, found: dict[str, list[Row]], accuracy: Accuracy) -> st
     return put(page, "speed", "\n\n".join("\n".join(part) for part in parts))
 
 
+def work(page: Path, cells: list[list[str]]) -> str:
+    """Put the table of errors over time into the page on speed."""
+    return put(page, "work", "\n".join([*_table(cells), "", _measured_with()]))
+
+
 def studies(page: Path, found: dict[str, list[Row]]) -> str:
     """Put the tables of a run into the page on studies of many samples."""
     told = "Functions without work: how many samples go through, by executor and size of a chunk (two processes each)."
