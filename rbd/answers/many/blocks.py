@@ -16,8 +16,8 @@ from rbd.problem.gauss_problem import COULOMB, Law
 from rbd.problem.ground import TOUCHES
 from rbd.problem.residuals import SOLVED
 
-BLOCK = 512
-"""States whose working arrays are in memory at a time; of two soles on a Talos 0.7 MB."""
+BLOCK, CHUNK = 512, 64
+"""States whose working arrays are in memory at a time, and states that are judged together: 1 MB of two soles on a Talos."""
 
 
 def by_blocks(sheet: Sheet, law: Law, rest_speed: float) -> Array:
@@ -49,25 +49,34 @@ def in_blocks(sheet: Sheet, answered: Callable[[Plan, Array, Array | None], Bloc
     return np.flatnonzero(left)
 
 
-def _answered(plan: Plan, states: ManyStates, part: Array, mu: Array | None, law: Law, rest_speed: float) -> BlockAnswer:
+def _answered(plan: Plan, states: ManyStates, part: Array, given_mu: Array | None, law: Law, rest_speed: float) -> BlockAnswer:
     """The answers to some states under a law."""
     n, p, coulomb, kernel, elements = len(part), plan.force_set.size, law == COULOMB, law_kernel(), plan.elements
     pushes, generalised = states.acting_on(part)
     generalised[:, states.robot.motors] += states.vectors["tau"][part]
-    a, w, u, misses, X = (np.zeros((n, size)) for size in (states.robot.nv, p, p, 4, len(plan.corner_entries)))
-    modes, how, loose = np.zeros((n, len(elements.first)), np.int64), np.zeros(n, int), np.zeros(n, bool)
-    worst, loads = np.full(n, np.inf), plan.loads(pushes)
-    rows = zip(states.q[part], states.v[part], generalised, misses, a, w, u, modes, strict=True)
+    mu = np.tile(elements.mu, (n, 1)) if given_mu is None else given_mu
+    q, v, loads, worst, off = states.q[part], states.v[part], plan.loads(pushes), np.full(n, np.inf), np.zeros(n)
+    a, w, u, misses = (np.zeros((n, size)) for size in (states.robot.nv, p, p, 4))
+    modes, how, loose = np.zeros((n, len(elements.first)), np.int64), np.full(n, kernel.NOTHING), np.zeros(n, bool)
     with plan.workspace() as space:
-        for i, (q, v, given, missed, *into) in enumerate(rows):
-            if mu is not None:
-                elements = elements._replace(mu=mu[i])
-            found = plan.search(space, q, v, given, rest_speed, coulomb, elements, loads, into)
-            if found is not None:
-                worst[i] = plan.judged(space, q, v, given, found, rest_speed, coulomb, elements, loads, missed)
-                how[i], loose[i] = found.how, found.dependent
-                if X.size:
-                    X[i] = space.places[plan.corner_entries]
+        X = np.zeros((CHUNK, len(space.places)))
+        for start in range(0, n, CHUNK):
+            some = slice(start, min(start + CHUNK, n))
+            rows = zip(q[some], v[some], generalised[some], mu[some], X, a[some], w[some], u[some], modes[some], strict=False)
+            for i, (q_i, v_i, given, rough, placed, *into) in enumerate(rows, start):
+                if given_mu is not None:
+                    elements = elements._replace(mu=rough)
+                found = plan.search(space, q_i, v_i, given, rest_speed, coulomb, elements, loads, into)
+                placed[:] = space.places
+                if found is not None:
+                    how[i], loose[i] = found.how, found.dependent
+            here = X[: some.stop - start]
+            worst[some] = plan.all_judged(
+                space, q[some], v[some], generalised[some], a[some], w[some], here, mu[some], rest_speed, coulomb, loads,
+                misses[some],
+            )  # fmt: skip
+            off[some] = plan.off_plane(here[:, plan.corner_entries])
+    worst[how == kernel.NOTHING] = np.inf
     good = worst <= SOLVED
     for i in np.flatnonzero(~good & (worst <= DOUBTFUL)).tolist():  # the scales themselves have to judge
         again = found_again(states, int(part[i]), law, rest_speed)
@@ -76,11 +85,11 @@ def _answered(plan: Plan, states: ManyStates, part: Array, mu: Array | None, law
     chosen = (plan.repeated | loose) & (loose | (how != kernel.HELD))
     held = np.array([source.cone.bilateral for source in plan.sources for _ in source.columns], bool)
     warned = {
-        DISTANT: plan.off_plane(X) > TOUCHES,
+        DISTANT: off > TOUCHES,
         MOVES: (np.abs(u[:, held]) > rest_speed).any(axis=1),
         OPENED: (modes == kernel.OPENS).any(axis=1),
     }
-    return BlockAnswer(good, a, w, misses, np.array(METHODS)[how], chosen, warned)
+    return BlockAnswer(good, a, w, misses, np.array([*METHODS, ""])[how], chosen, warned)
 
 
 def found_again(states: ManyStates, i: int, law: Law, rest_speed: float) -> Solution | None:

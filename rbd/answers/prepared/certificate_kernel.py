@@ -242,3 +242,44 @@ judged = compiled(
         NUMBER, FLAG, _WRITTEN,
     ),
 )  # fmt: skip
+
+
+def _act_on_all(
+    loaded: Array, loads: Array, force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
+    X: Array, w: Array, pushes: Array, torque: Array,
+) -> None:  # fmt: skip
+    """`act` at n states, first axes of the last four."""
+    for s in range(len(w)):
+        act(loaded, loads, force, moment, arm, along, body, units, gear, X[s], w[s], pushes[s], torque[s])
+
+
+act_on_all = compiled(
+    _act_on_all,
+    signature(
+        None, TABLE, array(2), *COLUMN_TYPES, TABLE, array(1), array(3), array(2), array(3, written=True),
+        array(2, written=True),
+    ),
+)  # fmt: skip
+
+
+def _all_judged(
+    left: Array, generalised: Array, torque: Array, per_inertia: Array, a: Array, v: Array, w: Array,
+    force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
+    first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array, begin: Array,
+    X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool, misses: Array, worst: Array,
+) -> None:  # fmt: skip
+    """`judged` at n states, in `worst`; arrays that change with the state have them as first axis."""
+    for s in range(len(worst)):
+        worst[s] = judged(
+            left[s], generalised[s], torque[s], per_inertia, a[s], v[s], w[s], force, moment, arm, along, body, units, gear,
+            first, lower, upper, mu[s], share, starts, begin, X[s], twists[s], lifts[s], fall, rest, coulomb, misses[s],
+        )  # fmt: skip
+
+
+all_judged = compiled(
+    _all_judged,
+    signature(
+        None, *[array(2)] * 3, array(1), *[array(2)] * 3, *COLUMN_TYPES, TABLE, array(1), *ELEMENT_TYPES[:3], array(2),
+        *ELEMENT_TYPES[4:], array(3), array(3), array(3), array(1), NUMBER, FLAG, array(2, written=True), _WRITTEN,
+    ),
+)  # fmt: skip

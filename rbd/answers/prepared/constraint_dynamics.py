@@ -264,7 +264,7 @@ class Plan(Workspaces):
         )  # fmt: skip
 
     def friction(self, mu: Array) -> Array:
-        """Of the elements, with that of the cones replaced, shape (..., e), by the latter's, shape (..., cones)."""
+        """Friction of the elements, shape (..., e), with that of the cones replaced, shape (..., cones)."""
         out = np.zeros((*mu.shape[:-1], len(self.elements.mu)))
         out[..., self.elements.mu > 0.0] = mu
         return out
@@ -340,6 +340,26 @@ class Plan(Workspaces):
         worst: float = kernel.judged(
             left, generalised, torque, self._per_inertia, found.a, v, found.w, *self._own, *self._entries, *elements,
             X, twists, lifts, self._fall, rest_speed, coulomb, misses,
+        )  # fmt: skip
+        return worst
+
+    def all_judged(
+        self, space: Workspace, q: Array, v: Array, generalised: Array, a: Array, w: Array, X: Array, mu: Array,
+        rest_speed: float, coulomb: bool, loads: Loads, misses: Array,
+    ) -> Array:  # fmt: skip
+        """As `judged` at n states, shape (n,), at which all joints have the places X, shape (n, 12 joints)."""
+        n, places, kernel, model = len(q), X.reshape(len(q), -1, 12), certificate_kernel(), self._robot.model
+        pushes, twists, lifts = (np.empty((n, len(space.pushes))) for _ in range(3))
+        torque, left, worst = np.empty(v.shape), np.empty(v.shape), np.empty(n)
+        kernel.act_on_all(*loads, *self._own, *self._entries, places, w, pushes.reshape(n, -1, 6), torque)
+        states = zip(q, v, a, pushes, left, twists, lifts, strict=True)
+        for q_i, v_i, a_i, pushed, missing, twist, lift in states:
+            space.pushes[:] = pushed
+            missing[:] = pin.rnea(model, space.data, q_i, v_i, a_i, space.forces)
+            twist[:], lift[:] = space.rates, space.lifts
+        kernel.all_judged(
+            left, generalised, torque, self._per_inertia, a, v, w, *self._own, *self._entries, *self.elements._replace(mu=mu),
+            places, twists.reshape(n, -1, 6), lifts.reshape(n, -1, 6), self._fall, rest_speed, coulomb, misses, worst,
         )  # fmt: skip
         return worst
 
