@@ -13,7 +13,7 @@ from rbd.answers.analysis.conditions import relaxed, row_weights, smallest_viola
 from rbd.answers.analysis.contact_modes import feedback_acceleration
 from rbd.answers.analysis.force_choice import GIVEN_WEIGHT, MINIMUM_NORM, UNIQUE, metric, shortest
 from rbd.answers.analysis.infeasibility import Contradiction, contradiction
-from rbd.answers.analysis.sensitivity import Derivatives
+from rbd.answers.analysis.sensitivity import Derivatives, StateOrigin
 from rbd.answers.analysis.uniqueness import Uniqueness, motion_freedom, uniqueness_of
 from rbd.answers.prepared.constraint_dynamics import FoundForces
 from rbd.arrays import Array, lazy, max_abs, without_lazies
@@ -279,12 +279,14 @@ class Solution(Answer):
             NotDifferentiable: at a change of contact mode.
             Unsupported: of a problem built by hand, which has no state to differentiate by.
         """
-        if self.problem.origin is None:
+        origin = StateOrigin(*self._assemble.args[:1], *self._assemble.args[2:4]) if "_assemble" in self.__dict__ else None
+        origin = origin or self.problem.origin  # type: ignore[assignment]
+        if origin is None:
             raise Unsupported(
                 "a problem built by hand has no state to differentiate by. Use rbd.solve(state, ...), or "
                 "rbd.solve_problem(rbd.gauss_problem(state, ...))."
             )
-        return self.problem.origin.derivatives(self, parameters)
+        return origin.derivatives(self, parameters)
 
     def __str__(self) -> str:
         lines = [f"{self.status} by {self.method or self.solver}, law: {self.law}; {self.problem.m} rows of rank {self.rank}"]

@@ -29,6 +29,11 @@ class FixedRows:
     pose: FixedPose
     rows: slice
 
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return len(range(6)[self.rows])
+
     def wrench(self, f: Array) -> Array:
         """(force, moment) at the pose, in its axes, of row forces, shape (6,)."""
         out = np.zeros(6)

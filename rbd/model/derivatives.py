@@ -33,6 +33,8 @@ from rbd.arrays import Array, cross_matrix, max_abs
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 
+_RESTS = 1e-14
+"""A pose that moves no faster [m/s, rad/s] has the classical accelerations that are spatial ones."""
 _NEAR = 1.0
 """Up to this angle [rad] the series is used; beyond, T is Pinocchio's, whose errors are then rounding."""
 _EXACT = (720.0, 30240.0, 1209600.0, 47900160.0, 1307674368000.0 / 691.0, 74724249600.0)
@@ -163,6 +165,7 @@ class PoseDerivatives:
         acceleration_dq: Shape (6, nv).
         acceleration_dv: Shape (6, nv).
         force_dq: Of the force at the pose, in world axes, shape (6, nv); None where its axes are constant.
+        R: Its axes in the world, shape (3, 3).
     """
 
     J: Array
@@ -171,6 +174,7 @@ class PoseDerivatives:
     acceleration_dq: Array
     acceleration_dv: Array
     force_dq: Array | None
+    R: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -181,11 +185,13 @@ class StateDerivatives:
         force_dq: Shape (nv, nv).
         force_dv: Shape (nv, nv).
         poses: Of each pose.
+        M: The inertia, shape (nv, nv).
     """
 
     force_dq: Array
     force_dv: Array
     poses: list[PoseDerivatives]
+    M: Array
 
 
 def state_derivatives(state: State, a: Array, poses: Sequence[FixedPose], forces: Sequence[Array]) -> StateDerivatives:
@@ -215,7 +221,7 @@ def _state_derivatives(
         X_JP = X_JF * pose.X_FP
         of_body = [x.reshape(6, nv) for x in pin.getFrameAccelerationDerivatives(model, data, joint, X_JP, pin.LOCAL)]
         acceleration = pin.getFrameClassicalAcceleration(model, data, joint, X_JP, pin.LOCAL).vector
-        R = data.oMi[joint].rotation @ X_JP.rotation
+        R = (data.oMi[joint] * X_JP).rotation
         moved, local = _derivatives(of_body, acceleration, v, R, pose.axes, force)
         found.append(moved)
         applied[joint] += X_JP.act(pin.Force(local))
@@ -227,7 +233,7 @@ def _state_derivatives(
     for J, local in turned:
         turn = J[3:]
         force_dq += J[:3].T @ (cross_matrix(local[:3]) @ turn) + turn.T @ (cross_matrix(local[3:]) @ turn)
-    return StateDerivatives(force_dq, force_dv, found)
+    return StateDerivatives(force_dq, force_dv, found, data.M.copy("F"))
 
 
 def _derivatives(
@@ -246,17 +252,17 @@ def _derivatives(
     u_dq, a_dq, a_dv, J = of_body
     u = J @ v
     turn = J[3:]
-    if v.any():
+    if max_abs(u) > _RESTS:
         along, spin = cross_matrix(u[:3]), cross_matrix(u[3:])
         a_dq[:3] += spin @ u_dq[:3] - along @ u_dq[3:]
         a_dv[:3] += spin @ J[:3] - along @ turn
     if axes is None:
-        turned = [R @ (cross_matrix(f) @ turn) for f in (-force[:3], -force[3:])]
-        return PoseDerivatives(J, acceleration, u_dq, a_dq, a_dv, np.concatenate(turned)), force
+        turned = np.concatenate([R @ cross_matrix(-force[:3]), R @ cross_matrix(-force[3:])]) @ turn
+        return PoseDerivatives(J, acceleration, u_dq, a_dq, a_dv, turned, R), force
     T = axes.T @ R
     u_dq, a_dq = (
         np.concatenate([T @ (x_dq[:3] - cross_matrix(x[:3]) @ turn), T @ (x_dq[3:] - cross_matrix(x[3:]) @ turn)])
         for x_dq, x in ((u_dq, u), (a_dq, acceleration))
     )
     J, a_dv, acceleration = (np.concatenate([T @ x[:3], T @ x[3:]]) for x in (J, a_dv, acceleration))
-    return PoseDerivatives(J, acceleration, u_dq, a_dq, a_dv, None), np.concatenate([T.T @ force[:3], T.T @ force[3:]])
+    return PoseDerivatives(J, acceleration, u_dq, a_dq, a_dv, None, axes), np.concatenate([T.T @ force[:3], T.T @ force[3:]])

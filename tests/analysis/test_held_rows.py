@@ -93,7 +93,7 @@ def test_analytical_derivatives_are_those_by_differences(name: str, kind: str) -
     solver = None if kind == "sticks" else rbd.KKT()
     found = rbd.solve(state, tau, contacts, external=push, solver=solver)
     opaque = rbd.solve(state, tau, [Opaque(c) for c in contacts], external=push, solver=solver)
-    assert isinstance(HeldRows.of(found), HeldRows)
+    assert isinstance(HeldRows.of(found, found.problem), HeldRows)
     word = "sticks" if kind == "sticks" else "holds"
     assert {w for words in found.derivatives().active.values() for w in words} == {word}
     compare(found.derivatives(), opaque.derivatives(), 1e-8)
@@ -148,7 +148,7 @@ def test_slipping_contacts_use_the_analytical_terms_too(name: str, law: str) -> 
     push = rbd.ExternalForce(robot.links()[0], 0.45 * robot.mass * 9.81 * np.array([1.0, 0.3, 0.0]))
     tau = tau + 0.1 * rng.normal(size=robot.nu)
     found = rbd.solve(state, tau, contacts, external=push, law=law)
-    assert HeldRows.of(found) is None
+    assert HeldRows.of(found, found.problem) is None
     assert "slips" in {w for words in found.derivatives().active.values() for w in words}
     opaque = rbd.solve(state, tau, [Opaque(c) for c in contacts], external=push, law=law)
     compare(found.derivatives(), opaque.derivatives(), 1e-7)
@@ -162,7 +162,7 @@ def test_both_ways_to_solve_for_the_derivatives_agree(name: str, friction: float
     state, tau, push = draw(robot, 5, moving=False)
     solution = rbd.solve(state, tau, robot.feet(friction=friction), external=push)
     found = solution.derivatives()
-    monkeypatch.setattr(HeldRows, "of", lambda answer: None)
+    monkeypatch.setattr(HeldRows, "of", lambda *_: None)
     general = solution.derivatives()
     compare(found, general, 1e-9)
 
@@ -206,9 +206,10 @@ def pressed(push: Sequence[float], **options: Any) -> rbd.Solution:
 def test_near_the_edge_of_a_mode_the_general_way_decides() -> None:
     """Pushed along the floor with all but a ten-thousandth of what friction holds: the general way, and it sticks."""
     most = 0.6 * 10.0 * 9.81
-    assert isinstance(HeldRows.of(pressed((0.9 * most, 0.0, 0.0))), HeldRows)
+    far = pressed((0.9 * most, 0.0, 0.0))
+    assert isinstance(HeldRows.of(far, far.problem), HeldRows)
     near = pressed(((1.0 - 1e-4) * most, 0.0, 0.0))
-    assert HeldRows.of(near) is None and near.derivatives().active == {"floor": ("sticks",) * 4}
+    assert HeldRows.of(near, near.problem) is None and near.derivatives().active == {"floor": ("sticks",) * 4}
     assert isinstance(ActiveSet(near), ActiveSet)
 
 
@@ -218,7 +219,7 @@ def test_repeated_rows_go_the_general_way(talos: rbd.Robot) -> None:
     twice = [*soles, rbd.SurfaceContact("again", soles[0].frame, corners=soles[0].corners, placement=soles[0].placement)]
     state = talos.standing()
     found = rbd.solve(state, np.zeros(talos.nu), twice, solver=rbd.KKT())
-    assert HeldRows.of(found) is None
+    assert HeldRows.of(found, found.problem) is None
     d = found.derivatives()
     once = rbd.solve(state, np.zeros(talos.nu), soles, solver=rbd.KKT()).derivatives()
     assert d.not_unique == (soles[0].name, "again") and d.df_dq is None
@@ -275,3 +276,29 @@ def test_a_contact_with_rows_of_its_own_is_differentiated_by_them(talos: rbd.Rob
         assert np.abs(getattr(found, kind) - getattr(expected, kind)).max() < 1e-8 * np.abs(getattr(expected, kind)).max()
     for kind in ROWS:
         assert np.abs(2.0 * getattr(found, kind) - getattr(expected, kind)).max() < 1e-8 * np.abs(getattr(expected, kind)).max()
+
+
+@pytest.mark.parametrize("name", ["talos", "g1", "solo12"])
+@pytest.mark.parametrize("friction", [None, 0.8])
+def test_a_prepared_answer_has_the_derivatives_of_its_problem_in_arrays(name: str, friction: float | None) -> None:
+    """M and J of Pinocchio's derivatives in place of assembled ones, some feet with a push: the same derivatives."""
+    robot, rng, seen = rbd.load_robot(name), np.random.default_rng(4), 0
+    feet = robot.feet(friction, on=None)
+    hold = rbd.hold(robot.standing(), robot.feet(0.8)).tau
+    for i in range(12):
+        q = pin.integrate(robot.model, robot.standing().q, 0.02 * rng.normal(size=robot.nv))
+        J = np.concatenate([foot.rows(rbd.State(robot, q)).J for foot in feet])
+        v = 0.1 * rng.normal(size=robot.nv)
+        for _ in range(2):
+            v -= np.linalg.lstsq(J, J @ v, rcond=None)[0]
+        push = [rbd.ExternalForce(feet[0].frame, (3.0, -2.0, 1.0), (0.1, 0.2, 0.3), offset=(0.1, 0.0, 0.3))] * (i % 2)
+        given = rbd.State(robot, q, v), hold, feet
+        found = rbd.solve(*given, external=push or None)
+        if found.solver != "ContactDynamics" or found.method != "closed form":
+            continue
+        seen += 1
+        expected = rbd.solve_problem(rbd.gauss_problem(*given, external=push or None)).derivatives()
+        got = found.derivatives()
+        assert "problem" not in found.__dict__
+        compare(got, expected, 1e-9)
+    assert seen > 3

@@ -350,9 +350,9 @@ class HeldRows:
         self._B = E.T @ blas.dtrsm(1.0, factor, Q, side=1, trans_a=1)
 
     @classmethod
-    def of(cls, answer: Answer) -> HeldRows | None:
-        """The equations, or None where they are not surely those of the answer."""
-        P = answer.problem
+    def of(cls, answer: Answer, problem: GaussProblem) -> HeldRows | None:
+        """The equations, or None where they are not surely those of the answer to a problem."""
+        P = problem
         words = {}
         c = None
         load = max(1.0, max_abs(answer.multipliers))

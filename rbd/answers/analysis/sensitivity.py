@@ -18,17 +18,19 @@ import pinocchio as pin
 from rbd.answers.analysis.active_set import CONSISTENT, ActiveSet, HeldRows
 from rbd.answers.analysis.parameters import ParameterDerivatives, by_parameter, checked_parameters
 from rbd.answers.analysis.state_changes import Change, derivatives_of, projections, slopes
-from rbd.arrays import RANK, Array
-from rbd.constraints.fixed_rows import are_constant, fixed_rows_of
+from rbd.arrays import RANK, Array, zeros
+from rbd.constraints.fixed_rows import FixedRows, are_constant, fixed_rows_of
 from rbd.constraints.loop import rows_function
 from rbd.displayed import Displayed
 from rbd.errors import NotDifferentiable, Unsupported
-from rbd.model.derivatives import FixedPose, state_derivatives
+from rbd.model.derivatives import FixedPose, StateDerivatives, state_derivatives
 from rbd.model.external import External, ExternalForce
 from rbd.model.inertial import HasRows
 from rbd.model.state import State
 from rbd.problem.answer import Answer, Status
 from rbd.problem.cones import Cone
+from rbd.problem.gauss_problem import GaussProblem
+from rbd.problem.rows import Rows
 
 
 @dataclass(frozen=True, eq=False)
@@ -175,14 +177,31 @@ class _Chain:
     """Maps changes of the state to changes of the answer."""
 
     def __init__(self, origin: StateOrigin, answer: Answer) -> None:
-        self.origin, self.answer = origin, answer
-        self.active = HeldRows.of(answer) or ActiveSet(answer)
-        self.robot, self.nv, self.m = origin.state.robot, origin.state.robot.nv, answer.problem.m
-        acting = [(c, r) for c, r in zip(origin.constraints, answer.problem.rows, strict=True) if len(r)]
-        self.fixed = [(f, r) for c, r in acting if (f := fixed_rows_of(c)) is not None]
-        self.constant = [r for c, r in acting if are_constant(c, r)]
-        self.others = [(c, r) for c, r in acting if fixed_rows_of(c) is None and not are_constant(c, r)]
+        self.origin, self.answer, self._pushed = origin, answer, _pushes(origin.external)
+        self.robot, self.nv = origin.state.robot, origin.state.robot.nv
+        fixed, held = [fixed_rows_of(c) for c in origin.constraints], None
+        poses = [rows for rows in fixed if rows is not None]
+        if (
+            len(poses) == len(fixed) and getattr(answer, "_assemble", None) is not None
+        ):  # where all is held or sticks, Pinocchio's derivatives have M and J, too
+            self._found: StateDerivatives | None = self._differentiated(poses, _parts(poses, answer.multipliers))
+            self.problem = _problem_of(origin, answer, poses, self._found, len(self._pushed))
+            held = HeldRows.of(answer, self.problem)
+        if held is None:
+            self._found, self.problem = None, answer.problem
+            held = HeldRows.of(answer, self.problem)
+        self.active, self.m = held or ActiveSet(answer), self.problem.m
+        acting = [(c, r, f) for c, r, f in zip(origin.constraints, self.problem.rows, fixed, strict=True) if len(r)]
+        self.fixed = [(f, r) for _, r, f in acting if f is not None]
+        self.constant = [r for c, r, f in acting if f is None and are_constant(c, r)]
+        self.others = [(c, r) for c, r, f in acting if f is None and not are_constant(c, r)]
         self._rows = rows_function(self.robot, [c for c, _ in self.others])
+
+    def _differentiated(self, fixed: Sequence[FixedRows], forces: Sequence[Array]) -> StateDerivatives:
+        """Derivatives with forces on the rows of poses."""
+        poses = [pose for pose, _ in self._pushed] + [rows.pose for rows in fixed]
+        wrenches = [wrench for _, wrench in self._pushed] + [rows.wrench(f) for rows, f in zip(fixed, forces, strict=True)]
+        return state_derivatives(self.origin.state, self.answer.a, poses, wrenches)
 
     def derivatives(self) -> Derivatives:
         """All derivatives."""
@@ -205,18 +224,17 @@ class _Chain:
         a_tau, f_tau = a_external[:, robot.motors].copy(), f_external[:, robot.motors].copy()
         lost = self._not_unique()
         forces: dict[str, ForceDerivatives | None] = {}
-        for r in self.answer.problem.rows:
-            span = self.answer.problem.slices[r.name]
+        for r in self.problem.rows:
+            span = self.problem.slices[r.name]
             each = [df[span].copy() if r.resultant is None else r.resultant @ df[span] for df in (f_q, f_v, f_tau, f_external)]
             for df, by in zip(each[:2], (by_q, by_v), strict=True):
                 if r.name in by.resultants:
                     df += by.resultants[r.name]
             forces[r.name] = None if r.name in lost else ForceDerivatives(*each)
-        motion = Derivatives(a_q, a_v, a_tau, a_external, None, None, None, None, forces, active.words, lost)
-        motion = replace(motion, along_constraints=along_only)
-        if active.internal.size:
-            return motion
-        return replace(motion, df_dq=f_q, df_dv=f_v, df_dtau=f_tau, df_dexternal=f_external)
+        df_q, df_v, df_tau, df_external = (None if active.internal.size else df for df in (f_q, f_v, f_tau, f_external))
+        return Derivatives(
+            a_q, a_v, a_tau, a_external, df_q, df_v, df_tau, df_external, forces, active.words, lost, along_only
+        )  # fmt: skip
 
     def _answered(self, by_q: Change, by_v: Change) -> list[tuple[Array, Array]]:
         """(da, df) of both changes."""
@@ -233,18 +251,12 @@ class _Chain:
 
     def _of_fixed(self) -> tuple[Change, Change]:
         """Changes of M a + h, of external forces and of rows that are constant or fixed to bodies: Pinocchio's derivatives."""
-        P, f, nv, internal = self.answer.problem, self.answer.multipliers, self.nv, self.active.internal
-        pushes = _pushes(self.origin.external)
-        poses = [pose for pose, _ in pushes] + [rows.pose for rows, _ in self.fixed]
-
-        def applied(f: Array) -> list[Array]:
-            return [rows.wrench(f[P.slices[r.name]]) for rows, r in self.fixed]
-
-        given = [wrench for _, wrench in pushes]
-        found = state_derivatives(self.origin.state, self.answer.a, poses, given + applied(f))
+        P, f, nv, internal = self.problem, self.answer.multipliers, self.nv, self.active.internal
+        fixed = [rows for rows, _ in self.fixed]
+        found = self._found or self._differentiated(fixed, [f[P.slices[r.name]] for _, r in self.fixed])
         by_q = Change.none(nv, self.m, internal.shape[1], found.force_dq)
         by_v = Change.none(nv, self.m, internal.shape[1], found.force_dv)
-        for (rows, r), moved in zip(self.fixed, found.poses[len(pushes) :], strict=True):
+        for (rows, r), moved in zip(self.fixed, found.poses[len(self._pushed) :], strict=True):
             span, own = P.slices[r.name], rows.rows
             by_q.c[span], by_q.u[span] = moved.acceleration_dq[own], moved.velocity_dq[own]
             by_v.c[span], by_v.u[span] = moved.acceleration_dv[own], moved.J[own]
@@ -253,7 +265,7 @@ class _Chain:
         for r in self.constant:
             by_v.u[P.slices[r.name]] = r.J
         for i, more in enumerate(internal.T if self.fixed else ()):  # J^T f is linear in f
-            other = state_derivatives(self.origin.state, self.answer.a, poses, given + applied(f + more))
+            other = self._differentiated(fixed, [(f + more)[P.slices[r.name]] for _, r in self.fixed])
             by_q.internal[:, i] = other.force_dq - found.force_dq
         for change, more in zip((by_q, by_v), derivatives_of(self.origin.external, self.origin.state), strict=True):
             change.force[:] += more
@@ -268,7 +280,7 @@ class _Chain:
         Raises:
             NotDifferentiable: if a constraint has another set of forces there.
         """
-        P, a, f = self.answer.problem, self.answer.a, self.answer.multipliers
+        P, a, f = self.problem, self.answer.a, self.answer.multipliers
         force, internal = np.zeros(self.nv), np.zeros((self.nv, self.active.internal.shape[1]))
         c, u, resultants = [], [], []
         for r, (_, known) in zip(self._rows(state), self.others, strict=True):
@@ -288,7 +300,7 @@ class _Chain:
 
     def _of_others(self, by: Array) -> Change:
         """The change of the other constraints, by the slopes of `_sample`."""
-        nv, d, P = self.nv, self.active.internal.shape[1], self.answer.problem
+        nv, d, P = self.nv, self.active.internal.shape[1], self.problem
         out = Change.none(nv, self.m, d, by[:nv])
         m = sum(len(r) for _, r in self.others)
         internal, c, u, rest = np.split(by[nv:], np.cumsum([nv * d, m, m]))
@@ -313,7 +325,7 @@ class _Chain:
 
     def _not_unique(self) -> tuple[str, ...]:
         """Constraints whose force an internal force can change."""
-        P, internal, lost = self.answer.problem, self.active.internal, []
+        P, internal, lost = self.problem, self.active.internal, []
         for r in P.rows if internal.size else ():
             part = internal[P.slices[r.name]]
             if np.abs(part if r.resultant is None else r.resultant @ part).max(initial=0.0) > RANK:
@@ -322,6 +334,28 @@ class _Chain:
 
 
 _WORLD = np.eye(3)
+_STILL = 1e-9
+"""Rest speed of contacts that surely rest [m/s, rad/s]."""
+
+
+def _parts(fixed: Sequence[FixedRows], f: Array) -> list[Array]:
+    """The row forces of each constraint."""
+    return np.split(f, np.cumsum([rows.size for rows in fixed])[:-1]) if fixed else []
+
+
+def _problem_of(
+    origin: StateOrigin, answer: Answer, fixed: Sequence[FixedRows], found: StateDerivatives, first: int
+) -> GaussProblem:
+    """The problem of constraints that are all of poses: J of their derivatives, from the first on, and M; without forces."""
+    rows = []
+    for c, at, moved in zip(origin.constraints, fixed, found.poses[first:], strict=True):
+        own, J, R = at.rows, moved.J[at.rows], moved.R
+        resultant = np.zeros((6, 6)) if at.size == 6 else R[:, own]
+        if at.size == 6:
+            resultant[:3, :3] = resultant[3:, 3:] = R
+        bias = moved.acceleration[own] - J @ answer.a
+        rows.append(Rows.unchecked(c.name, J, bias, c.cone, J @ origin.state.v, None, resultant, None))  # type: ignore[attr-defined]
+    return GaussProblem(found.M, zeros(len(found.M)), rows, None, origin, _STILL, from_state=True)
 
 
 def _same_set(one: Cone, other: Cone) -> bool:
