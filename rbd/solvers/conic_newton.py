@@ -26,6 +26,7 @@ _NEAR = 1e-4  # a miss of Clarabel's from which Newton's method is tried
 _REACH = 1e6  # of a proof that is not improved
 _ENOUGH = 1e3  # of a proof
 _GAP = 1e-10
+_RAY = 1e-7  # of a direction: what it misses, over how steeply the objective falls
 _NIL = 1e-12
 _INWARD = 1e-10
 
@@ -238,7 +239,7 @@ def _refuted(program: Conic) -> Certificate | None:
 
 
 def interior_point(program: Conic) -> ConicAnswer:
-    """What Clarabel says: as outcome, INFEASIBLE or UNBOUNDED; else NOT_FOUND, its best point, judged by nobody."""
+    """What Clarabel says: INFEASIBLE; UNBOUNDED, x a direction, checked; else NOT_FOUND, its best point, judged by nobody."""
     import clarabel
     from scipy.sparse import csc_matrix
 
@@ -286,4 +287,37 @@ def interior_point(program: Conic) -> ConicAnswer:
     z[row_down] += u[ends[0] : ends[1]]
     z[row_up] -= u[ends[1] : ends[2]]
     outcome = _STATUS.get(str(found.status).removeprefix("Almost"), Outcome.NOT_FOUND)
+    if outcome is Outcome.UNBOUNDED:
+        x[~free] = 0.0
+        if _falls(program, x):
+            return replace(nothing, outcome=outcome, x=x / max_abs(x), iterations=int(found.iterations))
+        return _of_numbers_around_one(program) or nothing
     return ConicAnswer(program, outcome, program.project(x), -u[:e], z, "Clarabel", int(found.iterations))
+
+
+def _falls(program: Conic, d: Array) -> bool:
+    """Whether the objective falls without end along d: g . d < 0, no curvature, and all that is met is met for ever."""
+    low, high, lower, upper = (
+        np.where(np.isfinite(end), 0.0, end) for end in (program.low, program.high, program.lower, program.upper)
+    )
+    recedes = replace(program, b=0.0 * program.b, low=low, high=high, lower=lower, upper=upper)
+    g, H, A, C = (max_abs(part.ravel()) for part in (program.g, program.H, program.A, program.C))
+    fall = _RAY * float(-program.g @ d)
+    return fall > 0.0 and g * max_abs(program.H @ d) <= fall * H and g * recedes.outside(d) <= fall * max(1.0, A, C)
+
+
+def _of_numbers_around_one(program: Conic) -> ConicAnswer | None:
+    """The answer by the program in x / s and its objective over |g| s, for s = |g| / |H|; None where g is around one already.
+
+    Clarabel's test of a direction has no scale: with a large g it believes that any x of that size is one.
+    """
+    g, H = max_abs(program.g), max_abs(program.H.ravel())
+    if not g > 2.0:
+        return None
+    s = g / H if H > 0.0 else 1.0
+    b, low, high, lower, upper = (end / s for end in (program.b, program.low, program.high, program.lower, program.upper))
+    found = interior_point(
+        replace(program, H=program.H * (s / g), g=program.g / g, b=b, low=low, high=high, lower=lower, upper=upper)
+    )
+    x = found.x if found.outcome is Outcome.UNBOUNDED else program.project(s * found.x)
+    return replace(found, program=program, x=x, y=g * found.y, z=g * found.z)

@@ -142,6 +142,47 @@ def test_what_falls_without_end_is_told() -> None:
     assert found.outcome is Outcome.UNBOUNDED and not found.solved
 
 
+def test_what_is_unbounded_has_a_direction(rng: np.random.Generator) -> None:
+    """Drawn programs without curvature along a direction that is allowed for ever, and falls: told, with such a direction."""
+    told = 0
+    for _ in range(40):
+        program, inside = drawn(rng)
+        d = inside * np.isin(np.arange(len(inside)), program.cones)
+        d[program.cones[:, 2]] += 1.0
+        d /= np.linalg.norm(d)
+        flat = np.eye(len(d)) - np.outer(d, d)
+        H, A, C = flat @ program.H @ flat, program.A @ flat, program.C @ flat
+        ends = {"b": A @ inside, "low": np.minimum(program.low, C @ inside), "high": np.maximum(program.high, C @ inside)}
+        found = solve_conic(replace(program, H=H, g=program.g - (program.g @ d + 1.0) * d, A=A, C=C, **ends), newton=False)
+        assert not found.solved
+        if found.outcome is Outcome.UNBOUNDED:
+            told, x, fixed = told + 1, found.x, found.program
+            assert -fixed.g @ x > 1e-3 and max(np.abs(H @ x).max(), np.abs(A @ x).max(initial=0.0)) < 1e-6
+            s, beside = C @ x, np.delete(np.arange(len(x)), fixed.cones.ravel())
+            for value, low, high in ((s, fixed.low, fixed.high), (x[beside], fixed.lower[beside], fixed.upper[beside])):
+                assert (value[np.isfinite(low)] > -1e-6).all() and (value[np.isfinite(high)] < 1e-6).all()
+            assert np.abs(x[fixed.cones] - project_cones(x[fixed.cones], fixed.mu)).max() < 1e-6
+    assert told >= 36
+
+
+@pytest.mark.parametrize("size", [1e8, 1e9, 1e10])
+def test_what_curves_upwards_everywhere_is_not_unbounded(size: float, rng: np.random.Generator) -> None:
+    """Strictly convex programs with a gradient so large: Clarabel calls a third of them unbounded, by no direction."""
+    for newton in (True, False):
+        for _ in range(20):
+            program, _ = drawn(rng)
+            found = solve_conic(replace(program, g=size * program.g), newton=newton)
+            assert found.outcome is (Outcome.SOLVED if found.miss <= 1e-9 else Outcome.NOT_FOUND)
+
+
+def test_a_far_minimum_is_found_by_numbers_around_one() -> None:
+    """1/2 |x|^2 - 1e8 x1 over a cone of slope one: at 1e8 (1/2, 0, 1/2), which Clarabel calls unbounded as it is given."""
+    for size in (1e8, 1e9, 1e12):
+        found = solve_conic(plain(np.eye(3), [-size, 0.0, 0.0], cones=[0, 1, 2], mu=[1.0]), newton=False)
+        assert found.outcome is not Outcome.UNBOUNDED
+        assert found.x / size == pytest.approx([0.5, 0.0, 0.5], abs=1e-8)
+
+
 # ---------------------------------------------------------------------------------------------------- another solver
 
 
