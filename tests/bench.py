@@ -34,6 +34,7 @@ from bench_control import control_rows
 from bench_draws import Draws
 from bench_first_use import first_rows
 from bench_motion import motion_rows
+from bench_own_rows import own_rows
 from bench_planar import planar_rows
 from bench_scenes import page_rows
 from bench_simulation import accuracy, accuracy_table, peer_step_rows, step_rows
@@ -72,6 +73,7 @@ ASKED: dict[str, Callable[[], list[Row]]] = {
     "derivatives": lambda: derivative_rows(everyone()),
     "hessian": lambda: hessian_rows(draws_of("talos").robot),
     "linkage": linkage_rows,
+    "own": own_rows,
     "motion": lambda: motion_rows(draws_of("g1").robot),
     "first": first_rows,
 }

@@ -7,13 +7,14 @@ and the step shrinks until they do. With noise, a jump or a kink they never agre
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from rbd.arrays import Array, as_array, as_finite, identity, is_finite, lazy
+from rbd.arrays import Array, as_array, as_finite, identity, is_finite, lazy, max_abs
 from rbd.constraints.difference_kernel import judged
 from rbd.constraints.surface import check_state, check_words
 from rbd.displayed import Displayed
@@ -163,7 +164,7 @@ class FunctionConstraint(Displayed):
         unit = identity(nv)
         if v is None:
             return near.derivatives(self._values, unit, nv).T, np.zeros(m)
-        found = near.derivatives(self._values, np.concatenate([unit, v[None] / np.linalg.norm(v)]), nv)
+        found = near.derivatives(self._values, np.concatenate([unit, v[None] / math.sqrt(v @ v)]), nv)
         return found[:nv].T, found[nv] * (v @ v)
 
     def _second(self, near: Neighbourhood, v: Array, size: float) -> Array:
@@ -291,8 +292,8 @@ def rate(f: UserFunction, robot: CheckedModel, J: Array, q: Array, v: Array) -> 
     Raises:
         InputError: f has no derivative here.
     """
-    near, length = Neighbourhood(robot, lambda at: f.many(at, q, J) @ v, q, J @ v), float(np.linalg.norm(v))
-    return near.derivatives(f, v[None] / length, 1, _largest(J))[0] * length
+    near, length = Neighbourhood(robot, lambda at: f.many(at, q, J) @ v, q, J @ v), math.sqrt(v @ v)
+    return near.derivatives(f, v[None] / length, 1, max_abs(J.ravel()))[0] * length
 
 
 def hessian_by_rates(f: UserFunction, robot: CheckedModel, J: Array, q: Array) -> Array:
@@ -309,6 +310,7 @@ def hessian_by_rates(f: UserFunction, robot: CheckedModel, J: Array, q: Array) -
 
 STEPS = STEP * 0.25 ** np.arange(9)
 """The steps that are tried, in order."""
+_REACH = np.outer(STEPS, NODES)
 SAME = 1e-12
 """A function's values in one call with many configurations, and one by one, agree to this, over the largest of them."""
 
@@ -344,7 +346,7 @@ class Neighbourhood(NamedTuple):
         values, gaps, scales, left, done = np.zeros((n, m)), np.full(n, np.inf), np.ones(n), np.arange(n), 0
         while len(left) and done < len(STEPS):
             steps = STEPS[done : done + (2 if of.takes_columns else 1)]
-            nodes = along[left, None] * np.outer(steps, NODES).reshape(-1, 1)
+            nodes = along[left, None] * _REACH[done : done + len(steps)].reshape(-1, 1)
             moved = self.f(self.robot.moved(self.q, nodes.reshape(-1, along.shape[1]))).reshape(-1, len(steps), len(NODES), m)
             left, size = judged(moved, self.middle, steps, left, slopes, size, values, gaps, scales)
             done += len(steps)
