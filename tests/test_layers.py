@@ -23,7 +23,7 @@ errors
 arrays installation modules
 kernels records
 model problem
-constraints solvers
+constraints solvers workers
 robots
 answers
 statics

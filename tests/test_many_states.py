@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import gc
+import subprocess
 import sys
 import threading
 import tracemalloc
 import warnings
 from collections.abc import Sequence
+from concurrent.futures import Future
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +17,7 @@ import pinocchio as pin
 import pytest
 
 import rbd
-from rbd.answers.many import Solutions, StateStatus
+from rbd.answers.many import Solutions, StateStatus, side_by_side
 from rbd.answers.many.many_answers import WARNINGS
 from rbd.answers.prepared.constraint_dynamics import Plan
 from rbd.answers.prepared.contact_bodies import MOST, MOST_BODIES
@@ -517,3 +519,83 @@ def test_memory_stays(talos: rbd.Robot, rng: np.random.Generator):
     for _ in range(MOST + 5):
         rbd.solve_many(talos, q[0], None, tau[0], anywhere(talos.soles(0.7)))
     assert len(talos.kept_bodies) <= MOST_BODIES and len(talos.kept) <= MOST
+
+
+class TestProcesses:
+    """Parts of the states in processes of their own."""
+
+    def test_the_same_bits(self, talos: rbd.Robot, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch):
+        """Limits that come and go, friction and a push at each state, bad states: as in one process, at any number of parts."""
+        monkeypatch.setattr(side_by_side, "LEAST", 7)
+        n = 40
+        q, tau = near(talos, rng, n, far=0.1), pushed(talos, rng, n)
+        q[3, 20] = np.nan
+        name = next(joint.name for joint in talos.joints.values() if joint.nv == 1)
+        stop = rbd.JointLimit("stop", name, lower=float(np.nanmedian(q[:, talos.joints[name].q.start])), upper=9.0)
+        given = {
+            "external": rng.normal(size=(n, talos.nv)),
+            "friction": {"left_sole": rng.uniform(-0.05, 0.9, n), "right_sole": 0.6},
+        }
+        asked = (talos, q, None, tau, [*anywhere(talos.soles(0.7)), stop])
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            alone, found = rbd.solve_many(*asked, **given), rbd.solve_many(*asked, **given, threads=2)
+        assert found.reasons == alone.reasons and found.counts == alone.counts and len(alone.counts) > 1
+        for kind in ("forces", "corner_forces", "friction_used", "centre_of_pressure", "residuals", "warned"):
+            ours, theirs = getattr(found, kind), getattr(alone, kind)
+            assert ours.keys() == theirs.keys()
+            for key in ours:
+                np.testing.assert_array_equal(ours[key], theirs[key])
+        for kind in ("a", "status", "reason_codes", "method", "one_by_one"):
+            np.testing.assert_array_equal(getattr(found, kind), getattr(alone, kind))
+        with pytest.raises(rbd.InputError, match="threads"):
+            rbd.solve_many(*asked, threads=0)
+
+    def test_what_is_done_stays(self, talos: rbd.Robot, rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch):
+        """Ctrl-C after one part of two: its rows are kept, the others say that they were not computed."""
+        monkeypatch.setattr(side_by_side, "LEAST", 5)
+        monkeypatch.setattr(side_by_side, "SHARES", 1)
+        monkeypatch.setattr(side_by_side, "_workers", lambda *given: Interrupted())
+        with pytest.warns(rbd.errors.StudyWarning, match="Ctrl-C after 5 of 10 states"):
+            found = rbd.solve_many(
+                talos, near(talos, rng, 10), None, pushed(talos, rng, 10), anywhere(talos.soles(0.7)), threads=2
+            )
+        assert found.status.tolist() == [StateStatus.SOLVED] * 5 + [StateStatus.FAILED] * 5
+        assert (found.reason_codes[5:] == rbd.errors.Reason.NOT_RUN.code).all() and np.isnan(found.a[5:]).all()
+
+    def test_a_script_without_a_guard_says_so(self, tmp_path: Path):
+        """It is started again by its processes: they end, and the first names the line that is missing."""
+        script = tmp_path / "script.py"
+        script.write_text(
+            "import numpy as np, rbd\nsolo = rbd.load_robot('solo12')\n"
+            "rbd.solve_many(solo, solo.standing().q, None, np.zeros(solo.nu), solo.feet(), threads=2)\n"
+        )
+        done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120)
+        assert done.returncode and "InputError: rbd.solve_many is started again" in done.stderr and "__main__" in done.stderr
+
+
+class Interrupted:
+    """Two workers that compute the first part; then Ctrl-C is pressed."""
+
+    count, used = 2, False
+
+    def submit(self, function, *given):
+        """As of an executor."""
+        done: Future = Future()
+        if self.used:
+            done.set_exception(KeyboardInterrupt())
+        else:
+            done.set_result(function(*given))
+        self.used = True
+        return done
+
+
+def test_memory_of_a_state(talos: rbd.Robot, rng: np.random.Generator):
+    """As the docstring tells: the answers, and the forces once they are read."""
+    q, tau = near(talos, rng, 100), pushed(talos, rng, 100, push=1.0)
+    found = rbd.solve_many(talos, q, None, tau, anywhere(talos.soles(0.7)))
+    arrays = [found.a, found._sheet.weights, found.status, found.reason_codes, found.method_codes, found.one_by_one]
+    arrays += [*found.residuals.values(), *found.warned.values()]
+    assert sum(x.nbytes for x in arrays) <= 550 * len(found)
+    kinds = (found.forces, found.corner_forces, found.friction_used, found.centre_of_pressure)
+    assert sum(x.nbytes for kind in kinds for x in kind.values()) <= 400 * len(found)

@@ -6,12 +6,12 @@ from rbd.answers.comparison import LawComparison, SolverComparison, compare_laws
 from rbd.modules import submodule as _submodule
 from rbd.statics.push_functions import move_under_push, withstand_push
 from rbd.studies.draws import sample
-from rbd.studies.processes import Workers
 from rbd.studies.results import kept_names
 from rbd.studies.running import study
 from rbd.studies.samples import Samples, grid
 from rbd.studies.stores import open_study
 from rbd.studies.tables import table
+from rbd.workers import Workers
 
 __all__ = [
     "LawComparison",

@@ -20,12 +20,13 @@ from rbd.errors import InputError, RbdError, StudyStopped, StudyWarning
 from rbd.errors.warned import stacklevel_of_user
 from rbd.simulation.progress_bar import progress_of
 from rbd.studies.evaluation import Evaluation, WarningCounts, bound
-from rbd.studies.processes import Chunks, Crew, Here, Workers, check_executor, sent_columns, sent_of
+from rbd.studies.processes import Chunks, Crew, Here, check_executor, sent_columns, sent_of
 from rbd.studies.provenance import attributes_of
 from rbd.studies.results import Keep, OutputSelection
 from rbd.studies.samples import Samples
 from rbd.studies.stores import Store, checked_path
 from rbd.studies.tables import samples_of
+from rbd.workers import Workers
 
 if TYPE_CHECKING:
     import xarray

@@ -26,11 +26,12 @@ import studied
 import rbd
 from rbd.errors import Reason
 from rbd.studies.evaluation import BATCH, Evaluation
-from rbd.studies.processes import Chunks, Workers, sent_columns
+from rbd.studies.processes import Chunks, sent_columns
 from rbd.studies.results import Block, OutputSelection, joined
 from rbd.studies.running import Filling, check_all, counted_interrupts
 from rbd.studies.samples import Samples, grid
 from rbd.studies.stores import Store
+from rbd.workers import Workers
 
 GRID = {"x": np.arange(12.0), "y": np.linspace(0.0, 1.0, 9)}
 

@@ -312,8 +312,7 @@ class Sheet:
             found: Their answers.
         """
         good, at, p = found.good, part[found.good], found.w.shape[1]
-        if p > self.weights.shape[1]:
-            self.weights = np.pad(self.weights, ((0, 0), (0, p - self.weights.shape[1])))
+        self.widen(p)
         self.a[at], self.weights[at, :p], self.chosen[at] = found.a[good], found.w[good], found.chosen[good]
         self.status[at], self.reason_codes[at] = StateStatus.SOLVED, Reason.NONE.code
         for method in dict.fromkeys(found.methods[good].tolist()):
@@ -323,6 +322,27 @@ class Sheet:
         for what, some in found.warned.items():
             if some.any():
                 self.column("warned", what)[at] = some[good]
+
+    def put(self, part: Array, other: Sheet) -> None:
+        """What another sheet has of some states, whose numbers here are consecutive."""
+        for name in ("a", "status", "reason_codes", "one_by_one", "chosen"):
+            getattr(self, name)[part] = getattr(other, name)
+        self.widen(other.weights.shape[1])
+        self.weights[part, : other.weights.shape[1]] = other.weights
+        codes = np.array([*(self.code(method) for method in other.methods), -1])
+        self.codes[part] = codes[other.codes]
+        self.reasons.update({int(part[i]): told for i, told in other.reasons.items()})
+        for kind, tables in other.tables.items():
+            for name, values in tables.items():
+                if values.ndim == 1:
+                    self.column(kind, name)[part] = values
+                else:
+                    _put(self.table(kind, name, *values.shape[1:]), part, values)
+
+    def widen(self, p: int) -> None:
+        """Room for the weights of p columns."""
+        if p > self.weights.shape[1]:
+            self.weights = np.pad(self.weights, ((0, 0), (0, p - self.weights.shape[1])))
 
     def with_forces(self, chosen: Callable[[int], tuple[Answer, Mapping[str, Array]]]) -> Sheet:
         """The same with forces of the answers in blocks.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -105,6 +105,17 @@ class ManyStates:
 
     def __len__(self) -> int:
         return len(self.q)
+
+    def part(self, some: Array) -> ManyStates:
+        """Some of the states, which are consecutive."""
+        at, first = slice(int(some[0]), int(some[-1]) + 1), int(some[0])
+        external = self.external[at] if isinstance(self.external, np.ndarray) else self.external
+        vectors, mu = ({name: x[at] for name, x in table.items()} for table in (self.vectors, self.friction))
+        refused = {i - first: told for i, told in self.refused.items() if at.start <= i < at.stop}
+        return replace(
+            self, q=self.q[at], v=self.v[at], vectors=vectors, external=external, friction=mu, refused=refused, _made={},
+            _applied=None if self._applied is None else self._applied[at],
+        )  # fmt: skip
 
     def state(self, i: int) -> State:
         """State i.
