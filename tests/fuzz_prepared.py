@@ -14,6 +14,7 @@ import warnings
 from collections import Counter
 
 import numpy as np
+import pinocchio as pin
 import random_problems as R
 
 import rbd
@@ -26,23 +27,53 @@ PREPARED = "ContactDynamics"
 SAME = 1e-9
 
 
+def related(rng: np.random.Generator, robot: rbd.Robot, contact: rbd.constraints.Contact) -> rbd.constraints.Contact:
+    """The same contact on ground that moves, or on another body."""
+    normal, bodies = contact.normal, [f.name for f in robot.model.frames if f.parentJoint != robot.site(contact.frame)[0]]
+    if rng.random() < 0.5 and bodies:
+        turn = R.unit(rng) if normal is not None and len(contact.corners) == 1 else normal
+        on: rbd.Ground | rbd.Body = rbd.Body(bodies[rng.integers(len(bodies))], normal=turn)
+    else:
+        about = R.pick(rng, (None, rng.normal(size=3)))
+        on = rbd.Ground(normal=normal, velocity=rng.normal(size=6), acceleration=rng.normal(size=6), about=about)
+    return rbd.constraints.Contact(
+        contact.name, contact.frame, corners=contact.corners, placement=contact.placement, friction=contact.friction,
+        facets=contact.facets, on=on,
+    )  # fmt: skip
+
+
 def drawn(seed: int, i: int):
     """State, torques, constraints, law."""
     rng = np.random.default_rng([seed, i])
-    story, made = R.tree(rng, most=8)
-    q = R.posture(rng, made.robot)
-    touching, given = R.contacts(rng, made, q)
+    kind = R.pick(rng, ("ground", "ground", "related", "loops"))
+    if kind == "loops":
+        story, made, given = R.polygon(rng, root=R.pick(rng, ("fixed", "free_flyer")))
+        q, touching = pin.neutral(made.robot.model), "closed"
+    else:
+        story, made = R.tree(rng, most=8)
+        q = R.posture(rng, made.robot)
+        touching, given = R.contacts(rng, made, q)
     given = given + R.joints(rng, made, q)
     moves = R.pick(rng, ("rest", "still", "slides"))
+    constraints = [g.constraint for g in given]
+    if kind == "related":
+        contact = rbd.constraints.Contact
+        constraints = [
+            related(rng, made.robot, c) if isinstance(c, contact) and not i else c for i, c in enumerate(constraints)
+        ]
     v = np.zeros(made.robot.nv)
     if moves != "rest":
         v = R.still_velocity(rng, made.robot, q, given, slide=moves == "slides")
+    if kind == "related":  # only what makes all rows slow: motions of grounds and bodies are drawn at will
+        rows = [c.rows(rbd.State(made.robot, q, v)) for c in constraints]
+        if rows:
+            v -= np.linalg.lstsq(np.concatenate([r.J for r in rows]), np.concatenate([r.velocity for r in rows]), rcond=None)[0]
     law = "coulomb" if moves == "slides" or rng.random() < 0.6 else "convex"
     return (
-        f"{story}; {touching}; {moves}; {law}",
+        f"{kind}: {story}; {touching}; {moves}; {law}",
         rbd.State(made.robot, q, v),
         R.torques(rng, made.robot),
-        [g.constraint for g in given],
+        constraints,
         law,
     )
 
@@ -91,13 +122,15 @@ def main() -> int:
     given = parser.parse_args()
     warnings.simplefilter("ignore")
     counts: Counter[str] = Counter()
+    kinds: Counter[str] = Counter()
     begin = time.monotonic()
     for i in range(given.start, given.start + given.n):
         outcome, story, apart = compared(given.seed, i)
+        kinds[f"{story.split(':')[0]} {outcome.split(' ')[0]}"] += 1
         counts[outcome.split(" ")[0] if outcome[0:5] in ("APART",) else outcome] += 1
         if outcome[:3] in ("BAD", "APA", "FOR"):
             print(i, outcome, f"{apart:.1e}", story, flush=True)
-    print(f"{time.monotonic() - begin:.0f} s", counts)
+    print(f"{time.monotonic() - begin:.0f} s", counts, kinds)
     return 0
 
 

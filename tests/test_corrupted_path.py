@@ -81,6 +81,19 @@ def rows_of_joints(robot: rbd.Robot, friction: float) -> list:
     return [*robot.feet(friction, on=None), *more]
 
 
+def moving(robot: rbd.Robot, friction: float) -> list:
+    """Feet on ground that moves and turns."""
+    motion = {"velocity": (0.1, 0.05, 0.0, 0.0, 0.0, 0.2), "acceleration": (0.3, 0.2, 0.1, 0.1, 0.0, 0.2)}
+    return robot.feet(friction, on=rbd.Ground(about=(0.1, 0.2, 0.3), normal=(0.0, 0.0, 1.0), **motion))
+
+
+def two_bodies(robot: rbd.Robot, friction: float) -> list:
+    """Feet, and a point of a body against another one, which pushes and rubs."""
+    links = [joint for joint in robot.joints.values() if joint.nv == 1]
+    a, b = (robot.model.frames[robot.model.getFrameId(links[i].name)].name for i in (-1, len(links) // 2))
+    return [*robot.feet(friction, on=None), rbd.PointContact("touch", a, on=rbd.Body(b, normal=(0.6, 0.0, 0.8)), friction=None)]
+
+
 def case_of(name: str, kind: str, count: int = 6) -> Case:
     """Random draws of one robot, all answered by the prepared way, on constraints that are all new."""
     make, friction, noise, law = KINDS[kind]
@@ -96,10 +109,11 @@ def case_of(name: str, kind: str, count: int = 6) -> Case:
         bend = np.concatenate([np.zeros(6), 0.1 * rng.normal(size=robot.nv - 6)])
         q = pin.integrate(robot.model, standing.q, bend)
         free = 2 if "slide" in kind else 0  # tangents along which feet may move, and do not turn
-        J = np.concatenate([c.rows(rbd.State(robot, q)).J[free:] for c in constraints])
         v = 0.1 * rng.normal(size=robot.nv)
         for _ in range(2):
-            v -= np.linalg.lstsq(J, J @ v, rcond=None)[0]
+            rows = [c.rows(rbd.State(robot, q, v)) for c in constraints]
+            u = np.concatenate([r.velocity[free:] for r in rows])
+            v -= np.linalg.lstsq(np.concatenate([r.J[free:] for r in rows]), u, rcond=None)[0]
         tau = hold + noise * rng.normal(size=robot.nu)
         s = rbd.solve(rbd.State(robot, q, v), tau, constraints, law=law, external=external or None, check=False)
         if s.solver == PREPARED and (method in s.method or make is not feet):
@@ -121,6 +135,8 @@ KINDS: dict[str, tuple[Callable[..., list], float | None, float, str]] = {
     "corners": (corners, 0.7, 0.5, "coulomb"),
     "edges": (edges, 0.6, 0.5, "coulomb"),
     "pushed": (feet, 0.7, 0.5, "coulomb"),
+    "moving ground": (moving, 0.7, 0.5, "coulomb"),
+    "two bodies": (two_bodies, 0.7, 0.5, "coulomb"),
     "joints": (rows_of_joints, 0.7, 1.0, "coulomb"),
 }
 Fault = Callable[[pytest.MonkeyPatch, Case], None]
@@ -219,8 +235,8 @@ def another_site(patch: pytest.MonkeyPatch, case: Case) -> None:
         off = pin.SE3(pin.exp3(np.array([1e-3, 0.0, 0.0])), np.array([1e-3, 0.0, 0.0]))
         given["places"] = given["places"].copy()
         for place in given["places"]:
-            moved = pin.SE3(place[:9].reshape(3, 3), place[9:]) * off
-            place[:] = [*moved.rotation.ravel(), *moved.translation]
+            moved = pin.SE3(place[:9].reshape(3, 3), place[9:12]) * off
+            place[:12] = [*moved.rotation.ravel(), *moved.translation]
 
     _before(patch, case, wrong)
 
@@ -338,7 +354,29 @@ def other_joints(patch: pytest.MonkeyPatch, case: Case) -> None:
     _before(patch, case, wrong)
 
 
+def another_motion_of_the_ground(patch: pytest.MonkeyPatch, case: Case) -> None:
+    """The ground accelerates by one per cent more, where the rows are made."""
+
+    def wrong(given: dict[str, Any]) -> None:
+        given["places"] = given["places"].copy()
+        given["places"][:, 18:24] *= 1.01
+
+    _before(patch, case, wrong)
+
+
+def the_opposite_left_out(patch: pytest.MonkeyPatch, case: Case) -> None:
+    """A body that is touched gets no force."""
+
+    def wrong(given: dict[str, Any]) -> None:
+        given["sites"] = given["sites"].copy()
+        given["sites"][given["sites"][:, 5] > 0, 6] = -1
+
+    _before(patch, case, wrong)
+
+
 FAULTS = [
+    ("moving ground", another_motion_of_the_ground),
+    ("two bodies", the_opposite_left_out),
     *((kind, fault) for kind in KINDS for fault in EVERYWHERE),
     *((kind, fault) for kind in ("slipping, Coulomb", "slipping, convex") for fault in SLIPPING),
     ("feet that slide", another_friction),

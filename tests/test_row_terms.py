@@ -37,7 +37,7 @@ def reference(model: pin.Model, sites: list[Site], q: Array, v: Array) -> tuple[
     pin.computeJointJacobians(model, data, q)
     J, drift = [], []
     for site in sites:
-        axes = pin.LOCAL_WORLD_ALIGNED if site.size == 3 and not site.turns else pin.LOCAL
+        axes = pin.LOCAL_WORLD_ALIGNED if site.size == 3 and site.axes is None else pin.LOCAL
         J.append(pin.getFrameJacobian(model, data, site.joint, site.X_JC, axes)[: site.size])
         drift.append(pin.getFrameClassicalAcceleration(model, data, site.joint, site.X_JC, axes).vector[: site.size])
     return M + np.triu(M, 1).T, h, np.vstack(J), np.concatenate(drift)
@@ -45,7 +45,7 @@ def reference(model: pin.Model, sites: list[Site], q: Array, v: Array) -> tuple[
 
 def sites_of(model: pin.Model, rng: np.random.Generator, joints: list[int]) -> list[Site]:
     """One place on each joint's body, of each kind in turn."""
-    sizes = [(6, False), (3, False), (3, True)]
+    sizes = [(6, None), (3, None), (3, 0)]
     return [Site(j, pin.SE3.Random(), *sizes[i % 3]) for i, j in enumerate(joints)]
 
 
@@ -54,7 +54,7 @@ def case(seed: int) -> tuple[pin.Model, list[Site], Array, Array, Array]:
     pin.seed(seed)
     rng = np.random.default_rng(seed)
     model = tree(rng)
-    kinds = [(6, False), (3, False), (3, True)]
+    kinds = [(6, None), (3, None), (3, 0)]
     sites = [Site(j, pin.SE3.Random(), *kinds[i]) for i, j in enumerate([10, 1, 5][: 1 + seed % 3])]
     q = pin.randomConfiguration(model, -np.ones(model.nq), np.ones(model.nq))
     return model, sites, q, rng.normal(size=model.nv), rng.normal(size=model.nv)

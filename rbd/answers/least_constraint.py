@@ -112,12 +112,13 @@ def solve(
     """
     _check_is_bool(check)
     plain = solver is None and isinstance(loops, bool) and type(rest_speed) is float and 0.0 <= rest_speed < 1e100
-    plain = plain and isinstance(constraints, list | tuple)
-    given = tuple(constraints) if plain else ()
-    form = prepared(state.robot, given) if plain and type(state) is State and not state.robot.loops() else None
-    found = None if form is None else _prepared_answer(form, state, tau, given, law, external, rest_speed)
-    if found is not None:
-        return found
+    if plain and isinstance(constraints, list | tuple) and type(state) is State:
+        robot = state.robot
+        given = with_loops(robot, constraints, loops) if robot.loops() else tuple(constraints)
+        form = prepared(robot, given)
+        found = None if form is None else _prepared_answer(form, state, tau, given, law, external, rest_speed)
+        if found is not None:
+            return found
     chosen = solver_of(law, solver)
     return answered(assembled(state, tau, constraints, external, rest_speed, loops), chosen, check=check)
 

@@ -74,7 +74,7 @@ class TouchingPoints:
         members = [np.flatnonzero(self.of == b) for b in range(n)]
         at = [self.arms[own[0]] if len(own) == 1 else np.zeros(3) for own in members]
         held = [
-            Site(int(joint), pin.SE3(np.eye(3), x), 3 if len(own) == 1 else 6, turns=True)
+            Site(int(joint), pin.SE3(np.eye(3), x), 3 if len(own) == 1 else 6, axes=0)
             for joint, x, own in zip(joints, at, members, strict=True)
         ]
         firm = all(len(own) == 1 or rank_of(S[own].reshape(-1, 6), INDEPENDENT) == 6 for own in members)

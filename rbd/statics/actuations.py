@@ -202,7 +202,7 @@ def least_effort_of(
     robot, q, v, rest, n = states.robot, states.q[part], states.v[part], choice.rest_speed, len(part)
     a, tau_ext = np.zeros(v.shape) if choice.holds else states.vectors["a"][part], states.external_of(part)
     least_effort = LeastEffort.of(plan, choice.effort, choice.margins[0])
-    w, tau, misses, good = np.zeros((n, plan.force_set.size)), np.zeros((n, robot.nu)), np.zeros((n, 4)), np.zeros(n, bool)
+    w, tau, misses, good = np.zeros((n, plan.force_set.size)), np.zeros((n, robot.nu)), np.zeros((n, 5)), np.zeros(n, bool)
     X, elements, own = np.zeros((n, len(plan.corner_entries))), plan.elements, None
     with plan.workspace() as space:
         for i in range(n):

@@ -24,18 +24,18 @@ _BEYOND = 1e-9
 
 @compiled
 def _unit_loads(
-    columns: Columns, units: Array, gear: Array, X: Array, J: Array, last: Array, parent: Array, out: Array
+    columns: Columns, units: Array, gear: Array, motions: Array, X: Array, J: Array, last: Array, parent: Array, out: Array
 ) -> None:
     """Write the generalised forces of unit weights, shape (p, nv); arguments as of `least_effort`."""
-    load = np.empty(9)
+    load, F, m = np.empty(9), np.empty(3), np.empty(3)
     out[:] = 0.0
     for j in range(len(out)):
         k = columns.body[j, 0]
         if k >= 0:
-            F, m = _own(columns, j, X), columns.moment[j]
+            _own(columns, j, motions, X, F, m)
             for a in range(3):
                 load[a] = X[k, a] * F[0] + X[k, 3 + a] * F[1] + X[k, 6 + a] * F[2]
-                load[3 + a] = F[3] * (X[k, a] * m[0] + X[k, 3 + a] * m[1] + X[k, 6 + a] * m[2])
+                load[3 + a] = X[k, a] * m[0] + X[k, 3 + a] * m[1] + X[k, 6 + a] * m[2]
                 load[6 + a] = columns.arm[j, a]
             pushed(J, X[k], last[k], load, parent, out[j])
     for i in range(len(units)):
@@ -43,8 +43,8 @@ def _unit_loads(
 
 
 def _least_effort(
-    force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array, X: Array, J: Array,
-    last: Array, parent: Array, v: Array, rest: float, need: Array, motors: Array, idle: Array, limit: Array, least: Array,
+    force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array, motions: Array, X: Array,
+    J: Array, last: Array, parent: Array, v: Array, rest: float, need: Array, motors: Array, idle: Array, limit: Array, least: Array,
     most: Array, inertia: Array, p: Array, r: Array, unit: float, lower: Array, upper: Array, cones: Array, mu: Array,
     w: Array, tau: Array, rate: Array, z: Array,
 ) -> int:  # fmt: skip
@@ -58,6 +58,7 @@ def _least_effort(
         body: As there.
         units: As of `certificate_kernel.act`.
         gear: As there.
+        motions: As there.
         X: Poses of the joints, as of `row_kernel.row_terms`.
         J: World Jacobian.
         last: The last dof that moves each joint.
@@ -84,7 +85,7 @@ def _least_effort(
         z: Multipliers of the torques' bounds, written.
     """
     c, loads, u = len(w), np.empty((len(w), len(v))), np.zeros(len(w))
-    _unit_loads(Columns(force, moment, arm, along, body), units, gear, X, J, last, parent, loads)
+    _unit_loads(Columns(force, moment, arm, along, body), units, gear, motions, X, J, last, parent, loads)
     add_product(loads, v, u)
     if not most_of(u) <= _SURELY * rest:
         return -1
@@ -117,15 +118,15 @@ _WRITTEN, _INDEX = array(1, written=True), array(1, COUNT)
 least_effort = compiled(
     _least_effort,
     signature(
-        COUNT, *COLUMN_TYPES, TABLE, array(1), array(2), array(2, layout="A"), _INDEX, _INDEX, array(1), NUMBER, array(1),
+        COUNT, *COLUMN_TYPES, TABLE, array(1), array(2), array(2), array(2, layout="A"), _INDEX, _INDEX, array(1), NUMBER, array(1),
         _INDEX, _INDEX, *[array(1)] * 6, NUMBER, array(1), array(1), TABLE, array(1), *[_WRITTEN] * 4,
     ),
 )  # fmt: skip
 
 
 def _excess(
-    force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array, X: Array, twists: Array,
-    rate: Array, unit: float, r: Array, w: Array, lower: Array, upper: Array, cones: Array, mu: Array,
+    force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array, motions: Array, X: Array,
+    twists: Array, rate: Array, unit: float, r: Array, w: Array, lower: Array, upper: Array, cones: Array, mu: Array,
     tau: Array, z: Array, limit: Array, least: Array, most: Array,
 ) -> float:  # fmt: skip
     """How far weights and torques are, over the unit and their limits, from what their multipliers tell: zero at the least.
@@ -140,6 +141,7 @@ def _excess(
         body: As there.
         units: As of `certificate_kernel.act`.
         gear: As there.
+        motions: As there.
         X: Poses of the joints.
         twists: Their velocities at `rate`.
         rate: Those, and of motors (2 p tau / limit + z) / limit.
@@ -157,14 +159,16 @@ def _excess(
         most: As there.
     """
     columns, c, use = Columns(force, moment, arm, along, body), len(w), tau / limit
+    F, t = np.empty(3), np.empty(3)
     u, inside, single, V = np.zeros(c), np.empty(c), np.empty(c), np.empty((len(mu), 3, 3))
     for i in range(len(units)):
         u[units[i, 0]] += gear[i] * rate[units[i, 1]]
     for j in range(c):
         if body[j, 0] >= 0:
-            F, s, t, Q = _own(columns, j, X), arm[j], moment[j], twists[body[j, 0]]
+            _own(columns, j, motions, X, F, t)
+            s, Q = arm[j], twists[body[j, 0]]
             u[j] = F[0] * (Q[0] + Q[4] * s[2] - Q[5] * s[1]) + F[1] * (Q[1] + Q[5] * s[0] - Q[3] * s[2])
-            u[j] += F[2] * (Q[2] + Q[3] * s[1] - Q[4] * s[0]) + F[3] * (t[0] * Q[3] + t[1] * Q[4] + t[2] * Q[5])
+            u[j] += F[2] * (Q[2] + Q[3] * s[1] - Q[4] * s[0]) + t[0] * Q[3] + t[1] * Q[4] + t[2] * Q[5]
     projected((1.0 - 2.0 * r) * w / unit + unit * u, lower / unit, upper / unit, cones, mu, inside, single, V)
     return max(
         most_of(w / unit - inside), most_of(use - np.minimum(np.maximum(use + z, least / limit), most / limit))
@@ -174,6 +178,6 @@ def _excess(
 excess = compiled(
     _excess,
     signature(
-        NUMBER, *COLUMN_TYPES, TABLE, array(1), array(2), array(2), array(1), NUMBER, *[array(1)] * 4, TABLE, *[array(1)] * 6
+        NUMBER, *COLUMN_TYPES, TABLE, array(1), *[array(2)] * 3, array(1), NUMBER, *[array(1)] * 4, TABLE, *[array(1)] * 6
     ),
 )  # fmt: skip

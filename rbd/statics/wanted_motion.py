@@ -125,7 +125,7 @@ class WantedMotion:
         """The answer of the constraints' prepared form, with the first margin; None where it has none that is certified."""
         choice, state, (margin, *_) = self.choice, self.state, self.choice.margins
         form = prepared(state.robot, self.contacts) if choice.friction == "cone" and not choice.effort.bounded else None
-        if form is None:
+        if form is None or not form.on_still_ground:
             return None
         prepared_effort = LeastEffort.of(form.plan(state.q), choice.effort, margin)
         answer = prepared_effort.least(state, self.a, self.external, choice.rest_speed)

@@ -37,7 +37,7 @@ def in_blocks(sheet: Sheet, answered: Callable[[Plan, Array, Array | None], Bloc
     left = np.ones(len(states), bool)
     left[list(states.refused)] = False
     form = prepared(states.robot, states.constraints)
-    if form is not None:
+    if form is not None and form.on_still_ground:
         mu = states.point_friction
         some = np.flatnonzero(left if mu is None else left & (mu > 0.0).all(axis=1))
         for plan, at in form.plans(states.q[some]):
@@ -56,7 +56,7 @@ def _answered(plan: Plan, states: ManyStates, part: Array, given_mu: Array | Non
     generalised[:, states.robot.motors] += states.vectors["tau"][part]
     mu = np.tile(elements.mu, (n, 1)) if given_mu is None else given_mu
     q, v, loads, worst, off = states.q[part], states.v[part], plan.loads(pushes), np.full(n, np.inf), np.zeros(n)
-    a, w, u, misses = (np.zeros((n, size)) for size in (states.robot.nv, p, p, 4))
+    a, w, u, misses = (np.zeros((n, size)) for size in (states.robot.nv, p, p, 5))
     modes, how, loose = np.zeros((n, len(elements.first)), np.int64), np.full(n, kernel.NOTHING), np.zeros(n, bool)
     with plan.workspace() as space:
         X = np.zeros((CHUNK, len(space.places)))
@@ -81,7 +81,7 @@ def _answered(plan: Plan, states: ManyStates, part: Array, given_mu: Array | Non
     for i in np.flatnonzero(~good & (worst <= DOUBTFUL)).tolist():  # the scales themselves have to judge
         again = found_again(states, int(part[i]), law, rest_speed)
         if again is not None and again.residuals.within(SOLVED):
-            good[i], misses[i] = True, list(again.residuals.scaled.values())[:4]
+            good[i], misses[i, :4] = True, list(again.residuals.scaled.values())[:4]
     chosen = (plan.repeated | loose) & (loose | (how != kernel.HELD))
     held = np.array([source.cone.bilateral for source in plan.sources for _ in source.columns], bool)
     warned = {

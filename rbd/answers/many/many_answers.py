@@ -211,7 +211,7 @@ class BlockAnswer(NamedTuple):
         good: Which are certified, shape (n,), truth values; the other rows mean nothing.
         a: Accelerations, shape (n, nv).
         w: Weights of the plan's columns, shape (n, p).
-        misses: Upper bounds of the scaled residuals, in the order of `RESIDUALS`, shape (n, 4).
+        misses: Upper bounds of the scaled residuals, in the order of `RESIDUALS`, shape (n, 5).
         methods: What found them, words, shape (n,).
         chosen: Whose forces are one choice of many, which are chosen when they are first read, shape (n,), truth values.
         warned: {what: states that a single answer would have warned of, shape (n,), truth values}.
@@ -317,7 +317,7 @@ class Sheet:
         self.status[at], self.reason_codes[at] = StateStatus.SOLVED, Reason.NONE.code
         for method in dict.fromkeys(found.methods[good].tolist()):
             self.codes[part[good & (found.methods == method)]] = self.code(method)
-        for name, values in zip(RESIDUALS, found.misses.T, strict=False):
+        for name, values in zip(RESIDUALS[:4], found.misses.T, strict=False):
             self.column("residuals", name)[at] = values[good]
         for what, some in found.warned.items():
             if some.any():

@@ -14,17 +14,21 @@ import numpy as np
 from rbd.answers.prepared.law_kernel import (
     BODY,
     COLUMN_TYPES,
+    EDGE,
+    EDGE_MOMENT,
     ELEMENT_TYPES,
+    LOOP_MOMENT,
     OPENS,
     RESTS,
     RUBS,
     SLIDES,
+    SURFACE,
     TABLE,
-    WORLD,
     Columns,
     Elements,
     decide,
 )
+from rbd.answers.prepared.row_kernel import loop_turn
 from rbd.arrays import Array
 from rbd.kernels import FLAG, NUMBER, array, compiled, signature
 from rbd.solvers.law_kernel import LEAST_PUSH, cone_miss
@@ -43,24 +47,105 @@ def _to_body(R: Array, x: float, y: float, z: float) -> tuple[float, float, floa
 
 
 @compiled
-def _own(columns: Columns, j: int, X: Array) -> tuple[float, float, float, float]:
-    """F of a column in its joint's axes, and whether its moment counts."""
-    F, k, axes = columns.force[j], columns.body[j, 0], columns.body[j, 1]
-    if axes == BODY:
-        return F[0], F[1], F[2], 1.0
-    if axes == WORLD:
-        F0, F1, F2 = _to_body(X[k], F[0], F[1], F[2])
-        return F0, F1, F2, 1.0
-    x, n = columns.along[j], columns.moment[j]  # an edge: from the normal in the joint's axes
-    n0, n1, n2 = _to_body(X[k], n[0], n[1], n[2])
-    s = n0 * x[0] + n1 * x[1] + n2 * x[2]
-    z0, z1, z2 = n0 - s * x[0], n1 - s * x[1], n2 - s * x[2]
-    size = math.sqrt(z0 * z0 + z1 * z1 + z2 * z2)
-    z0, z1, z2 = z0 / size, z1 / size, z2 / size
-    y0, y1, y2 = z1 * x[2] - z2 * x[1], z2 * x[0] - z0 * x[2], z0 * x[1] - z1 * x[0]
-    return (
-        F[0] * x[0] + F[1] * y0 + F[2] * z0, F[0] * x[1] + F[1] * y1 + F[2] * z1, F[0] * x[2] + F[1] * y2 + F[2] * z2, 0.0
-    )  # fmt: skip
+def _seen(columns: Columns, j: int, X: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """A vector in axes of a column's surface, in those of its joint."""
+    base = columns.body[j, 2]
+    if base > 0:
+        B = X[base]
+        x, y, z = B[0] * x + B[3] * y + B[6] * z, B[1] * x + B[4] * y + B[7] * z, B[2] * x + B[5] * y + B[8] * z
+    return _to_body(X[columns.body[j, 0]], x, y, z)
+
+
+@compiled
+def _of_loop(columns: Columns, j: int, given: Array, X: Array, w: Array, m: Array) -> tuple[float, float]:
+    """Write the moment of a loop that turns, in its joint's axes; (what its acceleration has beside it, how far it is open).
+
+    Args:
+        columns: The columns.
+        j: Which.
+        given: Its row of the motions.
+        X: Placements of the joints.
+        w: How the body turns against the other.
+        m: Written.
+    """
+    A, R, E, spin, extra, error = np.empty((3, 3)), np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(3), np.zeros(3)
+    for c in range(3):  # axes of frame_a
+        A[0, c], A[1, c], A[2, c] = _seen(columns, j, X, given[36 + c], given[39 + c], given[42 + c])
+    for c in range(3):
+        for a in range(3):
+            spin[c] += A[a, c] * w[a]
+            for b in range(3):
+                R[c, b] += A[a, c] * given[18 + 3 * a + b]
+    loop_turn(R, given[27:36].reshape((3, 3)), spin, E, extra, error)
+    row = columns.force[j].argmax()
+    for a in range(3):
+        m[a] = A[a, 0] * E[row, 0] + A[a, 1] * E[row, 1] + A[a, 2] * E[row, 2]
+    return extra[row], abs(error[row])
+
+
+@compiled
+def _own(columns: Columns, j: int, motions: Array, X: Array, F: Array, m: Array) -> None:
+    """Write F and m of a column in its joint's axes."""
+    given, axes = columns.force[j], columns.body[j, 1]
+    if axes == LOOP_MOMENT:
+        F[:] = 0.0
+        _of_loop(columns, j, motions[columns.body[j, 3]], X, F, m)
+        return
+    for a in range(3):
+        F[a], m[a] = given[a], columns.moment[j, a]
+    if axes == SURFACE:
+        F[0], F[1], F[2] = _seen(columns, j, X, given[0], given[1], given[2])
+    elif axes != BODY:  # an edge: from the normal in the joint's axes
+        x = columns.along[j]
+        n0, n1, n2 = _seen(columns, j, X, m[0], m[1], m[2])
+        s = n0 * x[0] + n1 * x[1] + n2 * x[2]
+        z0, z1, z2 = n0 - s * x[0], n1 - s * x[1], n2 - s * x[2]
+        size = math.sqrt(z0 * z0 + z1 * z1 + z2 * z2)
+        z0, z1, z2 = z0 / size, z1 / size, z2 / size
+        y0, y1, y2 = z1 * x[2] - z2 * x[1], z2 * x[0] - z0 * x[2], z0 * x[1] - z1 * x[0]
+        here, other = (F, m) if axes == EDGE else (m, F)
+        here[0] = given[0] * x[0] + given[1] * y0 + given[2] * z0
+        here[1] = given[0] * x[1] + given[1] * y1 + given[2] * z1
+        here[2] = given[0] * x[2] + given[1] * y2 + given[2] * z2
+        other[:] = 0.0
+
+
+@compiled
+def _of_surface(
+    columns: Columns, j: int, motions: Array, X: Array, twists: Array, lifts: Array, fall: Array, out: Array
+) -> None:
+    """Write what a column's surface does at its point, in axes of its joint: velocity, turning, and their rates.
+
+    Also where the point is from the surface's origin, in axes of the surface.
+    """
+    k, base, r, d = columns.body[j, 0], columns.body[j, 2], columns.arm[j], out[4]
+    for a in range(3):
+        d[a] = X[k, 9 + a] + X[k, a] * r[0] + X[k, 3 + a] * r[1] + X[k, 6 + a] * r[2]
+    V, A, g = np.zeros(6), np.zeros(6), np.zeros(3)
+    if base > 0:
+        d[0], d[1], d[2] = _to_body(X[base], d[0] - X[base, 9], d[1] - X[base, 10], d[2] - X[base, 11])
+        g[0], g[1], g[2] = _to_body(X[base], fall[0], fall[1], fall[2])
+        V[:], A[:] = twists[base], lifts[base]
+    else:
+        given = motions[columns.body[j, 3]]
+        V[:], A[:] = given[:6], given[6:12]
+        for a in range(3):
+            if math.isnan(given[12 + a]):  # given at a point of the body
+                d[a] -= X[k, 9 + a] + X[k, a] * given[15] + X[k, 3 + a] * given[16] + X[k, 6 + a] * given[17]
+            else:
+                d[a] -= given[12 + a]
+    u0, u1, u2 = V[4] * d[2] - V[5] * d[1], V[5] * d[0] - V[3] * d[2], V[3] * d[1] - V[4] * d[0]
+    s0 = A[0] + g[0] + A[4] * d[2] - A[5] * d[1] + V[4] * u2 - V[5] * u1
+    s1 = A[1] + g[1] + A[5] * d[0] - A[3] * d[2] + V[5] * u0 - V[3] * u2
+    s2 = A[2] + g[2] + A[3] * d[1] - A[4] * d[0] + V[3] * u1 - V[4] * u0
+    if base > 0:  # spatial accelerations are classical ones less w x v
+        s0 += V[4] * V[2] - V[5] * V[1]
+        s1 += V[5] * V[0] - V[3] * V[2]
+        s2 += V[3] * V[1] - V[4] * V[0]
+    out[0, 0], out[0, 1], out[0, 2] = _seen(columns, j, X, V[0] + u0, V[1] + u1, V[2] + u2)
+    out[1, 0], out[1, 1], out[1, 2] = _seen(columns, j, X, V[3], V[4], V[5])
+    out[2, 0], out[2, 1], out[2, 2] = _seen(columns, j, X, s0, s1, s2)
+    out[3, 0], out[3, 1], out[3, 2] = _seen(columns, j, X, A[3], A[4], A[5])
 
 
 @compiled
@@ -99,7 +184,7 @@ def _missed(
 
 def _act(
     loaded: Array, loads: Array, force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
-    X: Array, w: Array, pushes: Array, torque: Array,
+    motions: Array, X: Array, w: Array, pushes: Array, torque: Array,
 ) -> None:  # fmt: skip
     """Write the forces of weights and of the world on the bodies, in their joints' axes, and in joints.
 
@@ -113,6 +198,7 @@ def _act(
         body: As there.
         units: Column and dof of the entries of joints' columns, shape (u, 2).
         gear: The entries, shape (u,).
+        motions: What surfaces do, and how loops turn, shape (sites, 45): `Site.motion`, `Site.turn`, R of a loop's frame_a.
         X: As of `answer`.
         w: Weights.
         pushes: Written, (f, moment) of all joints, shape (joints, 6).
@@ -130,17 +216,29 @@ def _act(
         pushes[k, 3] += m0 + load[7] * F2 - load[8] * F1
         pushes[k, 4] += m1 + load[8] * F0 - load[6] * F2
         pushes[k, 5] += m2 + load[6] * F1 - load[7] * F0
+    F, m, G, t, d = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for j in range(len(w)):
-        k = columns.body[j, 0]
+        k, base, r = columns.body[j, 0], columns.body[j, 2], columns.arm[j]
         if k < 0:
             continue
-        F, r = _own(columns, j, X), columns.arm[j]
+        _own(columns, j, motions, X, F, m)
         for a in range(3):
             pushes[k, a] += w[j] * F[a]
-            pushes[k, 3 + a] += w[j] * F[3] * columns.moment[j, a]
+            pushes[k, 3 + a] += w[j] * m[a]
         pushes[k, 3] += w[j] * (r[1] * F[2] - r[2] * F[1])
         pushes[k, 4] += w[j] * (r[2] * F[0] - r[0] * F[2])
         pushes[k, 5] += w[j] * (r[0] * F[1] - r[1] * F[0])
+        if base <= 0:
+            continue
+        B = X[base]  # the opposite, at the same point, on the body that it touches
+        for a in range(3):
+            G[a] = X[k, a] * F[0] + X[k, 3 + a] * F[1] + X[k, 6 + a] * F[2]
+            t[a] = X[k, a] * m[0] + X[k, 3 + a] * m[1] + X[k, 6 + a] * m[2]
+            d[a] = X[k, 9 + a] + X[k, a] * r[0] + X[k, 3 + a] * r[1] + X[k, 6 + a] * r[2] - B[9 + a]
+        m0, m1, m2 = t[0] + d[1] * G[2] - d[2] * G[1], t[1] + d[2] * G[0] - d[0] * G[2], t[2] + d[0] * G[1] - d[1] * G[0]
+        for a in range(3):
+            pushes[base, a] -= w[j] * (B[3 * a] * G[0] + B[3 * a + 1] * G[1] + B[3 * a + 2] * G[2])
+            pushes[base, 3 + a] -= w[j] * (B[3 * a] * m0 + B[3 * a + 1] * m1 + B[3 * a + 2] * m2)
     for i in range(len(units)):
         torque[units[i, 1]] += gear[i] * w[units[i, 0]]
 
@@ -148,7 +246,7 @@ def _act(
 act = compiled(
     _act,
     signature(
-        None, TABLE, array(2), *COLUMN_TYPES, TABLE, array(1), array(2), array(1), array(2, written=True), _WRITTEN,
+        None, TABLE, array(2), *COLUMN_TYPES, TABLE, array(1), array(2), array(2), array(1), array(2, written=True), _WRITTEN,
     ),
 )  # fmt: skip
 
@@ -157,7 +255,7 @@ def _judged(
     left: Array, generalised: Array, torque: Array, per_inertia: Array, a: Array, v: Array, w: Array,
     force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
     first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array, begin: Array,
-    X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool, misses: Array,
+    motions: Array, X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool, misses: Array,
 ) -> float:  # fmt: skip
     """The largest residual, over lower bounds of the scales, of the equations of motion and of the law; of an element the sum.
 
@@ -185,13 +283,15 @@ def _judged(
         share: As of `answer`.
         starts: As of `answer`.
         begin: As of `answer`.
+        motions: As of `act`.
         X: Placements of the joints, as Pinocchio left them.
         twists: Their velocities.
         lifts: Their spatial accelerations less gravity's.
         fall: Gravity.
         rest: As of `answer`.
         coulomb: As of `answer`.
-        misses: Written, shape (4,): the largest of stationarity, and of feasibility, cone and complementarity of the law.
+        misses: Written, shape (5,): the largest of stationarity, and of feasibility, cone and complementarity of the law; how
+            far loops are open.
     """
     columns, elements = Columns(force, moment, arm, along, body), Elements(first, lower, upper, mu, share, starts, begin)
     worst, p = 0.0, len(w)
@@ -206,22 +306,49 @@ def _judged(
     for i in range(len(units)):
         u[units[i, 0]] += gear[i] * v[units[i, 1]]
         y[units[i, 0]] += gear[i] * a[units[i, 1]]
+    F, m, surface = np.empty(3), np.empty(3), np.zeros((5, 3))
+    W = surface[1]
     for j in range(p):
-        k = columns.body[j, 0]
+        k, axes, base = columns.body[j, 0], columns.body[j, 1], columns.body[j, 2]
         if k < 0:
             continue
-        F, r, m, V, A = _own(columns, j, X), columns.arm[j], columns.moment[j], twists[k], lifts[k]
+        _own(columns, j, motions, X, F, m)
+        r, V, A = columns.arm[j], twists[k], lifts[k]
         s0 = V[0] + V[4] * r[2] - V[5] * r[1]
         s1 = V[1] + V[5] * r[0] - V[3] * r[2]
         s2 = V[2] + V[3] * r[1] - V[4] * r[0]
-        u[j] = F[0] * s0 + F[1] * s1 + F[2] * s2 + F[3] * (m[0] * V[3] + m[1] * V[4] + m[2] * V[5])
         g0 = A[0] + X[k, 0] * fall[0] + X[k, 1] * fall[1] + X[k, 2] * fall[2]
         g1 = A[1] + X[k, 3] * fall[0] + X[k, 4] * fall[1] + X[k, 5] * fall[2]
         g2 = A[2] + X[k, 6] * fall[0] + X[k, 7] * fall[1] + X[k, 8] * fall[2]
         g0 += A[4] * r[2] - A[5] * r[1] + V[4] * s2 - V[5] * s1
         g1 += A[5] * r[0] - A[3] * r[2] + V[5] * s0 - V[3] * s2
         g2 += A[3] * r[1] - A[4] * r[0] + V[3] * s1 - V[4] * s0
-        y[j] = F[0] * g0 + F[1] * g1 + F[2] * g2 + F[3] * (m[0] * A[3] + m[1] * A[4] + m[2] * A[5])
+        w0, w1, w2, t0, t1, t2 = V[3], V[4], V[5], A[3], A[4], A[5]
+        if base >= 0:  # as the surface sees it
+            _of_surface(columns, j, motions, X, twists, lifts, fall, surface)
+            s0, s1, s2 = s0 - surface[0, 0], s1 - surface[0, 1], s2 - surface[0, 2]
+            w0, w1, w2 = w0 - W[0], w1 - W[1], w2 - W[2]
+            g0 -= surface[2, 0] + 2.0 * (W[1] * s2 - W[2] * s1)
+            g1 -= surface[2, 1] + 2.0 * (W[2] * s0 - W[0] * s2)
+            g2 -= surface[2, 2] + 2.0 * (W[0] * s1 - W[1] * s0)
+            t0 -= surface[3, 0] + W[1] * w2 - W[2] * w1
+            t1 -= surface[3, 1] + W[2] * w0 - W[0] * w2
+            t2 -= surface[3, 2] + W[0] * w1 - W[1] * w0
+        u[j] = F[0] * s0 + F[1] * s1 + F[2] * s2 + (m[0] * w0 + m[1] * w1 + m[2] * w2)
+        y[j] = F[0] * g0 + F[1] * g1 + F[2] * g2 + (m[0] * t0 + m[1] * t1 + m[2] * t2)
+        x = columns.along[j]
+        if axes == EDGE_MOMENT:  # of the edge's direction
+            across = w0 * (m[1] * x[2] - m[2] * x[1]) + w1 * (m[2] * x[0] - m[0] * x[2]) + w2 * (m[0] * x[1] - m[1] * x[0])
+            y[j] += (w0 * x[0] + w1 * x[1] + w2 * x[2]) * across
+        if axes == LOOP_MOMENT:
+            W[0], W[1], W[2] = w0, w1, w2
+            extra, gap = _of_loop(columns, j, motions[columns.body[j, 3]], X, W, m)
+            y[j], misses[4] = y[j] + extra, max(misses[4], gap)
+        elif columns.body[j, 4]:
+            gap = 0.0
+            for c in range(3):
+                gap += columns.force[j, c] * (surface[4, c] - x[c])
+            misses[4] = max(misses[4], abs(gap))
     for j in range(p):
         if not math.isfinite(u[j] + y[j] + w[j]):
             return math.inf
@@ -238,7 +365,7 @@ def _judged(
 judged = compiled(
     _judged,
     signature(
-        NUMBER, *[array(1)] * 7, *COLUMN_TYPES, TABLE, array(1), *ELEMENT_TYPES, array(2), array(2), array(2), array(1),
+        NUMBER, *[array(1)] * 7, *COLUMN_TYPES, TABLE, array(1), *ELEMENT_TYPES, *[array(2)] * 4, array(1),
         NUMBER, FLAG, _WRITTEN,
     ),
 )  # fmt: skip
@@ -246,17 +373,17 @@ judged = compiled(
 
 def _act_on_all(
     loaded: Array, loads: Array, force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
-    X: Array, w: Array, pushes: Array, torque: Array,
+    motions: Array, X: Array, w: Array, pushes: Array, torque: Array,
 ) -> None:  # fmt: skip
     """`act` at n states, first axes of the last four."""
     for s in range(len(w)):
-        act(loaded, loads, force, moment, arm, along, body, units, gear, X[s], w[s], pushes[s], torque[s])
+        act(loaded, loads, force, moment, arm, along, body, units, gear, motions, X[s], w[s], pushes[s], torque[s])
 
 
 act_on_all = compiled(
     _act_on_all,
     signature(
-        None, TABLE, array(2), *COLUMN_TYPES, TABLE, array(1), array(3), array(2), array(3, written=True),
+        None, TABLE, array(2), *COLUMN_TYPES, TABLE, array(1), array(2), array(3), array(2), array(3, written=True),
         array(2, written=True),
     ),
 )  # fmt: skip
@@ -266,13 +393,13 @@ def _all_judged(
     left: Array, generalised: Array, torque: Array, per_inertia: Array, a: Array, v: Array, w: Array,
     force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
     first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array, begin: Array,
-    X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool, misses: Array, worst: Array,
+    motions: Array, X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool, misses: Array, worst: Array,
 ) -> None:  # fmt: skip
     """`judged` at n states, in `worst`; arrays that change with the state have them as first axis."""
     for s in range(len(worst)):
         worst[s] = judged(
             left[s], generalised[s], torque[s], per_inertia, a[s], v[s], w[s], force, moment, arm, along, body, units, gear,
-            first, lower, upper, mu[s], share, starts, begin, X[s], twists[s], lifts[s], fall, rest, coulomb, misses[s],
+            first, lower, upper, mu[s], share, starts, begin, motions, X[s], twists[s], lifts[s], fall, rest, coulomb, misses[s],
         )  # fmt: skip
 
 
@@ -280,6 +407,6 @@ all_judged = compiled(
     _all_judged,
     signature(
         None, *[array(2)] * 3, array(1), *[array(2)] * 3, *COLUMN_TYPES, TABLE, array(1), *ELEMENT_TYPES[:3], array(2),
-        *ELEMENT_TYPES[4:], array(3), array(3), array(3), array(1), NUMBER, FLAG, array(2, written=True), _WRITTEN,
+        *ELEMENT_TYPES[4:], array(2), array(3), array(3), array(3), array(1), NUMBER, FLAG, array(2, written=True), _WRITTEN,
     ),
 )  # fmt: skip

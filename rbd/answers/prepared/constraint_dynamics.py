@@ -8,7 +8,7 @@ each body in contact: three at a single point, five of points on a line, else si
     certificate `pin.rnea` at (q, v, a) with the forces of the columns on their bodies, from arrays of its own
 
 M, J and J_dot v, and the factors that found the answer, take no part in the certificate. What is not covered gets None, and is
-solved the general way: contacts on moving ground or on bodies, loops, constraints of a user's own.
+solved the general way: wheels, feedback, constraints of a user's own.
 """
 
 from __future__ import annotations
@@ -22,13 +22,14 @@ import numpy as np
 import pinocchio as pin
 
 from rbd.answers.analysis.force_choice import MINIMUM_NORM, UNIQUE
-from rbd.answers.prepared.contact_bodies import MOST, WORLD, JointEntry, Site, Workspace, Workspaces, keep, plane_gaps
-from rbd.arrays import Array, max_abs, rank_of, zeros
-from rbd.constraints.contact import Contact
-from rbd.constraints.joint import JointCoupling, JointFriction, JointLimit, JointLock
+from rbd.answers.prepared.constraint_columns import Column, JointColumn, Source, law_kernel, site_of, source_of
+from rbd.answers.prepared.contact_bodies import MOST, OF_BASE, WORLD, JointEntry, Site, Workspace, Workspaces, keep, plane_gaps
+from rbd.arrays import Array, max_abs, rank_of
+from rbd.constraints.constraint import OPEN
+from rbd.constraints.joint import JointLimit
 from rbd.model.checked_model import CheckedModel
 from rbd.model.external import ExternalForce
-from rbd.problem.cones import Cone, Free, NonNegative, checked_generators
+from rbd.problem.cones import NonNegative
 from rbd.problem.contact_motion import Opening
 from rbd.problem.force_set import ForceSet, at_rest
 
@@ -36,8 +37,6 @@ METHODS = ("closed form", "cones: Newton")
 """Of constraints that are held or stick, and of those that slip or open."""
 DOUBTFUL = 1e-6
 """Upper bounds of the scaled residuals above this are not looked into: the general way is taken."""
-_ONE_LINE = 1e-9
-"""Spread of points across a line, over that along it, up to which they are on it."""
 _ALL = 12
 """Up to this number of points, all are taken into account from the start."""
 
@@ -69,14 +68,6 @@ class FoundForces(NamedTuple):
 
 
 @cache
-def law_kernel() -> ModuleType:
-    """`rbd.answers.prepared.law_kernel`, imported with the first plan that needs it."""
-    from rbd.answers.prepared import law_kernel
-
-    return law_kernel
-
-
-@cache
 def certificate_kernel() -> ModuleType:
     """`rbd.answers.prepared.certificate_kernel`, likewise."""
     from rbd.answers.prepared import certificate_kernel
@@ -84,35 +75,10 @@ def certificate_kernel() -> ModuleType:
     return certificate_kernel
 
 
-_NONE = zeros(3)
 Loads: TypeAlias = tuple[Array, Array]
 _UNLOADED: Loads = np.empty((0, 2), np.int64), np.empty((0, 9))
 _NOT_MOVING: tuple[tuple[int, float], ...] = ()
 _NOT_OPEN: tuple[Opening, ...] = ()
-
-
-class Column(NamedTuple):
-    """A force on the body of one joint: F and a moment m at a point, in the joint's axes.
-
-    Attributes:
-        joint: The joint.
-        force: F, in `axes` of `law_kernel`.
-        point: The point.
-        axes: As of `law_kernel`: of the body, the world or an edge.
-        moment: m; of an edge the ground's normal.
-        along: The direction of an edge.
-    """
-
-    joint: int
-    force: Array
-    point: Array
-    axes: int = 0
-    moment: Array = _NONE
-    along: Array = _NONE
-
-
-JointColumn: TypeAlias = tuple[tuple[int, float], ...]
-"""Torques of a unit weight: (dof, torque)."""
 
 
 class Found(NamedTuple):
@@ -158,28 +124,33 @@ class Plan(Workspaces):
     @classmethod
     def of(cls, robot: CheckedModel, constraints: Sequence[object]) -> Plan:
         """That of constraints which are all covered, none of them a limit."""
-        return cls(robot, [source for c in constraints if (source := _source(robot, c)) is not None])
+        return cls(robot, [source for c in constraints if (source := source_of(robot, c)) is not None])
 
     def _place(self, found: Sequence[Column | JointColumn]) -> None:
         """The rows; the columns in them, and for the certificate in the axes of their joints; what elements they are."""
-        bodies = dict[int, list[tuple[int, Column]]]()
+        bodies = dict[tuple[object, ...], list[tuple[int, Column]]]()
         for j, column in enumerate(found):
             if isinstance(column, Column):
-                bodies.setdefault(column.joint, []).append((j, column))
+                bodies.setdefault((column.joint, column.base, column.motion, column.closes), []).append((j, column))
         p, self._sites, self._units, m = len(found), list[Site](), list[JointEntry](), 0
         place, own = (
             self._kernel.Columns(*(np.zeros((p, 3)) for _ in range(4)), np.zeros((p, 5), np.int64)) for _ in ("place", "own")
         )
-        for joint, members in bodies.items():
-            site = _site(joint, [c for _, c in members])
-            R = site.X_JC.rotation
-            for j, c in members:
-                turned = R.T @ c.force if c.axes == self._kernel.BODY else c.force
-                moment = c.moment if c.axes == self._kernel.EDGE else R.T @ c.moment
+        kernel, motions = self._kernel, list[tuple[float, ...]]()
+        for members in bodies.values():
+            site = site_of([c for _, c in members])
+            R, by_rows = site.X_JC.rotation, site.axes == OF_BASE
+            for i, (j, c) in enumerate(members):
+                turned = R.T @ c.force if c.axes == kernel.BODY else c.force
+                moment = c.moment if c.axes >= kernel.EDGE else R.T @ c.moment
                 _write(place, j, turned, moment, site.X_JC.actInv(c.point), R.T @ c.along)
                 _write(own, j, c.force, c.moment, c.point, c.along)
-                place.body[j], own.body[j] = (len(self._sites), c.axes, m, site.size, 0), (joint, c.axes, 0, 0, 0)
+                place.body[j] = len(self._sites), kernel.ROWS if by_rows else c.axes, m, site.size, 0
+                if by_rows:
+                    place.force[j, 0] = i
+                own.body[j] = c.joint, c.axes, c.base, len(motions), by_rows
             self._sites.append(site)
+            motions.append((*site.motion, *site.turn, *R.ravel()))
             m += site.size
         rows, entries, self._core = dict[JointColumn, int](), list[tuple[int, int, float]](), m
         of_joints = [(j, torques) for j, torques in enumerate(found) if not isinstance(torques, Column)]
@@ -194,7 +165,7 @@ class Plan(Workspaces):
             place.body[j], own.body[j] = (-1, 0, rows[row], 1, 0), (-1, 0, 0, 0, 0)
             entries += [(j, dof, x) for dof, x in torques]
             self._core = m if self.force_set.is_line[j] else self._core
-        self._m, self._columns, self._own = m, place, own
+        self._m, self._columns, self._own, self._motions = m, place, own, np.reshape(motions, (-1, 45))
         self._entries = np.array([e[:2] for e in entries], np.int64).reshape(-1, 2), np.array([e[2] for e in entries], float)
         self.elements, self._closed = _elements(self._kernel.Elements, self.force_set, place, m)
         self.repeated = len(self.force_set.G) > m
@@ -239,12 +210,14 @@ class Plan(Workspaces):
             mu: Friction of the cones; None: the constraints' own.
         """
         loads, elements = self.loads(pushes), self.elements if mu is None else self.elements._replace(mu=self.friction(mu))
-        space = self.taken()
+        space, misses = self.taken(), np.empty(5)
         try:
             found = self.search(space, q, v, generalised, rest_speed, coulomb, elements, loads)
             if found is None:
                 return None
-            worst = self.judged(space, q, v, generalised, found, rest_speed, coulomb, elements, loads, np.empty(4))
+            worst = self.judged(space, q, v, generalised, found, rest_speed, coulomb, elements, loads, misses)
+            if not misses[4] <= OPEN:
+                return None
             if len(self._heights) and not max_abs(self._gaps.dot(space.places[self.corner_entries]) - self._heights) <= within:
                 return None
         finally:
@@ -331,15 +304,16 @@ class Plan(Workspaces):
             coulomb: As there.
             elements: As there.
             loads: As there.
-            misses: Written: of stationarity, feasibility, cone and complementarity, shape (4,).
+            misses: Written: of stationarity, feasibility, cone and complementarity, and how far
+                loops are open, shape (5,).
         """
         (X, twists, lifts), torque = space.read[3:], np.empty(len(v))
         kernel = certificate_kernel()
-        kernel.act(*loads, *self._own, *self._entries, X, found.w, space.pushes.reshape(-1, 6), torque)
+        kernel.act(*loads, *self._own, *self._entries, self._motions, X, found.w, space.pushes.reshape(-1, 6), torque)
         left = pin.rnea(self._robot.model, space.data, q, v, found.a, space.forces)
         worst: float = kernel.judged(
             left, generalised, torque, self._per_inertia, found.a, v, found.w, *self._own, *self._entries, *elements,
-            X, twists, lifts, self._fall, rest_speed, coulomb, misses,
+            self._motions, X, twists, lifts, self._fall, rest_speed, coulomb, misses,
         )  # fmt: skip
         return worst
 
@@ -351,7 +325,7 @@ class Plan(Workspaces):
         n, places, kernel, model = len(q), X.reshape(len(q), -1, 12), certificate_kernel(), self._robot.model
         pushes, twists, lifts = (np.empty((n, len(space.pushes))) for _ in range(3))
         torque, left, worst = np.empty(v.shape), np.empty(v.shape), np.empty(n)
-        kernel.act_on_all(*loads, *self._own, *self._entries, places, w, pushes.reshape(n, -1, 6), torque)
+        kernel.act_on_all(*loads, *self._own, *self._entries, self._motions, places, w, pushes.reshape(n, -1, 6), torque)
         states = zip(q, v, a, pushes, left, twists, lifts, strict=True)
         for q_i, v_i, a_i, pushed, missing, twist, lift in states:
             space.pushes[:] = pushed
@@ -359,7 +333,7 @@ class Plan(Workspaces):
             twist[:], lift[:] = space.rates, space.lifts
         kernel.all_judged(
             left, generalised, torque, self._per_inertia, a, v, w, *self._own, *self._entries, *self.elements._replace(mu=mu),
-            places, twists.reshape(n, -1, 6), lifts.reshape(n, -1, 6), self._fall, rest_speed, coulomb, misses, worst,
+            self._motions, places, twists.reshape(n, -1, 6), lifts.reshape(n, -1, 6), self._fall, rest_speed, coulomb, misses, worst,
         )  # fmt: skip
         return worst
 
@@ -387,41 +361,8 @@ class Plan(Workspaces):
         return w[kept]
 
 
-class Source(NamedTuple):
-    """A constraint of a plan.
-
-    Attributes:
-        name: Its name.
-        cone: The set of its forces.
-        columns: Forces of unit weights, in the order of the set's generators.
-        contacts: The constraint itself, if it is a contact.
-    """
-
-    name: str
-    cone: Cone
-    columns: Sequence[Column | JointColumn]
-    contacts: Sequence[Contact] = ()
-
-
 def _write(columns: Any, j: int, *vectors: Array) -> None:
     columns.force[j], columns.moment[j], columns.arm[j], columns.along[j] = vectors
-
-
-def _site(joint: int, columns: Sequence[Column]) -> Site:
-    """The rows of a body: at its one point, or at the centre of its points, without turns about their line."""
-    points = np.array([c.point for c in columns])
-    centre = points.mean(axis=0)
-    away = points - centre
-    turned = any(c.axes != law_kernel().EDGE and c.moment.any() for c in columns)
-    if not turned and (points == points[0]).all():
-        return Site(joint, pin.SE3(np.eye(3), points[0]), 3, turns=True)
-    _, spread, axes = np.linalg.svd(away, full_matrices=True)
-    if not turned and spread[1] <= _ONE_LINE * spread[0]:
-        z = axes[0]
-        x = np.cross(z, np.eye(3)[np.abs(z).argmin()])
-        x /= np.linalg.norm(x)
-        return Site(joint, pin.SE3(np.column_stack([x, np.cross(z, x), z]), centre), 5)
-    return Site(joint, pin.SE3(np.eye(3), centre), 6)
 
 
 def _elements(made: Any, T: ForceSet, columns: Any, m: int) -> tuple[Any, bool]:
@@ -431,9 +372,9 @@ def _elements(made: Any, T: ForceSet, columns: Any, m: int) -> tuple[Any, bool]:
     """
     force, moment, arm, _, body = columns
     kernel = law_kernel()
-    moment = np.where(body[:, 1:2] == kernel.EDGE, 0.0, moment)
+    moment = np.where(body[:, 1:2] >= kernel.EDGE, 0.0, moment)
     Q, first = np.zeros((m, T.size)), np.array([e.columns.start for e in T.elements], np.int64)
-    turns, even = np.flatnonzero(body[:, 1] != kernel.BODY), True
+    turns, even = np.flatnonzero((body[:, 1] != kernel.BODY) & (body[:, 1] != kernel.ROWS)), True
     axes = force.copy()
     for three in turns[: len(turns) // 3 * 3].reshape(-1, 3):
         F = force[three]
@@ -441,8 +382,10 @@ def _elements(made: Any, T: ForceSet, columns: Any, m: int) -> tuple[Any, bool]:
         axes[three] = np.eye(3)
     even &= len(turns) % 3 == 0
     body[turns[::3], 4] = even
-    for j, (k, _, at, width, _) in enumerate(body.tolist()):
+    for j, (k, kind, at, width, _) in enumerate(body.tolist()):
         wrench = np.concatenate([axes[j], moment[j] + np.cross(arm[j], axes[j])])
+        if kind == kernel.ROWS:
+            wrench = np.eye(6)[int(force[j, 0])]
         Q[at : at + width, j] = wrench[:width] if k >= 0 else force[j, :1]
     mu = np.array([e.mu if e.is_cone else 0.0 for e in T.elements], float)
     share = np.ascontiguousarray(np.linalg.pinv(Q)) if even and Q.size else np.zeros((T.size, m))
@@ -471,53 +414,6 @@ def spread_out(points: Array, count: int) -> list[int]:
     return out
 
 
-def _contact(robot: CheckedModel, contact: Contact) -> Source | None:
-    """Of a contact at a point, along an edge with friction, or over a patch, on ground at rest."""
-    cone, k, kernel = contact.cone, len(contact.corners), law_kernel()
-    G, _ = checked_generators(cone)
-    joint, X_JF = robot.site(contact.frame)
-    if not joint or not contact.on_still_ground:
-        return None
-    X, n = X_JF * contact.placement, contact.normal
-    columns, at = list[Column](), np.eye(3) if k == 1 and cone.bilateral else cone.at_points
-    for j in range(G.shape[1]):
-        if at is None:
-            if k == 2:
-                return None
-            columns.append(Column(joint, X.rotation @ G[:3, j], X.translation, kernel.BODY, X.rotation @ G[3:, j]))
-            continue
-        forces = at[:, j].reshape(-1, 3)
-        acts = np.flatnonzero(forces.any(axis=1))
-        if len(acts) != 1:
-            return None
-        F, point = forces[acts[0]], X.act(contact.corners[acts[0]])
-        if k == 1:
-            columns.append(Column(joint, F if contact.turned is None else contact.turned @ F, point, kernel.WORLD))
-        elif k == 2 and n is not None:
-            columns.append(Column(joint, F, point, kernel.EDGE, n, X.rotation[:, 0]))
-        else:
-            columns.append(Column(joint, X.rotation @ F, point))
-    return Source(contact.name, cone, columns, [contact])
-
-
-def _source(robot: CheckedModel, constraint: object) -> Source | None:
-    """Of a constraint whose rows are the same at each state; None for others."""
-    if isinstance(constraint, Contact):
-        return _contact(robot, constraint)
-    if type(constraint) is JointFriction:
-        joint = robot.joints.with_one_freedom(constraint.joint, constraint.name)
-        return Source(constraint.name, constraint._cone, [((joint.v.start, 1.0),)])
-    if type(constraint) is JointLock:
-        joint = robot.joints[constraint.joint]
-        if joint.nv > 1 and constraint.position is not None:
-            return None
-        return Source(constraint.name, Free(joint.nv), [((dof, 1.0),) for dof in range(joint.v.start, joint.v.stop)])
-    if type(constraint) is JointCoupling:
-        one, other = constraint._joints(robot)
-        return Source(constraint.name, Free(1), [((one.v.start, 1.0), (other.v.start, -constraint.ratio))])
-    return None
-
-
 class ConstraintDynamics:
     """Constraints of one robot, prepared: a `Plan` for each set of joint limits that are reached.
 
@@ -525,10 +421,15 @@ class ConstraintDynamics:
         robot: The robot.
         sources: Of the constraints, None of a joint limit.
         limits: The joint limits, by their numbers.
+
+    Attributes:
+        on_still_ground: Whether all act between one body and ground at rest, as forces that are constant in some axes.
     """
 
     def __init__(self, robot: CheckedModel, sources: Sequence[Source | None], limits: Mapping[int, JointLimit]) -> None:
         self._robot, self.sources, self._limits = robot, sources, limits
+        columns = [c for source in sources if source is not None for c in source.columns if isinstance(c, Column)]
+        self.on_still_ground = all(c.base < 0 and c.axes <= law_kernel().EDGE for c in columns)
         stops = [limit.stop(robot) for limit in limits.values()]
         self._q = np.array([stop.q for stop in stops], int)
         self._low, self._high = np.array([s.lower for s in stops]), np.array([s.upper for s in stops])
@@ -584,7 +485,7 @@ def prepared(robot: CheckedModel, constraints: tuple[object, ...]) -> Constraint
     found = None
     if robot.sound:
         limits = {i: c for i, c in enumerate(constraints) if type(c) is JointLimit}
-        sources = [None if i in limits else _source(robot, c) for i, c in enumerate(constraints)]
+        sources = [None if i in limits else source_of(robot, c) for i, c in enumerate(constraints)]
         names = {getattr(c, "name", None) for c in constraints}
         if len(names) == len(constraints) and all(s is not None or i in limits for i, s in enumerate(sources)):
             found = ConstraintDynamics(robot, sources, limits)

@@ -37,6 +37,11 @@ MOST, MOST_BODIES = 64, 16
 MOST_SPARE = 2
 """Workspaces that are kept with a set of bodies."""
 
+OF_BODY, OF_BASE = 0, 2
+"""Axes of rows, as of `row_kernel`, which imports Numba."""
+NO_MOTION = (0.0,) * 18
+"""Of ground at rest, and of what does not turn."""
+
 
 @dataclass(frozen=True, eq=False)
 class Site:
@@ -44,20 +49,27 @@ class Site:
 
     Attributes:
         joint: The joint's number.
-        X_JC: From the joint to the contact's centre and axes; of a point, in the joint's axes.
+        X_JC: From the joint to the contact's centre and axes.
         size: Number of rows: 3 of a point, in world axes; 6 of a patch, in its own.
-        turns: Whether a point's rows are in the joint's axes instead, and turn with it.
+        axes: Of the rows, as of `row_kernel`; None: as said. Of the surface's, R of X_JC turns them.
+        base: The joint of the body that it is on; 0: ground that moves; -1: ground at rest.
+        turn: Of a hinge or weld R of its frame on the joint, by rows, and its axes, zero of a weld.
+        motion: Of ground that moves: its velocity and acceleration (6 each), and the point where these are given, in the world;
+            NaN for the point in the joint's axes that follows.
     """
 
     joint: int
     X_JC: pin.SE3
     size: int
-    turns: bool = False
+    axes: int | None = None
+    base: int = -1
+    motion: tuple[float, ...] = NO_MOTION
+    turn: tuple[float, ...] = NO_MOTION
 
     @property
     def key(self) -> tuple[object, ...]:
         """Its values."""
-        return self.joint, self.size, self.turns, self.X_JC.homogeneous.tobytes()
+        return self.joint, self.size, self.axes, self.base, self.motion, self.turn, self.X_JC.homogeneous.tobytes()
 
 
 class JointEntry(NamedTuple):
@@ -81,7 +93,7 @@ class Workspace:
 
     Attributes:
         data: Pinocchio's.
-        sites: Poses of the sites on their joints, R by rows, then p, shape (sites, 12).
+        sites: Of the sites, as of `row_kernel.body_rows`, shape (sites, 48).
         row_forces: Forces on the rows that hold them, as `held` left them, shape (m,).
         mobility: J M^-1 J^T of the rows, likewise, shape (m, m).
         row_rates: J v of the rows, likewise, shape (m,).
@@ -107,12 +119,13 @@ class Workspace:
             for parts in (data.v, data.a_gf, self.forces)
         )
         starts = np.cumsum([0, *(site.size for site in sites)])
+        last = [-1, *(model.idx_vs[j] + model.nvs[j] - 1 for j in joints if j)]
         kinds = [
-            (site.joint, model.idx_vs[site.joint] + model.nvs[site.joint] - 1, at, site.size, site.size == 3 and not site.turns)
-            for site, at in zip(sites, starts, strict=False)
+            (s.joint, last[s.joint], at, s.size, int(s.size == 3) if s.axes is None else s.axes, s.base, last[max(s.base, 0)])
+            for s, at in zip(sites, starts, strict=False)
         ]
-        places = [[*site.X_JC.rotation.ravel(), *site.X_JC.translation] for site in sites]
-        self.sites = np.array(places, dtype=float).reshape(-1, 12)
+        places = [[*site.X_JC.rotation.ravel(), *site.X_JC.translation, *site.motion, *site.turn] for site in sites]
+        self.sites = np.array(places, dtype=float).reshape(-1, 48)
         self._kernel, self._parents = row_kernel(), np.array(data.parents_fromRow, dtype=np.int64)
         self.memory = np.zeros(self._kernel.size_of(n, m))
         terms = self._kernel.terms_in(self.memory, n, m)
@@ -127,7 +140,7 @@ class Workspace:
         )
         self.fixed = (
             self._parents,
-            np.array(kinds, dtype=np.int64).reshape(-1, 5),
+            np.array(kinds, dtype=np.int64).reshape(-1, 7),
             self.sites,
             np.array([unit[:2] for unit in units], dtype=np.int64).reshape(-1, 2),
             np.array([unit.gear for unit in units], dtype=float),

@@ -18,6 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rbd.answers.prepared.row_kernel import (
+    BASE,
     JOINT,
     Terms,
     accelerated,
@@ -34,8 +35,12 @@ from rbd.solvers.small_systems import product
 
 RESTS, SLIDES, OPENS, RUBS = range(4)
 """What an element does."""
-BODY, WORLD, EDGE = range(3)
-"""Axes of a column's force: of its body; of the world; of an edge, along it, across it, and normal less its part along it."""
+BODY, SURFACE, EDGE, EDGE_MOMENT, LOOP_MOMENT, ROWS = range(6)
+"""Axes of a column's force: of its body; of the surface; of an edge, along it, across it, and normal less its part along it.
+
+Of an edge's moment likewise; of a loop's, the row as F; last a row of its site, by number. The surface is the world, or the
+body that is touched.
+"""
 HELD, NEWTON, NOTHING = range(3)
 """How an answer was found: all elements rest, with weights of least norm; by Newton's method; not at all."""
 _ROUNDING = 1e-13
@@ -49,11 +54,12 @@ class Columns(NamedTuple):
 
     Attributes:
         force: F, shape (p, 3); of a joint's column its factor first.
-        moment: m about the point, in axes of the body, shape (p, 3); of an edge the ground's normal, in those of the world.
+        moment: m about the point, in axes of the body, shape (p, 3); of an edge the surface's normal, in its own.
         arm: r, in axes of the body, shape (p, 3).
         along: Of an edge its direction, in axes of the body, shape (p, 3).
-        body: Integers, shape (p, 5): its site, or its joint, -1 for joints' rows; the axes of F; its first row; how many;
-            whether it is the first of three that are orthonormal, at one point, not in axes of the body.
+        body: Integers, shape (p, 5): its site, -1 for joints' rows; the axes of F; its first row; how many; whether it is the
+            first of three that are orthonormal, at one point, not in axes of the body. For the certificate: its joint; the
+            axes of F; the joint of its surface, -1 at rest; its site; whether `along` is where that has the point.
     """
 
     force: Array
@@ -87,7 +93,7 @@ class Elements(NamedTuple):
 
 @compiled
 def _edge(columns: Columns, j: int, R: Array) -> tuple[Array, Array]:
-    """Across the edge of a column and normal to it, in axes of the body, R of these in the world; NaN where it is too steep."""
+    """Across the edge of a column and normal to it, in axes of the body, R of these in the surface; NaN where too steep."""
     x, n, y, z, along = columns.along[j], columns.moment[j], np.empty(3), np.empty(3), 0.0
     for a in range(3):
         z[a] = R[0, a] * n[0] + R[1, a] * n[1] + R[2, a] * n[2]
@@ -105,54 +111,82 @@ def _edge(columns: Columns, j: int, R: Array) -> tuple[Array, Array]:
 
 @compiled
 def _turned(columns: Columns, j: int, R: Array, F: Array) -> None:
-    """Write the force of a column in axes of the body, R of these in the world."""
+    """Write the force, or an edge's moment, of a column in axes of the body, R of these in the surface."""
     given, axes = columns.force[j], columns.body[j, 1]
-    if axes == EDGE:
+    if axes >= EDGE:
         y, z = _edge(columns, j, R)
         for a in range(3):
             F[a] = given[0] * columns.along[j, a] + given[1] * y[a] + given[2] * z[a]
         return
     for a in range(3):
         F[a] = given[a]
-        if axes == WORLD:
+        if axes == SURFACE:
             F[a] = R[0, a] * given[0] + R[1, a] * given[1] + R[2, a] * given[2]
 
 
 @compiled
-def _place(X: Array, place: Array, R: Array) -> None:
-    """Write R of a site in the world, of the poses of its joint and on it."""
+def _placed(site: Array, place: Array, X: Array, twists: Array, R: Array, w: Array) -> None:
+    """Write R of a site in its surface, and how it turns against that, in its own axes."""
+    joint, base = site[JOINT], site[BASE]
     for a in range(3):
+        w[a] = 0.0
         for b in range(3):
-            R[a, b] = X[a] * place[b] + X[3 + a] * place[3 + b] + X[6 + a] * place[6 + b]
+            R[a, b] = X[joint, a] * place[b] + X[joint, 3 + a] * place[3 + b] + X[joint, 6 + a] * place[6 + b]
+            w[a] += place[3 * b + a] * twists[joint, 3 + b]
+    if base < 0:
+        return
+    for a in range(3):
+        turns = place[15 + a]
+        if base > 0:
+            turns = X[base, a] * twists[base, 3] + X[base, 3 + a] * twists[base, 4] + X[base, 6 + a] * twists[base, 5]
+        for b in range(3):
+            w[b] -= R[a, b] * turns
+    if base > 0:
+        world = R.copy()
+        for a in range(3):
+            for b in range(3):
+                R[a, b] = 0.0
+                for c in range(3):
+                    R[a, b] += X[base, 3 * a + c] * world[c, b]
 
 
 @compiled
 def _felt(columns: Columns, sites: Array, places: Array, X: Array, twists: Array, felt: Array, offset: Array) -> None:
-    """Write the columns in the rows of their sites, and what their accelerations have beside those: F . w x (w x r)."""
+    """Write the columns in the rows of their sites, and what their accelerations have beside those.
+
+    That is F . w x (w x r); of an edge's moment e, (w . x)(w . e x x): that of the direction x (LineContact's rows).
+    """
     R, F, w = np.empty((3, 3)), np.empty(3), np.empty(3)
     last = -1
     for j in range(len(offset)):
-        k, width = columns.body[j, 0], columns.body[j, 3]
+        k, axes, width = columns.body[j, 0], columns.body[j, 1], columns.body[j, 3]
         offset[j] = 0.0
         if k < 0:
             felt[j, 0] = columns.force[j, 0]
             continue
-        joint = sites[k, JOINT]
-        if k != last:  # R of the site in the world; the body's turning in the site's axes
+        if axes == ROWS:
+            felt[j, int(columns.force[j, 0])] = 1.0
+            continue
+        if k != last:
             last = k
-            _place(X[joint], places[k], R)
-            for a in range(3):
-                w[a] = 0.0
-                for b in range(3):
-                    w[a] += places[k, 3 * b + a] * twists[joint, 3 + b]
-        if columns.body[j, 1] == BODY:
+            _placed(sites[k], places[k], X, twists, R, w)
+        if axes == BODY:
             F[0], F[1], F[2] = columns.force[j, 0], columns.force[j, 1], columns.force[j, 2]
         else:
             _turned(columns, j, R, F)
+        if axes == EDGE_MOMENT:
+            x, turns, across = columns.along[j], 0.0, 0.0
+            for a in range(3):
+                b, c = (a + 1) % 3, (a + 2) % 3
+                turns, across = turns + w[a] * x[a], across + w[a] * (F[b] * x[c] - F[c] * x[b])
+                if a < width - 3:
+                    felt[j, 3 + a] = F[a]
+            offset[j] = turns * across
+            continue
         r, m = columns.arm[j], columns.moment[j]
         felt[j, 0], felt[j, 1], felt[j, 2] = F[0], F[1], F[2]
         if width > 3:
-            own = 0.0 if columns.body[j, 1] == EDGE else 1.0
+            own = 0.0 if axes == EDGE else 1.0
             felt[j, 3] = own * m[0] + r[1] * F[2] - r[2] * F[1]
             felt[j, 4] = own * m[1] + r[2] * F[0] - r[0] * F[2]
             if width > 5:
@@ -203,14 +237,16 @@ def decide(elements: Elements, u: Array, rest: float, coulomb: bool, modes: Arra
 
 
 @compiled
-def _least(share: Array, columns: Columns, sites: Array, places: Array, X: Array, f: Array, w: Array) -> None:
+def _least(
+    share: Array, columns: Columns, sites: Array, places: Array, X: Array, twists: Array, f: Array, w: Array
+) -> None:  # fmt: skip
     """Write weights of least norm, w = share f, of orthonormal three turned into their axes."""
     product(share, f, w)
-    R, F, own = np.empty((3, 3)), np.empty(3), np.empty(3)
+    R, F, own, turns = np.empty((3, 3)), np.empty(3), np.empty(3), np.empty(3)
     for j in range(len(w)):
         if columns.body[j, 4]:
             k = columns.body[j, 0]
-            _place(X[sites[k, JOINT]], places[k], R)
+            _placed(sites[k], places[k], X, twists, R, turns)
             own[0], own[1], own[2] = w[j], w[j + 1], w[j + 2]
             for e in range(j, j + 3):
                 _turned(columns, e, R, F)
@@ -380,11 +416,11 @@ def _answer(
     independent = holding_forces(terms, f)
     if independent < 0:
         return NOTHING, 0, False
-    _least(share, columns, sites, places, X, f, w)
+    _least(share, columns, sites, places, X, twists, f, w)
     how, steps = HELD, 0
     if not (closed and still and _inside(elements, w, modes, False)):
         start = np.empty(p)
-        _least(begin, columns, sites, places, X, f, start)
+        _least(begin, columns, sites, places, X, twists, f, start)
         how, (merit, steps, convex) = NEWTON, _by_newton(terms, elements, columns, felt, offset, u, modes, start, coulomb, w)
         if not merit <= FOUND:
             return NOTHING, steps, independent < m
@@ -394,7 +430,7 @@ def _answer(
                 f[columns.body[j, 2] + r] += felt[j, r] * w[j]
     if how == NEWTON and coulomb and convex and (repeated or independent < m):  # not jammed by internal forces?
         least = np.empty(p)
-        _least(share, columns, sites, places, X, f, least)
+        _least(share, columns, sites, places, X, twists, f, least)
         if not (closed and independent >= core and _inside(elements, least, modes, True)):
             return NOTHING, steps, independent < m
     accelerated(terms, terms.z, parent, f, a)

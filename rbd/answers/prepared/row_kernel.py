@@ -20,9 +20,12 @@ from rbd.kernels import compiled
 
 DEPENDENT = 1e-9
 """Squared pivots of the mobility below this, over its diagonal entry: a row that depends on those before it."""
-JOINT, LAST, ROW, SIZE, WORLD = range(5)
-"""Columns of a site's integers: its joint, the last dof that moves it, its first row, number of rows (three of a point, then
-up to three of the body's turning), whether in world axes."""
+JOINT, LAST, ROW, SIZE, AXES, BASE, BASE_LAST = range(7)
+"""Columns of a site's integers: its joint, the last dof that moves it, its first row, number of rows (up to three of a point,
+then up to three of the body's turning), in which axes; the joint of the surface that it is on, 0 of ground that moves, -1 of
+ground at rest, and the last dof that moves that."""
+OF_BODY, OF_WORLD, OF_BASE = range(3)
+"""Axes of rows: given in the joint's axes; the world's; given in those of the surface."""
 
 
 class Terms(NamedTuple):
@@ -90,68 +93,203 @@ def factor(M: Array, parent: Array, L: Array) -> None:
 
 
 @compiled
+def _motion(X: Array, twist: Array, rate: Array, fall: Array, r: Array, out: Array) -> None:
+    """Write v and w of a body at its point r, the acceleration there and w', in its axes: rows of `out`."""
+    v, w, a = out[0], out[1], out[2]
+    for k in range(3):
+        w[k], out[3, k] = twist[3 + k], rate[3 + k]
+    v[0] = twist[0] + w[1] * r[2] - w[2] * r[1]
+    v[1] = twist[1] + w[2] * r[0] - w[0] * r[2]
+    v[2] = twist[2] + w[0] * r[1] - w[1] * r[0]
+    for k in range(3):
+        a[k] = rate[k] + (X[3 * k] * fall[0] + X[3 * k + 1] * fall[1] + X[3 * k + 2] * fall[2])
+    a[0] = a[0] + rate[4] * r[2] - rate[5] * r[1] + w[1] * v[2] - w[2] * v[1]
+    a[1] = a[1] + rate[5] * r[0] - rate[3] * r[2] + w[2] * v[0] - w[0] * v[2]
+    a[2] = a[2] + rate[3] * r[1] - rate[4] * r[0] + w[0] * v[1] - w[1] * v[0]
+
+
+@compiled
+def _ground_motion(given: Array, Y: Array, p: Array, out: Array) -> None:
+    """The same of ground at a point of the world, in the world's axes: of its motion, and of the point where that is given.
+
+    That is in the world; or, where that is NaN, on the body with the pose Y.
+    """
+    r, u, s = np.zeros(3), given[:6], given[6:12]
+    for k in range(3):
+        r[k] = p[k] - given[12 + k]
+        if math.isnan(given[12 + k]):
+            r[k] = p[k] - Y[9 + k] - Y[k] * given[15] - Y[3 + k] * given[16] - Y[6 + k] * given[17]
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        out[0, k] = u[k] + u[3 + i] * r[j] - u[3 + j] * r[i]
+        out[1, k], out[3, k] = u[3 + k], s[3 + k]
+        out[2, k] = s[k] + s[3 + i] * r[j] - s[3 + j] * r[i]
+        for n in range(3):
+            out[2, k] += u[3 + k] * u[3 + n] * r[n] - u[3 + n] * u[3 + n] * r[k]
+
+
+@compiled
+def _take_away(R: Array, surface: Array, motion: Array) -> None:
+    """Motion relative to a surface, of that of a body and of the surface at one point; R of the surface's axes in the body's.
+
+    v - u,   w - W,   a - s - 2 W x (v - u),   w' - W' - W x (w - W)
+    """
+    u = np.empty((4, 3))
+    for n in range(4):
+        for k in range(3):
+            u[n, k] = R[k, 0] * surface[n, 0] + R[k, 1] * surface[n, 1] + R[k, 2] * surface[n, 2]
+    for n in range(2):
+        for k in range(3):
+            motion[n, k] -= u[n, k]
+    for n in range(2):
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            motion[2 + n, k] -= u[2 + n, k] + (2.0 - n) * (u[1, i] * motion[n, j] - u[1, j] * motion[n, i])
+
+
+@compiled
+def _jacobian(J: Array, i: int, parent: Array, axes: Array, p: Array, at: int, size: int, sign: float, W: Array) -> None:
+    """Add the columns of J^T of the dofs from i on that move a point of the world, in the rows' directions.
+
+    Args:
+        J: Pinocchio's world Jacobian.
+        i: The last of these dofs.
+        parent: Of each dof.
+        axes: The rows' directions, and those of turning, as columns.
+        p: The point.
+        at: The first row.
+        size: How many.
+        sign: Of what is added.
+        W: Written.
+    """
+    while i >= 0:
+        wx, wy, wz = J[3, i], J[4, i], J[5, i]
+        vx, vy, vz = J[0, i] + wy * p[2] - wz * p[1], J[1, i] + wz * p[0] - wx * p[2], J[2, i] + wx * p[1] - wy * p[0]
+        for j in range(min(size, 3)):
+            W[i, at + j] += sign * (axes[0, j] * vx + axes[1, j] * vy + axes[2, j] * vz)
+            if j < size - 3:
+                W[i, at + 3 + j] += sign * (axes[0, 3 + j] * wx + axes[1, 3 + j] * wy + axes[2, 3 + j] * wz)
+        i = parent[i]
+
+
+@compiled
+def loop_turn(R: Array, axes: Array, w: Array, E: Array, extra: Array, error: Array) -> None:
+    """Write error, E and extra with error' = E w and error'' = E w' + extra: of R_ab, turning with w, in axes of frame_a.
+
+    As of `rbd.constraints.loop.LoopClosure`: of a hinge about the last of `axes`, two rows; of a weld, where these are zero.
+    NaN where a weld is turned by 90 degrees or more.
+    """
+    if axes[2, 2] == 0.0 and axes[0, 2] == 0.0 and axes[1, 2] == 0.0:
+        trace = R[0, 0] + R[1, 1] + R[2, 2]
+        s = 0.5 * math.sqrt(1.0 + trace) if trace > 1.0 else math.nan
+        square = w[0] * w[0] + w[1] * w[1] + w[2] * w[2]
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            x = (R[j, i] - R[i, j]) / (4.0 * s)
+            error[k], extra[k], E[k, k], E[i, j], E[j, i] = 2.0 * x, -0.5 * square * x, s, x, -x
+        return
+    u, y, dz, ddz, turned = axes[:, 2].copy(), np.empty(3), np.empty(3), np.empty(3), np.empty((2, 3))
+    z = R @ u
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        y[k], dz[k] = u[i] * z[j] - u[j] * z[i], w[i] * z[j] - w[j] * z[i]
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        ddz[k] = w[i] * dz[j] - w[j] * dz[i]
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        turned[0, k], turned[1, k] = u[i] * dz[j] - u[j] * dz[i], u[i] * ddz[j] - u[j] * ddz[i]
+    s, ds, dds = u @ z, u @ dz, u @ ddz
+    k0 = math.sqrt(2.0 / (1.0 + s))
+    k1, k2 = -0.5 * k0 / (1.0 + s), 0.75 * k0 / (1.0 + s) ** 2  # its derivatives by s
+    for r in range(2):
+        t = axes[:, r].copy()
+        along, across = t @ z, t @ y
+        error[r] = k0 * across
+        extra[r] = (k2 * ds * ds + k1 * dds) * across + 2.0 * k1 * ds * (t @ turned[0]) + k0 * (t @ turned[1])
+        for k in range(3):
+            E[r, k] = k0 * (s * t[k] - along * u[k]) - k1 * across * y[k]
+
+
+@compiled
 def body_rows(
-    site: Array, place: Array, X: Array, twist: Array, rate: Array, fall: Array, J: Array, parent: Array, terms: Terms
+    site: Array, place: Array, X: Array, twists: Array, rates: Array, fall: Array, J: Array, parent: Array, terms: Terms
 ) -> None:
     """J^T, J_dot v and J v of a site's rows, into W, `free` and `velocity`.
 
     Args:
         site: Its integers.
-        place: Its pose in the joint's axes: R by rows, then p.
-        X: The joint's pose: R by columns, then p.
-        twist: The joint's velocity in its axes.
-        rate: Its spatial acceleration at a = 0, less gravity.
+        place: Its pose in the joint's axes: R by rows, then p; then as `Site.motion` and `Site.turn`.
+        X: Poses of the joints: R by columns, then p.
+        twists: Their velocities in their axes.
+        rates: Their spatial accelerations at a = 0, less gravity.
         fall: Gravity, world axes.
         J: Pinocchio's world Jacobian.
         parent: Of each dof.
         terms: Written.
     """
-    at, size, r = site[ROW], site[SIZE], place[9:12]
-    axes, own, motion = np.empty((3, 3)), np.empty((3, 3)), np.empty((4, 3))
+    at, size, base, r, Y = site[ROW], site[SIZE], site[BASE], place[9:12], X[site[JOINT]]
+    axes, own, motion, p, turn = np.empty((3, 6)), np.empty((3, 6)), np.empty((4, 3)), np.empty(3), np.empty((3, 3))
+    Z = X[max(base, 0)]
+    for k in range(3):
+        p[k] = Y[9 + k] + Y[k] * r[0] + Y[3 + k] * r[1] + Y[6 + k] * r[2]
+        for j in range(3):  # the surface's axes in the body's
+            turn[k, j] = Y[3 * k] * Z[3 * j] + Y[3 * k + 1] * Z[3 * j + 1] + Y[3 * k + 2] * Z[3 * j + 2]
     for k in range(3):  # columns of `axes` are the rows' directions in the world, those of `own` in the joint's axes
         for j in range(3):
-            own[k, j] = X[3 * k + j] if site[WORLD] else place[3 * k + j]
+            own[k, j] = Y[3 * k + j] if site[AXES] == OF_WORLD else place[3 * k + j]
+            if site[AXES] == OF_BASE:
+                own[k, j] = turn[k, 0] * place[j] + turn[k, 1] * place[3 + j] + turn[k, 2] * place[6 + j]
+            own[k, 3 + j] = own[k, j]
+    extra = np.zeros(3)
+    _motion(Y, twists[site[JOINT]], rates[site[JOINT]], fall, r, motion)
+    if base >= 0:
+        surface, d = np.empty((4, 3)), np.empty(3)
+        if base > 0:
+            for k in range(3):
+                d[k] = Z[3 * k] * (p[0] - Z[9]) + Z[3 * k + 1] * (p[1] - Z[10]) + Z[3 * k + 2] * (p[2] - Z[11])
+            _motion(Z, twists[base], rates[base], fall, d, surface)
+        else:
+            _ground_motion(place[12:], Y, p, surface)
+        _take_away(turn, surface, motion)
+    if site[AXES] == OF_BASE and size > 3:
+        R, E, spin, error = np.zeros((3, 3)), np.zeros((3, 3)), np.zeros(3), np.zeros(3)
+        for k in range(3):
+            for j in range(3):
+                spin[k] += own[j, k] * motion[1, j]
+                for c in range(3):
+                    R[k, j] += own[c, k] * place[30 + 3 * c + j]
+        loop_turn(R, place[39:48].reshape((3, 3)), spin, E, extra, error)
+        for k in range(3):
+            for j in range(3):
+                own[k, 3 + j] = own[k, 0] * E[j, 0] + own[k, 1] * E[j, 1] + own[k, 2] * E[j, 2]
     for k in range(3):
-        for j in range(3):
-            if site[WORLD]:
-                axes[k, j] = 1.0 if k == j else 0.0
+        for j in range(6):
+            if site[AXES] == OF_WORLD:
+                axes[k, j] = 1.0 if k == j % 3 else 0.0
             else:
-                axes[k, j] = X[k] * own[0, j] + X[3 + k] * own[1, j] + X[6 + k] * own[2, j]
-    v, w, a, g = motion[0], motion[1], motion[2], motion[3]
-    for k in range(3):
-        g[k] = X[3 * k] * fall[0] + X[3 * k + 1] * fall[1] + X[3 * k + 2] * fall[2]
-    w[0], w[1], w[2] = twist[3], twist[4], twist[5]
-    v[0] = twist[0] + w[1] * r[2] - w[2] * r[1]
-    v[1] = twist[1] + w[2] * r[0] - w[0] * r[2]
-    v[2] = twist[2] + w[0] * r[1] - w[1] * r[0]
-    a[0] = rate[0] + g[0] + rate[4] * r[2] - rate[5] * r[1] + w[1] * v[2] - w[2] * v[1]
-    a[1] = rate[1] + g[1] + rate[5] * r[0] - rate[3] * r[2] + w[2] * v[0] - w[0] * v[2]
-    a[2] = rate[2] + g[2] + rate[3] * r[1] - rate[4] * r[0] + w[0] * v[1] - w[1] * v[0]
-    for j in range(3):
+                axes[k, j] = Y[k] * own[0, j] + Y[3 + k] * own[1, j] + Y[6 + k] * own[2, j]
+    _jacobian(J, site[LAST], parent, axes, p, at, size, 1.0, terms.W)
+    if base >= 0:
+        _jacobian(J, site[BASE_LAST], parent, axes, p, at, size, -1.0, terms.W)
+    v, w, a, dw = motion[0], motion[1], motion[2], motion[3]
+    for j in range(min(size, 3)):
         terms.velocity[at + j] = own[0, j] * v[0] + own[1, j] * v[1] + own[2, j] * v[2]
         terms.free[at + j] = own[0, j] * a[0] + own[1, j] * a[1] + own[2, j] * a[2]
         if j < size - 3:
-            terms.velocity[at + 3 + j] = own[0, j] * w[0] + own[1, j] * w[1] + own[2, j] * w[2]
-            terms.free[at + 3 + j] = own[0, j] * rate[3] + own[1, j] * rate[4] + own[2, j] * rate[5]
-    px = X[9] + X[0] * r[0] + X[3] * r[1] + X[6] * r[2]
-    py = X[10] + X[1] * r[0] + X[4] * r[1] + X[7] * r[2]
-    pz = X[11] + X[2] * r[0] + X[5] * r[1] + X[8] * r[2]
-    i = site[LAST]
-    while i >= 0:
-        wx, wy, wz = J[3, i], J[4, i], J[5, i]
-        vx, vy, vz = J[0, i] + wy * pz - wz * py, J[1, i] + wz * px - wx * pz, J[2, i] + wx * py - wy * px
-        for j in range(3):
-            terms.W[i, at + j] = axes[0, j] * vx + axes[1, j] * vy + axes[2, j] * vz
-            if j < size - 3:
-                terms.W[i, at + 3 + j] = axes[0, j] * wx + axes[1, j] * wy + axes[2, j] * wz
-        i = parent[i]
+            terms.velocity[at + 3 + j] = own[0, 3 + j] * w[0] + own[1, 3 + j] * w[1] + own[2, 3 + j] * w[2]
+            terms.free[at + 3 + j] = own[0, 3 + j] * dw[0] + own[1, 3 + j] * dw[1] + own[2, 3 + j] * dw[2] + extra[j]
 
 
 @compiled
-def _divided(site: Array, L: Array, parent: Array, W: Array) -> None:
-    """L^-T W of a site's columns, in place."""
-    at, size, i = site[ROW], site[SIZE], site[LAST]
-    while i >= 0:
+def _divided(L: Array, parent: Array, W: Array, at: int, size: int) -> None:
+    """L^-T W of some columns, in place."""
+    for i in range(len(parent) - 1, -1, -1):
+        moves = False
+        for r in range(at, at + size):
+            moves = moves or W[i, r] != 0.0
+        if not moves:
+            continue
         inverse = 1.0 / L[i, i]
         for r in range(at, at + size):
             W[i, r] *= inverse
@@ -161,7 +299,6 @@ def _divided(site: Array, L: Array, parent: Array, W: Array) -> None:
             for r in range(at, at + size):
                 W[p, r] -= x * W[i, r]
             p = parent[p]
-        i = parent[i]
 
 
 @compiled
@@ -231,16 +368,8 @@ def joint_rows(units: Array, gear: Array, v: Array, parent: Array, terms: Terms)
         W[units[e, 1], r] += gear[e]
         terms.velocity[r] += gear[e] * v[units[e, 1]]
     for e in range(len(units)):
-        r = units[e, 0]
-        if e + 1 < len(units) and units[e + 1, 0] == r:
-            continue
-        for i in range(len(parent) - 1, -1, -1):
-            if W[i, r] != 0.0:
-                W[i, r] /= L[i, i]
-                p = parent[i]
-                while p >= 0:
-                    W[p, r] -= L[i, p] * W[i, r]
-                    p = parent[p]
+        if e + 1 == len(units) or units[e + 1, 0] != units[e, 0]:
+            _divided(L, parent, W, units[e, 0], 1)
 
 
 @compiled
@@ -262,9 +391,8 @@ def all_rows(
             z[p] -= L[i, p] * x
             p = parent[p]
     for k in range(len(sites)):
-        joint = sites[k, JOINT]
-        body_rows(sites[k], places[k], X[joint], twists[joint], rates[joint], fall, J, parent, terms)
-        _divided(sites[k], L, parent, W)
+        body_rows(sites[k], places[k], X, twists, rates, fall, J, parent, terms)
+        _divided(L, parent, W, sites[k, ROW], sites[k, SIZE])
     joint_rows(units, gear, v, parent, terms)
     A, c = terms.mobility, terms.free
     A[:] = 0.0
@@ -292,8 +420,8 @@ def row_terms(
         twists: Their velocities, shape (joints, 6).
         rates: Their spatial accelerations less gravity, as `pin.nonLinearEffects` leaves them, shape (joints, 6).
         parent: Of each dof, -1 of the first.
-        sites: Integers, shape (k, 5).
-        places: Poses on their joints, R by rows, then p, shape (k, 12).
+        sites: Integers, shape (k, 7).
+        places: As of `body_rows`, shape (k, 48).
         units: Row and dof of the entries of rows of joints, in the order of the rows, shape (u, 2).
         gear: The entries, shape (u,).
         fall: Gravity [m/s2].

@@ -1,0 +1,160 @@
+"""Contacts with moving ground and between two bodies, edges that are held, and loops: the prepared way against the general way.
+
+Bodies tumble, so that Coriolis' and centripetal terms of both sides count; loops are a little open. A fault put into any of the
+constants of these rows is noticed by the certificate, which has constants of its own.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from test_corrupted_path import NAMES, Changed, _nothing
+
+import rbd
+from rbd.answers.prepared.constraint_dynamics import prepared
+from rbd.problem.residuals import residuals_of
+from rbd.solvers.default import GaussFirst
+
+pytestmark = pytest.mark.filterwarnings("ignore::rbd.errors.RbdWarning")
+PREPARED = "ContactDynamics"
+PAIR = rbd.robots.merge_robots(rbd.testing.box(mass=10.0), rbd.testing.box(mass=2.0))
+GROUND = rbd.Ground(
+    velocity=(0.3, 0.1, -0.2, 0.4, -0.5, 0.7), acceleration=(1.0, 2.0, 0.1, 0.1, 0.2, 0.3), normal=(0.6, 0.0, 0.8)
+)  # fmt: skip
+TURNTABLE = rbd.Ground(velocity=(0, 0, 0, 0, 0, 1.7), about=(0.1, 0.2, 0.3), normal=(0.0, 0.0, 1.0))
+OTHER = rbd.Body("a_box", normal=(0.0, 0.6, 0.8))
+SQUARE = {"half_lengths": (0.2, 0.1)}
+SURFACES = {"ground": GROUND, "turntable": TURNTABLE, "body": OTHER}
+
+
+def contacts_on(on: rbd.Ground | rbd.Body) -> dict[str, Callable[[float | None], Any]]:
+    """{what touches: the contact, by its friction}."""
+    place = pin.SE3(pin.exp3(np.array([0.2, 0.0, 0.3])), np.array([0.1, 0.0, 0.2]))
+    return {
+        "point": lambda mu: rbd.PointContact("c", "b_box", offset=(0.05, 0.1, -0.1), on=on, friction=mu),
+        "edge": lambda mu: rbd.LineContact("c", "b_box", half_length=0.1, placement=place, on=on, friction=mu),
+        "patch": lambda mu: rbd.SurfaceContact("c", "b_box", placement=place, on=on, friction=mu, **SQUARE),
+    }
+
+
+def at_rest(constraints: list, seed: int, q: np.ndarray | None = None) -> rbd.State:
+    """A state in which rows have no velocity, and the bodies tumble."""
+    rng = np.random.default_rng(seed)
+    robot = PAIR
+    if q is None:
+        q = pin.integrate(robot.model, pin.neutral(robot.model), 0.4 * rng.normal(size=robot.nv))
+    v = rng.normal(size=robot.nv)
+    for _ in range(2):
+        rows = [c.rows(rbd.State(robot, q, v)) for c in constraints]
+        J, u = np.concatenate([r.J for r in rows]), np.concatenate([r.velocity for r in rows])
+        v = v - np.linalg.lstsq(J, u, rcond=None)[0]
+    return rbd.State(robot, q, v)
+
+
+def both(state: rbd.State, constraints: list, push: np.ndarray) -> tuple[rbd.Solution, rbd.Solution]:
+    """By the prepared way, and by the general one."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        one = rbd.solve(state, [], constraints, external=push)
+        other = rbd.solve(state, [], constraints, external=push, solver=GaussFirst())
+    return one, other
+
+
+def agree(state: rbd.State, constraints: list, seed: int) -> None:
+    """To 1e-9, and certified by the problem in arrays."""
+    push = 5.0 * np.random.default_rng(seed).normal(size=PAIR.nv)
+    s, g = both(state, constraints, push)
+    assert s.solver == PREPARED and g.solver != PREPARED
+    assert residuals_of(s.problem, s.a, s.multipliers, s.weights, s.law).worst <= 1e-9
+    assert np.abs(s.a - g.a).max() <= 1e-9 * max(1.0, np.abs(g.a).max())
+    assert np.abs(s.multipliers - g.multipliers).max() <= 1e-9 * max(1.0, np.abs(g.multipliers).max())
+
+
+@pytest.mark.parametrize("mu", [None, 0.6, 0.0])
+@pytest.mark.parametrize("kind", ["point", "edge", "patch"])
+@pytest.mark.parametrize("surface", SURFACES)
+def test_contacts_with_what_moves(surface, kind, mu):
+    """Ground that accelerates and turns, given at the contact or at a point of its own, and another body."""
+    contact = contacts_on(SURFACES[surface])[kind](mu)
+    for seed in range(3):
+        agree(at_rest([contact], seed), [contact], seed)
+
+
+def closed(kind: str, ends: tuple[str, str]) -> tuple[rbd.LoopClosure, np.ndarray]:
+    """A loop, and a configuration in which it is open by 0.2 mm and 0.2 mrad."""
+    loop = rbd.LoopClosure("c", *ends, kind=kind, axis=(1.0, 2.0, 3.0))
+    q = pin.integrate(PAIR.model, pin.neutral(PAIR.model), np.random.default_rng(5).normal(size=PAIR.nv))
+    off = pin.SE3(pin.exp3(np.array([1e-4, 2e-4, 0.0])), np.array([2e-4, 0.0, 1e-4]))
+    where = pin.XYZQUATToSE3(q[:7]) if "a_box" in ends else pin.SE3.Identity()
+    q[7:] = pin.SE3ToXYZQUAT(where * off)
+    return loop, q
+
+
+ENDS = [("a_box", "b_box"), ("b_box", "a_box"), ("universe", "b_box"), ("b_box", "universe")]
+
+
+@pytest.mark.parametrize("ends", ENDS, ids="-".join)
+@pytest.mark.parametrize("kind", ["point", "planar", "revolute", "rigid"])
+def test_loops(kind, ends):
+    """Of every kind, between two bodies and with the ground on either side."""
+    loop, q = closed(kind, ends)
+    for seed in range(3):
+        agree(at_rest([loop], seed, q), [loop], seed)
+
+
+def test_a_loop_that_is_open_is_answered_the_general_way_with_its_warning():
+    """By more than a millimetre, or a milliradian."""
+    for kind in ("point", "planar", "revolute", "rigid"):
+        loop, q = closed(kind, ENDS[0])
+        q[7:10] += [0.0, 0.0, 0.01]
+        with pytest.warns(rbd.errors.LoopNotClosedWarning):
+            assert rbd.solve(rbd.State(PAIR, q), [], [loop]).solver != PREPARED
+
+
+def test_a_mechanism_with_loops_of_its_own_is_prepared():
+    """They count unless loops=False."""
+    robot = rbd.mechanism.four_bar(1.0, 3.0, 3.0, 4.0)
+    with_them, without = (rbd.solve(robot.at("assembled"), [1.0], [], loops=loops) for loops in (True, False))
+    assert with_them.solver == without.solver == PREPARED
+    assert len(with_them.multipliers) == 2 and len(without.multipliers) == 0
+
+
+@pytest.mark.parametrize(
+    ("entries", "case"),
+    [
+        (slice(12, 18), "ground"),
+        (slice(18, 24), "ground"),
+        (slice(27, 30), "ground"),
+        (slice(24, 27), "turntable"),
+        (slice(30, 39), "revolute"),
+        (slice(39, 48), "revolute"),
+        (slice(30, 39), "rigid"),
+        (slice(9, 12), "body"),
+    ],
+    ids=lambda x: x if isinstance(x, str) else f"{x.start}-{x.stop}",
+)
+def test_a_wrong_constant_is_noticed(entries, case, monkeypatch):
+    """A milliunit more in one constant of the rows: the general way answers."""
+    if case in SURFACES:
+        constraint, q = contacts_on(SURFACES[case])["patch"](None), None
+    else:
+        constraint, q = closed(case, ENDS[0])
+    state, push = at_rest([constraint], 1, q), 5.0 * np.random.default_rng(1).normal(size=PAIR.nv)
+    form = prepared(PAIR, (constraint,))
+    assert form is not None
+    assert both(state, [constraint], push)[0].solver == PREPARED
+
+    def wrong(given: dict[str, Any]) -> None:
+        given["places"] = given["places"].copy()
+        given["places"][:, entries] += 1e-3 * np.arange(1.0, 1.0 + entries.stop - entries.start)
+
+    assert "places" in NAMES
+    plan = form.plan(state.q)
+    monkeypatch.setattr(plan, "_kernel", Changed(wrong, _nothing))
+    found = rbd.solve(state, [], [constraint], external=push, check=False)
+    assert found.solver != PREPARED and found.residuals.within(1e-9)
