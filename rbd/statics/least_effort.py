@@ -151,8 +151,8 @@ class LeastEffort:
         found.rate[robot.motors] = (2.0 * self._shares[0] * found.tau / limits[0] + found.z) / limits[0]
         pin.forwardKinematics(robot.model, space.data, q, found.rate)
         far = effort_kernel().excess(
-            *plan._own, *plan._entries, plan._motions, *space.read[3:5], found.rate, unit, self._shares[1], found.w, *self._bounds,
-            self.sets.mu if mu is None else mu, found.tau, found.z, *limits,
+            *plan._own, *plan._entries, plan._motions, *space.read[3:5], found.rate, unit, self._shares[1], found.w,
+            *self._bounds, self.sets.mu if mu is None else mu, found.tau, found.z, *limits,
         )  # fmt: skip
         told = Found(a, found.w, found.w, self._rest, 0, 0, False)
         bound = plan.judged(space, q, v, given, told, rest_speed, True, elements, loads, misses)
