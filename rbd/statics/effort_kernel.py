@@ -44,9 +44,9 @@ def _unit_loads(
 
 def _least_effort(
     force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array, motions: Array, X: Array,
-    J: Array, last: Array, parent: Array, v: Array, rest: float, need: Array, motors: Array, idle: Array, limit: Array, least: Array,
-    most: Array, inertia: Array, p: Array, r: Array, unit: float, lower: Array, upper: Array, cones: Array, mu: Array,
-    w: Array, tau: Array, rate: Array, z: Array,
+    J: Array, last: Array, parent: Array, v: Array, rest: float, need: Array, motors: Array, idle: Array, limit: Array,
+    least: Array, most: Array, inertia: Array, p: Array, r: Array, unit: float, lower: Array, upper: Array, cones: Array,
+    mu: Array, w: Array, tau: Array, rate: Array, z: Array,
 ) -> int:  # fmt: skip
     """Steps of Newton's method to the least effort; negative where it was not found, or where a column is not at rest.
 
@@ -118,8 +118,8 @@ _WRITTEN, _INDEX = array(1, written=True), array(1, COUNT)
 least_effort = compiled(
     _least_effort,
     signature(
-        COUNT, *COLUMN_TYPES, TABLE, array(1), array(2), array(2), array(2, layout="A"), _INDEX, _INDEX, array(1), NUMBER, array(1),
-        _INDEX, _INDEX, *[array(1)] * 6, NUMBER, array(1), array(1), TABLE, array(1), *[_WRITTEN] * 4,
+        COUNT, *COLUMN_TYPES, TABLE, array(1), array(2), array(2), array(2, layout="A"), _INDEX, _INDEX, array(1), NUMBER,
+        array(1), _INDEX, _INDEX, *[array(1)] * 6, NUMBER, array(1), array(1), TABLE, array(1), *[_WRITTEN] * 4,
     ),
 )  # fmt: skip
 

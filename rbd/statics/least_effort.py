@@ -111,10 +111,10 @@ class LeastEffort:
         pin.computeJointJacobians(robot.model, data, q)
         pushed = () if loads is _UNLOADED else (space.forces,)
         if pushed:
-            certificate_kernel().act(*loads, *plan._own, *plan._entries, plan._motions, X, w, space.pushes.reshape(-1, 6), rate)
+            certificate_kernel().act(*loads, *plan.own, X, w, space.pushes.reshape(-1, 6), rate)
         need = pin.rnea(robot.model, data, q, v, a, *pushed) - tau_ext
         steps = effort_kernel().least_effort(
-            *plan._own, *plan._entries, plan._motions, X, J, self._last, space.fixed[0], v, rest_speed, need, *self._of_motors, *limits,
+            *plan.own, X, J, self._last, space.fixed[0], v, rest_speed, need, *self._of_motors, *limits,
             self._inertia, *self._shares, unit, *self._bounds, self.sets.mu if mu is None else mu, w, tau, rate, z,
         )  # fmt: skip
         return Least(tau, w, rate, z, need, steps) if steps >= 0 else None
@@ -151,7 +151,7 @@ class LeastEffort:
         found.rate[robot.motors] = (2.0 * self._shares[0] * found.tau / limits[0] + found.z) / limits[0]
         pin.forwardKinematics(robot.model, space.data, q, found.rate)
         far = effort_kernel().excess(
-            *plan._own, *plan._entries, plan._motions, *space.read[3:5], found.rate, unit, self._shares[1], found.w,
+            *plan.own, *space.read[3:5], found.rate, unit, self._shares[1], found.w,
             *self._bounds, self.sets.mu if mu is None else mu, found.tau, found.z, *limits,
         )  # fmt: skip
         told = Found(a, found.w, found.w, self._rest, 0, 0, False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from functools import cache
 
@@ -12,7 +13,7 @@ import pytest
 import rbd
 from rbd.errors import CannotMove
 from rbd.problem.residuals import SOLVED
-from rbd.statics import least_effort, wanted_motion
+from rbd.statics import effort_kernel, least_effort, wanted_motion
 from rbd.statics.actuation import Actuation
 from rbd.statics.effort import DEFAULT
 from rbd.statics.least_effort import LeastEffort
@@ -109,10 +110,7 @@ def fault(place: int, change: Callable[[Array], Array], *, after: bool = False) 
     return spoil
 
 
-NAMES = [
-    "force", "moment", "arm", "along", "body", "units", "gear", "X", "J", "last", "parent", "v", "rest", "need", "motors",
-    "idle", "limit", "least", "most", "inertia", "p", "r", "unit", "lower", "upper", "cones", "mu", "w", "tau", "rate", "z",
-]  # fmt: skip
+NAMES = list(inspect.signature(effort_kernel._least_effort).parameters)
 """The arguments of `effort_kernel.least_effort`."""
 _SCALE = {"J": 1.01, "X": 1.01, "need": 1.01, "force": 1.02, "arm": 0.9, "limit": 1.1, "p": 1.3, "r": 2.0, "mu": 1.1}
 for _name, _factor in _SCALE.items():

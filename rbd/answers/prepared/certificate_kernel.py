@@ -254,8 +254,8 @@ act = compiled(
 def _judged(
     left: Array, generalised: Array, torque: Array, per_inertia: Array, a: Array, v: Array, w: Array,
     force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
-    first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array, begin: Array,
-    motions: Array, X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool, misses: Array,
+    motions: Array, first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array, begin: Array,
+    X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool, misses: Array,
 ) -> float:  # fmt: skip
     """The largest residual, over lower bounds of the scales, of the equations of motion and of the law; of an element the sum.
 
@@ -276,6 +276,7 @@ def _judged(
         body: As of `act`.
         units: As of `act`.
         gear: As of `act`.
+        motions: As of `act`.
         first: As of `answer`.
         lower: As of `answer`.
         upper: As of `answer`.
@@ -283,7 +284,6 @@ def _judged(
         share: As of `answer`.
         starts: As of `answer`.
         begin: As of `answer`.
-        motions: As of `act`.
         X: Placements of the joints, as Pinocchio left them.
         twists: Their velocities.
         lifts: Their spatial accelerations less gravity's.
@@ -365,7 +365,7 @@ def _judged(
 judged = compiled(
     _judged,
     signature(
-        NUMBER, *[array(1)] * 7, *COLUMN_TYPES, TABLE, array(1), *ELEMENT_TYPES, *[array(2)] * 4, array(1),
+        NUMBER, *[array(1)] * 7, *COLUMN_TYPES, TABLE, array(1), array(2), *ELEMENT_TYPES, *[array(2)] * 3, array(1),
         NUMBER, FLAG, _WRITTEN,
     ),
 )  # fmt: skip
@@ -392,21 +392,21 @@ act_on_all = compiled(
 def _all_judged(
     left: Array, generalised: Array, torque: Array, per_inertia: Array, a: Array, v: Array, w: Array,
     force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
-    first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array, begin: Array,
-    motions: Array, X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool, misses: Array, worst: Array,
+    motions: Array, first: Array, lower: Array, upper: Array, mu: Array, share: Array, starts: Array, begin: Array,
+    X: Array, twists: Array, lifts: Array, fall: Array, rest: float, coulomb: bool, misses: Array, worst: Array,
 ) -> None:  # fmt: skip
     """`judged` at n states, in `worst`; arrays that change with the state have them as first axis."""
     for s in range(len(worst)):
         worst[s] = judged(
             left[s], generalised[s], torque[s], per_inertia, a[s], v[s], w[s], force, moment, arm, along, body, units, gear,
-            first, lower, upper, mu[s], share, starts, begin, motions, X[s], twists[s], lifts[s], fall, rest, coulomb, misses[s],
+            motions, first, lower, upper, mu[s], share, starts, begin, X[s], twists[s], lifts[s], fall, rest, coulomb, misses[s],
         )  # fmt: skip
 
 
 all_judged = compiled(
     _all_judged,
     signature(
-        None, *[array(2)] * 3, array(1), *[array(2)] * 3, *COLUMN_TYPES, TABLE, array(1), *ELEMENT_TYPES[:3], array(2),
-        *ELEMENT_TYPES[4:], array(2), array(3), array(3), array(3), array(1), NUMBER, FLAG, array(2, written=True), _WRITTEN,
+        None, *[array(2)] * 3, array(1), *[array(2)] * 3, *COLUMN_TYPES, TABLE, array(1), array(2), *ELEMENT_TYPES[:3],
+        array(2), *ELEMENT_TYPES[4:], array(3), array(3), array(3), array(1), NUMBER, FLAG, array(2, written=True), _WRITTEN,
     ),
 )  # fmt: skip

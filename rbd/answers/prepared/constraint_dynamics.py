@@ -165,8 +165,9 @@ class Plan(Workspaces):
             place.body[j], own.body[j] = (-1, 0, rows[row], 1, 0), (-1, 0, 0, 0, 0)
             entries += [(j, dof, x) for dof, x in torques]
             self._core = m if self.force_set.is_line[j] else self._core
-        self._m, self._columns, self._own, self._motions = m, place, own, np.reshape(motions, (-1, 45))
-        self._entries = np.array([e[:2] for e in entries], np.int64).reshape(-1, 2), np.array([e[2] for e in entries], float)
+        self._m, self._columns = m, place
+        at, gears = np.array([e[:2] for e in entries], np.int64).reshape(-1, 2), np.array([e[2] for e in entries], float)
+        self.own = *own, at, gears, np.reshape(motions, (-1, 45))
         self.elements, self._closed = _elements(self._kernel.Elements, self.force_set, place, m)
         self.repeated = len(self.force_set.G) > m
 
@@ -309,11 +310,11 @@ class Plan(Workspaces):
         """
         (X, twists, lifts), torque = space.read[3:], np.empty(len(v))
         kernel = certificate_kernel()
-        kernel.act(*loads, *self._own, *self._entries, self._motions, X, found.w, space.pushes.reshape(-1, 6), torque)
+        kernel.act(*loads, *self.own, X, found.w, space.pushes.reshape(-1, 6), torque)
         left = pin.rnea(self._robot.model, space.data, q, v, found.a, space.forces)
         worst: float = kernel.judged(
-            left, generalised, torque, self._per_inertia, found.a, v, found.w, *self._own, *self._entries, *elements,
-            self._motions, X, twists, lifts, self._fall, rest_speed, coulomb, misses,
+            left, generalised, torque, self._per_inertia, found.a, v, found.w, *self.own, *elements,
+            X, twists, lifts, self._fall, rest_speed, coulomb, misses,
         )  # fmt: skip
         return worst
 
@@ -325,15 +326,16 @@ class Plan(Workspaces):
         n, places, kernel, model = len(q), X.reshape(len(q), -1, 12), certificate_kernel(), self._robot.model
         pushes, twists, lifts = (np.empty((n, len(space.pushes))) for _ in range(3))
         torque, left, worst = np.empty(v.shape), np.empty(v.shape), np.empty(n)
-        kernel.act_on_all(*loads, *self._own, *self._entries, self._motions, places, w, pushes.reshape(n, -1, 6), torque)
+        kernel.act_on_all(*loads, *self.own, places, w, pushes.reshape(n, -1, 6), torque)
         states = zip(q, v, a, pushes, left, twists, lifts, strict=True)
         for q_i, v_i, a_i, pushed, missing, twist, lift in states:
             space.pushes[:] = pushed
             missing[:] = pin.rnea(model, space.data, q_i, v_i, a_i, space.forces)
             twist[:], lift[:] = space.rates, space.lifts
         kernel.all_judged(
-            left, generalised, torque, self._per_inertia, a, v, w, *self._own, *self._entries, *self.elements._replace(mu=mu),
-            self._motions, places, twists.reshape(n, -1, 6), lifts.reshape(n, -1, 6), self._fall, rest_speed, coulomb, misses, worst,
+            left, generalised, torque, self._per_inertia, a, v, w, *self.own, *self.elements._replace(mu=mu),
+            places, twists.reshape(n, -1, 6), lifts.reshape(n, -1, 6), self._fall, rest_speed, coulomb, misses,
+            worst,
         )  # fmt: skip
         return worst
 
