@@ -399,7 +399,8 @@ def _all_judged(
     for s in range(len(worst)):
         worst[s] = judged(
             left[s], generalised[s], torque[s], per_inertia, a[s], v[s], w[s], force, moment, arm, along, body, units, gear,
-            motions, first, lower, upper, mu[s], share, starts, begin, X[s], twists[s], lifts[s], fall, rest, coulomb, misses[s],
+            motions, first, lower, upper, mu[s], share, starts, begin, X[s], twists[s], lifts[s], fall, rest, coulomb,
+            misses[s],
         )  # fmt: skip
 
 
