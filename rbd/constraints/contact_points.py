@@ -26,6 +26,8 @@ from rbd.problem.rows import Rows
 
 ALWAYS = -np.inf
 """The gap of constraints that are always active."""
+SLIDES = 1e-6
+"""A point that slides more slowly than this [m/s] sticks."""
 MARGIN = 0.05
 """Margin of contacts that appear and disappear [m]: points nearer than this are watched."""
 

@@ -77,7 +77,9 @@ class Projection(Displayed):
         check_whole("iterations of Projection", self.iterations, 1000)
 
 
-def project_position(state: State, equations: Equations, projection: Projection) -> State:
+def project_position(
+    state: State, equations: Equations, projection: Projection, corrected: Callable[[State, Array, Array], Array] | None = None
+) -> State:
     """The state whose configuration is the nearest, in the inertia metric, that satisfies the equations, with the same v.
 
     It stops when no step reduces the error; check the errors of the returned state. Rows may be redundant.
@@ -86,6 +88,7 @@ def project_position(state: State, equations: Equations, projection: Projection)
         state: The initial state.
         equations: J (m, nv) and error (m,) [m, rad] of a state; m may change from state to state.
         projection: Tolerance and number of steps.
+        corrected: Gives the correction of a state by what `equations` gives of it, J or another array; None: by `correction`.
     """
     robot = state.robot
     J, error = equations(state)
@@ -93,7 +96,10 @@ def project_position(state: State, equations: Equations, projection: Projection)
         size = max_abs(error)
         if size <= projection.tolerance:
             break
-        step = shortened(-correction(inertia_factor(state.M), J, error, damping=size))
+        if corrected is None:
+            step = shortened(-correction(inertia_factor(state.M), J, error, damping=size))
+        else:
+            step = shortened(corrected(state, J, error))
         for _ in range(HALVINGS):
             nearer = State(robot, pin.integrate(robot.model, state.q, step), state.v)
             J_there, error_there = equations(nearer)

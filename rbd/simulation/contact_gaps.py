@@ -9,6 +9,7 @@ the same as that of large ones, scaled.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -21,6 +22,9 @@ from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.simulated_motion import Stabilisation
 from rbd.simulation.stacked_points import PointLayout, PointMatching, Points, Snapshot
+
+if TYPE_CHECKING:
+    from rbd.simulation.ground_dynamics import GroundDynamics
 
 LOOSE = 1e-7
 """Over the size: the largest gap of a point that stays closed."""
@@ -187,7 +191,7 @@ class Correction:
         lowest, highest, _ = at.extremes
         return not at.layout.bilateral and max(-lowest, highest) <= CLOSED * gaps.least_size
 
-    def positions(self, at: Snapshot, t: float, closed: Array, size: Array) -> Snapshot:
+    def positions(self, at: Snapshot, t: float, closed: Array, size: Array, ground: GroundDynamics | None = None) -> Snapshot:
         """The snapshot with its position projected.
 
         Args:
@@ -195,6 +199,7 @@ class Correction:
             t: Its time [s].
             closed: Which points are corrected in both directions, shape (k,).
             size: Size of the bodies that move with each point, shape (k,) [m].
+            ground: Measures the points, and corrects them, by the rows of their bodies.
         """
         layout = at.layout
         held = layout.held if self.bilateral else np.zeros(len(at.error), bool)
@@ -207,12 +212,18 @@ class Correction:
         known = {id(at.state): at}
 
         def equations(state: State) -> tuple[Array, Array]:
-            now = known[id(state)] = known.get(id(state)) or self.points.at(state, t)
+            now = known[id(state)] = known.get(id(state)) or (self.points if ground is None else ground).at(state, t)
             if now.layout is not layout:  # points have entered or left the contact set: the next step continues
                 return at.J[:0], at.error[:0]
-            return now.J[rows] / units[:, None], np.concatenate([now.error[held], now.gap[pressed]]) / units
+            error = np.concatenate([now.error[held], now.gap[pressed]]) / units
+            return now.gap if ground is not None else now.J[rows] / units[:, None], error
 
-        return known[id(project_position(at.state, equations, self.projection))]
+        def by_bodies(state: State, gap: Array, error: Array) -> Array:
+            assert ground is not None
+            return ground.toward(state, pressed, gap)
+
+        nearest = project_position(at.state, equations, self.projection, None if ground is None else by_bodies)
+        return known[id(nearest)]
 
     def owes(self, start: Snapshot, end: Snapshot, pressed: Array, moved: Array) -> bool:
         """Whether most of the error at a step's end was there at its start, or is the way of points that it stops.

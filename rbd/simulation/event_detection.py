@@ -10,7 +10,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.simulation.simulated_motion import Event
-from rbd.simulation.stacked_points import SLIDES, PointLayout, slide
+from rbd.simulation.stacked_points import PointLayout, point_kernel, slide
 
 
 class StepRecord(NamedTuple):
@@ -89,9 +89,9 @@ class EventDetection:
         if known is not None and closed is known.closed and now.velocity_end is known.velocity_end and layout is self._layout:
             self._past = [known, now]  # the same arrays: all points stick as before
             return
-        is_new = self._is_new(layout)
-        slides = closed & (slide(layout, now.velocity_end) > SLIDES)
-        if not is_new and not (np.array_equal(closed, self._closed) and np.array_equal(slides, self._slides)):
+        is_new, slides, kinds = self._is_new(layout), np.empty(len(closed), bool), (layout.normals, layout.rubs, layout.slides)
+        changed = point_kernel().sliding(*kinds, now.velocity_end, closed, self._closed, self._slides, slides)
+        if changed and not is_new:
             self._compare(layout, now, closed, slides)
         self._closed, self._slides = closed, slides
         self._past = self._past[-1:] + [now]

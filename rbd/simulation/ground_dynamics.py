@@ -16,7 +16,6 @@ other constraints than contacts with friction on ground at rest, bodies that tou
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,6 +23,7 @@ import pinocchio as pin
 
 from rbd.answers.prepared.contact_bodies import (
     MOST_BODIES,
+    WORLD,
     BilinearMap,
     ContactBodies,
     Site,
@@ -31,13 +31,13 @@ from rbd.answers.prepared.contact_bodies import (
     keep,
     rotations,
 )
-from rbd.arrays import Array, cross_matrix, cross_rows, each_times, filled, is_finite, lazy, max_abs, rank_of, zeros
+from rbd.arrays import Array, cross_matrix, each_times, filled, is_finite, lazy, max_abs, rank_of, zeros
 from rbd.constraints.ground_points import Grounds, OnGround
 from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.simulation.bases import step_kernel
 from rbd.simulation.stacked_points import PointPlaces, Points, Snapshot
-from rbd.simulation.velocity_problem import StepEquations, Undecided, VelocityAnswer, active_rows, point_impulses
+from rbd.simulation.velocity_problem import StepEquations, VelocityAnswer
 
 INDEPENDENT = 1e-6
 """Singular values below this, over the largest, are those of points on a line, or of dependent rows."""
@@ -115,8 +115,6 @@ class TouchingPoints:
 
 _AGREES = 1e-9
 """Tolerance of the equations of motion at the start, scaled: beyond it the model has something that is not covered."""
-_TURNS = 1e-16
-"""Centripetal changes of velocity in a step up to this are rounding [m/s]."""
 _NOTHING = zeros(0)
 
 
@@ -139,11 +137,9 @@ class GroundDynamics:
         self._axes = axes = np.concatenate([np.tile(ground.R, (len(ground.local), 1, 1)) for ground in grounds])
         self._height = np.concatenate([np.full(len(ground.local), ground.height) for ground in grounds])
         self._gaps = gap_map(touching.of, touching.arms, axes[:, :, 2], len(bodies.sites))
-        self._velocity, self._forces = touching.turned(axes, touching.spread), touching.turned(axes, touching.shares)
-        self._to_points, self._to_forces = self._velocity.parts, self._forces.parts
-        self._patches = np.flatnonzero([site.size == 6 for site in bodies.sites])
-        sizes = [site.size for site in bodies.sites]
-        self._patch_rows = np.flatnonzero(np.repeat(np.array(sizes) == 6, sizes))
+        self._velocity = touching.turned(axes, touching.spread)
+        self._to_points = self._velocity.parts
+        self._constants = (np.array(touching.of, np.int64), axes, touching.arms, touching.shares, self.layout.mu)
         self._mu, self.at_rest, self._gravity = self.layout.mu, zeros(3 * len(axes)), start.robot.gravity
 
     def __del__(self) -> None:
@@ -175,7 +171,7 @@ class GroundDynamics:
         return filled(
             Snapshot, state=state, layout=self.layout, velocity=velocity, gap=gap, error=self.at_rest,
             measure=lambda: [source.at(state, t) for source in self._points.sources], locate=self._located, placed=X,
-            extremes=found,
+            spread=self._points_of_rows, extremes=found,
         )  # fmt: skip
 
     def _motion(self, q: Array, v: Array) -> tuple[Array, Array]:
@@ -217,80 +213,25 @@ class GroundDynamics:
             added: Diagonal matrix that is added to M, shape (nv, nv), zero for floating bases; None: nothing is.
         """
         state, _, _, _, active, start, h, u, _, mean = equations
-        q, v = state.q, state.v
-        model = self._model if added is None else self._heavier(added)
-        everything = active is self.layout.everything
-        if not everything and not active.any():
+        model, kernel, space = self._model if added is None else self._heavier(added), self._kernel, self._workspace
+        if active is not self.layout.everything and not active.any():
             return self._free(model, equations, applied)
-        a = self._workspace.held(q, v, applied, model)
-        if a is None or not math.isfinite(a.dot(a)):
+        space.terms(model, state.q, state.v)
+        v, impulse, velocity = np.empty(len(start)), np.empty(len(u)), np.empty(len(u))
+        how, merit = kernel.advance(
+            *space.read, *space.fixed, state.v, applied, space.memory, start, _NOTHING if mean is None else mean, u, guess,
+            _NOTHING if shift is None else shift, active, h, law == "coulomb", *self._constants, v, impulse, velocity,
+        )  # fmt: skip
+        if how == kernel.UNDECIDED or not is_finite(v):
             return None
-        X, twists = self._bodies.placements(self._workspace), self._bodies.velocities(self._workspace)
-        V = _NOTHING
-        if mean is not None:
-            pin.forwardKinematics(self._model, self._workspace.data, q, mean + (0.5 * h) * a)
-            V = self._bodies.velocities(self._workspace)
-        may_stick = shift is None and (mean is not None or u is self.at_rest) and (everything or active.all())
-        if may_stick and self._straight(h):
-            answer = self._sticking(X, V, a, start, h)
-            if answer is not None:
-                return answer
-        return self._by_points(equations, X, V, twists, a, guess, law, shift)
+        return VelocityAnswer(v, impulse, self.at_rest if how == kernel.REST else velocity, merit, how != kernel.NEWTON)
 
-    def _sticking(self, X: Array, V: Array, a: Array, start: Array, h: float) -> VelocityAnswer | None:
-        """The step if all points stick, by their forces of least norm; None if these are not in their cones.
-
-        Args:
-            X: Placements of the bodies.
-            V: Velocities of the bodies that are to stop within h; empty: they are at rest.
-            a: Acceleration that holds the bodies.
-            start: Velocity to which h a is added.
-            h: Length of the step [s].
-        """
-        kernel, space, F = self._kernel, self._workspace, self._workspace.row_forces
-        if len(V):
-            wanted = np.empty(len(F))
-            kernel.target(V, self._bodies.row_rates, h, wanted)
-            more, forces = space.change(wanted)
-            a, F = a + more, F + forces
-        impulse, v = np.empty(len(self.at_rest)), np.empty(len(a))
-        inside = kernel.sticking(X, F, a, start, h, self._mu, *self._to_forces, impulse, v)
-        return VelocityAnswer(v, impulse, self.at_rest, 0.0, True) if inside else None
-
-    def _by_points(
-        self,
-        equations: StepEquations,
-        X: Array,
-        V: Array,
-        twists: Array,
-        a: Array,
-        guess: Array,
-        law: str,
-        shift: Array | None,
-    ) -> VelocityAnswer | None:
-        """The velocity problem of the active points, from the factors of the bodies.
-
-        Arguments are as of `_sticking`; `twists` are the bodies' velocities at the state.
-        """
-        _, _, _, _, active, start, h, u, _, mean = equations
-        P, F, L = self._points_of_rows(X), self._workspace.row_forces, self._workspace.mobility
-        before, part = (P @ self._bodies.row_rates.dot(V), 0.5) if mean is not None else (u, 1.0)
-        P_L, turning = P @ L, np.zeros(twists.shape)  # rows are of the joints' origins, or of a single point itself
-        turning.reshape(-1, 6)[self._patches, 3:] = twists.reshape(-1, 6)[self._patches, 3:]
-        free = before - h * (P_L @ F) + (part * h) * self._centripetal(X, turning)
-        rows = active_rows(self.layout, active, h)
-        index, D = rows.index, P_L @ P.T
-        try:
-            own = D[index][:, index]
-            f, merit, least = point_impulses(
-                rows, own, free[index], guess[index], None if shift is None else shift[index], h, law
-            )
-        except Undecided:
-            return None
-        impulse = np.zeros(len(free))
-        impulse[index] = f
-        change, _ = self._workspace.change(L @ (P.T @ impulse / h - F))
-        return VelocityAnswer(start + h * (a + change), impulse, D @ impulse + free, merit, least)
+    def toward(self, state: State, closes: Array, gap: Array) -> Array:
+        """The least displacement in the metric of M that closes the gaps (k,) of some points, by their rates, shape (nv,)."""
+        space, out = self._workspace, np.empty(len(state.v))
+        pin.crba(self._model, space.data, state.q, WORLD)
+        self._kernel.toward(*space.read, *space.fixed, out, out, space.memory, *self._constants, closes, gap, out)
+        return out
 
     def _heavier(self, added: Array) -> pin.Model:
         """The model with a diagonal matrix added to M, as rotor inertia of its joints."""
@@ -331,25 +272,10 @@ class GroundDynamics:
             applied, a, forces, u, answer.velocity, h,
         )  # fmt: skip
 
-    def _straight(self, h: float) -> bool:
-        """Whether bodies that touch at patches turn so slowly that their points' centripetal accelerations are rounding."""
-        rates = self._workspace.row_rates.take(self._patch_rows)
-        return bool(rates.dot(rates) * h <= _TURNS)
-
-    def _turns_of(self, X: Array) -> Array:
-        """Rotations from the joints' axes to those of each point, shape (k, 3, 3)."""
-        return np.asarray(self._axes.swapaxes(1, 2) @ rotations(X)[self._touching.of])
-
     def _points_of_rows(self, X: Array) -> Array:
         """Velocities of the points for unit velocities of the bodies' rows, shape (p, rows)."""
-        return (self._turns_of(X) @ self._touching.of_rows).reshape(len(self.at_rest), -1)
-
-    def _centripetal(self, X: Array, V: Array) -> Array:
-        """Classical accelerations of the points less the spatial ones of their bodies, w x (v + w x r), shape (p,)."""
-        motion = V.reshape(-1, 6)[self._touching.of]
-        w = motion[:, 3:]
-        acceleration = cross_rows(w, motion[:, :3] + cross_rows(w, self._touching.arms))
-        return each_times(self._turns_of(X), acceleration).ravel()
+        turns = self._axes.swapaxes(1, 2) @ rotations(X)[self._touching.of]
+        return (turns @ self._touching.of_rows).reshape(len(self.at_rest), -1)
 
     def _agrees(self, start: State) -> bool:
         """Whether it has the same equations of motion as the robot's M and h at the start, and rows of full rank."""

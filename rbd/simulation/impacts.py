@@ -18,7 +18,7 @@ from rbd.answers.analysis.uniqueness import Uniqueness
 from rbd.answers.solution import Solution
 from rbd.arrays import Array, check_number, lazy, max_abs
 from rbd.constraints.constraint import Constraint, member, rows_of, with_loops
-from rbd.constraints.contact_points import sources_of
+from rbd.constraints.contact_points import SLIDES, sources_of
 from rbd.constraints.distance_warnings import warn_of_distant
 from rbd.displayed import Displayed
 from rbd.errors import NoSolution, UnknownName, nearest
@@ -30,7 +30,7 @@ from rbd.problem.residuals import USABLE
 from rbd.problem.rows import Rows
 from rbd.simulation.recording import StepForces, least_forces
 from rbd.simulation.simulated_motion import ConstraintForce
-from rbd.simulation.stacked_points import SLIDES, Points, Snapshot
+from rbd.simulation.stacked_points import Points, Snapshot
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows, solve_velocity
 from rbd.solvers.default import slip_law
 

@@ -19,8 +19,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from rbd.answers.solution import Solution
-from rbd.arrays import Array, blas, cross_rows, each_times, is_finite, lapack, lazy, max_abs
-from rbd.constraints.contact_points import Structure
+from rbd.arrays import Array, cross_rows, each_times, is_finite, lazy, max_abs
+from rbd.constraints.contact_points import SLIDES, Structure
 from rbd.errors import NoSolution
 from rbd.model.dynamics import energies_and_momenta
 from rbd.problem.cones import Bounds, Free
@@ -29,7 +29,7 @@ from rbd.problem.residuals import SOLVED
 from rbd.problem.rows import Rows
 from rbd.simulation.energy_balance import balance
 from rbd.simulation.simulated_motion import HOLDS, OPEN, PUSHES, SLIPS, STICKS, ConstraintForce, Sample, SimulatedMotion
-from rbd.simulation.stacked_points import SLIDES, PointPlaces, Snapshot, places_of, slide
+from rbd.simulation.stacked_points import PointPlaces, Snapshot, places_of, point_kernel, slide
 from rbd.simulation.trajectory_fields import COLUMNS, ENERGY, ENTRIES, RESIDUALS, TIME
 from rbd.simulation.velocity_problem import VelocityAnswer, active_rows
 
@@ -45,11 +45,6 @@ _RECORDED = sorted(_OWN, key=lambda c: not c.dims)
 _vectors, _numbers = (attrgetter(*[c.name for c in _OWN if bool(c.dims) == vectors]) for vectors in (True, False))
 Forces: TypeAlias = dict[tuple[str, str], Array]
 """{(field of a trajectory, constraint): its rows}."""
-_REPEATS = 1e-11
-"""Pivots of J J^T up to this, over the largest, are of linearly dependent rows."""
-_ROUNDS = 3
-_EXACT = 1e-12
-"""Tolerance of g, over its size."""
 _DIGITS = 1e-14
 """Rounding of sums of forces, over the largest of their terms."""
 _CARRIES = 1e-12
@@ -179,54 +174,18 @@ def least_forces(at: Snapshot, active: Array, answer: VelocityAnswer, h: float, 
     force: Array = answer.impulse / h
     if answer.least or not at.layout.pushes.any() or not force.any():
         return force
-    found = _inside(at, active, answer.velocity, force, at.J.T @ force, law)
+    found = _inside(at, active, answer.velocity, force, law)
     return _settled(at, active, answer.v, answer.velocity, force, law) if found is None else found
 
 
-def _inside(at: Snapshot, active: Array, velocity: Array, force: Array, g: Array, law: str) -> Array | None:
-    """The shortest forces without the cones' boundaries, if they are inside; else None."""
-    layout = at.layout
-    n = layout.normals
-    normal = layout.pushes
-    speed = slide(layout, velocity)
-    slides = active & layout.slides & (speed > SLIDES)
-    if layout.boxed and (slides & ~layout.rubs).any():
-        return None  # a bound determines the force of dry friction
-    lifts = normal & (velocity[n] > SLIDES + (layout.mu * speed if law == "convex" else 0.0))
-    plain, rays = np.flatnonzero(np.repeat(active & ~lifts & ~slides, layout.widths)), []
-    for i in np.flatnonzero(slides & ~lifts).tolist():
-        t, ray = slice(n[i] - 2, n[i]), np.zeros(len(force))
-        size = float(np.hypot(*force[t]))
-        ray[t] = layout.mu[i] * (force[t] / size if size > 0.0 else -velocity[t] / speed[i])
-        ray[n[i]] = 1.0
-        rays.append(ray / np.linalg.norm(ray))
-    G = at.J[plain] if not rays else np.concatenate([at.J[plain], np.array(rays) @ at.J])
-    y = _shortest(G, g) if len(G) else None
-    if y is None:
-        return None
-    out = np.zeros(len(force))
-    out[plain] = y[: len(plain)]
-    if rays:
-        out += y[len(plain) :] @ np.array(rays)
-    return out if _allowed(at, active, out) else None
-
-
-def _shortest(G: Array, g: Array) -> Array | None:
-    """The shortest y with G^T y = g, by the pivoted Cholesky factor of G G^T; None where none is exact enough."""
-    D = G @ G.T
-    L, pivots, rank, _ = lapack.dpstrf(D, lower=1, tol=_REPEATS * float(D.diagonal().max()))
-    if not rank:
-        return None
-    L, pivots = np.tril(L[:, :rank]), pivots - 1
-    R = lapack.dpotrf(L.T @ L, lower=0, clean=0)[0]  # its columns are independent: they have pivots
-    L11, y, missed, enough = L[:rank], np.zeros(len(G)), g, _EXACT * max_abs(g)
-    for _ in range(_ROUNDS):  # y = L z is in the range of G G^T, and so the shortest
-        z = lapack.dpotrs(R, blas.dtrsv(L11, (G @ missed)[pivots[:rank]], lower=1))[0]
-        y[pivots] += L @ z
-        missed = g - G.T @ y
-        if max_abs(missed) <= enough:
-            return y
-    return None
+def _inside(at: Snapshot, active: Array, velocity: Array, force: Array, law: str) -> Array | None:
+    """The shortest forces without the cones' boundaries, but for those of sliding points, if they are inside; else None."""
+    layout, out = at.layout, np.empty(len(force))
+    found = point_kernel().shortest(
+        np.ascontiguousarray(at.reach), layout.widths, layout.normals, layout.pushes, layout.rubs, layout.slides, layout.mu,
+        active, velocity, force, law == "coulomb", out,
+    )  # fmt: skip
+    return out if found and (not layout.boxed or _allowed(at, active, out)) else None
 
 
 def _allowed(at: Snapshot, active: Array, force: Array) -> bool:

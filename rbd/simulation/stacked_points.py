@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from itertools import chain, repeat
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -15,8 +16,6 @@ from rbd.constraints.contact_points import Measured, PointSource, Structure
 from rbd.model.state import State
 from rbd.problem.cones import Cone
 
-SLIDES = 1e-6
-"""A point that slides more slowly than this [m/s] sticks."""
 _MOST_LAYOUTS = 1000
 """Number of cached layouts; tumbling shapes can have a new one at every step."""
 
@@ -37,7 +36,6 @@ class PointLayout:
         slides: Which points can slide: those with friction, and intervals, shape (k,).
         sliding_rows: The two rows of each of those along which it slides, shape (sum of slides, 2); for an interval, one twice.
         sliding_kept: One, or zero for the second of an interval, shape (sum of slides, 2).
-        tangents: The two tangent rows of each point with friction, shape (sum of rubs, 2).
         held: Which rows are bilateral, shape (p,).
         mu: Friction coefficients, shape (k,); zero without friction.
         spans: (points, rows) of each source.
@@ -56,7 +54,6 @@ class PointLayout:
     slides: Array
     sliding_rows: Array
     sliding_kept: Array
-    tangents: Array
     held: Array
     mu: Array
     spans: tuple[tuple[slice, slice], ...]
@@ -107,7 +104,6 @@ class PointLayout:
             slides,
             rows,
             kept,
-            normals[rubs][:, None] - np.array([2, 1]),
             np.repeat(free, widths),
             mu,
             tuple(spans),
@@ -149,6 +145,7 @@ class Snapshot:
         measure: Gives the points of each source.
         locate: Gives where they are, by the placements of their bodies at n states, if that is cheaper.
         placed: These placements.
+        spread: Gives the points' velocities by those of the rows of their bodies, if these are independent.
     """
 
     state: State
@@ -159,6 +156,7 @@ class Snapshot:
     measure: Callable[[], Sequence[Measured]] = field(repr=False)
     locate: Callable[[Array], Sequence[PointPlaces]] | None = field(default=None, repr=False)
     placed: Array = field(default_factory=partial(zeros, 0), repr=False)
+    spread: Callable[[Array], Array] | None = field(default=None, repr=False)
 
     @classmethod
     def of(cls, state: State, layout: PointLayout, measured: Sequence[Measured]) -> Snapshot:
@@ -180,6 +178,11 @@ class Snapshot:
     def J(self) -> Array:
         """Jacobian of all rows, shape (p, nv)."""
         return _stacked(self.sources, "J") if self.sources else np.zeros((0, self.state.robot.nv))
+
+    @property
+    def reach(self) -> Array:
+        """A matrix with p rows, such as J, of which forces have the same product where they have the same J^T f."""
+        return self.J if self.spread is None else self.spread(self.placed)
 
     @lazy
     def bias(self) -> Array:
@@ -328,28 +331,19 @@ def turned_back(layout: PointLayout, active: Array, u: Array, change: Array, pus
         change: Change of these in half a step, shape (p,).
         pushed: Row forces or impulses before, shape (p,): unloaded points have no friction to turn.
     """
-    rows = layout.tangents
-    if not len(rows) or not np.abs(u[rows]).max() > SLIDES:
-        return None
-    one, turned = u[rows], change[rows]
-    speed = np.hypot(*one.T)
-    slides = (speed > SLIDES) & (speed > 4.0 * np.hypot(*turned.T)) & (pushed[rows[:, 1] + 1] > 0.0) & active[layout.rubs]
-    if not slides.any():
-        return None
-    out = np.zeros(len(u))
-    out[rows[slides]] = -turned[slides]
-    return out
+    out = np.empty(len(u))
+    return out if point_kernel().turned_back(layout.normals, layout.rubs, active, u, change, pushed, out) else None
 
 
 def stopping(layout: PointLayout, u0: Array, u1: Array, pushed: Array) -> Array | None:
     """Which of the sliding points stop or reverse between two velocities; None if none does."""
-    if not layout.slides.any():
-        return None
-    rows, kept = layout.sliding_rows, layout.sliding_kept
-    if not np.abs(u0[rows]).max() > 10.0 * SLIDES:
-        return None
-    one, two = u0[rows] * kept, u1[rows] * kept
-    before = np.hypot(*one.T)
-    turns = (np.hypot(*two.T) <= SLIDES) | ((one * two).sum(axis=1) < 0.0)
-    stops = (pushed[layout.normals[layout.slides]] != 0.0) & (before > 10.0 * SLIDES) & turns
-    return stops if stops.any() else None
+    stops = np.empty(len(layout.sliding_rows), bool)
+    return stops if point_kernel().stopping(layout.normals, layout.rubs, layout.slides, u0, u1, pushed, stops) else None
+
+
+@cache
+def point_kernel() -> ModuleType:
+    """`rbd.simulation.point_kernel`, imported with the first step."""
+    from rbd.simulation import point_kernel
+
+    return point_kernel

@@ -9,9 +9,32 @@ import math
 
 import numpy as np
 
+from rbd.answers.prepared.row_kernel import (
+    JOINT,
+    ROW,
+    SIZE,
+    Terms,
+    accelerated,
+    all_rows,
+    holding_forces,
+    row_forces,
+    terms_in,
+)
 from rbd.arrays import Array
-from rbd.kernels import compiled
-from rbd.solvers.small_systems import product
+from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
+from rbd.simulation.velocity_problem import EXACT as ENOUGH, FINE, QUICK, ROUNDING, STILL
+from rbd.solvers.kkt_kernel import holding
+from rbd.solvers.newton_kernel import EXACT, MOST_STEPS, PROXIMAL, Problem, Settings, damped_steps, loads, project, room_of
+from rbd.solvers.small_systems import pivoted_factor, pivoted_solve, product
+
+UNDECIDED, REST, LEAST, NEWTON = range(4)
+"""How a step was found: not; all points stick, by forces of least norm; active points do, likewise; otherwise."""
+EARLY = 6
+"""First steps from open points in which the sum of squares may grow."""
+_REPEATS = 1e-11
+"""Pivots up to this are of linearly dependent rows."""
+_TURNS = 1e-16
+"""Centripetal changes of velocity in a step up to this are rounding [m/s]."""
 
 
 @compiled
@@ -113,52 +136,281 @@ def points(
 
 
 @compiled
-def target(V: Array, row_rates: Array, h: float, out: Array) -> None:
-    """Write the accelerations of the bodies' rows that bring them to rest within h."""
-    product(row_rates, V, out)
-    for r in range(len(out)):
-        out[r] = -out[r] / h
+def _row_velocities(terms: Terms, x: Array, parent: Array, out: Array) -> None:
+    """Write J x = W^T (L x)."""
+    out[:] = 0.0
+    for i in range(len(x)):
+        total, p = terms.L[i, i] * x[i], parent[i]
+        while p >= 0:
+            total += terms.L[i, p] * x[p]
+            p = parent[p]
+        for r in range(len(out)):
+            out[r] += terms.W[i, r] * total
 
 
 @compiled
-def sticking(
-    X: Array,
-    F: Array,
-    a: Array,
-    start: Array,
-    h: float,
-    mu: Array,
-    matrix: Array,
-    one: Array,
-    other: Array,
-    f: Array,
-    v: Array,
-) -> bool:
-    """Write impulses and velocity of points that stick; whether all forces are in their cones.
+def _columns(
+    X: Array, twists: Array, sites: Array, of: Array, axes: Array, arms: Array, felt: Array, centripetal: Array
+) -> None:
+    """Write what the points' velocities are in those of the rows of their bodies, and w x (w x r) of points of patches."""
+    d = np.empty(3)
+    for j in range(len(felt)):
+        i, e = j // 3, j % 3
+        joint, size, arm = sites[of[i], JOINT], sites[of[i], SIZE], arms[i]
+        for r in range(3):
+            d[r] = 0.0
+            for c in range(3):
+                d[r] += X[joint, 3 * r + c] * axes[i, c, e]
+        felt[j, 0], felt[j, 1], felt[j, 2], centripetal[j] = d[0], d[1], d[2], 0.0
+        if size > 3:
+            felt[j, 3] = arm[1] * d[2] - arm[2] * d[1]
+            felt[j, 4] = arm[2] * d[0] - arm[0] * d[2]
+            felt[j, 5] = arm[0] * d[1] - arm[1] * d[0]
+            along, turns, square = 0.0, 0.0, 0.0
+            for r in range(3):
+                w = twists[joint, 3 + r]
+                along += w * d[r]
+                turns += w * arm[r]
+                square += w * w
+            centripetal[j] = along * turns - square * (d[0] * arm[0] + d[1] * arm[1] + d[2] * arm[2])
 
-    Args:
-        X: Placements of the bodies.
-        F: Forces on the bodies' rows.
-        a: Acceleration.
-        start: Velocity to which h a is added.
-        h: Length of the step [s].
-        mu: Friction coefficients.
-        matrix: Of the map to forces of points.
-        one: Of the same map.
-        other: Of the same map.
-        f: Is written: impulses of the points.
-        v: Is written: the velocity.
-    """
-    inside = True
-    _mapped(matrix, X, F, one, other, f)
-    for i in range(len(a)):
-        v[i] = start[i] + h * a[i]
+
+@compiled
+def _least(X: Array, sites: Array, of: Array, axes: Array, shares: Array, F: Array, mu: Array, h: float, f: Array) -> bool:
+    """Write impulses of least norm for forces on the rows; whether all are in their cones."""
+    inside, own = True, np.empty(3)
     for i in range(len(mu)):
+        at = X[sites[of[i], JOINT]]
+        product(shares[i], F, own)
+        for r in range(3):
+            f[3 * i + r] = 0.0
+        for c in range(3):
+            x = at[c] * own[0] + at[3 + c] * own[1] + at[6 + c] * own[2]
+            for r in range(3):
+                f[3 * i + r] += axes[i, c, r] * x
         if not np.hypot(f[3 * i], f[3 * i + 1]) <= mu[i] * f[3 * i + 2]:
             inside = False
-    for i in range(len(f)):
-        f[i] *= h
+        for r in range(3):
+            f[3 * i + r] *= h
     return inside
+
+
+@compiled
+def _by_newton(given: Problem, parts: Array, guess: Array, coulomb: bool, f: Array) -> float:
+    """How far impulses f are from their law, scaled: by Newton's method from a guess; infinite where it is too far."""
+    unit, rate, columns, offset, w = np.empty(len(given.mu)), 0.0, given.columns.copy(), given.offset.copy(), np.zeros(len(f))
+    least = 0.0
+    for i in range(len(unit)):
+        at, d, size = given.first[i], given.width[i], 0.0
+        for j in range(3 * i, 3 * i + 3):
+            total = 0.0
+            for r in range(d):
+                for s in range(d):
+                    total += columns[j, r] * given.D[at + r, at + s] * columns[j, s]
+            size = max(size, total)
+        unit[i] = size
+        least = max(least, 1e-12 * size)
+    for i in parts:
+        unit[i] = 1.0 / math.sqrt(max(unit[i], least if least > 0.0 else 1.0))
+        for j in range(3 * i, 3 * i + 3):
+            offset[j] *= unit[i]
+            rate = max(rate, abs(offset[j]))
+            for r in range(given.width[i]):
+                columns[j, r] *= unit[i]
+    rate = rate if rate > 0.0 else 1.0
+    for i in parts:
+        for j in range(3 * i, 3 * i + 3):
+            w[j] = guess[j] / (unit[i] * rate)
+    problem = Problem(
+        given.D, given.c, columns, columns, offset / rate, given.first, given.width, given.lower, given.upper, given.mu
+    )
+    room, none, exact, merit = room_of(problem), np.zeros(len(f)), max(ENOUGH, ROUNDING / rate), math.inf
+    soft = np.zeros(len(unit))
+    for attempt in range(3):
+        settings = Settings(soft, none, PROXIMAL, 0, QUICK, coulomb)
+        if attempt == 1:  # rows that are nearly dependent: the steps' own regularisation stalls them
+            settings = Settings(soft, none, FINE, 0, QUICK, coulomb)
+        elif attempt == 2:  # from all points open
+            settings = Settings(soft, none, PROXIMAL, EARLY, MOST_STEPS, coulomb)
+            w[:] = 0.0
+        merit, _ = damped_steps(problem, parts, w, settings, EXACT, room)
+        if merit <= exact:
+            break
+    f[:] = 0.0
+    for i in parts:
+        j, size = 3 * i, unit[i] * rate
+        normal, factor, _ = project(w[j] * size, w[j + 1] * size, w[j + 2] * size, given.mu[i], False)
+        f[j], f[j + 1], f[j + 2] = factor * w[j] * size, factor * w[j + 1] * size, normal
+    return merit if merit <= exact else math.inf
+
+
+@compiled
+def _at_rest(given: Problem, parts: Array, guess: Array, f: Array) -> tuple[float, bool]:
+    """`kkt_kernel.holding` of some points."""
+    k = 3 * len(parts)
+    rows, B, D, none = np.empty(k, np.int64), np.zeros((k, len(given.D))), np.empty((k, k)), np.empty(0)
+    for e in range(k):
+        rows[e] = 3 * parts[e // 3] + e % 3
+        at = given.first[parts[e // 3]]
+        for r in range(given.width[parts[e // 3]]):
+            for s in range(len(given.D)):
+                B[e, s] += given.columns[rows[e], r] * given.D[at + r, s]
+    for e in range(k):
+        at = given.first[parts[e // 3]]
+        for c in range(k):
+            D[c, e] = 0.0
+            for r in range(given.width[parts[e // 3]]):
+                D[c, e] += B[c, at + r] * given.columns[rows[e], r]
+    w, cones = np.empty(k), 3 * np.arange(len(parts))
+    found = holding(D, given.offset[rows], guess[rows], STILL, True, True, cones, given.mu[parts], none, none, w)
+    f[:] = 0.0
+    f[rows] = w
+    return found
+
+
+def _advance(
+    M: Array, J: Array, bias: Array, X: Array, twists: Array, rates: Array, parent: Array, sites: Array, places: Array,
+    units: Array, gear: Array, fall: Array, v: Array, generalised: Array, space: Array,
+    start: Array, mean: Array, u: Array, guess: Array, shift: Array, active: Array, h: float, coulomb: bool,
+    of: Array, axes: Array, arms: Array, shares: Array, mu: Array, end: Array, f: Array, velocity: Array,
+) -> tuple[int, float]:  # fmt: skip
+    """(how it was found, how far the points are from their law, scaled) of the velocity and impulses after a step.
+
+    Args:
+        M: As of `row_kernel.row_terms`, as are the next fourteen.
+        J: As there.
+        bias: As there.
+        X: As there.
+        twists: As there.
+        rates: As there.
+        parent: As there.
+        sites: As there.
+        places: As there.
+        units: As there.
+        gear: As there.
+        fall: As there.
+        v: As there.
+        generalised: As there.
+        space: As there.
+        start: Velocity to which h a is added, shape (n,).
+        mean: As of `StepEquations`; shape (0,): None.
+        u: Velocities of the points at the beginning, shape (3k,).
+        guess: Impulses to start from, shape (3k,).
+        shift: Added to u+ only in the contact law, shape (3k,); shape (0,): None.
+        active: Which points are active, shape (k,).
+        h: Length of the step [s].
+        coulomb: Coulomb's law; else the convex one.
+        of: The body of each point.
+        axes: R_WC of each point.
+        arms: Where each point is in its body's axes.
+        shares: Forces of least norm at the points for forces on the rows, shape (k, 3, rows).
+        mu: Friction coefficients.
+        end: Written: the velocity.
+        f: Written: impulses of the points.
+        velocity: Written: velocities of the points at the end; not if all are at rest.
+    """
+    n, m, k = len(parent), shares.shape[2], len(mu)
+    terms, F, moved = terms_in(space, n, m), np.empty(m), np.zeros(m)
+    all_rows(M, J, bias, X, twists, rates, parent, sites, places, units, gear, fall, v, generalised, terms)
+    if holding_forces(terms, F) != m:
+        return UNDECIDED, math.inf
+    a, part, turns, rests = np.empty(n), 1.0, 0.0, len(shift) == 0 and active.all()
+    if len(mean):  # velocities of the rows that the motion which holds them would have
+        accelerated(terms, terms.z, parent, F, a)
+        for i in range(n):
+            end[i] = mean[i] + 0.5 * h * a[i]
+        _row_velocities(terms, end, parent, moved)
+        part = 0.5
+    else:
+        for j in range(len(u)):
+            rests = rests and u[j] == 0.0
+    for i in range(len(sites)):
+        for r in range(sites[i, ROW], sites[i, ROW] + sites[i, SIZE]):
+            turns += terms.velocity[r] ** 2 if sites[i, SIZE] > 3 else 0.0
+    if rests and turns * h <= _TURNS:
+        if len(mean):
+            row_forces(terms, moved.copy(), -1.0 / h, F)
+        if _least(X, sites, of, axes, shares, F, mu, h, f):
+            accelerated(terms, terms.z, parent, F, a)
+            for i in range(n):
+                end[i] = start[i] + h * a[i]
+            return REST, 0.0
+    felt, centripetal, first, width = np.empty((3 * k, 6)), np.empty(3 * k), np.empty(k, np.int64), np.empty(k, np.int64)
+    _columns(X, twists, sites, of, axes, arms, felt, centripetal)
+    for r in range(m):
+        moved[r] += h * terms.free[r]
+    for i in range(k):
+        first[i], width[i] = sites[of[i], ROW], sites[of[i], SIZE]
+        for j in range(3 * i, 3 * i + 3):
+            velocity[j] = part * h * centripetal[j] + (0.0 if len(mean) else u[j])
+            for r in range(width[i]):
+                velocity[j] += felt[j, r] * moved[first[i] + r]
+    none, parts, how, merit = np.empty(0), np.flatnonzero(active), NEWTON, math.inf
+    given = Problem(terms.mobility, np.zeros(m), felt, felt, velocity, first, width, none, none, mu)
+    if len(shift) == 0:
+        merit, least = _at_rest(given, parts, guess, f)
+        how = LEAST if least else NEWTON
+    if not merit <= STILL:
+        law = Problem(given.D, given.c, felt, felt, velocity + shift if len(shift) else velocity, first, width, none, none, mu)
+        how, merit = NEWTON, _by_newton(law, parts, guess, coulomb, f)
+        if not merit < math.inf:
+            return UNDECIDED, merit
+    loads(given, parts, f, F)
+    accelerated(terms, terms.z, parent, F / h, a)
+    for i in range(n):
+        end[i] = start[i] + h * a[i]
+    product(terms.mobility, F, moved)
+    for j in range(3 * k):
+        for r in range(width[j // 3]):
+            velocity[j] += felt[j, r] * moved[first[j // 3] + r]
+    return how, merit
+
+
+def _toward(
+    M: Array, J: Array, bias: Array, X: Array, twists: Array, rates: Array, parent: Array, sites: Array, places: Array,
+    units: Array, gear: Array, fall: Array, v: Array, generalised: Array, space: Array,
+    of: Array, axes: Array, arms: Array, shares: Array, mu: Array, closes: Array, gap: Array, out: Array,
+) -> None:  # fmt: skip
+    """Write the least displacement in the metric of M that closes the gaps of some points; arguments as of `_advance`."""
+    m, k = shares.shape[2], len(gap)
+    terms, felt, none, f = terms_in(space, len(parent), m), np.empty((3 * k, 6)), np.empty(3 * k), np.zeros(m)
+    all_rows(M, J, bias, X, twists, rates, parent, sites, places, units, gear, fall, v, generalised, terms)
+    _columns(X, twists, sites, of, axes, arms, felt, none)
+    chosen = np.flatnonzero(closes)
+    count, x = len(chosen), -gap[chosen]
+    N, D, order = np.zeros((count, m)), np.empty((count, count)), np.empty(count, np.int64)
+    for e in range(count):
+        i = chosen[e]
+        for r in range(sites[of[i], SIZE]):
+            N[e, sites[of[i], ROW] + r] = felt[3 * i + 2, r]
+        product(terms.mobility, N[e], f)
+        for c in range(e + 1):
+            D[e, c] = 0.0
+            for r in range(m):
+                D[e, c] += N[c, r] * f[r]
+            D[c, e] = D[e, c]
+    scale = 1.0 / np.sqrt(np.diag(D))
+    for e in range(count):
+        x[e] *= scale[e]
+        for c in range(count):
+            D[e, c] *= scale[e] * scale[c]
+    pivoted_solve(D, order, pivoted_factor(D, order, _REPEATS), x)
+    f[:] = 0.0
+    for e in range(count):
+        for r in range(m):
+            f[r] += N[e, r] * x[e] * scale[e]
+    accelerated(terms, np.zeros(len(parent)), parent, f, out)
+
+
+_WRITTEN, _WHOLE, _TABLE, _FLAGS = array(1, written=True), array(1, COUNT), array(2, COUNT), array(1, FLAG)
+_TERMS = (
+    array(2, layout="A"), array(2, layout="A"), array(1), array(2), array(2), array(2), _WHOLE,
+    _TABLE, array(2), _TABLE, array(1), array(1), array(1), array(1), _WRITTEN,
+)  # fmt: skip
+_POINTS = (_WHOLE, array(3), array(2), array(3), array(1))
+_STEP = (array(1), array(1), array(1), array(1), array(1), _FLAGS, NUMBER, FLAG)
+advance = compiled(_advance, signature((COUNT, NUMBER), *_TERMS, *_STEP, *_POINTS, _WRITTEN, _WRITTEN, _WRITTEN))
+toward = compiled(_toward, signature(None, *_TERMS, *_POINTS, _FLAGS, array(1), _WRITTEN))
 
 
 @compiled

@@ -31,7 +31,7 @@ from dataclasses import replace
 import numpy as np
 
 from rbd.arrays import Array, filled
-from rbd.constraints.contact_points import sources_of
+from rbd.constraints.contact_points import SLIDES, sources_of
 from rbd.model.dynamics import kinetic_energy
 from rbd.model.state import State
 from rbd.simulation.bases import Bases
@@ -43,7 +43,7 @@ from rbd.simulation.impacts import AT_REST, impact_answer
 from rbd.simulation.implicit_forces import ElementTerms, ImplicitElements
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, Touch, WholeStep
 from rbd.simulation.simulated_motion import SimulatedMotion
-from rbd.simulation.stacked_points import SLIDES, PointMatching, Points, Snapshot, stopping, turned_back
+from rbd.simulation.stacked_points import PointMatching, Points, Snapshot, stopping, turned_back
 from rbd.simulation.velocity_problem import StepEquations, VelocityAnswer, solve_velocity
 
 _SLOW = 0.2
@@ -360,7 +360,7 @@ class StepSystem:
             passed.append(StepRecord(start.t, h, layout, force, velocity, answer.velocity, closed))
             if not self.correction.in_place(end, gaps):
                 made, moved, pressed = end, 0.5 * h * velocity[layout.normals], closed & (answer.impulse[layout.normals] > 0.0)
-                end = self.correction.positions(made, t, pressed, gaps.size)
+                end = self.correction.positions(made, t, pressed, gaps.size, self.ground)
                 if end is not made and (caught or self.correction.owes(start.at, made, pressed, moved)):
                     other_work += energy(self.motion, end.state) - energy(self.motion, made.state)
             if answer.redundant and self.correction.bilateral:

@@ -42,15 +42,15 @@ EXACT = 1e-10
 """Scaled merit below which weights are accepted."""
 STILL = 1e-13
 """Scaled velocity of sticking rows that counts as zero."""
-_ROUNDING = 1e-14
+ROUNDING = 1e-14
 """Tolerance of velocities, times the root of a point's effective mass [kg^1/2 m/s]."""
 _MOST_CHOICES = 500
 """Number of cached sets of active points, and of step lengths if forces are bounded, for one layout."""
 _NOTHING = 1e-100
 """Velocities below this are zero [m/s, rad/s]: divided by them, others would overflow."""
-_QUICK = 10
+QUICK = 10
 """Iterations of Newton's method before another is tried; started from the step before it usually takes two."""
-_FINE = 1e-10
+FINE = 1e-10
 """Proximal term of its second attempt: half of those that stall at a merit of 1e-10 to 1e-7 end here."""
 
 
@@ -244,14 +244,6 @@ def _contradiction(rows: ActiveRows, at: Snapshot, missed: float) -> float:
     return missed
 
 
-class Undecided(Exception):
-    """The first methods have found no impulses, and there is no problem for the last ones."""
-
-
-def _undecided() -> GaussProblem:
-    raise Undecided
-
-
 def point_impulses(
     rows: ActiveRows,
     D: Array,
@@ -260,7 +252,7 @@ def point_impulses(
     shift: Array | None,
     h: float,
     law: str,
-    problem: Callable[[], GaussProblem] = _undecided,
+    problem: Callable[[], GaussProblem],
 ) -> tuple[Array, float, bool]:
     """(row impulses, residual of the law, whether they are known to be of least norm).
 
@@ -276,12 +268,11 @@ def point_impulses(
 
     Raises:
         NoSolution: there are none.
-        Undecided: the last methods are needed, and no `problem` was given.
     """
     if rows.sets.bilateral:
         return *_bilateral(D, u, max(h, max_abs(u)) or 1.0, problem), False
     if shift is None and rows.sticking is not None:
-        held = rows.sticking.shortest_or_near(D, u, guess, STILL)
+        held = rows.sticking.impulses(D, u, guess, STILL, shortest=True)
         if held is not None:
             return held
     T, coulomb = rows.sets, law == "coulomb"
@@ -304,7 +295,7 @@ def point_impulses(
 
 def _quick(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tuple[Array, float] | None:
     """(row impulses, merit) by the first steps of `_newton`, compiled; None where they do not lead to an answer."""
-    found = compiled_weights(D, u, T, guess, coulomb=coulomb, iterations=_QUICK)
+    found = compiled_weights(D, u, T, guess, coulomb=coulomb, iterations=QUICK)
     if found is None or not found[1] <= _least_merit(found[2]):
         return None
     return found[:2]
@@ -314,14 +305,14 @@ def _newton(D: Array, u: Array, T: ForceSet, guess: Array, coulomb: bool) -> tup
     """(scaled weights, merit, the scaled problem) by Newton's method from a guess."""
     S = scaled(D, u, T)
     exact = _least_merit(S.rate)
-    x, merit, _ = steps_from(S, S.guess(guess), coulomb=coulomb, iterations=_QUICK)
+    x, merit, _ = steps_from(S, S.guess(guess), coulomb=coulomb, iterations=QUICK)
     if merit > exact:  # rows that are nearly dependent: the steps' own regularisation stalls them
-        finer, less, _ = steps_from(S, x, coulomb=coulomb, iterations=_QUICK, proximal=_FINE)
+        finer, less, _ = steps_from(S, x, coulomb=coulomb, iterations=QUICK, proximal=FINE)
         if less <= exact:
             return finer, less, S
     if merit > exact:  # dependent rows: ADMM first, then exact
         near, _ = admm(S, x, coulomb=coulomb, iterations=200, tolerance=1e-6)
-        x, merit, _ = steps_from(S, near, coulomb=coulomb, iterations=_QUICK)
+        x, merit, _ = steps_from(S, near, coulomb=coulomb, iterations=QUICK)
     if merit > exact:
         x, merit = yielding_steps(S, x, coulomb=coulomb)
     return x, merit, S
@@ -381,7 +372,7 @@ def independent_rows(
 
 def _least_merit(rate: float) -> float:
     """Largest merit of an answer: for tiny velocities rounding exceeds `EXACT`."""
-    return max(EXACT, _ROUNDING / rate)
+    return max(EXACT, ROUNDING / rate)
 
 
 def _bilateral(D: Array, u: Array, size: float, problem: Callable[[], GaussProblem]) -> tuple[Array, float]:

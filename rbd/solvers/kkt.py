@@ -2,25 +2,20 @@
 
 from __future__ import annotations
 
-import math
 import time
 from dataclasses import dataclass, replace
+from functools import cache
+from types import ModuleType
 
 import numpy as np
 
-from rbd.arrays import RANK, Array, blas, lapack, max_abs
+from rbd.arrays import RANK, Array, blas, lapack, zeros
 from rbd.displayed import Displayed
 from rbd.problem.answer import Answer
 from rbd.problem.force_set import ForceSet, at_rest
 from rbd.problem.gauss_problem import BILATERAL, GaussProblem, Law, checked
 from rbd.problem.residuals import SOLVED
 from rbd.solvers.refinement import refined
-
-_DAMPING = 1e-7
-"""Regularisation for redundant rows, over the largest diagonal entry of D; each round reduces the residual to this share."""
-_TO_AND_FRO = 4
-"""Alternating projections tried; where contacts slip, more of them do not help."""
-_ROUNDS = 6
 
 
 @dataclass(frozen=True)
@@ -125,95 +120,25 @@ class StickingSolver:
     """
 
     def __init__(self, parts: ForceSet) -> None:
-        self._bounded = np.flatnonzero(np.isfinite(parts.lower) | np.isfinite(parts.upper))
-        self._lower, self._upper = parts.lower[self._bounded], parts.upper[self._bounded]
-        self._cones = parts.cone_columns.ravel()
-        self._all_cones = np.array_equal(self._cones, np.arange(parts.size))
-        self._mu = parts.mu
-
-    def shortest_or_near(self, D: Array, u: Array, guess: Array, exact: float) -> tuple[Array, float, bool] | None:
-        """(impulses, error, whether they are of least norm): those of `impulses` from zero, else those from the guess."""
-        factor = self._damped_factor(D)
-        if factor is None:
-            return None
-        found = self.impulses(D, u, np.zeros(len(u)), exact, others=False, factor=factor)
-        if found is not None:
-            return *found, True
-        found = self.impulses(D, u, guess, exact, factor=factor)
-        return None if found is None else (*found, False)
-
-    def _damped_factor(self, D: Array) -> tuple[Array, float] | None:
-        """(upper factor of D + k 1, root of the largest diagonal entry of D over the least); None where there is none."""
-        sizes = [size for size in D.diagonal().tolist() if size > 0.0]  # a row with D_ii = 0, as in a plane, is at rest
-        if not sizes:
-            return None
-        top, damped = max(sizes), D.copy()
-        damped.ravel()[:: len(D) + 1] += _DAMPING * top
-        R, info = lapack.dpotrf(damped, lower=0, clean=0)
-        return None if info != 0 else (R, math.sqrt(top / min(sizes)))
+        bounds = (np.array(parts.lower), np.array(parts.upper)) if parts.mu.size * 3 < parts.size else (zeros(0), zeros(0))
+        self.sets = (np.array(parts.cone_at, np.int64), np.array(parts.mu), *bounds)
 
     def impulses(
-        self, D: Array, u: Array, guess: Array, exact: float, *, others: bool = True, factor: tuple[Array, float] | None = None
-    ) -> tuple[Array, float] | None:
-        """(impulses w, how far D w + u is from zero, scaled), or None if no row impulses near the guess bring all rows to rest.
+        self, D: Array, u: Array, guess: Array, exact: float, *, shortest: bool = False, others: bool = True
+    ) -> tuple[Array, float, bool] | None:
+        """(impulses w, how far D w + u is from zero, scaled, whether they are the shortest), or None if none are found.
 
-        With redundant rows it is the answer nearest to the guess, in the Euclidean norm: by Newton's steps with
-        D + k 1, k small, in place of D.
-
-        Args:
-            D: Row velocities of unit impulses, shape (m, m).
-            u: Row velocities without impulses, shape (m,).
-            guess: Where to start, shape (m,).
-            exact: Tolerance of an answer, over the largest of u, in units where each diagonal entry of D is one.
-            others: Whether to search farther from the guess where the nearest answer is outside the sets.
-            factor: That of D, if it is known.
+        With redundant rows it is the answer nearest to the guess, in the Euclidean norm; arguments as of `kkt_kernel.holding`.
         """
-        rate, factor = max_abs(u), factor or self._damped_factor(D)
-        if factor is None or rate == 0.0:
-            return None
-        (R, ratio), w, missed = factor, guess, D @ guess + u
-        unit = ratio / rate  # an upper bound: of the scaled error, over the largest entry of `missed`
-        last = False
-        for i in range(_ROUNDS):
-            w = w - lapack.dpotrs(R, missed)[0]
-            if i == 0 and not self._allow(w):  # near enough to decide
-                other = self._allowed(w, R, D, u) if others else None
-                if other is None:
-                    return None
-                w = other
-            missed = D @ w + u
-            merit = unit * max_abs(missed)
-            if merit <= exact and (others or last):  # from zero one more round, to rounding: a body at rest must not creep
-                return (w, merit) if i == 0 or self._allow(w) else None
-            last = merit <= exact
-        return None
+        w = np.empty(len(u))
+        D, u, guess = np.ascontiguousarray(D), np.ascontiguousarray(u), np.ascontiguousarray(guess)
+        merit, least = kkt_kernel().holding(D, u, guess, exact, shortest, others, *self.sets, w)
+        return (w, merit, least) if merit <= exact else None
 
-    def _allowed(self, w: Array, R: Array, D: Array, u: Array) -> Array | None:
-        """Other impulses in their sets that bring all rows to rest, by alternating projections; None if not found soon.
 
-        Four corners share a load redundantly: if the nearest distribution pulls at one corner, another does not.
-        """
-        if not self._all_cones:
-            return None
-        for _ in range(_TO_AND_FRO):
-            x, y, n = w.reshape(-1, 3).T
-            pushes = np.maximum(n, 0.01 * (np.add.reduce(np.abs(n)) / len(n)))
-            shrink = np.minimum(0.99 * self._mu * pushes / np.maximum(np.hypot(x, y), 1e-300), 1.0)
-            inside = np.empty(len(w))
-            inside[0::3], inside[1::3], inside[2::3] = shrink * x, shrink * y, pushes
-            w = inside - lapack.dpotrs(R, D @ inside + u)[0]
-            if self._allow(w):
-                return w
-        return None
+@cache
+def kkt_kernel() -> ModuleType:
+    """`rbd.solvers.kkt_kernel`, imported with the first step that needs it: it imports Numba."""
+    from rbd.solvers import kkt_kernel
 
-    def _allow(self, w: Array) -> bool:
-        """Whether impulses are in their sets."""
-        if self._cones.size:
-            x, y, n = (w if self._all_cones else w[self._cones]).reshape(-1, 3).T
-            # Where n is negative the comparison is false, as it must be.
-            if not (np.hypot(x, y) <= self._mu * n).all():
-                return False
-        if self._bounded.size:
-            some = w[self._bounded]
-            return bool(((self._lower <= some) & (some <= self._upper)).all())
-        return True
+    return kkt_kernel

@@ -110,3 +110,50 @@ def independent(rows: Array, count: int, tolerance: float) -> int:
                 for r in range(dim):
                     rows[i, r] -= along * rows[k, r]
     return min(count, dim)
+
+
+@compiled
+def pivoted_factor(A: Array, order: Array, tolerance: float) -> int:
+    """The lower factor of a symmetric A without negative eigenvalues in the columns of its pivots, in place: their number.
+
+    Args:
+        A: Written.
+        order: Written: its rows, those of the pivots first, in their order.
+        tolerance: Smaller pivots are zero.
+    """
+    n = len(A)
+    for r in range(n):
+        order[r] = r
+    for rank in range(n):
+        best = rank
+        for e in range(rank + 1, n):
+            if A[order[e], order[e]] > A[order[best], order[best]]:
+                best = e
+        order[rank], order[best] = order[best], order[rank]
+        i = order[rank]
+        if not A[i, i] > tolerance:
+            return rank
+        A[i, i] = math.sqrt(A[i, i])
+        for j in order[rank + 1 :]:
+            A[j, i] /= A[i, i]
+        for j in order[rank + 1 :]:
+            for c in order[rank + 1 :]:
+                A[j, c] -= A[j, i] * A[c, i]
+    return n
+
+
+@compiled
+def pivoted_solve(A: Array, order: Array, rank: int, x: Array) -> None:
+    """A^-1 x in the rows of the pivots, in place, and zero in others: a solution where there is one."""
+    for e in range(rank):
+        i = order[e]
+        for c in range(e):
+            x[i] -= A[i, order[c]] * x[order[c]]
+        x[i] /= A[i, i]
+    for e in range(rank - 1, -1, -1):
+        i = order[e]
+        for c in range(e + 1, rank):
+            x[i] -= A[order[c], i] * x[order[c]]
+        x[i] /= A[i, i]
+    for i in order[rank:]:
+        x[i] = 0.0

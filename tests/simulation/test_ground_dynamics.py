@@ -145,31 +145,42 @@ def test_residuals_see_an_answer_that_is_wrong(monkeypatch, name, wrong):
     assert right.answer.least and fast.law_residual(right, right.a) < 1e-9
     ground = fast.ground
     assert ground is not None
-    dynamics = Workspace.held
+    terms, advance = Workspace.terms, ground._kernel.advance
+
+    def changed(change):
+        def advanced(*given):
+            found = advance(*given)
+            change(*given[-3:])
+            return found
+
+        monkeypatch.setattr(ground._kernel, "advance", advanced)
+
     if wrong == "a sign":
-        ground._forces.matrix[::3] *= -1.0
+
+        def turned(v, impulse, velocity):
+            impulse[::3] *= -1.0
+
+        changed(turned)
     elif wrong == "a stale force":
-        fast._finish(right, H)
-        stale = ground._workspace.row_forces.copy()  # that of the step's middle
-
-        def forgetful(*given):
-            a = dynamics(*given)
-            ground._workspace.row_forces[:] = stale
-            return a
-
-        monkeypatch.setattr(Workspace, "held", forgetful)
+        fast._finish(right, H)  # terms are those of the step's middle
+        monkeypatch.setattr(Workspace, "terms", lambda *given: None)
     elif wrong == "another configuration":
 
-        def elsewhere(space, q, *rest):
-            return dynamics(space, pin.integrate(space._model, q, np.full(space._model.nv, 1e-4)), *rest)
+        def elsewhere(space, model, q, *rest):
+            terms(space, model, pin.integrate(model, q, np.full(model.nv, 1e-4)), *rest)
 
-        monkeypatch.setattr(Workspace, "held", elsewhere)
+        monkeypatch.setattr(Workspace, "terms", elsewhere)
     elif wrong == "a wrong site":
         ground._workspace.sites[0, 9] += 1e-3
     elif wrong == "another acceleration":
-        monkeypatch.setattr(Workspace, "held", lambda *given: dynamics(*given) + 1e-4)
+
+        def faster(v, impulse, velocity):
+            v += 1e-4 * H
+
+        changed(faster)
     else:
-        ground._forces.matrix[0] *= 1.0 + 1e-3
+        of, axes, arms, shares, mu = ground._constants
+        ground._constants = of, axes, arms, shares * (1.0 + 1e-3 * (np.arange(len(shares)) == 0))[:, None, None], mu
     corrupted = fast.solved(now, H)
     assert fast.law_residual(corrupted, corrupted.a) > 1e-7
 
@@ -206,7 +217,7 @@ def test_dependent_rows_step_the_general_way(monkeypatch):
     monkeypatch.setattr(StepSystem, "_general", lambda self, *given: asked.append(1) or general(self, *given))
     fast.solved(now, H)
     assert not asked
-    monkeypatch.setattr(Workspace, "held", lambda self, *given: None)
+    monkeypatch.setattr(fast.ground._kernel, "advance", lambda *given: (fast.ground._kernel.UNDECIDED, np.inf))
     assert close(fast.solved(now, H).answer.v, known.answer.v) and asked
 
 

@@ -11,8 +11,8 @@ from flat_bodies import flat_body, flat_state, floor_point, free_body, free_stat
 
 import rbd
 from rbd.constraints.contact_points import sources_of
-from rbd.simulation.recording import _inside, _settled, _shortest
-from rbd.simulation.stacked_points import Points
+from rbd.simulation.recording import _inside, _settled
+from rbd.simulation.stacked_points import Points, point_kernel
 
 G = 9.81
 STEPPING = pytest.mark.parametrize("integrator", [rbd.TimeStepping(), rbd.TimeStepping(extrapolate=True)])
@@ -21,6 +21,11 @@ BOX_KG, HALF, DEPTH = 10.0, (0.1, 0.1), 0.05
 
 def _box():
     return free_body(BOX_KG, [0.1, 0.1, 0.15])
+
+
+def _shortest(G, g):
+    y, z = np.zeros(len(G)), np.zeros(len(g))
+    return y if point_kernel().spanned(G, np.ones(len(G), bool), len(G), g, y, z) else None
 
 
 def _corner_forces(found, i, name="sole"):
@@ -182,7 +187,7 @@ def test_a_slide_with_less_friction_than_its_own_is_left_to_the_long_way(used):
     start = free_state(_box(), (0.0, 0.0, DEPTH), v=(1.0, 0.0, 0.0))
     at = Points(sources_of([sole("body", HALF, DEPTH, 0.4)], start)).at(start, 0.0)
     force = np.tile([-0.4 * used, 0.0, 1.0], 4) * BOX_KG * G / 4.0
-    found = _inside(at, np.ones(4, bool), at.velocity, force, at.J.T @ force, "coulomb")
+    found = _inside(at, np.ones(4, bool), at.velocity, force, "coulomb")
     assert (found is None) == (used < 1.0)
     if found is not None:
         assert found == pytest.approx(force, abs=1e-9)  # alike at all corners: the shortest with that sum and moment

@@ -147,6 +147,11 @@ class Workspace:
             np.array(model.gravity.linear),
         )
 
+    def terms(self, model: pin.Model, q: Array, v: Array) -> None:
+        """Compute what `row_kernel` reads, of a model with the same joints, perhaps other rotor inertias."""
+        pin.crba(model, self.data, q, WORLD)
+        pin.nonLinearEffects(model, self.data, q, v)
+
     def held(self, q: Array, v: Array, generalised: Array, model: pin.Model | None = None) -> Array | None:
         """Acceleration a that gives every row none, J a + J_dot v = 0; None if rows may be dependent.
 
@@ -158,17 +163,10 @@ class Workspace:
             generalised: S^T tau + tau_ext, shape (nv,).
             model: In place of the robot's, one with other rotor inertias.
         """
-        model, a = self._model if model is None else model, np.empty(len(v))
-        pin.crba(model, self.data, q, WORLD)
-        pin.nonLinearEffects(model, self.data, q, v)
+        a = np.empty(len(v))
+        self.terms(self._model if model is None else model, q, v)
         firm = self._kernel.row_terms(*self.read, *self.fixed, v, generalised, self.memory, a, self.row_forces)
         return a if firm else None
-
-    def change(self, s: Array) -> tuple[Array, Array]:
-        """(M^-1 J^T L s, L s): what row accelerations s, shape (m,), add to the acceleration and to the row forces."""
-        a, f = np.empty(self._model.nv), np.empty(len(s))
-        self._kernel.row_change(s, self._parents, self.memory, a, f)
-        return a, f
 
 
 class Workspaces:

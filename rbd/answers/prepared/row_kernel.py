@@ -451,10 +451,10 @@ def holding_forces(terms: Terms, f: Array) -> int:
 
 
 @compiled
-def row_change(s: Array, parent: Array, space: Array, a: Array, f: Array) -> None:
-    """F = (J M^-1 J^T)^-1 s and a = M^-1 J^T f, by what `row_terms` left."""
-    terms = terms_in(space, len(a), len(f))
+def row_forces(terms: Terms, s: Array, scale: float, f: Array) -> None:
+    """Add (J M^-1 J^T)^-1 s times a scale to f, by the factors of `holding_forces`; s becomes what is added."""
     for r in range(len(f)):
-        f[r] = s[r]
-    _rows_solved(terms.C, f)
-    accelerated(terms, np.zeros(len(a)), parent, f, a)
+        s[r] *= scale
+    _rows_solved(terms.C, s)
+    for r in range(len(f)):
+        f[r] += s[r]

@@ -1,0 +1,205 @@
+"""Compiled arithmetic on stacked points: forces of least norm, and points that slide throughout a step or stop within it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from rbd.arrays import Array
+from rbd.constraints.contact_points import SLIDES
+from rbd.kernels import COUNT, FLAG, array, compiled, signature
+from rbd.solvers.small_systems import pivoted_factor, pivoted_solve
+
+_REPEATS, _ROUNDS, _SAME = 1e-11, 3, 1e-12
+"""Pivots up to this are of linearly dependent rows; rounds of refinement; tolerance of forces, over their size."""
+
+
+def _spanned(G: Array, used: Array, count: int, g: Array, y: Array, z: Array) -> bool:
+    """Write the shortest y with G^T y = g of the rows in use, y = G z; False where none is exact enough."""
+    n, most = len(g), 0.0
+    S, scale, order, missed = np.zeros((n, n)), np.zeros(n), np.empty(n, np.int64), np.empty(n)
+    for e in range(count):
+        for r in range(n if used[e] else 0):
+            if G[e, r] != 0.0:
+                for s in range(n):
+                    S[r, s] += G[e, r] * G[e, s]
+    for r in range(n):
+        most = max(most, abs(g[r]))
+        scale[r] = 1.0 / math.sqrt(S[r, r]) if S[r, r] > 0.0 else 0.0
+    for r in range(n):
+        for s in range(n):
+            S[r, s] *= scale[r] * scale[s]
+    rank = pivoted_factor(S, order, _REPEATS)
+    z[:] = 0.0
+    for _ in range(_ROUNDS + 1):
+        missed[:] = g
+        for e in range(count):
+            y[e] = 0.0
+            for r in range(n if used[e] else 0):
+                y[e] += G[e, r] * z[r]
+            for r in range(n):
+                missed[r] -= G[e, r] * y[e]
+        off = 0.0
+        for x in missed:
+            off = max(off, abs(x))
+        if off <= _SAME * most:
+            return True
+        missed *= scale
+        pivoted_solve(S, order, rank, missed)
+        for r in range(n):
+            z[r] += scale[r] * missed[r]
+    return False
+
+
+_WRITTEN, _WHOLE, _FLAGS, _ROWS = array(1, written=True), array(1, COUNT), array(1, FLAG), array(1, layout="A")
+spanned = compiled(_spanned, signature(FLAG, array(2), _FLAGS, COUNT, array(1), _WRITTEN, _WRITTEN))
+
+
+def _shortest(
+    J: Array, widths: Array, normals: Array, pushes: Array, rubs: Array, slides: Array, mu: Array,
+    active: Array, velocity: Array, force: Array, coulomb: bool, out: Array,
+) -> bool:  # fmt: skip
+    """`rbd.simulation.recording.least_forces` without the edges of cones but those along which points slide; False: not found.
+
+    Args:
+        J: Rows by which forces act, shape (p, n): their Jacobian, or what has the same J^T f = 0.
+        widths: As of `PointLayout`, as are the next five.
+        normals: As there.
+        pushes: As there.
+        rubs: As there.
+        slides: As there.
+        mu: As there.
+        active: Which points are active.
+        velocity: Velocities of the rows.
+        force: Forces of the rows, which obey the law.
+        coulomb: Coulomb's law; else the convex one.
+        out: Written: the shortest forces with the same J^T f.
+    """
+    p, n = J.shape
+    G, edge, at, ray = np.zeros((p, n)), np.zeros((p, 3)), np.empty(p, np.int64), np.zeros(p, np.bool_)
+    g, y, z, used, count = np.zeros(n), np.empty(p), np.empty(n), np.ones(p, np.bool_), 0
+    for j in range(p):
+        if force[j] != 0.0:
+            for r in range(n):
+                g[r] += J[j, r] * force[j]
+    for i in range(len(active)):
+        if not active[i]:
+            continue
+        j, speed = normals[i], 0.0
+        if slides[i]:
+            speed = np.hypot(velocity[j - 2], velocity[j - 1]) if rubs[i] else abs(velocity[j])
+        if pushes[i] and velocity[j] > SLIDES + (0.0 if coulomb else mu[i] * speed):
+            continue
+        if speed > SLIDES:
+            if not rubs[i]:
+                return False  # a bound determines the force of dry friction
+            x, along, size = edge[count], np.hypot(force[j - 2], force[j - 1]), 1.0 / math.sqrt(1.0 + mu[i] * mu[i])
+            for e in range(2):
+                x[e] = mu[i] * size * (force[j - 2 + e] / along if along > 0.0 else -velocity[j - 2 + e] / speed)
+            x[2], at[count], ray[count] = size, j, True
+            for r in range(n):
+                G[count, r] = x[0] * J[j - 2, r] + x[1] * J[j - 1, r] + x[2] * J[j, r]
+            count += 1
+            continue
+        for row in range(j + 1 - widths[i], j + 1):
+            G[count], at[count] = J[row], row
+            count += 1
+    for _ in range(count + 1):  # a ray that would pull has no force
+        if not spanned(G, used, count, g, y, z):
+            return False
+        worst, size = -1, 1.0
+        for e in range(count):
+            size = max(size, abs(y[e]))
+        least = -_SAME * size
+        for e in range(count):
+            if ray[e] and y[e] < least:
+                worst, least = e, y[e]
+        if worst < 0:
+            break
+        used[worst] = False
+    out[:] = 0.0
+    for e in range(count):
+        if ray[e]:
+            for r in range(3):
+                out[at[e] - 2 + r] = y[e] * edge[e, r]
+        else:
+            out[at[e]] = y[e]
+        if not used[e]:
+            gain = 0.0
+            for r in range(n):
+                gain += G[e, r] * z[r]
+            if gain > 1e-9 * size:
+                return False
+    for i in range(len(active)):
+        j = normals[i]
+        if pushes[i] and out[j] < -_SAME * size or rubs[i] and np.hypot(out[j - 2], out[j - 1]) > mu[i] * out[j] + _SAME * size:
+            return False
+    return True
+
+
+shortest = compiled(
+    _shortest,
+    signature(
+        FLAG, array(2), _WHOLE, _WHOLE, _FLAGS, _FLAGS, _FLAGS, array(1), _FLAGS, _ROWS, _ROWS, FLAG, _WRITTEN
+    ),
+)  # fmt: skip
+
+
+def _turned_back(
+    normals: Array, rubs: Array, active: Array, u: Array, change: Array, pushed: Array, out: Array
+) -> bool:  # fmt: skip
+    """Write `stacked_points.turned_back`; whether some point slides throughout."""
+    found = False
+    for j in range(len(out)):
+        out[j] = 0.0
+    for i in range(len(active)):
+        n = normals[i]
+        if rubs[i] and active[i] and pushed[n] > 0.0:
+            speed = np.hypot(u[n - 2], u[n - 1])
+            if speed > SLIDES and speed > 4.0 * np.hypot(change[n - 2], change[n - 1]):
+                out[n - 2], out[n - 1], found = -change[n - 2], -change[n - 1], True
+    return found
+
+
+turned_back = compiled(_turned_back, signature(FLAG, _WHOLE, _FLAGS, _FLAGS, _ROWS, _ROWS, _ROWS, _WRITTEN))
+
+
+def _stopping(
+    normals: Array, rubs: Array, slides: Array, u: Array, end: Array, pushed: Array, out: Array
+) -> bool:  # fmt: skip
+    """Write `stacked_points.stopping`, for each of those that can slide; whether some point does."""
+    found, s = False, 0
+    for i in range(len(slides)):
+        if not slides[i]:
+            continue
+        n = normals[i]
+        x, y, p, q = u[n], 0.0, end[n], 0.0
+        if rubs[i]:
+            x, y, p, q = u[n - 2], u[n - 1], end[n - 2], end[n - 1]
+        turns = np.hypot(p, q) <= SLIDES or x * p + y * q < 0.0
+        out[s] = pushed[n] != 0.0 and turns and np.hypot(x, y) > 10.0 * SLIDES
+        found, s = found or out[s], s + 1
+    return found
+
+
+stopping = compiled(_stopping, signature(FLAG, _WHOLE, _FLAGS, _FLAGS, _ROWS, _ROWS, _ROWS, array(1, FLAG, written=True)))
+
+
+def _sliding(
+    normals: Array, rubs: Array, slides: Array, velocity: Array, closed: Array, closed_before: Array, before: Array, out: Array
+) -> bool:  # fmt: skip
+    """Write which closed points slide; whether they, or those that are closed, are others than before."""
+    changed = False
+    for i in range(len(slides)):
+        n, speed = normals[i], 0.0
+        if slides[i]:
+            speed = np.hypot(velocity[n - 2], velocity[n - 1]) if rubs[i] else abs(velocity[n])
+        out[i] = closed[i] and speed > SLIDES
+        changed = changed or out[i] != before[i] or closed[i] != closed_before[i]
+    return changed
+
+
+sliding = compiled(
+    _sliding, signature(FLAG, _WHOLE, _FLAGS, _FLAGS, _ROWS, _FLAGS, _FLAGS, _FLAGS, array(1, FLAG, written=True))
+)
