@@ -30,9 +30,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from rbd.arrays import Array, filled
+from rbd.arrays import Array, filled, is_finite
 from rbd.constraints.contact_points import SLIDES, sources_of
-from rbd.model.dynamics import kinetic_energy
+from rbd.errors import NoSolution
+from rbd.model.dynamics import kinetic_energy, unconstrained
 from rbd.model.state import State
 from rbd.simulation.bases import Bases
 from rbd.simulation.contact_gaps import BodySizes, Correction, first_crossing
@@ -44,7 +45,7 @@ from rbd.simulation.implicit_forces import ElementTerms, ImplicitElements
 from rbd.simulation.instant import HalfStep, Instant, Passed, PreviousStep, Step, Touch, WholeStep
 from rbd.simulation.simulated_motion import SimulatedMotion
 from rbd.simulation.stacked_points import PointMatching, Points, Snapshot, stopping, turned_back
-from rbd.simulation.velocity_problem import StepEquations, VelocityAnswer, solve_velocity
+from rbd.simulation.velocity_problem import StepEquations, VelocityAnswer, not_finite, solve_velocity
 
 _SLOW = 0.2
 """Longest half step over the time scale of force elements in which their forces are taken as constant."""
@@ -183,9 +184,14 @@ class StepSystem:
         """`_answer` by M + E, h and J."""
         state, t, at, _, active, start, h, u, error, mean = equations
         at = at or self.points.at(state, t)
-        M = state.M if E is None else state.M + E
         begins, share = (u, 1.0) if mean is None else (at.velocity + at.J @ (mean - state.v), 0.5)
         offset = begins - at.J @ start + share * h * at.bias
+        if E is None and not active.any():  # without M and its factors
+            v = start + h * unconstrained(state, applied)
+            if not is_finite(v):
+                raise NoSolution(not_finite(state.robot))
+            return VelocityAnswer(v, np.zeros(len(offset)), at.J @ v + offset, 0.0, norms=norms)
+        M = state.M if E is None else state.M + E
         rhs = M @ start + h * (applied - state.h)
         wanted = self.correction.wanted(at.layout, u, error, h)
         answer = solve_velocity(

@@ -26,6 +26,7 @@ from rbd.arrays import Array, blas, inertia_factor, is_finite, lapack, max_abs
 from rbd.errors import NoSolution
 from rbd.mechanism.projection import ZERO
 from rbd.mechanism.redundant_accelerations import CONTRADICTION, INDEPENDENT, OWED
+from rbd.model.checked_model import CheckedModel
 from rbd.model.state import State
 from rbd.problem.cones import Bounds, Cone, Product
 from rbd.problem.force_set import ForceSet, at_rest
@@ -202,7 +203,7 @@ def solve_velocity(
     L = inertia_factor(M)
     y = blas.dtrsv(L, rhs, lower=1)
     if not is_finite(y):
-        raise NoSolution(f"the momentum of {at.state.robot.name}, or a force on it, is not finite at this state.")
+        raise NoSolution(not_finite(at.state.robot))
     merit, least, redundant = 0.0, False, False
     if rows.sets.size:
         J, c, left_out = at.J[index], offset[index], 0.0
@@ -228,6 +229,11 @@ def solve_velocity(
         y = y + W @ f
     v = blas.dtrsv(L, y, lower=1, trans=1)
     return VelocityAnswer(v, impulse, at.J @ v + offset, merit, least, norms, redundant)
+
+
+def not_finite(robot: CheckedModel) -> str:
+    """Message: what has no velocity."""
+    return f"the momentum of {robot.name}, or a force on it, is not finite at this state."
 
 
 def _contradiction(rows: ActiveRows, at: Snapshot, missed: float) -> float:
