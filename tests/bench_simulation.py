@@ -18,6 +18,7 @@ from functools import cache
 import mujoco
 import mujoco.rollout
 import numpy as np
+import pinocchio as pin
 from bench_timing import CLOCK, Row, once
 from mujoco_bridge import MujocoTwin
 from rich.table import Table
@@ -33,6 +34,16 @@ MARKS = {"talos": (8.0, 5.0), "solo12": (16.0, 9.0)}
 """Of a step of ours, in steps of MuJoCo's."""
 REST_MARKS = {"talos": (4.0, 3.0), "solo12": (8.0, 5.0)}
 """The same at rest, as a user calls it."""
+SLIDE_MARKS = {"talos": (8.0,), "solo12": (12.0,)}
+"""The same on feet that slide at `SLIDES` [m/s] with a friction of `SLIPPERY` throughout."""
+SLIDES, SLIPPERY = 0.3, 0.05
+BOX_MARKS = (30.0,)
+BOXES = {
+    "slides": ((0.4, 0.4, 0.2), 0.3, (3.0, 0.0, 0.0, 0.0, 0.0, 0.0)),
+    "tips about an edge": ((0.2, 0.4, 0.8), 0.9, (0.4, 0.0, 0.1, 0.0, 1.0, 0.0)),
+}
+"""Lengths [m], friction, and velocity of a box of `BOX_KG` on the ground."""
+BOX_KG = 10.0
 STATES = 10_000
 THEIRS, FORWARD, ROLLOUT = (
     "MuJoCo mj_step, Euler",
@@ -212,17 +223,25 @@ class Bench:
                 at.append(run.state(-1))
         return {name: statistics.median(t) for name, t in times.items()}
 
-    def at_rest(self) -> float:
-        """A step of ours in steps of MuJoCo's, medians of turns: at rest, constant torques from Python, every step recorded."""
-        standing = self.swaying.with_velocity(np.zeros(self.swaying.robot.nv))
+    def by_user(self, speed: float = 0.0, friction: float = FRICTION) -> float:
+        """A step of ours in steps of MuJoCo's, medians of turns: constant torques from Python, every step recorded.
+
+        Args:
+            speed: Of the robot along x [m/s].
+            friction: Of its feet.
+        """
+        standing = self.swaying.with_velocity(speed * np.eye(self.swaying.robot.nv)[0])
         held = replace(self.held, stiffness=np.zeros_like(self.held.stiffness), damping=np.zeros_like(self.held.damping))
         tau, ours, theirs = held.torque, list[float](), list[float]()
+        feet = [foot.with_friction(friction) for foot in self.feet]
         for _ in range(ROUNDS):
-            theirs.append(InMujoco(standing, self.feet).steps(TURN, held))
+            twin = InMujoco(standing, feet)
+            twin.model.geom_friction[:, 0] = friction
+            theirs.append(twin.steps(TURN, held))
             ours.append(
                 once(
                     lambda: rbd.simulate(
-                        standing, self.feet, duration=TURN * STEP, step=STEP, controller=lambda state, t: tau, progress=False
+                        standing, feet, duration=TURN * STEP, step=STEP, controller=lambda state, t: tau, progress=False
                     )
                 )
             )
@@ -286,7 +305,38 @@ def step_rows() -> list[Row]:
         Row(what, {name: times[DEFAULT] / times[THEIRS]}, "x mj_step", MARKS[name]) for name, (_, times) in robots().items()
     ]
     rest = f"the same at rest, constant torques from Python, every step recorded, of {1e3 * STEP:g} ms"
-    return rows + [Row(rest, {name: bench.at_rest()}, "x mj_step", REST_MARKS[name]) for name, (bench, _) in robots().items()]
+    slides = f"the same sliding at {SLIDES:g} m/s, friction {SLIPPERY:g}"
+    for name, (bench, _) in robots().items():
+        rows.append(Row(rest, {name: bench.by_user()}, "x mj_step", REST_MARKS[name]))
+        rows.append(Row(slides, {name: bench.by_user(SLIDES, SLIPPERY)}, "x mj_step", SLIDE_MARKS[name]))
+    return rows + [Row(f"a box that {what}, every step recorded", {"": box(what)}, "x mj_step", BOX_MARKS) for what in BOXES]
+
+
+def box(what: str) -> float:
+    """A step of ours in steps of MuJoCo's of a box, medians of turns."""
+    size, friction, v = BOXES[what]
+    half, robot = 0.5 * np.array(size), rbd.testing.box(BOX_KG, size)
+    below = pin.SE3(np.eye(3), np.array([0.0, 0.0, -half[2]]))
+    face = rbd.SurfaceContact("face", "box", half_lengths=half[:2], placement=below, friction=friction, on=0.0)
+    start = rbd.State(robot, [0.0, 0.0, half[2], 0.0, 0.0, 0.0, 1.0], np.array(v))
+    model = mujoco.MjModel.from_xml_string(
+        f"""<mujoco><option timestep="{STEP}" cone="elliptic"/><worldbody>
+        <geom type="plane" size="5 5 1" friction="{friction} 0 0" condim="3"/><body pos="0 0 {half[2]}"><freejoint/>
+        <geom type="box" size="{half[0]} {half[1]} {half[2]}" mass="{BOX_KG}" friction="{friction} 0 0" condim="3"/>
+        </body></worldbody></mujoco>"""
+    )
+
+    def theirs(data: mujoco.MjData) -> None:
+        data.qvel[:] = v
+        for _ in range(TURN):
+            mujoco.mj_step(model, data)
+
+    own, other = list[float](), list[float]()
+    for _ in range(ROUNDS):
+        data = mujoco.MjData(model)
+        other.append(once(lambda data=data: theirs(data)))
+        own.append(once(lambda: rbd.simulate(start, [face], duration=TURN * STEP, step=STEP, progress=False)))
+    return statistics.median(own) / statistics.median(other)
 
 
 def peer_step_rows() -> list[Row]:
