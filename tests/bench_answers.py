@@ -40,7 +40,7 @@ MARKS = {
     "without contact": (),
 }
 """First mark, and second where there is one."""
-MANY_MARKS = {STICKING: (2.0, 1.6), CONVEX: (4.0, 3.0), COULOMB: (7.0, 5.0)}
+MANY_MARKS = {STICKING: (1.5,), CONVEX: (2.8,), COULOMB: (4.5,)}
 POINTS_MARKS = (2.5, 1.7)
 SOLVER_MARKS: dict[str, tuple[float, ...]] = {
     "held, ProxQP()": (10.0, 8.0),

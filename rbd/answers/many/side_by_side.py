@@ -20,7 +20,7 @@ from rbd.errors import InputError, Reason
 from rbd.errors.warned import StudyWarning, stacklevel_of_user
 from rbd.workers import MOST, UNGUARDED, ProcessDied, Workers, check_guard, without_guard
 
-LEAST, MOST_SENT = 2_048, 16_384
+LEAST, MOST_SENT = 1_024, 16_384
 """States that are sent at a time: sending takes as long as some tens of states; of what is under way Ctrl-C loses all."""
 SHARES = 4
 """Parts a process has, of many states: so all end together."""

@@ -276,7 +276,7 @@ class Plan(Workspaces):
             into: Arrays for a, w, u and modes; else new ones.
         """
         model, data, kernel = self._robot.model, space.data, self._kernel
-        p = self.force_set.size
+        p = 0 if into else self.force_set.size
         a, w, u, modes = into or (np.empty(len(v)), np.empty(p), np.empty(p), np.zeros(len(elements.first), np.int64))
         if not self._m and loads is _UNLOADED:
             a[:] = pin.aba(model, data, q, v, generalised)
