@@ -158,3 +158,15 @@ def test_a_wrong_constant_is_noticed(entries, case, monkeypatch):
     monkeypatch.setattr(plan, "_kernel", Changed(wrong, _nothing))
     found = rbd.solve(state, [], [constraint], external=push, check=False)
     assert found.solver != PREPARED and found.residuals.within(1e-9)
+
+
+def test_constraints_with_the_same_values_share_their_prepared_form():
+    """They are often made anew at each call; other values, names and classes have forms of their own."""
+    solo = rbd.load_robot("solo12")
+    first = prepared(solo, tuple(solo.feet(0.7)))
+    for _ in range(70):  # more than are kept
+        assert prepared(solo, tuple(solo.feet(0.7))) is first
+    assert prepared(solo, tuple(solo.feet(0.6))) is not first
+    assert prepared(solo, tuple(solo.feet(0.7, on=None))) is not first
+    a, b = (prepared(solo, (rbd.JointLock(name, "FL_KFE"),)) for name in ("a", "b"))
+    assert a is not b and prepared(solo, (rbd.JointFriction("a", "FL_KFE", 1.0),)) is not a

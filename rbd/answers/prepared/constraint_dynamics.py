@@ -14,6 +14,7 @@ solved the general way: wheels, feedback, constraints of a user's own.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import fields, is_dataclass
 from functools import cache
 from types import ModuleType
 from typing import Any, NamedTuple, TypeAlias
@@ -484,12 +485,41 @@ def prepared(robot: CheckedModel, constraints: tuple[object, ...]) -> Constraint
         pass
     except TypeError:  # objects that cannot be keys
         return None
-    found = None
-    if robot.sound:
-        limits = {i: c for i, c in enumerate(constraints) if type(c) is JointLimit}
-        sources = [None if i in limits else source_of(robot, c) for i, c in enumerate(constraints)]
-        names = {getattr(c, "name", None) for c in constraints}
-        if len(names) == len(constraints) and all(s is not None or i in limits for i, s in enumerate(sources)):
-            found = ConstraintDynamics(robot, sources, limits)
-    keep(known, key, found, MOST)
+    same = value_of(constraints)  # they are often made anew
+    try:
+        found: Any = known.pop(same, same)
+    except TypeError:  # with a set of forces of a user's own, which cannot be a key
+        found = same = key
+    if found is same:
+        found = _covered(robot, constraints) if robot.sound else None
+    for each in (same, key):
+        keep(known, each, found, MOST)
     return found
+
+
+def _covered(robot: CheckedModel, constraints: tuple[object, ...]) -> ConstraintDynamics | None:
+    """The form made; None of constraints that it does not cover."""
+    limits = {i: c for i, c in enumerate(constraints) if type(c) is JointLimit}
+    sources = [None if i in limits else source_of(robot, c) for i, c in enumerate(constraints)]
+    names = {getattr(c, "name", None) for c in constraints}
+    covered = len(names) == len(constraints) and all(s is not None or i in limits for i, s in enumerate(sources))
+    return ConstraintDynamics(robot, sources, limits) if covered else None
+
+
+def value_of(x: Any) -> Any:
+    """A key that constraints with the same values share, and their parts; of a user's own objects themselves."""
+    if isinstance(x, np.ndarray):
+        return x.shape, x.tobytes()
+    if isinstance(x, pin.SE3):
+        return x.homogeneous.tobytes()
+    if isinstance(x, tuple | list):
+        return tuple([value_of(part) for part in x])
+    names = _given_names(type(x))
+    return x if names is None else (type(x), *[value_of(getattr(x, name)) for name in names])
+
+
+@cache
+def _given_names(kind: type) -> tuple[str, ...] | None:
+    """The fields that an object of this package was made of; None of others."""
+    own = is_dataclass(kind) and kind.__module__.startswith("rbd.")
+    return tuple([f.name for f in fields(kind) if f.repr]) if own else None
