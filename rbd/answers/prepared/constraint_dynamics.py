@@ -514,7 +514,7 @@ def value_of(x: Any) -> Any:
         return x.homogeneous.tobytes()
     if isinstance(x, tuple | list):
         return tuple([value_of(part) for part in x])
-    names = _given_names(type(x))
+    names = _given_names(x.__class__)
     return x if names is None else (type(x), *[value_of(getattr(x, name)) for name in names])
 
 
