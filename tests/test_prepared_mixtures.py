@@ -41,3 +41,9 @@ def test_a_point_that_slides_is_prepared_where_its_motion_is_the_only_one(mu, sp
     felt = (rows.J @ np.linalg.solve(still.M, rows.J.T))[2] @ [-mu * np.sign(speed), 0.0, 1.0]
     assert (found.solver == fuzz_prepared.PREPARED) == (felt > 0.0)
     assert felt > 0.0 or bool(found.others) or not found.residuals.within(1e-7)
+
+
+@pytest.mark.parametrize("draw", [5132, 5247])
+def test_rows_that_nothing_moves_carry_nothing(draw):
+    """Hinges that close planar chains: moments across the plane were 1e15 N m, by mobilities that were rounding."""
+    assert fuzz_prepared.compared(0, draw)[0].startswith("same")

@@ -33,6 +33,7 @@ from rbd.arrays import Array
 from rbd.kernels import FLAG, NUMBER, array, compiled, signature
 from rbd.solvers.law_kernel import LEAST_PUSH, cone_miss
 
+_EPSILON = float(np.finfo(float).eps)
 _WRITTEN = array(1, written=True)
 
 
@@ -294,12 +295,16 @@ def _judged(
             far loops are open.
     """
     columns, elements = Columns(force, moment, arm, along, body), Elements(first, lower, upper, mu, share, starts, begin)
-    worst, p = 0.0, len(w)
+    worst, p, largest, most = 0.0, len(w), 0.0, 0.0
+    for j in range(p):
+        most = max(most, abs(w[j]))
     for i in range(len(a)):
+        largest = max(largest, max(abs(a[i]), 1.0) / per_inertia[i])
         missed = abs(left[i] - generalised[i] - torque[i]) * per_inertia[i] / max(abs(a[i]), 1.0)
         if not missed < math.inf:
             return math.inf
         worst = max(worst, missed)
+    worst = max(worst, _EPSILON * most / largest) if p else worst  # what huge forces leave in sums is not known better
     misses[:] = 0.0
     misses[0] = worst
     u, y = np.zeros(p), np.zeros(p)

@@ -18,6 +18,8 @@ import numpy as np
 from rbd.arrays import Array
 from rbd.kernels import compiled
 
+IMMOVABLE = 1e-26
+"""Mobilities of a body's rows up to this, over what joints of any axes would give them, are rounding: squares of 1e-13."""
 DEPENDENT = 1e-9
 """Squared pivots of the mobility below this, over its diagonal entry: a row that depends on those before it."""
 JOINT, LAST, ROW, SIZE, AXES, BASE, BASE_LAST = range(7)
@@ -403,6 +405,24 @@ def all_rows(
                 c[r] += x * z[i]
                 for s in range(m):
                     A[r, s] += x * W[i, s]
+    for k in range(len(sites)):
+        _forget_immovable(sites[k], X[sites[k, JOINT]], J, parent, L, A)
+
+
+@compiled
+def _forget_immovable(site: Array, X: Array, J: Array, parent: Array, L: Array, A: Array) -> None:
+    """Zeros in the mobility of a site's rows that nothing moves, as across the plane of a planar mechanism: it has rounding."""
+    p, scale = X[9] * X[9] + X[10] * X[10] + X[11] * X[11], np.zeros(2)
+    for i in (site[LAST], site[BASE_LAST]):
+        while i >= 0:
+            w = (J[3, i] * J[3, i] + J[4, i] * J[4, i] + J[5, i] * J[5, i]) / (L[i, i] * L[i, i])
+            v = (J[0, i] * J[0, i] + J[1, i] * J[1, i] + J[2, i] * J[2, i]) / (L[i, i] * L[i, i])
+            scale[0], scale[1] = scale[0] + v + p * w, scale[1] + w
+            i = parent[i]
+    for j in range(site[SIZE]):
+        r = site[ROW] + j
+        if A[r, r] <= IMMOVABLE * scale[int(j >= 3)]:
+            A[r, :], A[:, r] = 0.0, 0.0
 
 
 @compiled
