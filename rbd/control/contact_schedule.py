@@ -264,7 +264,7 @@ class ContactWatch:
                 self._partly.setdefault(name, t)
             else:
                 self._partly.pop(name, None)
-            held = whole or (near and name in self.since) or (wanted and self._lasts(name, t))
+            held = whole or (near and name in self.since) or (wanted and t - self._partly.get(name, t) > self.schedule.fade)
             if held and (wanted or self._late_in_swing(name, t)):
                 since[name] = -math.inf if begins else self._since(name, t)
                 if not wanted:
@@ -278,7 +278,7 @@ class ContactWatch:
                     self._lost[name] = self.since[name], t
             elif some and name in self.since:
                 over.append(name)
-            elif some and not self._just_lifted(name, t):
+            elif some and t - self._until.get(name, -math.inf) > max(self.schedule.fade, LEAVES) + INSTANT:
                 different.append((name, "unplanned"))
         if over and not self.schedule.flight and not self._carried(since, step):
             since |= {name: self.since[name] for name in over}
@@ -330,10 +330,6 @@ class ContactWatch:
         free = {name: (0.0, bounds[name][1] * scale) for name in carrying if math.isfinite(scale)}
         return {name: free.get(name, each) for name, each in bounds.items() if name in free or name not in carrying}
 
-    def _lasts(self, name: str, t: float) -> bool:
-        """Whether a contact has touched with some of its points for longer than a fade."""
-        return t - self._partly.get(name, t) > self.schedule.fade
-
     def _late_in_swing(self, name: str, t: float) -> bool:
         """Whether a contact that is not wanted will be soon, so that what touches has landed early."""
         swing = self.schedule.swing(name, t)
@@ -372,10 +368,6 @@ class ContactWatch:
             found = [int(robot.model.frames[robot.model.getFrameId(frame)].parentJoint) for frame in frames]
             self._joints[name] = found[0] if found else None
         return self._joints[name]
-
-    def _just_lifted(self, name: str, t: float) -> bool:
-        """Whether the contact was counted on a moment ago: a foot needs some time to leave the ground."""
-        return t - self._until.get(name, -math.inf) <= max(self.schedule.fade, LEAVES) + INSTANT
 
     def _touches(self, contact: Constraint, step: AcceptedStep) -> tuple[bool, bool, bool]:
         """Whether some of a contact's points touch, whether all do, and whether any is near; measured where it was not told.

@@ -28,7 +28,7 @@ from rbd.problem.residuals import SOLVED, USABLE
 from rbd.problem.rows import Rows, by_rows
 from rbd.records import Field, joined
 from rbd.statics.actuation import Actuation
-from rbd.statics.effort import checked_bounds, normal_rows
+from rbd.statics.effort import Effort
 from rbd.statics.force_balance import ForceBalance, contact_rows
 
 _AT = 1e-6
@@ -283,9 +283,7 @@ class StepProblem:
         check_kind("normal_force", normal_force, Mapping | None, "{contact: (least, most)} [N]")
         W_n, low_n, high_n = np.zeros((0, sets.size)), _NONE, _NONE
         if normal_force:
-            for name, bounds in normal_force.items():
-                checked_bounds(name, bounds)
-            asked, low_n, high_n = normal_rows(balance, normal_force)
+            asked, low_n, high_n = Effort(normal_force=normal_force).rows(balance)
             W_n, low_n, high_n, upper = _without_zeros(asked["forces"], low_n, high_n, lower, upper)
         p, e, first = sets.size, len(need[idle]), robot.nu + len(low_n)
         last, own, n = first + len(limited), need[motors] / size, p + nv

@@ -365,11 +365,7 @@ class TrackingController(Displayed):
         if k == len(at) - 1 or t <= at[0]:
             return before.stiffness, before.damping
         after, s = self._gains_at(k + 1, touching), (t - at[k]) / (at[k + 1] - at[k])
-        share = (1.0 - s, s)
-        return (
-            share[0] * before.stiffness + share[1] * after.stiffness,
-            share[0] * before.damping + share[1] * after.damping,
-        )
+        return (1.0 - s) * before.stiffness + s * after.stiffness, (1.0 - s) * before.damping + s * after.damping
 
     def _gains_at(self, knot: int, touching: Array) -> Gains:
         """The gains at a pose of the reference while some points touch; from that pose alone, so the same in every run."""

@@ -179,6 +179,7 @@ class WholeBodyController(Displayed):
         actuation = self._step(step, seen)
         least, most = self.limits.torque_bounds(step.state)
         memory.actuation, memory.tau = actuation, np.minimum(np.maximum(actuation.tau, least), most)  # beyond by rounding
+        tips = {name for name, kind in seen.different if kind == "partial"}
         memory.log.add(
             ControlStep(
                 step.t,
@@ -189,7 +190,7 @@ class WholeBodyController(Displayed):
                 seen.planned,
                 seen.touching,
                 tuple(seen.since),
-                seen.different + _slips(actuation, seen),
+                seen.different + [(name, "slips") for name, v in actuation.moving.items() if v > SLIPS and name not in tips],
             )
         )
 
@@ -275,12 +276,6 @@ class WholeBodyController(Displayed):
                 memory.carried[name] = max(0.0, before.contacts[name].normal)
         memory.carried = {name: force for name, force in memory.carried.items() if name in falls}
         return memory.carried
-
-
-def _slips(actuation: TaskActuation, seen: SeenContacts) -> list[tuple[str, str]]:
-    """Contacts that were counted on, touch with all their points, and move."""
-    tips = {name for name, kind in seen.different if kind == "partial"}
-    return [(name, "slips") for name, speed in actuation.moving.items() if speed > SLIPS and name not in tips]
 
 
 def _check_contacts(contacts: Sequence[Constraint], schedule: ContactSchedule, tasks: Sequence[Task]) -> None:

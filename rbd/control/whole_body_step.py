@@ -33,6 +33,7 @@ from rbd.problem.contact_motion import REST_SPEED
 from rbd.problem.force_set import ForceSet
 from rbd.problem.residuals import SOLVED
 from rbd.statics.effort import DEFAULT
+from rbd.statics.force_balance import onto_limits
 
 DAMPING = 50.0
 """Rate at which velocities of contacts decay [1/s]."""
@@ -175,11 +176,7 @@ def _actuation(problem: StepProblem, point: StepPoint, optimality: float, eased:
     feedback = problem.feedback if eased is None else problem.feedback - eased.contacts
     loads = problem.loads(a, feedback)
     tau, left = loads.torques(w)
-    inside = np.minimum(np.maximum(tau, least), most)
-    over = tau != inside
-    if over.any():
-        over &= np.abs(tau - inside) <= SOLVED * limit
-        tau[over] = inside[over]
+    tau = onto_limits(tau, least, most, limit)
     joints = conic.C[bounded] @ point.x
     passed = np.maximum(conic.low[bounded] - joints, joints - conic.high[bounded])
     if eased is not None:

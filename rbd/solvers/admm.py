@@ -184,9 +184,9 @@ class _ConeSearch:
         holds = wanted == 1 and max_abs(first - w) <= 1e-13 * max_abs(w)
         if holds and (self._judge(first) or self._judge(self._firmer(first))):
             return self.answers[0]
-        S, W = self.S, self.W
+        S = self.S
         given = None if weights is None else S.guess(T.project(weights))
-        for i, (guess, proximal) in enumerate(self._starts(S, S.guess(first), W, given)):
+        for i, (guess, proximal) in enumerate(self._starts(S, S.guess(first), given)):
             if (self.answers and i >= wanted) or self.work.left < 0.0:
                 break
             w, merit, steps = steps_from(S, guess, coulomb=self.coulomb, iterations=25 if i < 3 else 40, proximal=proximal)
@@ -251,7 +251,7 @@ class _ConeSearch:
         left = P.J @ constrained(P, P.force_set.G @ w) + P.offset
         return P.force_set.project(w - _split(P.force_set) @ np.linalg.lstsq(P.delassus, left, rcond=1e-12)[0])
 
-    def _starts(self, S: Scaled, first: Array, W: Array, given: Array | None) -> Iterator[tuple[Array, float]]:
+    def _starts(self, S: Scaled, first: Array, given: Array | None) -> Iterator[tuple[Array, float]]:
         """(scaled weights, proximal term) to start Newton from, cheapest first."""
         if given is not None:
             yield self._by_admm(S, given, self.coulomb, 200), 1e-7
@@ -261,8 +261,8 @@ class _ConeSearch:
         if self.coulomb:
             yield np.zeros(len(first)), 1e-7
         yield self._by_admm(S, first, False, 1000), 1e-7
-        if not self.answers and self._cannot(S, W):
-            self.infeasible = True
+        if not self.answers and qp.least_violation(*_conditions(S, self.W, coulomb=self.coulomb)) > 1e-6:
+            self.infeasible = True  # proven by a linear program: no acceleration satisfies the rows, whatever the forces
             return
         extra = np.zeros(len(first))
         for _ in range(_FIXED_POINT_STEPS if self.coulomb else 1):
@@ -310,11 +310,6 @@ class _ConeSearch:
         if all(max_abs(found.a - other.a) > 1e-6 * max(1.0, max_abs(found.a)) for other in self.answers):
             self.answers.append(found)
         return True
-
-    def _cannot(self, S: Scaled, W: Array) -> bool:
-        """Whether a linear program proves that no acceleration satisfies the rows, whatever the forces."""
-        A, b, C, l = _conditions(S, W, coulomb=self.coulomb)
-        return bool(len(b) + len(l)) and qp.least_violation(A, b, C, l) > 1e-6
 
     def _result(self) -> Answer:
         if len(self.answers) == 1:

@@ -228,10 +228,7 @@ class _Tree:
                 touches = undecided[np.abs(z) <= self._rounding(trial)[1]]
                 now = now.copy()
                 now[touches] = FREE
-                w, _, motions = self.solve(now)
-                if w is not None:
-                    self._keep(w, now, motions > 0)
-                return w is not None
+                return self._leaf(now)
             if len(wrong) < fewest:
                 fewest, patience = len(wrong), 5
             elif patience:

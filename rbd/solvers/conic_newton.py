@@ -297,13 +297,18 @@ def interior_point(program: Conic) -> ConicAnswer:
 
 def _falls(program: Conic, d: Array) -> bool:
     """Whether the objective falls without end along d: g . d < 0, no curvature, and all that is met is met for ever."""
-    low, high, lower, upper = (
-        np.where(np.isfinite(end), 0.0, end) for end in (program.low, program.high, program.lower, program.upper)
-    )
-    recedes = replace(program, b=0.0 * program.b, low=low, high=high, lower=lower, upper=upper)
+    recedes = recession(program)
     g, H, A, C = (max_abs(part.ravel()) for part in (program.g, program.H, program.A, program.C))
     fall = _RAY * float(-program.g @ d)
     return fall > 0.0 and g * max_abs(program.H @ d) <= fall * H and g * recedes.outside(d) <= fall * max(1.0, A, C)
+
+
+def recession(program: Conic) -> Conic:
+    """The same, of the directions in which x may go on without end."""
+    low, high, lower, upper = (
+        np.where(np.isfinite(end), 0.0, end) for end in (program.low, program.high, program.lower, program.upper)
+    )
+    return replace(program, b=np.zeros(len(program.b)), low=low, high=high, lower=lower, upper=upper)
 
 
 def _of_numbers_around_one(program: Conic) -> ConicAnswer | None:

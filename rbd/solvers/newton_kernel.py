@@ -24,7 +24,7 @@ import numpy as np
 
 from rbd.arrays import Array
 from rbd.kernels import COUNT, FLAG, NUMBER, array, compiled, signature
-from rbd.solvers.small_systems import eliminate, independent, solved
+from rbd.solvers.small_systems import eliminate, independent, product, solved
 
 EXACT, FOUND, PROXIMAL = 1e-14, 1e-10, 1e-7
 """Those of `rbd.solvers.newton`, which is imported without Numba."""
@@ -149,8 +149,7 @@ def project(x: float, y: float, z: float, mu: float, coulomb: bool) -> tuple[flo
 def loads(problem: Problem, parts: Array, w: Array, f: Array) -> None:
     """Q w of some parts in f."""
     columns, n = problem.columns, len(problem.lower)
-    for r in range(len(f)):
-        f[r] = 0.0
+    f[:] = 0.0
     for i in parts:
         at = problem.first[i]
         start, stop = span(i, n)
@@ -207,9 +206,7 @@ def newton_step(problem: Problem, parts: Array, settings: Settings, room: Room) 
     n = len(problem.lower)
     z, used, A, B, f, a = room.z, room.used, room.A, room.B, room.f, room.a
     nw = len(z)
-    for r in range(nw):
-        used[r] = 0
-    B[:] = 0.0
+    used[:], B[:] = 0, 0.0
     for i in parts:  # move = h, B = Q M Q'
         at, mode, factor, ex, ey = problem.first[i], modes[i, 0], modes[i, 1], modes[i, 2], modes[i, 3]
         start, stop = span(i, n)
@@ -278,10 +275,7 @@ def newton_step(problem: Problem, parts: Array, settings: Settings, room: Room) 
         return False
     for e in range(count):
         f[used[e]] = z[e]
-    for r in range(nw):
-        a[r] = 0.0
-        for s in range(nw):
-            a[r] += D[r, s] * f[s]
+    product(D, f, a)
     square = 0.0
     for i in parts:
         at, mode, factor, ex, ey = problem.first[i], modes[i, 0], modes[i, 1], modes[i, 2], modes[i, 3]
@@ -314,8 +308,7 @@ def damped_steps(problem: Problem, parts: Array, w: Array, settings: Settings, e
     n, new, best, move = len(problem.lower), room.new, room.best, room.move
     merit, square = evaluate(problem, parts, w, settings, room)
     least, step = merit, 0
-    for j in range(len(w)):
-        best[j] = new[j] = w[j]
+    best[:], new[:] = w, w
     while step < settings.iterations and least > exact and square < math.inf:
         if not newton_step(problem, parts, settings, room):
             break
@@ -329,17 +322,13 @@ def damped_steps(problem: Problem, parts: Array, w: Array, settings: Settings, e
             if square <= before * (_GROWS if step < settings.early else 1.0 - 1e-4 * t):
                 break
             t *= 0.5
-        for j in range(len(w)):
-            w[j] = new[j]
+        w[:] = new
         step += 1
         if merit < least:
-            least = merit
-            for j in range(len(w)):
-                best[j] = w[j]
+            least, best[:] = merit, w
         if before < 1e-22 and square > 0.1 * before:  # rounding
             break
-    for j in range(len(w)):
-        w[j] = best[j]
+    w[:] = best
     return least, step
 
 
@@ -374,14 +363,12 @@ def settle(
             break
         found = True
         compliance *= 1e-2
-    for i in range(len(soft)):
-        soft[i] = 0.0
+    soft[:] = 0.0
     if found:
         reached, more = damped_steps(problem, parts, near, firm, EXACT, room)
         steps += more
         if reached <= FOUND:
-            for j in range(len(w)):
-                w[j] = near[j]
+            w[:] = near
             return reached, steps
     return merit, steps
 
@@ -431,8 +418,7 @@ def _leaves_motion_open(problem: Problem, w: Array, p: Array) -> bool:
             slips, ex, ey = factor < 1.0, p[j] / t, p[j + 1] / t
             start, stop = j + 2 if slips else j, j + 3
         for e in range(start, stop):
-            for r in range(nw):
-                rows[found, r] = conditions[found, r] = 0.0
+            rows[found], conditions[found] = 0.0, 0.0
             for r in range(d):
                 conditions[found, at + r], rows[found, at + r] = felt[e, r], columns[e, r]
                 if slips:
@@ -510,7 +496,7 @@ family_limit = compiled(_family_limit, signature((COUNT, FLAG), *_DENSE, array(1
 def _scaled(D: Array, y: Array, lower: Array, upper: Array) -> tuple[Array, Array, Array, Array, Array, float]:
     """`newton.Scaled`: (D, q, lower, upper, unit, rate)."""
     size, n = len(y), len(lower)
-    s, q, out, least, rate = np.empty(size), np.empty(size), np.empty((size, size)), 0.0, 0.0
+    s, q, least, rate = np.empty(size), np.empty(size), 0.0, 0.0
     for i in range(size):
         s[i] = abs(D[i, i])
         least = max(least, 1e-12 * s[i])
@@ -522,14 +508,11 @@ def _scaled(D: Array, y: Array, lower: Array, upper: Array) -> tuple[Array, Arra
         s[i] = 1.0 / math.sqrt(max(s[i], least))
         q[i] = s[i] * y[i]
         rate = max(rate, abs(q[i]))
-    for i in range(size):
-        for j in range(size):
-            out[i, j] = D[i, j] * s[j] * s[i]
     low, high = lower / s[:n], upper / s[:n]
     for i in range(n):
         rate = max(rate, low[i], -high[i])  # forces far from zero
     rate = rate if rate > 0.0 else 1.0
-    return out, q / rate, low / rate, high / rate, s * rate, rate
+    return D * s * s.reshape((-1, 1)), q / rate, low / rate, high / rate, s * rate, rate
 
 
 scaled = compiled(
@@ -544,12 +527,9 @@ def _weights(
 ) -> tuple[float, float]:  # fmt: skip
     """`newton.scaled` and its steps: (merit, rate), with the weights in `out`."""
     own, q, low, high, unit, rate = scaled(D, y, lower, upper)
-    for j in range(len(y)):
-        out[j] = start[j] / unit[j]
-    none = np.zeros(len(y))
+    out[:], none = start / unit, np.zeros(len(y))
     merit, _ = newton_steps(own, q, columns, first, low, high, mu, out, coulomb, iterations, 0.0, none, PROXIMAL, EXACT)
-    for j in range(len(y)):
-        out[j] *= unit[j]
+    out *= unit
     return merit, rate
 
 

@@ -13,7 +13,6 @@ import numpy as np
 from rbd.arrays import Array, identity, is_finite, max_abs, zeros
 from rbd.displayed import Displayed
 from rbd.problem.answer import Answer
-from rbd.problem.force_set import ForceSet
 from rbd.problem.gauss_problem import BILATERAL, CONVEX, GaussProblem, Law, checked
 from rbd.problem.programs import nonnegative
 from rbd.problem.residuals import ENOUGH, SOLVED
@@ -95,40 +94,23 @@ class ProxQP(Displayed):
 
     def _best(self, P: GaussProblem, R: Array, answer: Callable[[Array, int], Answer]) -> Answer:
         """The best of the attempts; `answer` maps weights and iterations to an `Answer`."""
-        along, opening, holds = _ray_rows(P, R)
-        T = P.force_set.pyramids
-        bounded = _Bounded(T, along, opening) if T.has_intervals else None
-        if bounded is not None:
-            along, opening, holds = bounded.along, bounded.opening, bounded.holds
+        rays = _Rays(P, R)
+        along, opening, holds = rays.along, rays.opening, rays.holds
         # Scale of the QP's data; if far from one, its tolerances would be meaningless.
         length, rate = _size(math.sqrt(max_abs(P.delassus.diagonal()))), _size(max_abs(opening))
-        A: Array | None = along if length == 1.0 else along / length
-        b: Array | None = opening * (-1.0 / rate)
-        C: Array | None = None
-        l: Array | None = None
-        if not P.bilateral:
-            A, b, C, l = None, None, A, b
-            if T.has_lines and C is not None and l is not None:
-                A, b, C, l = C[holds], l[holds], C[~holds], l[~holds]
+        rows, side = along if length == 1.0 else along / length, opening * (-1.0 / rate)
+        A, b = (rows[holds], side[holds]) if holds.any() else (None, None)
+        C, l = (rows[~holds], side[~holds]) if not holds.all() else (None, None)
         n = R.shape[0]
         H, g = identity(n), zeros(n)
-        if bounded is not None and bounded.gives and C is not None and l is not None:
-            H, g, A, C, l = bounded.softened(A, C, l, length**2 / rate)
+        if rays.gives and C is not None and l is not None:
+            H, g, A, C, l = rays.softened(A, C, l, length**2 / rate)
         best: Answer | None = None
-        for attempt in qp.attempts(H, g, A, b, C, l, None, policy=self.policy):
-            weights = np.maximum(attempt.z, 0.0) if A is None else attempt.y
-            if bounded is not None:
-                weights = bounded.weights(attempt, rate / length**2)
-            elif A is not None and C is not None:
-                weights = np.empty(len(holds))
-                weights[holds] = attempt.y
-                weights[~holds] = np.maximum(attempt.z, 0.0)
-            if bounded is None and (length != 1.0 or rate != 1.0):
-                weights = weights * (rate / length**2)
+        for attempt in qp.attempts(H, g, A, b, C, l, policy=self.policy):
+            weights = rays.weights(attempt, rate / length**2)
             found = answer(weights, attempt.iterations)
             if not _exact(found):
-                polished = bounded.polished(weights) if bounded is not None else _polished(weights, along, opening, holds)
-                found = _better(found, answer(polished, attempt.iterations))
+                found = _better(found, answer(rays.polished(weights), attempt.iterations))
                 if not found.residuals.within(ENOUGH):
                     found = held_refined(found) if P.bilateral else rays_refined(found)
             best = found if best is None else _better(best, found)
@@ -144,15 +126,11 @@ def eased(answer: Answer) -> Answer:
     ProxSuite's internal forces may be a million times as large as necessary, and leave their rounding in results
     computed from them.
     """
-    P, w, T = answer.problem, answer.weights, answer.problem.force_set.pyramids
+    P, w = answer.problem, answer.weights
     if w is None:
         return answer
-    along, opening, holds = _ray_rows(P, np.asarray(np.linalg.qr(P.whitened, mode="r")))
-    if T.has_intervals:
-        w = _Bounded(T, along, opening).polished(w, few=True)
-    else:
-        w = _polished(w, along, opening, holds, few=True)
-    f = T.G @ w
+    w = _Rays(P, np.asarray(np.linalg.qr(P.whitened, mode="r"))).polished(w, few=True)
+    f = P.force_set.pyramids.G @ w
     return replace(answer, a=constrained(P, f), multipliers=f, weights=w)
 
 
@@ -179,21 +157,24 @@ def too_steep(failed: Answer) -> str:
     return out
 
 
-class _Bounded:
-    """Rows whose weights have bounds other than [0, inf), posed in weights u >= 0: w = base + sign u, u <= room.
+class _Rays:
+    """The rays, posed in weights u >= 0: w = base + sign u, u <= room; they accelerate at `along z + opening`.
 
     The constant force of the base moves to the rows' acceleration. A row with room is soft: along z + opening + n >= 0 with
     n >= 0 at a cost of room n, so that its multiplier u stays below the room: dual to the bound, and exact. Weights with
     equal bounds drop out.
 
     Attributes:
-        along, opening, holds: As in `_ray_rows`, for the remaining weights.
+        along, opening: Of the remaining weights.
+        holds: Which are of lines, whose acceleration is zero.
         room: Upper bounds of their u; inf for lines and rays.
         soft: Where the room is finite.
         gives: Whether any is soft.
     """
 
-    def __init__(self, rays: ForceSet, along: Array, opening: Array) -> None:
+    def __init__(self, P: GaussProblem, R: Array) -> None:
+        rays, c = P.force_set.pyramids, P.free_row_acceleration
+        along, opening = (R.T, c) if P.bilateral else (rays.H.T @ R.T, rays.H.T @ c + rays.offset)
         self.base = np.where(rays.below, rays.finite_lower, rays.finite_upper)
         self.sign = np.where(rays.below | ~rays.above, 1.0, -1.0)
         self.kept = rays.lower < rays.upper
@@ -234,12 +215,6 @@ class _Bounded:
         return w
 
 
-def _ray_rows(P: GaussProblem, R: Array) -> tuple[Array, Array, Array]:
-    """(along, opening, holds): rays accelerate at `along z + opening`; `holds`: with acceleration zero."""
-    T, c = P.force_set.pyramids, P.free_row_acceleration
-    return (R.T, c, T.is_line) if P.bilateral else (T.H.T @ R.T, T.H.T @ c + T.offset, T.is_line)
-
-
 def _size(top: float) -> float:
     """The largest entry where it is far from one, else one: ordinary robots are not scaled."""
     return 1.0 if top == 0.0 or 1e-3 <= top <= 1e6 else top
@@ -275,9 +250,9 @@ def _polished(
 
     Args:
         weights: Shape (r,).
-        along: As in `_ray_rows`.
-        opening: As in `_ray_rows`.
-        holds: As in `_ray_rows`.
+        along: As of `_Rays`.
+        opening: As there.
+        holds: As there.
         room: Upper bounds of the weights.
         few: First reduce to few rays with the same force.
     """

@@ -1,8 +1,8 @@
 """Quadratic programs, by ProxSuite: the only file that imports it; strictly convex ones of control by DAQP [Arnstrom2022].
 
-    minimise 1/2 x^T H x + g^T x   subject to   A x = b,   l <= C x <= u
+    minimise 1/2 x^T H x + g^T x   subject to   A x = b,   l <= C x
 
-One sign: H x + g = A^T y + C^T z, so that z >= 0 where a lower bound is active and z <= 0 where an upper one is: a
+One sign: H x + g = A^T y + C^T z, so that z >= 0: a
 multiplier is the force of its constraint. One retry policy: `attempts` yields one result a setting, most reliable first; its
 caller decides by residuals when to stop; programs with H = 1 and g = 0 are also solved by nonnegative least squares.
 ProxSuite's status is not used: it reports infeasible on feasible problems, and solved on NaN.
@@ -19,7 +19,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import NamedTuple
 
 import daqp
@@ -78,7 +77,6 @@ def attempts(
     b: Array | None,
     C: Array | None,
     l: Array | None,
-    u: Array | None,
     *,
     policy: tuple[Setting, ...] = POLICY,
     work: Work | None = None,
@@ -91,8 +89,7 @@ def attempts(
         A: Equalities, shape (p, n), or None.
         b: Shape (p,).
         C: Inequalities, shape (k, n), or None.
-        l: Lower bounds, shape (k,); -inf where there is none, None where there are none.
-        u: Upper bounds, shape (k,); inf where there is none, None where there are none.
+        l: Their lower bounds, shape (k,).
         policy: Settings to try, in order.
         work: Remaining work for several programs together; `rbd.problem.programs.QP_WORK` for this one if not given.
 
@@ -103,10 +100,9 @@ def attempts(
 
     n, p, k = len(g), 0 if A is None else len(A), 0 if C is None else len(C)
     unit = H is identity(n) and g is zeros(n)  # internal constants are not checked
-    for what, value in zip("AbCHg", (A, b, C) if unit else (A, b, C, H, g), strict=False):
+    for what, value in zip("AbClHg", (A, b, C, l) if unit else (A, b, C, l, H, g), strict=False):
         if value is not None and not is_finite(value):
             check_finite(f"{what} of the QP", value)
-    low, high = _bounds(l, k, -_UNBOUNDED), _bounds(u, k, _UNBOUNDED)
     total, size = 0, float(n + p + k) ** 2
     work = Work(programs.QP_WORK) if work is None else work
     steps = max(programs.QP_FEWEST_STEPS, int(programs.QP_SETTING_WORK / (programs.QP_INNER_STEPS * max(size, 1.0))))
@@ -128,7 +124,7 @@ def attempts(
         s.eps_dual_inf = 1e-16
         # After the bounds, in order: preconditioner, rho, mu_eq, mu_in. Keywords would cost a tenth of a small solve.
         qp.init(
-            H, g, A if p else None, b if p else None, C if k else None, low, high,
+            H, g, A if p else None, b if p else None, C if k else None, l if k else None, np.full(k, _UNBOUNDED) if k else None,
             setting.precondition, setting.rho, setting.mu_eq, setting.mu_in,
         )  # fmt: skip
         qp.solve()
@@ -159,24 +155,6 @@ def _nearest_to_zero(A: Array | None, b: Array | None, C: Array | None, l: Array
     u[felt] = found[1] / length[felt]
     y = u[:p] - u[p : 2 * p]
     return QPResult(G.T @ u, y, u[2 * p :], total)
-
-
-def _bounds(given: Array | None, k: int, default: float) -> Array | None:
-    if not k:
-        return None
-    if given is None:
-        return _all(k, default)
-    if not is_finite(given):
-        given = np.minimum(np.maximum(given, -_UNBOUNDED), _UNBOUNDED)
-        check_finite("bounds of the QP", given)
-    return given
-
-
-@lru_cache(maxsize=64)
-def _all(k: int, value: float) -> Array:
-    out = np.full(k, value)
-    out.flags.writeable = False
-    return out
 
 
 def least_violation(A: Array, b: Array, C: Array, l: Array) -> float:

@@ -140,15 +140,29 @@ def actuations_of(states: ManyStates, choice: EffortChoice, *, stacklevel: int) 
 
 def _by_blocks(sheet: Sheet, choice: EffortChoice, tau: Array, margin: Array, least: Array) -> Array:
     """Answer the states whose least effort is inside all limits; the numbers of those that are left."""
-    states, effort = sheet.states, choice.effort
+    states, effort, rest, (within, *_) = sheet.states, choice.effort, choice.rest_speed, choice.margins
     if choice.friction != "cone" or effort.bounded:
         return np.setdiff1d(np.arange(len(states)), list(states.refused))
 
     def answered(plan: Plan, part: Array, mu: Array | None) -> BlockAnswer:
-        found, torques = least_effort_of(plan, states, part, mu, choice)
-        at = part[found.good]
-        tau[at], margin[at], least[at] = torques[found.good], choice.margins[0], True
-        return found
+        q, v, n, tau_ext = states.q[part], states.v[part], len(part), states.external_of(part)
+        a, least_effort = np.zeros(v.shape) if choice.holds else states.vectors["a"][part], LeastEffort.of(plan, effort, within)
+        w, misses, good = np.zeros((n, plan.force_set.size)), np.zeros((n, 5)), np.zeros(n, bool)
+        X, elements, own = np.zeros((n, len(plan.corner_entries))), plan.elements, None
+        with plan.workspace() as space:
+            for i, at in enumerate(part):
+                if mu is not None:
+                    elements = elements._replace(mu=mu[i])
+                    own = (1.0 - within) * mu[i][plan.elements.mu > 0.0]
+                found = least_effort.certified(
+                    space, q[i], v[i], a[i], tau_ext[i], rest, plan.loads([]), elements, own, misses[i]
+                )  # fmt: skip
+                if found is not None:
+                    w[i], tau[at], good[i], X[i] = found[0].w, found[0].tau, True, space.places[plan.corner_entries]
+        margin[part[good]], least[part[good]] = within, True
+        return BlockAnswer(
+            good, a, w, misses, np.full(n, CHOICE), np.zeros(n, bool), {DISTANT: plan.off_plane(X) > TOUCHES}
+        )  # fmt: skip
 
     return in_blocks(sheet, answered)
 
@@ -185,33 +199,3 @@ def _one(sheet: Sheet, i: int, choice: EffortChoice) -> Actuation | None:
         raise kind(f"{sheet.states.robot.name} cannot {does} within its limits; [{i}] raises which, with the proof.")
     sheet.write(i, found.answer, found.corner_forces)
     return found if found.status in (Status.SOLVED, Status.INACCURATE) else None
-
-
-def least_effort_of(
-    plan: Plan, states: ManyStates, part: Array, mu: Array | None, choice: EffortChoice
-) -> tuple[BlockAnswer, Array]:
-    """Forces and torques of wanted motions whose contact points all keep still, the latter of shape (n, nu).
-
-    Args:
-        plan: Of the contacts.
-        states: The states.
-        part: Numbers of those of this block, shape (n,).
-        mu: Friction of the plan's elements at each state, shape (n, e); None: the contacts' own.
-        choice: What torques and forces are chosen by, without bounds on forces.
-    """
-    robot, q, v, rest, n = states.robot, states.q[part], states.v[part], choice.rest_speed, len(part)
-    a, tau_ext = np.zeros(v.shape) if choice.holds else states.vectors["a"][part], states.external_of(part)
-    least_effort = LeastEffort.of(plan, choice.effort, choice.margins[0])
-    w, tau, misses, good = np.zeros((n, plan.force_set.size)), np.zeros((n, robot.nu)), np.zeros((n, 5)), np.zeros(n, bool)
-    X, elements, own = np.zeros((n, len(plan.corner_entries))), plan.elements, None
-    with plan.workspace() as space:
-        for i in range(n):
-            if mu is not None:
-                elements = elements._replace(mu=mu[i])
-                own = (1.0 - choice.margins[0]) * mu[i][plan.elements.mu > 0.0]
-            found = least_effort.certified(space, q[i], v[i], a[i], tau_ext[i], rest, plan.loads([]), elements, own, misses[i])
-            if found is not None:
-                w[i], tau[i], good[i], X[i] = found[0].w, found[0].tau, True, space.places[plan.corner_entries]
-    return BlockAnswer(
-        good, a, w, misses, np.full(n, CHOICE), np.zeros(n, bool), {DISTANT: plan.off_plane(X) > TOUCHES}
-    ), tau  # fmt: skip

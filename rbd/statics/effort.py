@@ -20,7 +20,7 @@ from rbd.errors import InputError, JointNotFound
 from rbd.errors.inputs import check_kind, check_known
 from rbd.problem.conic import Conic
 from rbd.problem.force_set import ForceSet
-from rbd.problem.rows import Rows, by_rows
+from rbd.problem.rows import Patch, by_rows
 from rbd.statics.force_balance import ForceBalance
 
 FORCE_WEIGHT = 1e-4
@@ -108,12 +108,11 @@ class Effort(Displayed):
         Raises:
             UnknownName: a name that no constraint has.
         """
-        out = np.full(sets.size, FORCE_WEIGHT)
         if not isinstance(self.forces, Mapping):
-            out[:] = float(self.forces)
-            return out
+            return np.full(sets.size, float(self.forces))
+        out = np.full(sets.size, FORCE_WEIGHT)
         for name in self.forces:
-            _known("forces", name, names)
+            check_known("forces speaks of what is no contact here,", name, names)
         for name, span in zip(names, sets.slices, strict=True):
             out[span] = self.forces.get(name, FORCE_WEIGHT)
         return out
@@ -124,7 +123,24 @@ class Effort(Displayed):
         Raises:
             UnknownName: a name that no contact has.
         """
-        return normal_rows(loads, self.normal_force, self.edge_margin)
+        C, low, high = [np.zeros((0, loads.sets.size))], list[float](), list[float]()
+        for name in self.normal_force:
+            check_known(
+                "normal_force speaks of what is no contact here,", name, [r.name for r in loads.rows if r.patch is not None]
+            )
+        for r, G in by_rows(loads.rows, loads.sets.G):
+            if r.patch is not None and r.name in self.normal_force:
+                assert r.resultant is not None
+                least, most = (float(x) / loads.unit for x in self.normal_force[r.name])
+                C.append(r.patch.axes[None, :, 2] @ r.resultant[:3] @ G)
+                low.append(least)
+                high.append(most)
+            if self.edge_margin and r.patch is not None and len(r.patch.corners) > 1:
+                assert r.resultant is not None
+                C.append(_inside(r.patch, r.resultant @ G, self.edge_margin))
+                low += [0.0] * len(C[-1])
+                high += [math.inf] * len(C[-1])
+        return {"forces": np.concatenate(C)}, np.array(low), np.array(high)
 
     @property
     def bounded(self) -> bool:
@@ -154,52 +170,15 @@ DEFAULT = Effort()
 """Least squares of torques over their limits."""
 
 
-def normal_rows(
-    loads: ForceBalance, normal_force: Mapping[str, tuple[float, float]], edge_margin: float = 0.0
-) -> tuple[dict[str, Array], Array, Array]:
-    """({"forces": C}, low, high): bounds on normal forces and centres of pressure, of weights over the unit.
+def _inside(patch: Patch, W: Array, margin: float) -> Array:
+    """Rows that are >= 0 where the centre of pressure is inside the corners' hull by a margin; a line has two ends.
 
     Args:
-        loads: The loads.
-        normal_force: {contact: (least, most)} [N].
-        edge_margin: The centre of pressure of each sole stays this far inside its edge [m].
-
-    Raises:
-        UnknownName: a name that no contact has.
+        patch: With corners.
+        W: Force and moment at its point of unit weights, world axes, shape (6, p).
+        margin: The margin.
     """
-    C, low, high = [np.zeros((0, loads.sets.size))], list[float](), list[float]()
-    for name in normal_force:
-        _known("normal_force", name, [r.name for r in loads.rows if r.patch is not None])
-    for r, G in by_rows(loads.rows, loads.sets.G):
-        if r.patch is not None and r.name in normal_force:
-            assert r.resultant is not None
-            least, most = (float(x) / loads.unit for x in normal_force[r.name])
-            C.append(r.patch.axes[None, :, 2] @ r.resultant[:3] @ G)
-            low.append(least)
-            high.append(most)
-        if edge_margin and r.patch is not None and len(r.patch.corners) > 1:
-            rows = _inside(r, _wrench(r, G), edge_margin)
-            C.append(rows)
-            low += [0.0] * len(rows)
-            high += [math.inf] * len(rows)
-    return {"forces": np.concatenate(C)}, np.array(low), np.array(high)
-
-
-def _known(what: str, name: str, names: Sequence[str]) -> None:
-    check_known(f"{what} speaks of what is no contact here,", name, names)
-
-
-def _wrench(r: Rows, G: Array) -> Array:
-    """Force and moment at a contact's point in contact axes, of unit weights, shape (3 or 6, p)."""
-    assert r.patch is not None and r.resultant is not None
-    W = r.resultant @ G
-    return np.concatenate([r.patch.axes.T @ part for part in np.split(W, len(W) // 3)])
-
-
-def _inside(r: Rows, wrench: Array, margin: float) -> Array:
-    """Rows that are >= 0 where the centre of pressure is inside the corners' hull by a margin; a line has two ends."""
-    assert r.patch is not None
-    force, about_x, about_y = wrench[2], wrench[3], wrench[4]
-    normals, offsets = half_planes(convex_hull(r.patch.corners[:, :2]))
-    x, y = -about_y, about_x  # times the normal force
-    return normals[:, :1] * x + normals[:, 1:] * y - (offsets + margin)[:, None] * force
+    force, about = (patch.axes.T @ part for part in np.split(W, 2))
+    normals, offsets = half_planes(convex_hull(patch.corners[:, :2]))
+    x, y = -about[1], about[0]  # times the normal force
+    return normals[:, :1] * x + normals[:, 1:] * y - (offsets + margin)[:, None] * force[2]

@@ -210,13 +210,14 @@ class ForceBalance:
         """
         robot = self.state.robot
         load = self.need - self.per_weight @ w
-        tau, (least, most) = load[robot.actuated], self.bounds
-        inside = np.minimum(np.maximum(tau, least * self.limit), most * self.limit)
-        over = tau != inside
-        if over.any():
-            over &= np.abs(tau - inside) <= _BEYOND * self.limit
-            tau[over] = inside[over]
-        return tau, load[robot.unactuated]
+        least, most = self.bounds
+        return onto_limits(load[robot.actuated], least * self.limit, most * self.limit, self.limit), load[robot.unactuated]
+
+
+def onto_limits(tau: Array, least: Array, most: Array, size: Array) -> Array:
+    """Torques, those that are beyond a limit by rounding, over their size, put onto it."""
+    inside = np.minimum(np.maximum(tau, least), most)
+    return np.where(np.abs(tau - inside) <= _BEYOND * size, inside, tau)
 
 
 SMALLEST_GAP = 1e-6
@@ -317,9 +318,7 @@ def torques_left(loads: ForceBalance, x: Array, more: Array | None = None) -> tu
         more: Generalised force beside them, shape (nv,).
     """
     robot = loads.state.robot
-    load = loads.need - loads.J.T @ (loads.sets.G @ x) * loads.unit
-    if more is not None:
-        load = load - more
+    load = loads.need - loads.J.T @ (loads.sets.G @ x) * loads.unit - (0.0 if more is None else more)
     return load[robot.actuated], load[robot.unactuated]
 
 

@@ -101,16 +101,3 @@ def around(program: Conic, middle: Array, within: float) -> Conic:
     lower, upper = program.lower.copy(), program.upper.copy()
     lower[-2:], upper[-2:] = middle - within, middle + within
     return replace(program, lower=lower, upper=upper)
-
-
-def recession(program: Conic) -> Conic:
-    """The directions in which x may go on without end, cut at |p| <= 1, p the last two unknowns."""
-
-    def gone(bounds: Array) -> Array:
-        return np.where(np.isfinite(bounds), 0.0, bounds)
-
-    endless = replace(
-        program, b=np.zeros(len(program.b)), low=gone(program.low), high=gone(program.high), lower=gone(program.lower),
-        upper=gone(program.upper),
-    )  # fmt: skip
-    return around(endless, np.zeros(2), 1.0)

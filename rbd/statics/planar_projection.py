@@ -24,8 +24,9 @@ from rbd.model.state import State
 from rbd.problem.conic import Certificate, Conic
 from rbd.problem.programs import POLYGON_PROGRAMS, Outcome, linear_program
 from rbd.records import Field
+from rbd.solvers.conic_newton import recession
 from rbd.statics.force_balance import ForceBalance, contact_forces
-from rbd.statics.force_program import SAME, Support, around, farthest, recession
+from rbd.statics.force_program import SAME, Support, around, farthest
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -233,7 +234,7 @@ def planar_region(program: Conic, middle: Array, area_gap: float, what: str) -> 
     cut = len(found.inner) > 0 and bool(np.abs(found.inner - middle).max() >= WITHIN_M * (1.0 - 1e-6))
     outcome = found.outcome
     if cut:
-        ends = planar_set(recession(program), area_gap=1e-4 if round_ones else 0.0)
+        ends = planar_set(around(recession(program), np.zeros(2), 1.0), area_gap=1e-4 if round_ones else 0.0)
         outcome, length = ends.outcome, np.linalg.norm(ends.inner, axis=1)
         endless = length > 0.5  # cut at |p| <= 1: a direction without end reaches that
         directions = ends.inner[endless] / length[endless, None]
@@ -268,18 +269,17 @@ def _corner(a: Support, b: Support) -> Array:
 
 def _polygons(around: tuple[Support, ...]) -> PlanarSet:
     points = np.array([s.point for s in around])
-    kept: list[int] = []
-    for corner in convex_hull(_merged(points, 10.0 * SAME)):
-        kept.append(int(np.argmin(np.abs(points - corner).sum(axis=1))))
+    corners = convex_hull(points[different(points, 10.0 * SAME)])
+    kept = [int(np.argmin(np.abs(points - corner).sum(axis=1))) for corner in corners]
     outer = convex_hull(np.array([_corner(s, around[(i + 1) % len(around)]) for i, s in enumerate(around)]))
     x = np.array([around[i].answer.x for i in kept])
     return PlanarSet(Outcome.SOLVED, points[kept] + 0.0, x, outer + 0.0, around, len(around))
 
 
-def _merged(points: Array, within: float) -> Array:
-    """Points without those that repeat an earlier one."""
-    out: list[Array] = []
-    for p in points:
-        if not any(np.abs(p - q).max() <= within for q in out):
-            out.append(p)
-    return np.array(out)
+def different(points: Array, within: float) -> list[int]:
+    """Indices of points without those that repeat an earlier one."""
+    out: list[int] = []
+    for i, p in enumerate(points):
+        if not any(np.abs(p - points[j]).max() <= within for j in out):
+            out.append(i)
+    return out

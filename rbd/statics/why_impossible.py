@@ -86,7 +86,7 @@ class Refusal:
             together = "Together these limits prevent it" if irreducible else "All or some of these limits prevent it"
             words += f" {together}: {_listed([str(limit) for limit in limits])}."
         if lack is not None and lack.size > _NOTHING * self.loads.unit:
-            words += f" {_capital(str(lack))}."
+            words += f" {(told := str(lack))[:1].upper()}{told[1:]}."
         if not holds:
             words += " `error.nearest()` is the nearest acceleration that is possible with the contacts kept."
         return kind(
@@ -226,7 +226,3 @@ def _listed(words: Sequence[str], between: str = "; ") -> str:
     """The first few, and how many more."""
     more = f"{between}and {len(words) - _TOLD} more" if len(words) > _TOLD else ""
     return between.join(words[:_TOLD]) + more
-
-
-def _capital(words: str) -> str:
-    return words[:1].upper() + words[1:]

@@ -22,6 +22,7 @@ from rbd.errors import InputError, NoSolution
 from rbd.model.state import State
 from rbd.problem.programs import linear_program
 from rbd.statics.force_balance import force_sets, friction_words, given_rows, place
+from rbd.statics.planar_projection import different
 from rbd.statics.zero_moment_point import wrench_map
 
 if TYPE_CHECKING:
@@ -197,10 +198,7 @@ def polyhedral_cone(rays: Array, lines: Array) -> tuple[Array, Array, Array, Arr
     on = np.abs(P @ faces.T) <= _ON
     d = basis.shape[1]
     extreme = [i for i in range(len(P)) if rank_of(faces[on[i]], _FLAT) == d - 1] if d > 1 else [0]
-    kept: list[int] = []
-    for i in extreme:
-        if not any(np.abs(P[i] - P[j]).max() < 1e-10 for j in kept):
-            kept.append(i)
+    kept = [extreme[i] for i in different(P[extreme], 1e-10)]
     back = (faces / sizes) @ V @ basis.T
     return rest[kept], span.T, back / np.linalg.norm(back, axis=1, keepdims=True), equalities
 
