@@ -32,7 +32,7 @@ def _unit_loads(
     for j in range(len(out)):
         k = columns.body[j, 0]
         if k >= 0:
-            _own(columns, j, motions, X, F, m)
+            F[0], F[1], F[2], m[0], m[1], m[2] = _own(columns, j, motions, X)
             for a in range(3):
                 load[a] = X[k, a] * F[0] + X[k, 3 + a] * F[1] + X[k, 6 + a] * F[2]
                 load[3 + a] = X[k, a] * m[0] + X[k, 3 + a] * m[1] + X[k, 6 + a] * m[2]
@@ -165,7 +165,7 @@ def _excess(
         u[units[i, 0]] += gear[i] * rate[units[i, 1]]
     for j in range(c):
         if body[j, 0] >= 0:
-            _own(columns, j, motions, X, F, t)
+            F[0], F[1], F[2], t[0], t[1], t[2] = _own(columns, j, motions, X)
             s, Q = arm[j], twists[body[j, 0]]
             u[j] = F[0] * (Q[0] + Q[4] * s[2] - Q[5] * s[1]) + F[1] * (Q[1] + Q[5] * s[0] - Q[3] * s[2])
             u[j] += F[2] * (Q[2] + Q[3] * s[1] - Q[4] * s[0]) + t[0] * Q[3] + t[1] * Q[4] + t[2] * Q[5]

@@ -48,12 +48,21 @@ def _to_body(R: Array, x: float, y: float, z: float) -> tuple[float, float, floa
 
 
 @compiled
+def _to_world(R: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
+    """The opposite."""
+    return (
+        R[0] * x + R[3] * y + R[6] * z,
+        R[1] * x + R[4] * y + R[7] * z,
+        R[2] * x + R[5] * y + R[8] * z,
+    )
+
+
+@compiled
 def _seen(columns: Columns, j: int, X: Array, x: float, y: float, z: float) -> tuple[float, float, float]:
     """A vector in axes of a column's surface, in those of its joint."""
     base = columns.body[j, 2]
     if base > 0:
-        B = X[base]
-        x, y, z = B[0] * x + B[3] * y + B[6] * z, B[1] * x + B[4] * y + B[7] * z, B[2] * x + B[5] * y + B[8] * z
+        x, y, z = _to_world(X[base], x, y, z)
     return _to_body(X[columns.body[j, 0]], x, y, z)
 
 
@@ -85,30 +94,36 @@ def _of_loop(columns: Columns, j: int, given: Array, X: Array, w: Array, m: Arra
 
 
 @compiled
-def _own(columns: Columns, j: int, motions: Array, X: Array, F: Array, m: Array) -> None:
-    """Write F and m of a column in its joint's axes."""
-    given, axes = columns.force[j], columns.body[j, 1]
-    if axes == LOOP_MOMENT:
-        F[:] = 0.0
-        _of_loop(columns, j, motions[columns.body[j, 3]], X, F, m)
-        return
-    for a in range(3):
-        F[a], m[a] = given[a], columns.moment[j, a]
+def _turned(columns: Columns, j: int, motions: Array, X: Array) -> tuple[float, float, float, float, float, float]:
+    """F and m, in its joint's axes, of a column that is not given in these."""
+    F, n, axes = columns.force[j], columns.moment[j], columns.body[j, 1]
     if axes == SURFACE:
-        F[0], F[1], F[2] = _seen(columns, j, X, given[0], given[1], given[2])
-    elif axes != BODY:  # an edge: from the normal in the joint's axes
-        x = columns.along[j]
-        n0, n1, n2 = _seen(columns, j, X, m[0], m[1], m[2])
-        s = n0 * x[0] + n1 * x[1] + n2 * x[2]
-        z0, z1, z2 = n0 - s * x[0], n1 - s * x[1], n2 - s * x[2]
-        size = math.sqrt(z0 * z0 + z1 * z1 + z2 * z2)
-        z0, z1, z2 = z0 / size, z1 / size, z2 / size
-        y0, y1, y2 = z1 * x[2] - z2 * x[1], z2 * x[0] - z0 * x[2], z0 * x[1] - z1 * x[0]
-        here, other = (F, m) if axes == EDGE else (m, F)
-        here[0] = given[0] * x[0] + given[1] * y0 + given[2] * z0
-        here[1] = given[0] * x[1] + given[1] * y1 + given[2] * z1
-        here[2] = given[0] * x[2] + given[1] * y2 + given[2] * z2
-        other[:] = 0.0
+        F0, F1, F2 = _seen(columns, j, X, F[0], F[1], F[2])
+        return F0, F1, F2, n[0], n[1], n[2]
+    if axes == LOOP_MOMENT:
+        m = np.zeros(3)
+        _of_loop(columns, j, motions[columns.body[j, 3]], X, m, m)
+        return 0.0, 0.0, 0.0, m[0], m[1], m[2]
+    x = columns.along[j]  # an edge: from the normal in the joint's axes
+    n0, n1, n2 = _seen(columns, j, X, n[0], n[1], n[2])
+    s = n0 * x[0] + n1 * x[1] + n2 * x[2]
+    z0, z1, z2 = n0 - s * x[0], n1 - s * x[1], n2 - s * x[2]
+    size = math.sqrt(z0 * z0 + z1 * z1 + z2 * z2)
+    z0, z1, z2 = z0 / size, z1 / size, z2 / size
+    y0, y1, y2 = z1 * x[2] - z2 * x[1], z2 * x[0] - z0 * x[2], z0 * x[1] - z1 * x[0]
+    e0 = F[0] * x[0] + F[1] * y0 + F[2] * z0
+    e1 = F[0] * x[1] + F[1] * y1 + F[2] * z1
+    e2 = F[0] * x[2] + F[1] * y2 + F[2] * z2
+    return (e0, e1, e2, 0.0, 0.0, 0.0) if axes == EDGE else (0.0, 0.0, 0.0, e0, e1, e2)
+
+
+@compiled
+def _own(columns: Columns, j: int, motions: Array, X: Array) -> tuple[float, float, float, float, float, float]:
+    """The same of any column."""
+    if columns.body[j, 1] != BODY:
+        return _turned(columns, j, motions, X)
+    F, m = columns.force, columns.moment
+    return F[j, 0], F[j, 1], F[j, 2], m[j, 0], m[j, 1], m[j, 2]
 
 
 @compiled
@@ -183,6 +198,21 @@ def _missed(
     return sinks, far + outside, abs(min(max(x - push * rate, low), high) - x) / push
 
 
+@compiled
+def _push_back(
+    X: Array, k: int, base: int, w: float, F0: float, F1: float, F2: float, m0: float, m1: float, m2: float, pushes: Array
+) -> None:
+    """The opposite of a force on joint k on the body that it touches; moments are about the joints' origins."""
+    A, B = X[k], X[base]
+    G0, G1, G2 = _to_world(A, F0, F1, F2)
+    m0, m1, m2 = _to_world(A, m0, m1, m2)
+    d0, d1, d2 = A[9] - B[9], A[10] - B[10], A[11] - B[11]
+    m0, m1, m2 = _to_body(B, m0 + d1 * G2 - d2 * G1, m1 + d2 * G0 - d0 * G2, m2 + d0 * G1 - d1 * G0)
+    F0, F1, F2 = _to_body(B, G0, G1, G2)
+    for i, x in enumerate((F0, F1, F2, m0, m1, m2)):
+        pushes[base, i] -= w * x
+
+
 def _act(
     loaded: Array, loads: Array, force: Array, moment: Array, arm: Array, along: Array, body: Array, units: Array, gear: Array,
     motions: Array, X: Array, w: Array, pushes: Array, torque: Array,
@@ -217,29 +247,21 @@ def _act(
         pushes[k, 3] += m0 + load[7] * F2 - load[8] * F1
         pushes[k, 4] += m1 + load[8] * F0 - load[6] * F2
         pushes[k, 5] += m2 + load[6] * F1 - load[7] * F0
-    F, m, G, t, d = np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for j in range(len(w)):
-        k, base, r = columns.body[j, 0], columns.body[j, 2], columns.arm[j]
+        k, base = columns.body[j, 0], columns.body[j, 2]
         if k < 0:
             continue
-        _own(columns, j, motions, X, F, m)
-        for a in range(3):
-            pushes[k, a] += w[j] * F[a]
-            pushes[k, 3 + a] += w[j] * m[a]
-        pushes[k, 3] += w[j] * (r[1] * F[2] - r[2] * F[1])
-        pushes[k, 4] += w[j] * (r[2] * F[0] - r[0] * F[2])
-        pushes[k, 5] += w[j] * (r[0] * F[1] - r[1] * F[0])
-        if base <= 0:
-            continue
-        B = X[base]  # the opposite, at the same point, on the body that it touches
-        for a in range(3):
-            G[a] = X[k, a] * F[0] + X[k, 3 + a] * F[1] + X[k, 6 + a] * F[2]
-            t[a] = X[k, a] * m[0] + X[k, 3 + a] * m[1] + X[k, 6 + a] * m[2]
-            d[a] = X[k, 9 + a] + X[k, a] * r[0] + X[k, 3 + a] * r[1] + X[k, 6 + a] * r[2] - B[9 + a]
-        m0, m1, m2 = t[0] + d[1] * G[2] - d[2] * G[1], t[1] + d[2] * G[0] - d[0] * G[2], t[2] + d[0] * G[1] - d[1] * G[0]
-        for a in range(3):
-            pushes[base, a] -= w[j] * (B[3 * a] * G[0] + B[3 * a + 1] * G[1] + B[3 * a + 2] * G[2])
-            pushes[base, 3 + a] -= w[j] * (B[3 * a] * m0 + B[3 * a + 1] * m1 + B[3 * a + 2] * m2)
+        F0, F1, F2, m0, m1, m2 = _own(columns, j, motions, X)
+        r0, r1, r2 = columns.arm[j, 0], columns.arm[j, 1], columns.arm[j, 2]
+        m0, m1, m2 = m0 + r1 * F2 - r2 * F1, m1 + r2 * F0 - r0 * F2, m2 + r0 * F1 - r1 * F0
+        pushes[k, 0] += w[j] * F0
+        pushes[k, 1] += w[j] * F1
+        pushes[k, 2] += w[j] * F2
+        pushes[k, 3] += w[j] * m0
+        pushes[k, 4] += w[j] * m1
+        pushes[k, 5] += w[j] * m2
+        if base > 0:
+            _push_back(X, k, base, w[j], F0, F1, F2, m0, m1, m2, pushes)
     for i in range(len(units)):
         torque[units[i, 1]] += gear[i] * w[units[i, 0]]
 
@@ -311,13 +333,13 @@ def _judged(
     for i in range(len(units)):
         u[units[i, 0]] += gear[i] * v[units[i, 1]]
         y[units[i, 0]] += gear[i] * a[units[i, 1]]
-    F, m, surface = np.empty(3), np.empty(3), np.zeros((5, 3))
+    surface, moment_of_loop = np.zeros((5, 3)), np.empty(3)
     W = surface[1]
     for j in range(p):
         k, axes, base = columns.body[j, 0], columns.body[j, 1], columns.body[j, 2]
         if k < 0:
             continue
-        _own(columns, j, motions, X, F, m)
+        F0, F1, F2, m0, m1, m2 = _own(columns, j, motions, X)
         r, V, A = columns.arm[j], twists[k], lifts[k]
         s0 = V[0] + V[4] * r[2] - V[5] * r[1]
         s1 = V[1] + V[5] * r[0] - V[3] * r[2]
@@ -339,15 +361,15 @@ def _judged(
             t0 -= surface[3, 0] + W[1] * w2 - W[2] * w1
             t1 -= surface[3, 1] + W[2] * w0 - W[0] * w2
             t2 -= surface[3, 2] + W[0] * w1 - W[1] * w0
-        u[j] = F[0] * s0 + F[1] * s1 + F[2] * s2 + (m[0] * w0 + m[1] * w1 + m[2] * w2)
-        y[j] = F[0] * g0 + F[1] * g1 + F[2] * g2 + (m[0] * t0 + m[1] * t1 + m[2] * t2)
+        u[j] = F0 * s0 + F1 * s1 + F2 * s2 + (m0 * w0 + m1 * w1 + m2 * w2)
+        y[j] = F0 * g0 + F1 * g1 + F2 * g2 + (m0 * t0 + m1 * t1 + m2 * t2)
         x = columns.along[j]
         if axes == EDGE_MOMENT:  # of the edge's direction
-            across = w0 * (m[1] * x[2] - m[2] * x[1]) + w1 * (m[2] * x[0] - m[0] * x[2]) + w2 * (m[0] * x[1] - m[1] * x[0])
+            across = w0 * (m1 * x[2] - m2 * x[1]) + w1 * (m2 * x[0] - m0 * x[2]) + w2 * (m0 * x[1] - m1 * x[0])
             y[j] += (w0 * x[0] + w1 * x[1] + w2 * x[2]) * across
         if axes == LOOP_MOMENT:
             W[0], W[1], W[2] = w0, w1, w2
-            extra, gap = _of_loop(columns, j, motions[columns.body[j, 3]], X, W, m)
+            extra, gap = _of_loop(columns, j, motions[columns.body[j, 3]], X, W, moment_of_loop)
             y[j], misses[4] = y[j] + extra, max(misses[4], gap)
         elif columns.body[j, 4]:
             gap = 0.0
